@@ -1,0 +1,123 @@
+//! One error type: what is wrong, the number seen, the number needed, the way out.
+
+use thiserror::Error;
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A coordinate, sigma or parameter is NaN or infinite.
+    #[error("{what} of point {index} is not a finite number; remove the row or correct it")]
+    NotFinite {
+        /// Which quantity.
+        what: &'static str,
+        /// Which point, counted from 0.
+        index: usize,
+    },
+    /// A standard deviation that is not positive.
+    #[error("sigma of point {index} is {seen}; it must be positive")]
+    NotPositive {
+        /// Which point, counted from 0.
+        index: usize,
+        /// The value given.
+        seen: f64,
+    },
+    /// Too few points for any method.
+    #[error("{seen} points given, {needed} needed; add points whose position in the target is known")]
+    TooFewPoints {
+        /// How many came in.
+        seen: usize,
+        /// How many the method needs.
+        needed: usize,
+    },
+    /// A method that takes an exact number of points, or a layout, got another one.
+    #[error("{method} does not fit these points: {reason}; use method auto")]
+    WrongLayout {
+        /// The method asked for.
+        method: &'static str,
+        /// What it found.
+        reason: &'static str,
+    },
+    /// Two correspondences share a target point (or a pixel).
+    #[error("points {first} and {second} coincide {where_}; remove one of them")]
+    Coincident {
+        /// Index of the first.
+        first: usize,
+        /// Index of the second.
+        second: usize,
+        /// `in the target` or `in the image`.
+        where_: &'static str,
+    },
+    /// The target points lie on one line: rotation about it cannot be seen.
+    #[error("all points lie on one line (width/length {ratio:.1e}, need {needed:.0e}); add a point off the line")]
+    Collinear {
+        /// Extent across over extent along.
+        ratio: f64,
+        /// The smallest ratio accepted.
+        needed: f64,
+    },
+    /// The points' images do not determine a pose although the target would.
+    #[error("degenerate view: {reason} (metric {metric:.1e}, need {needed:.0e})")]
+    DegenerateView {
+        /// The configuration, in words, with the way out.
+        reason: &'static str,
+        /// The number seen.
+        metric: f64,
+        /// The number needed.
+        needed: f64,
+    },
+    /// A pixel outside the part of the image where the lens model is one-to-one.
+    #[error("pixel ({u_px:.1}, {v_px:.1}) is outside the valid field of the {model} model ({limit}); check the distortion coefficients or mask the corner")]
+    OutsideField {
+        /// Column.
+        u_px: f64,
+        /// Row.
+        v_px: f64,
+        /// Lens model.
+        model: &'static str,
+        /// What bounds the field, with its number.
+        limit: &'static str,
+    },
+    /// Camera parameters that cannot be right.
+    #[error("camera parameter {parameter} is {seen}; {needed}")]
+    InvalidCamera {
+        /// Parameter name, as in camera.toml.
+        parameter: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// Wrong number of distortion coefficients.
+    #[error("{model} takes {needed} distortion coefficients, {seen} given")]
+    CoefficientCount {
+        /// Lens model.
+        model: &'static str,
+        /// Counts accepted.
+        needed: &'static str,
+        /// Count given.
+        seen: usize,
+    },
+    /// Target dimensions that cannot be right.
+    #[error("target {parameter} is {seen}; {needed}")]
+    InvalidTarget {
+        /// Key, as in target.toml.
+        parameter: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// No candidate pose has every point in front of the camera.
+    #[error("no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together")]
+    NoSolution {
+        /// How many points took part.
+        n_points: usize,
+    },
+    /// The refinement did not reach a minimum.
+    #[error("refinement stopped after {steps} steps without reaching a minimum; check that target points and pixels belong together")]
+    NotConverged {
+        /// Steps taken.
+        steps: usize,
+    },
+}

@@ -1,0 +1,33 @@
+//! Where is the camera? Pose from a few known points, with its covariance and its ambiguity.
+//!
+//! No I/O, clock, thread, global state or unseeded chance. The modules stand in the order data flows;
+//! each may use those above it, never those below.
+#![forbid(unsafe_code)]
+
+pub mod error;
+pub mod pose;
+pub mod camera;
+pub mod target;
+pub mod correspondence;
+pub mod solve;
+pub mod least_squares;
+pub mod refine;
+pub mod choose;
+pub mod locate;
+
+pub use camera::{Camera, CameraMatrix, Lens};
+pub use correspondence::Correspondence;
+pub use error::Error;
+pub use pose::Pose;
+pub use target::Target;
+
+/// Coordinates of a point in a named frame, metres: `corner_in_cam`, `x_in_target`.
+pub type Point = nalgebra::Vector3<f64>;
+/// Image coordinates `(u, v)`, pixels; (0, 0) is the centre of the top-left pixel.
+pub type Pixel = nalgebra::Vector2<f64>;
+/// Unit vector from the camera centre towards a point, in the camera frame (x right, y down, z forward).
+pub type Bearing = nalgebra::Unit<nalgebra::Vector3<f64>>;
+/// Covariance of a small motion `[rotation_rad; translation_m]`.
+pub type Matrix6 = nalgebra::Matrix6<f64>;
+/// A small motion `[rotation_rad; translation_m]`.
+pub type Vector6 = nalgebra::Vector6<f64>;

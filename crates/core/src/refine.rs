@@ -1,0 +1,1 @@
+//! One pose: reprojection residual, Jacobian, covariance.

@@ -1,0 +1,1 @@
+//! Finding targets in images.
