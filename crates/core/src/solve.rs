@@ -3,6 +3,8 @@
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
 
+pub mod p3p;
+
 use crate::Pose;
 use arrayvec::ArrayVec;
 

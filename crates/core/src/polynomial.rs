@@ -1,0 +1,115 @@
+//! Real roots of the low-degree polynomials behind the closed forms.
+//!
+//! A quartic is split into two real quadratics. Each quadratic is polished as a whole (Bairstow), so that a nearly
+//! double root inside one of them costs no digits of the factor; only then is it solved.
+//! Derivation and the choice of the split: docs/math/p3p.md, section 3.
+
+use arrayvec::ArrayVec;
+
+/// A monic quadratic x² + `linear` x + `constant`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quadratic {
+    /// Coefficient of x.
+    pub linear: f64,
+    /// Constant term.
+    pub constant: f64,
+}
+
+impl Quadratic {
+    /// Its real roots without cancellation: none, or two (equal ones when they merge).
+    ///
+    /// A complex pair whose imaginary part is below `merge` times `scale` counts as a double root: rounding turns a
+    /// true double root into such a pair as often as into two real ones.
+    #[inline]
+    pub fn real_roots(&self, merge: f64) -> Option<[f64; 2]> {
+        let half = -0.5 * self.linear;
+        let discriminant = half * half - self.constant;
+        if discriminant <= merge * merge {
+            return (-merge * merge <= discriminant).then_some([half, half]);
+        }
+        let root = discriminant.sqrt();
+        let far = if half < 0.0 { half - root } else { half + root };
+        Some([far, self.constant / far])
+    }
+}
+
+/// Largest real root of x³ + b x² + c x + d.
+#[inline]
+pub fn largest_cubic_root(b: f64, c: f64, d: f64) -> f64 {
+    let shift = b / 3.0;
+    let p = shift * shift - c / 3.0; // x = t − shift: t³ − 3 p t − 2 q = 0
+    let q = 0.5 * (shift * c - d) - shift * shift * shift;
+    let discriminant = q * q - p * p * p;
+    if 0.0 < discriminant {
+        let u = (q.abs() + discriminant.sqrt()).cbrt();
+        let t = u + p / u;
+        return if q < 0.0 { -t } else { t } - shift;
+    }
+    let root = p.sqrt();
+    if root == 0.0 {
+        return -shift;
+    }
+    let cosine = (q / (p * root)).clamp(-1.0, 1.0);
+    2.0 * root * (cosine.acos() / 3.0).cos() - shift
+}
+
+/// Splits x⁴ + a₃x³ + a₂x² + a₁x + a₀, given as `[a0, a1, a2, a3]`, into two real monic quadratics.
+///
+/// Real roots are paired in order of size (the two smallest, the two largest), complex ones with their conjugates.
+#[inline]
+pub fn quartic_factors(a: &[f64; 4]) -> [Quadratic; 2] {
+    let [a0, a1, a2, a3] = *a;
+    let e = 0.25 * a3; // x = z − e: z⁴ + p z² + q z + r
+    let ee = e * e;
+    let p = a2 - 6.0 * ee;
+    let q = a1 - 2.0 * e * (a2 - 4.0 * ee);
+    let r = a0 - e * (a1 - e * (a2 - 3.0 * ee));
+    let m = largest_cubic_root(2.0 * p, p * p - 4.0 * r, -q * q).max(0.0);
+    let alpha = m.sqrt();
+    let mean = 0.5 * (p + m);
+    let half_gap = if 1e-10 * p.abs() < m {
+        0.5 * q / alpha
+    } else {
+        (mean * mean - r).max(0.0).sqrt().copysign(q)
+    };
+    // (z² + αz + mean − half_gap)(z² − αz + mean + half_gap), moved back to x = z − e.
+    let back = |alpha: f64, beta: f64| Quadratic { linear: 2.0 * e + alpha, constant: ee + alpha * e + beta };
+    [back(alpha, mean - half_gap), back(-alpha, mean + half_gap)]
+}
+
+/// One Newton step on a quadratic factor of the quartic (Bairstow): quadratic convergence even where the factor's own
+/// two roots coincide.
+#[inline]
+pub fn polished_factor(a: &[f64; 4], factor: Quadratic) -> Quadratic {
+    let Quadratic { linear: p, constant: q } = factor;
+    let [a0, a1, a2, a3] = *a;
+    // Quotient x² + b x + c, remainder r1 x + r0.
+    let b = a3 - p;
+    let c = a2 - q - p * b;
+    let r1 = a1 - p * c - q * b;
+    let r0 = a0 - q * c;
+    // The remainder of the quotient by the factor, k x + l, gives the derivative.
+    let k = b - p;
+    let l = c - q;
+    let determinant = l * l - k * (p * l - q * k);
+    if determinant == 0.0 {
+        return factor;
+    }
+    let inverse = 1.0 / determinant;
+    // (k x + l)(δp x + δq) ≡ r1 x + r0 modulo the factor.
+    let step_p = (r1 * l - r0 * k) * inverse;
+    let step_q = (r0 * (l - p * k) + r1 * q * k) * inverse;
+    Quadratic { linear: p + step_p, constant: q + step_q }
+}
+
+/// Real roots of the quartic `[a0, a1, a2, a3]` (monic), each once per multiplicity, unordered.
+pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
+    let mut roots = ArrayVec::new();
+    for factor in quartic_factors(a) {
+        let factor = polished_factor(a, polished_factor(a, factor));
+        for root in factor.real_roots(0.0).into_iter().flatten() {
+            roots.push(root);
+        }
+    }
+    roots
+}

@@ -1,0 +1,194 @@
+//! Three points: up to four poses. Own derivation, docs/math/p3p.md; equation numbers refer to it.
+//!
+//! The triangle is hung on one side, A–B. Two angles remain: φ turns A–B within the plane of its two rays, θ turns C about A–B.
+//! Given x = h cos θ, φ is rational; x itself is a root of a quartic, of which only roots in [−h, h] are poses.
+//! Nothing is squared that vanishes with the triangle's height, so a nearly straight triple keeps its digits.
+//!
+//!   A, B, C  the points, |AB| = 1 after scaling   ·   a, b, c  their bearings   ·   γ angle between a and b, g = cot γ
+//!   s, h     C along and across A–B: C = A + s e + h m   ·   (e, m, k), (p, q, n)  frames of the triangle, of the rays
+//!   c₁ c₂ c₃ c in the frame (p, q, n), p = a, n ⟂ a, b   ·   u + iv = exp(iθ)
+
+use super::Candidates;
+use crate::polynomial::{Quadratic, polished_factor, quartic_factors};
+use crate::{Bearing, Point, Pose};
+use nalgebra::{Matrix3, Vector3};
+
+/// A height below this part of the base is a straight line: the rotation about it has lost all digits but five.
+const MIN_HEIGHT: f64 = 1e-10;
+/// Coordinates carry a relative rounding ε; a height below this multiple of it is rounding too.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+/// Two roots closer than this (as cos θ) are one, split by rounding: √ε, with margin.
+const MERGE: f64 = 3e-8;
+/// Largest |u² + v² − 1| of a root: a pose off by this misses C by half of it times h.
+const MAX_DEFECT: f64 = 1e-6;
+
+/// Every pose that puts the three points onto their rays, in front of the camera; none when the points are on a line.
+pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates {
+    let mut poses = Candidates::new();
+    let [i, j, k] = widest_pair_first(bearings);
+    let Some(triangle) = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]) else {
+        return poses;
+    };
+    let Some(rays) = Rays::new(&bearings[i], &bearings[j], &bearings[k]) else {
+        return poses;
+    };
+    let hinge = Hinge::new(&triangle, &rays);
+    for x in hinge.roots() {
+        if let Some(pose) = hinge.pose(x, &triangle, &rays) {
+            poses.push(pose);
+        }
+    }
+    poses
+}
+
+/// Order in which the first two rays enclose the largest angle.
+#[inline]
+fn widest_pair_first(bearings: &[Bearing; 3]) -> [usize; 3] {
+    let chord2 = |i: usize, j: usize| (bearings[i].into_inner() - bearings[j].into_inner()).norm_squared();
+    let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
+    if bc <= ab && ca <= ab {
+        [0, 1, 2]
+    } else if ca <= bc {
+        [1, 2, 0]
+    } else {
+        [2, 0, 1]
+    }
+}
+
+/// The triangle in the target.
+struct Triangle {
+    origin: Point,
+    base_length: f64,
+    frame: Matrix3<f64>,
+    s: f64,
+    h: f64,
+}
+
+impl Triangle {
+    #[inline]
+    fn new(a: &Point, b: &Point, c: &Point) -> Option<Self> {
+        let (ab, ac) = (b - a, c - a);
+        let base_length = ab.norm();
+        let e = ab / base_length;
+        let normal = e.cross(&ac);
+        let height = normal.norm();
+        let coordinates = a.amax().max(b.amax()).max(c.amax());
+        let longest = base_length.max(ac.norm());
+        if !(MIN_HEIGHT * longest < height && ROUNDING * coordinates < height) {
+            return None;
+        }
+        // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
+        let m = (normal / height).cross(&e);
+        let frame = Matrix3::from_columns(&[e, m, e.cross(&m)]);
+        Some(Triangle { origin: *a, base_length, frame, s: e.dot(&ac) / base_length, h: height / base_length })
+    }
+}
+
+/// The three rays.
+struct Rays {
+    frame: Matrix3<f64>,
+    g: f64,
+    c: Vector3<f64>,
+}
+
+impl Rays {
+    #[inline]
+    fn new(a: &Bearing, b: &Bearing, c: &Bearing) -> Option<Self> {
+        let p = a.into_inner();
+        // Differences of bearings are exact to their own size; products of bearings are not.
+        let (ab, ac) = (b.into_inner() - p, c.into_inner() - p);
+        let normal = p.cross(&ab);
+        let sine = normal.norm();
+        if !(0.0 < sine) {
+            return None;
+        }
+        let n = normal / sine;
+        let q = n.cross(&p);
+        let c = Vector3::new(1.0 + p.dot(&ac), q.dot(&ac), n.dot(&ac));
+        Some(Rays { frame: Matrix3::from_columns(&[p, q, n]), g: (1.0 + p.dot(&ab)) / sine, c })
+    }
+}
+
+/// The one-parameter family left when A and B are on their rays.
+struct Hinge {
+    /// N = n₀ + c₁ x, D = d₀ − c₂ x, eq. (5): (cos φ, sin φ) ∝ (D, N).
+    n0: f64,
+    d0: f64,
+    s1: f64,
+    g: f64,
+    h: f64,
+    c: Vector3<f64>,
+}
+
+impl Hinge {
+    #[inline]
+    fn new(triangle: &Triangle, rays: &Rays) -> Self {
+        let (s, g, c) = (triangle.s, rays.g, rays.c);
+        Hinge { n0: c.y * (1.0 - s), d0: c.y * g - c.x * s, s1: s * (1.0 - s), g, h: triangle.h, c }
+    }
+
+    /// The quartic in x, eq. (8).
+    #[inline]
+    fn quartic(&self) -> [f64; 4] {
+        let (c, g, s1, hh) = (&self.c, self.g, self.s1, self.h * self.h);
+        let cc = c.z * c.z;
+        let r2 = c.x * c.x + c.y * c.y;
+        let r1 = c.x * self.n0 - c.y * self.d0;
+        let r0 = self.n0 * self.n0 + self.d0 * self.d0;
+        let lead = 1.0 / (r2 + cc);
+        [
+            (cc * s1 * s1 - hh * r0) * lead,
+            2.0 * (cc * g * s1 - hh * r1) * lead,
+            (r0 - hh * r2 + cc * (g * g - 2.0 * s1)) * lead,
+            2.0 * (r1 - cc * g) * lead,
+        ]
+    }
+
+    /// Real roots in [−h, h].
+    #[inline]
+    fn roots(&self) -> impl Iterator<Item = f64> {
+        let quartic = self.quartic();
+        let limit = self.h * (1.0 + MERGE);
+        let merge = MERGE * self.h;
+        quartic_factors(&quartic)
+            .into_iter()
+            .flat_map(move |factor| {
+                let factor: Quadratic = polished_factor(&quartic, polished_factor(&quartic, factor));
+                let [x, y] = factor.real_roots(merge).unwrap_or([f64::NAN; 2]);
+                [x, if x == y { f64::NAN } else { y }]
+            })
+            .filter(move |x| x.abs() <= limit)
+    }
+
+    /// The pose of a root, if it reprojects and every depth is positive.
+    #[inline]
+    fn pose(&self, x: f64, triangle: &Triangle, rays: &Rays) -> Option<Pose> {
+        let n = self.n0 + self.c.x * x;
+        let d = self.d0 - self.c.y * x;
+        let radius = (n * n + d * d).sqrt();
+        let quadratic = self.s1 + x * (self.g - x);
+        let sign = 1.0f64.copysign(quadratic); // eq. (6): the depth of C is positive
+        let (cos_phi, sin_phi) = (sign * d / radius, sign * n / radius);
+        let depth_a = sin_phi * self.g - cos_phi;
+        if !(0.0 < depth_a && 0.0 < sin_phi) {
+            return None; // A or B would lie behind the camera, eq. (3)
+        }
+        let u = x / self.h;
+        let v = self.c.z * quadratic.abs() / (radius * self.h); // eq. (7)
+        let uu = u * u + v * v;
+        if !((uu - 1.0).abs() < MAX_DEFECT) {
+            return None;
+        }
+        let unit = 1.0 / uu.sqrt();
+        let (u, v) = (u * unit, v * unit);
+        // Columns: e, m, k of the triangle seen in the frame (p, q, n) of the rays, eq. (9).
+        let turned = Matrix3::new(
+            cos_phi, -sin_phi * u, sin_phi * v,
+            sin_phi, cos_phi * u, -cos_phi * v,
+            0.0, v, u,
+        );
+        let rotation = rays.frame * turned * triangle.frame.transpose();
+        let a_in_cam = rays.frame.column(0) * (depth_a * triangle.base_length);
+        Some(Pose { rotation, translation: a_in_cam - rotation * triangle.origin })
+    }
+}
