@@ -72,7 +72,11 @@ fn main() {
             let best = sols.iter().map(err).fold(f64::INFINITY, f64::min);
             let rep = |p: &Pose| (0..3).map(|i| { let d = p * &x[i]; (d.normalize() - b[i].into_inner()).norm() }).fold(0.0, f64::max);
             let best_rep = sols.iter().map(rep).fold(f64::INFINITY, f64::min);
-            if !(best < 1e-6) { miss6 += 1; if shown < 3 && name != "cylinder" { shown += 1; println!("   miss {name}: best {best:.2e} rep {best_rep:.1e} n {}", sols.len()); } }
+            if !(best < 1e-6) { miss6 += 1; if shown < 3 && name != "cylinder" { shown += 1; println!("   miss {name}: best {best:.2e} rep {best_rep:.1e} n {}", sols.len());
+              if std::env::var("V").is_ok() { for p in &sols { println!("      err {:.3e} rep {:.1e} depths {:?}", err(p), rep(p), x.map(|x| (p * &x).norm())); } println!("      truth depths {:?} rep {:.1e} b {:?}\n x {:?}", x.map(|x| (truth * &x).norm()), rep(truth), b.map(|b| [b.x,b.y,b.z]), x.map(|b| [b.x,b.y,b.z]));
+              let j = nalgebra::Matrix6::from_fn(|i, k| { let (pt, ax) = (i / 2, i % 2); let y = truth * &x[pt]; let mut xi = nalgebra::Vector6::zeros(); xi[k] = 1.0; let w: Vector3<f64> = xi.fixed_rows::<3>(0).into(); let v: Vector3<f64> = xi.fixed_rows::<3>(3).into(); let d = w.cross(&y) + v; let bb = y.normalize(); let e1 = bb.cross(&Vector3::new(0.3,0.5,0.8)).normalize(); let e2 = bb.cross(&e1); [e1, e2][ax].dot(&d) / y.norm() });
+              println!("      sing {:?}", j.singular_values().as_slice()); }
+            } }
             if !(best < 1e-3) { miss3 += 1; }
             if !(best_rep < 1e-9) { miss_rep += 1; }
             worst = worst.max(best);
@@ -80,7 +84,7 @@ fn main() {
                 let e = rep(p);
                 worst_rep = worst_rep.max(e);
                 worst_ortho = worst_ortho.max((p.rotation.transpose() * p.rotation - nalgebra::Matrix3::identity()).norm());
-                if !(e < 1e-6) { bad += 1; }
+                if !(e < 1e-6) { bad += 1; if bad < 3 { println!("bad {e:.1e} err {:.1e} {:?} {:?} depths {:?}", err(p), b.map(|b| [b.x, b.y, b.z]), x.map(|b| [b.x, b.y, b.z]), x.map(|x| (p * &x).norm())); } }
                 for q in &sols[..i] { if (p.rotation - q.rotation).norm() < 1e-8 { dup += 1; } }
             }
         }

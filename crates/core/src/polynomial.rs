@@ -16,40 +16,46 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
-    /// Its real roots without cancellation: none, or two (equal ones when they merge).
-    ///
-    /// A complex pair whose imaginary part is below `merge` times `scale` counts as a double root: rounding turns a
-    /// true double root into such a pair as often as into two real ones.
+    /// Its two roots without cancellation; of a complex pair the real part, twice.
     #[inline]
-    pub fn real_roots(&self, merge: f64) -> Option<[f64; 2]> {
+    pub fn real_parts(&self) -> [f64; 2] {
         let half = -0.5 * self.linear;
         let discriminant = half * half - self.constant;
-        if discriminant <= merge * merge {
-            return (-merge * merge <= discriminant).then_some([half, half]);
+        if discriminant <= 0.0 {
+            return [half, half];
         }
-        let root = discriminant.sqrt();
-        let far = if half < 0.0 { half - root } else { half + root };
-        Some([far, self.constant / far])
+        let far = half + discriminant.sqrt().copysign(half);
+        [far, self.constant / far]
+    }
+
+    /// Whether the roots are real.
+    #[inline]
+    pub fn is_real(&self) -> bool {
+        self.constant <= 0.25 * self.linear * self.linear
     }
 }
 
-/// Largest real root of x³ + b x² + c x + d.
+/// The root of the resolvent x³ + b x² + c x + d that splits a quartic best: the largest, unless it nearly coincides
+/// with the second; then the smallest, the one that is still well separated.
 #[inline]
-pub fn largest_cubic_root(b: f64, c: f64, d: f64) -> f64 {
+fn resolvent_root(b: f64, c: f64, d: f64) -> f64 {
     let shift = b / 3.0;
     let p = shift * shift - c / 3.0; // x = t − shift: t³ − 3 p t − 2 q = 0
     let q = 0.5 * (shift * c - d) - shift * shift * shift;
     let discriminant = q * q - p * p * p;
     if 0.0 < discriminant {
         let u = (q.abs() + discriminant.sqrt()).cbrt();
-        let t = u + p / u;
-        return if q < 0.0 { -t } else { t } - shift;
+        return (u + p / u).copysign(q) - shift;
     }
     let root = p.sqrt();
     if root == 0.0 {
         return -shift;
     }
     let cosine = (q / (p * root)).clamp(-1.0, 1.0);
+    let smallest = -2.0 * root - shift; // to first order, where it is used
+    if cosine < -0.999 && 0.0 < smallest {
+        return 2.0 * root * ((cosine.acos() + std::f64::consts::TAU) / 3.0).cos() - shift;
+    }
     2.0 * root * (cosine.acos() / 3.0).cos() - shift
 }
 
@@ -64,7 +70,7 @@ pub fn quartic_factors(a: &[f64; 4]) -> [Quadratic; 2] {
     let p = a2 - 6.0 * ee;
     let q = a1 - 2.0 * e * (a2 - 4.0 * ee);
     let r = a0 - e * (a1 - e * (a2 - 3.0 * ee));
-    let m = largest_cubic_root(2.0 * p, p * p - 4.0 * r, -q * q).max(0.0);
+    let m = resolvent_root(2.0 * p, p * p - 4.0 * r, -q * q).max(0.0);
     let alpha = m.sqrt();
     let mean = 0.5 * (p + m);
     let half_gap = if 1e-10 * p.abs() < m {
@@ -107,8 +113,8 @@ pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
     let mut roots = ArrayVec::new();
     for factor in quartic_factors(a) {
         let factor = polished_factor(a, polished_factor(a, factor));
-        for root in factor.real_roots(0.0).into_iter().flatten() {
-            roots.push(root);
+        if factor.is_real() {
+            roots.extend(factor.real_parts());
         }
     }
     roots

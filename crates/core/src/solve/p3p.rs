@@ -9,7 +9,8 @@
 //!   c₁ c₂ c₃ c in the frame (p, q, n), p = a, n ⟂ a, b   ·   u + iv = exp(iθ)
 
 use super::Candidates;
-use crate::polynomial::{Quadratic, polished_factor, quartic_factors};
+use crate::polynomial::{polished_factor, quartic_factors};
+use arrayvec::ArrayVec;
 use crate::{Bearing, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,12 +21,14 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Two roots closer than this (as cos θ) are one, split by rounding: √ε, with margin.
 const MERGE: f64 = 3e-8;
 /// Largest |u² + v² − 1| of a root: a pose off by this misses C by half of it times h.
-const MAX_DEFECT: f64 = 1e-6;
+const MAX_DEFECT: f64 = 1e-9;
+/// A defect above this is more than rounding.
+const NEEDS_POLISH: f64 = 1e-13;
 
 /// Every pose that puts the three points onto their rays, in front of the camera; none when the points are on a line.
 pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates {
     let mut poses = Candidates::new();
-    let [i, j, k] = widest_pair_first(bearings);
+    let [i, j, k] = longest_side_first(points_in_target);
     let Some(triangle) = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]) else {
         return poses;
     };
@@ -33,9 +36,13 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
         return poses;
     };
     let hinge = Hinge::new(&triangle, &rays);
+    let mut turns = ArrayVec::<Turn, 4>::new();
     for x in hinge.roots() {
-        if let Some(pose) = hinge.pose(x, &triangle, &rays) {
-            poses.push(pose);
+        let Some(turn) = hinge.solution(x) else { continue };
+        let twin = |other: &Turn| (other.u - turn.u).abs() + (other.v - turn.v).abs() < MERGE;
+        if !turns.iter().any(twin) {
+            poses.push(hinge.pose(&turn, &triangle, &rays));
+            turns.push(turn);
         }
     }
     poses
@@ -45,6 +52,18 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
 #[inline]
 fn widest_pair_first(bearings: &[Bearing; 3]) -> [usize; 3] {
     let chord2 = |i: usize, j: usize| (bearings[i].into_inner() - bearings[j].into_inner()).norm_squared();
+    let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
+    if bc <= ab && ca <= ab {
+        [0, 1, 2]
+    } else if ca <= bc {
+        [1, 2, 0]
+    } else {
+        [2, 0, 1]
+    }
+}
+
+fn longest_side_first(points: &[Point; 3]) -> [usize; 3] {
+    let chord2 = |i: usize, j: usize| (points[i] - points[j]).norm_squared();
     let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
     if bc <= ab && ca <= ab {
         [0, 1, 2]
@@ -144,51 +163,90 @@ impl Hinge {
         ]
     }
 
-    /// Real roots in [−h, h].
+    /// Candidate roots in [−h, h]; of a complex pair its real part, which is a double root split by rounding or fails in `pose`.
     #[inline]
     fn roots(&self) -> impl Iterator<Item = f64> {
         let quartic = self.quartic();
         let limit = self.h * (1.0 + MERGE);
-        let merge = MERGE * self.h;
         quartic_factors(&quartic)
             .into_iter()
             .flat_map(move |factor| {
-                let factor: Quadratic = polished_factor(&quartic, polished_factor(&quartic, factor));
-                let [x, y] = factor.real_roots(merge).unwrap_or([f64::NAN; 2]);
-                [x, if x == y { f64::NAN } else { y }]
+                let [x, y] = polished_factor(&quartic, polished_factor(&quartic, factor)).real_parts();
+                let twin = (x - y).abs() <= limit * MERGE;
+                [if twin { 0.5 * (x + y) } else { x }, if twin { f64::NAN } else { y }]
             })
             .filter(move |x| x.abs() <= limit)
     }
 
-    /// The pose of a root, if it reprojects and every depth is positive.
+    /// (cos θ, sin θ) of a root x and how far it is off the circle, eq. (7).
     #[inline]
-    fn pose(&self, x: f64, triangle: &Triangle, rays: &Rays) -> Option<Pose> {
+    fn turn(&self, x: f64) -> Turn {
         let n = self.n0 + self.c.x * x;
         let d = self.d0 - self.c.y * x;
-        let radius = (n * n + d * d).sqrt();
-        let quadratic = self.s1 + x * (self.g - x);
-        let sign = 1.0f64.copysign(quadratic); // eq. (6): the depth of C is positive
-        let (cos_phi, sin_phi) = (sign * d / radius, sign * n / radius);
-        let depth_a = sin_phi * self.g - cos_phi;
-        if !(0.0 < depth_a && 0.0 < sin_phi) {
-            return None; // A or B would lie behind the camera, eq. (3)
-        }
+        let depth = self.s1 + x * (self.g - x);
+        let square = n * n + d * d;
+        let scale = 1.0 / (square.sqrt() * self.h);
         let u = x / self.h;
-        let v = self.c.z * quadratic.abs() / (radius * self.h); // eq. (7)
-        let uu = u * u + v * v;
-        if !((uu - 1.0).abs() < MAX_DEFECT) {
-            return None;
+        let v = self.c.z * depth.abs() * scale;
+        Turn { n, d, depth, scale, u, v, defect: u * u + v * v - 1.0 }
+    }
+
+    /// Newton steps on the defect, for roots that share a factor of the quartic with a near neighbour.
+    #[cold]
+    fn polished(&self, mut x: f64) -> Turn {
+        let mut best = self.turn(x);
+        for _ in 0..8 {
+            let Turn { n, d, depth, u, v, defect, .. } = best;
+            let log_slope = (self.g - 2.0 * x) / depth - (n * self.c.x - d * self.c.y) / (n * n + d * d);
+            let slope = 2.0 * (u / self.h + v * v * log_slope);
+            x -= defect / slope;
+            let next = self.turn(x);
+            if !(next.defect.abs() < best.defect.abs()) {
+                break;
+            }
+            best = next;
         }
-        let unit = 1.0 / uu.sqrt();
-        let (u, v) = (u * unit, v * unit);
-        // Columns: e, m, k of the triangle seen in the frame (p, q, n) of the rays, eq. (9).
+        best
+    }
+
+    /// The turn that belongs to a root, if it reprojects and every depth is positive.
+    #[inline]
+    fn solution(&self, x: f64) -> Option<Turn> {
+        let mut turn = self.turn(x);
+        if NEEDS_POLISH < turn.defect.abs() && turn.defect.abs() < 1e-2 {
+            turn = self.polished(x);
+        }
+        // A or B would lie behind the camera, eq. (3).
+        let in_front = 0.0 < turn.n * turn.depth && 0.0 < (turn.n * self.g - turn.d) * turn.depth;
+        (in_front && turn.defect.abs() < MAX_DEFECT).then_some(turn)
+    }
+
+    /// Eq. (9).
+    #[inline]
+    fn pose(&self, turn: &Turn, triangle: &Triangle, rays: &Rays) -> Pose {
+        let signed = (turn.scale * self.h).copysign(turn.depth); // eq. (6): the depth of C is positive
+        let (cos_phi, sin_phi) = (turn.d * signed, turn.n * signed);
+        let unit = 1.0 / (1.0 + turn.defect).sqrt();
+        let (u, v) = (turn.u * unit, turn.v * unit);
+        // Columns: e, m, k of the triangle seen in the frame (p, q, n) of the rays.
         let turned = Matrix3::new(
             cos_phi, -sin_phi * u, sin_phi * v,
             sin_phi, cos_phi * u, -cos_phi * v,
             0.0, v, u,
         );
         let rotation = rays.frame * turned * triangle.frame.transpose();
-        let a_in_cam = rays.frame.column(0) * (depth_a * triangle.base_length);
-        Some(Pose { rotation, translation: a_in_cam - rotation * triangle.origin })
+        let depth_a = (sin_phi * self.g - cos_phi) * triangle.base_length;
+        Pose { rotation, translation: rays.frame.column(0) * depth_a - rotation * triangle.origin }
     }
+}
+
+/// The turn of C about A–B that belongs to one root.
+struct Turn {
+    n: f64,
+    d: f64,
+    depth: f64,
+    scale: f64,
+    u: f64,
+    v: f64,
+    defect: f64,
 }
