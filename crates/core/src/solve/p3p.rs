@@ -24,28 +24,33 @@ const MERGE: f64 = 3e-8;
 const MAX_DEFECT: f64 = 1e-9;
 /// A defect above this is more than rounding.
 const NEEDS_POLISH: f64 = 1e-13;
+/// A defect above this belongs to a complex or foreign root, not to a double one split by rounding.
+const MAY_POLISH: f64 = 1e-2;
 
 /// Every pose that puts the three points onto their rays, in front of the camera; none when the points are on a line.
 pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates {
     let mut poses = Candidates::new();
-    let [i, j, k] = longest_side_first(points_in_target);
-    let Some(triangle) = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]) else {
-        return poses;
-    };
-    let Some(rays) = Rays::new(&bearings[i], &bearings[j], &bearings[k]) else {
-        return poses;
-    };
-    let hinge = Hinge::new(&triangle, &rays);
-    let mut turns = ArrayVec::<Turn, 4>::new();
-    for x in hinge.roots() {
-        let Some(turn) = hinge.solution(x) else { continue };
-        let twin = |other: &Turn| (other.u - turn.u).abs() + (other.v - turn.v).abs() < MERGE;
-        if !turns.iter().any(twin) {
-            poses.push(hinge.pose(&turn, &triangle, &rays));
-            turns.push(turn);
-        }
+    let [i, j, k] = widest_pair_first(bearings);
+    let triangle = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]);
+    let rays = Rays::new(&bearings[i], &bearings[j], &bearings[k]);
+    if triangle.is_open && rays.are_distinct {
+        push_poses(&mut poses, &triangle, &rays);
     }
     poses
+}
+
+#[inline]
+fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
+    let hinge = Hinge::new(triangle, rays);
+    let mut taken = ArrayVec::<[f64; 2], 4>::new();
+    for turn in hinge.roots().map(|x| hinge.turn(x)) {
+        let Some(turn) = hinge.accepted(turn) else { continue };
+        let twin = |other: &[f64; 2]| (other[0] - turn.u).abs() + (other[1] - turn.v).abs() < MERGE;
+        if !taken.iter().any(twin) {
+            poses.push(hinge.pose(&turn, triangle, rays));
+            taken.push([turn.u, turn.v]);
+        }
+    }
 }
 
 /// Order in which the first two rays enclose the largest angle.
@@ -81,11 +86,12 @@ struct Triangle {
     frame: Matrix3<f64>,
     s: f64,
     h: f64,
+    is_open: bool,
 }
 
 impl Triangle {
     #[inline]
-    fn new(a: &Point, b: &Point, c: &Point) -> Option<Self> {
+    fn new(a: &Point, b: &Point, c: &Point) -> Self {
         let (ab, ac) = (b - a, c - a);
         let base_length = ab.norm();
         let e = ab / base_length;
@@ -93,13 +99,12 @@ impl Triangle {
         let height = normal.norm();
         let coordinates = a.amax().max(b.amax()).max(c.amax());
         let longest = base_length.max(ac.norm());
-        if !(MIN_HEIGHT * longest < height && ROUNDING * coordinates < height) {
-            return None;
-        }
+        let is_open = MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
         // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
         let m = (normal / height).cross(&e);
         let frame = Matrix3::from_columns(&[e, m, e.cross(&m)]);
-        Some(Triangle { origin: *a, base_length, frame, s: e.dot(&ac) / base_length, h: height / base_length })
+        let (s, h) = (e.dot(&ac) / base_length, height / base_length);
+        Triangle { origin: *a, base_length, frame, s, h, is_open }
     }
 }
 
@@ -108,23 +113,22 @@ struct Rays {
     frame: Matrix3<f64>,
     g: f64,
     c: Vector3<f64>,
+    are_distinct: bool,
 }
 
 impl Rays {
     #[inline]
-    fn new(a: &Bearing, b: &Bearing, c: &Bearing) -> Option<Self> {
+    fn new(a: &Bearing, b: &Bearing, c: &Bearing) -> Self {
         let p = a.into_inner();
         // Differences of bearings are exact to their own size; products of bearings are not.
         let (ab, ac) = (b.into_inner() - p, c.into_inner() - p);
         let normal = p.cross(&ab);
         let sine = normal.norm();
-        if !(0.0 < sine) {
-            return None;
-        }
         let n = normal / sine;
         let q = n.cross(&p);
         let c = Vector3::new(1.0 + p.dot(&ac), q.dot(&ac), n.dot(&ac));
-        Some(Rays { frame: Matrix3::from_columns(&[p, q, n]), g: (1.0 + p.dot(&ab)) / sine, c })
+        let frame = Matrix3::from_columns(&[p, q, n]);
+        Rays { frame, g: (1.0 + p.dot(&ab)) / sine, c, are_distinct: 0.0 < sine }
     }
 }
 
@@ -163,19 +167,14 @@ impl Hinge {
         ]
     }
 
-    /// Candidate roots in [−h, h]; of a complex pair its real part, which is a double root split by rounding or fails in `pose`.
+    /// Real parts of the four roots: a double root split by rounding is a complex pair as often as two real roots.
     #[inline]
-    fn roots(&self) -> impl Iterator<Item = f64> {
+    fn roots(&self) -> [f64; 4] {
         let quartic = self.quartic();
-        let limit = self.h * (1.0 + MERGE);
-        quartic_factors(&quartic)
-            .into_iter()
-            .flat_map(move |factor| {
-                let [x, y] = polished_factor(&quartic, polished_factor(&quartic, factor)).real_parts();
-                let twin = (x - y).abs() <= limit * MERGE;
-                [if twin { 0.5 * (x + y) } else { x }, if twin { f64::NAN } else { y }]
-            })
-            .filter(move |x| x.abs() <= limit)
+        let [first, second] = quartic_factors(&quartic);
+        let [w, x] = polished_factor(&quartic, first).real_parts();
+        let [y, z] = polished_factor(&quartic, second).real_parts();
+        [w, x, y, z]
     }
 
     /// (cos θ, sin θ) of a root x and how far it is off the circle, eq. (7).
@@ -193,14 +192,13 @@ impl Hinge {
 
     /// Newton steps on the defect, for roots that share a factor of the quartic with a near neighbour.
     #[cold]
-    fn polished(&self, mut x: f64) -> Turn {
-        let mut best = self.turn(x);
+    fn polished(&self, mut best: Turn) -> Turn {
         for _ in 0..8 {
             let Turn { n, d, depth, u, v, defect, .. } = best;
+            let x = u * self.h;
             let log_slope = (self.g - 2.0 * x) / depth - (n * self.c.x - d * self.c.y) / (n * n + d * d);
             let slope = 2.0 * (u / self.h + v * v * log_slope);
-            x -= defect / slope;
-            let next = self.turn(x);
+            let next = self.turn(u * self.h - defect / slope);
             if !(next.defect.abs() < best.defect.abs()) {
                 break;
             }
@@ -209,12 +207,14 @@ impl Hinge {
         best
     }
 
-    /// The turn that belongs to a root, if it reprojects and every depth is positive.
+    /// The turn, polished where it must be, if it reprojects and every depth is positive.
     #[inline]
-    fn solution(&self, x: f64) -> Option<Turn> {
-        let mut turn = self.turn(x);
-        if NEEDS_POLISH < turn.defect.abs() && turn.defect.abs() < 1e-2 {
-            turn = self.polished(x);
+    fn accepted(&self, mut turn: Turn) -> Option<Turn> {
+        if !(turn.defect.abs() < MAY_POLISH) {
+            return None;
+        }
+        if NEEDS_POLISH < turn.defect.abs() {
+            turn = self.polished(turn);
         }
         // A or B would lie behind the camera, eq. (3).
         let in_front = 0.0 < turn.n * turn.depth && 0.0 < (turn.n * self.g - turn.d) * turn.depth;
@@ -228,13 +228,14 @@ impl Hinge {
         let (cos_phi, sin_phi) = (turn.d * signed, turn.n * signed);
         let unit = 1.0 / (1.0 + turn.defect).sqrt();
         let (u, v) = (turn.u * unit, turn.v * unit);
-        // Columns: e, m, k of the triangle seen in the frame (p, q, n) of the rays.
-        let turned = Matrix3::new(
-            cos_phi, -sin_phi * u, sin_phi * v,
-            sin_phi, cos_phi * u, -cos_phi * v,
-            0.0, v, u,
-        );
-        let rotation = rays.frame * turned * triangle.frame.transpose();
+        // e, m, k of the triangle, in the camera frame.
+        let [p, q, normal] = [0, 1, 2].map(|i| rays.frame.column(i));
+        let e = p * cos_phi + q * sin_phi;
+        let across = q * cos_phi - p * sin_phi;
+        let m = across * u + normal * v;
+        let k = normal * u - across * v;
+        let t = &triangle.frame;
+        let rotation = Matrix3::from_fn(|i, j| e[i] * t[(j, 0)] + m[i] * t[(j, 1)] + k[i] * t[(j, 2)]);
         let depth_a = (sin_phi * self.g - cos_phi) * triangle.base_length;
         Pose { rotation, translation: rays.frame.column(0) * depth_a - rotation * triangle.origin }
     }
