@@ -23,7 +23,7 @@ const MERGE: f64 = 3e-8;
 /// Largest |u² + v² − 1| of a root: a pose off by this misses C by half of it times h.
 const MAX_DEFECT: f64 = 1e-9;
 /// A defect above this is more than rounding.
-const NEEDS_POLISH: f64 = 1e-13;
+const NEEDS_POLISH: f64 = 1e-12;
 /// A defect above this belongs to a complex or foreign root, not to a double one split by rounding.
 const MAY_POLISH: f64 = 1e-2;
 
@@ -43,8 +43,8 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
 fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
     let hinge = Hinge::new(triangle, rays);
     let mut taken = ArrayVec::<[f64; 2], 4>::new();
-    for turn in hinge.roots().map(|x| hinge.turn(x)) {
-        let Some(turn) = hinge.accepted(turn) else { continue };
+    for x in hinge.roots() {
+        let Some(turn) = hinge.accepted(hinge.turn(x)) else { continue };
         let twin = |other: &[f64; 2]| (other[0] - turn.u).abs() + (other[1] - turn.v).abs() < MERGE;
         if !taken.iter().any(twin) {
             poses.push(hinge.pose(&turn, triangle, rays));
@@ -98,7 +98,7 @@ impl Triangle {
         let normal = e.cross(&ac);
         let height = normal.norm();
         let coordinates = a.amax().max(b.amax()).max(c.amax());
-        let longest = base_length.max(ac.norm());
+        let longest = base_length.max(ac.amax());
         let is_open = MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
         // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
         let m = (normal / height).cross(&e);
@@ -140,6 +140,7 @@ struct Hinge {
     s1: f64,
     g: f64,
     h: f64,
+    inverse_h: f64,
     c: Vector3<f64>,
 }
 
@@ -147,7 +148,7 @@ impl Hinge {
     #[inline]
     fn new(triangle: &Triangle, rays: &Rays) -> Self {
         let (s, g, c) = (triangle.s, rays.g, rays.c);
-        Hinge { n0: c.y * (1.0 - s), d0: c.y * g - c.x * s, s1: s * (1.0 - s), g, h: triangle.h, c }
+        Hinge { n0: c.y * (1.0 - s), d0: c.y * g - c.x * s, s1: s * (1.0 - s), g, h: triangle.h, inverse_h: 1.0 / triangle.h, c }
     }
 
     /// The quartic in x, eq. (8).
@@ -158,12 +159,12 @@ impl Hinge {
         let r2 = c.x * c.x + c.y * c.y;
         let r1 = c.x * self.n0 - c.y * self.d0;
         let r0 = self.n0 * self.n0 + self.d0 * self.d0;
-        let lead = 1.0 / (r2 + cc);
+        // Leading coefficient |c|² = 1.
         [
-            (cc * s1 * s1 - hh * r0) * lead,
-            2.0 * (cc * g * s1 - hh * r1) * lead,
-            (r0 - hh * r2 + cc * (g * g - 2.0 * s1)) * lead,
-            2.0 * (r1 - cc * g) * lead,
+            cc * s1 * s1 - hh * r0,
+            2.0 * (cc * g * s1 - hh * r1),
+            r0 - hh * r2 + cc * (g * g - 2.0 * s1),
+            2.0 * (r1 - cc * g),
         ]
     }
 
@@ -184,10 +185,10 @@ impl Hinge {
         let d = self.d0 - self.c.y * x;
         let depth = self.s1 + x * (self.g - x);
         let square = n * n + d * d;
-        let scale = 1.0 / (square.sqrt() * self.h);
-        let u = x / self.h;
-        let v = self.c.z * depth.abs() * scale;
-        Turn { n, d, depth, scale, u, v, defect: u * u + v * v - 1.0 }
+        let inverse_radius = 1.0 / square.sqrt();
+        let u = x * self.inverse_h;
+        let v = self.c.z * depth.abs() * (inverse_radius * self.inverse_h);
+        Turn { n, d, depth, inverse_radius, u, v, defect: u * u + v * v - 1.0 }
     }
 
     /// Newton steps on the defect, for roots that share a factor of the quartic with a near neighbour.
@@ -224,9 +225,9 @@ impl Hinge {
     /// Eq. (9).
     #[inline]
     fn pose(&self, turn: &Turn, triangle: &Triangle, rays: &Rays) -> Pose {
-        let signed = (turn.scale * self.h).copysign(turn.depth); // eq. (6): the depth of C is positive
+        let signed = turn.inverse_radius.copysign(turn.depth); // eq. (6): the depth of C is positive
         let (cos_phi, sin_phi) = (turn.d * signed, turn.n * signed);
-        let unit = 1.0 / (1.0 + turn.defect).sqrt();
+        let unit = 1.0 - 0.5 * turn.defect; // |defect| < 1e-9: the next term is below ε
         let (u, v) = (turn.u * unit, turn.v * unit);
         // e, m, k of the triangle, in the camera frame.
         let [p, q, normal] = [0, 1, 2].map(|i| rays.frame.column(i));
@@ -246,7 +247,7 @@ struct Turn {
     n: f64,
     d: f64,
     depth: f64,
-    scale: f64,
+    inverse_radius: f64,
     u: f64,
     v: f64,
     defect: f64,
