@@ -16,19 +16,17 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
-    /// Its two roots without cancellation; of a complex pair the real part, twice.
+    /// Its real roots without cancellation, NaN where there is none. A complex pair whose imaginary part is below
+    /// `blur` gives its real part once: rounding turns a double root into such a pair as often as into two real ones.
     #[inline]
-    pub fn real_parts(&self) -> [f64; 2] {
+    pub fn real_roots(&self, blur: f64) -> [f64; 2] {
         let half = -0.5 * self.linear;
         let discriminant = half * half - self.constant;
-        let far = half + discriminant.max(0.0).sqrt().copysign(half);
-        [far, if discriminant <= 0.0 { half } else { self.constant / far }]
-    }
-
-    /// Whether the roots are real.
-    #[inline]
-    pub fn is_real(&self) -> bool {
-        self.constant <= 0.25 * self.linear * self.linear
+        if discriminant <= 0.0 {
+            return [if discriminant < -blur * blur { f64::NAN } else { half }, f64::NAN];
+        }
+        let far = half + discriminant.sqrt().copysign(half);
+        [far, self.constant / far]
     }
 }
 
@@ -135,9 +133,7 @@ pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
     let mut roots = ArrayVec::new();
     for factor in quartic_factors(a) {
         let factor = polished_factor(a, polished_factor(a, factor));
-        if factor.is_real() {
-            roots.extend(factor.real_parts());
-        }
+        roots.extend(factor.real_roots(0.0).into_iter().filter(|root| !root.is_nan()));
     }
     roots
 }

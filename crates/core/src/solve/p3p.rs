@@ -24,8 +24,8 @@ const MERGE: f64 = 3e-8;
 const MAX_DEFECT: f64 = 1e-9;
 /// A defect above this is more than rounding.
 const NEEDS_POLISH: f64 = 1e-12;
-/// A defect above this belongs to a complex or foreign root, not to a double one split by rounding.
-const MAY_POLISH: f64 = 1e-2;
+/// Imaginary part, as cos θ, up to which a complex pair may be a double root split by rounding; the defect decides.
+const BLUR: f64 = 0.01;
 
 /// Every pose that puts the three points onto their rays, in front of the camera; none when the points are on a line.
 pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates {
@@ -44,6 +44,9 @@ fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
     let hinge = Hinge::new(triangle, rays);
     let mut taken = ArrayVec::<[f64; 2], 4>::new();
     for x in hinge.roots() {
+        if !(x.abs() < hinge.h * (1.0 + BLUR)) {
+            continue;
+        }
         let Some(turn) = hinge.accepted(hinge.turn(x)) else { continue };
         let twin = |other: &[f64; 2]| (other[0] - turn.u).abs() + (other[1] - turn.v).abs() < MERGE;
         if !taken.iter().any(twin) {
@@ -168,13 +171,14 @@ impl Hinge {
         ]
     }
 
-    /// Real parts of the four roots: a double root split by rounding is a complex pair as often as two real roots.
+    /// Real roots, NaN where there is none.
     #[inline]
     fn roots(&self) -> [f64; 4] {
         let quartic = self.quartic();
         let [first, second] = quartic_factors(&quartic);
-        let [w, x] = polished_factor(&quartic, first).real_parts();
-        let [y, z] = polished_factor(&quartic, second).real_parts();
+        let blur = BLUR * self.h;
+        let [w, x] = polished_factor(&quartic, first).real_roots(blur);
+        let [y, z] = polished_factor(&quartic, second).real_roots(blur);
         [w, x, y, z]
     }
 
@@ -211,9 +215,6 @@ impl Hinge {
     /// The turn, polished where it must be, if it reprojects and every depth is positive.
     #[inline]
     fn accepted(&self, mut turn: Turn) -> Option<Turn> {
-        if !(turn.defect.abs() < MAY_POLISH) {
-            return None;
-        }
         if NEEDS_POLISH < turn.defect.abs() {
             turn = self.polished(turn);
         }
