@@ -67,7 +67,7 @@ pub enum Error {
         needed: f64,
     },
     /// A pixel outside the part of the image where the lens model is one-to-one.
-    #[error("pixel ({u_px:.1}, {v_px:.1}) is outside the valid field of the {model} model ({limit}); check the distortion coefficients or mask the corner")]
+    #[error("pixel ({u_px:.1}, {v_px:.1}) is outside the valid field of the {model} model ({limit} {limit_at:.6}); check the distortion coefficients or mask the corner")]
     OutsideField {
         /// Column.
         u_px: f64,
@@ -75,8 +75,10 @@ pub enum Error {
         v_px: f64,
         /// Lens model.
         model: &'static str,
-        /// What bounds the field, with its number.
+        /// What bounds the field, in words.
         limit: &'static str,
+        /// The bound.
+        limit_at: f64,
     },
     /// Camera parameters that cannot be right.
     #[error("camera parameter {parameter} is {seen}; {needed}")]
