@@ -4,6 +4,8 @@
 //! | --- | --- | --- | --- |
 
 pub mod p3p;
+pub mod planar;
+pub mod sqpnp;
 
 use crate::Pose;
 use arrayvec::ArrayVec;
