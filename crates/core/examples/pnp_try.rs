@@ -35,7 +35,7 @@ fn main() {
                 let Some((c, truth)) = scene(&mut r, layout, n, near, sigma) else { continue };
                 total += 1;
                 let err = |p: &Pose| (p.rotation - truth.rotation).norm();
-                let limit = if sigma == 0.0 { 1e-5 } else { 0.5 };
+                let limit = if sigma == 0.0 { 1e-3 } else { 0.5 };
                 let s = sqpnp(&c);
                 nsol += s.len();
                 let best = s.iter().map(err).fold(f64::INFINITY, f64::min);

@@ -24,6 +24,12 @@ const MAX_STARTS: usize = 10;
 const MAX_STEPS: usize = 15;
 /// A step below this ends the descent: the next would be its square.
 const LAST_STEP_RAD: f64 = 1e-5;
+/// Longest step.
+const MAX_STEP_RAD: f64 = 0.7;
+/// Steps below this are taken on the gradient's word.
+const SMALL_STEP_RAD: f64 = 1e-3;
+/// A descent this close (chordal) to a known minimum ends there too.
+const NEAR_KNOWN: f64 = 0.02;
 /// Minima closer than this (chordal) are one.
 const SAME_ROTATION: f64 = 1e-3;
 
@@ -78,6 +84,7 @@ pub(super) struct Sums {
 }
 
 /// Pairs (i ≤ j) of a symmetric 3×3 matrix.
+const TERMS: usize = 10;
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 impl Sums {
@@ -88,30 +95,34 @@ impl Sums {
         ray: impl Fn(&Correspondence) -> Vector3<f64>,
     ) -> Self {
         let reference = points.first().map_or(1.0, |c| c.sigma_px);
-        let (mut s, mut b, mut q) = ([0.0; 6], [[0.0; 3]; 6], [[0.0; 6]; 6]);
+        // sums[k][m]: the k-th entry of P times the m-th of (X Xᵀ, X, 1). Four points at a time, so that the sums, too many for
+        // the registers, are loaded and stored once for four.
+        let mut sums = [[0.0; TERMS]; 6];
         let (mut depth_r, mut depth_t) = (Matrix3::zeros(), Vector3::zeros());
-        for c in points {
-            let (x, y) = (place(c), ray(c));
-            let weight = (reference / c.sigma_px) * (reference / c.sigma_px);
-            let xx = PAIRS.map(|(i, j)| x[i] * x[j]);
-            for (k, (i, j)) in PAIRS.into_iter().enumerate() {
-                let unit = if i == j { 1.0 } else { 0.0 };
-                let p = weight * (unit - y[i] * y[j]);
-                s[k] += p;
-                for m in 0..3 {
-                    b[k][m] += p * x[m];
-                }
-                for m in 0..6 {
-                    q[k][m] += p * xx[m];
+        for four in points.chunks(4) {
+            let (mut distance, mut terms) = ([[0.0; 6]; 4], [[0.0; TERMS]; 4]);
+            for (l, c) in four.iter().enumerate() {
+                let (x, y) = (place(c), ray(c));
+                let weight = (reference / c.sigma_px) * (reference / c.sigma_px);
+                distance[l] = PAIRS.map(|(i, j)| weight * (if i == j { 1.0 } else { 0.0 } - y[i] * y[j]));
+                let xx = PAIRS.map(|(i, j)| x[i] * x[j]);
+                terms[l] = [xx[0], xx[1], xx[2], xx[3], xx[4], xx[5], x.x, x.y, x.z, 1.0];
+                let y = y * weight;
+                depth_r += y * x.transpose();
+                depth_t += y;
+            }
+            for k in 0..6 {
+                let p = [distance[0][k], distance[1][k], distance[2][k], distance[3][k]];
+                for m in 0..TERMS {
+                    sums[k][m] +=
+                        (p[0] * terms[0][m] + p[1] * terms[1][m]) + (p[2] * terms[2][m] + p[3] * terms[3][m]);
                 }
             }
-            depth_r += y * x.transpose() * weight;
-            depth_t += y * weight;
         }
         Sums {
-            s: Matrix3::from_fn(|i, j| s[pair(i, j)]),
-            b: Matrix3x9::from_fn(|i, col| b[pair(i, col / 3)][col % 3]),
-            q: Matrix9::from_fn(|row, col| q[pair(row / 3, col / 3)][pair(row % 3, col % 3)]),
+            s: Matrix3::from_fn(|i, j| sums[pair(i, j)][9]),
+            b: Matrix3x9::from_fn(|i, col| sums[pair(i, col / 3)][6 + col % 3]),
+            q: Matrix9::from_fn(|row, col| sums[pair(row / 3, col / 3)][pair(row % 3, col % 3)]),
             depth_r,
             depth_t,
         }
@@ -124,7 +135,7 @@ impl Sums {
     }
 
     /// Sum of the depths along the rays.
-    fn depth(&self, r: &Matrix3<f64>, t: &Vector3<f64>) -> f64 {
+    pub(super) fn depth(&self, r: &Matrix3<f64>, t: &Vector3<f64>) -> f64 {
         self.depth_r.dot(r) + self.depth_t.dot(t)
     }
 }
@@ -138,21 +149,28 @@ pub(super) fn vec_of(r: &Matrix3<f64>) -> Vector9 {
     Vector9::from_fn(|k, _| r[(k / 3, k % 3)])
 }
 
+/// A local minimum of the object-space error.
+#[derive(Clone, Copy)]
+pub(super) struct Minimum {
+    pub(super) rotation: Matrix3<f64>,
+    value: f64,
+}
+
 /// rᵀ Ω r, the object-space error of a rotation.
-struct Cost {
+pub(super) struct Cost {
     omega: Matrix9,
     t_from_r: Matrix3x9,
 }
 
 impl Cost {
-    fn new(sums: &Sums) -> Option<Self> {
+    pub(super) fn new(sums: &Sums) -> Option<Self> {
         let t_from_r = sums.translation_from_rotation()?;
         let omega = sums.q + sums.b.tr_mul(&t_from_r);
         let omega = (omega + omega.transpose()) * 0.5;
         omega.iter().all(|x| x.is_finite()).then_some(Cost { omega, t_from_r })
     }
 
-    fn translation(&self, r: &Matrix3<f64>) -> Vector3<f64> {
+    pub(super) fn translation(&self, r: &Matrix3<f64>) -> Vector3<f64> {
         self.t_from_r * vec_of(r)
     }
 
@@ -163,29 +181,34 @@ impl Cost {
         o(0, 0) + o(1, 1) + o(2, 2) + 2.0 * (o(0, 1) + o(0, 2) + o(1, 2))
     }
 
-    /// Newton's method on the rotation, eqs. (5)–(7), damped where the cost is not convex.
-    fn descend(&self, mut r: Matrix3<f64>) -> (Matrix3<f64>, f64) {
-        let mut gradient_of_r = self.omega * vec_of(&r);
-        let mut value = gradient_of_r.dot(&vec_of(&r));
+    /// Newton's method on the rotation, eqs. (5)–(7), damped where the cost is not convex; none when it comes upon a known minimum.
+    pub(super) fn descend(&self, mut r: Matrix3<f64>, known: &[Minimum]) -> Option<Minimum> {
+        let mut omega_r = self.omega * vec_of(&r);
+        let mut value = omega_r.dot(&vec_of(&r));
         let mut damping = 0.0;
         for _ in 0..MAX_STEPS {
-            let (gradient, hessian) = self.slope(&r, &gradient_of_r);
-            let Some(step) = newton_step(&gradient, &hessian, &mut damping) else { break };
+            let (gradient, hessian) = self.slope(&r, &omega_r);
+            let Some(step) = newton_step(&gradient, &hessian, damping) else { break };
             let next = orthonormalized(&(small_rotation(&step) * r));
-            let next_gradient = self.omega * vec_of(&next);
-            let next_value = next_gradient.dot(&vec_of(&next));
+            let omega_next = self.omega * vec_of(&next);
+            let next_value = omega_next.dot(&vec_of(&next));
             let length = step.norm();
-            if next_value <= value {
-                (r, gradient_of_r, value) = (next, next_gradient, next_value);
-                damping *= 0.1;
+            // Close to the minimum the gradient still has digits when the value has none left.
+            if next_value <= value || (damping == 0.0 && length < SMALL_STEP_RAD) {
+                (r, omega_r, value) = (next, omega_next, next_value);
+                damping = if damping < 1e-6 * hessian.norm() { 0.0 } else { 0.1 * damping };
             } else {
                 damping = 10.0 * damping.max(1e-3 * hessian.norm());
             }
             if length < LAST_STEP_RAD {
                 break;
             }
+            if known.iter().any(|other| (other.rotation - r).norm() < NEAR_KNOWN) {
+                return None;
+            }
         }
-        (r, value)
+        let is_known = known.iter().any(|other| (other.rotation - r).norm() < SAME_ROTATION);
+        (!is_known).then_some(Minimum { rotation: r, value })
     }
 
     /// Half the gradient and half the Hessian by a left turn, eqs. (5), (6).
@@ -200,19 +223,25 @@ impl Cost {
     }
 }
 
-/// Solves (H + λI) step = −g with the smallest λ tried that makes it positive definite.
-fn newton_step(gradient: &Vector3<f64>, hessian: &Matrix3<f64>, damping: &mut f64) -> Option<Vector3<f64>> {
-    let scale = hessian.norm();
-    for _ in 0..8 {
-        if let Some(factor) = (hessian + Matrix3::identity() * *damping).cholesky() {
-            let step = -factor.solve(gradient);
-            let length = step.norm();
-            // A long step leaves the region in which the quadratic model means anything.
-            return length.is_finite().then(|| if 0.7 < length { step * (0.7 / length) } else { step });
-        }
-        *damping = 4.0 * damping.max(0.02 * scale);
-    }
-    None
+/// −(H + λI)⁻¹ g, at most 0.7 rad long; λ just large enough for a descent, so that a long valley is followed at its own scale.
+fn newton_step(gradient: &Vector3<f64>, hessian: &Matrix3<f64>, damping: f64) -> Option<Vector3<f64>> {
+    let damped = |damping: f64| (hessian + Matrix3::identity() * damping).cholesky();
+    let factor = damped(damping)
+        .or_else(|| damped(damping.max(-2.0 * smallest_eigenvalue(hessian)) + 1e-9 * hessian.norm()))?;
+    let step = -factor.solve(gradient);
+    let length = step.norm();
+    // A long step leaves the region in which the quadratic model means anything.
+    length.is_finite().then(|| if MAX_STEP_RAD < length { step * (MAX_STEP_RAD / length) } else { step })
+}
+
+/// Of a symmetric 3×3 matrix, by the trigonometric solution of its characteristic cubic.
+fn smallest_eigenvalue(h: &Matrix3<f64>) -> f64 {
+    let mean = h.trace() / 3.0;
+    let deviator = h - Matrix3::identity() * mean;
+    let size = (deviator.norm_squared() / 6.0).sqrt();
+    let cosine = 0.5 * deviator.determinant() / size.powi(3).max(f64::MIN_POSITIVE);
+    let angle = (cosine.clamp(-1.0, 1.0).acos() + std::f64::consts::TAU) / 3.0;
+    mean + 2.0 * size * angle.cos()
 }
 
 /// Rotation by a vector of at most 0.7 rad, by Cayley's formula on half of it (third order exact: Newton needs second).
@@ -255,14 +284,11 @@ fn minima(cost: &Cost, sums: &Sums) -> ArrayVec<Matrix3<f64>, 4> {
     let mut starts: ArrayVec<(f64, Matrix3<f64>), 24> =
         CubeRotation::all().map(|cube| (cost.of_cube_rotation(&cube), cube.matrix())).collect();
     starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found: ArrayVec<(f64, Matrix3<f64>), MAX_STARTS> = ArrayVec::new();
+    let mut found: ArrayVec<Minimum, MAX_STARTS> = ArrayVec::new();
     for (_, start) in starts.into_iter().take(MAX_STARTS) {
-        let (r, value) = cost.descend(start);
-        if !found.iter().any(|(_, other)| (other - r).norm() < SAME_ROTATION) {
-            found.push((value, r));
-        }
+        found.extend(cost.descend(start, &found));
     }
-    found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    found.sort_unstable_by(|a, b| a.value.total_cmp(&b.value));
     let in_front = |r: &Matrix3<f64>| 0.0 < sums.depth(r, &cost.translation(r));
-    found.into_iter().map(|(_, r)| r).filter(in_front).take(4).collect()
+    found.into_iter().map(|minimum| minimum.rotation).filter(in_front).take(4).collect()
 }
