@@ -3,6 +3,7 @@
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
 
+pub mod configuration;
 pub mod p3p;
 pub mod planar;
 pub mod sqpnp;

@@ -8,19 +8,23 @@
 //!   v  line of sight to the centroid   ·   A  local map, 2×2, seen along v   ·   w  third row of the rotation, seen along v
 
 use super::Candidates;
-use super::sqpnp::{Normalization, Sums, vec_of};
+use super::sqpnp::{Cost, Minimum, Normalization, Sums};
 use crate::{Correspondence, Pose};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, SymmetricEigen, Vector2, Vector3};
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Vector9 = SVector<f64, 9>;
 
+/// Poses closer than this (chordal) are one.
+const SAME_ROTATION: f64 = 1e-6;
 /// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three of them on a
 /// line, give 1e-17; a good square 1e-2.
 const MIN_SECOND_EIGENVALUE: f64 = 1e-11;
 
-/// Both poses that explain coplanar points to first order, the better one first; one when they coincide; none when the points do not
-/// determine a homography (fewer than 4, or all but one on a line).
+/// Both poses of coplanar points, the one of smaller object-space error first; a single one when they coincide; none when the points do
+/// not determine a homography (fewer than 4, or all but one on a line).
+///
+/// Each is followed to its minimum of that error where there is one: with few distant points the local map alone is too noisy a start.
 pub fn planar(points: &[Correspondence]) -> Candidates {
     poses(points).unwrap_or_default()
 }
@@ -33,17 +37,22 @@ fn poses(points: &[Correspondence]) -> Option<Candidates> {
     let axes = plane_axes(points, &frame)?;
     let homography = homography(points, &frame, &axes)?;
     let sums = Sums::new(points, |c| frame.apply(&c.x_in_target), |c| c.bearing.into_inner());
-    let t_from_r = sums.translation_from_rotation()?;
-    let error = |r: &Matrix3<f64>| {
-        let r = vec_of(r);
-        r.dot(&(sums.q * r)) + r.dot(&sums.b.tr_mul(&(t_from_r * r)))
-    };
+    let cost = Cost::new(&sums)?;
     let [first, second] = rotations(&homography)?.map(|r| r * axes.transpose());
-    let ordered = if error(&second) < error(&first) { [second, first] } else { [first, second] };
-    let pose = |r: &Matrix3<f64>| frame.undo(*r, t_from_r * vec_of(r));
-    let all: [Pose; 2] = ordered.each_ref().map(pose);
-    let count = if (first - second).norm() < 1e-6 { 1 } else { 2 };
-    Some(all.into_iter().take(count).collect())
+    let first = cost.descend(first, &[])?;
+    let other = cost.descend(second, &[first]).filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
+    // Where both descents end in one place the mirrored pose may still be a minimum of the reprojection error.
+    let second = other.unwrap_or_else(|| cost.at(second));
+    let mut poses = Candidates::new();
+    let ordered = if second.value < first.value { [second, first] } else { [first, second] };
+    for Minimum { rotation, .. } in ordered {
+        let is_new = poses.iter().all(|pose| SAME_ROTATION < (pose.rotation - rotation).norm());
+        if is_new {
+            let pose: Pose = frame.undo(rotation, cost.translation(&rotation));
+            poses.push(pose);
+        }
+    }
+    Some(poses)
 }
 
 /// Columns: two directions in the plane of the points, then its normal (on whichever side).

@@ -50,6 +50,7 @@ pub fn sqpnp(points: &[Correspondence]) -> Candidates {
 pub(super) struct Normalization {
     pub(super) centroid: Point,
     pub(super) scale: f64,
+    inverse_scale: f64,
 }
 
 impl Normalization {
@@ -59,12 +60,12 @@ impl Normalization {
         let first = points.first()?.x_in_target; // sums of differences keep the digits of far coordinates
         let centroid = first + points.iter().map(|c| c.x_in_target - first).sum::<Vector3<f64>>() / n;
         let size = points.iter().map(|c| (c.x_in_target - centroid).amax()).fold(0.0, f64::max);
-        let usable = 3 <= points.len() && 0.0 < size && size.is_finite();
-        usable.then_some(Normalization { centroid, scale: size })
+        let usable = 3 <= points.len() && size.is_normal() && (1.0 / size).is_normal();
+        usable.then_some(Normalization { centroid, scale: size, inverse_scale: 1.0 / size })
     }
 
     pub(super) fn apply(&self, x: &Point) -> Point {
-        (x - self.centroid) / self.scale
+        (x - self.centroid) * self.inverse_scale
     }
 
     /// Pose in the caller's frame and unit.
@@ -145,7 +146,7 @@ fn pair(i: usize, j: usize) -> usize {
     i * (5 - i) / 2 + j
 }
 
-pub(super) fn vec_of(r: &Matrix3<f64>) -> Vector9 {
+fn vec_of(r: &Matrix3<f64>) -> Vector9 {
     Vector9::from_fn(|k, _| r[(k / 3, k % 3)])
 }
 
@@ -153,7 +154,7 @@ pub(super) fn vec_of(r: &Matrix3<f64>) -> Vector9 {
 #[derive(Clone, Copy)]
 pub(super) struct Minimum {
     pub(super) rotation: Matrix3<f64>,
-    value: f64,
+    pub(super) value: f64,
 }
 
 /// rᵀ Ω r, the object-space error of a rotation.
@@ -172,6 +173,12 @@ impl Cost {
 
     pub(super) fn translation(&self, r: &Matrix3<f64>) -> Vector3<f64> {
         self.t_from_r * vec_of(r)
+    }
+
+    /// A rotation and its cost, as it is.
+    pub(super) fn at(&self, rotation: Matrix3<f64>) -> Minimum {
+        let r = vec_of(&rotation);
+        Minimum { rotation, value: r.dot(&(self.omega * r)) }
     }
 
     /// Cost of a signed permutation: six products.
