@@ -61,26 +61,12 @@ fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
 fn widest_pair_first(bearings: &[Bearing; 3]) -> [usize; 3] {
     let chord2 = |i: usize, j: usize| (bearings[i].into_inner() - bearings[j].into_inner()).norm_squared();
     let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
-    if bc <= ab && ca <= ab {
-        [0, 1, 2]
-    } else if ca <= bc {
-        [1, 2, 0]
-    } else {
-        [2, 0, 1]
-    }
+    let (apex, widest) = if ab < bc { (0, bc) } else { (2, ab) };
+    let apex = if widest < ca { 1 } else { apex };
+    [NEXT[apex], NEXT[apex + 1], apex]
 }
 
-fn longest_side_first(points: &[Point; 3]) -> [usize; 3] {
-    let chord2 = |i: usize, j: usize| (points[i] - points[j]).norm_squared();
-    let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
-    if bc <= ab && ca <= ab {
-        [0, 1, 2]
-    } else if ca <= bc {
-        [1, 2, 0]
-    } else {
-        [2, 0, 1]
-    }
-}
+const NEXT: [usize; 4] = [1, 2, 0, 1];
 
 /// The triangle in the target.
 struct Triangle {
