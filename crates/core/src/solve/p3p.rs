@@ -10,8 +10,8 @@
 
 use super::Candidates;
 use crate::polynomial::{polished_factor, quartic_factors};
-use arrayvec::ArrayVec;
 use crate::{Bearing, Point, Pose};
+use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
 /// A height below this part of the base is a straight line: the rotation about it has lost all digits but five.
@@ -88,7 +88,8 @@ impl Triangle {
         let height = normal.norm();
         let coordinates = a.amax().max(b.amax()).max(c.amax());
         let longest = base_length.max(ac.amax());
-        let is_open = MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
+        let is_open =
+            MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
         // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
         let m = (normal / height).cross(&e);
         let frame = Matrix3::from_columns(&[e, m, e.cross(&m)]);
@@ -137,7 +138,15 @@ impl Hinge {
     #[inline]
     fn new(triangle: &Triangle, rays: &Rays) -> Self {
         let (s, g, c) = (triangle.s, rays.g, rays.c);
-        Hinge { n0: c.y * (1.0 - s), d0: c.y * g - c.x * s, s1: s * (1.0 - s), g, h: triangle.h, inverse_h: 1.0 / triangle.h, c }
+        Hinge {
+            n0: c.y * (1.0 - s),
+            d0: c.y * g - c.x * s,
+            s1: s * (1.0 - s),
+            g,
+            h: triangle.h,
+            inverse_h: 1.0 / triangle.h,
+            c,
+        }
     }
 
     /// The quartic in x, eq. (8).

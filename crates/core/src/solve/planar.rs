@@ -40,7 +40,9 @@ fn poses(points: &[Correspondence]) -> Option<Candidates> {
     let cost = Cost::new(&sums)?;
     let [first, second] = rotations(&homography)?.map(|r| r * axes.transpose());
     let first = cost.descend(first, &[])?;
-    let other = cost.descend(second, &[first]).filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
+    let other = cost
+        .descend(second, &[first])
+        .filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
     // Where both descents end in one place the mirrored pose may still be a minimum of the reprojection error.
     let second = other.unwrap_or_else(|| cost.at(second));
     let mut poses = Candidates::new();
@@ -106,7 +108,8 @@ impl View {
         let stretch = (1.0 / spread).max(1.0);
         Some(View {
             image_from_cam: Matrix3::from_diagonal(&Vector3::new(stretch, stretch, 1.0)) * turn,
-            cam_from_image: turn.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0 / stretch, 1.0 / stretch, 1.0)),
+            cam_from_image: turn.transpose()
+                * Matrix3::from_diagonal(&Vector3::new(1.0 / stretch, 1.0 / stretch, 1.0)),
         })
     }
 }
