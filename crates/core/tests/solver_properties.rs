@@ -286,8 +286,8 @@ const CONTRACTS: [Contract; 4] = [
         misses: 0,
     },
     Contract { name: "planar", solve: planar, scene: board, most: 2, tolerance: 1e-6, misses: 0 },
-    Contract { name: "sqpnp", solve: sqpnp, scene: cloud, most: 4, tolerance: 1e-3, misses: 5 },
-    Contract { name: "sqpnp on boards", solve: sqpnp, scene: board, most: 4, tolerance: 1e-3, misses: 40 },
+    Contract { name: "sqpnp", solve: sqpnp, scene: cloud, most: 4, tolerance: 1e-3, misses: 1 },
+    Contract { name: "sqpnp on boards", solve: sqpnp, scene: board, most: 4, tolerance: 1e-3, misses: 5 },
 ];
 
 #[test]
@@ -393,8 +393,8 @@ fn planar_returns_the_mirrored_pose_too() {
         let normals: Vec<Vector3<f64>> =
             poses.iter().map(|pose| board_normal(pose, &scene.places, &sight)).collect();
         let tilt = normals[0].cross(&sight).norm();
-        if tilt < 0.3 {
-            continue; // nearly face on the two may be one
+        if !(0.3..0.8).contains(&tilt) {
+            continue; // face on the two may be one; near the edge the other minimum may show the other face
         }
         assert_eq!(poses.len(), 2);
         let mirrored = sight * (2.0 * normals[0].dot(&sight)) - normals[0];

@@ -149,7 +149,7 @@ fn smallest_eigenvector(m: &Matrix9) -> Option<Vector9> {
 /// The two rotations whose local map at the centroid is that of H, eqs. (3)–(6).
 fn rotations(h: &Matrix3<f64>) -> Option<[Matrix3<f64>; 2]> {
     let depth = h.column(2).norm();
-    let sight: Vector3<f64> = (h.column(2) / depth).into();
+    let sight = h.column(2) / depth;
     let turn = facing(&sight);
     let seen = turn * h / depth;
     let a: Matrix2<f64> = seen.fixed_view::<2, 2>(0, 0).into();
