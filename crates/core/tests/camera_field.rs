@@ -289,3 +289,16 @@ fn parameters_are_named_in_the_order_they_are_read_back() {
     assert_eq!(camera.with_parameters(&values).unwrap(), camera);
     assert!(matches!(camera.with_parameters(&values[1..]), Err(Error::CoefficientCount { seen: 8, .. })));
 }
+
+/// Near w = 0 the derivative by w is a series; the suite's central differences cannot step below 0 there.
+#[test]
+fn fov_derivative_by_a_tiny_angle_matches_central_difference() {
+    let camera = |w: f64| Camera { lens: Fov::new(square(1.0, 0.0, 0.0), w).unwrap().into(), size: None };
+    let x = Vector3::new(3.0, 0.0, 1.0);
+    let (w, h) = (5e-7, 4e-7);
+    let by_w = camera(w).intrinsics_jacobian(&x).unwrap()[4].x;
+    let difference = (camera(w + h).project(&x).unwrap() - camera(w - h).project(&x).unwrap()).x / (2.0 * h);
+    // Rounding of the difference: ε · 3 / 8e-7 ≈ 1e-9 of 1e-5.
+    assert!((by_w - difference).abs() < 1e-3 * by_w.abs(), "{by_w:e} against {difference:e}");
+    assert_eq!(camera(0.0).intrinsics_jacobian(&x).unwrap()[4].x, 0.0);
+}
