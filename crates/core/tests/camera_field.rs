@@ -259,6 +259,15 @@ fn intrinsics_that_cannot_be_right_are_refused_by_name() {
     assert_eq!(refused(lens(DoubleSphere::new(VGA, -1.0, 0.5).map(Lens::from))), "xi");
     assert_eq!(refused(lens(Omni::new(VGA, -1.5, &[]).map(Lens::from))), "xi");
     assert_eq!(refused(lens(Fov::new(VGA, 3.2).map(Lens::from))), "w");
+    // Folds at the axis: coefficients in the wrong unit, or overflowing.
+    for k1 in [-1e9, 1e300, -1e300] {
+        assert_eq!(refused(lens(BrownConrady::new(VGA, &[k1, 0.0, 0.0, 0.0]).map(Lens::from))), "distortion");
+        assert_eq!(
+            refused(lens(KannalaBrandt::new(VGA, &[k1, 0.0, 0.0, 0.0]).map(Lens::from))),
+            "distortion"
+        );
+        assert_eq!(refused(lens(Omni::new(VGA, 1.0, &[0.0, 0.0, k1, 0.0]).map(Lens::from))), "distortion");
+    }
     let mut tilted = [0.0; 14];
     tilted[12] = 1.6;
     assert_eq!(refused(lens(BrownConrady::new(VGA, &tilted).map(Lens::from))), "tau_x");
