@@ -8,7 +8,10 @@ mod aprilgrid;
 mod apriltag;
 mod charuco;
 mod chessboard;
+pub mod corner;
 pub mod families;
+mod homography;
+mod joints;
 mod sigma;
 pub mod tags;
 #[cfg(test)]

@@ -6,12 +6,10 @@
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
 use super::apriltag::{DecodedTag, QuadDecoder};
-use super::chessboard::{corner_config, view};
 use super::families::Family;
+use super::joints::{Joint, joints, nearest};
 use super::{DetectError, sigma};
 use crate::GrayImage;
-use calib_targets::chessboard::{ChessCorner, detect_corner_frame};
-use calib_targets::core::DetectorConfig;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{AprilGrid, Feature};
@@ -19,7 +17,6 @@ use resight_core::target::{AprilGrid, Feature};
 /// Finds one AprilGrid.
 pub(super) struct AprilGridFinder {
     decoder: QuadDecoder,
-    config: DetectorConfig,
 }
 
 impl AprilGridFinder {
@@ -29,12 +26,11 @@ impl AprilGridFinder {
         let family = Family::named(&grid.family)?.only(&grid.family, &ids)?;
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { decoder, config: corner_config() })
+        Ok(AprilGridFinder { decoder })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
-        let Some(view) = view(image) else { return Vec::new() };
-        let joints: Vec<Joint> = detect_corner_frame(&view, &self.config).corners.iter().map(Joint::new).collect();
+        let joints = joints(image);
         let decimate = if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
         let cut = cut_joints(image, &joints, decimate);
         let tags = one_border(self.decoder.detect(&cut, decimate));
@@ -47,20 +43,6 @@ impl AprilGridFinder {
 /// Largest image, pixels, in which tags are sought at full size. At half size a third of the tags of a 1-megapixel
 /// fisheye view is lost (22 of 36, against 36 at full size).
 const FULL_SIZE_PIXELS: u64 = 4_000_000;
-
-/// A saddle point of the image.
-#[derive(Debug, Clone, Copy)]
-struct Joint {
-    pixel: Pixel,
-    sigma_px: f64,
-}
-
-impl Joint {
-    fn new(c: &ChessCorner) -> Self {
-        let library_px = c.position_covariance.map(|k| k.sigma_max_px() as f64);
-        Joint { pixel: Pixel::new(c.position.x as f64, c.position.y as f64), sigma_px: sigma::saddle_px(library_px) }
-    }
-}
 
 /// Radius of the white dot, pixels of the decimated image.
 const CUT_RADIUS_PX: f64 = 1.5;
@@ -115,10 +97,4 @@ fn corners(tag: &DecodedTag, joints: &[Joint]) -> [Detection; 4] {
             sigma_px: joint.sigma_px,
         }
     })
-}
-
-fn nearest(joints: &[Joint], pixel: &Pixel, within_px: f64) -> Option<Joint> {
-    let distance = |joint: &Joint| (joint.pixel - pixel).norm();
-    let close = joints.iter().filter(|joint| distance(joint) <= within_px);
-    close.min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
 }

@@ -74,6 +74,27 @@ impl Family {
         self
     }
 
+    /// The markers as seen in a mirror (or printed on the back of a board). The reported corners are those of the
+    /// mirrored picture: its top-left is the marker's top-right.
+    pub fn mirrored(self) -> Self {
+        let cells: Vec<(i32, i32)> = self.bit_x.iter().copied().zip(self.bit_y.iter().copied()).collect();
+        let n_bits = cells.len();
+        let source: Vec<usize> = cells
+            .iter()
+            .map(|&(x, y)| cells.iter().position(|&cell| cell == (self.border_width - 1 - x, y)).unwrap_or(0))
+            .collect();
+        let mirror = |code: &u64| source.iter().fold(0, |word, &bit| word << 1 | (code >> (n_bits - 1 - bit) & 1));
+        Family { codes: self.codes.iter().map(mirror).collect(), ..self }
+    }
+
+    /// The markers printed white on black.
+    pub fn inverted(mut self) -> Self {
+        let all_bits = (1u64 << self.bit_x.len()) - 1;
+        self.codes.iter_mut().for_each(|code| *code ^= all_bits);
+        self.reversed_border = !self.reversed_border;
+        self
+    }
+
     /// Bits the decoder may correct. Random 16- and 21-bit squares decode too easily; ArUco codes lie so close
     /// together that correcting one bit gave 1–3 false ids in 72 tags, correcting none gave zero.
     pub fn correctable_bits(&self) -> u32 {
@@ -98,13 +119,12 @@ impl Family {
         if self.hamming_distance <= 6 { 30.0 } else { 15.0 }
     }
 
-    /// An OpenCV dictionary. Its tables are row-major with black = 1; the decoder rotates codes by a quarter of
+    /// An OpenCV dictionary. Its tables here are row-major, least significant bit first, black = 1; the decoder rotates codes by a quarter of
     /// their bits, so the bits must be listed quadrant by quadrant, each the quarter turn of the one before.
     fn aruco(dictionary: &Dictionary) -> Self {
         let n = dictionary.marker_size() as i32;
         let cells = quadrant_order(n);
-        let last = (n * n - 1) as u32;
-        let white = |code: u64, (x, y): (i32, i32)| 1 ^ (code >> (last - (y * n + x) as u32) & 1);
+        let white = |code: u64, (x, y): (i32, i32)| 1 ^ (code >> (y * n + x) & 1);
         let listed = |code: u64| cells.iter().fold(0, |word, &cell| word << 1 | white(code, cell));
         Family {
             codes: dictionary.codes().iter().map(|&code| listed(code)).collect(),
@@ -210,8 +230,20 @@ mod tests {
         assert_eq!(error, DetectError::UnknownId { family: "tag36h11".into(), id: 587, n_codes: 587 });
     }
 
-    /// Id 0 of tag36h11 as published: its first data row is white white black white black white
-    /// (code 0xd7e00984b, quadrant order of the C library).
+    /// DICT_4X4_50 id 0 as OpenCV prints it.
+    #[test]
+    fn aruco_marker_is_drawn_as_opencv_draws_it() {
+        let pattern = marker_pattern("DICT_4X4_50", 0).unwrap();
+        let rows: Vec<String> = pattern
+            .white
+            .chunks(pattern.width_cells)
+            .map(|row| row.iter().map(|&white| if white { '#' } else { '.' }).collect())
+            .collect();
+        let printed =
+            ["########", "#......#", "#.#.##.#", "#..#.#.#", "#...##.#", "#...#..#", "#......#", "########"];
+        assert_eq!(rows, printed);
+    }
+
     #[test]
     fn every_family_is_found_by_name() {
         for name in APRILTAG_FAMILIES {
