@@ -48,10 +48,7 @@ impl Family {
         if let Some(family) = apriltag::builtin_family(name) {
             return Ok(family);
         }
-        match name.strip_prefix("DICT_APRILTAG_").and_then(|short| apriltag::builtin_family(&format!("tag{short}"))) {
-            Some(family) => Ok(family),
-            None => resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name)),
-        }
+        resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name))
     }
 
     /// Only these ids; an id the family does not have is an error.
@@ -134,9 +131,15 @@ impl Family {
             border_width: n + 2,
             total_width: n + 4,
             reversed_border: false,
-            hamming_distance: 0,
+            hamming_distance: stated_distance(dictionary.name()),
         }
     }
+}
+
+/// OpenCV's copies of AprilTag families (turned by half against the originals) state their distance in the name.
+fn stated_distance(dictionary: &str) -> u32 {
+    let stated = dictionary.strip_prefix("DICT_APRILTAG_").and_then(|name| name.split_once('h'));
+    stated.and_then(|(_, distance)| distance.parse().ok()).unwrap_or(0)
 }
 
 /// Cells of an n × n square: the top quadrant row by row, then its quarter turns clockwise, the centre last.
@@ -244,6 +247,34 @@ mod tests {
         assert_eq!(rows, printed);
     }
 
+    /// The same codes, but "upright" differs by half a turn: a target file must say which of the two was printed.
+    #[test]
+    fn opencv_turns_apriltags_by_half() {
+        let (opencv, original) = ("DICT_APRILTAG_36h11", "tag36h11");
+        assert_eq!(Family::named(opencv).unwrap().hamming_distance, 11);
+        for id in [0, 7, 586] {
+            let mut turned = marker_pattern(opencv, id).unwrap();
+            turned.white.reverse();
+            assert_eq!(turned, marker_pattern(original, id).unwrap(), "id {id}");
+        }
+    }
+
+    /// A mirror swaps left and right of the picture.
+    #[test]
+    fn mirrored_and_inverted_families_draw_so() {
+        for name in ["DICT_5X5_50", "tag36h11"] {
+            let family = Family::named(name).unwrap();
+            let plain = draw(&family, family.codes[3]);
+            let mirrored = family.clone().mirrored();
+            let mut seen = draw(&mirrored, mirrored.codes[3]);
+            seen.white.chunks_mut(plain.width_cells).for_each(|row| row.reverse());
+            assert_eq!(seen, plain, "{name}");
+            let negative = family.clone().inverted();
+            assert_eq!(negative.reversed_border, !family.reversed_border);
+            assert_eq!(negative.codes[3] ^ family.codes[3], (1 << family.bit_x.len()) - 1);
+        }
+    }
+
     #[test]
     fn every_family_is_found_by_name() {
         for name in APRILTAG_FAMILIES {
@@ -254,6 +285,5 @@ mod tests {
         for name in ["DICT_4X4_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"] {
             assert!(!Family::named(name).unwrap().codes.is_empty(), "{name}");
         }
-        assert_eq!(Family::named("DICT_APRILTAG_36h11"), Family::named("tag36h11"));
     }
 }
