@@ -2,8 +2,8 @@
 //! Prints one JSON object: median and best milliseconds of a detection in the decoded image, and the corners.
 
 use resight::GrayImage;
-use resight::core::target::Tag;
 use resight::core::Target;
+use resight::core::target::Tag;
 use resight::detect::Detector;
 use std::error::Error;
 use std::path::Path;

@@ -60,7 +60,9 @@ impl CharucoFinder {
         let mut best = Vec::new();
         for decimate in [2.0, 1.0] {
             let mut seen = self.decoder.detect(image, decimate);
-            seen.iter_mut().filter(|m| MIRRORED[m.family]).for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));
+            seen.iter_mut()
+                .filter(|m| MIRRORED[m.family])
+                .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));
             let agreeing = self.agreeing(&seen);
             if best.len() < agreeing.len() {
                 best = agreeing;
@@ -77,12 +79,24 @@ impl CharucoFinder {
         let set_of = |leader: &DecodedTag| -> Vec<DecodedTag> {
             let Some(map) = Homography::fit(&self.pairs(leader)) else { return Vec::new() };
             let same_print = markers.iter().filter(|m| m.family == leader.family);
-            same_print.filter(|m| self.deviation_squares(&map, m) <= allowed_squares(self, leader, m)).copied().collect()
+            same_print
+                .filter(|m| self.deviation_squares(&map, m) <= allowed_squares(self, leader, m))
+                .copied()
+                .collect()
         };
         let sets = markers.iter().map(set_of);
         let mut best = sets.max_by(|a, b| strength(a).total_cmp(&strength(b))).unwrap_or_default();
         best.sort_by(|a, b| a.id.cmp(&b.id).then(b.margin_gray.total_cmp(&a.margin_gray)));
         best.dedup_by_key(|m| m.id);
+        // The other pattern of a board of odd width puts six of seven markers one column off, all in agreement: clear
+        // markers that contradict count, not only those that agree.
+        let contradicts = |m: &&DecodedTag| {
+            let same_print = best.first().is_some_and(|first| first.family == m.family);
+            same_print && LONE_MARGIN_GRAY <= m.margin_gray && !best.contains(m)
+        };
+        if best.len() < 9 * markers.iter().filter(contradicts).count() {
+            return Vec::new();
+        }
         // One marker alone is believed only with a clear reading: nothing else vouches for its id.
         if best.len() == 1 && best[0].margin_gray < LONE_MARGIN_GRAY { Vec::new() } else { best }
     }
@@ -95,10 +109,12 @@ impl CharucoFinder {
                 let map = Homography::fit(&self.pairs_near(markers, &place))?;
                 let predicted = map.at(&place);
                 let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
-                let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - predicted).norm());
+                let half_px =
+                    beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - predicted).norm());
                 let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
                 let inside = 0.0 <= predicted.x && predicted.x < image.width_px as f64;
-                let joint = nearest(joints, &predicted, (SEARCH_SQUARES * square_px).max(2.0)).filter(|_| inside)?;
+                let joint =
+                    nearest(joints, &predicted, (SEARCH_SQUARES * square_px).max(2.0)).filter(|_| inside)?;
                 let joint = joint.refined(image, WINDOW_SQUARES * square_px);
                 let feature = Feature { id, corner: 0 };
                 Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px })
@@ -107,13 +123,19 @@ impl CharucoFinder {
     }
 
     /// Corners of the markers nearest to a place, board (squares) and image.
-    fn pairs_near(&self, markers: &[DecodedTag], place: &PlanePoint) -> Vec<(PlanePoint, resight_core::Pixel)> {
+    fn pairs_near(
+        &self,
+        markers: &[DecodedTag],
+        place: &PlanePoint,
+    ) -> Vec<(PlanePoint, resight_core::Pixel)> {
         let centre = |m: &DecodedTag| {
             let (column, row) = self.squares[m.id as usize];
             PlanePoint::new(column as f64 + 0.5, row as f64 + 0.5)
         };
         let mut near: Vec<&DecodedTag> = markers.iter().collect();
-        near.sort_by(|a, b| (centre(a) - place).norm().total_cmp(&(centre(b) - place).norm()).then(a.id.cmp(&b.id)));
+        near.sort_by(|a, b| {
+            (centre(a) - place).norm().total_cmp(&(centre(b) - place).norm()).then(a.id.cmp(&b.id))
+        });
         near.into_iter().take(4).flat_map(|m| self.pairs(m)).collect()
     }
 

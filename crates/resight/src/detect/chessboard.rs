@@ -9,7 +9,9 @@
 use super::joints::{Joint, corner_config, view};
 use super::{DetectError, sigma};
 use crate::GrayImage;
-use calib_targets::chessboard::{ChessboardDetection, ChessboardDetector, ChessboardParams, detect_corner_frame};
+use calib_targets::chessboard::{
+    ChessboardDetection, ChessboardDetector, ChessboardParams, detect_corner_frame,
+};
 use calib_targets::core::DetectorConfig;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -166,12 +168,19 @@ fn placements(grid: &Grid, board: &Chessboard) -> Vec<Placement> {
 }
 
 fn n_labelled(grid: &Grid, board: &Chessboard, p: &Placement) -> usize {
-    let cells = (0..board.rows as i32).flat_map(|row| (0..board.columns as i32).map(move |column| (column, row)));
+    let cells =
+        (0..board.rows as i32).flat_map(|row| (0..board.columns as i32).map(move |column| (column, row)));
     cells.map(|(column, row)| p.node(column, row)).filter(|&(u, v)| grid.at(u, v).is_some()).count()
 }
 
 /// Mean of a lattice line of the placed board; rows when `along_row`, else columns.
-fn line_mean(grid: &Grid, board: &Chessboard, p: &Placement, row: Option<i32>, column: Option<i32>) -> Option<Pixel> {
+fn line_mean(
+    grid: &Grid,
+    board: &Chessboard,
+    p: &Placement,
+    row: Option<i32>,
+    column: Option<i32>,
+) -> Option<Pixel> {
     let (rows, columns) = (board.rows as i32, board.columns as i32);
     let cells = (0..rows).flat_map(|r| (0..columns).map(move |c| (c, r)));
     let on_line = cells.filter(|&(c, r)| row.is_none_or(|x| x == r) && column.is_none_or(|x| x == c));
@@ -205,7 +214,8 @@ fn inner_square_is_black(grid: &Grid, board: &Chessboard, p: &Placement, image: 
                 let (u, v) = p.node(column + dc, row + dr);
                 grid.at(u, v).map(|n| n.pixel)
             };
-            let (Some(a), Some(b), Some(c), Some(d)) = (node(0, 0), node(1, 0), node(1, 1), node(0, 1)) else {
+            let (Some(a), Some(b), Some(c), Some(d)) = (node(0, 0), node(1, 0), node(1, 1), node(0, 1))
+            else {
                 continue;
             };
             let parity = ((row + column) % 2) as usize;

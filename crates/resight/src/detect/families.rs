@@ -80,7 +80,8 @@ impl Family {
             .iter()
             .map(|&(x, y)| cells.iter().position(|&cell| cell == (self.border_width - 1 - x, y)).unwrap_or(0))
             .collect();
-        let mirror = |code: &u64| source.iter().fold(0, |word, &bit| word << 1 | (code >> (n_bits - 1 - bit) & 1));
+        let mirror =
+            |code: &u64| source.iter().fold(0, |word, &bit| word << 1 | (code >> (n_bits - 1 - bit) & 1));
         Family { codes: self.codes.iter().map(mirror).collect(), ..self }
     }
 
@@ -188,7 +189,9 @@ fn draw(family: &Family, code: u64) -> MarkerPattern {
     let ring = if family.reversed_border { inset } else { inset - 1 };
     let mut white = vec![false; width * width];
     for k in ring..width - ring {
-        for cell in [ring * width + k, (width - 1 - ring) * width + k, k * width + ring, k * width + width - 1 - ring] {
+        for cell in
+            [ring * width + k, (width - 1 - ring) * width + k, k * width + ring, k * width + width - 1 - ring]
+        {
             white[cell] = true;
         }
     }

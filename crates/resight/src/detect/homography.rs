@@ -62,7 +62,8 @@ mod tests {
     #[test]
     fn homography_reproduces_a_perspective_map() {
         let map = Matrix3::new(310.0, 21.0, 400.0, -14.0, 290.0, 300.0, 0.2, -0.1, 1.0);
-        let points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.8)].map(|(x, y)| PlanePoint::new(x, y));
+        let points =
+            [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.8)].map(|(x, y)| PlanePoint::new(x, y));
         let pairs = points.map(|x| (x, apply(&map, &x)));
         let fitted = Homography::fit(&pairs).unwrap();
         let elsewhere = PlanePoint::new(2.0, -1.0);

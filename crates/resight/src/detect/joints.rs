@@ -18,7 +18,10 @@ pub(super) struct Joint {
 impl Joint {
     pub fn new(c: &ChessCorner) -> Self {
         let library_px = c.position_covariance.map(|k| k.sigma_max_px() as f64);
-        Joint { pixel: Pixel::new(c.position.x as f64, c.position.y as f64), sigma_px: sigma::saddle_px(library_px) }
+        Joint {
+            pixel: Pixel::new(c.position.x as f64, c.position.y as f64),
+            sigma_px: sigma::saddle_px(library_px),
+        }
     }
 }
 
@@ -43,10 +46,15 @@ pub(super) fn corner_config() -> DetectorConfig {
         .with_uncertainty(Uncertainty::Propagated { noise: NoiseLevel::Estimate })
 }
 
-/// The library's view of an image; none when it is empty or the buffer does not have the stated size.
+/// Smallest image edge, pixels: the corner detector's ring, its peak search and the fit windows need 20 px, and the
+/// library does not check.
+const MIN_EDGE_PX: u32 = 32;
+
+/// The library's view of an image; none when it is too small or the buffer does not have the stated size.
 pub(super) fn view(image: &GrayImage) -> Option<GrayImageView<'_>> {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
-    let whole = 0 < width && 0 < height && width * height == image.data.len();
+    let large = MIN_EDGE_PX <= image.width_px && MIN_EDGE_PX <= image.height_px;
+    let whole = large && width * height == image.data.len();
     whole.then_some(GrayImageView { width, height, data: &image.data })
 }
 

@@ -125,13 +125,19 @@ fn surroundings(image: &GrayImage, tag: &DecodedTag) -> Option<(GrayImage, Pixel
         return None;
     }
     let rows = (v0..v1).map(|v| v as usize * image.width_px as usize);
-    let data = rows.flat_map(|row| image.data[row + u0 as usize..row + u1 as usize].iter().copied()).collect();
+    let data =
+        rows.flat_map(|row| image.data[row + u0 as usize..row + u1 as usize].iter().copied()).collect();
     Some((GrayImage { width_px: u1 - u0, height_px: v1 - v0, data }, Pixel::new(u0 as f64, v0 as f64)))
 }
 
 impl FoundTag {
     fn new(tag: &DecodedTag) -> Self {
-        FoundTag { id: tag.id, corners: tag.corners, sigma_px: sigma::tag_px(tag), margin_gray: tag.margin_gray }
+        FoundTag {
+            id: tag.id,
+            corners: tag.corners,
+            sigma_px: sigma::tag_px(tag),
+            margin_gray: tag.margin_gray,
+        }
     }
 
     /// Its four corners as detections.
