@@ -239,8 +239,16 @@ fn contents_of(document: &Document, format: &CameraFormat) -> Result<Contents, F
 
 fn not_a_camera(document: &Document) -> Fault {
     match target_format(document) {
-        Some(target) => Fault::new(format!("this is a target ({}), not a camera; give it with --target", target.format.name())),
-        None => Fault::new(format!("not a camera file that Resight knows ({:?} syntax, {}); the formats are {}", document.syntax, keys_seen(document), camera_format_names())),
+        Some(target) => Fault::new(format!(
+            "this is a target ({}), not a camera; give it with --target",
+            target.format.name()
+        )),
+        None => Fault::new(format!(
+            "not a camera file that Resight knows ({:?} syntax, {}); the formats are {}",
+            document.syntax,
+            keys_seen(document),
+            camera_format_names()
+        )),
     }
 }
 
@@ -249,8 +257,14 @@ fn camera_format_names() -> String {
 }
 
 fn keys_seen(document: &Document) -> String {
-    let keys: Vec<String> =
-        document.entry().entries().unwrap_or_default().iter().take(6).map(|e| e.name().chars().take(30).collect()).collect();
+    let keys: Vec<String> = document
+        .entry()
+        .entries()
+        .unwrap_or_default()
+        .iter()
+        .take(6)
+        .map(|e| e.name().chars().take(30).collect())
+        .collect();
     if keys.is_empty() { "no keys".into() } else { format!("keys {}", keys.join(", ")) }
 }
 
@@ -306,8 +320,14 @@ pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile,
 fn target_of(document: &Document) -> Result<TargetFile, Fault> {
     let Some(format) = target_format(document) else {
         return Err(match camera_format(document) {
-            Some(camera) => Fault::new(format!("this is a camera ({}), not a target; give it with --camera", camera.format.name())),
-            None => Fault::new(format!("not a target file that Resight knows ({}); our own begins with `kind = \"…\"`", keys_seen(document))),
+            Some(camera) => Fault::new(format!(
+                "this is a camera ({}), not a target; give it with --camera",
+                camera.format.name()
+            )),
+            None => Fault::new(format!(
+                "not a target file that Resight knows ({}); our own begins with `kind = \"…\"`",
+                keys_seen(document)
+            )),
         });
     };
     let (target, mut warnings) = (format.read)(document)?;
@@ -329,7 +349,10 @@ pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<String, 
         Format::OpenCv => opencv::write(cameras),
         Format::RosCameraInfo => ros::write(cameras),
         Format::Kalibr => kalibr::write(cameras),
-        other => Err(WriteError(format!("{} is read, not written; write resight, opencv, ros or kalibr", other.name()))),
+        other => Err(WriteError(format!(
+            "{} is read, not written; write resight, opencv, ros or kalibr",
+            other.name()
+        ))),
     }
 }
 

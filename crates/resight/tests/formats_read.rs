@@ -49,7 +49,12 @@ fn own_files() {
     assert_eq!(pinhole.name, "own_pinhole");
     assert_camera(&pinhole.camera, "pinhole", Some((640, 480)), &[535.4, 535.9, 341.8, 234.2]);
     let seed = one("own_photogrammetric.toml", Format::Own);
-    assert_camera(&seed.camera, "photogrammetric", None, &[3.54144878, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_camera(
+        &seed.camera,
+        "photogrammetric",
+        None,
+        &[3.54144878, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    );
     let rig = cameras("own_rig.toml", Format::Own);
     assert_camera(&rig[0].camera, "brown_conrady", Some((640, 480)), &BROWN);
     let models: Vec<&str> = rig.iter().map(|c| c.camera.model_name()).collect();
@@ -128,9 +133,16 @@ fn kalibr_imu_pose_and_a_key_that_lies() {
         format!("  - [0.0, -1.0, 0.0, {y}]\n  - [1.0, 0.0, 0.0, {x}]\n  - [0.0, 0.0, 1.0, -0.03]\n")
     };
     let lying = text
-        .replace("  - [0.0, 1.0, 0.0, 0.01]\n  - [-1.0, 0.0, 0.0, 0.02]\n  - [0.0, 0.0, 1.0, 0.03]\n", &inverse(-0.01, 0.02))
-        .replace("  - [0.0, 1.0, 0.0, -0.09]\n  - [-1.0, 0.0, 0.0, 0.02]\n  - [0.0, 0.0, 1.0, 0.03]\n", &inverse(0.09, 0.02));
-    let file = resight::formats::read_cameras_from_bytes(&example("x.yaml"), lying.clone().into_bytes()).unwrap();
+        .replace(
+            "  - [0.0, 1.0, 0.0, 0.01]\n  - [-1.0, 0.0, 0.0, 0.02]\n  - [0.0, 0.0, 1.0, 0.03]\n",
+            &inverse(-0.01, 0.02),
+        )
+        .replace(
+            "  - [0.0, 1.0, 0.0, -0.09]\n  - [-1.0, 0.0, 0.0, 0.02]\n  - [0.0, 0.0, 1.0, 0.03]\n",
+            &inverse(0.09, 0.02),
+        );
+    let file =
+        resight::formats::read_cameras_from_bytes(&example("x.yaml"), lying.clone().into_bytes()).unwrap();
     assert!(file.warnings.iter().any(|w| w.contains("T_imu_cam")), "{:?}", file.warnings);
     // Under its right name the file is consistent again.
     let honest = lying.replace("T_cam_imu", "T_imu_cam");
@@ -154,7 +166,12 @@ fn colmap_loses_half_a_pixel() {
     let all = cameras("cameras.txt", Format::Colmap);
     let names: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(names, ["1", "2", "3", "4", "5", "6"]);
-    assert_camera(&all[0].camera, "brown_conrady", Some((640, 480)), &[535.5, 535.5, 320.0, 240.0, -0.05, 0.0, 0.0, 0.0]);
+    assert_camera(
+        &all[0].camera,
+        "brown_conrady",
+        Some((640, 480)),
+        &[535.5, 535.5, 320.0, 240.0, -0.05, 0.0, 0.0, 0.0],
+    );
     assert_camera(&all[1].camera, "pinhole", Some((3072, 2304)), &[2560.5, 2560.25, 1536.0, 1152.0]);
     let opencv = [535.4, 535.9, 341.8, 234.2, -0.2, 0.1, 0.001, -0.0005];
     assert!(values(&all[2].camera).iter().zip(opencv).all(|(a, b)| (a - b).abs() < 1e-12));
@@ -210,9 +227,13 @@ fn own_targets_of_every_kind() {
         assert_eq!((file.format, file.target.kind()), (Format::OwnTarget, kind));
         assert_eq!(file.warnings, Vec::<String>::new(), "{kind}");
     }
-    let Target::Charuco(board) = read_target(&example("target_charuco.toml")).unwrap().target else { panic!() };
+    let Target::Charuco(board) = read_target(&example("target_charuco.toml")).unwrap().target else {
+        panic!()
+    };
     assert!(board.legacy_pattern && board.marker_m == 0.0405 && (board.rows, board.columns) == (5, 4));
-    let Target::Points(points) = read_target(&example("target_points.toml")).unwrap().target else { panic!() };
+    let Target::Points(points) = read_target(&example("target_points.toml")).unwrap().target else {
+        panic!()
+    };
     assert_eq!((points[0].sigma_m, points[1].sigma_m, points[1].position.x), (0.02, 0.0, 3.0));
     let Target::TagMap(map) = read_target(&example("target_tag_map.toml")).unwrap().target else { panic!() };
     assert_eq!(map.tags[0].world_from_tag.translation, Point::new(1.0, 2.0, 0.5));
@@ -221,7 +242,11 @@ fn own_targets_of_every_kind() {
 #[test]
 fn fourth_point_over_the_middle_is_warned_of() {
     let file = read_target(&example("target_middle.toml")).unwrap();
-    assert!(file.warnings[0].contains("over the middle") && file.warnings[0].contains("over an end"), "{:?}", file.warnings);
+    assert!(
+        file.warnings[0].contains("over the middle") && file.warnings[0].contains("over an end"),
+        "{:?}",
+        file.warnings
+    );
 }
 
 #[test]
@@ -230,7 +255,9 @@ fn kalibr_and_basalt_targets() {
         let Target::AprilGrid(grid) = read_target(&example(name)).unwrap().target else { panic!() };
         assert_eq!((grid.rows, grid.columns, grid.tag_size_m, grid.tag_spacing_ratio), (5, 6, 0.088, 0.3));
     }
-    let Target::Chessboard(board) = read_target(&example("kalibr_checkerboard.yaml")).unwrap().target else { panic!() };
+    let Target::Chessboard(board) = read_target(&example("kalibr_checkerboard.yaml")).unwrap().target else {
+        panic!()
+    };
     assert_eq!((board.rows, board.columns, board.square_m), (6, 9, 0.025));
 }
 
@@ -253,7 +280,9 @@ fn wpilib_tags_turn_into_our_tag_frame() {
 
 #[test]
 fn caliscope_board_in_metres() {
-    let Target::Charuco(board) = read_target(&example("caliscope_charuco.toml")).unwrap().target else { panic!() };
+    let Target::Charuco(board) = read_target(&example("caliscope_charuco.toml")).unwrap().target else {
+        panic!()
+    };
     assert!((board.square_m - 0.054).abs() < 1e-15 && (board.marker_m - 0.0405).abs() < 1e-15);
     assert_eq!((board.rows, board.columns, board.legacy_pattern), (5, 4, false));
 }
@@ -264,7 +293,8 @@ fn image_size_scales_or_refuses() {
     let camera = one("opencv_single.yml", Format::OpenCv).camera;
     assert_eq!(resight::formats::check_image_size(&camera, 640, 480).unwrap(), camera);
     let half = resight::formats::check_image_size(&camera, 320, 240).unwrap();
-    let (a, b) = (camera.bearing(&Pixel::new(100.5, 60.5)).unwrap(), half.bearing(&Pixel::new(50.0, 30.0)).unwrap());
+    let (a, b) =
+        (camera.bearing(&Pixel::new(100.5, 60.5)).unwrap(), half.bearing(&Pixel::new(50.0, 30.0)).unwrap());
     assert!(a.angle(&b) < 1e-12);
     let refusal = resight::formats::check_image_size(&camera, 640, 360).unwrap_err();
     assert!(refusal.contains("640×480") && refusal.contains("640×360"), "{refusal}");

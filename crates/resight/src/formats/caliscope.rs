@@ -44,12 +44,16 @@ fn one_camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, F
     let k = entry.need("matrix")?;
     let matrix = checks::camera_matrix(&k)?;
     let size = checks::size_pair(&entry.need("size")?)?;
-    let distortion = entry.first_of(&["distortions", "distortion"]).ok_or_else(|| entry.fault("the key `distortions` is missing"))?;
+    let distortion = entry
+        .first_of(&["distortions", "distortion"])
+        .ok_or_else(|| entry.fault("the key `distortions` is missing"))?;
     let d = distortion.numbers()?;
     let fisheye = entry.get("fisheye").map(|f| f.flag()).transpose()?.unwrap_or(false);
     let lens = match (fisheye, <[f64; 4]>::try_from(d.clone())) {
         (true, Ok(k)) => LensNumbers::KannalaBrandt(k),
-        (true, Err(d)) => return Err(distortion.fault(format!("holds {} coefficients; a fisheye takes 4", d.len()))),
+        (true, Err(d)) => {
+            return Err(distortion.fault(format!("holds {} coefficients; a fisheye takes 4", d.len())));
+        }
         (false, _) => opencv::brown_conrady(&distortion, d)?,
     };
     lens::camera(&k, &lens, matrix, Some(size), warnings)

@@ -21,7 +21,8 @@ pub(super) fn rotation(at: &Entry<'_>, r: &Matrix3<f64>) -> Result<Matrix3<f64>,
     if r.determinant() < 0.0 {
         return Err(at.fault("is a mirror (determinant −1), not a rotation; one axis is flipped"));
     }
-    Ok(Pose::from_quaternion_wxyz(Pose::new(*r, Vector3::zeros()).quaternion_wxyz(), Vector3::zeros()).rotation)
+    Ok(Pose::from_quaternion_wxyz(Pose::new(*r, Vector3::zeros()).quaternion_wxyz(), Vector3::zeros())
+        .rotation)
 }
 
 fn matrix3(m: &DMatrix<f64>) -> Matrix3<f64> {
@@ -38,7 +39,9 @@ pub(super) fn rotation_matrix_or_vector(at: &Entry<'_>) -> Result<Matrix3<f64>, 
     let numbers = at.numbers()?;
     match numbers.as_slice() {
         [x, y, z] => Ok(rodrigues(Vector3::new(*x, *y, *z))),
-        [_, _, _, _] => Err(at.fault("is four numbers: a quaternion of unclear order; a 3×3 matrix or a rotation vector is needed")),
+        [_, _, _, _] => Err(at.fault(
+            "is four numbers: a quaternion of unclear order; a 3×3 matrix or a rotation vector is needed",
+        )),
         _ => rotation_matrix(at),
     }
 }
@@ -65,10 +68,16 @@ pub(super) fn pose4x4(at: &Entry<'_>) -> Result<Pose, Fault> {
 }
 
 /// Pose from a quaternion already in the order w, x, y, z.
-pub(super) fn quaternion_pose(at: &Entry<'_>, wxyz: [f64; 4], translation: Vector3<f64>) -> Result<Pose, Fault> {
+pub(super) fn quaternion_pose(
+    at: &Entry<'_>,
+    wxyz: [f64; 4],
+    translation: Vector3<f64>,
+) -> Result<Pose, Fault> {
     let norm = wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() <= ORTHONORMAL) {
-        return Err(at.fault(format!("is a quaternion of length {norm:.4}; a rotation has length 1 (to 1e-3)")));
+        return Err(
+            at.fault(format!("is a quaternion of length {norm:.4}; a rotation has length 1 (to 1e-3)"))
+        );
     }
     Ok(Pose::from_quaternion_wxyz(wxyz, translation))
 }
@@ -77,7 +86,10 @@ pub(super) fn quaternion_pose(at: &Entry<'_>, wxyz: [f64; 4], translation: Vecto
 pub(super) fn camera_matrix(at: &Entry<'_>) -> Result<CameraMatrix, Fault> {
     let k = at.matrix(3, 3)?;
     if k[(0, 1)] != 0.0 {
-        return Err(at.fault(format!("has skew {} (row 1, column 2); only cameras without skew are supported", k[(0, 1)])));
+        return Err(at.fault(format!(
+            "has skew {} (row 1, column 2); only cameras without skew are supported",
+            k[(0, 1)]
+        )));
     }
     let rest = [k[(1, 0)], k[(2, 0)], k[(2, 1)], k[(2, 2)] - 1.0];
     if rest.iter().any(|x| 1e-9 < x.abs()) {

@@ -51,7 +51,10 @@ mod tests {
         let p = |i: usize| cameras[i].placement.as_ref().unwrap().b_from_a;
         let expected = p(1) * p(0) * p(2).inverse();
         let found = between(&cameras, "cam1", "cam2").unwrap();
-        assert!((found.rotation - expected.rotation).norm() + (found.translation - expected.translation).norm() < 1e-12);
+        assert!(
+            (found.rotation - expected.rotation).norm() + (found.translation - expected.translation).norm()
+                < 1e-12
+        );
         assert!(between(&cameras, "cam1", "world").is_none());
     }
 }

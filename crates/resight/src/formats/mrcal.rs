@@ -11,9 +11,13 @@ use nalgebra::Vector3;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Mrcal,
-    recognises: |document| document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some(),
+    recognises: |document| {
+        document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some()
+    },
     read,
-    traps: &["extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t."],
+    traps: &[
+        "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t.",
+    ],
 };
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -46,7 +50,9 @@ fn coefficient_count(model: &Entry<'_>) -> Result<usize, Fault> {
         "LENSMODEL_OPENCV12" => Ok(12),
         other => {
             let short: String = other.chars().take(60).collect();
-            Err(model.fault(format!("model {short} is not supported; convert with `mrcal-convert-lensmodel LENSMODEL_OPENCV8`")))
+            Err(model.fault(format!(
+                "model {short} is not supported; convert with `mrcal-convert-lensmodel LENSMODEL_OPENCV8`"
+            )))
         }
     }
 }

@@ -13,10 +13,15 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::RosCameraInfo,
     recognises: |document| {
         let root = document.entry();
-        let saved = root.has("camera_matrix") && (root.has("rectification_matrix") || root.has("projection_matrix"));
-        let echoed = (root.has("k") || root.has("K")) && (root.has("p") || root.has("P")) && root.has("distortion_model");
-        saved || echoed || (root.has("camera_matrix") && root.has("distortion_model") && root.has("camera_name"))
-            && !document.text.contains("opencv-matrix")
+        let saved =
+            root.has("camera_matrix") && (root.has("rectification_matrix") || root.has("projection_matrix"));
+        let echoed = (root.has("k") || root.has("K"))
+            && (root.has("p") || root.has("P"))
+            && root.has("distortion_model");
+        saved
+            || echoed
+            || (root.has("camera_matrix") && root.has("distortion_model") && root.has("camera_name"))
+                && !document.text.contains("opencv-matrix")
     },
     read,
     traps: &[
@@ -29,34 +34,51 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let root = document.entry();
     let mut contents = Contents::default();
     refuse_crops(&root)?;
-    let width = root.first_of(&["image_width", "width"]).ok_or_else(|| root.fault("the key `image_width` is missing"))?;
-    let height = root.first_of(&["image_height", "height"]).ok_or_else(|| root.fault("the key `image_height` is missing"))?;
+    let width = root
+        .first_of(&["image_width", "width"])
+        .ok_or_else(|| root.fault("the key `image_width` is missing"))?;
+    let height = root
+        .first_of(&["image_height", "height"])
+        .ok_or_else(|| root.fault("the key `image_height` is missing"))?;
     let size = ImageSize { width_px: width.count(1)?, height_px: height.count(1)? };
-    let k = root.first_of(&["camera_matrix", "k", "K"]).ok_or_else(|| root.fault("the key `camera_matrix` is missing"))?;
+    let k = root
+        .first_of(&["camera_matrix", "k", "K"])
+        .ok_or_else(|| root.fault("the key `camera_matrix` is missing"))?;
     let matrix = checks::camera_matrix(&k)?;
     let lens = lens_numbers(&root)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
     let name = root.get("camera_name").map(|n| n.text().map(str::to_owned)).transpose()?;
-    contents.cameras.push(NamedCamera { name: name.unwrap_or_else(|| document.stem()), camera, placement: None });
+    contents.cameras.push(NamedCamera {
+        name: name.unwrap_or_else(|| document.stem()),
+        camera,
+        placement: None,
+    });
     contents.notes.extend(baseline_note(&root)?);
     Ok(contents)
 }
 
 fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {
-    let model = root.first_of(&["distortion_model", "camera_model"]).ok_or_else(|| root.fault("the key `distortion_model` is missing"))?;
-    let d = root.first_of(&["distortion_coefficients", "d", "D"]).ok_or_else(|| root.fault("the key `distortion_coefficients` is missing"))?;
+    let model = root
+        .first_of(&["distortion_model", "camera_model"])
+        .ok_or_else(|| root.fault("the key `distortion_model` is missing"))?;
+    let d = root
+        .first_of(&["distortion_coefficients", "d", "D"])
+        .ok_or_else(|| root.fault("the key `distortion_coefficients` is missing"))?;
     let numbers = d.numbers()?;
     let word = model.text()?;
-    let (lens, counts): (_, &[usize]) = match word {
-        "plumb_bob" => (opencv::brown_conrady(&d, numbers.clone()), &[0, 4, 5]),
-        "rational_polynomial" => (opencv::brown_conrady(&d, numbers.clone()), &[8, 12, 14]),
-        "equidistant" | "fisheye" => {
-            let four = <[f64; 4]>::try_from(numbers.clone()).unwrap_or_default();
-            (Ok(LensNumbers::KannalaBrandt(four)), &[4])
-        }
-        "none" | "" => (opencv::brown_conrady(&d, numbers.clone()), &[0, 4, 5]),
-        other => return Err(model.fault(format!("unknown distortion model `{other}`; plumb_bob, rational_polynomial or equidistant are read"))),
-    };
+    let (lens, counts): (_, &[usize]) =
+        match word {
+            "plumb_bob" => (opencv::brown_conrady(&d, numbers.clone()), &[0, 4, 5]),
+            "rational_polynomial" => (opencv::brown_conrady(&d, numbers.clone()), &[8, 12, 14]),
+            "equidistant" | "fisheye" => {
+                let four = <[f64; 4]>::try_from(numbers.clone()).unwrap_or_default();
+                (Ok(LensNumbers::KannalaBrandt(four)), &[4])
+            }
+            "none" | "" => (opencv::brown_conrady(&d, numbers.clone()), &[0, 4, 5]),
+            other => return Err(model.fault(format!(
+                "unknown distortion model `{other}`; plumb_bob, rational_polynomial or equidistant are read"
+            ))),
+        };
     if !counts.contains(&numbers.len()) {
         let needed = counts.iter().filter(|n| 0 < **n).map(usize::to_string).collect::<Vec<_>>().join(" or ");
         return Err(d.fault(format!("holds {} coefficients; {word} takes {needed}", numbers.len())));
@@ -72,7 +94,9 @@ fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
     for key in ["binning_x", "binning_y"] {
         if let Some(binning) = root.get(key).filter(|b| b.number().is_ok_and(|n| 1.0 < n)) {
             let seen = binning.number()?;
-            return Err(binning.fault(format!("is {seen}: K belongs to unbinned images; give the camera_info of the images themselves")));
+            return Err(binning.fault(format!(
+                "is {seen}: K belongs to unbinned images; give the camera_info of the images themselves"
+            )));
         }
     }
     let Some(roi) = root.get("roi") else { return Ok(()) };
@@ -97,9 +121,15 @@ fn baseline_note(root: &Entry<'_>) -> Result<Option<String>, Fault> {
 /// One camera, as `camera_calibration` saves it; a pose has no place in this file.
 pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
     let [camera] = cameras else {
-        return Err(WriteError(format!("a camera_info file holds one camera, not {}; pick one with FILE#NAME", cameras.len())));
+        return Err(WriteError(format!(
+            "a camera_info file holds one camera, not {}; pick one with FILE#NAME",
+            cameras.len()
+        )));
     };
-    let size = camera.camera.size.ok_or_else(|| WriteError("camera_info needs the image size, which this camera has not".into()))?;
+    let size = camera
+        .camera
+        .size
+        .ok_or_else(|| WriteError("camera_info needs the image size, which this camera has not".into()))?;
     let (k, numbers) = lens::numbers_of(&camera.camera)?;
     let (model, d) = model_of(numbers)?;
     let rows = opencv::matrix_rows(&k);
@@ -141,9 +171,15 @@ fn model_of(numbers: LensNumbers) -> Result<(&'static str, Vec<f64>), WriteError
             d.resize(5, 0.0);
             Ok(("plumb_bob", d))
         }
-        LensNumbers::BrownConrady(d) if d[8..].iter().all(|x| *x == 0.0) => Ok(("rational_polynomial", d[..8].to_vec())),
-        LensNumbers::BrownConrady(_) => Err(WriteError("camera_info has no thin-prism or tilt terms; write opencv or resight".into())),
+        LensNumbers::BrownConrady(d) if d[8..].iter().all(|x| *x == 0.0) => {
+            Ok(("rational_polynomial", d[..8].to_vec()))
+        }
+        LensNumbers::BrownConrady(_) => {
+            Err(WriteError("camera_info has no thin-prism or tilt terms; write opencv or resight".into()))
+        }
         LensNumbers::KannalaBrandt(d) => Ok(("equidistant", d.to_vec())),
-        other => Err(WriteError(format!("camera_info has no {} model; write resight or kalibr", other.model()))),
+        other => {
+            Err(WriteError(format!("camera_info has no {} model; write resight or kalibr", other.model())))
+        }
     }
 }

@@ -46,7 +46,9 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
         return Err(list.fault("holds no tags"));
     }
     let assumed = !(root.has("family") && root.has("size_m"));
-    let warnings = assumed.then(|| "the layout states no tag size; tag36h11 with a black edge of 165.1 mm is assumed".to_owned());
+    let warnings = assumed.then(|| {
+        "the layout states no tag size; tag36h11 with a black edge of 165.1 mm is assumed".to_owned()
+    });
     Ok((Target::TagMap(TagMap { family, tags }), warnings.into_iter().collect()))
 }
 

@@ -103,7 +103,11 @@ impl<'t> Parser<'t> {
             entries.push((key, Node { line, ..self.value(depth - 1)? }));
             self.skip_blank();
             if !self.take(',') {
-                return if self.take('}') { map_of(start, entries) } else { Err(self.expected("`,` or `}`")) };
+                return if self.take('}') {
+                    map_of(start, entries)
+                } else {
+                    Err(self.expected("`,` or `}`"))
+                };
             }
         }
     }
@@ -140,7 +144,9 @@ impl<'t> Parser<'t> {
                 None => return Err(self.fault("a string without its closing quote (truncated?)")),
                 c if c == quote => return Ok(text),
                 Some('\\') => text.push(self.escape()?),
-                Some(c) if c < ' ' => return Err(self.fault("a control character or line end inside a string")),
+                Some(c) if c < ' ' => {
+                    return Err(self.fault("a control character or line end inside a string"));
+                }
                 Some(c) => text.push(c),
             }
         }
@@ -184,7 +190,8 @@ impl<'t> Parser<'t> {
 
     fn word(&mut self) -> Result<Value, Fault> {
         let rest = &self.text[self.at..];
-        let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || "+-._".contains(c))).unwrap_or(rest.len());
+        let end =
+            rest.find(|c: char| !(c.is_ascii_alphanumeric() || "+-._".contains(c))).unwrap_or(rest.len());
         let word = &rest[..end];
         if self.python && word == "b" && rest[end..].starts_with(['\'', '"']) {
             self.at += end;
@@ -211,7 +218,8 @@ impl<'t> Parser<'t> {
         match word.parse::<f64>() {
             Ok(x) if strict && x.is_finite() => Ok(x),
             _ if word.is_empty() => Err(self.expected("a value")),
-            _ => Err(self.fault(format!("`{}` is neither a number nor a word it knows", &word[..word.len().min(40)]))),
+            _ => Err(self
+                .fault(format!("`{}` is neither a number nor a word it knows", &word[..word.len().min(40)]))),
         }
     }
 }

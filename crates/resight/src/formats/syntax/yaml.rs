@@ -26,6 +26,14 @@ fn options() -> serde_saphyr::Options {
             max_anchors: 64,
             max_documents: 1,
         },
+        // The largest honest use of aliases is one board or matrix named twice.
+        alias_limits: serde_saphyr::alias_limits! {
+            max_total_replayed_events: 4096,
+            max_replay_stack_depth: 8,
+            max_alias_expansions_per_anchor: 16,
+        },
+        // A failed calibration writes `.Nan`; the refusal with the key's name comes later.
+        reject_non_finite_typeless_float: false,
         with_snippet: false,
     }
 }
@@ -118,7 +126,13 @@ impl<'de> Visitor<'de> for RawVisitor {
     }
 
     fn visit_str<E>(self, text: &str) -> Result<Raw, E> {
-        Ok(Raw::Text(text.to_owned()))
+        // Where the type is open, serde-saphyr hands the non-finite numbers over as text.
+        Ok(match text {
+            ".nan" => Raw::Number(f64::NAN),
+            ".inf" => Raw::Number(f64::INFINITY),
+            "-.inf" => Raw::Number(f64::NEG_INFINITY),
+            _ => Raw::Text(text.to_owned()),
+        })
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Raw, A::Error> {
