@@ -3,6 +3,20 @@
 //! A format is one file below `formats/` and one row of `CAMERA_FORMATS` or `TARGET_FORMATS`. Each turns its own
 //! pixel origin, units, names and direction of transforms into ours (metres, pixel (0, 0) the centre of the top-left
 //! pixel, poses `b_from_a`); nothing of a foreign convention leaves these modules.
+//!
+//! | format | file | cameras | poses as stated there | written |
+//! | --- | --- | --- | --- | --- |
+//! | own TOML | `own_camera.rs` | all models | any `b_from_a` | yes |
+//! | OpenCV YAML, XML, JSON | `opencv.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML |
+//! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
+//! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
+//! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | |
+//! | COLMAP cameras.txt | `colmap.rs` | 13 models | none (images.txt) | |
+//! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | |
+//! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 5, 8; fisheye | none | |
+//! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | |
+//! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | |
+//! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 
 mod syntax;
 mod document;
@@ -170,10 +184,12 @@ struct CameraFormat {
     traps: &'static [&'static str],
 }
 
+type TargetAndWarnings = (Target, Vec<String>);
+
 struct TargetFormat {
     format: Format,
     recognises: fn(&Document) -> bool,
-    read: fn(&Document) -> Result<(Target, Vec<String>), Fault>,
+    read: fn(&Document) -> Result<TargetAndWarnings, Fault>,
     traps: &'static [&'static str],
 }
 

@@ -97,13 +97,13 @@ fn opencv_files_that_cannot_be_right() {
         "opencv_single.yml",
         "image_width: 640\n",
         "",
-        &[":3: image_height", "belong together"],
+        &[":4: image_height", "belong together"],
     );
     assert_camera_refused(
         "opencv_fisheye.xml",
         "7.0e-03</data>",
         "</data>",
-        &[":14: Distortion_Coefficients", "4×1", "3 numbers"],
+        &[":13: Distortion_Coefficients", "4×1", "3 numbers"],
     );
     assert_camera_refused("opencv_fisheye.xml", "</opencv_storage>", "", &["XML"]);
     assert_camera_refused(
@@ -356,4 +356,23 @@ fn xml_with_entities_is_refused() {
     let text =
         "<?xml version=\"1.0\"?><!DOCTYPE x [<!ENTITY a \"aaaa\">]><opencv_storage>&a;</opencv_storage>";
     assert_says(&camera_refusal("x", text), &["XML"]);
+}
+
+/// As many values as the size limits let through: seconds at most, whatever they are.
+#[test]
+fn the_largest_files_end_soon() {
+    let yaml = |unit: &str| unit.repeat((1 << 20) / unit.len());
+    for (name, text) in [
+        ("list", yaml("- 1\n")),
+        ("flow", format!("a: [{}1]\n", "1,".repeat(500_000))),
+        ("maps", yaml("- {a: 1, b: 2}\n")),
+        ("toml", format!("a = [{}1]\n", "1,".repeat(500_000))),
+        ("json", format!("{{\"a\": [{}1]}}", "1,".repeat(8_000_000))),
+        ("xml", format!("<opencv_storage>{}</opencv_storage>", "<a>1</a>".repeat(100_000))),
+    ] {
+        let start = std::time::Instant::now();
+        camera_refusal("x", text);
+        println!("{name}: {:.2} s", start.elapsed().as_secs_f64());
+        assert!(start.elapsed().as_secs_f64() < 20.0, "{name}");
+    }
 }

@@ -127,7 +127,7 @@ fn nothing_is_dropped_silently() {
     refused("photonvision_new.json", Format::Kalibr, "radtan has k1, k2, p1, p2 only");
     assert!(write_cameras(&[], Format::Own).is_err());
     let text = write_cameras(&cameras("cam7/sensor.yaml"), Format::RosCameraInfo).unwrap();
-    assert!(text.starts_with("# The pose of this camera"), "{text}");
+    assert!(text.starts_with("# The pose body from cam7 is not part"), "{text}");
 }
 
 /// The new bytes are there, the permissions are the old ones, no temporary file is left; a failure changes nothing.

@@ -14,7 +14,8 @@ pub(super) const LONG_BASELINE_M: f64 = 20.0;
 /// A rotation matrix, made orthonormal to rounding; refuses mirrors and what is not a rotation.
 pub(super) fn rotation(at: &Entry<'_>, r: &Matrix3<f64>) -> Result<Matrix3<f64>, Fault> {
     let off = (r.transpose() * r - Matrix3::identity()).amax();
-    if !(off <= ORTHONORMAL) {
+    // NaN fails too.
+    if !(..=ORTHONORMAL).contains(&off) {
         let needed = "a rotation matrix has orthonormal rows (to 1e-3)";
         return Err(at.fault(format!("is not a rotation: RᵀR differs from 1 by {off:.1e}; {needed}")));
     }
@@ -38,7 +39,7 @@ pub(super) fn rotation_matrix(at: &Entry<'_>) -> Result<Matrix3<f64>, Fault> {
 pub(super) fn rotation_matrix_or_vector(at: &Entry<'_>) -> Result<Matrix3<f64>, Fault> {
     let numbers = at.numbers()?;
     match numbers.as_slice() {
-        [x, y, z] => Ok(rodrigues(Vector3::new(*x, *y, *z))),
+        [x, y, z] => rodrigues(at, Vector3::new(*x, *y, *z)),
         [_, _, _, _] => Err(at.fault(
             "is four numbers: a quaternion of unclear order; a 3×3 matrix or a rotation vector is needed",
         )),
@@ -46,9 +47,15 @@ pub(super) fn rotation_matrix_or_vector(at: &Entry<'_>) -> Result<Matrix3<f64>, 
     }
 }
 
-/// Rotation of a vector axis · angle.
-pub(super) fn rodrigues(w: Vector3<f64>) -> Matrix3<f64> {
-    Pose::exp(&crate::core::Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation
+/// Rotation of a vector axis · angle, radians.
+pub(super) fn rodrigues(at: &Entry<'_>, w: Vector3<f64>) -> Result<Matrix3<f64>, Fault> {
+    let turn = w.norm();
+    if !(..=std::f64::consts::TAU).contains(&turn) {
+        return Err(
+            at.fault(format!("is a rotation by {turn:.3} rad, more than a full turn; is it in degrees?"))
+        );
+    }
+    Ok(Pose::exp(&crate::core::Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation)
 }
 
 /// Three numbers.
@@ -74,7 +81,7 @@ pub(super) fn quaternion_pose(
     translation: Vector3<f64>,
 ) -> Result<Pose, Fault> {
     let norm = wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() <= ORTHONORMAL) {
+    if !(..=ORTHONORMAL).contains(&(norm - 1.0).abs()) {
         return Err(
             at.fault(format!("is a quaternion of length {norm:.4}; a rotation has length 1 (to 1e-3)"))
         );

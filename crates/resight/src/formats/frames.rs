@@ -20,10 +20,10 @@ pub(super) fn between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose>
             } else {
                 None
             };
-            if let Some((to, to_from_frame)) = step {
-                if reached.iter().all(|(seen, _)| seen != to) {
-                    reached.push((to.clone(), to_from_frame * frame_from_a));
-                }
+            if let Some((to, to_from_frame)) = step
+                && reached.iter().all(|(seen, _)| seen != to)
+            {
+                reached.push((to.clone(), to_from_frame * frame_from_a));
             }
         }
         next += 1;

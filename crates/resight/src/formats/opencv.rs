@@ -284,7 +284,10 @@ fn write_intrinsics(
         LensNumbers::BrownConrady(d) => ("rational_polynomial", d),
         LensNumbers::KannalaBrandt(d) => ("fisheye", d.to_vec()),
         other => {
-            return Err(WriteError(format!("OpenCV has no {} model; write resight or kalibr", other.model())));
+            return Err(WriteError(format!(
+                "OpenCV has no {} model; write resight or kalibr",
+                other.model()
+            )));
         }
     };
     if !out.contains("distortion_model") {

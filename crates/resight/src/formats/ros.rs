@@ -156,12 +156,9 @@ fn quoted(name: &str) -> String {
 }
 
 fn pose_comment(camera: &NamedCamera) -> String {
-    camera.placement.as_ref().map_or_else(String::new, |p| {
-        "# The pose of this camera relative to another frame is not part of camera_info; publish it as a transform: "
-            .to_owned()
-            + &format!("{} from {}.\n", p.b, p.a).replace(['\r', '\n'], " ").trim_end().to_owned()
-            + "\n"
-    })
+    let Some(p) = &camera.placement else { return String::new() };
+    let frames = format!("{} from {}", p.b, p.a).replace(['\r', '\n'], " ");
+    format!("# The pose {frames} is not part of camera_info; publish it as a transform.\n")
 }
 
 fn model_of(numbers: LensNumbers) -> Result<(&'static str, Vec<f64>), WriteError> {

@@ -33,7 +33,7 @@ fn options() -> serde_saphyr::Options {
             max_alias_expansions_per_anchor: 16,
         },
         // A failed calibration writes `.Nan`; the refusal with the key's name comes later.
-        reject_non_finite_typeless_float: false,
+        non_finite_float_policy: serde_saphyr::NonFiniteFloatPolicy::PassThrough,
         with_snippet: false,
     }
 }
@@ -126,13 +126,7 @@ impl<'de> Visitor<'de> for RawVisitor {
     }
 
     fn visit_str<E>(self, text: &str) -> Result<Raw, E> {
-        // Where the type is open, serde-saphyr hands the non-finite numbers over as text.
-        Ok(match text {
-            ".nan" => Raw::Number(f64::NAN),
-            ".inf" => Raw::Number(f64::INFINITY),
-            "-.inf" => Raw::Number(f64::NEG_INFINITY),
-            _ => Raw::Text(text.to_owned()),
-        })
+        Ok(Raw::Text(text.to_owned()))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Raw, A::Error> {
