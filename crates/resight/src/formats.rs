@@ -24,7 +24,7 @@ mod entry;
 mod checks;
 mod lens;
 mod frames;
-mod number;
+mod emit;
 mod own_camera;
 mod own_target;
 mod opencv;
@@ -43,7 +43,7 @@ mod explain;
 mod atomic;
 
 pub use atomic::write_atomically;
-pub use explain::explain;
+pub use explain::{explain, explain_from_bytes};
 
 use crate::FileError;
 use crate::core::camera::ImageSize;

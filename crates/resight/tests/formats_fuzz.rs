@@ -1,7 +1,9 @@
 //! Whatever the bytes, reading ends with an answer or a refusal: no panic, no unbounded work.
 
 use proptest::prelude::*;
-use resight::formats::{read_cameras_from_bytes, read_target_from_bytes};
+use resight::formats::{
+    Format, NamedCamera, explain_from_bytes, read_cameras_from_bytes, read_target_from_bytes, write_cameras,
+};
 use std::path::{Path, PathBuf};
 
 fn examples() -> Vec<(PathBuf, Vec<u8>)> {
@@ -15,6 +17,9 @@ fn examples() -> Vec<(PathBuf, Vec<u8>)> {
 /// Both readers; whatever is accepted must be usable without a surprise.
 fn read_both(path: &Path, bytes: &[u8]) {
     if let Ok(file) = read_cameras_from_bytes(path, bytes.to_vec()) {
+        let said = explain_from_bytes(path, bytes.to_vec()).unwrap();
+        assert!(!said.contains("NaN"), "{said}");
+        write_all(&file.cameras);
         for camera in file.cameras {
             assert!(camera.camera.parameters().iter().all(|(_, x)| x.is_finite()));
             assert!(
@@ -24,6 +29,21 @@ fn read_both(path: &Path, bytes: &[u8]) {
     }
     if let Ok(file) = read_target_from_bytes(path, bytes.to_vec()) {
         assert!(file.target.features().len() <= 4_000_000);
+    }
+}
+
+/// What one of our writers accepts, our reader reads: the same lenses, in the same order.
+fn write_all(cameras: &[NamedCamera]) {
+    for format in [Format::Own, Format::OpenCv, Format::RosCameraInfo, Format::Kalibr] {
+        let Ok(text) = write_cameras(cameras, format) else { continue };
+        let back = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes());
+        let back = back.unwrap_or_else(|e| panic!("{format:?}: {e}\n{text}"));
+        assert_eq!(back.format, format, "{text}");
+        assert_eq!(back.cameras.len(), cameras.len());
+        for (a, b) in back.cameras.iter().zip(cameras) {
+            assert_eq!(a.camera.size, b.camera.size);
+            assert!(format != Format::Own || (a.name == b.name && a.camera == b.camera), "{text}");
+        }
     }
 }
 

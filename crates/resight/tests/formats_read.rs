@@ -299,3 +299,17 @@ fn image_size_scales_or_refuses() {
     let refusal = resight::formats::check_image_size(&camera, 640, 360).unwrap_err();
     assert!(refusal.contains("640×480") && refusal.contains("640×360"), "{refusal}");
 }
+
+/// OpenVINS writes OpenCV's header, no `---` after it, and the inverse of Kalibr's pose.
+#[test]
+fn openvins_chain_with_its_header() {
+    let kalibr = std::fs::read_to_string(example("kalibr_imucam.yaml")).unwrap();
+    let text = format!(
+        "%YAML:1.0 # need to specify the file type at the top!\n\n{}",
+        kalibr.replace("T_cam_imu", "T_imu_cam")
+    );
+    let file = resight::formats::read_cameras_from_bytes(&example("x.yaml"), text.into_bytes()).unwrap();
+    assert_eq!((file.format, file.cameras.len()), (Format::Kalibr, 2));
+    // Rᵀ (x − t) of T_imu_cam.
+    assert_maps(&file.cameras[0], "cam0", "imu", [0.01, 0.02, 0.03], [0.0, 0.0, 0.0]);
+}

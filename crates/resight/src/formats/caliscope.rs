@@ -23,8 +23,16 @@ fn tables<'a>(root: &Entry<'a>) -> Vec<Entry<'a>> {
     below.entries().unwrap_or_default().into_iter().filter(is_camera).collect()
 }
 
+/// Caliscope lists cameras before they are calibrated.
+fn uncalibrated(root: &Entry<'_>) -> Vec<String> {
+    let listed = root.get("cameras").and_then(|c| c.entries().ok()).unwrap_or_default();
+    let without = listed.into_iter().filter(|e| !(e.has("matrix") && e.has("size")));
+    without.map(|e| format!("{}: no matrix or no size yet; this camera is left out", e.path)).collect()
+}
+
 fn read(document: &Document) -> Result<Contents, Fault> {
     let mut contents = Contents::default();
+    contents.warnings.extend(uncalibrated(&document.entry()));
     for entry in tables(&document.entry()) {
         let stated = entry.get("name").map(|n| n.text().map(str::to_owned)).transpose()?;
         let name = stated.unwrap_or_else(|| entry.name().to_owned());

@@ -21,6 +21,12 @@ pub fn explain(path: &Path) -> Result<String, FileError> {
     explain_document(&document).map_err(|fault| fault.in_file(path))
 }
 
+/// As `explain`, from bytes in memory; `path` serves names and messages only.
+pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
+    let document = Document::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
+    explain_document(&document).map_err(|fault| fault.in_file(path))
+}
+
 fn explain_document(document: &Document) -> Result<String, Fault> {
     if let Some(format) = camera_format(document) {
         let contents = contents_of(document, format)?;
@@ -131,7 +137,7 @@ fn model_text(numbers: &LensNumbers) -> String {
         }
         LensNumbers::Eucm { alpha, beta } => format!("enhanced unified (alpha = {alpha}, beta = {beta})"),
         LensNumbers::DoubleSphere { xi, alpha } => format!("double sphere (xi = {xi}, alpha = {alpha})"),
-        LensNumbers::Fov { w_rad } => format!("field-of-view model (omega = {w_rad} rad)"),
+        LensNumbers::Fov { w_rad } => format!("field-of-view model (w = {w_rad} rad)"),
         LensNumbers::Photogrammetric(_) => "photogrammetric".into(),
     }
 }

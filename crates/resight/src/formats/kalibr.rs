@@ -4,9 +4,9 @@
 //! OpenVINS keeps the same shape with `T_imu_cam`, the inverse.
 
 use super::document::{Document, Fault, Value};
+use super::emit::{list, number};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::number::{list, number};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};

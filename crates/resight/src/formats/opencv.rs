@@ -4,9 +4,9 @@
 //! The emitter is ours because OpenCV's YAML reader is particular about layout.
 
 use super::document::{Document, Fault};
+use super::emit::list;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::number::list;
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};

@@ -13,9 +13,9 @@
 //! ```
 
 use super::document::{Document, Fault, Syntax};
+use super::emit::{list, number, quoted};
 use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
-use super::number::{list, number};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks};
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::{Camera, Lens};
@@ -192,11 +192,6 @@ pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
             Ok(out)
         }
     }
-}
-
-/// JSON strings are TOML basic strings.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007f")
 }
 
 fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {

@@ -3,9 +3,9 @@
 //! R is a rectification, not a pose. The baseline of a stereo pair hides in P: P[0][3] = −fx′ · B.
 
 use super::document::{Document, Fault};
+use super::emit::{list, quoted};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::number::list;
 use super::{CameraFormat, Contents, Format, NamedCamera, WriteError, checks, opencv};
 use crate::core::camera::ImageSize;
 
@@ -151,13 +151,9 @@ pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
     .concat())
 }
 
-fn quoted(name: &str) -> String {
-    serde_json::Value::from(name).to_string()
-}
-
 fn pose_comment(camera: &NamedCamera) -> String {
     let Some(p) = &camera.placement else { return String::new() };
-    let frames = format!("{} from {}", p.b, p.a).replace(['\r', '\n'], " ");
+    let frames = format!("{} from {}", p.b, p.a).replace(char::is_control, " ");
     format!("# The pose {frames} is not part of camera_info; publish it as a transform.\n")
 }
 
