@@ -77,7 +77,7 @@ fn each_format_names_its_trap() {
         "opencv_stereo.yml",
         &[
             "x_M2 = R x_M1 + t",
-            "Centre of M2 in frame `M1`: (0.0940, 0.0000, 0.0000) m",
+            "Centre of M2 in frame `M1`: (0.0752, 0.0000, -0.0564) m",
             "T is not the second camera's place",
             "no image size",
         ],

@@ -86,7 +86,7 @@ fn opencv_stereo_places_the_second_camera() {
     let rational = [534.0, 534.25, 341.5, 235.0, -0.28, 0.025, 1.2e-3, -1.4e-4, 0.0, 0.0, 0.0, 0.15];
     assert_camera(&pair[0].camera, "brown_conrady", None, &rational);
     assert!(pair[0].placement.is_none());
-    assert_maps(&pair[1], "M2", "M1", [0.0, 0.0, 1.0], [-0.094, 0.0, 1.0]);
+    assert_maps(&pair[1], "M2", "M1", [0.0, 0.0, 1.0], [-0.6 - 0.094, 0.0, 0.8]);
     let picked = read_camera(&format!("{}#M2", example("opencv_stereo.yml").display())).unwrap();
     assert_eq!(picked, pair[1]);
 }

@@ -12,9 +12,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Basalt,
     recognises: |document| document.root.get("value0").is_some_and(|v| v.get("intrinsics").is_some()),
     read,
-    traps: &[
-        "T_imu_cam maps camera points into the IMU frame: the inverse of Kalibr's T_cam_imu. Its quaternion is keyed qx, qy, qz, qw.",
-    ],
+    traps: &["T_imu_cam maps camera points into the IMU frame: the inverse of Kalibr's T_cam_imu. Its \
+            quaternion is keyed qx, qy, qz, qw."],
 };
 
 fn read(document: &Document) -> Result<Contents, Fault> {

@@ -11,8 +11,10 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     recognises: |document| document.syntax == Syntax::Toml && !tables(&document.entry()).is_empty(),
     read,
     traps: &[
-        "rotation and translation map world points into the camera (x_cam = R x_world + t), although Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",
-        "aniposelib loads the tables in the order of their sorted names: cam_10 comes before cam_2. Go by name, not by position.",
+        "rotation and translation map world points into the camera (x_cam = R x_world + t), although \
+            Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",
+        "aniposelib loads the tables in the order of their sorted names: cam_10 comes before cam_2. Go by \
+            name, not by position.",
     ],
 };
 
@@ -44,7 +46,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         }
         contents.cameras.push(NamedCamera { name, camera, placement });
     }
-    contents.notes.push("translation is in the unit of the calibration board, which the file does not state; metres are assumed.".into());
+    contents.notes.push(
+        "translation is in the unit of the calibration board, which the file does not \
+        state; metres are assumed."
+            .into(),
+    );
     Ok(contents)
 }
 

@@ -8,6 +8,8 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Largest deviation of RᵀR from 1 that rounding to four decimals explains.
 const ORTHONORMAL: f64 = 1e-3;
+/// Deviation of a matrix written with all its digits; such a one is kept bit by bit.
+const EXACT: f64 = 1e-14;
 /// Longest translation between cameras that is taken for metres without a remark.
 pub(super) const LONG_BASELINE_M: f64 = 20.0;
 
@@ -21,6 +23,9 @@ pub(super) fn rotation(at: &Entry<'_>, r: &Matrix3<f64>) -> Result<Matrix3<f64>,
     }
     if r.determinant() < 0.0 {
         return Err(at.fault("is a mirror (determinant −1), not a rotation; one axis is flipped"));
+    }
+    if off <= EXACT {
+        return Ok(*r);
     }
     Ok(Pose::from_quaternion_wxyz(Pose::new(*r, Vector3::zeros()).quaternion_wxyz(), Vector3::zeros())
         .rotation)
@@ -117,7 +122,10 @@ pub(super) fn size_pair(at: &Entry<'_>) -> Result<ImageSize, Fault> {
 /// A translation that would be tens of metres in metres is probably in millimetres.
 pub(super) fn unit_warning(what: &str, length: f64) -> Option<String> {
     (LONG_BASELINE_M < length).then(|| {
-        format!("{what} is {length:.1} long; the file states no unit and it is read as metres. If the board was measured in millimetres, divide by 1000")
+        format!(
+            "{what} is {length:.1} long; the file states no unit and it is read as metres. If the \
+            board was measured in millimetres, divide by 1000"
+        )
     })
 }
 
@@ -128,8 +136,11 @@ pub(super) fn critical_plane_warning(target: &Target) -> Option<String> {
     (0.2 < ratio && ratio < 0.8).then(|| {
         let min = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);
         format!(
-            "the fourth point stands over the middle of the line ({:.0} % of its length). A camera anywhere near the plane through the fourth point across the line sees two poses alike and cannot tell which is true. Put the fourth point over an end, e.g. off_m = [{min}, {}]",
-            100.0 * ratio, t.off_m[1]
+            "the fourth point stands over the middle of the line ({:.0} % of its length). A camera \
+                anywhere near the plane through the fourth point across the line sees two poses alike and \
+                cannot tell which is true. Put the fourth point over an end, e.g. off_m = [{min}, {}]",
+            100.0 * ratio,
+            t.off_m[1]
         )
     })
 }
@@ -141,7 +152,11 @@ pub(super) fn image_size(camera: &Camera, images: ImageSize) -> Result<Camera, S
         None => Ok(Camera { size: Some(images), ..camera.clone() }),
         Some(calibrated) if calibrated == images => Ok(camera.clone()),
         Some(ImageSize { width_px, height_px }) => camera.scaled_to(w, h).map_err(|_| {
-            format!("the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: another aspect, so they are cropped or from another camera; calibrate at this size or undo the crop")
+            format!(
+                "the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: \
+                another aspect, so they are cropped or from another camera; calibrate at this size or \
+                undo the crop"
+            )
         }),
     }
 }

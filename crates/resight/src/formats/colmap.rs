@@ -14,7 +14,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     read,
     traps: &[
         "COLMAP counts pixels from the image's top-left corner; 0.5 px was subtracted from cx and cy.",
-        "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
+        "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the \
+            camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
     ],
 };
 
@@ -85,7 +86,10 @@ fn camera_line(line: usize, words: &[&str], warnings: &mut Vec<String>) -> Resul
 
 fn parameter_names(at: &Entry<'_>, model: &str) -> Result<Vec<&'static str>, Fault> {
     if REFUSED.contains(&model) {
-        return Err(at.fault(format!("model {model} is not supported; undistort the images with COLMAP, or refit as OPENCV or OPENCV_FISHEYE")));
+        return Err(at.fault(format!(
+            "model {model} is not supported; undistort the images with COLMAP, or \
+            refit as OPENCV or OPENCV_FISHEYE"
+        )));
     }
     match MODELS.iter().find(|(name, _)| *name == model) {
         Some((_, parameters)) => Ok(parameters.split(' ').collect()),

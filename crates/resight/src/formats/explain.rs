@@ -64,7 +64,8 @@ fn cameras_text(document: &Document, format: &str, contents: &Contents) -> Strin
         n => format!("{n} cameras"),
     };
     let head = format!(
-        "{}: {format}, {count}.\nCamera frames: x right, y down, z forward. Pixel (0, 0) is the centre of the top-left pixel. Lengths in metres.\n",
+        "{}: {format}, {count}.\nCamera frames: x right, y down, z forward. Pixel (0, 0) is the centre of \
+            the top-left pixel. Lengths in metres.\n",
         document.path.display()
     );
     let cameras: String = contents.cameras.iter().map(camera_text).collect();
@@ -96,7 +97,8 @@ fn lens_text(camera: &Camera) -> String {
     if let Lens::Photogrammetric(model) = &camera.lens {
         let t = model.table();
         return format!(
-            "photogrammetric: f = {}, principal point ({}, {}), k = {:?}, p = {:?}, a = {:?}, lengths in one unit of the caller's choice; the camera frame is the paper's W.",
+            "photogrammetric: f = {}, principal point ({}, {}), k = {:?}, p = {:?}, a = {:?}, lengths in \
+                one unit of the caller's choice; the camera frame is the paper's W.",
             t.f, t.xp, t.yp, t.k, t.p, t.a
         );
     }
@@ -194,7 +196,8 @@ fn placement_text(p: &Placement, camera: Option<&str>) -> String {
     let q = p.b_from_a.quaternion_wxyz().map(|x| format!("{x:.6}")).join(", ");
     let turn = p.b_from_a.angle_to_rad(&crate::core::Pose::identity()).to_degrees();
     let maps = format!(
-        "  x_{b} = R x_{a} + t: it maps points of frame `{a}` into frame `{b}`; t = {t} m, R turns by {turn:.3}°, quaternion (w, x, y, z) = ({q}).\n"
+        "  x_{b} = R x_{a} + t: it maps points of frame `{a}` into frame `{b}`; t = {t} m, R turns by \
+            {turn:.3}°, quaternion (w, x, y, z) = ({q}).\n"
     );
     let (name, frame, centre, axis) = if camera == Some(a.as_str()) {
         (a, b, p.b_from_a.translation, p.b_from_a.rotation * Vector3::z())
@@ -242,7 +245,8 @@ fn describe(target: &Target) -> String {
     let flat = "Frame: x right, y down, z into the surface, seen upright from the front";
     match target {
         Target::LinePlusOne(t) => format!(
-            "Three points on the line at {:?} m, the fourth at {:?} m (along, across). Frame: x along the line, y towards the fourth point when that is positive, z = 0 plane.",
+            "Three points on the line at {:?} m, the fourth at {:?} m (along, across). Frame: x along the \
+                line, y towards the fourth point when that is positive, z = 0 plane.",
             t.line_m, t.off_m
         ),
         Target::Tag(t) => format!(
@@ -251,8 +255,22 @@ fn describe(target: &Target) -> String {
             t.id,
             1000.0 * t.size_m
         ),
+        Target::TagMap(t) => format!(
+            "{} tags of {}; each world_from_tag maps its frame (x right, y down, z into the surface) into \
+                the map's world.",
+            t.tags.len(),
+            t.family
+        ),
+        Target::Points(points) => format!("{} named points in the surveyor's frame.", points.len()),
+        board => describe_board(board, flat),
+    }
+}
+
+fn describe_board(target: &Target, flat: &str) -> String {
+    match target {
         Target::AprilGrid(t) => format!(
-            "{} rows × {} columns of {} tags, edge {:.1} mm, gap {:.1} mm (ratio {}), ids from {}. Frame: Kalibr's, origin at the bottom-left tag, x right, y up, z towards the viewer.",
+            "{} rows × {} columns of {} tags, edge {:.1} mm, gap {:.1} mm (ratio {}), ids from {}. Frame: \
+                Kalibr's, origin at the bottom-left tag, x right, y up, z towards the viewer.",
             t.rows,
             t.columns,
             t.family,
@@ -268,7 +286,8 @@ fn describe(target: &Target) -> String {
             1000.0 * t.square_m
         ),
         Target::Charuco(t) => format!(
-            "{} rows × {} columns of squares of {:.1} mm, markers of {:.1} mm from {}{}. {flat}; origin at the board's top-left outer corner.",
+            "{} rows × {} columns of squares of {:.1} mm, markers of {:.1} mm from {}{}. {flat}; origin \
+                at the board's top-left outer corner.",
             t.rows,
             t.columns,
             1000.0 * t.square_m,
@@ -276,12 +295,6 @@ fn describe(target: &Target) -> String {
             t.dictionary,
             if t.legacy_pattern { ", pattern of OpenCV before 4.6" } else { "" }
         ),
-        Target::TagMap(t) => format!(
-            "{} tags of {}; each world_from_tag maps its frame (x right, y down, z into the surface) into the map's world.",
-            t.tags.len(),
-            t.family
-        ),
-        Target::Points(points) => format!("{} named points in the surveyor's frame.", points.len()),
         other => format!("A target of kind {}.", other.kind()),
     }
 }

@@ -4,7 +4,7 @@
 //! OpenVINS keeps the same shape with `T_imu_cam`, the inverse.
 
 use super::document::{Document, Fault, Value};
-use super::emit::{list, number};
+use super::emit::list;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
@@ -16,8 +16,10 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     recognises: |document| cameras(&document.entry()).next().is_some(),
     read,
     traps: &[
-        "T_cn_cnm1 maps the previous camera's points into this camera's (x_cam1 = R x_cam0 + t); its translation is not this camera's place, that is −Rᵀ t.",
-        "T_cam_imu maps IMU points into the camera. OpenVINS files look the same but hold T_imu_cam, the inverse; copies that changed the numbers and kept the key are common.",
+        "T_cn_cnm1 maps the previous camera's points into this camera's (x_cam1 = R x_cam0 + t); its \
+            translation is not this camera's place, that is −Rᵀ t.",
+        "T_cam_imu maps IMU points into the camera. OpenVINS files look the same but hold T_imu_cam, the \
+            inverse; copies that changed the numbers and kept the key are common.",
     ],
 };
 
@@ -78,7 +80,8 @@ fn contradiction(at: &Entry<'_>, chain: &Pose, this: &Pose, before: &Pose) -> Op
         None
     } else if agree(chain, &(this.inverse() * *before)) {
         Some(format!(
-            "line {line}: T_cam_imu contradicts T_cn_cnm1 unless it is read as T_imu_cam; the key has the wrong name (an OpenVINS copy?)"
+            "line {line}: T_cam_imu contradicts T_cn_cnm1 unless it is read as T_imu_cam; the key has the \
+                wrong name (an OpenVINS copy?)"
         ))
     } else {
         Some(format!("line {line}: T_cn_cnm1 and the two IMU poses contradict each other; T_cn_cnm1 is used"))
@@ -206,12 +209,15 @@ fn intrinsics(camera: &NamedCamera, i: usize) -> Result<String, WriteError> {
     let (model, first, distortion, d) = kalibr_names(numbers)?;
     let mut values = first;
     values.extend([k.fx_px, k.fy_px, k.cx_px, k.cy_px]);
-    let values: Vec<String> = values.iter().map(|x| number(*x)).collect();
-    Ok(format!(
-        "  camera_model: {model}\n  distortion_coeffs: {}\n  distortion_model: {distortion}\n  intrinsics: [{}]\n  resolution: [{width_px}, {height_px}]\n  rostopic: /cam{i}/image_raw\n",
-        list(&d),
-        values.join(", ")
-    ))
+    Ok([
+        format!("  camera_model: {model}\n"),
+        format!("  distortion_coeffs: {}\n", list(&d)),
+        format!("  distortion_model: {distortion}\n"),
+        format!("  intrinsics: {}\n", list(&values)),
+        format!("  resolution: [{width_px}, {height_px}]\n"),
+        format!("  rostopic: /cam{i}/image_raw\n"),
+    ]
+    .concat())
 }
 
 type Names = (&'static str, Vec<f64>, &'static str, Vec<f64>);

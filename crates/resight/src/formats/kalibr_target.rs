@@ -13,8 +13,10 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
     },
     read,
     traps: &[
-        "In an aprilgrid tagSize is the outer edge of the black square in metres, tagSpacing the gap divided by tagSize (a ratio, not metres).",
-        "An aprilgrid keeps Kalibr's frame: origin at the bottom-left tag, x right, y up, z towards the viewer. A checkerboard has ours (y down, z into the surface), not Kalibr's.",
+        "In an aprilgrid tagSize is the outer edge of the black square in metres, tagSpacing the gap \
+            divided by tagSize (a ratio, not metres).",
+        "An aprilgrid keeps Kalibr's frame: origin at the bottom-left tag, x right, y up, z towards the \
+            viewer. A checkerboard has ours (y down, z into the surface), not Kalibr's.",
     ],
 };
 
@@ -24,8 +26,14 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     match kind {
         "aprilgrid" => aprilgrid(&root),
         "checkerboard" => checkerboard(&root),
-        "circlegrid" => Err(root.need("target_type")?.fault("circlegrid is not supported: circle centres shift under perspective; use aprilgrid or checkerboard")),
-        other => Err(root.need("target_type")?.fault(format!("unknown target_type `{other}`; aprilgrid and checkerboard are read"))),
+        "circlegrid" => Err(root.need("target_type")?.fault(
+            "circlegrid is not supported: circle centres \
+            shift under perspective; use aprilgrid or checkerboard",
+        )),
+        other => Err(root.need("target_type")?.fault(format!(
+            "unknown target_type `{other}`; aprilgrid \
+            and checkerboard are read"
+        ))),
     }
 }
 

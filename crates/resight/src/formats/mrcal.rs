@@ -36,7 +36,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let placement = placement(&root, &name)?;
     contents.cameras.push(NamedCamera { name, camera, placement });
     if root.get("valid_intrinsics_region").is_some_and(|r| r.items().is_ok_and(|r| !r.is_empty())) {
-        contents.notes.push("The file states a valid_intrinsics_region; points outside it are less certain than the model says.".into());
+        contents.notes.push(
+            "The file states a valid_intrinsics_region; points outside it are less \
+            certain than the model says."
+                .into(),
+        );
     }
     Ok(contents)
 }

@@ -17,9 +17,11 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
     read,
     traps: &[
-        "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is not the second camera's place, that is -Rᵀ T.",
+        "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
+            not the second camera's place, that is -Rᵀ T.",
         "R1 and R2 rotate for rectification, they are not the cameras' attitudes.",
-        "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; the file itself does not say which.",
+        "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; \
+            the file itself does not say which.",
     ],
 };
 
@@ -143,7 +145,11 @@ fn lens_numbers(root: &Entry<'_>, pair: &Pair<'_>, warnings: &mut Vec<String>) -
         return Ok(LensNumbers::KannalaBrandt(k));
     }
     if d.len() == 4 && fisheye_unstated(root) && d.iter().any(|x| *x != 0.0) {
-        warnings.push(format!("{}: four coefficients are read as k1, k2, p1, p2; if cv::fisheye made them, add `distortion_model: fisheye`", distortion.path));
+        warnings.push(format!(
+            "{}: four coefficients are read as k1, k2, p1, p2; if cv::fisheye made \
+            them, add `distortion_model: fisheye`",
+            distortion.path
+        ));
     }
     brown_conrady(distortion, d)
 }

@@ -180,7 +180,8 @@ fn placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
 
 /// Every model and every pose.
 pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
-    let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y down, z forward.\n";
+    let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
+        down, z forward.\n";
     match cameras {
         [only] if only.placement.is_none() => Ok(format!("{header}{}", camera_text(only)?)),
         many => {
@@ -228,7 +229,8 @@ fn model_text(numbers: &LensNumbers) -> String {
 
 fn placement_text(p: &Placement) -> String {
     format!(
-        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = {}\ntranslation_m = {}\n",
+        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = \
+            {}\ntranslation_m = {}\n",
         quoted(&p.b),
         quoted(&p.a),
         list(&p.b_from_a.quaternion_wxyz()),

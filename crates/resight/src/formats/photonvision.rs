@@ -12,7 +12,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     read,
     traps: &[
         "Older files call the distortion coefficients `cameraExtrinsics`; they hold no pose.",
-        "The intrinsics belong to the stated resolution; another stream resolution of the same camera needs them scaled.",
+        "The intrinsics belong to the stated resolution; another stream resolution of the same camera \
+            needs them scaled.",
     ],
 };
 

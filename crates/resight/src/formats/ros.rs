@@ -25,8 +25,10 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     },
     read,
     traps: &[
-        "R (rectification_matrix) turns this camera for rectified stereo; it is not where the camera is. A camera_info file holds no pose.",
-        "The camera frame is the optical one (x right, y down, z forward), not the body frame (x forward, z up) of most ROS links.",
+        "R (rectification_matrix) turns this camera for rectified stereo; it is not where the camera is. \
+            A camera_info file holds no pose.",
+        "The camera frame is the optical one (x right, y down, z forward), not the body frame (x forward, \
+            z up) of most ROS links.",
     ],
 };
 
@@ -106,7 +108,10 @@ fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
     if zero("x_offset") && zero("y_offset") && whole {
         return Ok(());
     }
-    Err(roi.fault("is a part of the image; K belongs to the whole. Subtract x_offset, y_offset from cx, cy and remove roi"))
+    Err(roi.fault(
+        "is a part of the image; K belongs to the whole. Subtract x_offset, y_offset from cx, \
+        cy and remove roi",
+    ))
 }
 
 fn baseline_note(root: &Entry<'_>) -> Result<Option<String>, Fault> {
@@ -114,7 +119,11 @@ fn baseline_note(root: &Entry<'_>) -> Result<Option<String>, Fault> {
     let p = p.matrix(3, 4)?;
     let (f, tx) = (p[(0, 0)], p[(0, 3)]);
     Ok((tx != 0.0 && f != 0.0).then(|| {
-        format!("P holds the stereo baseline: {:.6} m along x from the first rectified camera (−P[0][3] / P[0][0]).", -tx / f)
+        format!(
+            "P holds the stereo baseline: {:.6} m along x from the first rectified camera (−P[0][3] / \
+            P[0][0]).",
+            -tx / f
+        )
     }))
 }
 
