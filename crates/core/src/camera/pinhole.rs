@@ -19,9 +19,8 @@ impl Pinhole {
         let k = &self.matrix;
         let iz = 1.0 / x_in_cam.z;
         let in_front = 0.0 < x_in_cam.z; // Behind the lens projects too, mirrored.
-        in_front.then(|| {
-            Vector2::new(k.fx_px * x_in_cam.x * iz + k.cx_px, k.fy_px * x_in_cam.y * iz + k.cy_px)
-        })
+        in_front
+            .then(|| Vector2::new(k.fx_px * x_in_cam.x * iz + k.cx_px, k.fy_px * x_in_cam.y * iz + k.cy_px))
     }
 
     /// See `Camera::project_with_jacobian`.
