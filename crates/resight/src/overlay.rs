@@ -12,6 +12,7 @@ use crate::core::choose::Ambiguity;
 use crate::core::correspondence::Detection;
 use crate::core::locate::PoseEstimate;
 use crate::core::{Camera, Point, Pose, Target};
+use crate::report::words::{distance_with_sigma_m, length, with_sigma};
 use canvas::{Canvas, Color, Path, Pen};
 use nalgebra::Vector2;
 
@@ -263,38 +264,8 @@ impl Sheet {
 /// View name, distance with its standard deviation, residual.
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
-    let (distance_m, sigma_m) = distance_with_sigma(e);
+    let (distance_m, sigma_m) = distance_with_sigma_m(e);
     format!("{}   {}   rms {:.2} px", scene.title, with_sigma(distance_m, sigma_m), e.rms_px)
-}
-
-/// Distance from the camera to the target's origin and its standard deviation, metres.
-///
-/// To first order a small motion ν moves the camera by −Rᵀν, so the distance changes by t·ν/|t|.
-pub fn distance_with_sigma(estimate: &PoseEstimate) -> (f64, f64) {
-    let t = estimate.cam_from_target.translation;
-    let distance_m = t.norm();
-    let along = if 0.0 < distance_m { t / distance_m } else { t };
-    let translation = estimate.covariance.fixed_view::<3, 3>(3, 3);
-    (distance_m, (along.transpose() * translation * along)[(0, 0)].max(0.0).sqrt())
-}
-
-/// `0.512 m ± 0.3 mm`: a length with its standard deviation, each in the unit that reads best.
-pub fn with_sigma(value_m: f64, sigma_m: f64) -> String {
-    let decimals = if 0.0 < sigma_m { (1.0 - sigma_m.log10().floor()).clamp(0.0, 6.0) as usize } else { 6 };
-    format!("{value_m:.decimals$} m ± {}", length(sigma_m))
-}
-
-/// A length in the unit that reads best, two figures after a small one.
-pub fn length(x_m: f64) -> String {
-    let (value, unit) = match x_m.abs() {
-        0.0 => (0.0, "mm"),
-        x if x < 1e-3 => (x_m * 1e6, "µm"),
-        x if x < 1.0 => (x_m * 1e3, "mm"),
-        x if x < 1e3 => (x_m, "m"),
-        _ => (x_m * 1e-3, "km"),
-    };
-    let decimals = if value.abs() < 10.0 && value.fract().abs() > 1e-9 { 1 } else { 0 };
-    format!("{value:.decimals$} {unit}")
 }
 
 fn times(factor: f64) -> String {
