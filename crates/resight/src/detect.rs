@@ -1,1 +1,149 @@
 //! Finding targets in images.
+//!
+//! A [`Detector`] is built once per thread for one target and fed images. Pixel origin ((0, 0) is the centre of the
+//! top-left pixel) and corner order (0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag) become
+//! ours here, whatever the library underneath does.
+
+mod aprilgrid;
+mod apriltag;
+mod charuco;
+mod chessboard;
+pub mod families;
+mod sigma;
+pub mod tags;
+#[cfg(test)]
+mod scratch;
+
+use crate::GrayImage;
+use aprilgrid::AprilGridFinder;
+use charuco::CharucoFinder;
+use chessboard::ChessboardFinder;
+use resight_core::Target;
+use resight_core::correspondence::Detection;
+use tags::TagFinder;
+use thiserror::Error;
+
+/// Why a detector could not be built, or could not say. A target that is not in the image is not an error.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DetectError {
+    /// A family or dictionary nobody knows.
+    #[error("unknown tag family {name:?}; known are {} and OpenCV's dictionaries, e.g. DICT_4X4_50", families::APRILTAG_FAMILIES.join(", "))]
+    UnknownFamily {
+        /// The name given.
+        name: String,
+    },
+    /// An id the family does not have.
+    #[error("{family} has ids 0 to {last}, not {id}", last = n_codes.saturating_sub(1))]
+    UnknownId {
+        /// Family name.
+        family: String,
+        /// The id given.
+        id: u32,
+        /// How many ids there are.
+        n_codes: usize,
+    },
+    /// Dimensions that cannot be right.
+    #[error(transparent)]
+    Target(#[from] resight_core::Error),
+    /// A board the library cannot be set up for.
+    #[error("this board cannot be detected: {reason}")]
+    Board {
+        /// What the library says.
+        reason: String,
+    },
+    /// A target without a detector.
+    #[error("a target of kind {kind} is not detected in images; {instead}")]
+    NotDetectable {
+        /// The target's kind.
+        kind: &'static str,
+        /// What to do instead.
+        instead: &'static str,
+    },
+    /// Several copies of the tag looked for.
+    #[error("tag {id} is seen {count} times, so its place is not known; cover or remove the copies")]
+    Copies {
+        /// Its id.
+        id: u32,
+        /// How often it was seen.
+        count: usize,
+    },
+    /// The pixels do not fill the stated size.
+    #[error("image of {width_px}×{height_px} px comes with {seen} values")]
+    ImageBuffer {
+        /// Columns.
+        width_px: u32,
+        /// Rows.
+        height_px: u32,
+        /// Values given.
+        seen: usize,
+    },
+    /// The C library could not allocate.
+    #[error("out of memory while building the tag detector")]
+    OutOfMemory,
+}
+
+/// Finds one target in images; built once per thread.
+pub struct Detector {
+    finder: Finder,
+}
+
+enum Finder {
+    Tag(TagFinder),
+    TagMap(TagFinder),
+    AprilGrid(AprilGridFinder),
+    Chessboard(ChessboardFinder),
+    Charuco(Box<CharucoFinder>),
+}
+
+impl Detector {
+    /// A detector for a target. Fails on dimensions, families or ids that cannot be right, and on targets that are
+    /// not detected (`points`).
+    pub fn new(target: &Target) -> Result<Self, DetectError> {
+        target.check()?;
+        let finder = match target {
+            Target::Tag(tag) => Finder::Tag(TagFinder::with_ids(&tag.family, &[tag.id])?),
+            Target::TagMap(map) => {
+                let mut ids: Vec<u32> = map.tags.iter().map(|tag| tag.id).collect();
+                ids.sort_unstable();
+                ids.dedup();
+                Finder::TagMap(TagFinder::with_ids(&map.family, &ids)?)
+            }
+            Target::AprilGrid(grid) => Finder::AprilGrid(AprilGridFinder::new(grid)?),
+            Target::Chessboard(board) => Finder::Chessboard(ChessboardFinder::new(board)?),
+            Target::Charuco(board) => Finder::Charuco(Box::new(CharucoFinder::new(board)?)),
+            Target::Points(_) => {
+                let instead = "give their pixels in a points file";
+                return Err(DetectError::NotDetectable { kind: target.kind(), instead });
+            }
+            _ => {
+                let instead = "this build has no detector for it";
+                return Err(DetectError::NotDetectable { kind: target.kind(), instead });
+            }
+        };
+        Ok(Detector { finder })
+    }
+
+    /// Features found, ids then corners ascending; empty when the target is not there.
+    /// Fails when a single tag has copies in view, or the buffer does not have the image's size.
+    pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
+        let GrayImage { width_px, height_px, .. } = *image;
+        let seen = image.data.len();
+        if width_px as usize * height_px as usize != seen {
+            return Err(DetectError::ImageBuffer { width_px, height_px, seen });
+        }
+        match &mut self.finder {
+            Finder::Tag(finder) => match tags::unique(&finder.find(image)) {
+                (_, copies) if !copies.is_empty() => {
+                    Err(DetectError::Copies { id: copies[0].0, count: copies[0].1 })
+                }
+                (detections, _) => Ok(detections),
+            },
+            // A copied tag of a map is left out: the others still say where the camera is.
+            Finder::TagMap(finder) => Ok(tags::unique(&finder.find(image)).0),
+            Finder::AprilGrid(finder) => Ok(finder.detect(image)),
+            Finder::Chessboard(finder) => Ok(finder.detect(image)),
+            Finder::Charuco(finder) => Ok(finder.detect(image)),
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! The AprilTag C library 3.4.5 (E. Olson, "AprilTag: A robust and flexible visual fiducial system", ICRA 2011;
+//! J. Wang and E. Olson, IROS 2016) behind a safe interface.
+//!
+//! The only module of this crate with `unsafe`. Rules it keeps:
+//! * `apriltag_detector_t` is only touched through the pointer the library returned: its Rust declaration may be
+//!   longer than the C one (mutex size differs between systems), so it is never copied or referenced as a whole.
+//! * one detector per thread and `nthreads = 1`: the library's parallel segmentation has a data race.
+//! * the library puts pixel centres at +0.5 and starts corners at the bottom-left; both become ours here and nowhere
+//!   else: pixel (0, 0) is a centre, corners run 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left.
+#![allow(unsafe_code)]
+
+use super::families::Family;
+use crate::GrayImage;
+use apriltag_sys as c;
+use resight_core::Pixel;
+use std::ffi::c_int;
+use std::ptr::NonNull;
+
+/// A decoded tag.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct DecodedTag {
+    /// Index of the family in the order given to [`QuadDecoder::new`].
+    pub family: usize,
+    /// Id in its family.
+    pub id: u32,
+    /// Mean distance of the bits from the black/white threshold, grey levels (the smaller of black and white).
+    pub margin_gray: f64,
+    /// Corners 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag, pixels.
+    pub corners: [Pixel; 4],
+}
+
+/// Smallest image edge, pixels, handed to the library: it thresholds in 4 × 4 tiles of the decimated image and
+/// looks at neighbouring tiles.
+const MIN_EDGE_PX: u32 = 32;
+
+/// A detector of the library with its families.
+pub(super) struct QuadDecoder {
+    detector: NonNull<c::apriltag_detector_t>,
+    families: Vec<NonNull<OwnedFamily>>,
+}
+
+/// The C view of a family and the tables it points into; lives at a fixed address while the library knows it.
+struct OwnedFamily {
+    view: c::apriltag_family_t,
+    ids: Vec<u32>,
+    codes: Vec<u64>,
+    bit_x: Vec<u32>,
+    bit_y: Vec<u32>,
+}
+
+// SAFETY: the pointers are owned by this value alone, the library keeps no thread-local state, and with nthreads = 1
+// it starts no thread of its own (workerpool runs the tasks in the calling thread).
+unsafe impl Send for QuadDecoder {}
+
+impl QuadDecoder {
+    /// A detector for these families; none when the library is out of memory.
+    pub fn new(families: &[Family]) -> Option<Self> {
+        // SAFETY: no preconditions; a null result is handled.
+        let detector = NonNull::new(unsafe { c::apriltag_detector_create() })?;
+        let mut decoder = QuadDecoder { detector, families: Vec::with_capacity(families.len()) };
+        // SAFETY: the pointer is the library's own; only the leading fields, whose offsets agree, are written.
+        unsafe {
+            (*detector.as_ptr()).nthreads = 1;
+            (*detector.as_ptr()).refine_edges = true;
+            // A blur would be applied in place to our image when decimate is 1; `detect` relies on it being off.
+            (*detector.as_ptr()).quad_sigma = 0.0;
+        }
+        for family in families {
+            let owned = OwnedFamily::boxed(family);
+            decoder.families.push(owned);
+            let bits = family.correctable_bits() as c_int;
+            // SAFETY: detector and family are valid until `drop`, which unregisters before it frees.
+            unsafe { c::apriltag_detector_add_family_bits(detector.as_ptr(), &raw mut (*owned.as_ptr()).view, bits) };
+        }
+        Some(decoder)
+    }
+
+    /// Finds tags; quads are sought in the image reduced `decimate` times, edges and bits read at full size.
+    pub fn detect(&mut self, image: &GrayImage, decimate: f32) -> Vec<DecodedTag> {
+        let pixels = image.width_px as usize * image.height_px as usize;
+        let smallest = image.width_px.min(image.height_px) as f32;
+        if smallest < MIN_EDGE_PX as f32 * decimate || image.data.len() != pixels {
+            return Vec::new();
+        }
+        let mut view = c::image_u8_t {
+            width: image.width_px as i32,
+            height: image.height_px as i32,
+            stride: image.width_px as i32,
+            buf: image.data.as_ptr().cast_mut(),
+        };
+        // SAFETY: the view describes exactly `image.data` (length checked above) which outlives the call; with
+        // quad_sigma = 0 the library only reads it. The returned array is freed below, after it has been copied.
+        unsafe {
+            (*self.detector.as_ptr()).quad_decimate = decimate;
+            let found = c::apriltag_detector_detect(self.detector.as_ptr(), &raw mut view);
+            if found.is_null() {
+                return Vec::new();
+            }
+            let n = (*found).size.max(0) as usize;
+            let entries = (*found).data.cast::<*const c::apriltag_detection_t>();
+            let tags = (0..n).filter_map(|i| self.decoded(*entries.add(i))).collect();
+            c::apriltag_detections_destroy(found);
+            tags
+        }
+    }
+
+    /// Copies a detection of the library.
+    ///
+    /// # Safety
+    /// `found` points to a detection of this detector that has not been destroyed.
+    unsafe fn decoded(&self, found: *const c::apriltag_detection_t) -> Option<DecodedTag> {
+        // SAFETY: by the contract of this function; the families are those registered in `new`, alive until `drop`.
+        let (family, code, margin, p) = unsafe {
+            let view = (*found).family.cast_const();
+            let family = self.families.iter().position(|f| std::ptr::eq(&raw const (*f.as_ptr()).view, view))?;
+            (family, (*found).id, (*found).decision_margin, (*found).p)
+        };
+        // SAFETY: as above; no mutable reference to the family exists while it is read.
+        let id = unsafe { (&(*self.families[family].as_ptr()).ids).get(code as usize).copied()? };
+        // The library: bottom-left, bottom-right, top-right, top-left; pixel centres at +0.5.
+        let corners = [3, 2, 1, 0].map(|k: usize| Pixel::new(p[k][0] - 0.5, p[k][1] - 0.5));
+        let finite = corners.iter().all(|corner| corner.iter().all(|x| x.is_finite()));
+        finite.then_some(DecodedTag { family, id, margin_gray: margin as f64, corners })
+    }
+}
+
+impl Drop for QuadDecoder {
+    fn drop(&mut self) {
+        // SAFETY: both kinds of pointer were created by `new` and are freed once, here. Destroying the detector
+        // first unregisters the families and frees what the library attached to them (`impl`).
+        unsafe {
+            c::apriltag_detector_destroy(self.detector.as_ptr());
+            for family in self.families.drain(..) {
+                drop(Box::from_raw(family.as_ptr()));
+            }
+        }
+    }
+}
+
+impl OwnedFamily {
+    fn boxed(family: &Family) -> NonNull<Self> {
+        let unsigned = |cells: &[i32]| cells.iter().map(|&cell| cell as u32).collect::<Vec<u32>>();
+        let mut owned = Box::new(OwnedFamily {
+            // SAFETY: a plain C struct of integers and pointers, for which all zero bytes are valid.
+            view: unsafe { std::mem::zeroed() },
+            ids: family.ids.clone(),
+            codes: family.codes.clone(),
+            // Negative cells (data outside the border) wrap; the library reads them back as int.
+            bit_x: unsigned(&family.bit_x),
+            bit_y: unsigned(&family.bit_y),
+        });
+        owned.view.ncodes = owned.codes.len() as u32;
+        owned.view.codes = owned.codes.as_mut_ptr();
+        owned.view.width_at_border = family.border_width;
+        owned.view.total_width = family.total_width;
+        owned.view.reversed_border = family.reversed_border;
+        owned.view.nbits = owned.bit_x.len() as u32;
+        owned.view.bit_x = owned.bit_x.as_mut_ptr();
+        owned.view.bit_y = owned.bit_y.as_mut_ptr();
+        owned.view.h = family.hamming_distance;
+        NonNull::from(Box::leak(owned))
+    }
+}
+
+type Create = unsafe extern "C" fn() -> *mut c::apriltag_family_t;
+type Destroy = unsafe extern "C" fn(*mut c::apriltag_family_t);
+
+/// The tables of a family built into the library; none for an unknown name.
+pub(super) fn builtin_family(name: &str) -> Option<Family> {
+    let (create, destroy): (Create, Destroy) = match name {
+        "tag36h11" => (c::tag36h11_create, c::tag36h11_destroy),
+        "tag25h9" => (c::tag25h9_create, c::tag25h9_destroy),
+        "tag16h5" => (c::tag16h5_create, c::tag16h5_destroy),
+        "tagStandard41h12" => (c::tagStandard41h12_create, c::tagStandard41h12_destroy),
+        "tagStandard52h13" => (c::tagStandard52h13_create, c::tagStandard52h13_destroy),
+        "tagCircle21h7" => (c::tagCircle21h7_create, c::tagCircle21h7_destroy),
+        "tagCircle49h12" => (c::tagCircle49h12_create, c::tagCircle49h12_destroy),
+        "tagCustom48h12" => (c::tagCustom48h12_create, c::tagCustom48h12_destroy),
+        _ => return None,
+    };
+    // SAFETY: create returns null or a family whose tables have the lengths it states; it is destroyed once, after
+    // everything has been copied.
+    unsafe {
+        let raw = create();
+        if raw.is_null() {
+            return None;
+        }
+        let n_bits = (*raw).nbits as usize;
+        let cells = |table: *const u32| std::slice::from_raw_parts(table, n_bits).iter().map(|&x| x as i32).collect();
+        let family = Family {
+            codes: std::slice::from_raw_parts((*raw).codes, (*raw).ncodes as usize).to_vec(),
+            ids: (0..(*raw).ncodes).collect(),
+            bit_x: cells((*raw).bit_x),
+            bit_y: cells((*raw).bit_y),
+            border_width: (*raw).width_at_border,
+            total_width: (*raw).total_width,
+            reversed_border: (*raw).reversed_border,
+            hamming_distance: (*raw).h,
+        };
+        destroy(raw);
+        Some(family)
+    }
+}

@@ -1,0 +1,227 @@
+//! Tag families: where the bits of a marker lie and which code belongs to which id.
+//!
+//! One form serves the AprilTag families (tables inside the C library) and the ArUco dictionaries of OpenCV
+//! (tables from `calib-targets-aruco`): the layout the AprilTag decoder takes, cell (0, 0) at the top-left of the
+//! black border, x right, y down, white = 1, first listed bit most significant.
+
+use super::DetectError;
+use super::apriltag;
+use calib_targets::aruco::{Dictionary, resolve_dictionary};
+
+/// A tag family as the decoder takes it. Cells are counted from the corner that detection reports (the outer edge
+/// of the border), so bits of families with data outside their border have negative coordinates.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Family {
+    /// One code per entry of `ids`.
+    pub codes: Vec<u64>,
+    /// Id of each code; all ids of the family, or only the wanted ones.
+    pub ids: Vec<u32>,
+    /// Column of each bit, most significant bit first.
+    pub bit_x: Vec<i32>,
+    /// Row of each bit.
+    pub bit_y: Vec<i32>,
+    /// Cells along the bordered square whose corners are reported.
+    pub border_width: i32,
+    /// Cells along the whole marker, with all that the decoder samples.
+    pub total_width: i32,
+    /// White border on black (the inner square of the `Standard`, `Circle` and `Custom` families).
+    pub reversed_border: bool,
+    /// Smallest number of bits between two codes (0 when not stated: ArUco).
+    pub hamming_distance: u32,
+}
+
+/// Names of the AprilTag families, as accepted in target files.
+pub const APRILTAG_FAMILIES: [&str; 8] = [
+    "tag36h11",
+    "tag25h9",
+    "tag16h5",
+    "tagStandard41h12",
+    "tagStandard52h13",
+    "tagCircle21h7",
+    "tagCircle49h12",
+    "tagCustom48h12",
+];
+
+impl Family {
+    /// Looks a family up by its AprilTag or OpenCV dictionary name.
+    pub fn named(name: &str) -> Result<Self, DetectError> {
+        if let Some(family) = apriltag::builtin_family(name) {
+            return Ok(family);
+        }
+        match name.strip_prefix("DICT_APRILTAG_").and_then(|short| apriltag::builtin_family(&format!("tag{short}"))) {
+            Some(family) => Ok(family),
+            None => resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name)),
+        }
+    }
+
+    /// Only these ids; an id the family does not have is an error.
+    pub fn only(mut self, name: &str, wanted: &[u32]) -> Result<Self, DetectError> {
+        let n_codes = self.codes.len();
+        let code_of = |id: &u32| match self.codes.get(*id as usize) {
+            Some(&code) => Ok(code),
+            None => Err(DetectError::UnknownId { family: name.to_string(), id: *id, n_codes }),
+        };
+        self.codes = wanted.iter().map(code_of).collect::<Result<_, _>>()?;
+        self.ids = wanted.to_vec();
+        Ok(self)
+    }
+
+    /// The same codes inside a black border of two cells, as Kalibr prints its grids.
+    pub fn with_double_border(mut self) -> Self {
+        self.bit_x.iter_mut().chain(&mut self.bit_y).for_each(|cell| *cell += 1);
+        self.border_width += 2;
+        self.total_width += 2;
+        self
+    }
+
+    /// Bits the decoder may correct. Random 16- and 21-bit squares decode too easily; ArUco codes lie so close
+    /// together that correcting one bit gave 1–3 false ids in 72 tags, correcting none gave zero.
+    pub fn correctable_bits(&self) -> u32 {
+        let by_distance = match self.hamming_distance {
+            0..=6 => 0,
+            7..=8 => 1,
+            _ => 2,
+        };
+        // The decoder's hash table holds every corrected code at 48 bytes; 16 MB keeps building it under 10 ms.
+        let entries = |bits: u32| {
+            let n = self.bit_x.len() as u64;
+            let per_code = [1, 1 + n, 1 + n + n * (n - 1)][bits as usize];
+            self.codes.len() as u64 * per_code
+        };
+        (0..=by_distance).rev().find(|&bits| entries(bits) * 48 <= 16_000_000).unwrap_or(0)
+    }
+
+    /// Smallest decision margin accepted, grey levels. Without correction and with codes this close, ArUco squares
+    /// need a clear reading: 30 left none of 72 markers out and no false id in. The true tags of real photographs
+    /// read 52 and more, so 15 is a floor against texture, not against dim light.
+    pub fn min_margin_gray(&self) -> f64 {
+        if self.hamming_distance <= 6 { 30.0 } else { 15.0 }
+    }
+
+    /// An OpenCV dictionary. Its tables are row-major with black = 1; the decoder rotates codes by a quarter of
+    /// their bits, so the bits must be listed quadrant by quadrant, each the quarter turn of the one before.
+    fn aruco(dictionary: &Dictionary) -> Self {
+        let n = dictionary.marker_size() as i32;
+        let cells = quadrant_order(n);
+        let last = (n * n - 1) as u32;
+        let white = |code: u64, (x, y): (i32, i32)| 1 ^ (code >> (last - (y * n + x) as u32) & 1);
+        let listed = |code: u64| cells.iter().fold(0, |word, &cell| word << 1 | white(code, cell));
+        Family {
+            codes: dictionary.codes().iter().map(|&code| listed(code)).collect(),
+            ids: (0..dictionary.codes().len() as u32).collect(),
+            bit_x: cells.iter().map(|c| c.0 + 1).collect(),
+            bit_y: cells.iter().map(|c| c.1 + 1).collect(),
+            border_width: n + 2,
+            total_width: n + 4,
+            reversed_border: false,
+            hamming_distance: 0,
+        }
+    }
+}
+
+/// Cells of an n × n square: the top quadrant row by row, then its quarter turns clockwise, the centre last.
+fn quadrant_order(n: i32) -> Vec<(i32, i32)> {
+    let first: Vec<(i32, i32)> = (0..n / 2).flat_map(|y| (y..n - 1 - y).map(move |x| (x, y))).collect();
+    let turn = |(x, y): (i32, i32)| (n - 1 - y, x);
+    let mut cells = Vec::with_capacity((n * n) as usize);
+    let mut quadrant = first;
+    for _ in 0..4 {
+        cells.extend_from_slice(&quadrant);
+        quadrant.iter_mut().for_each(|cell| *cell = turn(*cell));
+    }
+    if n % 2 == 1 {
+        cells.push((n / 2, n / 2));
+    }
+    cells
+}
+
+fn unknown(name: &str) -> DetectError {
+    DetectError::UnknownFamily { name: name.to_string() }
+}
+
+/// A marker drawn with one value per cell, as it is printed: the outermost ring is the quiet zone or the family's
+/// own data ring.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MarkerPattern {
+    /// Cells along the edge of the whole picture.
+    pub width_cells: usize,
+    /// Cells from the picture's edge to the square whose edge is `size_m` and whose corners are detected.
+    pub inset_cells: usize,
+    /// Row by row, true where white.
+    pub white: Vec<bool>,
+}
+
+/// The marker of a family (AprilTag name or OpenCV dictionary) with an id, upright.
+/// Fails on unknown families and ids.
+pub fn marker_pattern(family: &str, id: u32) -> Result<MarkerPattern, DetectError> {
+    let layout = Family::named(family)?.only(family, &[id])?;
+    Ok(draw(&layout, layout.codes[0]))
+}
+
+fn draw(family: &Family, code: u64) -> MarkerPattern {
+    let width = family.total_width as usize;
+    let inset = ((family.total_width - family.border_width) / 2) as usize;
+    // The ring just outside the border (inside it for reversed families) is the contrast the edge needs.
+    let ring = if family.reversed_border { inset } else { inset - 1 };
+    let mut white = vec![false; width * width];
+    for k in ring..width - ring {
+        for cell in [ring * width + k, (width - 1 - ring) * width + k, k * width + ring, k * width + width - 1 - ring] {
+            white[cell] = true;
+        }
+    }
+    for (bit, (x, y)) in family.bit_x.iter().zip(&family.bit_y).enumerate() {
+        let cell = (y + inset as i32) as usize * width + (x + inset as i32) as usize;
+        white[cell] = code >> (family.bit_x.len() - 1 - bit) & 1 == 1;
+    }
+    MarkerPattern { width_cells: width, inset_cells: inset, white }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quadrant_order_covers_every_cell_once() {
+        for n in 3..=8 {
+            let mut cells = quadrant_order(n);
+            cells.sort_unstable();
+            cells.dedup();
+            assert_eq!(cells.len(), (n * n) as usize, "n = {n}");
+        }
+    }
+
+    /// A turned marker reads as the code turned by a quarter of its bits: what the decoder relies on.
+    #[test]
+    fn turning_the_cells_rotates_the_code() {
+        for n in [4, 5, 6, 7] {
+            let cells = quadrant_order(n);
+            let quarter = cells.len() / 4;
+            for k in 0..quarter * 4 {
+                let (x, y) = cells[k];
+                assert_eq!(cells[(k + quarter) % (quarter * 4)], (n - 1 - y, x), "n = {n}, k = {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_names_and_ids_are_named() {
+        assert!(matches!(Family::named("tag99h1"), Err(DetectError::UnknownFamily { .. })));
+        let error = marker_pattern("tag36h11", 587).unwrap_err();
+        assert_eq!(error, DetectError::UnknownId { family: "tag36h11".into(), id: 587, n_codes: 587 });
+    }
+
+    /// Id 0 of tag36h11 as published: its first data row is white white black white black white
+    /// (code 0xd7e00984b, quadrant order of the C library).
+    #[test]
+    fn every_family_is_found_by_name() {
+        for name in APRILTAG_FAMILIES {
+            let family = Family::named(name).unwrap();
+            assert_eq!(family.codes.len(), family.ids.len(), "{name}");
+            assert!(!family.codes.is_empty(), "{name}");
+        }
+        for name in ["DICT_4X4_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"] {
+            assert!(!Family::named(name).unwrap().codes.is_empty(), "{name}");
+        }
+        assert_eq!(Family::named("DICT_APRILTAG_36h11"), Family::named("tag36h11"));
+    }
+}
