@@ -1,7 +1,8 @@
 //! What is printed inside a tag: black and white cells, taken from the detectors' own code tables.
 //!
 //! AprilTag families come from the C library's generator, OpenCV's `DICT_…` from calib-targets; no table of codes is
-//! kept here. Both are upright as their detectors name the corners, which a test proves by detecting.
+//! kept here. Both are upright as their own makers draw them, which a test proves by detecting; OpenCV draws its
+//! `DICT_APRILTAG_…` half a turn from the AprilTag originals.
 
 use super::RenderError;
 use apriltag_sys as sys;
@@ -65,7 +66,8 @@ pub fn cells(family: &str, id: u32) -> Result<Cells, RenderError> {
     let code = *codes.get(id as usize).ok_or_else(out_of_range)?;
     let n = dictionary.marker_size();
     let per_side = n + 4;
-    let bit = |row: usize, column: usize| code >> (n * n - 1 - (row * n + column)) & 1 == 0;
+    // calib-targets packs row by row from the lowest bit up, 1 is black.
+    let bit = |row: usize, column: usize| (code >> (row * n + column)) & 1 == 0;
     let white = (0..per_side * per_side).map(|i| {
         let (row, column) = (i / per_side, i % per_side);
         let rim = row.min(column) == 0 || row.max(column) + 1 == per_side;
