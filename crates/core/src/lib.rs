@@ -13,6 +13,7 @@ pub mod solve;
 pub mod least_squares;
 pub mod refine;
 pub mod choose;
+pub mod consistency;
 pub mod locate;
 
 pub use camera::{Camera, CameraMatrix, Lens};

@@ -3,6 +3,9 @@
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
 
+pub mod line_plus_one;
+pub mod wang2004;
+
 use crate::Pose;
 use arrayvec::ArrayVec;
 
