@@ -5,7 +5,7 @@
 //! Valid field: ρ > 0, for α > 1/2 also α ζ + (1 − α) D > 0 (the second sphere's fold), for ξ > 1 also d + ξ z > 0 (the first's).
 //! Kalibr's order is ξ, α, fu, fv, pu, pv; ours puts the matrix first. Derivations: docs/math/camera.md section 6.
 
-use super::field::{RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
+use super::field::{SPHERE_RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_alpha, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
@@ -146,13 +146,13 @@ impl DoubleSphere {
 /// Radius on the image plane where one of the two spheres folds, or the cap.
 fn radius_max(xi: f64, alpha: f64) -> f64 {
     let bend = 2.0 * alpha - 1.0;
-    let second = if 0.0 < bend { 1.0 / bend.sqrt() } else { RADIUS_CAP };
+    let second = if 0.0 < bend { 1.0 / bend.sqrt() } else { SPHERE_RADIUS_CAP };
     let first = if 1.0 < xi {
         // The first sphere's outline, cos θ = −1/ξ: x² + y² = ξ² − 1, ζ = ξ² − 1, D = ξ √(ξ² − 1) in units of d/ξ.
         let s = (xi * xi - 1.0).sqrt();
         1.0 / (alpha * xi + (1.0 - alpha) * s)
     } else {
-        RADIUS_CAP
+        SPHERE_RADIUS_CAP
     };
-    second.min(first).min(RADIUS_CAP)
+    second.min(first).min(SPHERE_RADIUS_CAP)
 }

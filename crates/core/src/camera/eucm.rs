@@ -5,7 +5,7 @@
 //! Valid field: ρ > 0, for α > 1/2 also α z + (1 − α) d > 0 (beyond it the image folds).
 //! Kalibr's order is α, β, fu, fv, pu, pv; ours puts the matrix first. Derivations: docs/math/camera.md section 6.
 
-use super::field::{RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
+use super::field::{SPHERE_RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_alpha, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
@@ -34,7 +34,8 @@ impl Eucm {
             return Err(Error::InvalidCamera { parameter: "beta", seen: beta, needed });
         }
         let bend = (2.0 * alpha - 1.0) * beta;
-        let radius_max = if 0.0 < bend { (1.0 / bend.sqrt()).min(RADIUS_CAP) } else { RADIUS_CAP };
+        let radius_max =
+            if 0.0 < bend { (1.0 / bend.sqrt()).min(SPHERE_RADIUS_CAP) } else { SPHERE_RADIUS_CAP };
         Ok(Eucm { matrix, alpha, beta, radius_max })
     }
 

@@ -9,6 +9,11 @@ use nalgebra::{Matrix2, Vector2};
 
 /// tan 89°. Plane models (radius = tan θ) end here: beyond it a pixel is no longer worth 1e-9 px in f64.
 pub(super) const RADIUS_CAP: f64 = 57.29;
+/// Where the sphere models end if they do not fold before: their derivative by the angle grows as the radius squared.
+pub(super) const SPHERE_RADIUS_CAP: f64 = 20.0;
+/// Fields also end where a lens stretches the image this many times more than at its centre: nothing is calibrated there, and
+/// one rounding error of the bearing would be worth 1e-9 px.
+pub(super) const GREATEST_SLOPE: f64 = 50.0;
 /// Squared distances from the camera, m², outside which squares under- or overflow.
 const SQUARED_DISTANCE: std::ops::Range<f64> = 1e-200..1e200;
 /// Residual allowed after an inversion, px.

@@ -35,7 +35,8 @@ impl Camera {
 
     fn check_against(&self, width: f64, height: f64) -> Result<(), Error> {
         let Some(matrix) = self.matrix() else { return Ok(()) };
-        let inside = "the principal point lies inside the image; check the image size, or leave it out for a crop";
+        let inside =
+            "the principal point lies inside the image; check the image size, or leave it out for a crop";
         check_range("cx_px", matrix.cx_px, -0.5..=width - 0.5, inside)?;
         check_range("cy_px", matrix.cy_px, -0.5..=height - 0.5, inside)?;
         let side = width.max(height);

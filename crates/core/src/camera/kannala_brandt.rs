@@ -5,7 +5,7 @@
 //! The field is an angle, up to 180° less the axis itself. Derivations: docs/math/camera.md section 4.
 
 use super::field::{
-    INSIDE, ON_EDGE, RESIDUAL_PX, distance_is_usable, first_zero, invert_monotone, outside,
+    GREATEST_SLOPE, INSIDE, ON_EDGE, RESIDUAL_PX, distance_is_usable, first_zero, invert_monotone, outside,
 };
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
@@ -41,7 +41,9 @@ impl KannalaBrandt {
             check_finite(name, value)?;
         }
         let slope = [1.0, 0.0, 3.0 * k1, 0.0, 5.0 * k2, 0.0, 7.0 * k3, 0.0, 9.0 * k4];
-        let theta_max = first_zero(&slope, PI);
+        let mut stretch = slope.map(|c| -c);
+        stretch[0] += GREATEST_SLOPE;
+        let theta_max = first_zero(&stretch, first_zero(&slope, PI));
         let mut model = KannalaBrandt { matrix, k, theta_max, delta_max: 0.0 };
         model.delta_max = model.delta(theta_max).0;
         Ok(model)

@@ -5,7 +5,7 @@
 //! Valid field: z + ξ d > 0, for ξ > 1 also d + ξ z > 0 (beyond it the sphere folds), and the distortion's own disc.
 //! Kalibr's order is ξ, fu, fv, pu, pv; ours puts the matrix first. Derivations: docs/math/camera.md section 5.
 
-use super::field::{RADIUS_CAP, RESIDUAL_PX, depth_sum, distance_is_usable, outside, within};
+use super::field::{RESIDUAL_PX, SPHERE_RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
 use super::plane_distortion::PlaneDistortion;
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
@@ -49,7 +49,7 @@ impl Omni {
             check_finite(name, value)?;
         }
         // For ξ > 1 the sphere's outline has radius 1/√(ξ² − 1) on the plane.
-        let outline = if 1.0 < xi { 1.0 / (xi * xi - 1.0).sqrt() } else { RADIUS_CAP };
+        let outline = if 1.0 < xi { 1.0 / (xi * xi - 1.0).sqrt() } else { SPHERE_RADIUS_CAP };
         let plane = PlaneDistortion::new(&distortion, outline);
         Ok(Omni { matrix, xi, distortion, plane })
     }
@@ -118,7 +118,9 @@ impl Omni {
             .plane
             .invert(&distorted, RESIDUAL_PX / self.matrix.longest())
             .and_then(|q| within(q, radius_max))
-            .ok_or_else(|| outside(pixel, Self::NAME, "one-to-one up to the radius on the plane", radius_max))?;
+            .ok_or_else(|| {
+                outside(pixel, Self::NAME, "one-to-one up to the radius on the plane", radius_max)
+            })?;
         let r2 = q.norm_squared();
         let root = (1.0 + (1.0 - self.xi * self.xi) * r2).max(0.0).sqrt();
         let lift = (self.xi + root) / (1.0 + r2);

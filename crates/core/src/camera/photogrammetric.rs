@@ -58,7 +58,11 @@ impl Photogrammetric {
         }
         let PhotogrammetricParameters { f, k, p, a, .. } = parameters;
         if f <= 0.0 {
-            return Err(Error::InvalidCamera { parameter: "f", seen: f, needed: "a focal length is positive" });
+            return Err(Error::InvalidCamera {
+                parameter: "f",
+                seen: f,
+                needed: "a focal length is positive",
+            });
         }
         let f2 = f * f;
         let mut model = Photogrammetric {
@@ -69,7 +73,8 @@ impl Photogrammetric {
         };
         model.radius_max = model.one_to_one_radius();
         if !(0.0 < model.radius_max) {
-            let needed = "the affinity a1, a2 must leave the image the right way round: (1 + a2/2)² > (a1² + a2²)/4";
+            let needed =
+                "the affinity a1, a2 must leave the image the right way round: (1 + a2/2)² > (a1² + a2²)/4";
             return Err(Error::InvalidCamera { parameter: "a", seen: a[1], needed });
         }
         Ok(model)
@@ -92,8 +97,7 @@ impl Photogrammetric {
         let [a1, a2] = self.parameters.a;
         let floor = 1.0 + 0.5 * (a2 - a1.hypot(a2)) - LEAST_SLOPE;
         // Largest Frobenius norm of the decentring term's symmetric part on the unit circle, eq. (18).
-        let (xx, yy, xy) =
-            (36.0 * p1 * p1 + 8.0 * p2 * p2, 2.0 * p1 * p1 + 40.0 * p2 * p2, 16.0 * p1 * p2);
+        let (xx, yy, xy) = (36.0 * p1 * p1 + 8.0 * p2 * p2, 2.0 * p1 * p1 + 40.0 * p2 * p2, 16.0 * p1 * p2);
         let decentring = (0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy)).sqrt();
         let side = [floor, -decentring, k1, 0.0, k2, 0.0, k3];
         let fold = [floor, -decentring, 3.0 * k1, 0.0, 5.0 * k2, 0.0, 7.0 * k3];
@@ -153,8 +157,7 @@ impl Photogrammetric {
         // ∂(−X/Z, −Y/Z)/∂W = −(1/Z) [I | d/f]
         let across = slope.try_inverse()? * (-iz * self.parameters.f);
         let along = across * value;
-        let jacobian =
-            Matrix2x3::new(across.m11, across.m12, along.x, across.m21, across.m22, along.y);
+        let jacobian = Matrix2x3::new(across.m11, across.m12, along.x, across.m21, across.m22, along.y);
         Some((self.coordinates(&t), jacobian))
     }
 
@@ -164,7 +167,12 @@ impl Photogrammetric {
         let t = Vector2::new((pixel.x - xp) / f, (pixel.y - yp) / f);
         let radius = t.norm();
         if !(radius <= self.radius_max * ON_EDGE) {
-            return Err(outside(pixel, Self::NAME, "distance from the principal point up to", self.radius_max()));
+            return Err(outside(
+                pixel,
+                Self::NAME,
+                "distance from the principal point up to",
+                self.radius_max(),
+            ));
         }
         let on_edge = radius > self.radius_max * INSIDE;
         let t = if on_edge { t * (self.radius_max * INSIDE / radius) } else { t };

@@ -40,16 +40,8 @@ impl Pinhole {
     /// See `Camera::project`.
     #[inline]
     pub fn project(&self, x_in_cam: &Point) -> Option<Pixel> {
-<<<<<<< HEAD
-        let k = &self.matrix;
-        let iz = 1.0 / x_in_cam.z;
-        let in_front = 0.0 < x_in_cam.z; // Behind the lens projects too, mirrored.
-        in_front
-            .then(|| Vector2::new(k.fx_px * x_in_cam.x * iz + k.cx_px, k.fy_px * x_in_cam.y * iz + k.cy_px))
-=======
         let (q, _) = Self::normalized(x_in_cam)?;
         Some(self.matrix.pixel(&q))
->>>>>>> cameras
     }
 
     /// See `Camera::project_with_jacobian`.

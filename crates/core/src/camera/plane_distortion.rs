@@ -7,8 +7,11 @@
 //! Valid field: the disc on which the symmetric part of the derivative is positive definite, hence the map is one-to-one
 //! (docs/math/camera.md section 2). Used by Brown–Conrady and, with k1, k2, p1, p2, by omni.
 
-use super::field::{INSIDE, ON_EDGE, RADIUS_CAP, first_zero, invert_monotone, invert_plane};
+use super::field::{GREATEST_SLOPE, INSIDE, ON_EDGE, RADIUS_CAP, first_zero, invert_monotone, invert_plane};
 use nalgebra::{Matrix2, Vector2};
+
+/// The field ends before the pole of g, where its denominator has fallen to this.
+const LEAST_DENOMINATOR: f64 = 1e-3;
 
 /// Coefficients and the field they are valid in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +66,7 @@ impl PlaneDistortion {
         let mut fold = [0.0; 16];
         let mut side = [0.0; 16];
         let mut pole = [0.0; 16];
+        let mut stretch = [0.0; 16];
         for i in 0..4 {
             pole[2 * i] = d[i];
             side[2 * i] += n[i];
@@ -70,13 +74,16 @@ impl PlaneDistortion {
             side[2 * i + 3] -= b3 * d[i];
             for j in 0..4 {
                 // n d + 2 s (n' d − n d')
-                fold[2 * (i + j)] += n[i] * d[j] * (1.0 + 2.0 * (i as f64 - j as f64));
+                let slope = n[i] * d[j] * (1.0 + 2.0 * (i as f64 - j as f64));
+                fold[2 * (i + j)] += slope;
+                stretch[2 * (i + j)] += GREATEST_SLOPE * d[i] * d[j] - slope;
                 fold[2 * (i + j) + 1] -= b1 * d[i] * d[j];
                 fold[2 * (i + j) + 3] -= b3 * d[i] * d[j];
             }
         }
+        pole[0] -= LEAST_DENOMINATOR;
         let cap = first_zero(&pole, cap);
-        first_zero(&side, first_zero(&fold, cap))
+        [fold, side, stretch].iter().fold(cap, |cap, condition| first_zero(condition, cap))
     }
 
     /// Radius of the valid field on the undistorted plane.

@@ -32,9 +32,15 @@ impl Tilt {
         let r33 = rotation.m33;
         // P⁻¹ in closed form; R⁻¹ = Rᵀ.
         let unproject = Matrix3::new(
-            1.0 / r33, 0.0, rotation.m13 / r33,
-            0.0, 1.0 / r33, rotation.m23 / r33,
-            0.0, 0.0, 1.0,
+            1.0 / r33,
+            0.0,
+            rotation.m13 / r33,
+            0.0,
+            1.0 / r33,
+            rotation.m23 / r33,
+            0.0,
+            0.0,
+            1.0,
         );
         Ok(Tilt {
             sensor_from_plane,
@@ -61,12 +67,8 @@ impl Tilt {
         let p = self.apply(q)?;
         let h = &self.sensor_from_plane;
         let depth = h.m31 * q.x + h.m32 * q.y + h.m33;
-        let jacobian = Matrix2::new(
-            h.m11 - p.x * h.m31,
-            h.m12 - p.x * h.m32,
-            h.m21 - p.y * h.m31,
-            h.m22 - p.y * h.m32,
-        );
+        let jacobian =
+            Matrix2::new(h.m11 - p.x * h.m31, h.m12 - p.x * h.m32, h.m21 - p.y * h.m31, h.m22 - p.y * h.m32);
         Some((p, jacobian / depth))
     }
 

@@ -21,7 +21,11 @@ pub fn cameras() -> Vec<(String, Camera)> {
         lenses.push(BrownConrady::new(vga, coefficients).unwrap().into());
     }
     lenses.push(BrownConrady::new(matrix(1.0, 1.0, 0.0, 0.0), &[-0.3, 0.1, 1e-3, -2e-3]).unwrap().into());
-    lenses.push(BrownConrady::new(matrix(9000.0, 9010.0, 2000.0, 1500.0), &[0.4, -30.0, 1e-3, 0.0, 400.0]).unwrap().into());
+    lenses.push(
+        BrownConrady::new(matrix(9000.0, 9010.0, 2000.0, 1500.0), &[0.4, -30.0, 1e-3, 0.0, 400.0])
+            .unwrap()
+            .into(),
+    );
     let fisheye = matrix(190.978, 190.973, 254.932, 256.897);
     for k in [
         [0.00348238940, 0.000715034845, -0.00205323614, 0.000202936736],
@@ -48,7 +52,9 @@ pub fn cameras() -> Vec<(String, Camera)> {
     for (alpha, beta) in [(0.0, 1.0), (0.3, 1.4), (0.5, 1.0), (0.5903, 1.1275), (0.72, 0.9), (1.0, 1.2)] {
         lenses.push(Eucm::new(matrix(460.76, 459.41, 365.89, 249.33), alpha, beta).unwrap().into());
     }
-    for (xi, alpha) in [(-0.2, 0.59), (0.0, 0.5), (0.4, 0.3), (-0.6, 0.75), (0.99, 0.5), (1.0, 1.0), (1.3, 0.55)] {
+    for (xi, alpha) in
+        [(-0.2, 0.59), (0.0, 0.5), (0.4, 0.3), (-0.6, 0.75), (0.99, 0.5), (1.0, 1.0), (1.3, 0.55)]
+    {
         lenses.push(DoubleSphere::new(matrix(350.0, 351.0, 365.0, 249.0), xi, alpha).unwrap().into());
     }
     lenses.push(photogrammetric(3.54144878, [0.0; 3], [0.0; 2], [0.0; 2], [0.0; 2]));
