@@ -1,7 +1,8 @@
 //! The pose object of the command line's contract, and how an estimate becomes one.
 
 use resight::core::choose::{Ambiguity, Minimum};
-use resight::core::locate::{Consistency, PoseEstimate};
+use resight::core::consistency::Consistency;
+use resight::core::locate::PoseEstimate;
 use resight::core::{Matrix6, Pose};
 use resight::report::verdict::{Status, Verdict};
 use resight::report::words::sigmas;

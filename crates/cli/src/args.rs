@@ -50,7 +50,9 @@ pub struct OutputArgs {
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {
         Some((_, method)) => Ok(*method),
-        None if name == "upright" => Err(format!("method upright is not in this version; there are {}", names())),
+        None if name == "upright" => {
+            Err(format!("method upright is not in this version; there are {}", names()))
+        }
         None => {
             let nearest = crate::files::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
             let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();

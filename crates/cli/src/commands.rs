@@ -68,10 +68,13 @@ fn detect_in_order<T: Sync, R: Send>(
     for inputs in inputs.chunks(block) {
         let results: Result<Vec<R>> = inputs
             .par_iter()
-            .map_init(|| Detector::new(target), |detector, input| match detector {
-                Ok(detector) => Ok(work(detector, input)),
-                Err(reason) => Err(anyhow::anyhow!("{reason}")),
-            })
+            .map_init(
+                || Detector::new(target),
+                |detector, input| match detector {
+                    Ok(detector) => Ok(work(detector, input)),
+                    Err(reason) => Err(anyhow::anyhow!("{reason}")),
+                },
+            )
             .collect();
         results?.into_iter().try_for_each(&mut done)?;
     }

@@ -42,7 +42,9 @@ pub fn must_exist(path: &Path) -> Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let siblings = std::fs::read_dir(folder)?.flatten().filter(|e| e.path().is_file());
     match nearest(&name, siblings.map(|e| e.file_name().to_string_lossy().into_owned())) {
-        Some(found) => bail!("{}: no such file; did you mean {}?", path.display(), path.with_file_name(found).display()),
+        Some(found) => {
+            bail!("{}: no such file; did you mean {}?", path.display(), path.with_file_name(found).display())
+        }
         None => bail!("{}: no such file", path.display()),
     }
 }
@@ -93,7 +95,13 @@ mod tests {
 
     #[test]
     fn one_slip_is_one_edit() {
-        for (a, b, n) in [("left", "left", 0), ("left", "lfet", 1), ("left", "lef", 1), ("left", "right", 4), ("", "ab", 2)] {
+        for (a, b, n) in [
+            ("left", "left", 0),
+            ("left", "lfet", 1),
+            ("left", "lef", 1),
+            ("left", "right", 4),
+            ("", "ab", 2),
+        ] {
             assert_eq!(edits(a, b), n, "{a} {b}");
         }
     }
@@ -101,6 +109,9 @@ mod tests {
     #[test]
     fn a_stranger_is_not_offered() {
         assert_eq!(nearest("camera.yml", ["zebra.png".to_string()].into_iter()), None);
-        assert_eq!(nearest("camera.yml", ["camera.yaml".to_string()].into_iter()).as_deref(), Some("camera.yaml"));
+        assert_eq!(
+            nearest("camera.yml", ["camera.yaml".to_string()].into_iter()).as_deref(),
+            Some("camera.yaml")
+        );
     }
 }

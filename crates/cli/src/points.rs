@@ -73,8 +73,12 @@ fn columns(path: &Path, header: &csv::StringRecord, normalized: bool) -> Result<
     let need = |wanted: &str| {
         find(wanted).with_context(|| {
             let hint = match (wanted, normalized) {
-                ("u_px" | "v_px", false) if find("xn").is_some() => " (for columns xn,yn add --normalized)".to_string(),
-                ("xn" | "yn", true) if find("u_px").is_some() => " (for columns u_px,v_px leave out --normalized)".to_string(),
+                ("u_px" | "v_px", false) if find("xn").is_some() => {
+                    " (for columns xn,yn add --normalized)".to_string()
+                }
+                ("xn" | "yn", true) if find("u_px").is_some() => {
+                    " (for columns u_px,v_px leave out --normalized)".to_string()
+                }
                 _ => crate::files::nearest(wanted, names.iter().map(|n| n.to_string()))
                     .map(|n| format!("; did you mean `{n}` to be `{wanted}`?"))
                     .unwrap_or_default(),
@@ -82,7 +86,9 @@ fn columns(path: &Path, header: &csv::StringRecord, normalized: bool) -> Result<
             format!("{}:1: no column `{wanted}`; the columns are {}{hint}", path.display(), names.join(","))
         })
     };
-    if let Some(twice) = names.iter().enumerate().find(|(i, name)| !name.is_empty() && names[..*i].contains(name)) {
+    if let Some(twice) =
+        names.iter().enumerate().find(|(i, name)| !name.is_empty() && names[..*i].contains(name))
+    {
         bail!("{}:1: column `{}` appears twice", path.display(), twice.1);
     }
     let [u, v] = if normalized { ["xn", "yn"] } else { ["u_px", "v_px"] };
@@ -95,10 +101,17 @@ fn columns(path: &Path, header: &csv::StringRecord, normalized: bool) -> Result<
     })
 }
 
-fn row(path: &Path, columns: &Columns, header: &csv::StringRecord, record: &csv::StringRecord, n: usize) -> Result<Row> {
+fn row(
+    path: &Path,
+    columns: &Columns,
+    header: &csv::StringRecord,
+    record: &csv::StringRecord,
+    n: usize,
+) -> Result<Row> {
     let line = record.position().map_or(0, |p| p.line());
     let number = |i: usize| -> Result<f64> {
-        let (text, column) = (record.get(i).unwrap_or(""), header.get(i).unwrap_or("").trim_start_matches('\u{feff}'));
+        let (text, column) =
+            (record.get(i).unwrap_or(""), header.get(i).unwrap_or("").trim_start_matches('\u{feff}'));
         let shown: String = text.chars().take(40).collect();
         text.parse().ok().with_context(|| match text {
             "" => format!("{}:{line}: column `{column}` is empty; a number is needed", path.display()),
@@ -108,7 +121,11 @@ fn row(path: &Path, columns: &Columns, header: &csv::StringRecord, record: &csv:
     let filled = |i: &usize| record.get(*i).is_some_and(|text| !text.is_empty());
     Ok(Row {
         line,
-        name: columns.id.filter(filled).and_then(|i| record.get(i)).map_or_else(|| n.to_string(), str::to_string),
+        name: columns
+            .id
+            .filter(filled)
+            .and_then(|i| record.get(i))
+            .map_or_else(|| n.to_string(), str::to_string),
         x_in_target: [number(columns.space[0])?, number(columns.space[1])?, number(columns.space[2])?],
         image: [number(columns.image[0])?, number(columns.image[1])?],
         sigma: columns.sigma.filter(filled).map(number).transpose()?,

@@ -56,7 +56,8 @@ fn pose(e: &PoseEstimate) -> String {
     line(&mut out, "distance", &format!("{} from the target's origin", with_sigma(distance_m, sigma_m)));
     let (place, sigma) = place_with_sigma_m(e);
     let axes = ["x", "y", "z"].iter().enumerate();
-    let coordinates: Vec<String> = axes.map(|(i, name)| format!("{name} {}", coordinate(place[i], sigma[i]))).collect();
+    let coordinates: Vec<String> =
+        axes.map(|(i, name)| format!("{name} {}", coordinate(place[i], sigma[i]))).collect();
     line(&mut out, "camera at", &format!("{}   (target frame)", coordinates.join("   ")));
     let [yaw, pitch, roll] = yaw_pitch_roll_rad(&e.cam_from_target);
     let (turn, _) = sigmas(&e.covariance);
@@ -71,7 +72,11 @@ fn pose(e: &PoseEstimate) -> String {
     );
     line(&mut out, "turned", &turned);
     let xi = e.cam_from_target.log();
-    line(&mut out, "rotation", &format!("[{:+.6} {:+.6} {:+.6}] rad   (cam_from_target, rotation vector)", xi[0], xi[1], xi[2]));
+    line(
+        &mut out,
+        "rotation",
+        &format!("[{:+.6} {:+.6} {:+.6}] rad   (cam_from_target, rotation vector)", xi[0], xi[1], xi[2]),
+    );
     out
 }
 

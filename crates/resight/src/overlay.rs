@@ -67,7 +67,10 @@ pub fn draw(scene: &Scene) -> Canvas {
     let unit = (diagonal / 800.0).clamp(0.75, 5.0).powf(0.85);
     let margin = (46.0 * unit).round() as u32;
     let canvas = Canvas::from_photograph(scene.image, zoom, margin, BACKGROUND);
-    let mut sheet = Sheet { canvas, zoom: zoom as f64, unit, labels: Vec::new(), notes: Vec::new() };
+    let mut sheet =
+        Sheet { canvas, zoom: zoom as f64, unit, room: 0.0, labels: Vec::new(), notes: Vec::new() };
+    sheet.canvas.open_rows = scene.image.height_px * zoom;
+    sheet.room = sheet.room_between(scene.detections);
     if let (Some(estimate), Some(camera)) = (scene.estimate, scene.camera) {
         sheet.prediction(scene, estimate, camera);
     }
@@ -75,6 +78,7 @@ pub fn draw(scene: &Scene) -> Canvas {
     if let (Some(estimate), Some(camera)) = (scene.estimate, scene.camera) {
         sheet.axes(scene.target, camera, &estimate.cam_from_target);
     }
+    sheet.canvas.open_rows = sheet.canvas.height;
     sheet.caption(scene);
     sheet.canvas
 }
@@ -84,6 +88,8 @@ struct Sheet {
     canvas: Canvas,
     zoom: f64,
     unit: f64,
+    /// Typical distance of a detection to its nearest neighbour, canvas pixels: what is drawn at one must not cover the next.
+    room: f64,
     /// Boxes already taken by labels: least and greatest corner.
     labels: Vec<[Vector2<f64>; 2]>,
     /// What the second caption line says.
@@ -91,6 +97,20 @@ struct Sheet {
 }
 
 impl Sheet {
+    fn room_between(&self, detections: &[Detection]) -> f64 {
+        let distance = |a: &Detection, b: &Detection| (a.pixel - b.pixel).norm() * self.zoom;
+        let nearest = detections.iter().enumerate().map(|(i, a)| {
+            let others = detections.iter().enumerate().filter(|(j, _)| *j != i);
+            others.map(|(_, b)| distance(a, b)).fold(f64::INFINITY, f64::min)
+        });
+        median(nearest).unwrap_or(f64::INFINITY)
+    }
+
+    /// `size` in canvas pixels, smaller where the detections stand close.
+    fn sized(&self, size: f64) -> f64 {
+        (size * self.unit).min(0.32 * self.room)
+    }
+
     fn pen(&self, color: Color, width: f64, opacity: f64) -> Pen {
         Pen { color, width: width * self.unit, opacity }
     }
@@ -144,7 +164,7 @@ impl Sheet {
             .filter(|(_, axes)| axes.iter().all(|a| a.norm().is_finite()))
             .collect();
         let longest = median(ellipses.iter().map(|(_, axes)| axes[0].norm().max(axes[1].norm()) * self.zoom));
-        let Some(factor) = longest.and_then(|px| magnification(px, 9.0 * self.unit)) else { return };
+        let Some(factor) = longest.and_then(|px| magnification(px, self.sized(9.0))) else { return };
         let paths: Vec<Path> = ellipses
             .iter()
             .map(|(pixel, axes)| geometry::ellipse(self.place(pixel), &axes.map(|a| a * self.zoom * factor)))
@@ -163,7 +183,7 @@ impl Sheet {
             })
             .collect();
         let typical = median(pairs.iter().map(|(predicted, seen)| (seen - predicted).norm() * self.zoom));
-        let Some(factor) = typical.and_then(|px| magnification(px, 8.0 * self.unit)) else { return };
+        let Some(factor) = typical.and_then(|px| magnification(px, self.sized(9.0))) else { return };
         let arrow = |(predicted, seen): &(Vector2<f64>, Vector2<f64>)| {
             let from = self.place(predicted);
             vec![from, from + (seen - predicted) * self.zoom * factor]
@@ -175,7 +195,8 @@ impl Sheet {
 
     /// A cross with an open centre where each feature was seen, and its name where there is room.
     fn detections(&mut self, scene: &Scene) {
-        let (inner, outer) = (2.0 * self.unit, 6.0 * self.unit);
+        let outer = self.sized(6.0);
+        let inner = 0.33 * outer;
         let mut crosses = Vec::new();
         for d in scene.detections {
             let centre = self.place(&d.pixel);
@@ -184,14 +205,37 @@ impl Sheet {
             }
         }
         self.canvas.stroke_with_rim(&crosses, self.pen(SEEN, 1.1, 1.0));
+        self.names(scene);
+    }
+
+    /// Names: tags at their centres, unless there is room to number their corners; of crowded points the first and last.
+    fn names(&mut self, scene: &Scene) {
+        let spacious = 36.0 * self.unit < self.room;
         let corners = scene.target.has_tag_corners();
-        for d in scene.detections {
+        if corners && !spacious {
+            for tag in scene.detections.chunk_by(|a, b| a.feature.id == b.feature.id) {
+                let centre =
+                    tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
+                self.centred(&tag[0].feature.id.to_string(), centre, SEEN, 8.0);
+            }
+            return;
+        }
+        let last = scene.detections.len().saturating_sub(1);
+        for (i, d) in scene.detections.iter().enumerate() {
             let name = match corners {
                 true => format!("{}.{}", d.feature.id, d.feature.corner),
                 false => d.feature.id.to_string(),
             };
-            self.label(&name, self.place(&d.pixel), SEEN, 7.0, 8.0);
+            if spacious || i == 0 || i == last {
+                self.label(&name, self.place(&d.pixel), SEEN, 8.0, 9.0);
+            }
         }
+    }
+
+    fn centred(&mut self, text: &str, at: Vector2<f64>, color: Color, height: f64) {
+        let height = height * self.unit;
+        let origin = at + Vector2::new(-0.5 * font::width(text, height), 0.5 * height);
+        self.canvas.stroke_with_rim(&font::strokes(text, origin, height), self.pen(color, 1.2, 1.0));
     }
 
     fn axes(&mut self, target: &Target, camera: &Camera, pose: &Pose) {

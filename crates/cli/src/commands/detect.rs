@@ -46,7 +46,13 @@ struct DetectionObject {
 
 impl From<&Detection> for DetectionObject {
     fn from(d: &Detection) -> Self {
-        DetectionObject { id: d.feature.id, corner: d.feature.corner, u_px: d.pixel.x, v_px: d.pixel.y, sigma_px: d.sigma_px }
+        DetectionObject {
+            id: d.feature.id,
+            corner: d.feature.corner,
+            u_px: d.pixel.x,
+            v_px: d.pixel.y,
+            sigma_px: d.sigma_px,
+        }
     }
 }
 
@@ -63,10 +69,13 @@ pub fn run(args: &Detect) -> Result<Outcome> {
 
 fn detect(detector: &mut Detector, path: &PathBuf) -> Found {
     let view = view_name(path);
-    match GrayImage::read(path) {
-        Err(reason) => Found { view, detections: Vec::new(), status: Some("error"), message: Some(reason.to_string()) },
-        Ok(image) => {
-            let detections: Vec<_> = detector.detect(&image).iter().map(DetectionObject::from).collect();
+    let found = GrayImage::read(path)
+        .map_err(|e| e.to_string())
+        .and_then(|image| detector.detect(&image).map_err(|e| e.to_string()));
+    match found {
+        Err(reason) => Found { view, detections: Vec::new(), status: Some("error"), message: Some(reason) },
+        Ok(detections) => {
+            let detections: Vec<_> = detections.iter().map(DetectionObject::from).collect();
             let missing = detections.is_empty();
             let message = missing.then(|| "no target in this image".to_string());
             Found { view, detections, status: missing.then_some("not_found"), message }
@@ -81,7 +90,11 @@ fn describe(found: &Found) -> String {
     };
     for d in &found.detections {
         // Writing to a String cannot fail.
-        let _ = writeln!(out, "  id {:>4}  corner {}   u {:>9.3} px   v {:>9.3} px   ± {:.3} px", d.id, d.corner, d.u_px, d.v_px, d.sigma_px);
+        let _ = writeln!(
+            out,
+            "  id {:>4}  corner {}   u {:>9.3} px   v {:>9.3} px   ± {:.3} px",
+            d.id, d.corner, d.u_px, d.v_px, d.sigma_px
+        );
     }
     out
 }

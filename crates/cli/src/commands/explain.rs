@@ -32,7 +32,10 @@ pub fn run(args: &Explain) -> Result<Outcome> {
         let text = text.trim_end();
         match args.json {
             true => {
-                let line = serde_json::to_string(&Explanation { file: path.display().to_string(), text: text.to_string() })?;
+                let line = serde_json::to_string(&Explanation {
+                    file: path.display().to_string(),
+                    text: text.to_string(),
+                })?;
                 print(&format!("{line}\n"))?;
             }
             false => print(&format!("{}{text}\n", if i == 0 { "" } else { "\n" }))?,

@@ -119,9 +119,19 @@ impl Sight<'_> {
     pub fn look_at(&self, detector: &mut Detector, image: GrayImage, view: String) -> Seen {
         let camera = match resight::formats::check_image_size(self.camera, image.width_px, image.height_px) {
             Ok(camera) => camera,
-            Err(reason) => return Seen::nothing(Some(image), Answer::without_pose(view, Status::Error, reason)),
+            Err(reason) => {
+                return Seen::nothing(Some(image), Answer::without_pose(view, Status::Error, reason));
+            }
         };
-        let detections = detector.detect(&image);
+        let detections = match detector.detect(&image) {
+            Ok(detections) => detections,
+            Err(reason) => {
+                return Seen::nothing(
+                    Some(image),
+                    Answer::without_pose(view, Status::Error, reason.to_string()),
+                );
+            }
+        };
         let answer = self.answer(&detections, &camera, view);
         Seen { image: Some(image), camera: Some(camera), detections, answer }
     }
@@ -129,11 +139,14 @@ impl Sight<'_> {
     fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> Answer {
         if detections.is_empty() {
             let what = self.target.kind();
-            let message = format!("no {what} target in this image; check that all of it is visible, sharp and evenly lit");
+            let message = format!(
+                "no {what} target in this image; check that all of it is visible, sharp and evenly lit"
+            );
             return Answer::without_pose(view, Status::NotFound, message);
         }
         let (seen, skipped) = correspond(detections, self.target, camera);
-        let names: Vec<String> = seen.iter().map(|(feature, _)| feature_name(*feature, self.target)).collect();
+        let names: Vec<String> =
+            seen.iter().map(|(feature, _)| feature_name(*feature, self.target)).collect();
         let points: Vec<_> = seen.iter().map(|(_, c)| *c).collect();
         let skipped = skipped.iter().map(|s| skipped_text(s, self.target)).collect();
         let sigma_px = mean_square_root(points.iter().map(|c| c.sigma_px));
@@ -154,7 +167,8 @@ impl Seen {
     /// The answer drawn over the photograph, as PNG.
     pub fn png(&self, image: &GrayImage, target: &Target) -> Result<Vec<u8>> {
         let status = self.answer.verdict.status;
-        let title = Path::new(&self.answer.view).file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let title =
+            Path::new(&self.answer.view).file_name().unwrap_or_default().to_string_lossy().into_owned();
         let scene = overlay::Scene {
             image,
             detections: &self.detections,
@@ -175,7 +189,9 @@ impl Seen {
 
 fn feature_name(feature: Feature, target: &Target) -> String {
     match target {
-        Target::Points(points) => points.get(feature.id as usize).map_or_else(String::new, |p| format!("point {}", p.name)),
+        Target::Points(points) => {
+            points.get(feature.id as usize).map_or_else(String::new, |p| format!("point {}", p.name))
+        }
         _ if target.has_tag_corners() => format!("corner {} of tag {}", feature.corner, feature.id),
         _ => format!("point {}", feature.id),
     }

@@ -66,15 +66,21 @@ struct Setting {
 /// See `Solve`.
 pub fn run(args: &Solve) -> Result<Outcome> {
     if args.robust.is_some() {
-        bail!("--robust is not in this version; remove wrong rows (an `inconsistent` answer names the worst) and leave it out");
+        bail!(
+            "--robust is not in this version; remove wrong rows (an `inconsistent` answer names the worst) and leave it out"
+        );
     }
     let setting = setting(args)?;
     crate::files::must_exist(&args.points)?;
     let views = points::read(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
-    super::in_order(&views, |view| setting.answer(view), |answer: Answer| {
-        printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
-    })?;
+    super::in_order(
+        &views,
+        |view| setting.answer(view),
+        |answer: Answer| {
+            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+        },
+    )?;
     printer.finish()
 }
 
@@ -85,7 +91,7 @@ fn setting(args: &Solve) -> Result<Setting> {
     };
     let (unit, assumed, columns) = match &camera.lens {
         _ if args.normalized => ("normalized", 5e-4, ["xn", "yn"]),
-        Lens::Photogrammetric(model) => ("unit of f", model.f / 2000.0, ["u_px", "v_px"]),
+        Lens::Photogrammetric(model) => ("unit of f", model.table().f / 2000.0, ["u_px", "v_px"]),
         _ => ("px", 0.5, ["u_px", "v_px"]),
     };
     let stated = if args.normalized { args.sigma_normalized } else { args.sigma_px };
@@ -95,14 +101,16 @@ fn setting(args: &Solve) -> Result<Setting> {
 
 impl Setting {
     fn answer(&self, view: &View) -> Answer {
-        let points = match view.rows.iter().map(|row| self.correspondence(row)).collect::<Result<Vec<_>, String>>() {
-            Ok(points) => points,
-            Err(reason) => {
-                let answer = Answer::without_pose(view.name.clone(), Status::Error, reason);
-                return Answer { n_points: view.rows.len(), image_unit: self.unit, ..answer };
-            }
-        };
-        let names: Vec<String> = view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
+        let points =
+            match view.rows.iter().map(|row| self.correspondence(row)).collect::<Result<Vec<_>, String>>() {
+                Ok(points) => points,
+                Err(reason) => {
+                    let answer = Answer::without_pose(view.name.clone(), Status::Error, reason);
+                    return Answer { n_points: view.rows.len(), image_unit: self.unit, ..answer };
+                }
+            };
+        let names: Vec<String> =
+            view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
         let config = Config { method: self.method, ..Config::default() };
         let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
@@ -111,7 +119,8 @@ impl Setting {
         let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
         if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
             let flag = if self.columns[0] == "xn" { "--sigma-normalized" } else { "--sigma-px" };
-            verdict.message += &format!("; σ {} {} is assumed, state yours with {flag}", self.sigma, self.unit);
+            verdict.message +=
+                &format!("; σ {} {} is assumed, state yours with {flag}", self.sigma, self.unit);
         }
         let names = view.rows.iter().map(|row| row.name.clone()).collect();
         Answer {
@@ -133,7 +142,10 @@ impl Setting {
         let sigma = row.sigma.unwrap_or(self.sigma);
         for (column, x) in cells.chain([("sigma_px", sigma)]) {
             if !x.is_finite() {
-                return Err(format!("line {}: column `{column}` is {x}; remove the row or correct it", row.line));
+                return Err(format!(
+                    "line {}: column `{column}` is {x}; remove the row or correct it",
+                    row.line
+                ));
             }
         }
         if sigma <= 0.0 {

@@ -20,6 +20,8 @@ pub struct Canvas {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// Rows that strokes may touch, from the top; `height` unless set lower.
+    pub open_rows: u32,
     rgb: Vec<u8>,
     coverage: Vec<f32>,
     touched: Vec<usize>,
@@ -51,7 +53,7 @@ impl Canvas {
         while rgb.len() < 3 * n {
             rgb.extend(background);
         }
-        Canvas { width, height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
+        Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
     }
 
     /// Draws paths with one pen; a path of one point is a dot.
@@ -109,7 +111,7 @@ impl Canvas {
             if first <= last { first as usize..last as usize + 1 } else { 0..0 }
         };
         let (along, length2) = (b - a, (b - a).norm_squared());
-        for y in range(a.y, b.y, self.height) {
+        for y in range(a.y, b.y, self.open_rows.min(self.height)) {
             for x in range(a.x, b.x, self.width) {
                 let p = Vector2::new(x as f64, y as f64) - a;
                 let t = if 0.0 < length2 { (p.dot(&along) / length2).clamp(0.0, 1.0) } else { 0.0 };

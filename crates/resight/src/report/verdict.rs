@@ -2,7 +2,8 @@
 
 use crate::core::Error;
 use crate::core::choose::Ambiguity;
-use crate::core::locate::{Consistency, PoseEstimate};
+use crate::core::consistency::Consistency;
+use crate::core::locate::PoseEstimate;
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
