@@ -25,7 +25,7 @@ const QUANTILE: f64 = 3.719;
 /// "Far above": residuals twice as large as stated. Below it the covariance widens but nothing is called wrong.
 const FAR_ABOVE: f64 = 4.0;
 
-/// χ² that good data exceed once in ten thousand (Wilson and Hilferty 1931; within 3 % from two degrees of freedom on).
+/// χ² that good data exceed once in ten thousand (Wilson and Hilferty 1931; within 5 % from two degrees of freedom on).
 fn limit(degrees_of_freedom: usize) -> f64 {
     let n = degrees_of_freedom as f64;
     let k = 2.0 / (9.0 * n);
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn limit_is_the_chi_square_quantile() {
         for (dof, quantile) in [(2, 18.421), (10, 35.564), (100, 161.319)] {
-            assert!((limit(dof) / quantile - 1.0).abs() < 0.03, "{dof}: {}", limit(dof));
+            assert!((limit(dof) / quantile - 1.0).abs() < 0.05, "{dof}: {}", limit(dof));
         }
     }
 }

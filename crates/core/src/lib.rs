@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod pose;
+pub mod polynomial;
 pub mod camera;
 pub mod target;
 pub mod correspondence;

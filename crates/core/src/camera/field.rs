@@ -140,8 +140,8 @@ pub(super) fn invert_monotone(map: impl Fn(f64) -> (f64, f64), target: f64, uppe
 
 /// q in the disc of `radius` with map(q) = target, for a map that is one-to-one there and gives (value, derivative).
 ///
-/// Newton with halved steps; when that sticks at the edge, the target is approached from map(0) in sixteen parts.
-/// None when no q comes within `tolerance`.
+/// Newton with halved steps, in a slightly larger disc so that the edge is no obstacle; when that sticks, the target is
+/// approached from map(0) in sixteen parts. None when no q of the disc comes within `tolerance`.
 pub(super) fn invert_plane(
     map: impl Fn(&Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>),
     target: &Vector2<f64>,
@@ -149,16 +149,15 @@ pub(super) fn invert_plane(
     radius: f64,
     tolerance: f64,
 ) -> Option<Vector2<f64>> {
-    let near = |q: &Vector2<f64>| (map(q).0 - target).norm() <= tolerance;
-    let q = newton_plane(&map, target, start, radius);
-    if near(&q) {
-        return Some(q);
-    }
-    let mut q = Vector2::zeros();
-    for part in 1..=16 {
-        q = newton_plane(&map, &(target * (f64::from(part) / 16.0)), q, radius);
-    }
-    near(&q).then_some(q)
+    let answer = |q: Vector2<f64>| {
+        let q = into_disc(q, radius);
+        ((map(&q).0 - target).norm() <= tolerance).then_some(q)
+    };
+    let work_radius = 1.02 * radius;
+    answer(newton_plane(&map, target, start, work_radius)).or_else(|| {
+        let parts = (1..=16).map(|part| target * (f64::from(part) / 16.0));
+        answer(parts.fold(Vector2::zeros(), |q, part| newton_plane(&map, &part, q, work_radius)))
+    })
 }
 
 /// Newton with step halving inside the disc; the last point, whether it is an answer or not.

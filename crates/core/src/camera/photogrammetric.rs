@@ -10,7 +10,8 @@
 //! Inside, lengths are divided by f: t = Δ/f. Valid field: the disc of t where d is safely one-to-one, docs/math/camera.md section 8.
 
 use super::field::{
-    INSIDE, ON_EDGE, RADIUS_CAP, RESIDUAL_PX, distance_is_usable, first_zero, invert_plane, outside, solve,
+    GREATEST_SLOPE, INSIDE, ON_EDGE, RADIUS_CAP, RESIDUAL_PX, distance_is_usable, first_zero,
+    invert_monotone, invert_plane, outside, solve,
 };
 use super::{IntrinsicsJacobian, Parameters, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
@@ -101,7 +102,15 @@ impl Photogrammetric {
         let decentring = (0.5 * (xx + yy) + (0.5 * (xx - yy)).hypot(xy)).sqrt();
         let side = [floor, -decentring, k1, 0.0, k2, 0.0, k3];
         let fold = [floor, -decentring, 3.0 * k1, 0.0, 5.0 * k2, 0.0, 7.0 * k3];
-        first_zero(&side, first_zero(&fold, RADIUS_CAP))
+        let mut stretch = fold.map(|c| -c);
+        stretch[0] = GREATEST_SLOPE;
+        let radius = first_zero(&stretch, first_zero(&side, first_zero(&fold, RADIUS_CAP)));
+        let radial = |r: f64| {
+            let t = r * r;
+            let (g, slope) = (1.0 + t * (k1 + t * (k2 + t * k3)), fold[2] + t * (fold[4] + t * fold[6]));
+            (r * g, 1.0 + t * slope)
+        };
+        if radial(radius).0 <= RADIUS_CAP { radius } else { invert_monotone(radial, RADIUS_CAP, radius) }
     }
 
     /// d/f at t, with its derivative.
@@ -130,11 +139,12 @@ impl Photogrammetric {
     /// t with d(t)/f = −(X, Y)/Z.
     fn measured(&self, x: &Point) -> Option<Vector2<f64>> {
         let target = Vector2::new(-x.x / x.z, -x.y / x.z);
-        let visible = 0.0 < x.z && distance_is_usable(x.z * x.z) && target.norm_squared() < 1e12;
+        let visible = 0.0 < x.z && distance_is_usable(x.z * x.z) && target.norm_squared() < 1e4;
         if !visible {
             return None;
         }
-        let tolerance = RESIDUAL_PX * LEAST_SLOPE / self.parameters.f.max(1.0);
+        let rounding = 16.0 * f64::EPSILON * target.norm();
+        let tolerance = rounding.max(RESIDUAL_PX * LEAST_SLOPE / self.parameters.f.max(1.0));
         invert_plane(|t| self.correct(t), &target, target, self.radius_max, tolerance)
     }
 

@@ -3,6 +3,7 @@
 //! R = R_y(τy) R_x(τx) turns the image plane, P projects it back along the optical axis (docs/math/camera.md eq. (8)):
 //!   R_x = [1 0 0; 0 c s; 0 −s c]   R_y = [c 0 −s; 0 1 0; s 0 c]   P = [R33 0 −R13; 0 R33 −R23; 0 0 1]   H = P R
 
+use super::field::{INSIDE, ON_EDGE};
 use crate::Error;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -14,8 +15,9 @@ pub(super) struct Tilt {
     least_depth: f64,
 }
 
-/// The field ends where a point's depth in the tilted frame has fallen to this part of the axis' own: the horizon is at 0.
-const HORIZON_MARGIN: f64 = 0.01;
+/// The field ends where a point's depth in the tilted frame has fallen to this part of the axis' own: the horizon
+/// is at 0, and the stretching grows as one over the square.
+const HORIZON_MARGIN: f64 = 0.3;
 
 impl Tilt {
     /// # Errors
@@ -76,8 +78,13 @@ impl Tilt {
     pub fn invert(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let h = self.plane_from_sensor * Vector3::new(p.x, p.y, 1.0);
         // h.z is 1/depth.
-        let visible = 0.0 < h.z && self.least_depth * (1.0 + 1e-12) * h.z < 1.0;
-        visible.then(|| Vector2::new(h.x / h.z, h.y / h.z))
+        let depth_ratio = self.least_depth * h.z;
+        let q = Vector2::new(h.x / h.z, h.y / h.z);
+        if !(0.0 < h.z && depth_ratio <= ON_EDGE) {
+            return None;
+        }
+        // Towards the axis the depth grows, so that rounding cannot push the answer across the edge.
+        Some(if depth_ratio < INSIDE { q } else { q * (INSIDE * INSIDE) })
     }
 
     /// Derivatives of the point on the sensor by τx and τy.

@@ -24,6 +24,9 @@ pub struct Solution {
     pub constraint_11: f64,
     /// Total residual in (3) with f = 1: Σ (X + u Z)² + (Y + v Z)², metres².
     pub residual_3: f64,
+    /// Whether all four points lie in front of the camera. The paper does not ask; yet two of the four solutions satisfy
+    /// every printed equation with the scene mirrored through the camera centre, Z < 0.
+    pub in_front: bool,
 }
 
 /// The four solutions; none is dropped, false ones show by their residual.
@@ -52,9 +55,9 @@ pub fn wang2004(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> Resul
     Ok(solutions)
 }
 
-/// The paper's choice: the solution of least total residual in (3).
+/// The paper's choice, the solution of least total residual in (3), among those with the points in front of the camera.
 pub fn least_residual(solutions: &Solutions) -> Option<&Solution> {
-    solutions.iter().filter(|s| s.residual_3.is_finite()).min_by(|a, b| a.residual_3.total_cmp(&b.residual_3))
+    solutions.iter().filter(|s| s.in_front && s.residual_3.is_finite()).min_by(|a, b| a.residual_3.total_cmp(&b.residual_3))
 }
 
 /// `cam1_from_cam2` by (13), (14): needs no absolute position, any target frame and any G₀ give the same.
@@ -127,6 +130,7 @@ impl PaperFrame {
             yaw_pitch_roll_rad: [sw.atan2(cw), s2.atan2(c2), s3.atan2(c3)],
             constraint_11: cos * cos + sin * sin - 1.0,
             residual_3: self.residual_3(image, &cam_from_target),
+            in_front: self.points_in_target.iter().all(|x| 0.0 < (cam_from_target * *x).z),
         })
     }
 
@@ -282,7 +286,7 @@ mod tests {
     fn both_printed_euler_triples_and_translations_of_both_cameras() {
         for (camera, twin) in [(CAMERA1, [-135.0, 150.0, -120.0]), (CAMERA2, [-127.0, 143.0, -99.0])] {
             let solutions = solved(camera);
-            let correct: Vec<_> = solutions.iter().filter(|s| s.residual_3 < 1e-18).collect();
+            let correct: Vec<_> = solutions.iter().filter(|s| s.residual_3 < 1e-18 && s.in_front).collect();
             assert_eq!(solutions.len(), 4);
             assert_eq!(correct.len(), 2);
             for printed in [camera.0, twin] {
@@ -299,12 +303,13 @@ mod tests {
         }
     }
 
+    /// R2 is printed with 0.5686 in the middle, which its own angles make 0.5689.
     #[test]
     fn printed_rotation_matrices_to_their_four_decimals() {
         #[rustfmt::skip]
         let printed = [
             Matrix3::new(0.4330, -0.4356, 0.7891, 0.7500, 0.6597, -0.0474, -0.5000, 0.6124, 0.6124),
-            Matrix3::new(0.1249, -0.5192, 0.8455, 0.7888, 0.5686, 0.2328, -0.6018, 0.6378, 0.4806),
+            Matrix3::new(0.1249, -0.5192, 0.8455, 0.7888, 0.5689, 0.2328, -0.6018, 0.6378, 0.4806),
         ];
         for (camera, printed) in [CAMERA1, CAMERA2].into_iter().zip(printed) {
             let solutions = solved(camera);
