@@ -1,1 +1,3 @@
 //! Finding targets in images.
+
+pub mod dots;
