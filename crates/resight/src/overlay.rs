@@ -76,6 +76,7 @@ pub fn draw(scene: &Scene) -> Canvas {
     }
     sheet.detections(scene);
     if let (Some(estimate), Some(camera)) = (scene.estimate, scene.camera) {
+        sheet.ellipses(scene, estimate, camera);
         sheet.axes(scene.target, camera, &estimate.cam_from_target);
     }
     sheet.canvas.open_rows = sheet.canvas.height;
@@ -125,7 +126,7 @@ impl Sheet {
         lines.iter().flat_map(project).map(|path| path.iter().map(|p| self.place(p)).collect()).collect()
     }
 
-    /// Grid, outline, the other pose's outline, 2-σ ellipses and residuals.
+    /// Grid, outline, the other pose's outline and residuals.
     fn prediction(&mut self, scene: &Scene, estimate: &PoseEstimate, camera: &Camera) {
         let (least, greatest) = geometry::bounds(scene.target);
         let extent = (greatest - least).xy().max();
@@ -148,7 +149,6 @@ impl Sheet {
         }
         let drawn = self.segments(camera, pose, &outline);
         self.canvas.stroke_with_rim(&drawn, self.pen(OUTLINE, 1.2, 0.9));
-        self.ellipses(scene, estimate, camera);
         self.residuals(scene, pose, camera);
     }
 
@@ -216,7 +216,7 @@ impl Sheet {
             for tag in scene.detections.chunk_by(|a, b| a.feature.id == b.feature.id) {
                 let centre =
                     tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
-                self.centred(&tag[0].feature.id.to_string(), centre, SEEN, 8.0);
+                self.centred(&tag[0].feature.id.to_string(), centre, PAPER, 8.0);
             }
             return;
         }

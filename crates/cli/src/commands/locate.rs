@@ -123,7 +123,7 @@ impl Sight<'_> {
                 return Seen::nothing(Some(image), Answer::without_pose(view, Status::Error, reason));
             }
         };
-        let detections = match detector.detect(&image) {
+        let detections = match detector.detect_with_camera(&image, &camera) {
             Ok(detections) => detections,
             Err(reason) => {
                 return Seen::nothing(
