@@ -3,7 +3,8 @@
 //! `cargo run --release -p resight --example make_demo` from the repository's root; the same bytes every time.
 //!
 //! Two cameras with ordinary lenses look at a wall with a card of four dots (three on a line, one off it) and a grid of
-//! tags. A third picture shows the card alone from so far away that two poses explain it.
+//! tags. A third picture shows the card from the one plane where two poses explain it:
+//! through the fourth dot, perpendicular to the line.
 
 use nalgebra::Matrix3;
 use resight::core::camera::{BrownConrady, ImageSize};
@@ -34,18 +35,18 @@ fn main() -> Result<()> {
     let (left, right) = (camera(&LEFT)?, camera(&RIGHT)?);
     let left_from_wall = looking(Point::new(-0.26, -0.20, -0.62), Point::new(-0.045, -0.005, 0.0), 0.04);
     let right_from_wall = looking(Point::new(0.33, 0.12, -0.64), Point::new(-0.06, 0.0, 0.0), -0.03);
-    let far_from_wall = looking(Point::new(0.35, -0.14, -2.40), Point::new(0.13, 0.02, 0.0), 0.02);
+    let critical_from_wall = looking(Point::new(0.06, -0.34, -0.80), Point::new(0.10, 0.01, 0.0), 0.02);
     let wall = |cam_from_wall: Pose| vec![dots(cam_from_wall), grid(cam_from_wall)];
     draw(folder, "left.png", wall(left_from_wall), &left, 11)?;
     draw(folder, "right.png", wall(right_from_wall), &right, 12)?;
-    draw(folder, "far.png", vec![dots(far_from_wall)], &left, 13)?;
+    draw(folder, "critical.png", vec![dots(critical_from_wall)], &left, 13)?;
     write_cameras(folder)?;
     let poses = [
         ("left_from_dots", dots(left_from_wall).cam_from_target),
         ("right_from_dots", dots(right_from_wall).cam_from_target),
         ("left_from_grid", grid(left_from_wall).cam_from_target),
         ("right_from_grid", grid(right_from_wall).cam_from_target),
-        ("far_from_dots", dots(far_from_wall).cam_from_target),
+        ("critical_from_dots", dots(critical_from_wall).cam_from_target),
         ("left_from_right", left_from_wall * right_from_wall.inverse()),
     ];
     Ok(std::fs::write(folder.join("truth.toml"), truth(&poses)?)?)

@@ -77,7 +77,10 @@ pub fn draw(scene: &Scene) -> Canvas {
     sheet.detections(scene);
     if let (Some(estimate), Some(camera)) = (scene.estimate, scene.camera) {
         sheet.ellipses(scene, estimate, camera);
-        sheet.axes(scene.target, camera, &estimate.cam_from_target);
+        let length_m = sheet.axes(scene.target, camera, &estimate.cam_from_target);
+        if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
+            sheet.other_axes(camera, &other.cam_from_target, length_m);
+        }
     }
     sheet.canvas.open_rows = sheet.canvas.height;
     sheet.caption(scene);
@@ -132,21 +135,17 @@ impl Sheet {
         let extent = (greatest - least).xy().max();
         let pose = &estimate.cam_from_target;
         if 0.0 < extent {
-            let step_m = geometry::round_down_125(extent / 4.0);
-            let lines = self.segments(camera, pose, &geometry::grid(&least, &greatest, step_m));
+            let step_m = geometry::round_down_125(extent / 3.0);
+            let grid = geometry::grid(&least, &greatest, step_m);
+            if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
+                let lines = self.segments(camera, &other.cam_from_target, &grid);
+                self.canvas.stroke(&lines, self.pen(OTHER, 1.0, 0.6));
+            }
+            let lines = self.segments(camera, pose, &grid);
             self.canvas.stroke(&lines, self.pen(GRID, 1.0, 0.45));
             self.notes.push(format!("grid {}", length(step_m)));
         }
         let outline = geometry::outline(scene.target);
-        if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
-            let dashes: Vec<Path> = self
-                .segments(camera, &other.cam_from_target, &outline)
-                .iter()
-                .flat_map(|p| dashed(p, 7.0 * self.unit))
-                .collect();
-            self.canvas.stroke_with_rim(&dashes, self.pen(OTHER, 1.4, 1.0));
-            self.notes.push("dashed: the other pose".into());
-        }
         let drawn = self.segments(camera, pose, &outline);
         self.canvas.stroke_with_rim(&drawn, self.pen(OUTLINE, 1.2, 0.9));
         self.residuals(scene, pose, camera);
@@ -238,11 +237,12 @@ impl Sheet {
         self.canvas.stroke_with_rim(&font::strokes(text, origin, height), self.pen(color, 1.2, 1.0));
     }
 
-    fn axes(&mut self, target: &Target, camera: &Camera, pose: &Pose) {
+    /// Draws the target's axes and returns their length, metres.
+    fn axes(&mut self, target: &Target, camera: &Camera, pose: &Pose) -> f64 {
         let (least, greatest) = geometry::bounds(target);
         let extent = (greatest - least).xy().max();
         if !(0.0 < extent) {
-            return;
+            return 0.0;
         }
         let length_m = geometry::round_down_125(0.5 * extent);
         self.notes.insert(0, format!("axes {}", length(length_m)));
@@ -255,6 +255,19 @@ impl Sheet {
                 self.label(name, end, *color, 9.0, 6.0);
             }
         }
+        length_m
+    }
+
+    /// The other pose's axes, dashed: its points fall where this pose's do, its axes do not.
+    fn other_axes(&mut self, camera: &Camera, other: &Pose, length_m: f64) {
+        for i in 0..3 {
+            let mut tip = Point::zeros();
+            tip[i] = length_m;
+            let line = self.segments(camera, other, &[(Point::zeros(), tip)]);
+            let dashes: Vec<Path> = line.iter().flat_map(|path| dashed(path, 5.0 * self.unit)).collect();
+            self.canvas.stroke_with_rim(&dashes, self.pen(OTHER, 2.0, 1.0));
+        }
+        self.notes.push("magenta: the other pose".into());
     }
 
     /// Writes a name beside a place, on the first of four sides where it covers no other name; else leaves it out.
