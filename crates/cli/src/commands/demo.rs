@@ -99,7 +99,7 @@ impl Story {
         let text = "Two cameras look at a wall with a card of four dots and a grid of tags. The pictures were drawn by \
                     this project from known poses, so every answer below stands beside the truth.";
         self.page.paragraph(text);
-        self.say(&format!("Resight demo\n{}\n", wrapped(text)))
+        self.say(&format!("Resight demo\n{}\n\n", wrapped(text)))
     }
 
     /// One picture through the whole path.
@@ -128,7 +128,7 @@ impl Story {
         self.page.heading(&format!("{number}  {title}"));
         self.page.pictures(&[(&picture, &format!("{image}.png, {target}, {camera}"))]).preformatted(&words);
         self.row(number, title, &seen, &truth);
-        let heading = format!("\n{number}  {title}   [{image}.png, {camera}]\n{words}");
+        let heading = format!("{number}  {title}   [{image}.png, {camera}]\n{words}");
         self.printer.result(&seen.answer.json(), &heading, true)?;
         Ok(seen)
     }
@@ -193,7 +193,7 @@ impl Story {
             covariance: crate::answer::rows(&covariance),
             truth_normalized_squared: check.map(|c| c.normalized_squared),
         };
-        self.printer.result(&pair, &format!("\n{number}  {title}\n{words}"), true)
+        self.printer.result(&pair, &format!("{number}  {title}\n{words}"), true)
     }
 
     fn finish(mut self) -> Result<Outcome> {
@@ -283,7 +283,7 @@ fn told_pair(left_from_right: &Pose, covariance: &Matrix6, truth: &Pose) -> Stri
 
 fn error_row(check: truth::TruthCheck) -> String {
     format!(
-        "{} and {}; in units of its own error bar {} (6 expected, above 16.8 once in a hundred)",
+        "off by {}, turned by {}; error² in σ² {} (6 expected, above 16.8 once in a hundred)",
         length(check.distance_m),
         degrees(check.angle_rad),
         figures(check.normalized_squared)
@@ -303,7 +303,7 @@ fn place_row(place: &Vector3, sigma: &Vector3) -> String {
 fn truth_row(place: &Vector3, sigma: &Vector3) -> String {
     let number = |i: usize| {
         let decimals = resight::report::words::decimals(sigma[i] * 1e3);
-        format!("{:+.decimals$}", place[i] * 1e3)
+        format!("{:+.decimals$}", place[i] * 1e3 + 0.0)
     };
     let axes = ["x", "y", "z"].iter().enumerate();
     axes.map(|(i, name)| format!("{name} {:<21}", number(i))).collect::<String>().trim_end().to_string()

@@ -33,10 +33,10 @@ pub struct Solve {
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     /// Standard deviation of u and v where the file has no sigma_px [default: 0.5; photogrammetric camera: f / 2000, in its unit]
-    #[arg(long, value_name = "S", conflicts_with = "normalized", value_parser = positive)]
+    #[arg(long, value_name = "S", conflicts_with = "normalized", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: Option<f64>,
     /// Standard deviation of xn and yn where the file has no sigma_px [default: 0.0005]
-    #[arg(long, value_name = "S", requires = "normalized", value_parser = positive)]
+    #[arg(long, value_name = "S", requires = "normalized", allow_negative_numbers = true, value_parser = positive)]
     sigma_normalized: Option<f64>,
     /// Not in this version: finding wrong correspondences.
     #[arg(long, value_name = "PX", hide = true)]
