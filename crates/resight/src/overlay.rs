@@ -77,10 +77,7 @@ pub fn draw(scene: &Scene) -> Canvas {
     sheet.detections(scene);
     if let (Some(estimate), Some(camera)) = (scene.estimate, scene.camera) {
         sheet.ellipses(scene, estimate, camera);
-        let length_m = sheet.axes(scene.target, camera, &estimate.cam_from_target);
-        if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
-            sheet.other_axes(camera, &other.cam_from_target, length_m);
-        }
+        sheet.axes(scene.target, camera, estimate);
     }
     sheet.canvas.open_rows = sheet.canvas.height;
     sheet.caption(scene);
@@ -237,15 +234,18 @@ impl Sheet {
         self.canvas.stroke_with_rim(&font::strokes(text, origin, height), self.pen(color, 1.2, 1.0));
     }
 
-    /// Draws the target's axes and returns their length, metres.
-    fn axes(&mut self, target: &Target, camera: &Camera, pose: &Pose) -> f64 {
+    fn axes(&mut self, target: &Target, camera: &Camera, estimate: &PoseEstimate) {
+        let pose = &estimate.cam_from_target;
         let (least, greatest) = geometry::bounds(target);
         let extent = (greatest - least).xy().max();
         if !(0.0 < extent) {
-            return 0.0;
+            return;
         }
         let length_m = geometry::round_down_125(0.5 * extent);
         self.notes.insert(0, format!("axes {}", length(length_m)));
+        if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
+            self.other_axes(camera, &other.cam_from_target, length_m);
+        }
         for (i, (name, color)) in AXES.iter().enumerate().rev() {
             let mut tip = Point::zeros();
             tip[i] = length_m;
@@ -255,7 +255,6 @@ impl Sheet {
                 self.label(name, end, *color, 9.0, 6.0);
             }
         }
-        length_m
     }
 
     /// The other pose's axes, dashed: its points fall where this pose's do, its axes do not.
