@@ -16,6 +16,9 @@
 //!
 //! Other pairs of Kalibr's (omni-equidistant, ds-radtan, …) are not models here.
 
+// `!(a < b)` is meant: it also refuses NaN, which `b <= a` lets through.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
 mod field;
 mod plane_distortion;
 mod tilt;
@@ -176,7 +179,7 @@ impl Camera {
         if values.len() != self.parameters().len() {
             return Err(Error::CoefficientCount { model: self.model_name(), needed, seen: values.len() });
         }
-        let lens = each_lens!(&self.lens, model => Lens::from(model.from_values(values)?));
+        let lens = each_lens!(&self.lens, model => Lens::from(model.rebuilt(values)?));
         Ok(Camera { lens, size: self.size })
     }
 

@@ -175,12 +175,23 @@ impl NormalEquations {
     fn step(&self, damping: f64) -> Option<(Vector6, f64)> {
         let tt = self.translation_translation.damped(damping).inverse()?;
         let gain = self.rotation_translation * tt;
-        let ww = self.rotation_rotation.damped(damping).minus_product(&gain, &self.rotation_translation).inverse()?;
+        let ww = self
+            .rotation_rotation
+            .damped(damping)
+            .minus_product(&gain, &self.rotation_translation)
+            .inverse()?;
         let w = ww * (self.gradient_rotation - gain * self.gradient_translation);
         let v = tt * (self.gradient_translation - self.rotation_translation.tr_mul(&w));
         // gᵀδ: exactly the decrease for no damping, a little more than promised otherwise.
         let promised = w.dot(&self.gradient_rotation) + v.dot(&self.gradient_translation);
         promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
+    }
+
+    /// Jᵀr by the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
+    pub fn gradient_at_camera(&self, pivot_in_cam: &Point) -> Vector6 {
+        let f = &self.gradient_translation;
+        let t = self.gradient_rotation + pivot_in_cam.cross(f);
+        Vector6::new(t.x, t.y, t.z, f.x, f.y, f.z)
     }
 
     /// Covariance (JᵀJ)⁻¹ of the small left motion of the camera frame, from that about the pivot:

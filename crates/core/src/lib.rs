@@ -14,6 +14,7 @@ pub mod solve;
 pub mod least_squares;
 pub mod refine;
 pub mod choose;
+mod curvature;
 pub mod consistency;
 pub mod locate;
 

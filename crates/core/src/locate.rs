@@ -5,6 +5,7 @@
 use crate::camera::MAX_PARAMETERS;
 use crate::choose::{Ambiguity, Minima, Minimum, choose, insert};
 use crate::consistency::{Consistency, consistency, is_unlikely, noise_scale};
+use crate::curvature::with_curvature;
 use crate::refine::{centroid, information, refine_against, residual_sums};
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, classify};
@@ -81,6 +82,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
+    let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
     let covariance = match config.intrinsics_covariance {
         Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
         None => best.covariance,
@@ -225,7 +227,10 @@ fn literal(
     camera: &Camera,
 ) -> Result<(Minima, Option<Weakness>), Error> {
     let Configuration::LinePlusOne { order } = configuration else {
-        return Err(Error::WrongLayout { method: "wang2004", reason: "it takes three points on a line and one off it" });
+        return Err(Error::WrongLayout {
+            method: "wang2004",
+            reason: "it takes three points on a line and one off it",
+        });
     };
     let solve = |bearings: &[Bearing; 4], points: &[Point; 4]| {
         let solutions = wang2004::wang2004(bearings, points)?;
@@ -282,7 +287,11 @@ fn intrinsics_share(
     }
     if covariance.len() != n_parameters * n_parameters {
         let needed = "give its n × n covariance, n the number of parameters";
-        return Err(Error::InvalidCamera { parameter: "intrinsics covariance size", seen: covariance.len() as f64, needed });
+        return Err(Error::InvalidCamera {
+            parameter: "intrinsics covariance size",
+            seen: covariance.len() as f64,
+            needed,
+        });
     }
     let mut share = Matrix6::zeros();
     for i in 0..n_parameters {

@@ -93,11 +93,8 @@ pub fn quartic_factors(a: &[f64; 4]) -> [Quadratic; 2] {
     let m = resolvent_root(2.0 * p, p * p - 4.0 * r, -q * q).max(0.0);
     let alpha = m.sqrt();
     let mean = 0.5 * (p + m);
-    let half_gap = if 1e-10 * p.abs() < m {
-        0.5 * q / alpha
-    } else {
-        (mean * mean - r).max(0.0).sqrt().copysign(q)
-    };
+    let half_gap =
+        if 1e-10 * p.abs() < m { 0.5 * q / alpha } else { (mean * mean - r).max(0.0).sqrt().copysign(q) };
     // (z² + αz + mean − half_gap)(z² − αz + mean + half_gap), moved back to x = z − e.
     let back = |alpha: f64, beta: f64| Quadratic { linear: 2.0 * e + alpha, constant: ee + alpha * e + beta };
     [back(alpha, mean - half_gap), back(-alpha, mean + half_gap)]

@@ -39,7 +39,8 @@ pub(crate) fn refine_against(
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
-    let covariance = solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
+    let covariance =
+        solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
@@ -106,7 +107,7 @@ fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
 }
 
 #[inline]
-fn normal_equations(
+pub(crate) fn normal_equations(
     place: &PivotedPose,
     pivot: &Point,
     seen: &[Correspondence],

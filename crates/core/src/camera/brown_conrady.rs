@@ -150,7 +150,7 @@ impl BrownConrady {
     }
 
     /// The same model with other values, in the order of `parameters`.
-    pub(super) fn from_values(&self, values: &[f64]) -> Result<Self, Error> {
+    pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), &values[4..])
     }
 }

@@ -138,7 +138,7 @@ impl DoubleSphere {
     }
 
     /// The same model with other values, in the order of `parameters`.
-    pub(super) fn from_values(&self, values: &[f64]) -> Result<Self, Error> {
+    pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), values[4], values[5])
     }
 }

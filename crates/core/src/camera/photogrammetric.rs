@@ -224,7 +224,7 @@ impl Photogrammetric {
     }
 
     /// The same model with other values, in the order of `parameters`.
-    pub(super) fn from_values(&self, values: &[f64]) -> Result<Self, Error> {
+    pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(PhotogrammetricParameters {
             f: values[0],
             xp: values[1],

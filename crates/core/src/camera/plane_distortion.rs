@@ -21,6 +21,8 @@ pub(super) struct PlaneDistortion {
     p: [f64; 2],
     s: [f64; 4],
     is_radial: bool,
+    is_polynomial: bool,
+    has_prism: bool,
     radius_max: f64,
     r2_max: f64,
     /// No point of the field is mapped farther out than this.
@@ -38,6 +40,8 @@ impl PlaneDistortion {
             p: [at(2), at(3)],
             s: [at(8), at(9), at(10), at(11)],
             is_radial: c.iter().enumerate().all(|(i, &v)| (i < 2 || (4..8).contains(&i)) || v == 0.0),
+            has_prism: [8, 9, 10, 11].map(at) != [0.0; 4],
+            is_polynomial: [5, 6, 7].map(at) == [0.0; 3],
             radius_max: 0.0,
             r2_max: 0.0,
             image_radius_max: 0.0,
@@ -104,6 +108,9 @@ impl PlaneDistortion {
         let [k4, k5, k6] = self.denominator;
         let n = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
         let dn = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3);
+        if self.is_polynomial {
+            return (n, dn);
+        }
         let d = 1.0 / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
         let dd = k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6);
         let g = n * d;
@@ -137,28 +144,29 @@ impl PlaneDistortion {
             return (q * g, radial);
         }
         let [p1, p2] = self.p;
-        let [s1, s2, s3, s4] = self.s;
-        let (prism_x, prism_y) = (2.0 * s1 + 4.0 * s2 * r2, 2.0 * s3 + 4.0 * s4 * r2);
         let mixed = 2.0 * (p1 * x + p2 * y);
-        let asymmetric = Matrix2::new(
-            2.0 * p1 * y + 6.0 * p2 * x + prism_x * x,
-            mixed + prism_x * y,
-            mixed + prism_y * x,
-            6.0 * p1 * y + 2.0 * p2 * x + prism_y * y,
-        );
-        (q * g + self.asymmetric(q, r2), radial + asymmetric)
+        let mut slope =
+            radial + Matrix2::new(2.0 * p1 * y + 6.0 * p2 * x, mixed, mixed, 6.0 * p1 * y + 2.0 * p2 * x);
+        if self.has_prism {
+            let [s1, s2, s3, s4] = self.s;
+            let (prism_x, prism_y) = (2.0 * s1 + 4.0 * s2 * r2, 2.0 * s3 + 4.0 * s4 * r2);
+            slope += Matrix2::new(prism_x * x, prism_x * y, prism_y * x, prism_y * y);
+        }
+        (q * g + self.asymmetric(q, r2), slope)
     }
 
     #[inline]
     fn asymmetric(&self, q: &Vector2<f64>, r2: f64) -> Vector2<f64> {
         let (x, y) = (q.x, q.y);
         let [p1, p2] = self.p;
-        let [s1, s2, s3, s4] = self.s;
         let cross = 2.0 * x * y;
-        Vector2::new(
-            p1 * cross + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + s2 * r2),
-            p1 * (r2 + 2.0 * y * y) + p2 * cross + r2 * (s3 + s4 * r2),
-        )
+        let tangential =
+            Vector2::new(p1 * cross + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + p2 * cross);
+        if !self.has_prism {
+            return tangential;
+        }
+        let [s1, s2, s3, s4] = self.s;
+        tangential + Vector2::new(s1 + s2 * r2, s3 + s4 * r2) * r2
     }
 
     /// The point of the field that is distorted to `target`, within `tolerance`; none when there is none.

@@ -6,8 +6,8 @@
 //!   r₁, r₂, r₃  axes of the target (along the line, across it, normal) in the camera frame
 //!   B  the foot of the fourth point on the line, in the camera frame  ·  ρ  its distance from the line
 
-use crate::{Bearing, Point, Pose};
 use super::Candidates;
+use crate::{Bearing, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Both poses that put the fourth point on its ray, the likelier first.

@@ -10,8 +10,8 @@
 
 use super::Candidates;
 use crate::polynomial::{polished_factor, quartic_factors};
-use arrayvec::ArrayVec;
 use crate::{Bearing, Point, Pose};
+use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
 /// A height below this part of the base is a straight line: the rotation about it has lost all digits but five.
@@ -61,26 +61,12 @@ fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
 fn widest_pair_first(bearings: &[Bearing; 3]) -> [usize; 3] {
     let chord2 = |i: usize, j: usize| (bearings[i].into_inner() - bearings[j].into_inner()).norm_squared();
     let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
-    if bc <= ab && ca <= ab {
-        [0, 1, 2]
-    } else if ca <= bc {
-        [1, 2, 0]
-    } else {
-        [2, 0, 1]
-    }
+    let (apex, widest) = if ab < bc { (0, bc) } else { (2, ab) };
+    let apex = if widest < ca { 1 } else { apex };
+    [NEXT[apex], NEXT[apex + 1], apex]
 }
 
-fn longest_side_first(points: &[Point; 3]) -> [usize; 3] {
-    let chord2 = |i: usize, j: usize| (points[i] - points[j]).norm_squared();
-    let (ab, bc, ca) = (chord2(0, 1), chord2(1, 2), chord2(2, 0));
-    if bc <= ab && ca <= ab {
-        [0, 1, 2]
-    } else if ca <= bc {
-        [1, 2, 0]
-    } else {
-        [2, 0, 1]
-    }
-}
+const NEXT: [usize; 4] = [1, 2, 0, 1];
 
 /// The triangle in the target.
 struct Triangle {
@@ -102,7 +88,8 @@ impl Triangle {
         let height = normal.norm();
         let coordinates = a.amax().max(b.amax()).max(c.amax());
         let longest = base_length.max(ac.amax());
-        let is_open = MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
+        let is_open =
+            MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
         // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
         let m = (normal / height).cross(&e);
         let frame = Matrix3::from_columns(&[e, m, e.cross(&m)]);
@@ -151,7 +138,15 @@ impl Hinge {
     #[inline]
     fn new(triangle: &Triangle, rays: &Rays) -> Self {
         let (s, g, c) = (triangle.s, rays.g, rays.c);
-        Hinge { n0: c.y * (1.0 - s), d0: c.y * g - c.x * s, s1: s * (1.0 - s), g, h: triangle.h, inverse_h: 1.0 / triangle.h, c }
+        Hinge {
+            n0: c.y * (1.0 - s),
+            d0: c.y * g - c.x * s,
+            s1: s * (1.0 - s),
+            g,
+            h: triangle.h,
+            inverse_h: 1.0 / triangle.h,
+            c,
+        }
     }
 
     /// The quartic in x, eq. (8).

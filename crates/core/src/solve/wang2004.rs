@@ -57,7 +57,10 @@ pub fn wang2004(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> Resul
 
 /// The paper's choice, the solution of least total residual in (3), among those with the points in front of the camera.
 pub fn least_residual(solutions: &Solutions) -> Option<&Solution> {
-    solutions.iter().filter(|s| s.in_front && s.residual_3.is_finite()).min_by(|a, b| a.residual_3.total_cmp(&b.residual_3))
+    solutions
+        .iter()
+        .filter(|s| s.in_front && s.residual_3.is_finite())
+        .min_by(|a, b| a.residual_3.total_cmp(&b.residual_3))
 }
 
 /// `cam1_from_cam2` by (13), (14): needs no absolute position, any target frame and any G₀ give the same.
@@ -82,7 +85,10 @@ impl ImagePoints {
         for i in 0..4 {
             let b = &bearings[i];
             if !(0.0 < b.z) {
-                return Err(undefined("eq. (1) has no image coordinate for a point beside or behind the camera", b.z));
+                return Err(undefined(
+                    "eq. (1) has no image coordinate for a point beside or behind the camera",
+                    b.z,
+                ));
             }
             (u[i], v[i]) = (-b.x / b.z, -b.y / b.z);
         }
@@ -108,7 +114,13 @@ impl PaperFrame {
         let turn = Rotation3::rotation_between(&x, &Vector3::x()).unwrap_or_else(Rotation3::identity);
         let paper_from_target = turn.into_inner();
         let delta_g = points.map(|p| paper_from_target * (p - points[0]));
-        PaperFrame { paper_from_target, points_in_target: *points, l1: delta_g[1].x, l2: delta_g[2].x, delta_g }
+        PaperFrame {
+            paper_from_target,
+            points_in_target: *points,
+            l1: delta_g[1].x,
+            l2: delta_g[2].x,
+            delta_g,
+        }
     }
 
     /// Yaw by (10) with (ΔG₁, ΔG₃), translation by (4), residual by (3).
@@ -149,26 +161,38 @@ impl PaperFrame {
         let det = m11 * m22 - m12 * m21;
         let scale = (m11.hypot(m12)) * (m21.hypot(m22));
         if !(UNDEFINED * scale < det.abs()) {
-            return Err(undefined("the system (10) for yaw is singular: the line is vertical or horizontal in the image, or the fourth point lies on it", det));
+            return Err(undefined(
+                "the system (10) for yaw is singular: the line is vertical or horizontal in the image, or the fourth point lies on it",
+                det,
+            ));
         }
         Ok(((r1 * m22 - m12 * r2) / det, (m11 * r2 - r1 * m21) / det))
     }
 
     /// p + R G₀ by (4a) or (4b), whichever divides by the larger difference.
     fn first_point_in_cam(&self, image: &ImagePoints, r: &Matrix3<f64>) -> Result<Vector3<f64>, Error> {
-        let largest = |d: &[f64; 4]| (1..4).fold(1, |best, i| if d[best].abs() < d[i].abs() { i } else { best });
+        let largest =
+            |d: &[f64; 4]| (1..4).fold(1, |best, i| if d[best].abs() < d[i].abs() { i } else { best });
         let (j, k) = (largest(&image.du), largest(&image.dv));
         let ImagePoints { u, v, du, dv } = image;
         if du[j].abs().max(dv[k].abs()) < f64::MIN_POSITIVE {
-            return Err(undefined("Δu and Δv of every point vanish in (4a), (4b): the points coincide in the image", 0.0));
+            return Err(undefined(
+                "Δu and Δv of every point vanish in (4a), (4b): the points coincide in the image",
+                0.0,
+            ));
         }
         if dv[k].abs() <= du[j].abs() {
             let w = r * self.delta_g[j];
-            let p = [u[0] * w.x + u[0] * u[j] * w.z, v[j] * w.x - du[j] * w.y + u[0] * v[j] * w.z, -w.x - u[j] * w.z];
+            let p = [
+                u[0] * w.x + u[0] * u[j] * w.z,
+                v[j] * w.x - du[j] * w.y + u[0] * v[j] * w.z,
+                -w.x - u[j] * w.z,
+            ];
             return Ok(Vector3::from(p) / du[j]);
         }
         let w = r * self.delta_g[k];
-        let p = [u[k] * w.y - dv[k] * w.x + v[0] * u[k] * w.z, v[0] * w.y + v[0] * v[k] * w.z, -w.y - v[k] * w.z];
+        let p =
+            [u[k] * w.y - dv[k] * w.x + v[0] * u[k] * w.z, v[0] * w.y + v[0] * v[k] * w.z, -w.y - v[k] * w.z];
         Ok(Vector3::from(p) / dv[k])
     }
 
@@ -226,7 +250,10 @@ impl Roll {
             return Err(undefined(reason, t.a1.hypot(t.b1)));
         }
         if !(UNDEFINED * t.scale * t.scale < delta1) {
-            return Err(undefined("Δ₁ = 0 in (8): the line is vertical or horizontal in the image, passes through the principal point, or pitch is ±90°", delta1));
+            return Err(undefined(
+                "Δ₁ = 0 in (8): the line is vertical or horizontal in the image, passes through the principal point, or pitch is ±90°",
+                delta1,
+            ));
         }
         Ok(Roll { cos_alpha: c / delta1, sin_alpha: s / delta1 })
     }
@@ -363,7 +390,9 @@ mod tests {
             let x = [order[0], order[1], order[2], 3].map(|i: usize| points()[i]);
             let solutions = wang2004(&bearings_of(&truth, &x), &x).unwrap();
             let best = least_residual(&solutions).unwrap().cam_from_target;
-            assert!(best.angle_to_rad(&truth) < 1e-10 && (best.translation - truth.translation).norm() < 1e-8);
+            assert!(
+                best.angle_to_rad(&truth) < 1e-10 && (best.translation - truth.translation).norm() < 1e-8
+            );
         }
     }
 
