@@ -3,6 +3,20 @@
 //! A format is one file below `formats/` and one row of `CAMERA_FORMATS` or `TARGET_FORMATS`. Each turns its own
 //! pixel origin, units, names and direction of transforms into ours (metres, pixel (0, 0) the centre of the top-left
 //! pixel, poses `b_from_a`); nothing of a foreign convention leaves these modules.
+//!
+//! | format | file | cameras | poses as stated there | written |
+//! | --- | --- | --- | --- | --- |
+//! | own TOML | `own_camera.rs` | all models | any `b_from_a` | yes |
+//! | OpenCV YAML, XML, JSON | `opencv.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML |
+//! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
+//! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
+//! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | |
+//! | COLMAP cameras.txt | `colmap.rs` | 13 models | none (images.txt) | |
+//! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | |
+//! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 5, 8; fisheye | none | |
+//! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | |
+//! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | |
+//! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 
 mod syntax;
 mod document;
@@ -10,7 +24,7 @@ mod entry;
 mod checks;
 mod lens;
 mod frames;
-mod number;
+mod emit;
 mod own_camera;
 mod own_target;
 mod opencv;
@@ -29,7 +43,7 @@ mod explain;
 mod atomic;
 
 pub use atomic::write_atomically;
-pub use explain::explain;
+pub use explain::{explain, explain_from_bytes};
 
 use crate::FileError;
 use crate::core::camera::ImageSize;
@@ -170,10 +184,12 @@ struct CameraFormat {
     traps: &'static [&'static str],
 }
 
+type TargetAndWarnings = (Target, Vec<String>);
+
 struct TargetFormat {
     format: Format,
     recognises: fn(&Document) -> bool,
-    read: fn(&Document) -> Result<(Target, Vec<String>), Fault>,
+    read: fn(&Document) -> Result<TargetAndWarnings, Fault>,
     traps: &'static [&'static str],
 }
 
@@ -239,8 +255,16 @@ fn contents_of(document: &Document, format: &CameraFormat) -> Result<Contents, F
 
 fn not_a_camera(document: &Document) -> Fault {
     match target_format(document) {
-        Some(target) => Fault::new(format!("this is a target ({}), not a camera; give it with --target", target.format.name())),
-        None => Fault::new(format!("not a camera file that Resight knows ({:?} syntax, {}); the formats are {}", document.syntax, keys_seen(document), camera_format_names())),
+        Some(target) => Fault::new(format!(
+            "this is a target ({}), not a camera; give it with --target",
+            target.format.name()
+        )),
+        None => Fault::new(format!(
+            "not a camera file that Resight knows ({:?} syntax, {}); the formats are {}",
+            document.syntax,
+            keys_seen(document),
+            camera_format_names()
+        )),
     }
 }
 
@@ -249,8 +273,14 @@ fn camera_format_names() -> String {
 }
 
 fn keys_seen(document: &Document) -> String {
-    let keys: Vec<String> =
-        document.entry().entries().unwrap_or_default().iter().take(6).map(|e| e.name().chars().take(30).collect()).collect();
+    let keys: Vec<String> = document
+        .entry()
+        .entries()
+        .unwrap_or_default()
+        .iter()
+        .take(6)
+        .map(|e| e.name().chars().take(30).collect())
+        .collect();
     if keys.is_empty() { "no keys".into() } else { format!("keys {}", keys.join(", ")) }
 }
 
@@ -306,8 +336,14 @@ pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile,
 fn target_of(document: &Document) -> Result<TargetFile, Fault> {
     let Some(format) = target_format(document) else {
         return Err(match camera_format(document) {
-            Some(camera) => Fault::new(format!("this is a camera ({}), not a target; give it with --camera", camera.format.name())),
-            None => Fault::new(format!("not a target file that Resight knows ({}); our own begins with `kind = \"…\"`", keys_seen(document))),
+            Some(camera) => Fault::new(format!(
+                "this is a camera ({}), not a target; give it with --camera",
+                camera.format.name()
+            )),
+            None => Fault::new(format!(
+                "not a target file that Resight knows ({}); our own begins with `kind = \"…\"`",
+                keys_seen(document)
+            )),
         });
     };
     let (target, mut warnings) = (format.read)(document)?;
@@ -329,7 +365,10 @@ pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<String, 
         Format::OpenCv => opencv::write(cameras),
         Format::RosCameraInfo => ros::write(cameras),
         Format::Kalibr => kalibr::write(cameras),
-        other => Err(WriteError(format!("{} is read, not written; write resight, opencv, ros or kalibr", other.name()))),
+        other => Err(WriteError(format!(
+            "{} is read, not written; write resight, opencv, ros or kalibr",
+            other.name()
+        ))),
     }
 }
 

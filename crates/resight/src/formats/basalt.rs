@@ -12,7 +12,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Basalt,
     recognises: |document| document.root.get("value0").is_some_and(|v| v.get("intrinsics").is_some()),
     read,
-    traps: &["T_imu_cam maps camera points into the IMU frame: the inverse of Kalibr's T_cam_imu. Its quaternion is keyed qx, qy, qz, qw."],
+    traps: &["T_imu_cam maps camera points into the IMU frame: the inverse of Kalibr's T_cam_imu. Its \
+            quaternion is keyed qx, qy, qz, qw."],
 };
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -41,20 +42,23 @@ fn one_camera(entry: &Entry<'_>, size: ImageSize, warnings: &mut Vec<String>) ->
     let kind = entry.need("camera_type")?;
     let n = entry.need("intrinsics")?;
     let get = |key: &str| n.need(key)?.number();
-    let lens = match kind.text()? {
-        "pinhole" => LensNumbers::Pinhole,
-        "kb4" => LensNumbers::KannalaBrandt([get("k1")?, get("k2")?, get("k3")?, get("k4")?]),
-        "ds" => LensNumbers::DoubleSphere { xi: get("xi")?, alpha: get("alpha")? },
-        "eucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: get("beta")? },
-        // The unified model is the enhanced one with β = 1.
-        "ucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: 1.0 },
-        "fov" => LensNumbers::Fov { w_rad: get("w")? },
-        "pinhole-radtan8" => {
-            let keys = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
-            LensNumbers::BrownConrady(keys.into_iter().map(get).collect::<Result<_, _>>()?)
-        }
-        other => return Err(kind.fault(format!("unknown camera_type `{other}`; pinhole, pinhole-radtan8, kb4, ds, eucm, ucm and fov are read"))),
-    };
+    let lens =
+        match kind.text()? {
+            "pinhole" => LensNumbers::Pinhole,
+            "kb4" => LensNumbers::KannalaBrandt([get("k1")?, get("k2")?, get("k3")?, get("k4")?]),
+            "ds" => LensNumbers::DoubleSphere { xi: get("xi")?, alpha: get("alpha")? },
+            "eucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: get("beta")? },
+            // The unified model is the enhanced one with β = 1.
+            "ucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: 1.0 },
+            "fov" => LensNumbers::Fov { w_rad: get("w")? },
+            "pinhole-radtan8" => {
+                let keys = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
+                LensNumbers::BrownConrady(keys.into_iter().map(get).collect::<Result<_, _>>()?)
+            }
+            other => return Err(kind.fault(format!(
+                "unknown camera_type `{other}`; pinhole, pinhole-radtan8, kb4, ds, eucm, ucm and fov are read"
+            ))),
+        };
     let matrix = CameraMatrix { fx_px: get("fx")?, fy_px: get("fy")?, cx_px: get("cx")?, cy_px: get("cy")? };
     lens::camera(&n, &lens, matrix, Some(size), warnings)
 }
@@ -64,5 +68,9 @@ fn placement(root: &Entry<'_>, pose: Option<&Entry<'_>>, name: &str) -> Result<P
     let get = |key: &str| pose.need(key)?.number();
     let wxyz = [get("qw")?, get("qx")?, get("qy")?, get("qz")?];
     let translation = Vector3::new(get("px")?, get("py")?, get("pz")?);
-    Ok(Placement { b: "imu".into(), a: name.to_owned(), b_from_a: checks::quaternion_pose(pose, wxyz, translation)? })
+    Ok(Placement {
+        b: "imu".into(),
+        a: name.to_owned(),
+        b_from_a: checks::quaternion_pose(pose, wxyz, translation)?,
+    })
 }

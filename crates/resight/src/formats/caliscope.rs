@@ -11,8 +11,10 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     recognises: |document| document.syntax == Syntax::Toml && !tables(&document.entry()).is_empty(),
     read,
     traps: &[
-        "rotation and translation map world points into the camera (x_cam = R x_world + t), although Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",
-        "aniposelib loads the tables in the order of their sorted names: cam_10 comes before cam_2. Go by name, not by position.",
+        "rotation and translation map world points into the camera (x_cam = R x_world + t), although \
+            Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",
+        "aniposelib loads the tables in the order of their sorted names: cam_10 comes before cam_2. Go by \
+            name, not by position.",
     ],
 };
 
@@ -23,8 +25,16 @@ fn tables<'a>(root: &Entry<'a>) -> Vec<Entry<'a>> {
     below.entries().unwrap_or_default().into_iter().filter(is_camera).collect()
 }
 
+/// Caliscope lists cameras before they are calibrated.
+fn uncalibrated(root: &Entry<'_>) -> Vec<String> {
+    let listed = root.get("cameras").and_then(|c| c.entries().ok()).unwrap_or_default();
+    let without = listed.into_iter().filter(|e| !(e.has("matrix") && e.has("size")));
+    without.map(|e| format!("{}: no matrix or no size yet; this camera is left out", e.path)).collect()
+}
+
 fn read(document: &Document) -> Result<Contents, Fault> {
     let mut contents = Contents::default();
+    contents.warnings.extend(uncalibrated(&document.entry()));
     for entry in tables(&document.entry()) {
         let stated = entry.get("name").map(|n| n.text().map(str::to_owned)).transpose()?;
         let name = stated.unwrap_or_else(|| entry.name().to_owned());
@@ -36,7 +46,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         }
         contents.cameras.push(NamedCamera { name, camera, placement });
     }
-    contents.notes.push("translation is in the unit of the calibration board, which the file does not state; metres are assumed.".into());
+    contents.notes.push(
+        "translation is in the unit of the calibration board, which the file does not \
+        state; metres are assumed."
+            .into(),
+    );
     Ok(contents)
 }
 
@@ -44,12 +58,16 @@ fn one_camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, F
     let k = entry.need("matrix")?;
     let matrix = checks::camera_matrix(&k)?;
     let size = checks::size_pair(&entry.need("size")?)?;
-    let distortion = entry.first_of(&["distortions", "distortion"]).ok_or_else(|| entry.fault("the key `distortions` is missing"))?;
+    let distortion = entry
+        .first_of(&["distortions", "distortion"])
+        .ok_or_else(|| entry.fault("the key `distortions` is missing"))?;
     let d = distortion.numbers()?;
     let fisheye = entry.get("fisheye").map(|f| f.flag()).transpose()?.unwrap_or(false);
     let lens = match (fisheye, <[f64; 4]>::try_from(d.clone())) {
         (true, Ok(k)) => LensNumbers::KannalaBrandt(k),
-        (true, Err(d)) => return Err(distortion.fault(format!("holds {} coefficients; a fisheye takes 4", d.len()))),
+        (true, Err(d)) => {
+            return Err(distortion.fault(format!("holds {} coefficients; a fisheye takes 4", d.len())));
+        }
         (false, _) => opencv::brown_conrady(&distortion, d)?,
     };
     lens::camera(&k, &lens, matrix, Some(size), warnings)

@@ -8,20 +8,27 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// Largest deviation of RᵀR from 1 that rounding to four decimals explains.
 const ORTHONORMAL: f64 = 1e-3;
+/// Deviation of a matrix written with all its digits; such a one is kept bit by bit.
+const EXACT: f64 = 1e-14;
 /// Longest translation between cameras that is taken for metres without a remark.
 pub(super) const LONG_BASELINE_M: f64 = 20.0;
 
 /// A rotation matrix, made orthonormal to rounding; refuses mirrors and what is not a rotation.
 pub(super) fn rotation(at: &Entry<'_>, r: &Matrix3<f64>) -> Result<Matrix3<f64>, Fault> {
     let off = (r.transpose() * r - Matrix3::identity()).amax();
-    if !(off <= ORTHONORMAL) {
+    // NaN fails too.
+    if !(..=ORTHONORMAL).contains(&off) {
         let needed = "a rotation matrix has orthonormal rows (to 1e-3)";
         return Err(at.fault(format!("is not a rotation: RᵀR differs from 1 by {off:.1e}; {needed}")));
     }
     if r.determinant() < 0.0 {
         return Err(at.fault("is a mirror (determinant −1), not a rotation; one axis is flipped"));
     }
-    Ok(Pose::from_quaternion_wxyz(Pose::new(*r, Vector3::zeros()).quaternion_wxyz(), Vector3::zeros()).rotation)
+    if off <= EXACT {
+        return Ok(*r);
+    }
+    Ok(Pose::from_quaternion_wxyz(Pose::new(*r, Vector3::zeros()).quaternion_wxyz(), Vector3::zeros())
+        .rotation)
 }
 
 fn matrix3(m: &DMatrix<f64>) -> Matrix3<f64> {
@@ -37,15 +44,23 @@ pub(super) fn rotation_matrix(at: &Entry<'_>) -> Result<Matrix3<f64>, Fault> {
 pub(super) fn rotation_matrix_or_vector(at: &Entry<'_>) -> Result<Matrix3<f64>, Fault> {
     let numbers = at.numbers()?;
     match numbers.as_slice() {
-        [x, y, z] => Ok(rodrigues(Vector3::new(*x, *y, *z))),
-        [_, _, _, _] => Err(at.fault("is four numbers: a quaternion of unclear order; a 3×3 matrix or a rotation vector is needed")),
+        [x, y, z] => rodrigues(at, Vector3::new(*x, *y, *z)),
+        [_, _, _, _] => Err(at.fault(
+            "is four numbers: a quaternion of unclear order; a 3×3 matrix or a rotation vector is needed",
+        )),
         _ => rotation_matrix(at),
     }
 }
 
-/// Rotation of a vector axis · angle.
-pub(super) fn rodrigues(w: Vector3<f64>) -> Matrix3<f64> {
-    Pose::exp(&crate::core::Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation
+/// Rotation of a vector axis · angle, radians.
+pub(super) fn rodrigues(at: &Entry<'_>, w: Vector3<f64>) -> Result<Matrix3<f64>, Fault> {
+    let turn = w.norm();
+    if !(..=std::f64::consts::TAU).contains(&turn) {
+        return Err(
+            at.fault(format!("is a rotation by {turn:.3} rad, more than a full turn; is it in degrees?"))
+        );
+    }
+    Ok(Pose::exp(&crate::core::Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation)
 }
 
 /// Three numbers.
@@ -65,10 +80,16 @@ pub(super) fn pose4x4(at: &Entry<'_>) -> Result<Pose, Fault> {
 }
 
 /// Pose from a quaternion already in the order w, x, y, z.
-pub(super) fn quaternion_pose(at: &Entry<'_>, wxyz: [f64; 4], translation: Vector3<f64>) -> Result<Pose, Fault> {
+pub(super) fn quaternion_pose(
+    at: &Entry<'_>,
+    wxyz: [f64; 4],
+    translation: Vector3<f64>,
+) -> Result<Pose, Fault> {
     let norm = wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if !((norm - 1.0).abs() <= ORTHONORMAL) {
-        return Err(at.fault(format!("is a quaternion of length {norm:.4}; a rotation has length 1 (to 1e-3)")));
+    if !(..=ORTHONORMAL).contains(&(norm - 1.0).abs()) {
+        return Err(
+            at.fault(format!("is a quaternion of length {norm:.4}; a rotation has length 1 (to 1e-3)"))
+        );
     }
     Ok(Pose::from_quaternion_wxyz(wxyz, translation))
 }
@@ -77,7 +98,10 @@ pub(super) fn quaternion_pose(at: &Entry<'_>, wxyz: [f64; 4], translation: Vecto
 pub(super) fn camera_matrix(at: &Entry<'_>) -> Result<CameraMatrix, Fault> {
     let k = at.matrix(3, 3)?;
     if k[(0, 1)] != 0.0 {
-        return Err(at.fault(format!("has skew {} (row 1, column 2); only cameras without skew are supported", k[(0, 1)])));
+        return Err(at.fault(format!(
+            "has skew {} (row 1, column 2); only cameras without skew are supported",
+            k[(0, 1)]
+        )));
     }
     let rest = [k[(1, 0)], k[(2, 0)], k[(2, 1)], k[(2, 2)] - 1.0];
     if rest.iter().any(|x| 1e-9 < x.abs()) {
@@ -98,7 +122,10 @@ pub(super) fn size_pair(at: &Entry<'_>) -> Result<ImageSize, Fault> {
 /// A translation that would be tens of metres in metres is probably in millimetres.
 pub(super) fn unit_warning(what: &str, length: f64) -> Option<String> {
     (LONG_BASELINE_M < length).then(|| {
-        format!("{what} is {length:.1} long; the file states no unit and it is read as metres. If the board was measured in millimetres, divide by 1000")
+        format!(
+            "{what} is {length:.1} long; the file states no unit and it is read as metres. If the \
+            board was measured in millimetres, divide by 1000"
+        )
     })
 }
 
@@ -109,8 +136,11 @@ pub(super) fn critical_plane_warning(target: &Target) -> Option<String> {
     (0.2 < ratio && ratio < 0.8).then(|| {
         let min = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);
         format!(
-            "the fourth point stands over the middle of the line ({:.0} % of its length). A camera anywhere near the plane through the fourth point across the line sees two poses alike and cannot tell which is true. Put the fourth point over an end, e.g. off_m = [{min}, {}]",
-            100.0 * ratio, t.off_m[1]
+            "the fourth point stands over the middle of the line ({:.0} % of its length). A camera \
+                anywhere near the plane through the fourth point across the line sees two poses alike and \
+                cannot tell which is true. Put the fourth point over an end, e.g. off_m = [{min}, {}]",
+            100.0 * ratio,
+            t.off_m[1]
         )
     })
 }
@@ -122,7 +152,11 @@ pub(super) fn image_size(camera: &Camera, images: ImageSize) -> Result<Camera, S
         None => Ok(Camera { size: Some(images), ..camera.clone() }),
         Some(calibrated) if calibrated == images => Ok(camera.clone()),
         Some(ImageSize { width_px, height_px }) => camera.scaled_to(w, h).map_err(|_| {
-            format!("the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: another aspect, so they are cropped or from another camera; calibrate at this size or undo the crop")
+            format!(
+                "the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: \
+                another aspect, so they are cropped or from another camera; calibrate at this size or \
+                undo the crop"
+            )
         }),
     }
 }

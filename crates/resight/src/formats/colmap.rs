@@ -14,7 +14,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     read,
     traps: &[
         "COLMAP counts pixels from the image's top-left corner; 0.5 px was subtracted from cx and cy.",
-        "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
+        "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the \
+            camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
     ],
 };
 
@@ -34,7 +35,8 @@ const MODELS: [(&str, &str); 13] = [
     ("FOV", "fx fy cx cy omega"),
     ("EUCM", "fx fy cx cy alpha beta"),
 ];
-const REFUSED: [&str; 4] = ["THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION"];
+const REFUSED: [&str; 4] =
+    ["THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION"];
 
 fn read(document: &Document) -> Result<Contents, Fault> {
     let mut contents = Contents::default();
@@ -51,14 +53,22 @@ fn read(document: &Document) -> Result<Contents, Fault> {
 fn camera_line(line: usize, words: &[&str], warnings: &mut Vec<String>) -> Result<NamedCamera, Fault> {
     let [id, model, width, height, parameters @ ..] = words else {
         let seen = words.len();
-        return Err(Fault::at(line, format!("{seen} words; CAMERA_ID MODEL WIDTH HEIGHT PARAMS are needed (a truncated file?)")));
+        return Err(Fault::at(
+            line,
+            format!("{seen} words; CAMERA_ID MODEL WIDTH HEIGHT PARAMS are needed (a truncated file?)"),
+        ));
     };
     let node = Node { line, value: Value::Null };
     let at = Entry { path: format!("camera {id}"), node: &node };
     let names = parameter_names(&at, model)?;
     let values = parameters.iter().map(|word| finite(&at, word)).collect::<Result<Vec<f64>, Fault>>()?;
     if values.len() != names.len() {
-        return Err(at.fault(format!("{} parameters; {model} takes {} ({})", values.len(), names.len(), names.join(", "))));
+        return Err(at.fault(format!(
+            "{} parameters; {model} takes {} ({})",
+            values.len(),
+            names.len(),
+            names.join(", ")
+        )));
     }
     let size = ImageSize { width_px: pixels(&at, width)?, height_px: pixels(&at, height)? };
     let get = |name: &str| names.iter().position(|n| *n == name).map(|i| values[i]);
@@ -76,18 +86,26 @@ fn camera_line(line: usize, words: &[&str], warnings: &mut Vec<String>) -> Resul
 
 fn parameter_names(at: &Entry<'_>, model: &str) -> Result<Vec<&'static str>, Fault> {
     if REFUSED.contains(&model) {
-        return Err(at.fault(format!("model {model} is not supported; undistort the images with COLMAP, or refit as OPENCV or OPENCV_FISHEYE")));
+        return Err(at.fault(format!(
+            "model {model} is not supported; undistort the images with COLMAP, or \
+            refit as OPENCV or OPENCV_FISHEYE"
+        )));
     }
     match MODELS.iter().find(|(name, _)| *name == model) {
         Some((_, parameters)) => Ok(parameters.split(' ').collect()),
-        None => Err(at.fault(format!("unknown model `{model}`; read are {}", MODELS.map(|(name, _)| name).join(", ")))),
+        None => Err(at
+            .fault(format!("unknown model `{model}`; read are {}", MODELS.map(|(name, _)| name).join(", ")))),
     }
 }
 
 fn lens_numbers(model: &str, get: &dyn Fn(&str) -> f64) -> LensNumbers {
     match model {
-        "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" => LensNumbers::BrownConrady(["k1", "k2", "p1", "p2"].map(get).to_vec()),
-        "FULL_OPENCV" => LensNumbers::BrownConrady(["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"].map(get).to_vec()),
+        "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" => {
+            LensNumbers::BrownConrady(["k1", "k2", "p1", "p2"].map(get).to_vec())
+        }
+        "FULL_OPENCV" => {
+            LensNumbers::BrownConrady(["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"].map(get).to_vec())
+        }
         "OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" | "SIMPLE_FISHEYE" | "FISHEYE" => {
             LensNumbers::KannalaBrandt(["k1", "k2", "k3", "k4"].map(get))
         }
@@ -101,7 +119,9 @@ fn finite(at: &Entry<'_>, word: &str) -> Result<f64, Fault> {
     match word.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         Ok(x) => Err(at.fault(format!("a parameter is {x}; a finite number is needed"))),
-        Err(_) if word.contains(',') => Err(at.fault(format!("`{word}` has a comma; parameters are separated by blanks and decimals by points"))),
+        Err(_) if word.contains(',') => Err(at.fault(format!(
+            "`{word}` has a comma; parameters are separated by blanks and decimals by points"
+        ))),
         Err(_) => Err(at.fault(format!("`{word}` is not a number"))),
     }
 }

@@ -99,7 +99,9 @@ impl Document {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
         let mut bytes = Vec::new();
-        file.take(MAX_LITERAL_BYTES + 1).read_to_end(&mut bytes).map_err(|e| FileError::new(path, e.to_string()))?;
+        file.take(MAX_LITERAL_BYTES + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|e| FileError::new(path, e.to_string()))?;
         Document::parse(path, bytes).map_err(|fault| fault.in_file(path))
     }
 
@@ -146,7 +148,10 @@ fn plain_text(bytes: Vec<u8>) -> Result<String, Fault> {
     }
     if let Some(at) = bytes.iter().position(|b| *b == 0) {
         let line = 1 + bytes[..at].iter().filter(|b| **b == b'\n').count();
-        return Err(Fault::at(line, "a NUL byte: a binary or damaged file, or UTF-16 text; save the file as UTF-8"));
+        return Err(Fault::at(
+            line,
+            "a NUL byte: a binary or damaged file, or UTF-16 text; save the file as UTF-8",
+        ));
     }
     let text = String::from_utf8(bytes).map_err(|e| {
         let good = e.utf8_error().valid_up_to();
@@ -205,7 +210,10 @@ pub(super) fn map_of(line: usize, entries: Vec<(String, Node)>) -> Result<Node, 
     let mut seen = std::collections::HashMap::new();
     for (key, node) in &entries {
         if let Some(first) = seen.insert(key.as_str(), node.line) {
-            return Err(Fault::at(node.line, format!("{key}: given twice (first on line {first}); remove one")));
+            return Err(Fault::at(
+                node.line,
+                format!("{key}: given twice (first on line {first}); remove one"),
+            ));
         }
     }
     Ok(Node { line, value: Value::Map(entries) })

@@ -13,7 +13,8 @@ pub(super) struct Entry<'a> {
 impl<'a> Entry<'a> {
     /// `line: path: reason`.
     pub fn fault(&self, reason: impl std::fmt::Display) -> Fault {
-        let reason = if self.path.is_empty() { reason.to_string() } else { format!("{}: {reason}", self.path) };
+        let reason =
+            if self.path.is_empty() { reason.to_string() } else { format!("{}: {reason}", self.path) };
         Fault::at(self.node.line, reason)
     }
 
@@ -68,7 +69,9 @@ impl<'a> Entry<'a> {
     pub fn number(&self) -> Result<f64, Fault> {
         match &self.node.value {
             Value::Number(x) if x.is_finite() => Ok(*x),
-            Value::Number(x) => Err(self.fault(format!("is {x}; a finite number is needed (a failed calibration?)"))),
+            Value::Number(x) => {
+                Err(self.fault(format!("is {x}; a finite number is needed (a failed calibration?)")))
+            }
             Value::Text(text) => Err(self.fault(not_a_number(text))),
             other => Err(self.fault(format!("is {}; a number is needed", other.kind()))),
         }
@@ -144,7 +147,9 @@ impl<'a> Entry<'a> {
         };
         if data.len() as u64 != rows as u64 * cols as u64 {
             let seen = data.len();
-            return Err(self.fault(format!("says {rows}×{cols} but holds {seen} numbers (a truncated file?)")));
+            return Err(
+                self.fault(format!("says {rows}×{cols} but holds {seen} numbers (a truncated file?)"))
+            );
         }
         Ok(data)
     }
@@ -167,7 +172,9 @@ impl<'a> Entry<'a> {
 
     fn check_shape(&self, rows: usize, columns: usize) -> Result<(), Fault> {
         let seen = match &self.node.value {
-            Value::Map(_) => Some((self.need("rows")?.count(0)? as usize, self.need("cols")?.count(0)? as usize)),
+            Value::Map(_) => {
+                Some((self.need("rows")?.count(0)? as usize, self.need("cols")?.count(0)? as usize))
+            }
             Value::List(items) => match items.first().map(|n| &n.value) {
                 Some(Value::List(row)) => Some((items.len(), row.len())),
                 _ => None,

@@ -10,7 +10,9 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
         root.get("T_BS").is_some() || (root.get("sensor_type").is_some() && root.get("intrinsics").is_some())
     },
     read,
-    traps: &["T_BS maps sensor points into the body (x_body = R x_cam + t): the inverse of Kalibr's T_cam_imu."],
+    traps: &[
+        "T_BS maps sensor points into the body (x_body = R x_cam + t): the inverse of Kalibr's T_cam_imu.",
+    ],
 };
 
 fn read(document: &Document) -> Result<Contents, Fault> {

@@ -20,10 +20,10 @@ pub(super) fn between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose>
             } else {
                 None
             };
-            if let Some((to, to_from_frame)) = step {
-                if reached.iter().all(|(seen, _)| seen != to) {
-                    reached.push((to.clone(), to_from_frame * frame_from_a));
-                }
+            if let Some((to, to_from_frame)) = step
+                && reached.iter().all(|(seen, _)| seen != to)
+            {
+                reached.push((to.clone(), to_from_frame * frame_from_a));
             }
         }
         next += 1;
@@ -51,7 +51,10 @@ mod tests {
         let p = |i: usize| cameras[i].placement.as_ref().unwrap().b_from_a;
         let expected = p(1) * p(0) * p(2).inverse();
         let found = between(&cameras, "cam1", "cam2").unwrap();
-        assert!((found.rotation - expected.rotation).norm() + (found.translation - expected.translation).norm() < 1e-12);
+        assert!(
+            (found.rotation - expected.rotation).norm() + (found.translation - expected.translation).norm()
+                < 1e-12
+        );
         assert!(between(&cameras, "cam1", "world").is_none());
     }
 }

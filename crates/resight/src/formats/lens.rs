@@ -2,9 +2,9 @@
 //!
 //! One mirror for all formats: each format knows its own names and orders, this file alone knows the core's types.
 
+use super::WriteError;
 use super::document::Fault;
 use super::entry::Entry;
-use super::WriteError;
 use crate::core::camera::{
     BrownConrady, CameraMatrix, DoubleSphere, Eucm, Fov, ImageSize, KannalaBrandt, Omni, Photogrammetric,
     PhotogrammetricParameters, Pinhole,
@@ -20,10 +20,21 @@ pub(super) enum LensNumbers {
     /// k1 k2 k3 k4 of θ + k1 θ³ + ….
     KannalaBrandt([f64; 4]),
     /// Mei: mirror parameter and k1 k2 p1 p2.
-    Omni { xi: f64, k1k2p1p2: [f64; 4] },
-    Eucm { alpha: f64, beta: f64 },
-    DoubleSphere { xi: f64, alpha: f64 },
-    Fov { w_rad: f64 },
+    Omni {
+        xi: f64,
+        k1k2p1p2: [f64; 4],
+    },
+    Eucm {
+        alpha: f64,
+        beta: f64,
+    },
+    DoubleSphere {
+        xi: f64,
+        alpha: f64,
+    },
+    Fov {
+        w_rad: f64,
+    },
     Photogrammetric(PhotogrammetricParameters),
 }
 
@@ -81,11 +92,15 @@ fn doubts(path: &str, numbers: &LensNumbers, k: &CameraMatrix, size: Option<Imag
     }
     let (fx, fy) = (k.fx_px, k.fy_px);
     if !(0.5..=2.0).contains(&(fx / fy)) {
-        doubts.push(format!("{path}: fx {fx} and fy {fy} differ by more than a factor of 2; are both in pixels?"));
+        doubts.push(format!(
+            "{path}: fx {fx} and fy {fy} differ by more than a factor of 2; are both in pixels?"
+        ));
     }
     let side = size.map_or(0, |s| s.width_px.max(s.height_px)) as f64;
     if fx.max(fy) < 0.1 * side {
-        doubts.push(format!("{path}: focal length {fx} for images of {side} px; is it in millimetres? Pixels are needed"));
+        doubts.push(format!(
+            "{path}: focal length {fx} for images of {side} px; is it in millimetres? Pixels are needed"
+        ));
     }
     doubts
 }
@@ -93,7 +108,10 @@ fn doubts(path: &str, numbers: &LensNumbers, k: &CameraMatrix, size: Option<Imag
 /// The stated numbers of a camera; an error for the photogrammetric model, which has no camera matrix in pixels.
 pub(super) fn numbers_of(camera: &Camera) -> Result<(CameraMatrix, LensNumbers), WriteError> {
     let matrix = camera.matrix().ok_or_else(|| {
-        WriteError("the photogrammetric model has its own unit of image coordinates; only resight files hold it".into())
+        WriteError(
+            "the photogrammetric model has its own unit of image coordinates; only resight files hold it"
+                .into(),
+        )
     })?;
     let numbers = match &camera.lens {
         Lens::Pinhole(_) => LensNumbers::Pinhole,
@@ -103,7 +121,9 @@ pub(super) fn numbers_of(camera: &Camera) -> Result<(CameraMatrix, LensNumbers),
         Lens::Eucm(m) => LensNumbers::Eucm { alpha: m.alpha(), beta: m.beta() },
         Lens::DoubleSphere(m) => LensNumbers::DoubleSphere { xi: m.xi(), alpha: m.alpha() },
         Lens::Fov(m) => LensNumbers::Fov { w_rad: m.w_rad() },
-        other => return Err(WriteError(format!("no file format here holds the {} model", other.model_name()))),
+        other => {
+            return Err(WriteError(format!("no file format here holds the {} model", other.model_name())));
+        }
     };
     Ok((matrix, numbers))
 }

@@ -11,9 +11,13 @@ use nalgebra::Vector3;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Mrcal,
-    recognises: |document| document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some(),
+    recognises: |document| {
+        document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some()
+    },
     read,
-    traps: &["extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t."],
+    traps: &[
+        "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t.",
+    ],
 };
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -32,7 +36,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let placement = placement(&root, &name)?;
     contents.cameras.push(NamedCamera { name, camera, placement });
     if root.get("valid_intrinsics_region").is_some_and(|r| r.items().is_ok_and(|r| !r.is_empty())) {
-        contents.notes.push("The file states a valid_intrinsics_region; points outside it are less certain than the model says.".into());
+        contents.notes.push(
+            "The file states a valid_intrinsics_region; points outside it are less \
+            certain than the model says."
+                .into(),
+        );
     }
     Ok(contents)
 }
@@ -46,7 +54,9 @@ fn coefficient_count(model: &Entry<'_>) -> Result<usize, Fault> {
         "LENSMODEL_OPENCV12" => Ok(12),
         other => {
             let short: String = other.chars().take(60).collect();
-            Err(model.fault(format!("model {short} is not supported; convert with `mrcal-convert-lensmodel LENSMODEL_OPENCV8`")))
+            Err(model.fault(format!(
+                "model {short} is not supported; convert with `mrcal-convert-lensmodel LENSMODEL_OPENCV8`"
+            )))
         }
     }
 }
@@ -54,7 +64,7 @@ fn coefficient_count(model: &Entry<'_>) -> Result<usize, Fault> {
 fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
     let Some(rt) = root.first_of(&["extrinsics", "rt_cam_ref"]) else { return Ok(None) };
     let n = rt.exactly(6, "rotation vector, translation")?;
-    let rotation = checks::rodrigues(Vector3::new(n[0], n[1], n[2]));
+    let rotation = checks::rodrigues(&rt, Vector3::new(n[0], n[1], n[2]))?;
     let b_from_a = Pose::new(rotation, Vector3::new(n[3], n[4], n[5]));
     Ok(Some(Placement { b: name.to_owned(), a: "reference".into(), b_from_a }))
 }

@@ -4,9 +4,9 @@
 //! The emitter is ours because OpenCV's YAML reader is particular about layout.
 
 use super::document::{Document, Fault};
+use super::emit::list;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::number::list;
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
@@ -17,9 +17,11 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
     read,
     traps: &[
-        "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is not the second camera's place, that is -Rᵀ T.",
+        "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
+            not the second camera's place, that is -Rᵀ T.",
         "R1 and R2 rotate for rectification, they are not the cameras' attitudes.",
-        "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; the file itself does not say which.",
+        "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; \
+            the file itself does not say which.",
     ],
 };
 
@@ -40,9 +42,17 @@ const SPELLINGS: [(&str, &[&str]); 13] = [
     ("intrinsics#", &["distortion#", "distortion_coefficients#"]),
 ];
 const NUMBERS: [&str; 10] = ["", "1", "2", "3", "4", "0", "left", "right", "l", "r"];
-const WIDTHS: [&str; 7] = ["image_width", "image_Width", "imageWidth", "width", "frame_width", "img_width", "calibImageWidth"];
-const HEIGHTS: [&str; 7] =
-    ["image_height", "image_Height", "imageHeight", "height", "frame_height", "img_height", "calibImageHeight"];
+const WIDTHS: [&str; 7] =
+    ["image_width", "image_Width", "imageWidth", "width", "frame_width", "img_width", "calibImageWidth"];
+const HEIGHTS: [&str; 7] = [
+    "image_height",
+    "image_Height",
+    "imageHeight",
+    "height",
+    "frame_height",
+    "img_height",
+    "calibImageHeight",
+];
 const SIZES: [&str; 6] = ["image_size", "imageSize", "img_size", "size", "resolution", "Image_Size"];
 
 struct Pair<'a> {
@@ -75,11 +85,15 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         let camera = one_camera(&root, &pair, size, &mut contents.warnings)?;
         let stated = root.get(&format!("camera_name{}", pair.number)).map(|n| n.text()).transpose()?;
         let single = pair.number.is_empty();
-        let name = stated.map(str::to_owned).unwrap_or_else(|| if single { document.stem() } else { pair.matrix.path.clone() });
+        let name = stated
+            .map(str::to_owned)
+            .unwrap_or_else(|| if single { document.stem() } else { pair.matrix.path.clone() });
         contents.cameras.push(NamedCamera { name, camera, placement: None });
     }
     if size.is_none() && !contents.cameras.is_empty() {
-        contents.warnings.push("the file states no image size, so images of another resolution cannot be found out".into());
+        contents.warnings.push(
+            "the file states no image size, so images of another resolution cannot be found out".into(),
+        );
     }
     place(&root, &mut contents)?;
     Ok(contents)
@@ -94,11 +108,18 @@ fn image_size(root: &Entry<'_>) -> Result<Option<ImageSize>, Fault> {
         }
         (None, None, Some(size)) => checks::size_pair(&size).map(Some),
         (None, None, None) => Ok(None),
-        (Some(one), None, _) | (None, Some(one), _) => Err(one.fault("width and height belong together; the other is missing")),
+        (Some(one), None, _) | (None, Some(one), _) => {
+            Err(one.fault("width and height belong together; the other is missing"))
+        }
     }
 }
 
-fn one_camera(root: &Entry<'_>, pair: &Pair<'_>, size: Option<ImageSize>, warnings: &mut Vec<String>) -> Result<Camera, Fault> {
+fn one_camera(
+    root: &Entry<'_>,
+    pair: &Pair<'_>,
+    size: Option<ImageSize>,
+    warnings: &mut Vec<String>,
+) -> Result<Camera, Fault> {
     let matrix = checks::camera_matrix(&pair.matrix)?;
     let lens = lens_numbers(root, pair, warnings)?;
     lens::camera(pair.distortion.as_ref().unwrap_or(&pair.matrix), &lens, matrix, size, warnings)
@@ -111,16 +132,24 @@ fn lens_numbers(root: &Entry<'_>, pair: &Pair<'_>, warnings: &mut Vec<String>) -
         if fisheye {
             return Err(pair.matrix.fault("is a fisheye's, but its four coefficients are missing"));
         }
-        warnings.push(format!("{}: no distortion coefficients beside it; read as a camera without distortion", pair.matrix.path));
+        warnings.push(format!(
+            "{}: no distortion coefficients beside it; read as a camera without distortion",
+            pair.matrix.path
+        ));
         return Ok(LensNumbers::Pinhole);
     };
     let d = distortion.numbers()?;
     if fisheye {
-        let k = <[f64; 4]>::try_from(d).map_err(|d| distortion.fault(format!("holds {} coefficients; fisheye takes 4", d.len())))?;
+        let k = <[f64; 4]>::try_from(d)
+            .map_err(|d| distortion.fault(format!("holds {} coefficients; fisheye takes 4", d.len())))?;
         return Ok(LensNumbers::KannalaBrandt(k));
     }
     if d.len() == 4 && fisheye_unstated(root) && d.iter().any(|x| *x != 0.0) {
-        warnings.push(format!("{}: four coefficients are read as k1, k2, p1, p2; if cv::fisheye made them, add `distortion_model: fisheye`", distortion.path));
+        warnings.push(format!(
+            "{}: four coefficients are read as k1, k2, p1, p2; if cv::fisheye made \
+            them, add `distortion_model: fisheye`",
+            distortion.path
+        ));
     }
     brown_conrady(distortion, d)
 }
@@ -136,7 +165,15 @@ pub(super) fn brown_conrady(at: &Entry<'_>, d: Vec<f64>) -> Result<LensNumbers, 
 }
 
 fn model_key<'a>(root: &Entry<'a>) -> Option<Entry<'a>> {
-    root.first_of(&["distortion_model", "camera_model", "model", "lens_model", "fisheye_model", "fisheye", "isFisheye"])
+    root.first_of(&[
+        "distortion_model",
+        "camera_model",
+        "model",
+        "lens_model",
+        "fisheye_model",
+        "fisheye",
+        "isFisheye",
+    ])
 }
 
 fn fisheye_unstated(root: &Entry<'_>) -> bool {
@@ -149,7 +186,9 @@ fn is_fisheye(root: &Entry<'_>) -> Result<bool, Fault> {
     match word.to_ascii_lowercase().as_str() {
         "fisheye" | "equidistant" | "kannala_brandt" => Ok(true),
         "pinhole" | "brown_conrady" | "plumb_bob" | "radtan" | "rational_polynomial" | "none" => Ok(false),
-        other => Err(model.fault(format!("unknown model `{other}`; pinhole, plumb_bob, rational_polynomial or fisheye are read"))),
+        other => Err(model.fault(format!(
+            "unknown model `{other}`; pinhole, plumb_bob, rational_polynomial or fisheye are read"
+        ))),
     }
 }
 
@@ -169,7 +208,10 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
         Some(second) => second.placement = Some(placement),
         None => contents.relations.push(placement),
     }
-    contents.notes.push("T is in the unit of the calibration board, which the file does not state; metres are assumed.".into());
+    contents.notes.push(
+        "T is in the unit of the calibration board, which the file does not state; metres are assumed."
+            .into(),
+    );
     Ok(())
 }
 
@@ -182,12 +224,22 @@ pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
             write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
         }
         [first, second] => write_pair(&mut out, first, second, cameras)?,
-        many => return Err(WriteError(format!("an OpenCV file holds one or two cameras, not {}; write kalibr or resight", many.len()))),
+        many => {
+            return Err(WriteError(format!(
+                "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
+                many.len()
+            )));
+        }
     }
     Ok(out)
 }
 
-fn write_pair(out: &mut String, first: &NamedCamera, second: &NamedCamera, all: &[NamedCamera]) -> Result<(), WriteError> {
+fn write_pair(
+    out: &mut String,
+    first: &NamedCamera,
+    second: &NamedCamera,
+    all: &[NamedCamera],
+) -> Result<(), WriteError> {
     if first.camera.size != second.camera.size {
         return Err(WriteError("an OpenCV stereo file has one image size; write one file per camera".into()));
     }
@@ -210,7 +262,11 @@ fn put(out: &mut String, text: std::fmt::Arguments<'_>) {
 
 fn plain_name(name: &str) -> Result<&str, WriteError> {
     let plain = name.chars().all(|c| c.is_alphanumeric() || "_-. ".contains(c));
-    if plain { Ok(name) } else { Err(WriteError(format!("camera name `{name}`: only letters, digits, _, - and . can be written"))) }
+    if plain {
+        Ok(name)
+    } else {
+        Err(WriteError(format!("camera name `{name}`: only letters, digits, _, - and . can be written")))
+    }
 }
 
 fn write_name_and_size(out: &mut String, number: &str, camera: &NamedCamera) -> Result<(), WriteError> {
@@ -221,19 +277,31 @@ fn write_name_and_size(out: &mut String, number: &str, camera: &NamedCamera) -> 
     Ok(())
 }
 
-fn write_intrinsics(out: &mut String, camera: &NamedCamera, matrix: &str, distortion: &str) -> Result<(), WriteError> {
+fn write_intrinsics(
+    out: &mut String,
+    camera: &NamedCamera,
+    matrix: &str,
+    distortion: &str,
+) -> Result<(), WriteError> {
     let (k, numbers) = lens::numbers_of(&camera.camera)?;
     let (model, d) = match numbers {
         LensNumbers::Pinhole => ("plumb_bob", vec![0.0; 5]),
         LensNumbers::BrownConrady(d) if d.len() <= 5 => ("plumb_bob", d),
         LensNumbers::BrownConrady(d) => ("rational_polynomial", d),
         LensNumbers::KannalaBrandt(d) => ("fisheye", d.to_vec()),
-        other => return Err(WriteError(format!("OpenCV has no {} model; write resight or kalibr", other.model()))),
+        other => {
+            return Err(WriteError(format!(
+                "OpenCV has no {} model; write resight or kalibr",
+                other.model()
+            )));
+        }
     };
     if !out.contains("distortion_model") {
         put(out, format_args!("distortion_model: \"{model}\"\n"));
     } else if out.contains("\"fisheye\"") != (model == "fisheye") {
-        return Err(WriteError("a fisheye and an ordinary lens do not fit one OpenCV file; write one file per camera".into()));
+        return Err(WriteError(
+            "a fisheye and an ordinary lens do not fit one OpenCV file; write one file per camera".into(),
+        ));
     }
     write_matrix(out, matrix, 3, 3, &matrix_rows(&k));
     let (rows, columns) = if model == "fisheye" { (d.len(), 1) } else { (1, d.len()) };
@@ -247,5 +315,11 @@ pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
 }
 
 fn write_matrix(out: &mut String, key: &str, rows: usize, columns: usize, data: &[f64]) {
-    put(out, format_args!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {}\n", list(data)));
+    put(
+        out,
+        format_args!(
+            "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {}\n",
+            list(data)
+        ),
+    );
 }

@@ -13,9 +13,9 @@
 //! ```
 
 use super::document::{Document, Fault, Syntax};
+use super::emit::{list, number, quoted};
 use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
-use super::number::{list, number};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks};
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::{Camera, Lens};
@@ -50,11 +50,17 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     Ok(contents)
 }
 
-fn one_camera(entry: &Entry<'_>, stem: Option<String>, warnings: &mut Vec<String>) -> Result<NamedCamera, Fault> {
+fn one_camera(
+    entry: &Entry<'_>,
+    stem: Option<String>,
+    warnings: &mut Vec<String>,
+) -> Result<NamedCamera, Fault> {
     let name = match (entry.get("name"), stem) {
         (Some(name), _) => name.text()?.to_owned(),
         (None, Some(stem)) => stem,
-        (None, None) => return Err(entry.fault("the key `name` is missing; several cameras are told apart by it")),
+        (None, None) => {
+            return Err(entry.fault("the key `name` is missing; several cameras are told apart by it"));
+        }
     };
     let camera = lens_of(entry, warnings)?;
     let placement = entry.get("placement").map(|p| placement(&p)).transpose()?;
@@ -76,8 +82,16 @@ fn lens_of(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Faul
     };
     entry.only(&[&COMMON[..], &MATRIX[..], own_keys].concat())?;
     let get = |key: &str| entry.need(key)?.number();
-    let matrix = CameraMatrix { fx_px: get("fx_px")?, fy_px: get("fy_px")?, cx_px: get("cx_px")?, cy_px: get("cy_px")? };
-    let size = ImageSize { width_px: entry.need("width_px")?.count(1)?, height_px: entry.need("height_px")?.count(1)? };
+    let matrix = CameraMatrix {
+        fx_px: get("fx_px")?,
+        fy_px: get("fy_px")?,
+        cx_px: get("cx_px")?,
+        cy_px: get("cy_px")?,
+    };
+    let size = ImageSize {
+        width_px: entry.need("width_px")?.count(1)?,
+        height_px: entry.need("height_px")?.count(1)?,
+    };
     let numbers = lens_numbers(entry, word)?;
     lens::camera(entry, &numbers, matrix, Some(size), warnings)
 }
@@ -107,7 +121,8 @@ fn lens_numbers(entry: &Entry<'_>, model: &str) -> Result<LensNumbers, Fault> {
             let d = distortion.numbers()?;
             if ![4, 5, 8, 12, 14].contains(&d.len()) {
                 let n = d.len();
-                return Err(distortion.fault(format!("holds {n} coefficients; brown_conrady takes 4, 5, 8, 12 or 14")));
+                return Err(distortion
+                    .fault(format!("holds {n} coefficients; brown_conrady takes 4, 5, 8, 12 or 14")));
             }
             LensNumbers::BrownConrady(d)
         }
@@ -120,8 +135,12 @@ fn lens_numbers(entry: &Entry<'_>, model: &str) -> Result<LensNumbers, Fault> {
         "eucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: get("beta")? },
         "fov" => LensNumbers::Fov { w_rad: get("w_rad")? },
         _ => {
-            if let Some(d) = entry.get("distortion").filter(|d| d.numbers().is_ok_and(|d| d.iter().any(|x| *x != 0.0))) {
-                return Err(d.fault("has coefficients, but model = \"pinhole\" has none; write model = \"brown_conrady\""));
+            if let Some(d) =
+                entry.get("distortion").filter(|d| d.numbers().is_ok_and(|d| d.iter().any(|x| *x != 0.0)))
+            {
+                return Err(d.fault(
+                    "has coefficients, but model = \"pinhole\" has none; write model = \"brown_conrady\"",
+                ));
             }
             LensNumbers::Pinhole
         }
@@ -161,7 +180,8 @@ fn placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
 
 /// Every model and every pose.
 pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
-    let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y down, z forward.\n";
+    let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
+        down, z forward.\n";
     match cameras {
         [only] if only.placement.is_none() => Ok(format!("{header}{}", camera_text(only)?)),
         many => {
@@ -175,16 +195,12 @@ pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
     }
 }
 
-/// JSON strings are TOML basic strings.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007f")
-}
-
 fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {
     let head = format!("name = {}\nmodel = \"{}\"\n", quoted(&camera.name), camera.camera.model_name());
     if let Lens::Photogrammetric(model) = &camera.camera.lens {
         let t = model.table();
-        let scalars: String = [("f", t.f), ("xp", t.xp), ("yp", t.yp)].map(|(k, x)| format!("{k} = {}\n", number(x))).concat();
+        let scalars: String =
+            [("f", t.f), ("xp", t.xp), ("yp", t.yp)].map(|(k, x)| format!("{k} = {}\n", number(x))).concat();
         return Ok(format!("{head}{scalars}k = {}\np = {}\na = {}\n", list(&t.k), list(&t.p), list(&t.a)));
     }
     let (k, numbers) = lens::numbers_of(&camera.camera)?;
@@ -213,7 +229,8 @@ fn model_text(numbers: &LensNumbers) -> String {
 
 fn placement_text(p: &Placement) -> String {
     format!(
-        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = {}\ntranslation_m = {}\n",
+        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = \
+            {}\ntranslation_m = {}\n",
         quoted(&p.b),
         quoted(&p.a),
         list(&p.b_from_a.quaternion_wxyz()),

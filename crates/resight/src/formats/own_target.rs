@@ -50,7 +50,11 @@ fn family(root: &Entry<'_>) -> Result<String, Fault> {
 
 fn tag(root: &Entry<'_>) -> Result<Target, Fault> {
     root.only(&["kind", "family", "id", "size_m"])?;
-    Ok(Target::Tag(Tag { family: family(root)?, id: root.need("id")?.id()?, size_m: root.need("size_m")?.number()? }))
+    Ok(Target::Tag(Tag {
+        family: family(root)?,
+        id: root.need("id")?.id()?,
+        size_m: root.need("size_m")?.number()?,
+    }))
 }
 
 fn aprilgrid(root: &Entry<'_>) -> Result<Target, Fault> {
@@ -68,7 +72,11 @@ fn aprilgrid(root: &Entry<'_>) -> Result<Target, Fault> {
 fn chessboard(root: &Entry<'_>) -> Result<Target, Fault> {
     root.only(&["kind", "rows", "columns", "square_m"])?;
     let square_m = root.need("square_m")?.number()?;
-    Ok(Target::Chessboard(Chessboard { rows: root.need("rows")?.side(2)?, columns: root.need("columns")?.side(2)?, square_m }))
+    Ok(Target::Chessboard(Chessboard {
+        rows: root.need("rows")?.side(2)?,
+        columns: root.need("columns")?.side(2)?,
+        square_m,
+    }))
 }
 
 fn charuco(root: &Entry<'_>) -> Result<Target, Fault> {
@@ -112,7 +120,11 @@ fn pose(entry: &Entry<'_>) -> Result<Pose, Fault> {
     entry.only(&["rotation_wxyz", "translation_m"])?;
     let rotation = entry.need("rotation_wxyz")?;
     let q = rotation.exactly(4, "w, x, y, z")?;
-    checks::quaternion_pose(&rotation, [q[0], q[1], q[2], q[3]], checks::vector3(&entry.need("translation_m")?)?)
+    checks::quaternion_pose(
+        &rotation,
+        [q[0], q[1], q[2], q[3]],
+        checks::vector3(&entry.need("translation_m")?)?,
+    )
 }
 
 fn points(root: &Entry<'_>) -> Result<Target, Fault> {

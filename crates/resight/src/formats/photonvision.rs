@@ -12,7 +12,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     read,
     traps: &[
         "Older files call the distortion coefficients `cameraExtrinsics`; they hold no pose.",
-        "The intrinsics belong to the stated resolution; another stream resolution of the same camera needs them scaled.",
+        "The intrinsics belong to the stated resolution; another stream resolution of the same camera \
+            needs them scaled.",
     ],
 };
 
@@ -25,7 +26,10 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         .first_of(&["distCoeffs", "cameraExtrinsics"])
         .ok_or_else(|| root.fault("the key `distCoeffs` is missing"))?;
     let resolution = root.need("resolution")?;
-    let size = ImageSize { width_px: resolution.need("width")?.count(1)?, height_px: resolution.need("height")?.count(1)? };
+    let size = ImageSize {
+        width_px: resolution.need("width")?.count(1)?,
+        height_px: resolution.need("height")?.count(1)?,
+    };
     let lens = lens_numbers(&root, &distortion)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
     contents.cameras.push(NamedCamera { name: document.stem(), camera, placement: None });
@@ -36,7 +40,9 @@ fn lens_numbers(root: &Entry<'_>, distortion: &Entry<'_>) -> Result<LensNumbers,
     if let Some(model) = root.get("lensmodel") {
         let word = model.text()?;
         if word != "LENSMODEL_OPENCV" && word != "LENSMODEL_OPENCV5" && word != "LENSMODEL_OPENCV8" {
-            return Err(model.fault(format!("model {word} is not supported; calibrate with LENSMODEL_OPENCV")));
+            return Err(
+                model.fault(format!("model {word} is not supported; calibrate with LENSMODEL_OPENCV"))
+            );
         }
     }
     let d = distortion.numbers()?;

@@ -16,9 +16,12 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
     recognises: |document| layout(&document.entry()).is_some(),
     read,
     traps: &[
-        "The same season has two physical fields, welded and AndyMark, whose tags stand centimetres apart; take the layout of the field you play on.",
-        "Poses are x forward, y left, z up with the origin at the blue alliance wall; flipping to red is not done here.",
-        "The file states neither family nor size: tag36h11 of 165.1 mm (6.5 in, black edge) is assumed, as in the seasons since 2024.",
+        "The same season has two physical fields, welded and AndyMark, whose tags stand centimetres \
+            apart; take the layout of the field you play on.",
+        "Poses are x forward, y left, z up with the origin at the blue alliance wall; flipping to red is \
+            not done here.",
+        "The file states neither family nor size: tag36h11 of 165.1 mm (6.5 in, black edge) is assumed, \
+            as in the seasons since 2024.",
     ],
 };
 
@@ -46,7 +49,9 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
         return Err(list.fault("holds no tags"));
     }
     let assumed = !(root.has("family") && root.has("size_m"));
-    let warnings = assumed.then(|| "the layout states no tag size; tag36h11 with a black edge of 165.1 mm is assumed".to_owned());
+    let warnings = assumed.then(|| {
+        "the layout states no tag size; tag36h11 with a black edge of 165.1 mm is assumed".to_owned()
+    });
     Ok((Target::TagMap(TagMap { family, tags }), warnings.into_iter().collect()))
 }
 

@@ -41,7 +41,8 @@ fn table_node(table: &DeTable<'_>, line: usize, lines: &LineStarts) -> Result<No
 
 fn value_node(value: &Spanned<DeValue<'_>>, lines: &LineStarts) -> Result<Node, Fault> {
     let line = lines.line_of(value.span().start);
-    let number = |text: &str| text.replace('_', "").parse::<f64>().map_err(|_| Fault::at(line, "not a number"));
+    let number =
+        |text: &str| text.replace('_', "").parse::<f64>().map_err(|_| Fault::at(line, "not a number"));
     let value = match value.get_ref() {
         DeValue::String(text) => Value::Text(text.to_string()),
         DeValue::Integer(i) if i.radix() == 10 => Value::Number(number(i.as_str())?),

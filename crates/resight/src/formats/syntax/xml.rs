@@ -15,7 +15,11 @@ pub(in crate::formats) fn parse(text: &str) -> Result<Node, Fault> {
     node_of(&document, root, MAX_DEPTH)
 }
 
-fn node_of(document: &roxmltree::Document<'_>, element: roxmltree::Node<'_, '_>, depth: usize) -> Result<Node, Fault> {
+fn node_of(
+    document: &roxmltree::Document<'_>,
+    element: roxmltree::Node<'_, '_>,
+    depth: usize,
+) -> Result<Node, Fault> {
     let line = document.text_pos_at(element.range().start).row as usize;
     if depth == 0 {
         return Err(Fault::at(line, format!("nested deeper than {MAX_DEPTH} levels")));

@@ -12,6 +12,9 @@ const MAX_NODES: usize = 1 << 19;
 pub(in crate::formats) fn parse(text: &str) -> Result<Node, Fault> {
     // `ros2 topic echo` ends each message with a separator that would open a second, empty document.
     let text = text.trim_end().trim_end_matches("---");
+    // OpenVINS takes OpenCV's header without the `---` that YAML wants after it; as a comment it hurts nobody.
+    let headless = text.strip_prefix("%YAML").map(|rest| format!("#YAML{rest}"));
+    let text = headless.as_deref().unwrap_or(text);
     let raw: Spanned<Raw> = serde_saphyr::from_str_with_options(text, options()).map_err(fault_of)?;
     node_of(raw)
 }
@@ -26,6 +29,14 @@ fn options() -> serde_saphyr::Options {
             max_anchors: 64,
             max_documents: 1,
         },
+        // The largest honest use of aliases is one board or matrix named twice.
+        alias_limits: serde_saphyr::alias_limits! {
+            max_total_replayed_events: 4096,
+            max_replay_stack_depth: 8,
+            max_alias_expansions_per_anchor: 16,
+        },
+        // A failed calibration writes `.Nan`; the refusal with the key's name comes later.
+        non_finite_float_policy: serde_saphyr::NonFiniteFloatPolicy::PassThrough,
         with_snippet: false,
     }
 }

@@ -1,4 +1,4 @@
-//! Numbers as text that every reader of YAML, TOML and JSON takes for the same number.
+//! Numbers and strings as text that every reader of YAML, TOML and JSON takes for the same value.
 
 /// Shortest decimal that reads back to the same bits; always with a point and a signed exponent, because YAML 1.1
 /// readers (PyYAML in Kalibr and ROS) take `1e-5` for text.
@@ -18,6 +18,15 @@ pub(super) fn number(x: f64) -> String {
 pub(super) fn list(numbers: &[f64]) -> String {
     let parts: Vec<String> = numbers.iter().map(|x| number(*x)).collect();
     format!("[{}]", parts.join(", "))
+}
+
+/// A string in double quotes. JSON's escapes are also YAML's and TOML's; those two forbid more control characters bare.
+pub(super) fn quoted(text: &str) -> String {
+    let json = serde_json::Value::from(text).to_string();
+    let bare = |c: char| {
+        c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}')
+    };
+    json.chars().map(|c| if bare(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() }).collect()
 }
 
 #[cfg(test)]
