@@ -1,2 +1,24 @@
-//! The program.
-fn main() {}
+//! The program: parse, call, print. No mathematics.
+#![forbid(unsafe_code)]
+
+mod args;
+mod answer;
+mod files;
+mod output;
+mod points;
+mod text;
+mod commands;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = args::Arguments::parse();
+    match commands::run(arguments.command) {
+        Ok(outcome) => outcome.into(),
+        Err(reason) => {
+            eprintln!("error: {reason:#}");
+            ExitCode::from(2)
+        }
+    }
+}

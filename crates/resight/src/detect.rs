@@ -9,19 +9,19 @@ mod apriltag;
 mod charuco;
 mod chessboard;
 pub mod corner;
+pub mod dots;
 pub mod families;
 mod homography;
 mod joints;
 mod sigma;
 pub mod tags;
-#[cfg(test)]
-mod scratch;
 
 use crate::GrayImage;
 use aprilgrid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
-use resight_core::Target;
+use dots::{DotDetector, DotError};
+use resight_core::{Camera, Target};
 use resight_core::correspondence::Detection;
 use tags::TagFinder;
 use thiserror::Error;
@@ -81,6 +81,9 @@ pub enum DetectError {
         /// Values given.
         seen: usize,
     },
+    /// The dots could not be told apart.
+    #[error(transparent)]
+    Dots(#[from] DotError),
     /// The C library could not allocate.
     #[error("out of memory while building the tag detector")]
     OutOfMemory,
@@ -97,6 +100,7 @@ enum Finder {
     AprilGrid(AprilGridFinder),
     Chessboard(ChessboardFinder),
     Charuco(Box<CharucoFinder>),
+    Dots(Box<DotDetector>),
 }
 
 impl Detector {
@@ -115,6 +119,7 @@ impl Detector {
             Target::AprilGrid(grid) => Finder::AprilGrid(AprilGridFinder::new(grid)?),
             Target::Chessboard(board) => Finder::Chessboard(ChessboardFinder::new(board)?),
             Target::Charuco(board) => Finder::Charuco(Box::new(CharucoFinder::new(board)?)),
+            Target::LinePlusOne(dots) => Finder::Dots(Box::new(DotDetector::new(dots)?)),
             Target::Points(_) => {
                 let instead = "give their pixels in a points file";
                 return Err(DetectError::NotDetectable { kind: target.kind(), instead });
@@ -130,6 +135,15 @@ impl Detector {
     /// Features found, ids then corners ascending; empty when the target is not there.
     /// Fails when a single tag has copies in view, or the buffer does not have the image's size.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
+        self.find(image, None)
+    }
+
+    /// The same with known intrinsics, which dot targets use: lines are straight and discs elliptic as the lens images them.
+    pub fn detect_with_camera(&mut self, image: &GrayImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
+        self.find(image, Some(camera))
+    }
+
+    fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {
         let GrayImage { width_px, height_px, .. } = *image;
         let seen = image.data.len();
         if width_px as usize * height_px as usize != seen {
@@ -147,6 +161,10 @@ impl Detector {
             Finder::AprilGrid(finder) => Ok(finder.detect(image)),
             Finder::Chessboard(finder) => Ok(finder.detect(image)),
             Finder::Charuco(finder) => Ok(finder.detect(image)),
+            Finder::Dots(finder) => Ok(match camera {
+                Some(camera) => finder.detect_with_camera(image, camera)?,
+                None => finder.detect(image)?,
+            }),
         }
     }
 }

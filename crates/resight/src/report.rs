@@ -1,1 +1,6 @@
-//! (module)
+//! Answers for people: verdicts, numbers in words, and a self-contained page.
+
+pub mod html;
+pub mod truth;
+pub mod verdict;
+pub mod words;

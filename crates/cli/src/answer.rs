@@ -1,0 +1,180 @@
+//! The pose object of the command line's contract, and how an estimate becomes one.
+
+use resight::core::choose::{Ambiguity, Minimum};
+use resight::core::consistency::Consistency;
+use resight::core::locate::PoseEstimate;
+use resight::core::{Matrix6, Pose};
+use resight::report::verdict::{Status, Verdict};
+use resight::report::words::sigmas;
+use serde::Serialize;
+
+/// What is said about one view.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// Its name: the image's path, or the `view` column.
+    pub view: String,
+    /// Status and sentence.
+    pub verdict: Verdict,
+    /// The pose, when there is one.
+    pub estimate: Option<PoseEstimate>,
+    /// How many points there were.
+    pub n_points: usize,
+    /// Unit of image coordinates: `px`, `normalized` or `unit of f`.
+    pub image_unit: &'static str,
+    /// Root mean square of the standard deviations used, in that unit.
+    pub sigma_px: Option<f64>,
+    /// Name of the point with the largest residual, by index.
+    pub names: Vec<String>,
+    /// What took no part, and why.
+    pub skipped: Vec<String>,
+}
+
+/// A rigid transform as the contract prints it.
+#[derive(Debug, Clone, Serialize)]
+pub struct TransformObject {
+    rotation_wxyz: [f64; 4],
+    translation_m: [f64; 3],
+    matrix: [[f64; 4]; 4],
+}
+
+impl From<Pose> for TransformObject {
+    fn from(b_from_a: Pose) -> Self {
+        TransformObject {
+            rotation_wxyz: b_from_a.quaternion_wxyz(),
+            translation_m: b_from_a.translation.into(),
+            matrix: b_from_a.matrix(),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct OtherObject {
+    cam_from_target: TransformObject,
+    target_from_cam: TransformObject,
+    covariance: [[f64; 6]; 6],
+    rms_px: f64,
+    chi2: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct AmbiguityObject {
+    verdict: &'static str,
+    ratio: Option<f64>,
+    delta_chi2: Option<f64>,
+    other: Option<OtherObject>,
+}
+
+#[derive(Debug, Serialize)]
+struct WorstPoint {
+    index: usize,
+    name: String,
+    residual_px: f64,
+}
+
+/// The contract's pose object; keys without a value are null.
+#[derive(Debug, Serialize)]
+pub struct PoseObject {
+    view: String,
+    status: &'static str,
+    method: Option<&'static str>,
+    n_points: usize,
+    cam_from_target: Option<TransformObject>,
+    target_from_cam: Option<TransformObject>,
+    covariance: Option<[[f64; 6]; 6]>,
+    sigma_rad: Option<[f64; 3]>,
+    sigma_m: Option<[f64; 3]>,
+    rms_px: Option<f64>,
+    chi2: Option<f64>,
+    dof: Option<usize>,
+    sigma_px: Option<f64>,
+    image_unit: &'static str,
+    ambiguity: Option<AmbiguityObject>,
+    worst_point: Option<WorstPoint>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    skipped: Vec<String>,
+    message: String,
+}
+
+impl Answer {
+    /// A view that has no pose.
+    pub fn without_pose(view: String, status: Status, message: impl Into<String>) -> Self {
+        Answer {
+            view,
+            verdict: Verdict { status, message: message.into() },
+            estimate: None,
+            n_points: 0,
+            image_unit: "px",
+            sigma_px: None,
+            names: Vec::new(),
+            skipped: Vec::new(),
+        }
+    }
+
+    /// As the contract prints it.
+    pub fn json(&self) -> PoseObject {
+        let e = self.estimate.as_ref();
+        let sigma = e.map(|e| sigmas(&e.covariance));
+        PoseObject {
+            view: self.view.clone(),
+            status: self.verdict.status.name(),
+            method: e.map(|e| crate::args::method_name(e.method)),
+            n_points: e.map_or(self.n_points, |e| e.n_points),
+            cam_from_target: e.map(|e| e.cam_from_target.into()),
+            target_from_cam: e.map(|e| e.cam_from_target.inverse().into()),
+            covariance: e.map(|e| rows(&e.covariance)),
+            sigma_rad: sigma.map(|s| s.0),
+            sigma_m: sigma.map(|s| s.1),
+            rms_px: e.map(|e| e.rms_px),
+            chi2: e.map(|e| e.chi2),
+            dof: e.map(|e| e.degrees_of_freedom),
+            sigma_px: self.sigma_px,
+            image_unit: self.image_unit,
+            ambiguity: e.map(ambiguity),
+            worst_point: e.and_then(|e| self.worst_point(e)),
+            skipped: self.skipped.clone(),
+            message: self.verdict.message.clone(),
+        }
+    }
+
+    fn worst_point(&self, estimate: &PoseEstimate) -> Option<WorstPoint> {
+        match estimate.consistency {
+            Consistency::Inconsistent { worst_point: index, worst_px, .. } => {
+                let name = self.names.get(index).cloned().unwrap_or_else(|| index.to_string());
+                Some(WorstPoint { index, name, residual_px: worst_px })
+            }
+            _ => None,
+        }
+    }
+}
+
+fn ambiguity(estimate: &PoseEstimate) -> AmbiguityObject {
+    match &estimate.ambiguity {
+        Ambiguity::Unique { ratio } => AmbiguityObject {
+            verdict: "unique",
+            ratio: ratio.filter(|r| r.is_finite()),
+            delta_chi2: None,
+            other: None,
+        },
+        Ambiguity::Ambiguous { ratio, other } => AmbiguityObject {
+            verdict: "ambiguous",
+            ratio: Some(*ratio).filter(|r| r.is_finite()),
+            delta_chi2: Some(other.chi2 - estimate.chi2),
+            other: Some(other_object(other)),
+        },
+    }
+}
+
+fn other_object(other: &Minimum) -> OtherObject {
+    OtherObject {
+        cam_from_target: other.cam_from_target.into(),
+        target_from_cam: other.cam_from_target.inverse().into(),
+        covariance: rows(&other.covariance),
+        rms_px: other.rms_px,
+        chi2: other.chi2,
+    }
+}
+
+/// A 6×6 matrix row by row.
+pub fn rows(m: &Matrix6) -> [[f64; 6]; 6] {
+    std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
+}

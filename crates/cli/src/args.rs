@@ -1,0 +1,80 @@
+//! Command line arguments; every flag that several commands share is defined here once.
+
+use crate::commands::{demo, detect, explain, locate, solve};
+use clap::{Args, Parser, Subcommand};
+use resight::core::locate::Method;
+use std::path::PathBuf;
+
+/// Where is the camera, and how sure is that?
+///
+/// Known intrinsics and a few known points in, the camera's pose with its error bar and an honest verdict out.
+/// Start with `resight demo`.
+#[derive(Debug, Parser)]
+#[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands, each in its own file.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// The whole path on shipped pictures with known truth: detection, poses, relative extrinsics, a report.
+    Demo(demo::Demo),
+    /// Finds the target in images and says where each was taken from.
+    Locate(locate::Locate),
+    /// Finds the target in images: points only.
+    Detect(detect::Detect),
+    /// The pose from points you already have, in a CSV file.
+    Solve(solve::Solve),
+    /// Says in sentences what a camera or target file means.
+    Explain(explain::Explain),
+}
+
+/// How answers leave the program.
+#[derive(Debug, Clone, Args)]
+pub struct OutputArgs {
+    /// JSON Lines on stdout, one object per result and nothing else.
+    #[arg(long)]
+    pub json: bool,
+    /// No progress bar and no remarks on stderr; errors are still told.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Also write the results to FILE, as JSON Lines; the file is replaced only when complete.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+}
+
+/// Name of a solver: `auto` decides from the configuration of the points.
+pub fn parse_method(name: &str) -> Result<Method, String> {
+    match METHODS.iter().find(|(known, _)| *known == name) {
+        Some((_, method)) => Ok(*method),
+        None if name == "upright" => {
+            Err(format!("method upright is not in this version; there are {}", names()))
+        }
+        None => {
+            let nearest = crate::files::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
+            let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
+            Err(format!("no such method; {hint}There are {}", names()))
+        }
+    }
+}
+
+/// The contract's word for a method.
+pub fn method_name(method: Method) -> &'static str {
+    METHODS.iter().find(|(_, known)| *known == method).map_or("auto", |(name, _)| name)
+}
+
+const METHODS: [(&str, Method); 6] = [
+    ("auto", Method::Auto),
+    ("wang2004", Method::Wang2004),
+    ("line_plus_one", Method::LinePlusOne),
+    ("p3p", Method::P3p),
+    ("planar", Method::Planar),
+    ("sqpnp", Method::Sqpnp),
+];
+
+fn names() -> String {
+    METHODS.map(|(name, _)| name).join(", ")
+}

@@ -1,0 +1,335 @@
+//! `demo`: the whole path on shipped pictures whose truth is known.
+
+mod shipped;
+
+use super::locate::{Seen, Sight};
+use crate::args::OutputArgs;
+use crate::output::{Outcome, Printer, print};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use resight::core::choose::Ambiguity;
+use resight::core::locate::{Method, PoseEstimate};
+use resight::core::{Matrix6, Pose};
+use resight::detect::Detector;
+use resight::report::html::Page;
+use resight::report::truth::{self, CHI2_6_99, point_covariance};
+use resight::report::verdict::{Status, figures};
+use resight::report::words::{coordinate, degrees, length, place_with_sigma_m, with_sigma};
+use serde::Serialize;
+use shipped::Truth;
+use std::path::{Path, PathBuf};
+
+/// The whole path on shipped pictures with known truth: two cameras, four dots, a grid of tags, seconds.
+///
+/// Shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
+/// answers, and a camera file that is wrong; writes pictures and a page to look at.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  resight demo -o resight-demo")]
+pub struct Demo {
+    /// Folder for pictures, results and report.html.
+    #[arg(short, long, value_name = "DIR", default_value = "resight-demo")]
+    output: PathBuf,
+    /// JSON Lines on stdout: the pose objects, then the relative extrinsics.
+    #[arg(long)]
+    json: bool,
+}
+
+/// See `Demo`.
+pub fn run(args: &Demo) -> Result<Outcome> {
+    shipped::unpack(&args.output)?;
+    let mut story = Story::new(args)?;
+    story.introduction()?;
+    let left = story.view("1", "Four dots, left camera", "left", "dots", "left.toml", Status::Ok)?;
+    let right = story.view("2", "Four dots, right camera", "right", "dots", "right.toml", Status::Ok)?;
+    story.pair("3", "The right camera seen from the left one, by the dots", &left, &right)?;
+    let left = story.view("4", "A grid of 16 tags, left camera", "left", "grid", "left.toml", Status::Ok)?;
+    let right = story.view("5", "The same grid, right camera", "right", "grid", "right.toml", Status::Ok)?;
+    story.pair("6", "The right camera seen from the left one, by the grid", &left, &right)?;
+    story.view("7", "A view with two answers", "critical", "dots", "left.toml", Status::Ambiguous)?;
+    let forgotten = "left-distortion-forgotten.toml";
+    story.view(
+        "8",
+        "A camera file whose lens distortion was forgotten",
+        "left",
+        "grid",
+        forgotten,
+        Status::Inconsistent,
+    )?;
+    story.finish()
+}
+
+/// The demo so far, told on stdout and in the page.
+struct Story {
+    folder: PathBuf,
+    json: bool,
+    printer: Printer,
+    truth: Truth,
+    page: Page,
+    rows: Vec<Vec<String>>,
+    surprises: Vec<String>,
+}
+
+/// Relative extrinsics as JSON.
+#[derive(Serialize)]
+struct Pair {
+    a: &'static str,
+    b: &'static str,
+    target: String,
+    a_from_b: crate::answer::TransformObject,
+    covariance: [[f64; 6]; 6],
+    truth_normalized_squared: Option<f64>,
+}
+
+impl Story {
+    fn new(args: &Demo) -> Result<Self> {
+        let output =
+            OutputArgs { json: args.json, quiet: true, output: Some(args.output.join("results.jsonl")) };
+        Ok(Story {
+            folder: args.output.clone(),
+            json: args.json,
+            printer: Printer::new(&output, 0),
+            truth: Truth::read(&args.output)?,
+            page: Page::new("Resight demo"),
+            rows: Vec::new(),
+            surprises: Vec::new(),
+        })
+    }
+
+    fn introduction(&mut self) -> Result<()> {
+        let text = "Two cameras look at a wall with a card of four dots and a grid of tags. The pictures were drawn by \
+                    this project from known poses, so every answer below stands beside the truth.";
+        self.page.paragraph(text);
+        self.say(&format!("Resight demo\n{}\n\n", wrapped(text)))
+    }
+
+    /// One picture through the whole path.
+    fn view(
+        &mut self,
+        number: &str,
+        title: &str,
+        image: &str,
+        target: &str,
+        camera: &str,
+        expected: Status,
+    ) -> Result<Seen> {
+        let path = self.folder.join(format!("{image}.png"));
+        let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
+        let camera_path = self.folder.join(camera);
+        let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
+        let sight = Sight { camera: &camera_file, target: &target_file, method: Method::Auto };
+        let seen = sight.look(&mut Detector::new(&target_file)?, &path);
+        let status = seen.answer.verdict.status;
+        if status != expected {
+            self.surprises.push(format!("{number}: expected {}, got {}", expected.name(), status.name()));
+        }
+        let truth = self.truth.pose(&format!("{image}_from_{target}"))?;
+        let words = told(&seen, &truth);
+        let picture = self.picture(&seen, number, &target_file)?;
+        self.page.heading(&format!("{number}  {title}"));
+        self.page.pictures(&[(&picture, &format!("{image}.png, {target}, {camera}"))]).preformatted(&words);
+        self.row(number, title, &seen, &truth);
+        let heading = format!("{number}  {title}   [{image}.png, {camera}]\n{words}");
+        self.printer.result(&seen.answer.json(), &heading, true)?;
+        Ok(seen)
+    }
+
+    fn picture(&self, seen: &Seen, number: &str, target: &resight::core::Target) -> Result<Vec<u8>> {
+        let Some(image) = &seen.image else { bail!("{}", seen.answer.verdict.message) };
+        let png = seen.png(image, target)?;
+        let stem =
+            Path::new(&seen.answer.view).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let pictures = self.folder.join("pictures");
+        std::fs::create_dir_all(&pictures)?;
+        resight::formats::write_atomically(&pictures.join(format!("{number}-{stem}.png")), &png)?;
+        Ok(png)
+    }
+
+    fn row(&mut self, number: &str, title: &str, seen: &Seen, truth: &Pose) {
+        let answer = &seen.answer;
+        let mut cells = vec![format!("{number}  {title}"), answer.verdict.status.name().to_string()];
+        if let Some(e) = &answer.estimate {
+            let check = truth::check(&e.cam_from_target, &e.covariance, truth);
+            if answer.verdict.status == Status::Ok && check.is_none_or(|c| CHI2_6_99 < c.normalized_squared) {
+                self.surprises.push(format!("{number}: further from the truth than its error bar allows"));
+            }
+            let off =
+                check.map(|c| (length(c.distance_m), degrees(c.angle_rad), figures(c.normalized_squared)));
+            let (distance, angle, squared) = off.unwrap_or_default();
+            cells.extend([figures(e.rms_px) + " px", distance, angle, squared]);
+        }
+        self.rows.push(cells);
+    }
+
+    /// Eqs. (13), (14) of the paper: R12 = R1 R2ᵀ, p12 = p1 − R12 p2, in one product; no absolute place is needed.
+    fn pair(&mut self, number: &str, title: &str, left: &Seen, right: &Seen) -> Result<()> {
+        let (l, r) = (estimate(left)?, estimate(right)?);
+        let left_from_right = l.cam_from_target * r.cam_from_target.inverse();
+        let target_covariance = r.cam_from_target.inverse_covariance(&r.covariance);
+        let covariance = l.cam_from_target.product_covariance(&l.covariance, &target_covariance);
+        let truth = self.truth.pose("left_from_right")?;
+        let words = told_pair(&left_from_right, &covariance, &truth);
+        let check = truth::check(&left_from_right, &covariance, &truth);
+        if check.is_none_or(|c| CHI2_6_99 < c.normalized_squared) {
+            self.surprises.push(format!("{number}: further from the truth than its error bar allows"));
+        }
+        self.page.heading(&format!("{number}  {title}")).preformatted(&words);
+        if let Some(c) = check {
+            let off = (left_from_right.translation - truth.translation).norm();
+            let squared = figures(c.normalized_squared);
+            self.rows.push(vec![
+                format!("{number}  {title}"),
+                "ok".into(),
+                String::new(),
+                length(off),
+                degrees(c.angle_rad),
+                squared,
+            ]);
+        }
+        let pair = Pair {
+            a: "left",
+            b: "right",
+            target: title.rsplit(' ').next().unwrap_or_default().to_string(),
+            a_from_b: left_from_right.into(),
+            covariance: crate::answer::rows(&covariance),
+            truth_normalized_squared: check.map(|c| c.normalized_squared),
+        };
+        self.printer.result(&pair, &format!("{number}  {title}\n{words}"), true)
+    }
+
+    fn finish(mut self) -> Result<Outcome> {
+        self.page.heading("All together");
+        self.page.paragraph(
+            "Error² in σ² weighs all six numbers of a pose by the covariance that came with it: 6 on average, above 16.8 once \
+             in a hundred. Answer 7 is given with a second pose; answer 8 says itself that it must not be trusted.",
+        );
+        let head = ["", "status", "rms", "off by", "turned by", "error² in σ²"];
+        self.page.table(&head, &self.rows);
+        let report = self.folder.join("report.html");
+        resight::formats::write_atomically(&report, self.page.html().as_bytes())?;
+        self.say(&closing(&self.folder, &report))?;
+        for surprise in &self.surprises {
+            eprintln!("error: {surprise}");
+        }
+        let surprised = !self.surprises.is_empty();
+        let outcome = self.printer.finish()?;
+        Ok(if surprised { Outcome::SomeUnanswered } else { outcome })
+    }
+
+    fn say(&self, text: &str) -> Result<()> {
+        if self.json { Ok(()) } else { print(text) }
+    }
+}
+
+fn estimate(seen: &Seen) -> Result<&PoseEstimate> {
+    seen.answer.estimate.as_ref().with_context(|| seen.answer.verdict.message.clone())
+}
+
+/// A view in words: status, place beside the truth, and what follows.
+fn told(seen: &Seen, truth: &Pose) -> String {
+    let verdict = &seen.answer.verdict;
+    let mut out = String::new();
+    crate::text::line(&mut out, "status", &verdict.status.name().to_uppercase());
+    let Some(e) = &seen.answer.estimate else {
+        crate::text::line(&mut out, "why", &verdict.message);
+        return out;
+    };
+    let (place, sigma) = place_with_sigma_m(e);
+    crate::text::line(&mut out, "camera at", &place_row(&place, &sigma));
+    crate::text::line(&mut out, "truth", &truth_row(&truth.origin(), &sigma));
+    crate::text::line(
+        &mut out,
+        "fit",
+        &format!(
+            "{} points, rms {} px, by {}",
+            e.n_points,
+            figures(e.rms_px),
+            crate::args::method_name(e.method)
+        ),
+    );
+    if let Ambiguity::Ambiguous { other, .. } = &e.ambiguity {
+        let sigma = sigma.map(|_| sigma.max());
+        crate::text::line(&mut out, "or at", &truth_row(&other.cam_from_target.origin(), &sigma));
+        let nearer =
+            (other.cam_from_target.origin() - truth.origin()).norm() < (place - truth.origin()).norm();
+        let which = if nearer { "second" } else { "first" };
+        let text =
+            format!("the true one is the {which}; the picture alone cannot tell, and the answer says so");
+        crate::text::line(&mut out, "in truth", &text);
+    }
+    match truth::check(&e.cam_from_target, &e.covariance, truth) {
+        Some(c) if verdict.status == Status::Ok => crate::text::line(&mut out, "error", &error_row(c)),
+        _ => crate::text::line(&mut out, "why", &verdict.message),
+    }
+    out
+}
+
+fn told_pair(left_from_right: &Pose, covariance: &Matrix6, truth: &Pose) -> String {
+    let mut out = String::new();
+    let place = left_from_right.translation;
+    let spread = point_covariance(&place, covariance);
+    let sigma = spread.diagonal().map(|x| x.max(0.0).sqrt());
+    let along = place.normalize();
+    let sigma_m = (along.transpose() * spread * along)[(0, 0)].max(0.0).sqrt();
+    crate::text::line(&mut out, "right is at", &place_row(&place, &sigma));
+    crate::text::line(&mut out, "truth", &truth_row(&truth.translation, &sigma));
+    let apart = format!("{}, in truth {:.5} m", with_sigma(place.norm(), sigma_m), truth.translation.norm());
+    crate::text::line(&mut out, "baseline", &apart);
+    if let Some(c) = truth::check(left_from_right, covariance, truth) {
+        let c = truth::TruthCheck { distance_m: (place - truth.translation).norm(), ..c };
+        crate::text::line(&mut out, "error", &error_row(c));
+    }
+    out
+}
+
+fn error_row(check: truth::TruthCheck) -> String {
+    format!(
+        "off by {}, turned by {}; error² in σ² {} (6 expected, above 16.8 once in a hundred)",
+        length(check.distance_m),
+        degrees(check.angle_rad),
+        figures(check.normalized_squared)
+    )
+}
+
+type Vector3 = resight::core::Point;
+
+fn place_row(place: &Vector3, sigma: &Vector3) -> String {
+    let axes = ["x", "y", "z"].iter().enumerate();
+    axes.map(|(i, name)| format!("{name} {:<21}", coordinate(place[i], sigma[i])))
+        .collect::<String>()
+        .trim_end()
+        .to_string()
+}
+
+fn truth_row(place: &Vector3, sigma: &Vector3) -> String {
+    let number = |i: usize| {
+        let decimals = resight::report::words::decimals(sigma[i] * 1e3);
+        format!("{:+.decimals$}", place[i] * 1e3 + 0.0)
+    };
+    let axes = ["x", "y", "z"].iter().enumerate();
+    axes.map(|(i, name)| format!("{name} {:<21}", number(i))).collect::<String>().trim_end().to_string()
+        + " mm"
+}
+
+fn closing(folder: &Path, report: &Path) -> String {
+    let f = folder.display();
+    format!(
+        "\nLook at {} (one file, no network needed) or at the pictures in {f}/pictures.\n\
+         Then try it by hand:\n  resight locate {f}/left.png --camera {f}/left.toml --target {f}/dots.toml --overlay {f}/mine\n  \
+         resight explain {f}/left.toml\n",
+        report.display()
+    )
+}
+
+/// Breaks a paragraph at 100 columns.
+fn wrapped(text: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last_mut().filter(|line| line.is_empty() || line.len() + word.len() < 100);
+        match line {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_string()),
+        }
+    }
+    lines.join("\n")
+}

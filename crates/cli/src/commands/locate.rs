@@ -1,0 +1,212 @@
+//! `locate`: from images to poses.
+
+use crate::answer::Answer;
+use crate::args::{OutputArgs, parse_method};
+use crate::output::{Outcome, Printer};
+use anyhow::{Context, Result};
+use clap::Args;
+use resight::GrayImage;
+use resight::core::correspondence::{Detection, Skipped, correspond};
+use resight::core::locate::{Config, Method, locate};
+use resight::core::target::Feature;
+use resight::core::{Camera, Target};
+use resight::detect::Detector;
+use resight::overlay::{self, Tone};
+use resight::report::verdict::{self, Status};
+use std::path::{Path, PathBuf};
+
+/// Finds the target in each image and says where the camera was, how sure that is, and whether another pose fits.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay pictures"
+)]
+pub struct Locate {
+    /// PNG or JPEG images, or patterns such as 'photos/*.png'.
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<String>,
+    /// Camera file in any supported format; FILE#NAME picks one of several.
+    #[arg(long, value_name = "FILE")]
+    camera: String,
+    /// Target file: own TOML, Kalibr YAML or WPILib JSON.
+    #[arg(long, value_name = "FILE")]
+    target: PathBuf,
+    /// Draws each answer over its photograph into this folder (PNG).
+    #[arg(long, value_name = "DIR")]
+    overlay: Option<PathBuf>,
+    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    #[arg(long, default_value = "auto", value_parser = parse_method)]
+    method: Method,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// See `Locate`.
+pub fn run(args: &Locate) -> Result<Outcome> {
+    let images = crate::files::expand(&args.images)?;
+    let camera = super::camera(&args.camera)?;
+    let mut printer = Printer::new(&args.output, images.len());
+    let target = super::target(&args.target, |warning| printer.remark(warning))?;
+    let pictures = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
+    let jobs: Vec<(PathBuf, Option<PathBuf>)> = images
+        .into_iter()
+        .enumerate()
+        .map(|(i, image)| (image, pictures.as_ref().and_then(|p| p.get(i).cloned())))
+        .collect();
+    let work = |detector: &mut Detector, (image, picture): &(PathBuf, Option<PathBuf>)| -> Result<Answer> {
+        let view = Sight { camera: &camera, target: &target, method: args.method }.look(detector, image);
+        if let (Some(picture), Some(image)) = (picture, &view.image) {
+            resight::formats::write_atomically(picture, &view.png(image, &target)?)?;
+        }
+        Ok(view.answer)
+    };
+    super::detect_in_order(&jobs, &target, work, |answer| {
+        let answer = answer?;
+        printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+    })?;
+    printer.finish()
+}
+
+/// Where each overlay goes: the image's name with `.png`, numbered where two images share a name.
+fn picture_paths(folder: &Path, images: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    std::fs::create_dir_all(folder).with_context(|| format!("--overlay {}", folder.display()))?;
+    let mut taken = std::collections::HashSet::new();
+    let mut path_for = |image: &PathBuf| {
+        let stem = image.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let mut name = format!("{stem}.png");
+        let mut n = 1;
+        while !taken.insert(name.clone()) {
+            n += 1;
+            name = format!("{stem}-{n}.png");
+        }
+        folder.join(name)
+    };
+    Ok(images.iter().map(&mut path_for).collect())
+}
+
+/// What is looked for, and with what.
+pub struct Sight<'a> {
+    /// Calibrated camera.
+    pub camera: &'a Camera,
+    /// The target.
+    pub target: &'a Target,
+    /// How to solve.
+    pub method: Method,
+}
+
+/// One image, looked at.
+pub struct Seen {
+    /// The image, when it could be read.
+    pub image: Option<GrayImage>,
+    /// The camera at this image's size.
+    pub camera: Option<Camera>,
+    /// What was found.
+    pub detections: Vec<Detection>,
+    /// What it means.
+    pub answer: Answer,
+}
+
+impl Sight<'_> {
+    /// Reads an image and answers.
+    pub fn look(&self, detector: &mut Detector, path: &Path) -> Seen {
+        let view = super::detect::view_name(path);
+        match GrayImage::read(path) {
+            Ok(image) => self.look_at(detector, image, view),
+            Err(reason) => Seen::nothing(None, Answer::without_pose(view, Status::Error, reason.to_string())),
+        }
+    }
+
+    /// Answers for an image in memory.
+    pub fn look_at(&self, detector: &mut Detector, image: GrayImage, view: String) -> Seen {
+        let camera = match resight::formats::check_image_size(self.camera, image.width_px, image.height_px) {
+            Ok(camera) => camera,
+            Err(reason) => {
+                return Seen::nothing(Some(image), Answer::without_pose(view, Status::Error, reason));
+            }
+        };
+        let detections = match detector.detect_with_camera(&image, &camera) {
+            Ok(detections) => detections,
+            Err(reason) => {
+                return Seen::nothing(
+                    Some(image),
+                    Answer::without_pose(view, Status::Error, reason.to_string()),
+                );
+            }
+        };
+        let answer = self.answer(&detections, &camera, view);
+        Seen { image: Some(image), camera: Some(camera), detections, answer }
+    }
+
+    fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> Answer {
+        if detections.is_empty() {
+            let what = self.target.kind();
+            let message = format!(
+                "no {what} target in this image; check that all of it is visible, sharp and evenly lit"
+            );
+            return Answer::without_pose(view, Status::NotFound, message);
+        }
+        let (seen, skipped) = correspond(detections, self.target, camera);
+        let names: Vec<String> =
+            seen.iter().map(|(feature, _)| feature_name(*feature, self.target)).collect();
+        let points: Vec<_> = seen.iter().map(|(_, c)| *c).collect();
+        let skipped = skipped.iter().map(|s| skipped_text(s, self.target)).collect();
+        let sigma_px = mean_square_root(points.iter().map(|c| c.sigma_px));
+        let config = Config { method: self.method, ..Config::default() };
+        let (verdict, estimate) = match locate(&points, camera, &config) {
+            Ok(e) => (verdict::of_estimate(&e, |i| names.get(i).cloned().unwrap_or_default(), "px"), Some(e)),
+            Err(reason) => (verdict::of_error(&reason), None),
+        };
+        Answer { view, verdict, estimate, n_points: points.len(), image_unit: "px", sigma_px, names, skipped }
+    }
+}
+
+impl Seen {
+    fn nothing(image: Option<GrayImage>, answer: Answer) -> Self {
+        Seen { image, camera: None, detections: Vec::new(), answer }
+    }
+
+    /// The answer drawn over the photograph, as PNG.
+    pub fn png(&self, image: &GrayImage, target: &Target) -> Result<Vec<u8>> {
+        let status = self.answer.verdict.status;
+        let title =
+            Path::new(&self.answer.view).file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let scene = overlay::Scene {
+            image,
+            detections: &self.detections,
+            camera: self.camera.as_ref(),
+            target,
+            estimate: self.answer.estimate.as_ref(),
+            title: &title,
+            verdict: &status.name().replace('_', " "),
+            tone: match status {
+                Status::Ok => Tone::Good,
+                Status::Ambiguous => Tone::Doubtful,
+                _ => Tone::Bad,
+            },
+        };
+        overlay::draw(&scene).png().map_err(|reason| anyhow::anyhow!("{}: {reason}", self.answer.view))
+    }
+}
+
+fn feature_name(feature: Feature, target: &Target) -> String {
+    match target {
+        Target::Points(points) => {
+            points.get(feature.id as usize).map_or_else(String::new, |p| format!("point {}", p.name))
+        }
+        _ if target.has_tag_corners() => format!("corner {} of tag {}", feature.corner, feature.id),
+        _ => format!("point {}", feature.id),
+    }
+}
+
+fn skipped_text(skipped: &Skipped, target: &Target) -> String {
+    let name = feature_name(skipped.feature, target);
+    match &skipped.reason {
+        Some(reason) => format!("{name}: {reason}"),
+        None => format!("{name}: not part of the target"),
+    }
+}
+
+/// Root of the mean square; none of nothing.
+pub fn mean_square_root(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (n, sum) = values.fold((0, 0.0), |(n, sum), x| (n + 1, sum + x * x));
+    (0 < n).then(|| (sum / n as f64).sqrt())
+}

@@ -1,0 +1,157 @@
+//! `solve`: poses from known correspondences.
+
+use crate::answer::Answer;
+use crate::args::{OutputArgs, parse_method};
+use crate::output::{Outcome, Printer};
+use crate::points::{self, Row, View};
+use anyhow::{Result, bail};
+use clap::Args;
+use resight::core::locate::{Config, Method, locate};
+use resight::core::{Camera, Correspondence, Lens, Pixel, Point};
+use resight::report::verdict::{self, Status};
+use std::path::PathBuf;
+
+/// The pose of the camera from points you already have.
+///
+/// Columns by name, in any order: x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id,
+/// sigma_px. One pose per view, in file order; rows of a view need not be adjacent.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  resight solve points.csv --camera camera.toml --sigma-px 0.3
+  resight solve points.csv --normalized --sigma-normalized 0.0005 --method line_plus_one --json")]
+pub struct Solve {
+    /// CSV file with a header line.
+    #[arg(value_name = "POINTS.csv")]
+    points: PathBuf,
+    /// Camera file in any supported format; FILE#NAME picks one of several.
+    #[arg(long, value_name = "FILE", required_unless_present = "normalized", conflicts_with = "normalized")]
+    camera: Option<String>,
+    /// Columns xn,yn are undistorted coordinates on the plane z = 1; no camera is needed.
+    #[arg(long)]
+    normalized: bool,
+    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    #[arg(long, default_value = "auto", value_parser = parse_method)]
+    method: Method,
+    /// Standard deviation of u and v where the file has no sigma_px [default: 0.5; photogrammetric camera: f / 2000, in its unit]
+    #[arg(long, value_name = "S", conflicts_with = "normalized", allow_negative_numbers = true, value_parser = positive)]
+    sigma_px: Option<f64>,
+    /// Standard deviation of xn and yn where the file has no sigma_px [default: 0.0005]
+    #[arg(long, value_name = "S", requires = "normalized", allow_negative_numbers = true, value_parser = positive)]
+    sigma_normalized: Option<f64>,
+    /// Not in this version: finding wrong correspondences.
+    #[arg(long, value_name = "PX", hide = true)]
+    robust: Option<String>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if 0.0 < x && x.is_finite() => Ok(x),
+        _ => Err("a positive number is needed".to_string()),
+    }
+}
+
+/// What the rows of a file are solved with.
+struct Setting {
+    camera: Camera,
+    method: Method,
+    sigma: f64,
+    sigma_is_assumed: bool,
+    unit: &'static str,
+    /// Names of the two image columns.
+    columns: [&'static str; 2],
+}
+
+/// See `Solve`.
+pub fn run(args: &Solve) -> Result<Outcome> {
+    if args.robust.is_some() {
+        bail!(
+            "--robust is not in this version; remove wrong rows (an `inconsistent` answer names the worst) and leave it out"
+        );
+    }
+    let setting = setting(args)?;
+    crate::files::must_exist(&args.points)?;
+    let views = points::read(&args.points, args.normalized)?;
+    let mut printer = Printer::new(&args.output, views.len());
+    super::in_order(
+        &views,
+        |view| setting.answer(view),
+        |answer: Answer| {
+            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+        },
+    )?;
+    printer.finish()
+}
+
+fn setting(args: &Solve) -> Result<Setting> {
+    let camera = match &args.camera {
+        Some(argument) => super::camera(argument)?,
+        None => Camera::normalized(),
+    };
+    let (unit, assumed, columns) = match &camera.lens {
+        _ if args.normalized => ("normalized", 5e-4, ["xn", "yn"]),
+        Lens::Photogrammetric(model) => ("unit of f", model.table().f / 2000.0, ["u_px", "v_px"]),
+        _ => ("px", 0.5, ["u_px", "v_px"]),
+    };
+    let stated = if args.normalized { args.sigma_normalized } else { args.sigma_px };
+    let (sigma, sigma_is_assumed) = (stated.unwrap_or(assumed), stated.is_none());
+    Ok(Setting { camera, method: args.method, sigma, sigma_is_assumed, unit, columns })
+}
+
+impl Setting {
+    fn answer(&self, view: &View) -> Answer {
+        let points =
+            match view.rows.iter().map(|row| self.correspondence(row)).collect::<Result<Vec<_>, String>>() {
+                Ok(points) => points,
+                Err(reason) => {
+                    let answer = Answer::without_pose(view.name.clone(), Status::Error, reason);
+                    return Answer { n_points: view.rows.len(), image_unit: self.unit, ..answer };
+                }
+            };
+        let names: Vec<String> =
+            view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
+        let config = Config { method: self.method, ..Config::default() };
+        let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
+            Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
+            Err(reason) => (verdict::of_error(&reason), None),
+        };
+        let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
+        if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
+            let flag = if self.columns[0] == "xn" { "--sigma-normalized" } else { "--sigma-px" };
+            verdict.message +=
+                &format!("; σ {} {} is assumed, state yours with {flag}", self.sigma, self.unit);
+        }
+        let names = view.rows.iter().map(|row| row.name.clone()).collect();
+        Answer {
+            view: view.name.clone(),
+            verdict,
+            estimate,
+            n_points: points.len(),
+            image_unit: self.unit,
+            sigma_px,
+            names,
+            skipped: Vec::new(),
+        }
+    }
+
+    fn correspondence(&self, row: &Row) -> Result<Correspondence, String> {
+        let [u, v] = self.columns;
+        let cells = [("x_m", row.x_in_target[0]), ("y_m", row.x_in_target[1]), ("z_m", row.x_in_target[2])];
+        let cells = cells.into_iter().chain([(u, row.image[0]), (v, row.image[1])]);
+        let sigma = row.sigma.unwrap_or(self.sigma);
+        for (column, x) in cells.chain([("sigma_px", sigma)]) {
+            if !x.is_finite() {
+                return Err(format!(
+                    "line {}: column `{column}` is {x}; remove the row or correct it",
+                    row.line
+                ));
+            }
+        }
+        if sigma <= 0.0 {
+            return Err(format!("line {}: column `sigma_px` is {sigma}; it must be positive", row.line));
+        }
+        Correspondence::new(&self.camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
+            .map_err(|reason| format!("line {}: {reason}", row.line))
+    }
+}

@@ -1,0 +1,117 @@
+//! Finding the files the user meant.
+
+use anyhow::{Result, bail};
+use std::path::{Path, PathBuf};
+
+/// Images given as paths or patterns (`*`, `?`, `[…]`; a shell usually expands them first), in the order given.
+pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for argument in arguments {
+        let path = PathBuf::from(argument);
+        if path.exists() || !argument.contains(['*', '?', '[']) {
+            must_exist(&path)?;
+            paths.push(path);
+            continue;
+        }
+        let before = paths.len();
+        for entry in glob::glob(argument)? {
+            paths.push(entry?);
+        }
+        if paths.len() == before {
+            bail!("no file matches {argument}");
+        }
+    }
+    Ok(paths)
+}
+
+/// Refuses a path that is not a file, naming the nearest one in its folder.
+pub fn must_exist(path: &Path) -> Result<()> {
+    if path.is_file() || is_stream(path) {
+        return Ok(());
+    }
+    if path.is_dir() {
+        bail!("{} is a folder; give a file, or {}", path.display(), path.join("*.png").display());
+    }
+    let folder = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        bail!("{}: no such file (nor is there a folder {})", path.display(), folder.display());
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let siblings = std::fs::read_dir(folder)?.flatten().filter(|e| e.path().is_file());
+    match nearest(&name, siblings.map(|e| e.file_name().to_string_lossy().into_owned())) {
+        Some(found) => {
+            bail!("{}: no such file; did you mean {}?", path.display(), path.with_file_name(found).display())
+        }
+        None => bail!("{}: no such file", path.display()),
+    }
+}
+
+/// A camera argument is `FILE` or `FILE#NAME`.
+pub fn camera_must_exist(argument: &str) -> Result<()> {
+    match argument.rsplit_once('#') {
+        Some((file, _)) if !Path::new(argument).exists() => must_exist(Path::new(file)),
+        _ => must_exist(Path::new(argument)),
+    }
+}
+
+/// A pipe (`/dev/stdin`, `<(…)`) exists without being a file.
+fn is_stream(path: &Path) -> bool {
+    path.exists() && !path.is_dir()
+}
+
+/// The candidate nearest to a name, when it is near enough to be a slip of the hand.
+pub fn nearest(name: &str, candidates: impl Iterator<Item = String>) -> Option<String> {
+    let limit = (name.chars().count() / 3).clamp(1, 4);
+    let mut scored: Vec<(usize, String)> =
+        candidates.map(|c| (edits(&name.to_lowercase(), &c.to_lowercase()), c)).collect();
+    scored.sort();
+    scored.into_iter().next().filter(|(edits, _)| *edits <= limit).map(|(_, candidate)| candidate)
+}
+
+/// Levenshtein distance with swaps of neighbours counted as one.
+fn edits(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let mut before: Vec<usize> = Vec::new();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut next = vec![i];
+        for j in 1..=b.len() {
+            let change = row[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let swap = 1 < i && 1 < j && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+            let best = change.min(row[j] + 1).min(next[j - 1] + 1);
+            next.push(if swap { best.min(before[j - 2] + 1) } else { best });
+        }
+        before = std::mem::replace(&mut row, next);
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_slip_is_one_edit() {
+        for (a, b, n) in [
+            ("left", "left", 0),
+            ("left", "lfet", 1),
+            ("left", "lef", 1),
+            ("left", "right", 4),
+            ("", "ab", 2),
+        ] {
+            assert_eq!(edits(a, b), n, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn a_stranger_is_not_offered() {
+        assert_eq!(nearest("camera.yml", ["zebra.png".to_string()].into_iter()), None);
+        assert_eq!(
+            nearest("camera.yml", ["camera.yaml".to_string()].into_iter()).as_deref(),
+            Some("camera.yaml")
+        );
+    }
+}

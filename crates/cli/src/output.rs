@@ -1,0 +1,95 @@
+//! What reaches stdout, stderr and the results file.
+
+use crate::args::OutputArgs;
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Every input answered.
+    Answered,
+    /// Some input could not be answered; each said why.
+    SomeUnanswered,
+}
+
+impl From<Outcome> for ExitCode {
+    fn from(outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Answered => ExitCode::SUCCESS,
+            Outcome::SomeUnanswered => ExitCode::from(1),
+        }
+    }
+}
+
+/// Collects results in input order.
+pub struct Printer {
+    args: OutputArgs,
+    lines: Vec<u8>,
+    bar: ProgressBar,
+    unanswered: usize,
+    printed: usize,
+}
+
+impl Printer {
+    /// For `n` inputs; the progress bar shows only on a terminal and for more than one input.
+    pub fn new(args: &OutputArgs, n: usize) -> Self {
+        let shown = !args.quiet && 1 < n && std::io::stderr().is_terminal();
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(n as u64), target);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {per_sec}  {eta} left") {
+            bar.set_style(style);
+        }
+        Printer { args: args.clone(), lines: Vec::new(), bar, unanswered: 0, printed: 0 }
+    }
+
+    /// One more input is done, answered in words or as JSON.
+    pub fn result(&mut self, json: &impl Serialize, words: &str, answered: bool) -> Result<()> {
+        let line = serde_json::to_string(json)?;
+        let separator = if self.printed == 0 { "" } else { "\n" };
+        match self.args.json {
+            true => self.print(&format!("{line}\n"))?,
+            false => self.print(&format!("{separator}{words}"))?,
+        }
+        if self.args.output.is_some() {
+            self.lines.extend(line.as_bytes());
+            self.lines.push(b'\n');
+        }
+        self.printed += 1;
+        self.unanswered += usize::from(!answered);
+        self.bar.inc(1);
+        Ok(())
+    }
+
+    /// A remark on stderr, unless quiet.
+    pub fn remark(&self, text: &str) {
+        if !self.args.quiet {
+            self.bar.suspend(|| eprintln!("{text}"));
+        }
+    }
+
+    /// Writes the results file and says how it went.
+    pub fn finish(self) -> Result<Outcome> {
+        self.bar.finish_and_clear();
+        if let Some(path) = &self.args.output {
+            resight::formats::write_atomically(path, &self.lines)?;
+        }
+        Ok(if self.unanswered == 0 { Outcome::Answered } else { Outcome::SomeUnanswered })
+    }
+
+    fn print(&self, text: &str) -> Result<()> {
+        self.bar.suspend(|| print(text))
+    }
+}
+
+/// Writes to stdout. A reader that has gone away (`| head`) ends the program quietly.
+pub fn print(text: &str) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        result => Ok(result?),
+    }
+}

@@ -1,0 +1,110 @@
+//! An answer in words, for a person with ten minutes.
+
+use crate::answer::Answer;
+use resight::core::choose::Ambiguity;
+use resight::core::locate::PoseEstimate;
+use resight::report::verdict::{Status, figures};
+use resight::report::words::{
+    coordinate, degrees, distance_with_sigma_m, place_with_sigma_m, sigmas, with_sigma, yaw_pitch_roll_rad,
+};
+use std::fmt::Write;
+
+/// One paragraph per view: where, how sure, verdict and advice.
+pub fn describe(answer: &Answer) -> String {
+    let mut out = format!("{}   {}\n", answer.view, headline(answer.verdict.status));
+    if let Some(estimate) = &answer.estimate {
+        out.push_str(&pose(estimate));
+        out.push_str(&fit(answer, estimate));
+    }
+    let mut message = capitalised(&answer.verdict.message);
+    if !message.ends_with(['.', '!', '?']) {
+        message.push('.');
+    }
+    line(&mut out, "verdict", &message);
+    if let Some(Ambiguity::Ambiguous { other, .. }) = answer.estimate.map(|e| e.ambiguity) {
+        let place = other.cam_from_target.origin();
+        let text = format!(
+            "x {:+.1} mm   y {:+.1} mm   z {:+.1} mm in the target frame, rms {} {}",
+            place.x * 1e3,
+            place.y * 1e3,
+            place.z * 1e3,
+            figures(other.rms_px),
+            answer.image_unit
+        );
+        line(&mut out, "other pose", &text);
+    }
+    for skipped in &answer.skipped {
+        line(&mut out, "left out", skipped);
+    }
+    out
+}
+
+fn headline(status: Status) -> &'static str {
+    match status {
+        Status::Ok => "OK",
+        Status::Ambiguous => "AMBIGUOUS: two poses fit",
+        Status::Degenerate => "NO POSE: these points do not determine one",
+        Status::Inconsistent => "INCONSISTENT: do not trust this pose yet",
+        Status::NotFound => "NOT FOUND: no target in this image",
+        Status::Error => "ERROR",
+    }
+}
+
+fn pose(e: &PoseEstimate) -> String {
+    let mut out = String::new();
+    let (distance_m, sigma_m) = distance_with_sigma_m(e);
+    line(&mut out, "distance", &format!("{} from the target's origin", with_sigma(distance_m, sigma_m)));
+    let (place, sigma) = place_with_sigma_m(e);
+    let axes = ["x", "y", "z"].iter().enumerate();
+    let coordinates: Vec<String> =
+        axes.map(|(i, name)| format!("{name} {}", coordinate(place[i], sigma[i]))).collect();
+    line(&mut out, "camera at", &format!("{}   (target frame)", coordinates.join("   ")));
+    let [yaw, pitch, roll] = yaw_pitch_roll_rad(&e.cam_from_target);
+    let (turn, _) = sigmas(&e.covariance);
+    let turned = format!(
+        "yaw {:+.2}°   pitch {:+.2}°   roll {:+.2}°   (for display)   ± {} {} {} about the camera's x y z",
+        yaw.to_degrees(),
+        pitch.to_degrees(),
+        roll.to_degrees(),
+        degrees(turn[0]),
+        degrees(turn[1]),
+        degrees(turn[2])
+    );
+    line(&mut out, "turned", &turned);
+    let xi = e.cam_from_target.log();
+    line(
+        &mut out,
+        "rotation",
+        &format!("[{:+.6} {:+.6} {:+.6}] rad   (cam_from_target, rotation vector)", xi[0], xi[1], xi[2]),
+    );
+    out
+}
+
+fn fit(answer: &Answer, e: &PoseEstimate) -> String {
+    let mut out = String::new();
+    let unit = answer.image_unit;
+    let sigma = answer.sigma_px.map(|s| format!(" at σ {} {unit}", figures(s))).unwrap_or_default();
+    let chi2 = match e.degrees_of_freedom {
+        0 => "nothing left over to check it with".to_string(),
+        dof => format!("χ² {} for {dof} degrees of freedom", figures(e.chi2)),
+    };
+    let text = format!(
+        "rms {} {unit} over {} points{sigma}, {chi2}, by {}",
+        figures(e.rms_px),
+        e.n_points,
+        crate::args::method_name(e.method)
+    );
+    line(&mut out, "fit", &text);
+    out
+}
+
+/// One labelled line.
+pub fn line(out: &mut String, label: &str, text: &str) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "  {label:<11} {text}");
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
+}

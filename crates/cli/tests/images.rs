@@ -1,0 +1,154 @@
+//! `locate`, `detect`, `explain` and `demo` on the shipped pictures.
+
+mod support;
+
+use support::{demo, folder, json_lines, matches_golden, resight};
+
+#[test]
+fn locate_answers_in_input_order_and_draws() {
+    let pictures = folder("locate_overlay");
+    let (left, critical) = (demo("left.png"), demo("critical.png"));
+    let arguments =
+        ["locate", &critical, &left, "--camera", &demo("left.toml"), "--target", &demo("dots.toml")];
+    let run = resight(&[&arguments[..], &["--json", "--overlay", pictures.to_str().unwrap()]].concat());
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    let answers = json_lines(&run);
+    assert_eq!(
+        (&answers[0]["view"], &answers[1]["view"]),
+        (&critical.as_str().into(), &left.as_str().into())
+    );
+    assert_eq!((&answers[0]["status"], &answers[1]["status"]), (&"ambiguous".into(), &"ok".into()));
+    let other = &answers[0]["ambiguity"]["other"];
+    assert!(other["cam_from_target"]["matrix"].is_array() && other["rms_px"].is_number());
+    for name in ["critical.png", "left.png"] {
+        let picture = resight::GrayImage::read(&pictures.join(name)).unwrap();
+        assert!(
+            picture.width_px == 800 && 600 < picture.height_px,
+            "{name} has its caption below the photograph"
+        );
+    }
+}
+
+#[test]
+fn a_target_that_is_not_there_is_not_found() {
+    let folder = folder("not_found");
+    let blank = folder.join("without_that_tag.png");
+    std::fs::copy(demo("left.png"), &blank).unwrap();
+    let target = folder.join("tag.toml");
+    std::fs::write(&target, "kind = \"tag\"\nfamily = \"tag25h9\"\nid = 3\nsize_m = 0.1\n").unwrap();
+    let (blank, target) = (blank.display().to_string(), target.display().to_string());
+    let run = resight(&["locate", &blank, "--camera", &demo("left.toml"), "--target", &target, "--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!((run.code, &answer["status"]), (1, &"not_found".into()));
+    assert!(
+        answer["cam_from_target"].is_null() && answer["message"].as_str().unwrap().contains("no tag target")
+    );
+}
+
+#[test]
+fn an_image_of_another_shape_and_a_broken_one_are_errors_of_their_own() {
+    let folder = folder("bad_images");
+    let camera = folder.join("camera.toml");
+    let text =
+        std::fs::read_to_string(demo("left.toml")).unwrap().replace("height_px = 600", "height_px = 800");
+    std::fs::write(&camera, text).unwrap();
+    let broken = folder.join("broken.png");
+    std::fs::write(&broken, b"not an image").unwrap();
+    let broken = broken.display().to_string();
+    let arguments = ["locate", &demo("left.png"), &broken, "--camera", camera.to_str().unwrap(), "--json"];
+    let run = resight(&[&arguments[..], &["--target", &demo("grid.toml")]].concat());
+    assert_eq!(run.code, 1);
+    let answers = json_lines(&run);
+    assert!(answers.iter().all(|a| a["status"] == "error"));
+    assert!(answers[0]["message"].as_str().unwrap().contains("600"), "{}", answers[0]);
+    assert!(answers[1]["message"].as_str().unwrap().contains("broken.png"), "{}", answers[1]);
+}
+
+#[test]
+fn unreadable_arguments_stop_before_any_work() {
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    let cases = [
+        (
+            vec![demo("lfet.png"), "--camera".into(), camera.clone(), "--target".into(), target.clone()],
+            "did you mean",
+        ),
+        (
+            vec![demo("left.png"), "--camera".into(), demo("left.tml"), "--target".into(), target.clone()],
+            "left.toml?",
+        ),
+        (
+            vec![demo("left.png"), "--camera".into(), target.clone(), "--target".into(), target.clone()],
+            "--target",
+        ),
+        (vec![demo("*.jpg"), "--camera".into(), camera, "--target".into(), target], "no file matches"),
+    ];
+    for (arguments, wanted) in cases {
+        let arguments: Vec<&str> =
+            std::iter::once("locate").chain(arguments.iter().map(String::as_str)).collect();
+        let run = resight(&arguments);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{wanted}");
+        assert!(run.stderr.contains(wanted), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn detect_lists_the_points_of_every_image_a_pattern_matches() {
+    let run = resight(&["detect", &demo("[lr]*t.png"), "--target", &demo("grid.toml"), "--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    for found in json_lines(&run) {
+        let detections = found["detections"].as_array().unwrap();
+        assert_eq!(detections.len(), 64);
+        let keys = ["id", "corner", "u_px", "v_px", "sigma_px"];
+        assert!(detections.iter().all(|d| keys.iter().all(|key| d[key].is_number())));
+    }
+}
+
+#[test]
+fn explain_speaks_in_sentences() {
+    let run = resight(&["explain", &demo("left.toml"), &demo("dots.toml")]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(run.stdout.contains("x right, y down, z forward"), "{}", run.stdout);
+}
+
+#[test]
+fn every_help_has_an_example() {
+    for command in ["demo", "locate", "detect", "solve", "explain"] {
+        let run = resight(&[command, "--help"]);
+        assert!(
+            run.code == 0 && run.stdout.contains(&format!("  resight {command}")),
+            "{command}: {}",
+            run.stdout
+        );
+    }
+    assert_eq!(resight(&[]).code, 2);
+}
+
+#[test]
+fn demo_tells_its_story_and_writes_a_page() {
+    let out = folder("demo");
+    let run = resight(&["demo", "-o", out.to_str().unwrap()]);
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    matches_headings(&run.stdout);
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.matches("data:image/png;base64,").count() == 6 && !page.contains("http"));
+    let results = std::fs::read_to_string(out.join("results.jsonl")).unwrap();
+    let statuses: Vec<serde_json::Value> =
+        results.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    assert_eq!(statuses.len(), 8);
+}
+
+/// The headings and statuses in order; the numbers are held against the truth by the demo itself (exit status 0).
+fn matches_headings(stdout: &str) {
+    let kept = |line: &&str| {
+        line.starts_with(|c: char| c.is_ascii_digit()) || line.trim_start().starts_with("status")
+    };
+    let text: String = stdout.lines().filter(kept).map(|line| format!("{line}\n")).collect();
+    matches_golden("demo.txt", &text);
+}
+
+#[test]
+fn demo_json_is_json_only() {
+    let out = folder("demo_json");
+    let run = resight(&["demo", "--json", "-o", out.to_str().unwrap()]);
+    assert_eq!((run.code, json_lines(&run).len()), (0, 8));
+}

@@ -1,0 +1,156 @@
+//! `solve`: real output, exit codes and complaints.
+
+mod support;
+
+use support::{data, folder, json_lines, matches_golden, resight};
+
+fn solve(arguments: &[&str]) -> support::Run {
+    resight(&[&["solve"], arguments].concat())
+}
+
+#[test]
+fn two_views_in_words() {
+    let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml")]);
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    matches_golden("solve.txt", &run.stdout);
+}
+
+/// The pose the points were made from: rotation vector (0.3, −0.4, 0.1), translation (0.05, −0.1, 2.0) m.
+#[test]
+fn poses_are_the_ones_the_points_were_made_from() {
+    let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml"), "--json"]);
+    let answers = json_lines(&run);
+    assert_eq!(answers.len(), 2);
+    for (answer, method) in answers.iter().zip(["line_plus_one", "sqpnp"]) {
+        assert_eq!((&answer["status"], &answer["method"]), (&"ok".into(), &method.into()));
+        let number = |key: &str, i: usize| answer["cam_from_target"][key][i].as_f64().unwrap();
+        for (i, t) in [0.05, -0.1, 2.0].iter().enumerate() {
+            let sigma_m = answer["sigma_m"][i].as_f64().unwrap();
+            assert!((number("translation_m", i) - t).abs() < 4.0 * (sigma_m + 1e-4), "{answer}");
+        }
+        let half = 0.5 * (0.09f64 + 0.16 + 0.01).sqrt();
+        assert!((number("rotation_wxyz", 0) - half.cos()).abs() < 2e-3);
+    }
+}
+
+#[test]
+fn the_pose_object_has_every_key_of_the_contract() {
+    let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml"), "--json"]);
+    for answer in json_lines(&run) {
+        let keys = "view status method n_points cam_from_target target_from_cam covariance sigma_rad sigma_m rms_px ambiguity message";
+        assert!(keys.split(' ').all(|key| answer.get(key).is_some()), "{answer}");
+        assert_eq!(answer["covariance"].as_array().map(Vec::len), Some(6));
+        assert_eq!(answer["cam_from_target"]["matrix"].as_array().map(Vec::len), Some(4));
+        assert_eq!(answer["ambiguity"]["verdict"], "unique");
+        // target_from_cam undoes cam_from_target: R t' + t = 0.
+        let (m, t) = (&answer["cam_from_target"]["matrix"], &answer["target_from_cam"]["translation_m"]);
+        for i in 0..3 {
+            let sum: f64 = (0..3).map(|j| m[i][j].as_f64().unwrap() * t[j].as_f64().unwrap()).sum();
+            assert!((sum + m[i][3].as_f64().unwrap()).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn normalized_columns_in_any_order_need_no_camera() {
+    let run = solve(&[&data("normalized.csv"), "--normalized", "--sigma-normalized", "0.0001", "--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(
+        (run.code, &answer["view"], &answer["image_unit"]),
+        (0, &"normalized.csv".into(), &"normalized".into())
+    );
+    assert!((answer["cam_from_target"]["translation_m"][2].as_f64().unwrap() - 2.0).abs() < 1e-6);
+}
+
+#[test]
+fn an_assumed_sigma_is_said() {
+    let run = solve(&[&data("normalized.csv"), "--normalized"]);
+    assert!(
+        run.stdout.contains("σ 0.0005 normalized is assumed, state yours with --sigma-normalized"),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn each_unanswerable_view_says_why_and_the_rest_are_answered() {
+    let run = solve(&[&data("hostile.csv"), "--camera", &data("camera.toml"), "--sigma-px", "0.3", "--json"]);
+    assert_eq!(run.code, 1);
+    let answers = json_lines(&run);
+    let statuses: Vec<_> = answers.iter().map(|a| a["status"].as_str().unwrap()).collect();
+    assert_eq!(statuses, ["ok", "degenerate", "error", "degenerate", "inconsistent"]);
+    let message = |i: usize| answers[i]["message"].as_str().unwrap();
+    assert!(message(1).contains("line"), "{}", message(1));
+    assert!(message(2).contains("line 11") && message(2).contains("`u_px` is NaN"), "{}", message(2));
+    assert!(message(3).contains("2 points given"), "{}", message(3));
+    assert!(message(4).contains("point p4") && answers[4]["worst_point"]["name"] == "p4", "{}", message(4));
+    assert!(!run.stdout.contains(":NaN"));
+}
+
+#[test]
+fn o_writes_the_same_lines_to_a_file() {
+    let out = folder("solve_o").join("poses.jsonl");
+    let run = solve(&[
+        &data("points.csv"),
+        "--camera",
+        &data("camera.toml"),
+        "--json",
+        "-o",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(std::fs::read_to_string(out).unwrap(), run.stdout);
+}
+
+#[test]
+fn complaints_name_file_line_and_way_out() {
+    let camera = data("camera.toml");
+    let folder = folder("solve_complaints");
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let head = "x_m,y_m,z_m,u_px,v_px\n";
+    let cases = [
+        (
+            file("missing.csv", "x_m,y_m,z_m,u,v_px\n1,2,3,4,5\n"),
+            "missing.csv:1: no column `u_px`; the columns are x_m,y_m,z_m,u,v_px",
+        ),
+        (
+            file("word.csv", &format!("{head}1,2,3,4,5\n1,2,three,4,5\n")),
+            "word.csv:3: column `z_m` is `three`, which is not a number",
+        ),
+        (file("empty.csv", &format!("{head}1,2,,4,5\n")), "empty.csv:2: column `z_m` is empty"),
+        (file("short.csv", &format!("{head}1,2,3\n")), "short.csv:2: 3 cells where the header has 5"),
+        (file("norows.csv", head), "norows.csv: no rows"),
+        (file("twice.csv", "x_m,x_m,y_m,z_m,u_px,v_px\n"), "column `x_m` appears twice"),
+        (file("xn.csv", "x_m,y_m,z_m,xn,yn\n1,2,3,4,5\n"), "add --normalized"),
+        (folder.join("word.cvs").display().to_string(), "did you mean"),
+    ];
+    for (path, wanted) in cases {
+        let run = solve(&[&path, "--camera", &camera]);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{path}");
+        assert!(run.stderr.contains(wanted), "{path}: {}", run.stderr);
+    }
+}
+
+#[test]
+fn what_is_not_in_this_version_says_so() {
+    let base = [data("points.csv"), "--camera".into(), data("camera.toml")];
+    for (extra, wanted) in [
+        (vec!["--robust", "3"], "--robust is not in this version"),
+        (vec!["--method", "upright"], "upright is not in this version"),
+        (vec!["--method", "plnar"], "did you mean `planar`"),
+        (vec!["--sigma-px", "-1"], "a positive number is needed"),
+    ] {
+        let arguments: Vec<&str> = base.iter().map(String::as_str).chain(extra).collect();
+        let run = solve(&arguments);
+        assert_eq!(run.code, 2, "{wanted}");
+        assert!(run.stderr.contains(wanted), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn points_without_a_camera_are_wrong_usage() {
+    assert_eq!(solve(&[&data("points.csv")]).code, 2);
+}

@@ -1,0 +1,287 @@
+//! Three dots on a line and one off it: lamps, retro-reflectors or printed discs.
+//!
+//! image → classes (`threshold`) → regions (`components`) → dots with sub-pixel place and sigma (`centroid`) →
+//! the four that are the target (`identify`, `layout`) → perspective's shift removed → detections.
+//! The target is opaque or at least known to be seen from its front; a mirrored or backward view is not found.
+//! Every dot must lie whole inside the image; a covered one means "not found". Derivations: docs/math/dots.md.
+//!
+//! Cost: linear in the pixels, and bounded in what they show: at most 160 dots of each polarity take part, the most
+//! conspicuous first, so a hundred thousand specks cost no more than a few milliseconds.
+
+mod centroid;
+mod components;
+mod identify;
+mod layout;
+mod threshold;
+mod view;
+
+use crate::GrayImage;
+use components::{Component, Labeller};
+use identify::{Explanation, Search};
+use layout::{Layout, ViewDot};
+use resight_core::correspondence::Detection;
+use resight_core::target::{Feature, LinePlusOne, Target};
+use resight_core::{Camera, Pixel};
+use thiserror::Error;
+use view::View;
+
+pub use centroid::Dot;
+
+/// Why an image cannot be searched.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DotError {
+    /// The pixel buffer does not match the size.
+    #[error("image of {width_px}×{height_px} px has {seen} bytes; it must have one per pixel")]
+    BufferSize {
+        /// Columns stated.
+        width_px: u32,
+        /// Rows stated.
+        height_px: u32,
+        /// Bytes found.
+        seen: usize,
+    },
+    /// The intrinsics belong to images of another size.
+    #[error(
+        "image is {width_px}×{height_px} px but the camera was calibrated at {camera_width_px}×{camera_height_px} px; \
+         scale the camera or use its own images"
+    )]
+    CameraSize {
+        /// Columns of the image.
+        width_px: u32,
+        /// Rows of the image.
+        height_px: u32,
+        /// Columns of the camera's images.
+        camera_width_px: u32,
+        /// Rows of the camera's images.
+        camera_height_px: u32,
+    },
+}
+
+/// Which dots are looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Polarity {
+    /// Both.
+    #[default]
+    Either,
+    /// Dark dots on a light ground.
+    DarkOnLight,
+    /// Light dots on a dark ground: lamps, retro-reflectors.
+    LightOnDark,
+}
+
+/// What is known about the dots and how careful to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DotConfig {
+    /// Diameter of the discs, metres; none: any, as long as the four are alike.
+    pub diameter_m: Option<f64>,
+    /// Dark or light.
+    pub polarity: Polarity,
+    /// Least difference to the surroundings, grey levels; ten times the image's noise is asked in any case.
+    pub min_contrast: f64,
+    /// Accepted number of false targets per image that dots strewn at random would give.
+    pub max_false_alarms: f64,
+    /// Error of a centroid that is not noise (pixel response, lens, print), px; added in quadrature to each sigma.
+    pub sigma_floor_px: f64,
+}
+
+impl Default for DotConfig {
+    fn default() -> Self {
+        DotConfig {
+            diameter_m: None,
+            polarity: Polarity::Either,
+            min_contrast: 12.0,
+            max_false_alarms: 1e-3,
+            sigma_floor_px: 0.01,
+        }
+    }
+}
+
+/// One target found in an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DotTarget {
+    /// The four dots, ids 0 to 3: centres corrected for perspective.
+    pub detections: Vec<Detection>,
+    /// The dots as measured, in the same order.
+    pub dots: [Dot; 4],
+    /// log₁₀ of the number of such finds expected by chance in this image.
+    pub log10_false_alarms: f64,
+}
+
+/// Finds one dot target; keeps its buffers between images.
+pub struct DotDetector {
+    layout: Layout,
+    config: DotConfig,
+    classes: Vec<u8>,
+    labeller: Labeller,
+    scratch: centroid::Scratch,
+}
+
+/// Regions smaller than this are specks, px.
+const MIN_AREA_PX: f64 = 3.0;
+/// Regions with less of their ellipse filled are letters, rings, blots.
+const MIN_FILL: f64 = 0.85;
+/// Specks beyond this number are dropped, the least conspicuous first, before any is measured.
+const MAX_MEASURED: usize = 1200;
+
+impl DotDetector {
+    /// A detector for one target, dots of any size and polarity. Fails when the target's dimensions cannot be right.
+    pub fn new(target: &LinePlusOne) -> Result<Self, resight_core::Error> {
+        Self::with_config(target, DotConfig::default())
+    }
+
+    /// The same with what is known about the dots.
+    pub fn with_config(target: &LinePlusOne, config: DotConfig) -> Result<Self, resight_core::Error> {
+        Target::LinePlusOne(*target).check()?;
+        let unfit = |parameter, seen| {
+            Err(resight_core::Error::InvalidTarget { parameter, seen, needed: "it must be positive" })
+        };
+        if let Some(d) = config.diameter_m.filter(|d| !(0.0 < *d && d.is_finite())) {
+            return unfit("diameter_m", d);
+        }
+        if !(0.0 < config.max_false_alarms) {
+            return unfit("max_false_alarms", config.max_false_alarms);
+        }
+        Ok(DotDetector {
+            layout: Layout::new(target, config.diameter_m),
+            config,
+            classes: Vec::new(),
+            labeller: Labeller::default(),
+            scratch: centroid::Scratch::default(),
+        })
+    }
+
+    /// The four detections of the surest target, or none. Without a camera the lens is taken as free of distortion;
+    /// perspective's shift is removed as far as the dots' own shapes tell.
+    pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DotError> {
+        self.first(image, None)
+    }
+
+    /// The same with known intrinsics: straight lines and rigidity are tested as the lens images them.
+    pub fn detect_with_camera(
+        &mut self,
+        image: &GrayImage,
+        camera: &Camera,
+    ) -> Result<Vec<Detection>, DotError> {
+        self.first(image, Some(camera))
+    }
+
+    /// Every instance of the target in the image, surest first.
+    pub fn detect_all(
+        &mut self,
+        image: &GrayImage,
+        camera: Option<&Camera>,
+    ) -> Result<Vec<DotTarget>, DotError> {
+        if let Some(size) = camera.and_then(|c| c.size) {
+            if (size.width_px, size.height_px) != (image.width_px, image.height_px) {
+                return Err(DotError::CameraSize {
+                    width_px: image.width_px,
+                    height_px: image.height_px,
+                    camera_width_px: size.width_px,
+                    camera_height_px: size.height_px,
+                });
+            }
+        }
+        let dots = self.dots(image)?;
+        let size = Pixel::new(image.width_px as f64, image.height_px as f64);
+        let view = match camera {
+            Some(camera) => View::Calibrated(camera),
+            None => View::Nominal { centre: (size - Pixel::new(1.0, 1.0)) * 0.5, scale_px: size.x.max(1.0) },
+        };
+        let seen: Vec<ViewDot> = dots.into_iter().filter_map(|d| ViewDot::new(d, &view)).collect();
+        let search = Search {
+            layout: &self.layout,
+            view: &view,
+            image_area_px2: size.x * size.y,
+            max_log10_false_alarms: self.config.max_false_alarms.log10(),
+        };
+        let mut found = Vec::new();
+        for dark in [true, false] {
+            let group: Vec<ViewDot> =
+                seen.iter().filter(|d| (d.dot.contrast < 0.0) == dark).copied().collect();
+            let explanations = search.explanations(&group);
+            found.extend(explanations.iter().map(|e| (e.score, self.finish(&group, e, &view))));
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(found.into_iter().map(|(_, target)| target).collect())
+    }
+
+    /// Every dot in the image, target or not, the most conspicuous first (contrast times radius).
+    pub fn dots(&mut self, image: &GrayImage) -> Result<Vec<Dot>, DotError> {
+        let (width, height) = (image.width_px as usize, image.height_px as usize);
+        if image.data.len() != width * height {
+            let seen = image.data.len();
+            return Err(DotError::BufferSize { width_px: image.width_px, height_px: image.height_px, seen });
+        }
+        let noise = threshold::noise_sigma(image);
+        threshold::classify(image, self.config.min_contrast.max(10.0 * noise), &mut self.classes);
+        let max_area = 0.25 * (width * height) as f64;
+        let mut regions = self.labeller.components(&self.classes, width, MIN_AREA_PX, max_area);
+        regions.retain(|c| self.may_be_dot(c));
+        if MAX_MEASURED < regions.len() {
+            regions.sort_by(|a, b| b.area.total_cmp(&a.area));
+            regions.truncate(MAX_MEASURED);
+        }
+        let (classes, scratch) = (&self.classes, &mut self.scratch);
+        let mut dots: Vec<Dot> =
+            regions.iter().filter_map(|c| centroid::measure(image, classes, c, noise, scratch)).collect();
+        dots.retain(|d| self.config.min_contrast.max(6.0 * noise) <= d.contrast.abs());
+        let weight = |d: &Dot| d.contrast.abs() * d.moments_px2.determinant().max(0.0).powf(0.25);
+        dots.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+        Ok(dots)
+    }
+
+    fn first(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DotError> {
+        Ok(self.detect_all(image, camera)?.into_iter().next().map_or(Vec::new(), |t| t.detections))
+    }
+
+    fn may_be_dot(&self, c: &Component) -> bool {
+        let wanted = match self.config.polarity {
+            Polarity::Either => true,
+            Polarity::DarkOnLight => c.class == threshold::DARK,
+            Polarity::LightOnDark => c.class == threshold::LIGHT,
+        };
+        // Few pixels fill their ellipse badly whatever their shape.
+        wanted && !c.at_border && (c.area < 20.0 || MIN_FILL < c.ellipse_fill())
+    }
+
+    /// Removes perspective's shift, twice: the first time the homography itself is still shifted.
+    fn finish(&self, dots: &[ViewDot], explanation: &Explanation, view: &View) -> DotTarget {
+        let four = explanation.dots.map(|i| dots[i]);
+        let mut fit = explanation.fit;
+        let mut shifts = [Pixel::zeros(); 4];
+        for _ in 0..2 {
+            let Some(found) = layout::centroid_shifts(&self.layout, &fit, view) else { break };
+            shifts = found;
+            let Some(better) = self.refit(&four, &shifts, view) else { break };
+            fit = better;
+        }
+        let mut all: Vec<(Detection, Dot)> =
+            (0..4).map(|i| self.detection(i, &four[i].dot, &shifts[i])).collect();
+        all.sort_by_key(|(d, _)| d.feature.id);
+        DotTarget {
+            detections: all.iter().map(|(d, _)| *d).collect(),
+            dots: std::array::from_fn(|i| all[i].1),
+            log10_false_alarms: explanation.log10_false_alarms,
+        }
+    }
+
+    fn refit(&self, four: &[ViewDot; 4], shifts: &[Pixel; 4], view: &View) -> Option<layout::Fit> {
+        let mut moved = *four;
+        for (dot, shift) in moved.iter_mut().zip(shifts) {
+            dot.y = view.from_pixel(&(dot.dot.centroid - shift))?;
+        }
+        let along = moved[2].y - moved[0].y;
+        let t = (moved[1].y - moved[0].y).dot(&along) / along.norm_squared();
+        let k = layout::end_depth(self.layout.r, t);
+        if 0.0 < k { layout::fit_shapes(&self.layout, &moved, k) } else { None }
+    }
+
+    fn detection(&self, i: usize, dot: &Dot, shift: &Pixel) -> (Detection, Dot) {
+        // The shift follows the shapes, which are known to a few per cent.
+        let unsure = 0.05 * shift.norm();
+        let variance = dot.sigma_px.powi(2) + self.config.sigma_floor_px.powi(2) + unsure * unsure;
+        let feature = Feature { id: self.layout.ids[i], corner: 0 };
+        (Detection { feature, pixel: dot.centroid - shift, sigma_px: variance.sqrt() }, *dot)
+    }
+}

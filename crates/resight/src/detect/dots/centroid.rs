@@ -1,0 +1,292 @@
+//! Where exactly is the dot? Centroid of the coverage around a region, its standard deviation, and its shape.
+//!
+//! Notation: I grey, b(x) plane through the surroundings, f(x) plane through the inside, w = (I − b)/(f − b) the part of
+//! a pixel that the dot covers, C = f − b the contrast, S = Σw the area; docs/math/dots.md eqs. (1)–(6).
+//! A symmetric blur leaves ∑w·x where it is, so no model of the edge is needed. Dots without a flat inside (lamps) take
+//! f − b constant. Pixels deep inside count 1, those far outside 0: they carry noise and no information.
+
+use super::components::Component;
+use super::threshold::LIGHT;
+use crate::GrayImage;
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use resight_core::Pixel;
+
+/// A dot: place, how sure, and shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dot {
+    /// Centroid of its image, pixels (not corrected for perspective).
+    pub centroid: Pixel,
+    /// Standard deviation of each coordinate of the centroid, px.
+    pub sigma_px: f64,
+    /// Second central moments of its image, px²; a disc seen flat on has radius²/4 on the diagonal, plus what blur and
+    /// the pixel's own width add.
+    pub moments_px2: Matrix2<f64>,
+    /// Standard deviation of each entry of the moments by noise, px².
+    pub moments_sigma_px2: f64,
+    /// Grey of the dot minus grey around it: positive for light dots.
+    pub contrast: f64,
+}
+
+impl Dot {
+    /// Semi-axes of the ellipse of equal moments, px, longer first.
+    pub fn semi_axes_px(&self) -> [f64; 2] {
+        let e = self.moments_px2.symmetric_eigenvalues();
+        let axis = |x: f64| 2.0 * x.max(0.0).sqrt();
+        [axis(e[0].max(e[1])), axis(e[0].min(e[1]))]
+    }
+}
+
+/// Width of the ring of surroundings, px.
+const RING_PX: f64 = 3.0;
+/// Recentring steps of the window; the shift shrinks about tenfold each.
+const STEPS: usize = 3;
+
+/// The window: an ellipse with semi-axes along given directions.
+#[derive(Clone, Copy)]
+struct Window {
+    centre: Pixel,
+    /// Unit direction of the first axis.
+    along: Vector2<f64>,
+    semi_px: [f64; 2],
+}
+
+impl Window {
+    fn of(moments: &Matrix2<f64>, centre: Pixel) -> Window {
+        let eigen = moments.symmetric_eigen();
+        let semi = |i: usize| 2.0 * eigen.eigenvalues[i].max(0.02).sqrt();
+        Window { centre, along: eigen.eigenvectors.column(0).into(), semi_px: [semi(0), semi(1)] }
+    }
+
+    /// Half the width of the band around the edge in which pixels are mixed: blur of σ ≤ 1.5 px fits.
+    fn margin_px(&self) -> f64 {
+        let small = self.semi_px[0].min(self.semi_px[1]);
+        (0.8 * small).clamp(2.0, 4.0)
+    }
+
+    /// Whether `x` (from the centre) lies within the ellipse grown by `by_px`; a shrunk-away ellipse holds nothing.
+    fn holds(&self, x: &Vector2<f64>, by_px: f64) -> bool {
+        let (a, b) = (self.semi_px[0] + by_px, self.semi_px[1] + by_px);
+        if a <= 0.0 || b <= 0.0 {
+            return false;
+        }
+        let along = x.dot(&self.along) / a;
+        let across = x.perp(&self.along) / b;
+        along * along + across * across <= 1.0
+    }
+}
+
+/// A plane of grey fitted to some pixels: value = p · (x, y, 1), x from the window's centre.
+struct GreyPlane {
+    p: Vector3<f64>,
+    /// Standard deviation of the pixels around it.
+    sigma: f64,
+    /// Σx² + Σy² over its pixels: how well it knows its slope.
+    spread: f64,
+}
+
+/// Fits a plane twice, the second time without pixels more than 3 σ off (a neighbour's light).
+fn fit_plane(pixels: &[(Vector2<f64>, f64)]) -> Option<GreyPlane> {
+    let mut fit: Option<GreyPlane> = None;
+    for _ in 0..2 {
+        let (mut n, mut sums, mut rhs) = (0.0, Matrix3::zeros(), Vector3::zeros());
+        let kept = |x: &Vector2<f64>, g: f64| match &fit {
+            Some(f) => (g - f.at(x)).abs() <= 3.0 * f.sigma.max(0.5),
+            None => true,
+        };
+        for (x, g) in pixels.iter().filter(|(x, g)| kept(x, *g)) {
+            let row = Vector3::new(x.x, x.y, 1.0);
+            sums += row * row.transpose();
+            rhs += row * *g;
+            n += 1.0;
+        }
+        if n < 6.0 {
+            return None;
+        }
+        let p = sums.cholesky()?.solve(&rhs);
+        let plane = |x: &Vector2<f64>| p.dot(&Vector3::new(x.x, x.y, 1.0));
+        let squares: f64 =
+            pixels.iter().filter(|(x, g)| kept(x, *g)).map(|(x, g)| (g - plane(x)).powi(2)).sum();
+        fit = Some(GreyPlane { p, sigma: (squares / (n - 3.0)).sqrt(), spread: sums[(0, 0)] + sums[(1, 1)] });
+    }
+    fit
+}
+
+impl GreyPlane {
+    fn at(&self, x: &Vector2<f64>) -> f64 {
+        self.p.x * x.x + self.p.y * x.y + self.p.z
+    }
+}
+
+/// Pixels of a window, sorted by what they tell.
+#[derive(Default)]
+pub(super) struct Scratch {
+    ring: Vec<(Vector2<f64>, f64)>,
+    band: Vec<(Vector2<f64>, f64)>,
+    inside: Vec<(Vector2<f64>, f64)>,
+}
+
+/// Measures one region; none when it is not the image of a disc, or its surroundings leave the image.
+pub(super) fn measure(
+    image: &GrayImage,
+    classes: &[u8],
+    component: &Component,
+    noise_sigma: f64,
+    scratch: &mut Scratch,
+) -> Option<Dot> {
+    let [uu, uv, vv] = component.moments;
+    let mut window =
+        Window::of(&Matrix2::new(uu, uv, uv, vv), Pixel::new(component.mean[0], component.mean[1]));
+    let mut dot = None;
+    for _ in 0..STEPS {
+        let foreign = scratch.collect(image, classes, component.class, &window)?;
+        // Another dot's light in the window pulls the centroid; a speck of noise does not.
+        if 0.03 < foreign {
+            return None;
+        }
+        let found = weigh(scratch, &window, component, noise_sigma)?;
+        let shift = (found.centroid - window.centre).norm();
+        if 1.0 + 0.3 * window.semi_px[0].min(window.semi_px[1]) < shift {
+            return None;
+        }
+        window.centre = found.centroid;
+        dot = Some(found);
+    }
+    dot.filter(|d| is_disc(d, component))
+}
+
+impl Scratch {
+    /// Sorts the pixels around a window; returns the part of the window's rim that belongs to another region of the
+    /// same class. None when the ring leaves the image.
+    fn collect(&mut self, image: &GrayImage, classes: &[u8], class: u8, window: &Window) -> Option<f64> {
+        self.ring.clear();
+        self.band.clear();
+        self.inside.clear();
+        let margin = window.margin_px();
+        let reach = window.semi_px[0].max(window.semi_px[1]) + margin + RING_PX;
+        let low = window.centre.map(|x| (x - reach).floor());
+        let high = window.centre.map(|x| (x + reach).ceil());
+        let (width, height) = (image.width_px as f64, image.height_px as f64);
+        if low.x < 0.0 || low.y < 0.0 || width <= high.x || height <= high.y {
+            return None;
+        }
+        let (mut foreign, mut rim) = (0.0, 1.0);
+        for v in low.y as usize..=high.y as usize {
+            for u in low.x as usize..=high.x as usize {
+                let x = Pixel::new(u as f64, v as f64) - window.centre;
+                if !window.holds(&x, margin + RING_PX) {
+                    continue;
+                }
+                let i = v * image.width_px as usize + u;
+                let pixel = (x, image.data[i] as f64);
+                if !window.holds(&x, margin) {
+                    if classes[i] != class {
+                        self.ring.push(pixel);
+                    }
+                } else if window.holds(&x, -margin) {
+                    self.inside.push(pixel);
+                } else {
+                    if !window.holds(&x, 0.75 * margin) {
+                        rim += 1.0;
+                        foreign += f64::from(u8::from(classes[i] == class));
+                    }
+                    self.band.push(pixel);
+                }
+            }
+        }
+        Some(foreign / rim)
+    }
+}
+
+/// Contrast inside minus outside, and how pixels turn into coverage.
+struct Coverage {
+    around: GreyPlane,
+    /// Plane of the inside where there is one.
+    inside: Option<GreyPlane>,
+    contrast: f64,
+}
+
+impl Coverage {
+    fn of(scratch: &Scratch, component: &Component) -> Option<Coverage> {
+        let around = fit_plane(&scratch.ring)?;
+        let inside = if 12 <= scratch.inside.len() { fit_plane(&scratch.inside) } else { None };
+        let sign = if component.class == LIGHT { 1.0 } else { -1.0 };
+        let largest = |best: f64, (x, g): &(Vector2<f64>, f64)| best.max(sign * (g - around.at(x)));
+        let contrast = match &inside {
+            Some(f) => f.p.z - around.p.z,
+            None => sign * scratch.band.iter().chain(&scratch.inside).fold(0.0, largest),
+        };
+        (0.0 < sign * contrast).then_some(Coverage { around, inside, contrast })
+    }
+
+    fn of_pixel(&self, x: &Vector2<f64>, grey: f64) -> f64 {
+        let b = self.around.at(x);
+        let c = self.inside.as_ref().map_or(self.contrast, |f| f.at(x) - b);
+        // The two planes may cross far from the dot; there the contrast of the centre is the better guess.
+        let c = if c * self.contrast <= 0.25 * self.contrast * self.contrast { self.contrast } else { c };
+        (grey - b) / c
+    }
+}
+
+/// dots.md eqs. (2)–(6).
+fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma: f64) -> Option<Dot> {
+    let coverage = Coverage::of(scratch, component)?;
+    let flat = coverage.inside.is_some();
+    let (mut s, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+    let mut add = |w: f64, x: &Vector2<f64>| {
+        s += w;
+        first += x * w;
+        second += x * x.transpose() * w;
+    };
+    let (mut x2, mut x4, mut out2, mut in2) = (0.0, 0.0, 0.0, 0.0);
+    let noisy = scratch.band.iter().chain(if flat { &[][..] } else { &scratch.inside[..] });
+    for (x, grey) in noisy {
+        let w = coverage.of_pixel(x, *grey);
+        add(w, x);
+        let r2 = x.norm_squared();
+        x2 += r2;
+        x4 += r2 * r2;
+        out2 += if flat { (1.0 - w) * r2 } else { r2 };
+        in2 += if flat { w * r2 } else { 0.0 };
+    }
+    if flat {
+        scratch.inside.iter().for_each(|(x, _)| add(1.0, x));
+    }
+    if !(1.0 < s) {
+        return None;
+    }
+    let mean = first / s;
+    let moments = second / s - mean * mean.transpose();
+    let noise = coverage.noise(noise_sigma);
+    // Per coordinate half of Σ|x|², the slopes of the planes included, eq. (5).
+    let slopes =
+        out2 * out2 / coverage.around.spread + coverage.inside.as_ref().map_or(0.0, |f| in2 * in2 / f.spread);
+    let variance = (noise / (coverage.contrast * s)).powi(2) * 0.5 * (x2 + slopes);
+    let moments_sigma_px2 = (noise / (coverage.contrast * s)).abs() * (0.5 * x4).sqrt();
+    Some(Dot {
+        centroid: window.centre + mean,
+        sigma_px: variance.sqrt(),
+        moments_px2: moments,
+        moments_sigma_px2,
+        contrast: coverage.contrast,
+    })
+}
+
+impl Coverage {
+    /// Noise of a pixel: the larger of what the whole image and the surroundings of this dot show.
+    fn noise(&self, image_sigma: f64) -> f64 {
+        let inside = self.inside.as_ref().map_or(0.0, |f| f.sigma);
+        image_sigma.max(self.around.sigma).max(inside)
+    }
+}
+
+/// The moments must be positive and the region as large as their ellipse (rounding of its rim allowed for).
+fn is_disc(dot: &Dot, component: &Component) -> bool {
+    let [long, short] = dot.semi_axes_px();
+    let area = std::f64::consts::PI * long * short;
+    // A blurred spot is wider than its half-height region: up to 2.9 times in area for a Gaussian (σ² against 2 ln 2 σ²/4).
+    let most = if short < 6.0 { 3.5 } else { 1.25 };
+    0.2 < short
+        && long < 6.0 * short
+        && component.area < 1.3 * area + 4.0
+        && area < most * component.area + 6.0
+}

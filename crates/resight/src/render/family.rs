@@ -1,0 +1,136 @@
+//! What is printed inside a tag: black and white cells, taken from the detectors' own code tables.
+//!
+//! AprilTag families come from the C library's generator, OpenCV's `DICT_…` from calib-targets; no table of codes is
+//! kept here. Both are upright as their own makers draw them, which a test proves by detecting; OpenCV draws its
+//! `DICT_APRILTAG_…` half a turn from the AprilTag originals.
+
+use super::RenderError;
+use apriltag_sys as sys;
+use calib_targets::aruco::resolve_dictionary;
+
+/// The cells of one tag, white rim included.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cells {
+    /// Cells along each side.
+    pub per_side: usize,
+    /// Cells along the side of the square whose corners are detected, centred: the `size_m` of a tag.
+    pub per_size: usize,
+    /// Row by row from the top left of the upright tag; true is white.
+    pub white: Vec<bool>,
+}
+
+impl Cells {
+    /// Whether a cell is white.
+    pub fn is_white(&self, row: usize, column: usize) -> bool {
+        self.white.get(row * self.per_side + column).copied().unwrap_or(true)
+    }
+
+    /// The same code in a black frame `bits` wide instead of 1; only for tags whose outermost printed ring is black.
+    pub fn with_border(&self, bits: u32) -> Cells {
+        let code = self.per_size.saturating_sub(2);
+        let first = (self.per_side - code) / 2;
+        let rim = bits as usize + 1;
+        let inner = |x: usize| (rim..rim + code).contains(&x).then(|| x - rim + first);
+        let per_side = code + 2 * rim;
+        let cell = |row: usize, column: usize| {
+            let outside = row.min(column) == 0 || row.max(column) + 1 == per_side;
+            match (inner(row), inner(column)) {
+                (Some(r), Some(c)) => self.is_white(r, c),
+                _ => outside,
+            }
+        };
+        let white = (0..per_side * per_side).map(|i| cell(i / per_side, i % per_side)).collect();
+        Cells { per_side, per_size: code + 2 * bits as usize, white }
+    }
+
+    /// Whether the ring inside the detected square is black all round, so that `with_border` applies.
+    pub fn has_black_frame(&self) -> bool {
+        let first = (self.per_side - self.per_size) / 2;
+        let last = first + self.per_size - 1;
+        let ring = |i: usize| [(first, i), (last, i), (i, first), (i, last)];
+        2 < self.per_size
+            && self.per_size < self.per_side
+            && (first..=last).flat_map(ring).all(|(row, column)| !self.is_white(row, column))
+    }
+}
+
+/// Cells of a tag: `family` is an AprilTag name (`tag36h11`) or an OpenCV dictionary (`DICT_4X4_50`).
+pub fn cells(family: &str, id: u32) -> Result<Cells, RenderError> {
+    if let Some(kind) = AprilFamily::named(family) {
+        return kind.cells(family, id);
+    }
+    let unknown = || RenderError::UnknownFamily { family: family.to_owned() };
+    let dictionary = resolve_dictionary(family).ok_or_else(unknown)?;
+    let codes = dictionary.codes();
+    let out_of_range = || unknown_id(family, id, codes.len());
+    let code = *codes.get(id as usize).ok_or_else(out_of_range)?;
+    let n = dictionary.marker_size();
+    let per_side = n + 4;
+    // calib-targets packs row by row from the lowest bit up, 1 is black.
+    let bit = |row: usize, column: usize| (code >> (row * n + column)) & 1 == 0;
+    let white = (0..per_side * per_side).map(|i| {
+        let (row, column) = (i / per_side, i % per_side);
+        let rim = row.min(column) == 0 || row.max(column) + 1 == per_side;
+        let inside = |x: usize| (2..n + 2).contains(&x);
+        rim || (inside(row) && inside(column) && bit(row - 2, column - 2))
+    });
+    Ok(Cells { per_side, per_size: n + 2, white: white.collect() })
+}
+
+fn unknown_id(family: &str, id: u32, count: usize) -> RenderError {
+    RenderError::UnknownId { family: family.to_owned(), id, last: count.saturating_sub(1) as u32 }
+}
+
+/// How the C library makes and frees one family.
+struct AprilFamily {
+    create: unsafe extern "C" fn() -> *mut sys::apriltag_family_t,
+    destroy: unsafe extern "C" fn(*mut sys::apriltag_family_t),
+}
+
+impl AprilFamily {
+    fn named(family: &str) -> Option<AprilFamily> {
+        let (create, destroy): (
+            unsafe extern "C" fn() -> *mut sys::apriltag_family_t,
+            unsafe extern "C" fn(*mut sys::apriltag_family_t),
+        ) = match family {
+            "tag16h5" => (sys::tag16h5_create, sys::tag16h5_destroy),
+            "tag25h9" => (sys::tag25h9_create, sys::tag25h9_destroy),
+            "tag36h11" => (sys::tag36h11_create, sys::tag36h11_destroy),
+            "tagCircle21h7" => (sys::tagCircle21h7_create, sys::tagCircle21h7_destroy),
+            "tagCircle49h12" => (sys::tagCircle49h12_create, sys::tagCircle49h12_destroy),
+            "tagCustom48h12" => (sys::tagCustom48h12_create, sys::tagCustom48h12_destroy),
+            "tagStandard41h12" => (sys::tagStandard41h12_create, sys::tagStandard41h12_destroy),
+            "tagStandard52h13" => (sys::tagStandard52h13_create, sys::tagStandard52h13_destroy),
+            _ => return None,
+        };
+        Some(AprilFamily { create, destroy })
+    }
+
+    /// Runs the library's own generator and copies the picture out.
+    // The library is C; its family and image are freed here on every path.
+    #[allow(unsafe_code)]
+    fn cells(&self, family: &str, id: u32) -> Result<Cells, RenderError> {
+        // SAFETY: `create` returns a valid family or null; `apriltag_to_image` needs idx < ncodes, checked before; the
+        // image has `height` rows of `stride` bytes. Each object is destroyed once, after its last use.
+        unsafe {
+            let made = (self.create)();
+            if made.is_null() {
+                return Err(RenderError::UnknownFamily { family: family.to_owned() });
+            }
+            let count = (*made).ncodes;
+            if count <= id {
+                (self.destroy)(made);
+                return Err(unknown_id(family, id, count as usize));
+            }
+            let picture = sys::apriltag_to_image(made, id);
+            let (per_side, stride) = ((*picture).width as usize, (*picture).stride as usize);
+            let bytes = std::slice::from_raw_parts((*picture).buf, stride * per_side);
+            let white =
+                bytes.chunks(stride).flat_map(|row| row[..per_side].iter().map(|b| 127 < *b)).collect();
+            let per_size = (*made).width_at_border as usize;
+            sys::image_u8_destroy(picture);
+            (self.destroy)(made);
+            Ok(Cells { per_side, per_size, white })
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! A page that needs no network: text, tables and pictures in one file.
+
+/// A page being written.
+pub struct Page {
+    title: String,
+    body: String,
+}
+
+const STYLE: &str = "\
+:root{color-scheme:light dark}\
+body{font:16px/1.55 system-ui,sans-serif;max-width:62rem;margin:2.5rem auto;padding:0 1.2rem;color:#1d232b;background:#fbfbf9}\
+h1{font-size:1.9rem;margin:0 0 .3rem}h2{margin:2.4rem 0 .4rem;font-size:1.25rem}p{max-width:46rem}\
+figure{margin:1rem 0}img{max-width:100%;height:auto;border-radius:6px;display:block}figcaption{color:#667;font-size:.9rem;margin-top:.3rem}\
+.row{display:grid;grid-template-columns:repeat(auto-fit,minmax(22rem,1fr));gap:1rem}\
+table{border-collapse:collapse;margin:1rem 0;font-variant-numeric:tabular-nums;display:block;overflow-x:auto}\
+th,td{text-align:left;padding:.35rem .9rem .35rem 0;border-bottom:1px solid #d9dbd6;white-space:nowrap}th{font-weight:600;color:#556}\
+pre{background:#eff0ec;padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font-size:.86rem}\
+.ok{color:#147a34}.ambiguous{color:#9a6b00}.inconsistent,.error,.not_found,.degenerate{color:#b3261e}\
+@media(prefers-color-scheme:dark){body{color:#e4e6e8;background:#16181b}pre{background:#22262b}th,td{border-color:#353a40}\
+th,figcaption{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous{color:#f0c04a}.inconsistent,.error,.not_found,.degenerate{color:#ff8078}}";
+
+impl Page {
+    /// An empty page.
+    pub fn new(title: &str) -> Self {
+        Page { title: escaped(title), body: format!("<h1>{}</h1>\n", escaped(title)) }
+    }
+
+    /// A heading.
+    pub fn heading(&mut self, text: &str) -> &mut Self {
+        self.push(format!("<h2>{}</h2>\n", escaped(text)))
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+        self.push(format!("<p>{}</p>\n", escaped(text)))
+    }
+
+    /// Text as a program printed it.
+    pub fn preformatted(&mut self, text: &str) -> &mut Self {
+        self.push(format!("<pre>{}</pre>\n", escaped(text)))
+    }
+
+    /// Pictures side by side: PNG bytes and a caption each; they become part of the page.
+    pub fn pictures(&mut self, pictures: &[(&[u8], &str)]) -> &mut Self {
+        let figure = |(png, caption): &(&[u8], &str)| {
+            let (data, caption) = (base64(png), escaped(caption));
+            format!(
+                "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
+            )
+        };
+        self.push(format!("<div class=\"row\">{}</div>\n", pictures.iter().map(figure).collect::<String>()))
+    }
+
+    /// A table; a cell that is a status word is coloured as one.
+    pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) -> &mut Self {
+        let head: String = head.iter().map(|cell| format!("<th>{}</th>", escaped(cell))).collect();
+        let cell = |text: &String| match STATUS_WORDS.contains(&text.as_str()) {
+            true => format!("<td class=\"{text}\">{text}</td>"),
+            false => format!("<td>{}</td>", escaped(text)),
+        };
+        let row = |cells: &Vec<String>| format!("<tr>{}</tr>\n", cells.iter().map(cell).collect::<String>());
+        let rows: String = rows.iter().map(row).collect();
+        self.push(format!("<table><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table>\n"))
+    }
+
+    /// The whole document.
+    pub fn html(&self) -> String {
+        format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title><style>{STYLE}</style></head>\n\
+             <body>\n{}</body></html>\n",
+            self.title, self.body
+        )
+    }
+
+    fn push(&mut self, html: String) -> &mut Self {
+        self.body.push_str(&html);
+        self
+    }
+}
+
+const STATUS_WORDS: [&str; 6] = ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "error"];
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// RFC 4648 base 64 with padding.
+fn base64(bytes: &[u8]) -> String {
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = (0..3).fold(0u32, |w, i| w << 8 | chunk.get(i).copied().unwrap_or(0) as u32);
+        for i in 0..4 {
+            let letter = ALPHABET[(word >> (18 - 6 * i)) as usize & 63] as char;
+            text.push(if i <= chunk.len() { letter } else { '=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RFC 4648 section 10.
+    #[test]
+    fn base64_matches_the_rfc_vectors() {
+        let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")];
+        for (plain, coded) in cases {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+    }
+
+    #[test]
+    fn text_cannot_become_markup() {
+        let html = Page::new("a<b").paragraph("<script>\"&").html();
+        assert!(
+            !html.contains("<script>")
+                && html.contains("a&lt;b")
+                && html.contains("&lt;script&gt;&quot;&amp;")
+        );
+    }
+
+    #[test]
+    fn a_page_asks_nothing_of_the_network() {
+        let html = Page::new("t").pictures(&[(b"png", "p")]).html();
+        assert!(!html.contains("http") && !html.contains("<link") && !html.contains("<script"));
+    }
+}

@@ -1,0 +1,109 @@
+//! What an estimate, or the lack of one, means to the person who asked: a status word and a sentence with the way out.
+
+use crate::core::Error;
+use crate::core::choose::Ambiguity;
+use crate::core::consistency::Consistency;
+use crate::core::locate::PoseEstimate;
+
+/// The status words of the command line's contract.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// One pose, and its residual agrees with the stated noise.
+    Ok,
+    /// Two poses fit.
+    Ambiguous,
+    /// The points do not determine the pose.
+    Degenerate,
+    /// The residual is far above the stated noise.
+    Inconsistent,
+    /// The target is not in the image.
+    NotFound,
+    /// Anything else that kept the answer back.
+    Error,
+}
+
+impl Status {
+    /// The word in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Ok => "ok",
+            Status::Ambiguous => "ambiguous",
+            Status::Degenerate => "degenerate",
+            Status::Inconsistent => "inconsistent",
+            Status::NotFound => "not_found",
+            Status::Error => "error",
+        }
+    }
+
+    /// Whether a pose comes with it.
+    pub fn has_pose(self) -> bool {
+        matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent)
+    }
+}
+
+/// A status and its sentence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// The word.
+    pub status: Status,
+    /// The sentence: what is so, the number seen, the number needed, what to do.
+    pub message: String,
+}
+
+/// Judges an estimate. `name_of` names the point of an index; `unit` is that of the residual, e.g. `px`.
+pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
+    let uniqueness = uniqueness(estimate);
+    match (&estimate.consistency, &estimate.ambiguity) {
+        (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px }, _) => Verdict {
+            status: Status::Inconsistent,
+            message: format!(
+                "the residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, expected 1; worst is {}, {} {unit} off); \
+                 check the intrinsics, the target's dimensions and the labels before using this pose",
+                name_of(*worst_point),
+                figures(*worst_px),
+            ),
+        },
+        (_, Ambiguity::Ambiguous { .. }) => Verdict { status: Status::Ambiguous, message: uniqueness },
+        _ => Verdict { status: Status::Ok, message: uniqueness },
+    }
+}
+
+/// Judges a refusal.
+pub fn of_error(error: &Error) -> Verdict {
+    let status = match error {
+        Error::TooFewPoints { .. }
+        | Error::Coincident { .. }
+        | Error::Collinear { .. }
+        | Error::DegenerateView { .. } => Status::Degenerate,
+        _ => Status::Error,
+    };
+    Verdict { status, message: error.to_string() }
+}
+
+fn uniqueness(estimate: &PoseEstimate) -> String {
+    let redundancy = match estimate.degrees_of_freedom {
+        0 => "; three points leave nothing to check the residual with, so add a fourth",
+        _ => "",
+    };
+    match &estimate.ambiguity {
+        Ambiguity::Ambiguous { ratio, other } => format!(
+            "two poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second); \
+             both are given: tilt the target, move closer, or use what you know to choose",
+            other.chi2 - estimate.chi2
+        ),
+        Ambiguity::Unique { ratio: Some(ratio) } if ratio.is_finite() => {
+            format!("one pose fits; the next best has {} times its residual{redundancy}", figures(*ratio))
+        }
+        Ambiguity::Unique { .. } => format!("one pose fits; there is no second one{redundancy}"),
+    }
+}
+
+/// Three figures, without an exponent where that stays short.
+pub fn figures(x: f64) -> String {
+    match x.abs() {
+        a if a != 0.0 && !(1e-3..1e5).contains(&a) => format!("{x:.1e}"),
+        a if a < 1.0 => format!("{x:.3}"),
+        a if a < 100.0 => format!("{x:.1}"),
+        _ => format!("{x:.0}"),
+    }
+}

@@ -1,0 +1,119 @@
+//! Numbers as a person reads them: a unit that fits, the digits that the uncertainty warrants.
+//!
+//! Degrees and millimetres appear here and nowhere else in the library.
+
+use crate::core::locate::PoseEstimate;
+use crate::core::{Point, Pose};
+use nalgebra::{Matrix3, Vector3};
+
+/// Distance from the camera to the target's origin and its standard deviation, metres.
+///
+/// To first order a small motion ν moves the camera by −Rᵀν, so the distance changes by t·ν/|t|.
+pub fn distance_with_sigma_m(estimate: &PoseEstimate) -> (f64, f64) {
+    let t = estimate.cam_from_target.translation;
+    let distance_m = t.norm();
+    let along = if 0.0 < distance_m { t / distance_m } else { t };
+    let translation = estimate.covariance.fixed_view::<3, 3>(3, 3);
+    (distance_m, (along.transpose() * translation * along)[(0, 0)].max(0.0).sqrt())
+}
+
+/// Where the camera is in the target frame and the standard deviation along each axis of that frame, metres.
+pub fn place_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
+    let r = &estimate.cam_from_target.rotation;
+    let translation: Matrix3<f64> = estimate.covariance.fixed_view::<3, 3>(3, 3).into();
+    let in_target = r.transpose() * translation * r;
+    (estimate.cam_from_target.origin(), in_target.diagonal().map(|x| x.max(0.0).sqrt()))
+}
+
+/// Yaw, pitch, roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
+///
+/// Yaw turns about the target's y, roll about the optical axis; pitch = ±90° leaves yaw and roll undetermined.
+pub fn yaw_pitch_roll_rad(cam_from_target: &Pose) -> [f64; 3] {
+    let r = &cam_from_target.rotation;
+    [(-r[(2, 0)]).atan2(r[(2, 2)]), r[(2, 1)].clamp(-1.0, 1.0).asin(), (-r[(0, 1)]).atan2(r[(1, 1)])]
+}
+
+/// Standard deviations of the rotation about the camera's x, y, z, radians, and of its place along them, metres.
+pub fn sigmas(covariance: &crate::core::Matrix6) -> ([f64; 3], [f64; 3]) {
+    let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+    ([sigma(0), sigma(1), sigma(2)], [sigma(3), sigma(4), sigma(5)])
+}
+
+/// `0.5123 m ± 0.3 mm`: a length with its standard deviation, each in the unit that reads best.
+pub fn with_sigma(value_m: f64, sigma_m: f64) -> String {
+    let decimals = if 0.0 < sigma_m { (1.0 - sigma_m.log10().floor()).clamp(0.0, 6.0) as usize } else { 6 };
+    format!("{value_m:.decimals$} m ± {}", length(sigma_m))
+}
+
+/// `+123.4 ± 0.2 mm`: a coordinate with its standard deviation in one unit.
+pub fn coordinate(value_m: f64, sigma_m: f64) -> String {
+    let (scale, unit) = if 10.0 <= value_m.abs() || 1.0 <= sigma_m { (1.0, "m") } else { (1e3, "mm") };
+    let (value, sigma) = (value_m * scale, sigma_m * scale);
+    let decimals = decimals(sigma);
+    format!("{value:+.decimals$} ± {sigma:.decimals$} {unit}")
+}
+
+/// A length in the unit that reads best: two figures when it is small.
+pub fn length(x_m: f64) -> String {
+    let (value, unit) = match x_m.abs() {
+        0.0 => (0.0, "mm"),
+        x if x < 1e-3 => (x_m * 1e6, "µm"),
+        x if x < 1.0 => (x_m * 1e3, "mm"),
+        x if x < 1e4 => (x_m, "m"),
+        _ => (x_m * 1e-3, "km"),
+    };
+    let decimals = if value.abs() < 10.0 && 1e-9 < value.fract().abs() { 1 } else { 0 };
+    format!("{value:.decimals$} {unit}")
+}
+
+/// `0.021°` from radians, two figures.
+pub fn degrees(angle_rad: f64) -> String {
+    let degrees = angle_rad.to_degrees();
+    let decimals = decimals(degrees.abs());
+    format!("{degrees:.decimals$}°")
+}
+
+/// Decimals that show two figures of a standard deviation, at most 6.
+pub fn decimals(sigma: f64) -> usize {
+    if 0.0 < sigma && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize } else { 3 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::Vector6;
+
+    #[test]
+    fn lengths_read_well() {
+        let cases = [
+            (0.0, "0 mm"),
+            (3e-7, "0.3 µm"),
+            (0.00025, "250 µm"),
+            (0.0025, "2.5 mm"),
+            (0.02, "20 mm"),
+            (2.0, "2 m"),
+        ];
+        for (x_m, text) in cases {
+            assert_eq!(length(x_m), text);
+        }
+    }
+
+    #[test]
+    fn two_figures_of_sigma_decide_the_decimals() {
+        assert_eq!(coordinate(0.12345678, 0.000234), "+123.46 ± 0.23 mm");
+        assert_eq!(coordinate(123.456, 0.02), "+123.456 ± 0.020 m");
+        assert_eq!(with_sigma(0.512345, 0.0003), "0.51234 m ± 300 µm");
+    }
+
+    #[test]
+    fn yaw_pitch_roll_rebuild_the_rotation() {
+        let about = |axis: usize, angle: f64| {
+            let mut xi = Vector6::zeros();
+            xi[axis] = angle;
+            Pose::exp(&xi)
+        };
+        let pose = about(2, 0.3) * about(0, -0.4) * about(1, 0.5);
+        let [yaw, pitch, roll] = yaw_pitch_roll_rad(&pose);
+        assert!((yaw - 0.5).abs() + (pitch + 0.4).abs() + (roll - 0.3).abs() < 1e-12);
+    }
+}

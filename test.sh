@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# The one test command. Needs a Rust toolchain and Python 3.11 or newer with venv; installs the rest below target/.
+#   ./test.sh          everything
+# Tests on recorded pictures read the folder named by RESIGHT_DATA and say so when they are skipped.
+set -euo pipefail
+cd "$(dirname "$0")"
+target=${CARGO_TARGET_DIR:-$PWD/target}
+summary=()
+failed=0
+
+step() { # step NAME COMMAND…: runs it, remembers how it went, goes on
+    local name=$1 started=$SECONDS
+    shift
+    printf '\n== %s\n' "$name"
+    if "$@"; then
+        summary+=("ok      $name ($((SECONDS - started)) s)")
+    else
+        summary+=("FAILED  $name")
+        failed=1
+    fi
+}
+
+python_environment() {
+    local venv=$target/check-venv
+    [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r docs/math/check/requirements.txt
+}
+
+derivations() {
+    local check found=0
+    for check in docs/math/check/*.py; do
+        [ -e "$check" ] || continue
+        found=1
+        printf '%s\n' "$check"
+        "$target/check-venv/bin/python" "$check" >"$target/check.log" 2>&1 || { cat "$target/check.log"; return 1; }
+    done
+    [ "$found" = 1 ]
+}
+
+foreign_readers() { # other people's programs read the files Resight writes
+    [ ! -e scripts/check_opencv_reads.py ] || "$target/check-venv/bin/python" scripts/check_opencv_reads.py
+}
+
+frames() { # the recorded videos as pictures, once
+    local videos=$RESIGHT_DATA/caliscope_4cam_charuco
+    [ ! -d "$videos" ] || [ ! -e scripts/unpack_videos.sh ] || sh scripts/unpack_videos.sh "$videos" "$target/frames/caliscope_4cam_charuco"
+}
+
+mkdir -p "$target"
+step "python environment" python_environment
+step "derivations (SymPy, 50 digits)" derivations
+step "files read by OpenCV and PyYAML" foreign_readers
+if [ -n "${RESIGHT_DATA:-}" ]; then
+    RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
+    export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
+    step "recorded videos to frames" frames
+fi
+step "cargo test" cargo test --workspace
+
+printf '\n== summary\n'
+printf '%s\n' "${summary[@]}"
+if [ -z "${RESIGHT_DATA:-}" ]; then
+    echo "skipped tests on recorded pictures: RESIGHT_DATA is not set"
+fi
+exit "$failed"
