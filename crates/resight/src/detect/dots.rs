@@ -91,7 +91,7 @@ impl Default for DotConfig {
             diameter_m: None,
             polarity: Polarity::Either,
             min_contrast: 12.0,
-            max_false_alarms: 1e-3,
+            max_false_alarms: 1e-4,
             sigma_floor_px: 0.01,
         }
     }
@@ -118,9 +118,7 @@ pub struct DotDetector {
 }
 
 /// Regions smaller than this are specks, px.
-const MIN_AREA_PX: f64 = 3.0;
-/// Regions with less of their ellipse filled are letters, rings, blots.
-const MIN_FILL: f64 = 0.85;
+const MIN_AREA_PX: f64 = 2.0;
 /// Specks beyond this number are dropped, the least conspicuous first, before any is measured.
 const MAX_MEASURED: usize = 1200;
 
@@ -172,16 +170,7 @@ impl DotDetector {
         image: &GrayImage,
         camera: Option<&Camera>,
     ) -> Result<Vec<DotTarget>, DotError> {
-        if let Some(size) = camera.and_then(|c| c.size) {
-            if (size.width_px, size.height_px) != (image.width_px, image.height_px) {
-                return Err(DotError::CameraSize {
-                    width_px: image.width_px,
-                    height_px: image.height_px,
-                    camera_width_px: size.width_px,
-                    camera_height_px: size.height_px,
-                });
-            }
-        }
+        check_size(image, camera)?;
         let dots = self.dots(image)?;
         let size = Pixel::new(image.width_px as f64, image.height_px as f64);
         let view = match camera {
@@ -241,8 +230,9 @@ impl DotDetector {
             Polarity::DarkOnLight => c.class == threshold::DARK,
             Polarity::LightOnDark => c.class == threshold::LIGHT,
         };
-        // Few pixels fill their ellipse badly whatever their shape.
-        wanted && !c.at_border && (c.area < 20.0 || MIN_FILL < c.ellipse_fill())
+        // Letters, rings and dots that touch a neighbour fill their ellipse less; few pixels fill it badly anyway.
+        let least_fill = 0.98 - 1.2 / c.area.sqrt();
+        wanted && !c.at_border && (c.area < 20.0 || least_fill < c.ellipse_fill())
     }
 
     /// Removes perspective's shift, twice: the first time the homography itself is still shifted.
@@ -269,7 +259,7 @@ impl DotDetector {
     fn refit(&self, four: &[ViewDot; 4], shifts: &[Pixel; 4], view: &View) -> Option<layout::Fit> {
         let mut moved = *four;
         for (dot, shift) in moved.iter_mut().zip(shifts) {
-            dot.y = view.from_pixel(&(dot.dot.centroid - shift))?;
+            dot.y = view.ray(&(dot.dot.centroid - shift))?;
         }
         let along = moved[2].y - moved[0].y;
         let t = (moved[1].y - moved[0].y).dot(&along) / along.norm_squared();
@@ -278,10 +268,24 @@ impl DotDetector {
     }
 
     fn detection(&self, i: usize, dot: &Dot, shift: &Pixel) -> (Detection, Dot) {
-        // The shift follows the shapes, which are known to a few per cent.
-        let unsure = 0.05 * shift.norm();
+        // What the correction left in the test of the largest dots: below 2 % of the shift.
+        let unsure = 0.02 * shift.norm();
         let variance = dot.sigma_px.powi(2) + self.config.sigma_floor_px.powi(2) + unsure * unsure;
         let feature = Feature { id: self.layout.ids[i], corner: 0 };
         (Detection { feature, pixel: dot.centroid - shift, sigma_px: variance.sqrt() }, *dot)
+    }
+}
+
+fn check_size(image: &GrayImage, camera: Option<&Camera>) -> Result<(), DotError> {
+    match camera.and_then(|c| c.size) {
+        Some(size) if (size.width_px, size.height_px) != (image.width_px, image.height_px) => {
+            Err(DotError::CameraSize {
+                width_px: image.width_px,
+                height_px: image.height_px,
+                camera_width_px: size.width_px,
+                camera_height_px: size.height_px,
+            })
+        }
+        _ => Ok(()),
     }
 }
