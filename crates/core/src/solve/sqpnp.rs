@@ -9,6 +9,7 @@
 //!   S = Σ P, B = Σ P ⊗ Xᵀ, Q = Σ P ⊗ X Xᵀ   ·   t = −S⁻¹ B r   ·   Ω = Q − Bᵀ S⁻¹ B
 
 use super::Candidates;
+use super::p3p::p3p;
 use crate::pose::orthonormalized;
 use crate::{Correspondence, Point, Pose};
 use arrayvec::ArrayVec;
@@ -19,9 +20,11 @@ type Matrix3x9 = SMatrix<f64, 3, 9>;
 type Vector9 = SVector<f64, 9>;
 
 /// Starts followed to their minimum, best first. Evidence: docs/math/sqpnp.md, table 1.
-const MAX_STARTS: usize = 10;
+const MAX_STARTS: usize = 6;
+/// The widest triple is sought among about so many points.
+const TRIPLE_FROM: usize = 24;
 /// Newton steps from one start; a minimum is reached in 4 to 7.
-const MAX_STEPS: usize = 15;
+const MAX_STEPS: usize = 25;
 /// A step below this ends the descent: the next would be its square.
 const LAST_STEP_RAD: f64 = 1e-5;
 /// Longest step.
@@ -40,7 +43,7 @@ pub fn sqpnp(points: &[Correspondence]) -> Candidates {
     let Some(frame) = Normalization::new(points) else { return poses };
     let sums = Sums::new(points, |c| frame.apply(&c.x_in_target), |c| c.bearing.into_inner());
     let Some(cost) = Cost::new(&sums) else { return poses };
-    for r in minima(&cost, &sums) {
+    for r in minima(&cost, &sums, &triple_rotations(points, &frame)) {
         poses.push(frame.undo(r, cost.translation(&r)));
     }
     poses
@@ -203,7 +206,7 @@ impl Cost {
             // Close to the minimum the gradient still has digits when the value has none left.
             if next_value <= value || (damping == 0.0 && length < SMALL_STEP_RAD) {
                 (r, omega_r, value) = (next, omega_next, next_value);
-                damping = if damping < 1e-6 * hessian.norm() { 0.0 } else { 0.1 * damping };
+                damping = if damping < 1e-6 * hessian.norm() { 0.0 } else { 0.03 * damping };
             } else {
                 damping = 10.0 * damping.max(1e-3 * hessian.norm());
             }
@@ -286,14 +289,34 @@ impl CubeRotation {
     }
 }
 
+/// The poses of a wide triple, which start in the right minima when there are many narrow ones (few points, thin targets).
+fn triple_rotations(points: &[Correspondence], frame: &Normalization) -> ArrayVec<Matrix3<f64>, 4> {
+    let step = 1 + points.len() / TRIPLE_FROM;
+    let place = |c: &Correspondence| frame.apply(&c.x_in_target);
+    let farthest = |measure: &dyn Fn(Point) -> f64| {
+        let larger = |a: &&Correspondence, b: &&Correspondence| measure(place(a)).total_cmp(&measure(place(b)));
+        points.iter().step_by(step).max_by(larger)
+    };
+    let triple = || {
+        let a = farthest(&|x| x.norm_squared())?;
+        let b = farthest(&|x| (x - place(a)).norm_squared())?;
+        let along = place(b) - place(a);
+        let c = farthest(&|x| along.cross(&(x - place(a))).norm_squared())?;
+        Some([a, b, c])
+    };
+    let Some(triple) = triple() else { return ArrayVec::new() };
+    p3p(&triple.map(|c| c.bearing), &triple.map(|c| c.x_in_target)).iter().map(|pose| pose.rotation).collect()
+}
+
 /// Distinct minima in front of the camera, best first.
-fn minima(cost: &Cost, sums: &Sums) -> ArrayVec<Matrix3<f64>, 4> {
+fn minima(cost: &Cost, sums: &Sums, first: &[Matrix3<f64>]) -> ArrayVec<Matrix3<f64>, 4> {
     let mut starts: ArrayVec<(f64, Matrix3<f64>), 24> =
         CubeRotation::all().map(|cube| (cost.of_cube_rotation(&cube), cube.matrix())).collect();
     starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found: ArrayVec<Minimum, MAX_STARTS> = ArrayVec::new();
-    for (_, start) in starts.into_iter().take(MAX_STARTS) {
-        found.extend(cost.descend(start, &found));
+    let cubes = starts.iter().map(|(_, start)| start).take(MAX_STARTS);
+    let mut found: ArrayVec<Minimum, { MAX_STARTS + 4 }> = ArrayVec::new();
+    for start in first.iter().chain(cubes) {
+        found.extend(cost.descend(*start, &found));
     }
     found.sort_unstable_by(|a, b| a.value.total_cmp(&b.value));
     let in_front = |r: &Matrix3<f64>| 0.0 < sums.depth(r, &cost.translation(r));
