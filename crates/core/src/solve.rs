@@ -2,6 +2,11 @@
 //!
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
+//! | [`p3p`] | 3 | ≤ 4, all reproject, in front | own, docs/math/p3p.md |
+//! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
+//! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
+//!
+//! [`configuration`] decides beforehand which of them the points allow.
 
 pub mod configuration;
 pub mod p3p;

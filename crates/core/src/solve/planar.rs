@@ -17,8 +17,8 @@ type Vector9 = SVector<f64, 9>;
 
 /// Poses closer than this (chordal) are one.
 const SAME_ROTATION: f64 = 1e-6;
-/// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three of them on a
-/// line, give 1e-17; a good square 1e-2.
+/// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three on a line, give rounding;
+/// bent by a thousandth of the line's length already 1e-8 (docs/math/planar.md).
 const MIN_SECOND_EIGENVALUE: f64 = 1e-11;
 
 /// Both poses of coplanar points, the one of smaller object-space error first; a single one when they coincide; none when the points do

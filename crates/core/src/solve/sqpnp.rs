@@ -294,7 +294,8 @@ fn triple_rotations(points: &[Correspondence], frame: &Normalization) -> ArrayVe
     let step = 1 + points.len() / TRIPLE_FROM;
     let place = |c: &Correspondence| frame.apply(&c.x_in_target);
     let farthest = |measure: &dyn Fn(Point) -> f64| {
-        let larger = |a: &&Correspondence, b: &&Correspondence| measure(place(a)).total_cmp(&measure(place(b)));
+        let larger =
+            |a: &&Correspondence, b: &&Correspondence| measure(place(a)).total_cmp(&measure(place(b)));
         points.iter().step_by(step).max_by(larger)
     };
     let triple = || {
