@@ -323,3 +323,64 @@ fn minima(cost: &Cost, sums: &Sums, first: &[Matrix3<f64>]) -> ArrayVec<Matrix3<
     let in_front = |r: &Matrix3<f64>| 0.0 < sums.depth(r, &cost.translation(r));
     found.into_iter().map(|minimum| minimum.rotation).filter(in_front).take(4).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+
+    fn some_cost() -> Cost {
+        let camera = Camera::normalized();
+        let places =
+            [[0.1, 0.9, -0.3], [1.0, -0.2, 0.4], [-0.7, 0.3, 0.8], [0.2, -1.0, -0.6], [-0.5, -0.4, 0.1]];
+        let seen = |(i, x): (usize, &[f64; 3])| {
+            let pixel = crate::Pixel::new(0.2 * x[0] - 0.03 * i as f64, 0.15 * x[1] + 0.05 * x[2]);
+            Correspondence::new(&camera, Point::from(*x), pixel, 1.0 + 0.1 * i as f64).unwrap()
+        };
+        let points: Vec<Correspondence> = places.iter().enumerate().map(seen).collect();
+        Cost::new(&Sums::new(&points, |c| c.x_in_target, |c| c.bearing.into_inner())).unwrap()
+    }
+
+    /// Half of each, as `slope` gives them. Truncation h² and rounding ε/h² balance near h = 1e-4.
+    #[test]
+    fn slope_matches_central_difference() {
+        let cost = some_cost();
+        let turned = |r: &Matrix3<f64>, k: usize, by: f64, l: usize, then: f64| {
+            let turn = Vector3::ith(k, by) + Vector3::ith(l, then);
+            cost.at(Pose::exp(&crate::Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0)).rotation * r).value
+        };
+        let h = 1e-4;
+        for cube in CubeRotation::all() {
+            let r = small_rotation(&Vector3::new(0.2, -0.3, 0.4)) * cube.matrix();
+            let (gradient, hessian) = cost.slope(&r, &(cost.omega * vec_of(&r)));
+            for k in 0..3 {
+                let numeric = (turned(&r, k, h, k, 0.0) - turned(&r, k, -h, k, 0.0)) / (4.0 * h);
+                assert!(
+                    (gradient[k] - numeric).abs() < 1e-6 * hessian.norm(),
+                    "{k} {} {numeric}",
+                    gradient[k]
+                );
+                for l in 0..3 {
+                    let mixed = turned(&r, k, h, l, h) + turned(&r, k, -h, l, -h)
+                        - turned(&r, k, h, l, -h)
+                        - turned(&r, k, -h, l, h);
+                    let numeric = mixed / (8.0 * h * h);
+                    assert!((hessian[(k, l)] - numeric).abs() < 1e-5 * hessian.norm(), "{k} {l}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_descent_ends_where_the_slope_vanishes_and_the_cost_curves_up() {
+        let cost = some_cost();
+        for cube in CubeRotation::all() {
+            assert!((cost.of_cube_rotation(&cube) - cost.at(cube.matrix()).value).abs() < 1e-12);
+            let minimum = cost.descend(cube.matrix(), &[]).unwrap();
+            let (gradient, hessian) =
+                cost.slope(&minimum.rotation, &(cost.omega * vec_of(&minimum.rotation)));
+            assert!(gradient.norm() < 1e-9 * hessian.norm() && -1e-9 < smallest_eigenvalue(&hessian));
+            assert!(minimum.value <= cost.at(cube.matrix()).value);
+        }
+    }
+}
