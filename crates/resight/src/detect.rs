@@ -14,8 +14,6 @@ mod homography;
 mod joints;
 mod sigma;
 pub mod tags;
-#[cfg(test)]
-mod scratch;
 
 use crate::GrayImage;
 use aprilgrid::AprilGridFinder;

@@ -147,7 +147,7 @@ fn aprilgrid_is_found_whole_with_either_border() {
     let target = Target::AprilGrid(grid.clone());
     for border in [1, 2] {
         // The plane's y runs up: mirror the view's rows.
-        let mut view = View::new(Pixel::new(110.0, 400.0), 72.0, 4.0, 20.0);
+        let mut view = View::new(Pixel::new(110.0, 410.0), 62.0, 4.0, 20.0);
         view.0 *= nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
         let image = photograph(640, 480, &view, aprilgrid_ink(&grid, border));
         let found = detect(target.clone(), &image);
@@ -215,7 +215,7 @@ fn charuco(rows: u32, columns: u32, legacy_pattern: bool) -> Charuco {
 /// Drawn from OpenCV's description: markers along the rows of white squares; the legacy pattern of an even number of
 /// rows starts with a white square.
 fn charuco_ink(board: &Charuco) -> impl Fn(f64, f64) -> Option<f64> + use<> {
-    let first_white = if board.legacy_pattern && board.rows % 2 == 0 { 0 } else { 1 };
+    let first_white = if board.legacy_pattern && board.rows.is_multiple_of(2) { 0 } else { 1 };
     let (rows, columns, size) = (board.rows as i32, board.columns as i32, board.marker_m);
     let white = move |column: i32, row: i32| (column + row) % 2 == first_white;
     let squares =

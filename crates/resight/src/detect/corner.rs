@@ -91,10 +91,8 @@ impl Sums {
     fn shift(&self) -> Option<Vector2<f64>> {
         // One edge alone leaves the corner free along it: the smaller eigenvalue vanishes against the larger.
         let (trace, determinant) = (self.normal.trace(), self.normal.determinant());
-        if !(1e-3 * trace * trace < determinant) {
-            return None;
-        }
-        Some(self.normal.try_inverse()? * self.right)
+        let crossing = 1e-3 * trace * trace < determinant;
+        crossing.then(|| self.normal.try_inverse()).flatten().map(|inverse| inverse * self.right)
     }
 
     /// √ of the larger eigenvalue of σ₀² N⁻¹, halved: the two flanks of a blurred edge miss the corner to opposite
