@@ -1,38 +1,62 @@
 //! Camera models: from a point in the camera frame to a pixel, back to a bearing, and the derivative.
 //!
-//! Each lens model is one file; `Lens` lists them. Derivations: docs/math/camera.md.
+//! Each lens model is one file; `Lens` lists them. A model is built by its `new`, which refuses parameters that cannot be right
+//! and finds the valid field, the part of space (or image) where the model is one-to-one: outside it `project` has no pixel and
+//! `bearing` is an error, never a folded-back number. Derivations: docs/math/camera.md.
+//!
+//! | model | file | Kalibr | OpenCV |
+//! | --- | --- | --- | --- |
+//! | `pinhole` | `pinhole.rs` | pinhole-none | no coefficients |
+//! | `brown_conrady` | `brown_conrady.rs` | pinhole-radtan | 4, 5, 8, 12, 14 coefficients |
+//! | `kannala_brandt` | `kannala_brandt.rs` | pinhole-equidistant | `fisheye` |
+//! | `fov` | `fov.rs` | pinhole-fov | |
+//! | `omni` | `omni.rs` | omni-none, omni-radtan | |
+//! | `eucm`, `double_sphere` | `eucm.rs`, `double_sphere.rs` | eucm-none, ds-none | |
+//! | `photogrammetric` | `photogrammetric.rs` | | |
+//!
+//! Other pairs of Kalibr's (omni-equidistant, ds-radtan, …) are not models here.
 
+// `!(a < b)` is meant: it also refuses NaN, which `b <= a` lets through.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+mod field;
+mod plane_distortion;
+mod tilt;
+mod matrix;
+mod image;
 pub mod pinhole;
+pub mod brown_conrady;
+pub mod kannala_brandt;
+pub mod fov;
+pub mod omni;
+pub mod eucm;
+pub mod double_sphere;
+pub mod photogrammetric;
 
 use crate::{Bearing, Error, Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2x3, Vector2};
+
+pub use brown_conrady::BrownConrady;
+pub use double_sphere::DoubleSphere;
+pub use eucm::Eucm;
+pub use fov::Fov;
+pub use image::ImageSize;
+pub use kannala_brandt::KannalaBrandt;
+pub use matrix::CameraMatrix;
+use matrix::{check_alpha, check_field, check_finite};
+pub use omni::Omni;
+pub use photogrammetric::{Photogrammetric, PhotogrammetricParameters};
 pub use pinhole::Pinhole;
 
 /// Most intrinsic parameters a model has (Brown–Conrady: 4 + 14).
 pub const MAX_PARAMETERS: usize = 18;
 
-/// Focal lengths and principal point, pixels; pixel (0, 0) is the centre of the top-left pixel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraMatrix {
-    /// Focal length along u.
-    pub fx_px: f64,
-    /// Focal length along v.
-    pub fy_px: f64,
-    /// Column of the principal point.
-    pub cx_px: f64,
-    /// Row of the principal point.
-    pub cy_px: f64,
-}
+/// Names (as in camera.toml) and values of the intrinsic parameters.
+pub type Parameters = ArrayVec<(&'static str, f64), MAX_PARAMETERS>;
 
-/// Width and height of the images the intrinsics belong to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ImageSize {
-    /// Columns.
-    pub width_px: u32,
-    /// Rows.
-    pub height_px: u32,
-}
+/// Derivative of the pixel by each intrinsic parameter, px per unit of the parameter.
+pub type IntrinsicsJacobian = ArrayVec<Vector2<f64>, MAX_PARAMETERS>;
 
 /// A camera with known intrinsics.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,9 +70,67 @@ pub struct Camera {
 /// The lens models.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[allow(clippy::large_enum_variant)] // A camera is built once and read in the hot loop; a box would cost a cache line there.
 pub enum Lens {
     /// No distortion.
     Pinhole(Pinhole),
+    /// OpenCV's 4 to 14 coefficients; Kalibr's `radtan`.
+    BrownConrady(BrownConrady),
+    /// OpenCV's fisheye; Kalibr's `equidistant`.
+    KannalaBrandt(KannalaBrandt),
+    /// Devernay–Faugeras field of view.
+    Fov(Fov),
+    /// Unified sphere (Mei), with or without `radtan`.
+    Omni(Omni),
+    /// Enhanced unified.
+    Eucm(Eucm),
+    /// Double sphere.
+    DoubleSphere(DoubleSphere),
+    /// The seed paper's own, eq. (1).
+    Photogrammetric(Photogrammetric),
+}
+
+/// The same expression for whichever model it is; a new model is one line here.
+macro_rules! each_lens {
+    ($lens:expr, $model:ident => $body:expr) => {
+        match $lens {
+            Lens::Pinhole($model) => $body,
+            Lens::BrownConrady($model) => $body,
+            Lens::KannalaBrandt($model) => $body,
+            Lens::Fov($model) => $body,
+            Lens::Omni($model) => $body,
+            Lens::Eucm($model) => $body,
+            Lens::DoubleSphere($model) => $body,
+            Lens::Photogrammetric($model) => $body,
+        }
+    };
+}
+
+macro_rules! lens_from {
+    ($($model:ident),*) => {$(
+        impl From<$model> for Lens {
+            fn from(model: $model) -> Self {
+                Lens::$model(model)
+            }
+        }
+    )*};
+}
+lens_from!(Pinhole, BrownConrady, KannalaBrandt, Fov, Omni, Eucm, DoubleSphere, Photogrammetric);
+
+impl Lens {
+    /// The model's name, as in camera.toml.
+    pub fn model_name(&self) -> &'static str {
+        match self {
+            Lens::Pinhole(_) => Pinhole::NAME,
+            Lens::BrownConrady(_) => BrownConrady::NAME,
+            Lens::KannalaBrandt(_) => KannalaBrandt::NAME,
+            Lens::Fov(_) => Fov::NAME,
+            Lens::Omni(_) => Omni::NAME,
+            Lens::Eucm(_) => Eucm::NAME,
+            Lens::DoubleSphere(_) => DoubleSphere::NAME,
+            Lens::Photogrammetric(_) => Photogrammetric::NAME,
+        }
+    }
 }
 
 impl Camera {
@@ -59,31 +141,64 @@ impl Camera {
     }
 
     /// Pixel of a point given in the camera frame; none when it is not in the valid field (behind, beyond the fold).
+    #[inline]
     pub fn project(&self, x_in_cam: &Point) -> Option<Pixel> {
-        match &self.lens {
-            Lens::Pinhole(model) => model.project(x_in_cam),
-        }
+        each_lens!(&self.lens, model => model.project(x_in_cam))
     }
 
     /// Pixel and its derivative by the point (2×3, px/m).
     #[inline]
     pub fn project_with_jacobian(&self, x_in_cam: &Point) -> Option<(Pixel, Matrix2x3<f64>)> {
-        match &self.lens {
-            Lens::Pinhole(model) => model.project_with_jacobian(x_in_cam),
-        }
+        each_lens!(&self.lens, model => model.project_with_jacobian(x_in_cam))
     }
 
-    /// Unit vector towards the point seen at a pixel; an error outside the valid field.
+    /// Unit vector towards the point seen at a pixel.
+    ///
+    /// # Errors
+    /// `OutsideField` for a pixel (or NaN) that no point of the valid field projects to within 1e-9 px.
     pub fn bearing(&self, pixel: &Pixel) -> Result<Bearing, Error> {
-        match &self.lens {
-            Lens::Pinhole(model) => model.bearing(pixel),
-        }
+        each_lens!(&self.lens, model => model.bearing(pixel))
     }
 
-    /// Derivative of the pixel by each intrinsic parameter, in the order of `parameters`.
-    pub fn intrinsics_jacobian(&self, x_in_cam: &Point) -> Option<ArrayVec<Vector2<f64>, MAX_PARAMETERS>> {
+    /// Derivative of the pixel by each intrinsic parameter, in the order of `parameters`; none outside the valid field.
+    pub fn intrinsics_jacobian(&self, x_in_cam: &Point) -> Option<IntrinsicsJacobian> {
+        each_lens!(&self.lens, model => model.intrinsics_jacobian(x_in_cam))
+    }
+
+    /// Names and values of the intrinsic parameters; the camera matrix (or f, xp, yp) comes first.
+    pub fn parameters(&self) -> Parameters {
+        each_lens!(&self.lens, model => model.parameters())
+    }
+
+    /// The same model and image size with other parameter values, in the order of `parameters`.
+    ///
+    /// # Errors
+    /// `CoefficientCount` when `values` has another length than `parameters`, and those of the model's `new`.
+    pub fn with_parameters(&self, values: &[f64]) -> Result<Camera, Error> {
+        let needed = "as many values as `parameters` lists, not only";
+        if values.len() != self.parameters().len() {
+            return Err(Error::CoefficientCount { model: self.model_name(), needed, seen: values.len() });
+        }
+        let lens = each_lens!(&self.lens, model => Lens::from(model.rebuilt(values)?));
+        Ok(Camera { lens, size: self.size })
+    }
+
+    /// The lens model's name, as in camera.toml.
+    pub fn model_name(&self) -> &'static str {
+        self.lens.model_name()
+    }
+
+    /// Focal lengths and principal point; none for the photogrammetric model, which has its own unit.
+    pub fn matrix(&self) -> Option<CameraMatrix> {
         match &self.lens {
-            Lens::Pinhole(model) => model.intrinsics_jacobian(x_in_cam),
+            Lens::Pinhole(model) => Some(model.matrix),
+            Lens::BrownConrady(model) => Some(model.matrix()),
+            Lens::KannalaBrandt(model) => Some(model.matrix()),
+            Lens::Fov(model) => Some(model.matrix()),
+            Lens::Omni(model) => Some(model.matrix()),
+            Lens::Eucm(model) => Some(model.matrix()),
+            Lens::DoubleSphere(model) => Some(model.matrix()),
+            Lens::Photogrammetric(_) => None,
         }
     }
 }

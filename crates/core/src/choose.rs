@@ -1,6 +1,7 @@
 //! Among refined minima: which is the pose, and does another explain the pixels as well?
 
-use crate::{Matrix6, Pose};
+use crate::{Error, Matrix6, Pose};
+use arrayvec::ArrayVec;
 
 /// A local minimum of the reprojection error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,7 +20,7 @@ pub struct Minimum {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Ambiguity {
     /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
-    /// none when there is no other minimum.
+    /// none when no other minimum exists.
     Unique {
         /// See above.
         ratio: Option<f64>,
@@ -31,4 +32,55 @@ pub enum Ambiguity {
         /// The other pose.
         other: Minimum,
     },
+}
+
+/// Minima found so far, on the stack.
+pub type Minima = ArrayVec<Minimum, 8>;
+
+/// Two minima whose χ² differ by less than this both explain the pixels: 9 is three standard deviations. Measured on random
+/// line-plus-one problems, 2–4 m at 0.3 px: 97 % stay unique, 0.05 % of them wrong; a larger gate buys nothing.
+pub const AMBIGUITY_GATE_CHI2: f64 = 9.0;
+/// Residuals below this are rounding: they take no part in a ratio.
+const ROUNDING_PX: f64 = 1e-9;
+/// Two refinements that end closer than this many standard deviations of rotation ended in one minimum.
+const TWIN_SIGMAS: f64 = 0.1;
+
+/// Adds a minimum unless the list has it already; keeps the list ordered by χ², dropping the worst when full.
+pub fn insert(minima: &mut Minima, found: Minimum) {
+    if !found.chi2.is_finite() || minima.iter().any(|m| are_twins(m, &found)) {
+        return;
+    }
+    if minima.is_full() {
+        minima.pop();
+    }
+    let place = minima.iter().position(|m| found.chi2 < m.chi2).unwrap_or(minima.len());
+    minima.insert(place, found);
+}
+
+/// The lowest minimum, and whether the next is within the gate. `noise_scale` ≥ 1 is the variance by which the residuals
+/// exceed the stated sigmas: the gate widens with it.
+pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<(Minimum, Ambiguity), Error> {
+    let first = *minima.first().ok_or(Error::NoSolution { n_points })?;
+    let Some(other) = minima.get(1) else {
+        return Ok((first, Ambiguity::Unique { ratio: None }));
+    };
+    let ratio = residual_ratio(&first, other);
+    let ambiguity = if other.chi2 - first.chi2 < AMBIGUITY_GATE_CHI2 * noise_scale {
+        Ambiguity::Ambiguous { ratio, other: *other }
+    } else {
+        Ambiguity::Unique { ratio: Some(ratio) }
+    };
+    Ok((first, ambiguity))
+}
+
+fn residual_ratio(first: &Minimum, other: &Minimum) -> f64 {
+    let squared = |m: &Minimum| m.rms_px.max(ROUNDING_PX).powi(2);
+    squared(other) / squared(first)
+}
+
+/// Rotations closer than a fraction of their own standard deviation (‖R − R′‖ = √2 θ for small angles).
+fn are_twins(a: &Minimum, b: &Minimum) -> bool {
+    let variance = |m: &Minimum| (0..3).map(|i| m.covariance[(i, i)]).sum::<f64>();
+    let angle_squared = 0.5 * (a.cam_from_target.rotation - b.cam_from_target.rotation).norm_squared();
+    angle_squared < TWIN_SIGMAS * TWIN_SIGMAS * variance(a).min(variance(b))
 }

@@ -49,7 +49,9 @@ pub enum Error {
         where_: &'static str,
     },
     /// The target points lie on one line: rotation about it cannot be seen.
-    #[error("all points lie on one line (width/length {ratio:.1e}, need {needed:.0e}); add a point off the line")]
+    #[error(
+        "all points lie on one line (width/length {ratio:.1e}, need {needed:.0e}); add a point off the line"
+    )]
     Collinear {
         /// Extent across over extent along.
         ratio: f64,
@@ -67,7 +69,9 @@ pub enum Error {
         needed: f64,
     },
     /// A pixel outside the part of the image where the lens model is one-to-one.
-    #[error("pixel ({u_px:.1}, {v_px:.1}) is outside the valid field of the {model} model ({limit}); check the distortion coefficients or mask the corner")]
+    #[error(
+        "pixel ({u_px:.1}, {v_px:.1}) is outside the valid field of the {model} model ({limit} {limit_at:.6}); check the distortion coefficients or mask the corner"
+    )]
     OutsideField {
         /// Column.
         u_px: f64,
@@ -75,8 +79,10 @@ pub enum Error {
         v_px: f64,
         /// Lens model.
         model: &'static str,
-        /// What bounds the field, with its number.
+        /// What bounds the field, in words.
         limit: &'static str,
+        /// The bound.
+        limit_at: f64,
     },
     /// Camera parameters that cannot be right.
     #[error("camera parameter {parameter} is {seen}; {needed}")]
@@ -109,13 +115,17 @@ pub enum Error {
         needed: &'static str,
     },
     /// No candidate pose has every point in front of the camera.
-    #[error("no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together")]
+    #[error(
+        "no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together"
+    )]
     NoSolution {
         /// How many points took part.
         n_points: usize,
     },
     /// The refinement did not reach a minimum.
-    #[error("refinement stopped after {steps} steps without reaching a minimum; check that target points and pixels belong together")]
+    #[error(
+        "refinement stopped after {steps} steps without reaching a minimum; check that target points and pixels belong together"
+    )]
     NotConverged {
         /// Steps taken.
         steps: usize,

@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod pose;
+pub mod polynomial;
 pub mod camera;
 pub mod target;
 pub mod correspondence;
@@ -13,6 +14,8 @@ pub mod solve;
 pub mod least_squares;
 pub mod refine;
 pub mod choose;
+mod curvature;
+pub mod consistency;
 pub mod locate;
 
 pub use camera::{Camera, CameraMatrix, Lens};

@@ -1,19 +1,31 @@
 //! The single-camera pipeline: correspondences in, one pose with covariance and ambiguity out.
+//!
+//! classify → closed form → refine each candidate → choose → consistency. Each line of `locate` is one file.
 
-use crate::choose::Ambiguity;
-use crate::{Matrix6, Pose};
+use crate::camera::MAX_PARAMETERS;
+use crate::choose::{Ambiguity, Minima, Minimum, choose, insert};
+use crate::consistency::{Consistency, consistency, is_unlikely, noise_scale};
+use crate::curvature::with_curvature;
+use crate::refine::{centroid, information, refine_against, residual_sums};
+use crate::solve::Candidates;
+use crate::solve::configuration::{Configuration, classify};
+use crate::solve::line_plus_one::Weakness;
+use crate::solve::{line_plus_one, p3p, planar, sqpnp, wang2004};
+use crate::{Bearing, Camera, Correspondence, Error, Matrix6, Point, Pose, Vector6};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// How a pose was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a pose is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Method {
     /// Decide from the configuration.
+    #[default]
     Auto,
-    /// The seed paper, literally (no refinement).
+    /// The seed paper, literally: no refinement, the solution of least residual in its eq. (3).
     Wang2004,
     /// Three collinear points and one off the line.
     LinePlusOne,
-    /// Three points.
+    /// Three points; with more, three of them and the rest to choose.
     P3p,
     /// Coplanar points.
     Planar,
@@ -21,20 +33,14 @@ pub enum Method {
     Sqpnp,
 }
 
-/// Does the residual agree with the stated sigmas?
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Consistency {
-    /// As large as the sigmas say, or no redundancy to tell.
-    Consistent,
-    /// Far larger: wrong intrinsics, target or labels.
-    Inconsistent {
-        /// χ² over degrees of freedom.
-        chi2_per_dof: f64,
-        /// Index of the point with the largest normalised residual.
-        worst_point: usize,
-        /// Its residual, px.
-        worst_px: f64,
-    },
+/// What to do beyond the defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Config<'a> {
+    /// The method; `Auto` decides from the points.
+    pub method: Method,
+    /// Covariance of the camera's intrinsic parameters, row by row, in the order of `Camera::parameters`; adds their share
+    /// to the pose covariance.
+    pub intrinsics_covariance: Option<&'a [f64]>,
 }
 
 /// A pose, how sure, and whether another one fits as well.
@@ -58,4 +64,250 @@ pub struct PoseEstimate {
     pub ambiguity: Ambiguity,
     /// Does the residual fit the sigmas?
     pub consistency: Consistency,
+    /// What makes the configuration weak, decided before solving.
+    pub weakness: Option<Weakness>,
+}
+
+/// The pose of a camera from known points.
+///
+/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
+/// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
+pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
+    let configuration = classify(seen)?;
+    let method = resolve(config.method, &configuration)?;
+    let (minima, weakness) = match method {
+        Method::Wang2004 => literal(&configuration, seen, camera)?,
+        _ => search(method, &configuration, seen, camera),
+    };
+    let degrees_of_freedom = 2 * seen.len() - 6;
+    let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
+    let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
+    let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
+    let covariance = match config.intrinsics_covariance {
+        Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
+        None => best.covariance,
+    };
+    Ok(PoseEstimate {
+        cam_from_target: best.cam_from_target,
+        covariance: covariance * noise_scale,
+        rms_px: best.rms_px,
+        chi2: best.chi2,
+        degrees_of_freedom,
+        n_points: seen.len(),
+        method,
+        ambiguity: widened(ambiguity, noise_scale),
+        consistency: consistency(&best, degrees_of_freedom, seen, camera),
+        weakness,
+    })
+}
+
+/// `Auto` becomes the method for the configuration; a method that does not fit it is refused.
+fn resolve(method: Method, configuration: &Configuration) -> Result<Method, Error> {
+    let wrong = |method, reason| Err(Error::WrongLayout { method, reason });
+    let four = "it takes three points on a line and one off it";
+    match (method, configuration) {
+        (Method::Auto, Configuration::LinePlusOne { .. }) => Ok(Method::LinePlusOne),
+        (Method::Auto, Configuration::Three) => Ok(Method::P3p),
+        (Method::Auto, Configuration::Planar) => Ok(Method::Planar),
+        (Method::Auto, Configuration::General) => Ok(Method::Sqpnp),
+        (Method::LinePlusOne | Method::Wang2004, Configuration::LinePlusOne { .. }) => Ok(method),
+        (Method::LinePlusOne, _) => wrong("line_plus_one", four),
+        (Method::Wang2004, _) => wrong("wang2004", four),
+        (Method::Planar, Configuration::Three) => wrong("planar", "it takes at least four points"),
+        (Method::Planar, Configuration::General) => wrong("planar", "the points do not lie in one plane"),
+        (Method::Planar, Configuration::LinePlusOne { .. }) => {
+            wrong("planar", "three collinear points and one off the line leave a homography open")
+        }
+        (method, _) => Ok(method),
+    }
+}
+
+/// Candidates of the closed form, each refined; more starts where the first ones leave a doubt.
+fn search(
+    method: Method,
+    configuration: &Configuration,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> (Minima, Option<Weakness>) {
+    let mut minima = Minima::new();
+    let (candidates, weakness) = closed_form(method, configuration, seen, camera);
+    refine_each(&candidates, seen, camera, &mut minima);
+    let flat = !matches!(configuration, Configuration::General);
+    if flat && minima.len() == 1 && 3 < seen.len() {
+        // Both candidates fell into one minimum (or there was one): the other, if any, is near the mirror pose.
+        let mirrored = mirrored(&minima[0].cam_from_target, seen);
+        refine_each(&[mirrored], seen, camera, &mut minima);
+    }
+    if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
+        refine_each(&sqpnp::sqpnp(seen), seen, camera, &mut minima);
+        refine_each(&three_of(seen), seen, camera, &mut minima);
+    }
+    (minima, weakness)
+}
+
+fn refine_each(candidates: &[Pose], seen: &[Correspondence], camera: &Camera, minima: &mut Minima) {
+    for candidate in candidates {
+        let rival = minima.first().map(|m| m.chi2);
+        if let Ok(minimum) = refine_against(candidate, rival, seen, camera) {
+            insert(minima, minimum);
+        }
+    }
+}
+
+/// The closed form of a method, and what makes the view weak.
+fn closed_form(
+    method: Method,
+    configuration: &Configuration,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> (Candidates, Option<Weakness>) {
+    match (method, configuration) {
+        (Method::LinePlusOne, Configuration::LinePlusOne { order }) => {
+            let (bearings, points) = four_of(seen, order);
+            let candidates = line_plus_one::line_plus_one(&bearings, &points);
+            let sigma_rad = sigma_rad(&seen[order[3]], camera);
+            let weakness = line_plus_one::weakness(&candidates, &bearings, &points, sigma_rad);
+            (candidates, weakness)
+        }
+        (Method::P3p, _) => (three_of(seen), None),
+        (Method::Planar, _) => (planar::planar(seen), None),
+        _ => (sqpnp::sqpnp(seen), None),
+    }
+}
+
+/// The four points of a line-plus-one layout, in order along the line, the one off it last.
+fn four_of(seen: &[Correspondence], order: &[usize; 4]) -> ([Bearing; 4], [Point; 4]) {
+    (order.map(|i| seen[i].bearing), order.map(|i| seen[i].x_in_target))
+}
+
+/// P3P on the three points that span the largest triangle found from the first point.
+fn three_of(seen: &[Correspondence]) -> Candidates {
+    let [i, j, k] = wide_triangle(seen);
+    let order = [i, j, k];
+    p3p::p3p(&order.map(|i| seen[i].bearing), &order.map(|i| seen[i].x_in_target))
+}
+
+/// The farthest point from the first, the farthest from that, and the one farthest off their line.
+fn wide_triangle(seen: &[Correspondence]) -> [usize; 3] {
+    let x = |i: usize| seen[i].x_in_target;
+    let farthest = |measure: &dyn Fn(usize) -> f64| {
+        (0..seen.len()).fold(0, |best, i| if measure(best) < measure(i) { i } else { best })
+    };
+    let i = farthest(&|n| (x(n) - x(0)).norm_squared());
+    let j = farthest(&|n| (x(n) - x(i)).norm_squared());
+    let k = farthest(&|n| (x(n) - x(i)).cross(&(x(j) - x(i))).norm_squared());
+    [i, j, k]
+}
+
+/// The standard deviation of a pixel as an angle, radians.
+fn sigma_rad(c: &Correspondence, camera: &Camera) -> f64 {
+    let beside = c.pixel + Vector2::new(c.sigma_px, 0.0);
+    camera.bearing(&beside).map_or(f64::INFINITY, |b| b.cross(&c.bearing).norm())
+}
+
+/// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
+/// the line of sight. From afar the two look alike (docs/math/planar.md).
+fn mirrored(cam_from_target: &Pose, seen: &[Correspondence]) -> Pose {
+    let [i, j, k] = wide_triangle(seen);
+    let x = |n: usize| seen[n].x_in_target;
+    let normal = (x(j) - x(i)).cross(&(x(k) - x(i))).normalize();
+    let centre = centroid(seen);
+    let centre_in_cam = cam_from_target * &centre;
+    let sight = centre_in_cam.normalize();
+    let reflection = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * 2.0;
+    // Two reflections make a rotation; the one in the target's own plane does not move its points.
+    let rotation = reflection(&sight) * cam_from_target.rotation * reflection(&normal);
+    Pose::new(rotation, centre_in_cam - rotation * centre)
+}
+
+/// The seed paper's answer as it stands, its covariance propagated from the pixels by central differences.
+fn literal(
+    configuration: &Configuration,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Result<(Minima, Option<Weakness>), Error> {
+    let Configuration::LinePlusOne { order } = configuration else {
+        return Err(Error::WrongLayout {
+            method: "wang2004",
+            reason: "it takes three points on a line and one off it",
+        });
+    };
+    let solve = |bearings: &[Bearing; 4], points: &[Point; 4]| {
+        let solutions = wang2004::wang2004(bearings, points)?;
+        wang2004::least_residual(&solutions)
+            .map(|s| s.cam_from_target)
+            .ok_or(Error::NoSolution { n_points: seen.len() })
+    };
+    let (bearings, points) = four_of(seen, order);
+    let cam_from_target = solve(&bearings, &points)?;
+    let mut covariance = Matrix6::zeros();
+    for (slot, index) in order.iter().enumerate() {
+        let c = &seen[*index];
+        for axis in 0..2 {
+            let moved = |step: f64| {
+                let mut pixel = c.pixel;
+                pixel[axis] += step * c.sigma_px;
+                let mut bearings = bearings;
+                bearings[slot] = camera.bearing(&pixel)?;
+                Ok((solve(&bearings, &points)? * cam_from_target.inverse()).log())
+            };
+            let column = (moved(LITERAL_STEP)? - moved(-LITERAL_STEP)?) / (2.0 * LITERAL_STEP);
+            covariance += column * column.transpose();
+        }
+    }
+    let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
+    let mut minima = Minima::new();
+    minima.push(Minimum { cam_from_target, covariance, chi2, rms_px });
+    Ok((minima, None))
+}
+
+/// Step of the central differences, in standard deviations of a pixel: small beside the noise, large beside rounding.
+const LITERAL_STEP: f64 = 1e-2;
+
+/// What uncertain intrinsics add to the covariance: δξ = Σ Jᵀ W (−∂π/∂θ) δθ, docs/math/refine.md eq. (9).
+fn intrinsics_share(
+    best: &Minimum,
+    seen: &[Correspondence],
+    camera: &Camera,
+    covariance: &[f64],
+) -> Result<Matrix6, Error> {
+    let mut by_parameter = [Vector6::zeros(); MAX_PARAMETERS];
+    let mut n_parameters = 0;
+    for c in seen {
+        let x = best.cam_from_target * c.x_in_target;
+        let no_solution = Error::NoSolution { n_points: seen.len() };
+        let (_, jacobian) = camera.project_with_jacobian(&x).ok_or(no_solution.clone())?;
+        let columns = camera.intrinsics_jacobian(&x).ok_or(no_solution)?;
+        n_parameters = columns.len();
+        for (sum, column) in by_parameter.iter_mut().zip(&columns) {
+            let force = jacobian.tr_mul(&(information(c, &jacobian) * column));
+            let torque = x.cross(&force);
+            *sum -= Vector6::new(torque.x, torque.y, torque.z, force.x, force.y, force.z);
+        }
+    }
+    if covariance.len() != n_parameters * n_parameters {
+        let needed = "give its n × n covariance, n the number of parameters";
+        return Err(Error::InvalidCamera {
+            parameter: "intrinsics covariance size",
+            seen: covariance.len() as f64,
+            needed,
+        });
+    }
+    let mut share = Matrix6::zeros();
+    for i in 0..n_parameters {
+        for j in 0..n_parameters {
+            share += by_parameter[i] * by_parameter[j].transpose() * covariance[i * n_parameters + j];
+        }
+    }
+    Ok(best.covariance * share * best.covariance)
+}
+
+fn widened(ambiguity: Ambiguity, noise_scale: f64) -> Ambiguity {
+    match ambiguity {
+        Ambiguity::Ambiguous { ratio, mut other } => {
+            other.covariance *= noise_scale;
+            Ambiguity::Ambiguous { ratio, other }
+        }
+        unique => unique,
+    }
 }

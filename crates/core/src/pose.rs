@@ -210,7 +210,13 @@ mod tests {
         let axis = Vector3::new(0.3, -0.8, 0.5).normalize();
         let t = Vector3::new(1.0, -2.0, 3.0);
         let angles = [0.0, 1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.3, 2.0, 3.0, 3.1415, std::f64::consts::PI - 1e-9];
-        angles.iter().map(|a| { let w = axis * *a; Vector6::new(w.x, w.y, w.z, t.x, t.y, t.z) }).collect()
+        angles
+            .iter()
+            .map(|a| {
+                let w = axis * *a;
+                Vector6::new(w.x, w.y, w.z, t.x, t.y, t.z)
+            })
+            .collect()
     }
 
     #[test]
@@ -249,7 +255,10 @@ mod tests {
             let p = Pose::exp(&Vector6::new(0.7, 0.1, -0.4, 3.0, 0.2, -1.0));
             let left = p * Pose::exp(&xi);
             let right = Pose::exp(&(p.adjoint() * xi)) * p;
-            assert!((left.rotation - right.rotation).norm() + (left.translation - right.translation).norm() < 1e-12);
+            assert!(
+                (left.rotation - right.rotation).norm() + (left.translation - right.translation).norm()
+                    < 1e-12
+            );
         }
     }
 

@@ -1,1 +1,133 @@
-//! One pose: reprojection residual, Jacobian, covariance.
+//! One pose: reprojection residual, Jacobian, covariance. Maximum likelihood for independent Gaussian pixel errors.
+//!
+//!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
+//!   ∂π/∂[ω; ν] = [ −Π [y]×  Π ],  Π = ∂π/∂x (2×3): each row j of Π gives the row [y × j ; j]
+//! Derivation: docs/math/refine.md.
+
+use crate::choose::Minimum;
+use crate::least_squares::{NormalEquations, PivotedPose, minimize};
+use crate::{Camera, Correspondence, Error, Point, Pose};
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+
+/// The points leave a direction free, to rounding.
+const UNDETERMINED: Error = Error::DegenerateView {
+    reason: "these points leave a direction of the pose undetermined; add points away from the others",
+    metric: 0.0,
+    needed: f64::MIN_POSITIVE,
+};
+
+/// Refines `start` to the nearest minimum of the reprojection error, with its covariance.
+///
+/// `Error::NotConverged` when no minimum is reached, `Error::NoSolution` when the start has points outside the camera's
+/// field, `Error::DegenerateView` when the points do not determine the pose to first order.
+pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<Minimum, Error> {
+    refine_against(start, None, seen, camera)
+}
+
+/// As `refine`, for a minimum that will be compared with a rival of known χ²: it may end early (to 10⁻⁴ of the difference)
+/// where it stays far above the rival.
+pub(crate) fn refine_against(
+    start: &Pose,
+    rival_chi2: Option<f64>,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Result<Minimum, Error> {
+    let pivot = centroid(seen);
+    let start = PivotedPose::new(start, &pivot);
+    let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, seen, camera))
+        .ok_or(Error::NoSolution { n_points: seen.len() })?;
+    if !solution.converged {
+        return Err(Error::NotConverged { steps: solution.steps });
+    }
+    let covariance =
+        solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
+    let cam_from_target = solution.place.pose(&pivot);
+    let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
+    Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+}
+
+/// Residual of one correspondence, observed − predicted, px; none outside the camera's field.
+pub fn residual_px(cam_from_target: &Pose, c: &Correspondence, camera: &Camera) -> Option<Vector2<f64>> {
+    Some(c.pixel - camera.project(&(cam_from_target * &c.x_in_target))?)
+}
+
+/// The mean of the target points: the pivot of the refinement.
+pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
+    seen.iter().map(|c| c.x_in_target).sum::<Point>() / seen.len().max(1) as f64
+}
+
+/// χ² and root mean square distance, px; infinite where a point leaves the field.
+pub(crate) fn residual_sums(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> (f64, f64) {
+    let (mut chi2, mut sum) = (0.0, 0.0);
+    for c in seen {
+        let Some((_, e, whitened)) = whitened_residual(cam_from_target, c, camera) else {
+            return (f64::INFINITY, f64::INFINITY);
+        };
+        chi2 += whitened;
+        sum += e.norm_squared();
+    }
+    (chi2, (sum / seen.len().max(1) as f64).sqrt())
+}
+
+/// Point in the camera frame, residual (px) and squared whitened residual of one correspondence.
+pub(crate) fn whitened_residual(
+    cam_from_target: &Pose,
+    c: &Correspondence,
+    camera: &Camera,
+) -> Option<(Point, Vector2<f64>, f64)> {
+    let x = cam_from_target * &c.x_in_target;
+    if c.sigma_m == 0.0 {
+        let e = c.pixel - camera.project(&x)?;
+        return Some((x, e, e.norm_squared() / (c.sigma_px * c.sigma_px)));
+    }
+    let (pixel, jacobian) = camera.project_with_jacobian(&x)?;
+    let e = c.pixel - pixel;
+    Some((x, e, e.dot(&(information(c, &jacobian) * e))))
+}
+
+/// Inverse covariance of a pixel residual: (σ_px² I + σ_m² Π Πᵀ)⁻¹, the second term for surveyed points.
+pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matrix2<f64> {
+    let s = c.sigma_px * c.sigma_px;
+    let p = jacobian * jacobian.transpose() * (c.sigma_m * c.sigma_m);
+    let (a, b, d) = (s + p[(0, 0)], p[(0, 1)], s + p[(1, 1)]);
+    Matrix2::new(d, -b, -b, a) / (a * d - b * b)
+}
+
+/// W with WᵀW = information, upper triangular: whitens residuals and derivatives alike.
+#[inline]
+fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
+    let i = 1.0 / c.sigma_px;
+    if c.sigma_m == 0.0 {
+        return (i, 0.0, i);
+    }
+    let i = information(c, jacobian);
+    let a = i[(0, 0)].sqrt();
+    let b = i[(0, 1)] / a;
+    (a, b, (i[(1, 1)] - b * b).sqrt())
+}
+
+#[inline]
+pub(crate) fn normal_equations(
+    place: &PivotedPose,
+    pivot: &Point,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Option<NormalEquations> {
+    let mut normal = NormalEquations::zero();
+    for c in seen {
+        let y = place.rotation * (c.x_in_target - pivot);
+        let (pixel, jacobian) = camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
+        let e = c.pixel - pixel;
+        let (a, b, d) = whitening(c, &jacobian);
+        let j = &jacobian;
+        let ju = Vector3::new(
+            a * j[(0, 0)] + b * j[(1, 0)],
+            a * j[(0, 1)] + b * j[(1, 1)],
+            a * j[(0, 2)] + b * j[(1, 2)],
+        );
+        let jv = Vector3::new(d * j[(1, 0)], d * j[(1, 1)], d * j[(1, 2)]);
+        normal.add(a * e.x + b * e.y, &y.cross(&ju), &ju);
+        normal.add(d * e.y, &y.cross(&jv), &jv);
+    }
+    normal.chi2.is_finite().then_some(normal)
+}

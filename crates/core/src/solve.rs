@@ -2,6 +2,18 @@
 //!
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
+//! | `line_plus_one` | 3 collinear + 1 off the line | 2 | docs/math/line_plus_one.md |
+//! | `wang2004` | 3 collinear + 1 off the line | 4 | F.-Y. Wang, IEEE T-RA 2004, as printed |
+//! | `p3p` | 3 | 4 | docs/math/p3p.md |
+//! | `planar` | n ≥ 4 in a plane | 2 | docs/math/planar.md |
+//! | `sqpnp` | n ≥ 3 | 4 | docs/math/sqpnp.md |
+
+pub mod configuration;
+pub mod line_plus_one;
+pub mod wang2004;
+pub mod p3p;
+pub mod planar;
+pub mod sqpnp;
 
 use crate::Pose;
 use arrayvec::ArrayVec;

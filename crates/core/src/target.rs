@@ -163,7 +163,9 @@ impl Target {
         }
         match self {
             Target::LinePlusOne(t) => exact(t.point(feature.id)?),
-            Target::Tag(t) => (feature.id == t.id).then(|| tag_corner(t.size_m, feature.corner)).and_then(exact),
+            Target::Tag(t) => {
+                (feature.id == t.id).then(|| tag_corner(t.size_m, feature.corner)).and_then(exact)
+            }
             Target::AprilGrid(t) => exact(t.point(feature)?),
             Target::Chessboard(t) => (feature.id < t.rows * t.columns)
                 .then(|| grid_point(feature.id, t.columns, t.square_m, 0.0))
@@ -214,7 +216,11 @@ impl Target {
             false => Err(Error::InvalidTarget { parameter, seen, needed: "it must be positive" }),
         };
         let at_least = |parameter: &'static str, seen: u32, least: u32, needed: &'static str| {
-            if seen < least { Err(Error::InvalidTarget { parameter, seen: seen as f64, needed }) } else { Ok(()) }
+            if seen < least {
+                Err(Error::InvalidTarget { parameter, seen: seen as f64, needed })
+            } else {
+                Ok(())
+            }
         };
         match self {
             Target::LinePlusOne(t) => t.check(),
@@ -259,7 +265,11 @@ impl LinePlusOne {
     fn check(&self) -> Result<(), Error> {
         let finite = self.line_m.iter().chain(&self.off_m).find(|x| !x.is_finite());
         if let Some(&seen) = finite {
-            return Err(Error::InvalidTarget { parameter: "line_m or off_m", seen, needed: "it must be finite" });
+            return Err(Error::InvalidTarget {
+                parameter: "line_m or off_m",
+                seen,
+                needed: "it must be finite",
+            });
         }
         let [a, b, c] = self.line_m;
         let gap = (a - b).abs().min((b - c).abs()).min((a - c).abs());
@@ -303,11 +313,7 @@ fn tag_corner(size_m: f64, corner: u8) -> Point {
 }
 
 fn grid_point(id: u32, columns: u32, pitch_m: f64, origin_m: f64) -> Point {
-    Point::new(
-        (id % columns) as f64 * pitch_m + origin_m,
-        (id / columns) as f64 * pitch_m + origin_m,
-        0.0,
-    )
+    Point::new((id % columns) as f64 * pitch_m + origin_m, (id / columns) as f64 * pitch_m + origin_m, 0.0)
 }
 
 fn check_points(points: &[NamedPoint]) -> Result<(), Error> {

@@ -1,9 +1,14 @@
 //! Pinhole camera without distortion: u = fx x/z + cx, v = fy y/z + cy.
+//!
+//! Valid field: in front of the camera. Derivation: docs/math/camera.md section 1.
 
-use super::{CameraMatrix, MAX_PARAMETERS};
+use super::field::{distance_is_usable, outside};
+use super::{CameraMatrix, IntrinsicsJacobian, Parameters};
 use crate::{Bearing, Error, Pixel, Point};
-use arrayvec::ArrayVec;
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
+
+/// Squared radius x²/z² up to which pixels are finite whatever f; NaN fails it too.
+const R2_MAX: f64 = 1e30;
 
 /// The camera matrix alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,52 +18,62 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
+    /// As in cli.md.
+    pub const NAME: &'static str = "pinhole";
+
+    /// # Errors
+    /// `InvalidCamera` for a value that is not finite or f ≤ 0.
+    pub fn new(matrix: CameraMatrix) -> Result<Self, Error> {
+        matrix.check()?;
+        Ok(Pinhole { matrix })
+    }
+
+    /// (x/z, y/z) and 1/z in front of the camera; behind the lens projects too, mirrored.
+    #[inline]
+    fn normalized(x: &Point) -> Option<(Vector2<f64>, f64)> {
+        let iz = 1.0 / x.z;
+        let q = Vector2::new(x.x * iz, x.y * iz);
+        let in_front = 0.0 < x.z && distance_is_usable(x.z * x.z) && q.norm_squared() < R2_MAX;
+        in_front.then_some((q, iz))
+    }
+
     /// See `Camera::project`.
     #[inline]
     pub fn project(&self, x_in_cam: &Point) -> Option<Pixel> {
-        let k = &self.matrix;
-        let iz = 1.0 / x_in_cam.z;
-        let in_front = 0.0 < x_in_cam.z; // Behind the lens projects too, mirrored.
-        in_front.then(|| {
-            Vector2::new(k.fx_px * x_in_cam.x * iz + k.cx_px, k.fy_px * x_in_cam.y * iz + k.cy_px)
-        })
+        let (q, _) = Self::normalized(x_in_cam)?;
+        Some(self.matrix.pixel(&q))
     }
 
     /// See `Camera::project_with_jacobian`.
     #[inline]
     pub fn project_with_jacobian(&self, x_in_cam: &Point) -> Option<(Pixel, Matrix2x3<f64>)> {
-        let k = &self.matrix;
-        if !(0.0 < x_in_cam.z) {
-            return None;
-        }
-        let iz = 1.0 / x_in_cam.z;
-        let (xn, yn) = (x_in_cam.x * iz, x_in_cam.y * iz);
-        let (ax, ay) = (k.fx_px * iz, k.fy_px * iz);
-        let pixel = Vector2::new(k.fx_px * xn + k.cx_px, k.fy_px * yn + k.cy_px);
-        Some((pixel, Matrix2x3::new(ax, 0.0, -ax * xn, 0.0, ay, -ay * yn)))
+        let (q, iz) = Self::normalized(x_in_cam)?;
+        let (ax, ay) = (self.matrix.fx_px * iz, self.matrix.fy_px * iz);
+        Some((self.matrix.pixel(&q), Matrix2x3::new(ax, 0.0, -ax * q.x, 0.0, ay, -ay * q.y)))
     }
 
     /// See `Camera::bearing`.
     pub fn bearing(&self, pixel: &Pixel) -> Result<Bearing, Error> {
-        let k = &self.matrix;
-        Ok(Unit::new_normalize(Vector3::new(
-            (pixel.x - k.cx_px) / k.fx_px,
-            (pixel.y - k.cy_px) / k.fy_px,
-            1.0,
-        )))
+        let q = self.matrix.unpixel(pixel);
+        if !(q.norm_squared() < R2_MAX) {
+            return Err(outside(pixel, Self::NAME, "radius x/z up to", R2_MAX.sqrt()));
+        }
+        Ok(Unit::new_normalize(Vector3::new(q.x, q.y, 1.0)))
     }
 
     /// Order: fx, fy, cx, cy.
-    pub fn intrinsics_jacobian(&self, x: &Point) -> Option<ArrayVec<Vector2<f64>, MAX_PARAMETERS>> {
-        if !(0.0 < x.z) {
-            return None;
-        }
-        let columns = [
-            Vector2::new(x.x / x.z, 0.0),
-            Vector2::new(0.0, x.y / x.z),
-            Vector2::new(1.0, 0.0),
-            Vector2::new(0.0, 1.0),
-        ];
-        Some(columns.into_iter().collect())
+    pub fn intrinsics_jacobian(&self, x: &Point) -> Option<IntrinsicsJacobian> {
+        let (q, _) = Self::normalized(x)?;
+        Some(self.matrix.columns(&q))
+    }
+
+    /// Names and values, in the order of `intrinsics_jacobian`.
+    pub fn parameters(&self) -> Parameters {
+        self.matrix.parameters()
+    }
+
+    /// The same model with other values, in the order of `parameters`.
+    pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
+        Self::new(CameraMatrix::from_values(values))
     }
 }

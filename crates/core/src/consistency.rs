@@ -1,0 +1,78 @@
+//! Does the residual agree with the stated sigmas? The only place that answers.
+
+use crate::choose::Minimum;
+use crate::refine::whitened_residual;
+use crate::{Camera, Correspondence};
+
+/// Does the residual agree with the stated sigmas?
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Consistency {
+    /// As large as the sigmas say, or no redundancy to tell.
+    Consistent,
+    /// Far larger: wrong intrinsics, target or labels. The covariance is widened by `chi2_per_dof`.
+    Inconsistent {
+        /// χ² over degrees of freedom.
+        chi2_per_dof: f64,
+        /// Index of the point with the largest normalised residual.
+        worst_point: usize,
+        /// Its residual, px.
+        worst_px: f64,
+    },
+}
+
+/// One in ten thousand: the chance of calling a good answer inconsistent. Standard normal quantile.
+const QUANTILE: f64 = 3.719;
+/// "Far above": residuals twice as large as stated. Below it the covariance widens but nothing is called wrong.
+const FAR_ABOVE: f64 = 4.0;
+
+/// χ² that good data exceed once in ten thousand (Wilson and Hilferty 1931; within 5 % from two degrees of freedom on).
+fn limit(degrees_of_freedom: usize) -> f64 {
+    let n = degrees_of_freedom as f64;
+    let k = 2.0 / (9.0 * n);
+    n * (1.0 - k + QUANTILE * k.sqrt()).powi(3)
+}
+
+/// Whether data as good as stated would hardly give such a χ².
+pub(crate) fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
+    0 < degrees_of_freedom && limit(degrees_of_freedom) < chi2
+}
+
+/// The factor by which variances exceed the stated ones: 1 unless the residual proves it.
+pub(crate) fn noise_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
+    if is_unlikely(chi2, degrees_of_freedom) { chi2 / degrees_of_freedom as f64 } else { 1.0 }
+}
+
+/// The verdict, with the worst point.
+pub(crate) fn consistency(
+    best: &Minimum,
+    degrees_of_freedom: usize,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Consistency {
+    let far = FAR_ABOVE * degrees_of_freedom as f64;
+    if !is_unlikely(best.chi2, degrees_of_freedom) || best.chi2 < far {
+        return Consistency::Consistent;
+    }
+    let (mut worst_point, mut worst_px, mut worst) = (0, 0.0, -1.0);
+    for (i, c) in seen.iter().enumerate() {
+        if let Some((_, e, whitened)) = whitened_residual(&best.cam_from_target, c, camera)
+            && worst < whitened
+        {
+            (worst_point, worst_px, worst) = (i, e.norm(), whitened);
+        }
+    }
+    Consistency::Inconsistent { chi2_per_dof: best.chi2 / degrees_of_freedom as f64, worst_point, worst_px }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// χ² quantiles at 1 − 10⁻⁴: 2 dof is −2 ln 10⁻⁴ = 18.42; 10 and 100 from tables.
+    #[test]
+    fn limit_is_the_chi_square_quantile() {
+        for (dof, quantile) in [(2, 18.421), (10, 35.564), (100, 161.319)] {
+            assert!((limit(dof) / quantile - 1.0).abs() < 0.05, "{dof}: {}", limit(dof));
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Widens a covariance where the likelihood is curved, not only quadratic.
+//!
+//! A nearly frontal target shows its tilt to second order only: its likelihood is a bent ridge, and the inverse of the
+//! information matrix, the ridge's tangent ellipsoid, is too thin across the bend and too short along it. In the two weakest
+//! turns w₁, w₂ the ridge runs as ξ(s) = s₁d₁ + s₂d₂ + s₁²b₁ + s₂²b₂ + s₁s₂b₁₂, s in standard deviations; for normal s
+//!   Σ' = Σ + 3b₁b₁ᵀ + 3b₂b₂ᵀ + b₁b₂ᵀ + b₂b₁ᵀ + b₁₂b₁₂ᵀ + Σₖ (4/Δχ²ₖ − 1) dₖdₖᵀ,
+//! Δχ²ₖ the rise of χ² along the ridge at two standard deviations (4 where it is straight).
+//! Derivation and measurements: docs/math/refine.md eqs. (10)–(14).
+
+use crate::choose::Minimum;
+use crate::least_squares::PivotedPose;
+use crate::refine::{centroid, normal_equations, residual_sums};
+use crate::{Camera, Correspondence, Matrix6, Point, Pose, Vector6};
+use nalgebra::{Matrix3, Vector3};
+
+/// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
+const PROBE: f64 = 2.0;
+/// Off a straight ridge χ² rises by PROBE² = 4; within this factor nothing is bent that matters.
+const STRAIGHT: f64 = 1.25;
+/// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
+const LEAST_RISE: f64 = 0.4;
+
+/// The covariance of a minimum, with the share of the bend added.
+pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
+    let first = Turn::weakest(&m.covariance, Matrix3::identity());
+    let straight = |side: f64| {
+        let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
+        let rise = residual_sums(&probe, seen, camera).0 - m.chi2;
+        rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
+    };
+    if straight(PROBE) && straight(-PROBE) {
+        return m.covariance;
+    }
+    let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
+    let second = Turn::weakest(&m.covariance, across_first);
+    let ridge = Ridge { m, turns: [first, second], pivot: centroid(seen), seen, camera };
+    ridge.share().map_or(m.covariance, |share| m.covariance + share)
+}
+
+/// A weak turn: its axis w and the motion d that goes with one standard deviation of it.
+struct Turn {
+    axis: Vector3<f64>,
+    motion: Vector6,
+}
+
+impl Turn {
+    /// The largest eigenvector of the rotation block within the range of a projector, by power iteration.
+    fn weakest(covariance: &Matrix6, projector: Matrix3<f64>) -> Self {
+        let rotation = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let within = projector * rotation * projector;
+        let mut axis = within.column(within.diagonal().imax()).normalize();
+        for _ in 0..4 {
+            axis = (within * (within * axis)).normalize();
+        }
+        let sigma = axis.dot(&(rotation * axis)).sqrt();
+        Turn { axis, motion: covariance.fixed_view::<6, 3>(0, 0) * axis / sigma }
+    }
+
+    fn component(&self, motion: &Vector6) -> f64 {
+        self.axis.x * motion[0] + self.axis.y * motion[1] + self.axis.z * motion[2]
+    }
+}
+
+struct Ridge<'a> {
+    m: &'a Minimum,
+    turns: [Turn; 2],
+    pivot: Point,
+    seen: &'a [Correspondence],
+    camera: &'a Camera,
+}
+
+impl Ridge<'_> {
+    fn share(&self) -> Option<Matrix6> {
+        let [d1, d2] = [self.turns[0].motion, self.turns[1].motion];
+        let q = PROBE / 2f64.sqrt();
+        let even = |s1: f64, s2: f64| Some((self.shift(s1, s2)?, self.shift(-s1, -s2)?));
+        let (along1, along2) = (even(PROBE, 0.0)?, even(0.0, PROBE)?);
+        let (same, opposite) = (even(q, q)?, even(q, -q)?);
+        let mean = |pair: &((Vector6, f64), (Vector6, f64))| (pair.0.0 + pair.1.0) / (2.0 * PROBE * PROBE);
+        let (b1, b2) = (mean(&along1), mean(&along2));
+        // The diagonals hold s₁s₂ = ±q², q² = PROBE²/2, so their difference is b₁₂ when divided as the means are.
+        let b12 = mean(&same) - mean(&opposite);
+        let longer = |pair: &((Vector6, f64), (Vector6, f64))| {
+            let rise = pair.0.1.min(pair.1.1).clamp(LEAST_RISE, PROBE * PROBE);
+            PROBE * PROBE / rise - 1.0
+        };
+        let square = |a: &Vector6, b: &Vector6| a * b.transpose();
+        let bend = square(&b1, &b1) * 3.0 + square(&b2, &b2) * 3.0 + square(&b1, &b2) + square(&b2, &b1);
+        let length = square(&d1, &d1) * longer(&along1) + square(&d2, &d2) * longer(&along2);
+        Some(bend + square(&b12, &b12) + length)
+    }
+
+    /// From the tangent point s₁d₁ + s₂d₂ back onto the ridge: one Gauss–Newton step with both turns held. Returns the
+    /// step, in left motions, and the rise of χ² on the ridge.
+    fn shift(&self, s1: f64, s2: f64) -> Option<(Vector6, f64)> {
+        let [t1, t2] = &self.turns;
+        let probe = Pose::exp(&(t1.motion * s1 + t2.motion * s2)) * self.m.cam_from_target;
+        let place = PivotedPose::new(&probe, &self.pivot);
+        let normal = normal_equations(&place, &self.pivot, self.seen, self.camera)?;
+        let covariance = normal.covariance_at_camera(&place.pivot_in_cam)?;
+        let gradient = normal.gradient_at_camera(&place.pivot_in_cam);
+        let step = covariance * gradient;
+        let by_turn = covariance.fixed_view::<6, 3>(0, 0);
+        let (c1, c2): (Vector6, Vector6) = (by_turn * t1.axis, by_turn * t2.axis);
+        let (m11, m12, m22) = (t1.component(&c1), t1.component(&c2), t2.component(&c2));
+        let (r1, r2) = (t1.component(&step), t2.component(&step));
+        let det = m11 * m22 - m12 * m12;
+        let shift = step - c1 * ((m22 * r1 - m12 * r2) / det) - c2 * ((m11 * r2 - m12 * r1) / det);
+        let rise = normal.chi2 - gradient.dot(&shift) - self.m.chi2;
+        (shift.iter().all(|x| x.is_finite()) && rise.is_finite()).then_some((shift, rise))
+    }
+}

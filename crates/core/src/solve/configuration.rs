@@ -1,0 +1,330 @@
+//! What the points allow, decided before anything is solved: docs/math/configuration.md.
+//!
+//! All measures are ratios of lengths in the target, computed from differences and cross products (nothing is squared that is small),
+//! so they hold at 1e-9 m and 1e9 m alike and a straight line comes out straight to rounding.
+
+use crate::{Correspondence, Error, Point};
+use nalgebra::Vector3;
+
+/// Width over length at which the points are one line: survey coordinates given to 1e-9 of their extent are no straighter,
+/// and the rotation about such a line would need 1e-9 of the image's width to be seen.
+pub const MIN_WIDTH: f64 = 1e-9;
+/// Height over base up to which three of four points are three points on a line. Up to here four points fix a homography so badly
+/// that noise of a thousandth of the image's width spoils it; the start from the line is off by no more than this angle, and
+/// refinement uses the true coordinates. Evidence: docs/math/configuration.md, table 1.
+pub const MAX_LINE_HEIGHT: f64 = 0.03;
+/// Thickness over width up to which the points are one plane: the start is off by about this angle, and the mirrored minimum, which only the
+/// planar solver looks for, still exists.
+pub const MAX_PLANE_THICKNESS: f64 = 0.02;
+/// Points closer than this part of the extent coincide.
+const MIN_DISTANCE: f64 = 1e-12;
+/// Coordinates carry a relative rounding: below this multiple of their size a length is noise.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Up to this many points every pair is compared. In larger sets a repeated point is a heavier weight, no degeneracy.
+const MAX_PAIRED: usize = 32;
+
+/// Layouts that need different closed forms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Configuration {
+    /// Three points, not on a line: up to four poses.
+    Three,
+    /// Four points, three of them on a line.
+    LinePlusOne {
+        /// Indices: the three in order along the line, then the one off it.
+        order: [usize; 4],
+    },
+    /// Four or more points in one plane that determine a homography.
+    Planar,
+    /// Anything else, also all points but one on a line when there are more than four.
+    General,
+}
+
+/// Which configuration the points are in, from their places in the target.
+///
+/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target), `Collinear`.
+pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
+    check_numbers(points)?;
+    if points.len() < 3 {
+        return Err(Error::TooFewPoints { seen: points.len(), needed: 3 });
+    }
+    let places = Places { points };
+    let (first, last, length) = places.longest();
+    places.check_distinct(length)?;
+    let (widest, width) = places.farthest_from_line(first, last);
+    let needed = MIN_WIDTH.max(places.rounding() / length);
+    if !(needed * length < width) {
+        return Err(Error::Collinear { ratio: width / length, needed });
+    }
+    if points.len() == 3 {
+        return Ok(Configuration::Three);
+    }
+    let corners = [first, last, widest];
+    if let Some(off) = places.single_point_off_a_side(corners, length) {
+        return match points.len() {
+            4 => Ok(Configuration::LinePlusOne { order: places.along_line(off) }),
+            _ => Ok(Configuration::General),
+        };
+    }
+    let flat = places.thickness(corners) <= MAX_PLANE_THICKNESS * width;
+    Ok(if flat { Configuration::Planar } else { Configuration::General })
+}
+
+fn check_numbers(points: &[Correspondence]) -> Result<(), Error> {
+    for (index, c) in points.iter().enumerate() {
+        let finite = |what, ok: bool| if ok { Ok(()) } else { Err(Error::NotFinite { what, index }) };
+        finite("the position", c.x_in_target.iter().all(|x| x.is_finite()))?;
+        finite("the pixel", c.pixel.iter().all(|x| x.is_finite()))?;
+        finite("the bearing", c.bearing.iter().all(|x| x.is_finite()))?;
+        finite("sigma_px", c.sigma_px.is_finite())?;
+        finite("sigma_m", c.sigma_m.is_finite())?;
+        if !(0.0 < c.sigma_px) {
+            return Err(Error::NotPositive { index, seen: c.sigma_px });
+        }
+        if c.sigma_m < 0.0 {
+            return Err(Error::NotPositive { index, seen: c.sigma_m });
+        }
+    }
+    Ok(())
+}
+
+/// The target points, and what is measured on them.
+struct Places<'a> {
+    points: &'a [Correspondence],
+}
+
+impl Places<'_> {
+    fn at(&self, index: usize) -> Point {
+        self.points[index].x_in_target
+    }
+
+    /// Largest coordinate times the rounding of a coordinate.
+    fn rounding(&self) -> f64 {
+        ROUNDING * self.points.iter().map(|c| c.x_in_target.amax()).fold(0.0, f64::max)
+    }
+
+    /// Index and value of the largest measure.
+    fn largest(&self, measure: impl Fn(&Point) -> f64) -> (usize, f64) {
+        let values = self.points.iter().map(|c| measure(&c.x_in_target)).enumerate();
+        values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best })
+    }
+
+    /// Two points far apart, at least 1/√3 of the largest distance there is, and their distance.
+    fn longest(&self) -> (usize, usize, f64) {
+        let origin = self.at(0);
+        let (first, _) = self.largest(|x| (x - origin).norm());
+        let origin = self.at(first);
+        let (last, length) = self.largest(|x| (x - origin).norm());
+        (first, last, length)
+    }
+
+    fn check_distinct(&self, length: f64) -> Result<(), Error> {
+        let least = (MIN_DISTANCE * length).max(self.rounding());
+        let n = self.points.len();
+        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+        let all_same = !(least < length);
+        if n <= MAX_PAIRED || all_same {
+            for (first, second) in pairs {
+                if !(least < (self.at(first) - self.at(second)).norm()) {
+                    return Err(Error::Coincident { first, second, where_: "in the target" });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The point farthest from the line through two, and its distance.
+    fn farthest_from_line(&self, first: usize, last: usize) -> (usize, f64) {
+        let line = Line::new(self.at(first), self.at(last));
+        self.largest(|x| line.distance(x))
+    }
+
+    /// The only point off a side of the widest triangle, if all others lie on that side's line.
+    ///
+    /// Of any three points two are on such a line, so it is a side of every triangle; the most nearly straight side counts.
+    fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> Option<usize> {
+        let off_side = |first: usize, last: usize, off: usize| {
+            let line = Line::new(self.at(first), self.at(last));
+            let others = (0..self.points.len()).filter(|i| *i != off);
+            let height = others.map(|i| line.distance(&self.at(i))).fold(0.0, f64::max);
+            let along = (0..self.points.len())
+                .filter(|i| *i != off)
+                .map(|i| (self.at(i) - line.origin).dot(&line.along));
+            let (low, high) = along.fold((0.0f64, 0.0f64), |(low, high), t| (low.min(t), high.max(t)));
+            (height / (high - low), off)
+        };
+        let sides = [off_side(a, b, c), off_side(b, c, a), off_side(a, c, b)];
+        let (height, off) =
+            sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
+        // A point closer to the line than its own straightness is not "off" it.
+        let (p, q) = self.ends_without(off);
+        let distance = Line::new(self.at(p), self.at(q)).distance(&self.at(off)) / length;
+        (height <= MAX_LINE_HEIGHT && 3.0 * height <= distance).then_some(off)
+    }
+
+    /// Two distant points of the others.
+    fn ends_without(&self, off: usize) -> (usize, usize) {
+        let origin = self.at(if off == 0 { 1 } else { 0 });
+        let apart = |origin: Point| {
+            let values =
+                (0..self.points.len()).filter(|i| *i != off).map(|i| (i, (self.at(i) - origin).norm()));
+            values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best }).0
+        };
+        let first = apart(origin);
+        (first, apart(self.at(first)))
+    }
+
+    /// The three points on the line in order, starting from the lower-numbered end, then the one off it. Four points.
+    fn along_line(&self, off: usize) -> [usize; 4] {
+        let (p, q) = self.ends_without(off);
+        let middle = 6 - off - p - q;
+        [p.min(q), middle, p.max(q), off]
+    }
+
+    /// Largest distance from the plane of three points.
+    fn thickness(&self, [a, b, c]: [usize; 3]) -> f64 {
+        let origin = self.at(a);
+        let normal = (self.at(b) - origin).normalize().cross(&(self.at(c) - origin)).normalize();
+        self.largest(|x| normal.dot(&(x - origin)).abs()).1
+    }
+}
+
+/// A line through two points.
+struct Line {
+    origin: Point,
+    along: Vector3<f64>,
+}
+
+impl Line {
+    fn new(origin: Point, other: Point) -> Self {
+        Line { origin, along: (other - origin).normalize() }
+    }
+
+    fn distance(&self, x: &Point) -> f64 {
+        self.along.cross(&(x - self.origin)).norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+
+    fn seen(places: &[[f64; 3]]) -> Vec<Correspondence> {
+        let camera = Camera::normalized();
+        let point = |(i, x): (usize, &[f64; 3])| {
+            let pixel = crate::Pixel::new(0.1 * i as f64, 0.05 * (i * i) as f64);
+            Correspondence::new(&camera, Point::from(*x), pixel, 1.0).ok()
+        };
+        places.iter().enumerate().filter_map(point).collect()
+    }
+
+    fn moved(places: &[[f64; 3]], scale: f64, offset: f64) -> Vec<Correspondence> {
+        let r = *nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0).matrix();
+        let places: Vec<[f64; 3]> = places
+            .iter()
+            .map(|x| (r * Point::from(*x) * scale + Point::new(offset, -offset, 0.3 * offset)).into())
+            .collect();
+        seen(&places)
+    }
+
+    const LINE_PLUS_ONE: [[f64; 3]; 4] = [[1.0, 0.0, 0.0], [0.1, 0.7, 0.0], [0.0, 0.0, 0.0], [0.4, 0.0, 0.0]];
+    const SQUARE: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    const TETRAHEDRON: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    #[test]
+    fn layouts_are_recognised_at_every_scale_and_place() {
+        for (scale, offset) in [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 5e6), (1e9, 1e12), (1e-9, 1e-3)] {
+            let line_plus_one = classify(&moved(&LINE_PLUS_ONE, scale, offset));
+            assert_eq!(
+                line_plus_one,
+                Ok(Configuration::LinePlusOne { order: [0, 3, 2, 1] }),
+                "{scale} {offset}"
+            );
+            assert_eq!(classify(&moved(&SQUARE, scale, offset)), Ok(Configuration::Planar));
+            assert_eq!(classify(&moved(&TETRAHEDRON, scale, offset)), Ok(Configuration::General));
+            assert_eq!(classify(&moved(&SQUARE[..3], scale, offset)), Ok(Configuration::Three));
+        }
+    }
+
+    #[test]
+    fn points_on_a_line_are_refused_at_every_scale_and_place() {
+        for (scale, offset) in [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 5e6), (1.0, 1.0)] {
+            for n in [3, 4, 8] {
+                let places: Vec<[f64; 3]> = (0..n).map(|i| [0.1 * (i * i + 1) as f64, 0.0, 0.0]).collect();
+                let answer = classify(&moved(&places, scale, offset));
+                assert!(matches!(answer, Err(Error::Collinear { .. })), "{answer:?} {scale} {offset} {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn coincident_points_are_named() {
+        let mut places = SQUARE.to_vec();
+        places.push(places[1]);
+        let expected = Err(Error::Coincident { first: 1, second: 4, where_: "in the target" });
+        assert_eq!(classify(&moved(&places, 1.0, 0.0)), expected);
+        let same = [[0.3, 0.2, 0.1]; 4];
+        let expected = Err(Error::Coincident { first: 0, second: 1, where_: "in the target" });
+        assert_eq!(classify(&seen(&same)), expected);
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_named() {
+        let bad = |change: fn(&mut Correspondence)| {
+            let mut points = moved(&SQUARE, 1.0, 0.0);
+            change(&mut points[2]);
+            classify(&points)
+        };
+        let not_finite = |what| Err(Error::NotFinite { what, index: 2 });
+        assert_eq!(bad(|c| c.x_in_target.y = f64::NAN), not_finite("the position"));
+        assert_eq!(bad(|c| c.pixel.x = f64::INFINITY), not_finite("the pixel"));
+        assert_eq!(bad(|c| c.sigma_px = f64::NAN), not_finite("sigma_px"));
+        assert_eq!(bad(|c| c.sigma_m = f64::NAN), not_finite("sigma_m"));
+        assert_eq!(bad(|c| c.sigma_px = 0.0), Err(Error::NotPositive { index: 2, seen: 0.0 }));
+        assert_eq!(bad(|c| c.sigma_m = -1.0), Err(Error::NotPositive { index: 2, seen: -1.0 }));
+        assert_eq!(classify(&seen(&SQUARE[..2])), Err(Error::TooFewPoints { seen: 2, needed: 3 }));
+        assert_eq!(classify(&[]), Err(Error::TooFewPoints { seen: 0, needed: 3 }));
+    }
+
+    /// A surveyed line is never exactly straight; a quadrilateral is never quite a line.
+    #[test]
+    fn a_nearly_straight_triple_counts_as_a_line_until_it_bends() {
+        let bent = |height: f64| {
+            let mut places = LINE_PLUS_ONE;
+            places[3][1] = height;
+            classify(&moved(&places, 1.0, 0.0))
+        };
+        let line = Ok(Configuration::LinePlusOne { order: [0, 3, 2, 1] });
+        for height in [1e-15, -1e-6, 1e-3, 0.029] {
+            assert_eq!(bent(height), line, "{height}");
+        }
+        assert_eq!(bent(0.031), Ok(Configuration::Planar));
+        assert_eq!(bent(-0.2), Ok(Configuration::Planar));
+    }
+
+    #[test]
+    fn all_but_one_on_a_line_do_not_pass_for_a_plane() {
+        let mut places = LINE_PLUS_ONE.to_vec();
+        places.push([0.7, 0.0, 0.0]);
+        assert_eq!(classify(&moved(&places, 1.0, 0.0)), Ok(Configuration::General));
+        places.push([0.7, 0.5, 0.0]);
+        assert_eq!(classify(&moved(&places, 1.0, 0.0)), Ok(Configuration::Planar));
+    }
+
+    #[test]
+    fn every_order_of_a_line_plus_one_is_recognised() {
+        for code in 0..256usize {
+            let p = [code & 3, (code >> 2) & 3, (code >> 4) & 3, (code >> 6) & 3];
+            if (0..4).any(|i| !p.contains(&i)) {
+                continue;
+            }
+            let places = p.map(|i| LINE_PLUS_ONE[i]);
+            let Ok(Configuration::LinePlusOne { order }) = classify(&moved(&places, 1.0, 0.0)) else {
+                panic!("{p:?}")
+            };
+            let named = order.map(|i| p[i]);
+            assert!(named == [0, 3, 2, 1] || named == [2, 3, 0, 1], "{named:?}");
+            assert!(order[0] < order[2]);
+        }
+    }
+}

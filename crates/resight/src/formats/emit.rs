@@ -1,0 +1,46 @@
+//! Numbers and strings as text that every reader of YAML, TOML and JSON takes for the same value.
+
+/// Shortest decimal that reads back to the same bits; always with a point and a signed exponent, because YAML 1.1
+/// readers (PyYAML in Kalibr and ROS) take `1e-5` for text.
+pub(super) fn number(x: f64) -> String {
+    let shortest = format!("{x:?}");
+    match shortest.split_once('e') {
+        None => shortest,
+        Some((mantissa, exponent)) => {
+            let point = if mantissa.contains('.') { "" } else { ".0" };
+            let sign = if exponent.starts_with('-') { "" } else { "+" };
+            format!("{mantissa}{point}e{sign}{exponent}")
+        }
+    }
+}
+
+/// `[1.0, 2.0]`.
+pub(super) fn list(numbers: &[f64]) -> String {
+    let parts: Vec<String> = numbers.iter().map(|x| number(*x)).collect();
+    format!("[{}]", parts.join(", "))
+}
+
+/// A string in double quotes. JSON's escapes are also YAML's and TOML's; those two forbid more control characters bare.
+pub(super) fn quoted(text: &str) -> String {
+    let json = serde_json::Value::from(text).to_string();
+    let bare = |c: char| {
+        c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}')
+    };
+    json.chars().map(|c| if bare(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_has_a_point_and_reads_back() {
+        for x in [0.0, -0.0, 1.0, 1e-5, -2.5e-7, 1e16, 1e300, f64::MIN_POSITIVE, 0.1, 1.0 / 3.0] {
+            let text = number(x);
+            assert!(text.contains('.'), "{text}");
+            assert_eq!(text.parse::<f64>().unwrap().to_bits(), x.to_bits(), "{text}");
+        }
+        assert_eq!(number(1e-5), "1.0e-5");
+        assert_eq!(number(1e16), "1.0e+16");
+    }
+}

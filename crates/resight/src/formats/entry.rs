@@ -1,0 +1,277 @@
+//! One value of a file with the path of keys that leads to it: the typed accessors every format uses.
+
+use super::document::{Fault, Node, Value};
+use nalgebra::DMatrix;
+
+/// A node under its key path, e.g. `cam0.intrinsics`.
+#[derive(Debug, Clone)]
+pub(super) struct Entry<'a> {
+    pub path: String,
+    pub node: &'a Node,
+}
+
+impl<'a> Entry<'a> {
+    /// `line: path: reason`.
+    pub fn fault(&self, reason: impl std::fmt::Display) -> Fault {
+        let reason =
+            if self.path.is_empty() { reason.to_string() } else { format!("{}: {reason}", self.path) };
+        Fault::at(self.node.line, reason)
+    }
+
+    fn child(&self, key: &str, node: &'a Node) -> Entry<'a> {
+        let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
+        Entry { path, node }
+    }
+
+    /// Last part of the path: the name a table goes by.
+    pub fn name(&self) -> &str {
+        self.path.rsplit('.').next().unwrap_or_default()
+    }
+
+    pub fn get(&self, key: &str) -> Option<Entry<'a>> {
+        self.node.get(key).filter(|n| n.value != Value::Null).map(|node| self.child(key, node))
+    }
+
+    pub fn has(&self, key: &str) -> bool {
+        self.get(key).is_some()
+    }
+
+    /// The first of several spellings that is there.
+    pub fn first_of(&self, keys: &[&str]) -> Option<Entry<'a>> {
+        keys.iter().find_map(|key| self.get(key))
+    }
+
+    pub fn need(&self, key: &str) -> Result<Entry<'a>, Fault> {
+        self.get(key).ok_or_else(|| self.fault(format!("the key `{key}` is missing")))
+    }
+
+    /// Keys and values of a table, in file order; a fault when it is not a table.
+    pub fn entries(&self) -> Result<Vec<Entry<'a>>, Fault> {
+        match &self.node.value {
+            Value::Map(entries) => Ok(entries.iter().map(|(key, node)| self.child(key, node)).collect()),
+            other => Err(self.fault(format!("is {}; a table of keys is needed", other.kind()))),
+        }
+    }
+
+    /// Elements of a list; `path[i]`.
+    pub fn items(&self) -> Result<Vec<Entry<'a>>, Fault> {
+        match &self.node.value {
+            Value::List(items) => Ok(items
+                .iter()
+                .enumerate()
+                .map(|(i, node)| Entry { path: format!("{}[{i}]", self.path), node })
+                .collect()),
+            other => Err(self.fault(format!("is {}; a list is needed", other.kind()))),
+        }
+    }
+
+    /// A finite number.
+    pub fn number(&self) -> Result<f64, Fault> {
+        match &self.node.value {
+            Value::Number(x) if x.is_finite() => Ok(*x),
+            Value::Number(x) => {
+                Err(self.fault(format!("is {x}; a finite number is needed (a failed calibration?)")))
+            }
+            Value::Text(text) => Err(self.fault(not_a_number(text))),
+            other => Err(self.fault(format!("is {}; a number is needed", other.kind()))),
+        }
+    }
+
+    /// A whole number of at least `least` that fits the identifier and size types.
+    pub fn count(&self, least: u32) -> Result<u32, Fault> {
+        let x = self.number()?;
+        if x.fract() != 0.0 || x < f64::from(least) || f64::from(u32::MAX) < x {
+            return Err(self.fault(format!("is {x}; a whole number of at least {least} is needed")));
+        }
+        Ok(x as u32)
+    }
+
+    /// Rows or columns of a target: at most 1000, so that their product is a sane number of corners.
+    pub fn side(&self, least: u32) -> Result<u32, Fault> {
+        self.count_up_to(least, 1000)
+    }
+
+    /// Identifier of a tag: at most 10⁹, so that counting on from it cannot overflow.
+    pub fn id(&self) -> Result<u32, Fault> {
+        self.count_up_to(0, 1_000_000_000)
+    }
+
+    fn count_up_to(&self, least: u32, most: u32) -> Result<u32, Fault> {
+        match self.count(least)? {
+            n if n <= most => Ok(n),
+            n => Err(self.fault(format!("is {n}; at most {most} is supported"))),
+        }
+    }
+
+    pub fn text(&self) -> Result<&'a str, Fault> {
+        match &self.node.value {
+            Value::Text(text) => Ok(text),
+            other => Err(self.fault(format!("is {}; text is needed", other.kind()))),
+        }
+    }
+
+    /// `true`/`false`, or 0/1 as OpenCV writes it.
+    pub fn flag(&self) -> Result<bool, Fault> {
+        match &self.node.value {
+            Value::Bool(flag) => Ok(*flag),
+            Value::Number(x) if *x == 0.0 || *x == 1.0 => Ok(*x == 1.0),
+            other => Err(self.fault(format!("is {}; true or false is needed", other.kind()))),
+        }
+    }
+
+    /// All numbers below, row by row: a flat list, nested rows, `{rows, cols, data}`, or a single number.
+    pub fn numbers(&self) -> Result<Vec<f64>, Fault> {
+        match &self.node.value {
+            Value::Map(_) => self.dense_data(),
+            Value::List(_) => {
+                let mut all = Vec::new();
+                for item in self.items()? {
+                    match item.node.value {
+                        Value::List(_) => all.extend(item.numbers()?),
+                        _ => all.push(item.number()?),
+                    }
+                }
+                Ok(all)
+            }
+            _ => self.number().map(|x| vec![x]),
+        }
+    }
+
+    /// OpenCV's and ROS's `{rows, cols, data}`; the count must agree.
+    fn dense_data(&self) -> Result<Vec<f64>, Fault> {
+        let (rows, cols) = (self.need("rows")?.count(0)?, self.need("cols")?.count(0)?);
+        let data = match self.get("data") {
+            Some(data) => data.numbers()?,
+            None if rows == 0 || cols == 0 => Vec::new(),
+            None => return Err(self.fault("the key `data` is missing")),
+        };
+        if data.len() as u64 != rows as u64 * cols as u64 {
+            let seen = data.len();
+            return Err(
+                self.fault(format!("says {rows}×{cols} but holds {seen} numbers (a truncated file?)"))
+            );
+        }
+        Ok(data)
+    }
+
+    /// Exactly `n` numbers.
+    pub fn exactly(&self, n: usize, meaning: &str) -> Result<Vec<f64>, Fault> {
+        let numbers = self.numbers()?;
+        if numbers.len() != n {
+            return Err(self.fault(format!("holds {} numbers; {n} are needed ({meaning})", numbers.len())));
+        }
+        Ok(numbers)
+    }
+
+    /// A rows × columns matrix of finite numbers, in any of the layouts of `numbers`.
+    pub fn matrix(&self, rows: usize, columns: usize) -> Result<DMatrix<f64>, Fault> {
+        self.check_shape(rows, columns)?;
+        let numbers = self.exactly(rows * columns, &format!("a {rows}×{columns} matrix, row by row"))?;
+        Ok(DMatrix::from_row_slice(rows, columns, &numbers))
+    }
+
+    fn check_shape(&self, rows: usize, columns: usize) -> Result<(), Fault> {
+        let seen = match &self.node.value {
+            Value::Map(_) => {
+                Some((self.need("rows")?.count(0)? as usize, self.need("cols")?.count(0)? as usize))
+            }
+            Value::List(items) => match items.first().map(|n| &n.value) {
+                Some(Value::List(row)) => Some((items.len(), row.len())),
+                _ => None,
+            },
+            _ => None,
+        };
+        match seen {
+            Some((r, c)) if (r, c) != (rows, columns) => {
+                Err(self.fault(format!("is a {r}×{c} matrix; {rows}×{columns} is needed")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses keys that our own files do not have, with the nearest one that they do.
+    pub fn only(&self, known: &[&str]) -> Result<(), Fault> {
+        for entry in self.entries()? {
+            let key = entry.name().to_owned();
+            if !known.contains(&key.as_str()) {
+                return Err(entry.fault(unknown_key(&key, known)));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn not_a_number(text: &str) -> String {
+    let comma = text.contains(',') && text.replace(',', ".").trim().parse::<f64>().is_ok();
+    if comma {
+        return format!("`{text}` has a decimal comma; write a point: {}", text.replace(',', "."));
+    }
+    let short: String = text.chars().take(40).collect();
+    format!("`{short}` is not a number")
+}
+
+fn unknown_key(key: &str, known: &[&str]) -> String {
+    let stem = key.trim_end_matches("_mm").trim_end_matches("_cm").trim_end_matches("_inch");
+    for unit in ["_m", "_px"] {
+        let with_unit = format!("{stem}{unit}");
+        if let Some(right) = known.iter().find(|k| **k == with_unit) {
+            let words = if unit == "_m" { "metres" } else { "pixels" };
+            return format!("unknown key: the unit is part of the name here; write `{right}` ({words})");
+        }
+    }
+    if key.contains("quat") || key == "rotation" || key == "rotation_xyzw" {
+        return "the order of a quaternion must be in its name; write `rotation_wxyz = [w, x, y, z]`".into();
+    }
+    match nearest(key, known) {
+        Some(right) => format!("unknown key; did you mean `{right}`?"),
+        None => format!("unknown key; the keys here are {}", known.join(", ")),
+    }
+}
+
+/// The candidate within two edits (one for short words).
+pub(super) fn nearest<'k>(word: &str, candidates: &[&'k str]) -> Option<&'k str> {
+    let allowed = if word.len() < 5 { 1 } else { 2 };
+    candidates
+        .iter()
+        .map(|c| (edit_distance(word, c), *c))
+        .filter(|(distance, _)| *distance <= allowed)
+        .min()
+        .map(|(_, candidate)| candidate)
+}
+
+/// Levenshtein distance, words cut at 64 characters so that a hostile key stays cheap.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().take(64).collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().take(64).enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edit_distance_counts_edits() {
+        assert_eq!(edit_distance("width_px", "widht_px"), 2);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+    }
+
+    #[test]
+    fn a_unit_left_out_is_named() {
+        assert!(unknown_key("size", &["size_m", "id"]).contains("`size_m` (metres)"));
+        assert!(unknown_key("size_mm", &["size_m", "id"]).contains("`size_m` (metres)"));
+        assert!(unknown_key("fx", &["fx_px"]).contains("`fx_px` (pixels)"));
+        assert!(unknown_key("distorsion", &["distortion"]).contains("did you mean `distortion`"));
+        assert!(unknown_key("quaternion", &["rotation_wxyz"]).contains("[w, x, y, z]"));
+    }
+}

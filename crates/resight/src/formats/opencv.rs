@@ -1,0 +1,325 @@
+//! OpenCV FileStorage (YAML 1.0 and 1.2, XML, JSON), in the spellings its samples and its users have for K and D.
+//!
+//! Stereo files: R, T with x_2 = R x_1 + T, in the unit of the calibration board, which the file does not state.
+//! The emitter is ours because OpenCV's YAML reader is particular about layout.
+
+use super::document::{Document, Fault};
+use super::emit::list;
+use super::entry::Entry;
+use super::lens::{self, LensNumbers};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
+use crate::core::camera::{CameraMatrix, ImageSize};
+use crate::core::{Camera, Pose};
+use std::fmt::Write;
+
+pub(super) const FORMAT: CameraFormat = CameraFormat {
+    format: Format::OpenCv,
+    recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
+    read,
+    traps: &[
+        "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
+            not the second camera's place, that is -Rᵀ T.",
+        "R1 and R2 rotate for rectification, they are not the cameras' attitudes.",
+        "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; \
+            the file itself does not say which.",
+    ],
+};
+
+/// Spellings of the camera matrix and its distortion; `#` stands for nothing or a camera's number.
+const SPELLINGS: [(&str, &[&str]); 13] = [
+    ("K#", &["D#", "d#", "D_k1k2p1p2k3"]),
+    ("M#", &["D#"]),
+    ("K_#", &["D_#"]),
+    ("camera_matrix#", &["distortion_coefficients#", "dist_coeffs#", "distortion#", "dist_coeff#"]),
+    ("camera_matrix_#", &["distortion_coefficients_#", "dist_coeffs_#"]),
+    ("cameraMatrix#", &["distCoeffs#", "distortionCoefficients#", "distCoeff#"]),
+    ("Camera_Matrix#", &["Distortion_Coefficients#"]),
+    ("Camera_matrix#", &["Distortion_coefficients#"]),
+    ("intrinsic_matrix#", &["distortion_coefficients#", "distortion#"]),
+    ("mtx#", &["dist#"]),
+    ("camMatrix#", &["distCoeffs#"]),
+    ("k#", &["d#"]),
+    ("intrinsics#", &["distortion#", "distortion_coefficients#"]),
+];
+const NUMBERS: [&str; 10] = ["", "1", "2", "3", "4", "0", "left", "right", "l", "r"];
+const WIDTHS: [&str; 7] =
+    ["image_width", "image_Width", "imageWidth", "width", "frame_width", "img_width", "calibImageWidth"];
+const HEIGHTS: [&str; 7] = [
+    "image_height",
+    "image_Height",
+    "imageHeight",
+    "height",
+    "frame_height",
+    "img_height",
+    "calibImageHeight",
+];
+const SIZES: [&str; 6] = ["image_size", "imageSize", "img_size", "size", "resolution", "Image_Size"];
+
+struct Pair<'a> {
+    number: &'static str,
+    matrix: Entry<'a>,
+    distortion: Option<Entry<'a>>,
+}
+
+/// Every camera matrix there is, with its distortion.
+fn pairs<'a>(root: &Entry<'a>) -> impl Iterator<Item = Pair<'a>> {
+    let root = root.clone();
+    NUMBERS.iter().filter_map(move |number| {
+        SPELLINGS.iter().find_map(|(matrix, distortions)| {
+            let matrix = root.get(&matrix.replace('#', number))?;
+            let distortion = distortions.iter().find_map(|d| root.get(&d.replace('#', number)));
+            Some(Pair { number, matrix, distortion })
+        })
+    })
+}
+
+fn is_stereo(root: &Entry<'_>) -> bool {
+    root.has("R") && (root.has("T") || root.has("t"))
+}
+
+fn read(document: &Document) -> Result<Contents, Fault> {
+    let root = document.entry();
+    let mut contents = Contents::default();
+    let size = image_size(&root)?;
+    for pair in pairs(&root) {
+        let camera = one_camera(&root, &pair, size, &mut contents.warnings)?;
+        let stated = root.get(&format!("camera_name{}", pair.number)).map(|n| n.text()).transpose()?;
+        let single = pair.number.is_empty();
+        let name = stated
+            .map(str::to_owned)
+            .unwrap_or_else(|| if single { document.stem() } else { pair.matrix.path.clone() });
+        contents.cameras.push(NamedCamera { name, camera, placement: None });
+    }
+    if size.is_none() && !contents.cameras.is_empty() {
+        contents.warnings.push(
+            "the file states no image size, so images of another resolution cannot be found out".into(),
+        );
+    }
+    place(&root, &mut contents)?;
+    Ok(contents)
+}
+
+fn image_size(root: &Entry<'_>) -> Result<Option<ImageSize>, Fault> {
+    match (root.first_of(&WIDTHS), root.first_of(&HEIGHTS), root.first_of(&SIZES)) {
+        (Some(w), Some(h), _) => Ok(Some(ImageSize { width_px: w.count(1)?, height_px: h.count(1)? })),
+        (None, None, Some(size)) if size.has("width") => {
+            let (w, h) = (size.need("width")?, size.need("height")?);
+            Ok(Some(ImageSize { width_px: w.count(1)?, height_px: h.count(1)? }))
+        }
+        (None, None, Some(size)) => checks::size_pair(&size).map(Some),
+        (None, None, None) => Ok(None),
+        (Some(one), None, _) | (None, Some(one), _) => {
+            Err(one.fault("width and height belong together; the other is missing"))
+        }
+    }
+}
+
+fn one_camera(
+    root: &Entry<'_>,
+    pair: &Pair<'_>,
+    size: Option<ImageSize>,
+    warnings: &mut Vec<String>,
+) -> Result<Camera, Fault> {
+    let matrix = checks::camera_matrix(&pair.matrix)?;
+    let lens = lens_numbers(root, pair, warnings)?;
+    lens::camera(pair.distortion.as_ref().unwrap_or(&pair.matrix), &lens, matrix, size, warnings)
+        .map_err(|fault| Fault { line: fault.line.or(Some(pair.matrix.node.line)), ..fault })
+}
+
+fn lens_numbers(root: &Entry<'_>, pair: &Pair<'_>, warnings: &mut Vec<String>) -> Result<LensNumbers, Fault> {
+    let fisheye = is_fisheye(root)?;
+    let Some(distortion) = &pair.distortion else {
+        if fisheye {
+            return Err(pair.matrix.fault("is a fisheye's, but its four coefficients are missing"));
+        }
+        warnings.push(format!(
+            "{}: no distortion coefficients beside it; read as a camera without distortion",
+            pair.matrix.path
+        ));
+        return Ok(LensNumbers::Pinhole);
+    };
+    let d = distortion.numbers()?;
+    if fisheye {
+        let k = <[f64; 4]>::try_from(d)
+            .map_err(|d| distortion.fault(format!("holds {} coefficients; fisheye takes 4", d.len())))?;
+        return Ok(LensNumbers::KannalaBrandt(k));
+    }
+    if d.len() == 4 && fisheye_unstated(root) && d.iter().any(|x| *x != 0.0) {
+        warnings.push(format!(
+            "{}: four coefficients are read as k1, k2, p1, p2; if cv::fisheye made \
+            them, add `distortion_model: fisheye`",
+            distortion.path
+        ));
+    }
+    brown_conrady(distortion, d)
+}
+
+/// 0 (no distortion), 4, 5, 8, 12 or 14 coefficients.
+pub(super) fn brown_conrady(at: &Entry<'_>, d: Vec<f64>) -> Result<LensNumbers, Fault> {
+    match d.len() {
+        0 => Ok(LensNumbers::Pinhole),
+        4 | 5 | 8 | 12 | 14 if d.iter().all(|x| *x == 0.0) => Ok(LensNumbers::Pinhole),
+        4 | 5 | 8 | 12 | 14 => Ok(LensNumbers::BrownConrady(d)),
+        n => Err(at.fault(format!("holds {n} coefficients; OpenCV's model takes 4, 5, 8, 12 or 14"))),
+    }
+}
+
+fn model_key<'a>(root: &Entry<'a>) -> Option<Entry<'a>> {
+    root.first_of(&[
+        "distortion_model",
+        "camera_model",
+        "model",
+        "lens_model",
+        "fisheye_model",
+        "fisheye",
+        "isFisheye",
+    ])
+}
+
+fn fisheye_unstated(root: &Entry<'_>) -> bool {
+    model_key(root).is_none()
+}
+
+fn is_fisheye(root: &Entry<'_>) -> Result<bool, Fault> {
+    let Some(model) = model_key(root) else { return Ok(false) };
+    let Ok(word) = model.text() else { return model.flag() };
+    match word.to_ascii_lowercase().as_str() {
+        "fisheye" | "equidistant" | "kannala_brandt" => Ok(true),
+        "pinhole" | "brown_conrady" | "plumb_bob" | "radtan" | "rational_polynomial" | "none" => Ok(false),
+        other => Err(model.fault(format!(
+            "unknown model `{other}`; pinhole, plumb_bob, rational_polynomial or fisheye are read"
+        ))),
+    }
+}
+
+/// R, T beside two cameras (or alone) place the second in the first's frame.
+fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
+    let (Some(r), Some(t)) = (root.get("R"), root.first_of(&["T", "t"])) else { return Ok(()) };
+    let b_from_a = Pose::new(checks::rotation_matrix_or_vector(&r)?, checks::vector3(&t)?);
+    let names: Vec<&str> = contents.cameras.iter().map(|c| c.name.as_str()).collect();
+    let (a, b) = match names.as_slice() {
+        [a, b] => (a.to_string(), b.to_string()),
+        [] => ("first".into(), "second".into()),
+        _ => return Err(r.fault(format!("R and T need two cameras; the file has {}", names.len()))),
+    };
+    contents.warnings.extend(checks::unit_warning(&t.path, b_from_a.translation.norm()));
+    let placement = Placement { b, a, b_from_a };
+    match contents.cameras.get_mut(1) {
+        Some(second) => second.placement = Some(placement),
+        None => contents.relations.push(placement),
+    }
+    contents.notes.push(
+        "T is in the unit of the calibration board, which the file does not state; metres are assumed."
+            .into(),
+    );
+    Ok(())
+}
+
+/// One camera (`camera_matrix`, …) or two (`M1 D1 M2 D2 R T`).
+pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+    let mut out = String::from("%YAML:1.0\n---\n");
+    match cameras {
+        [only] => {
+            write_name_and_size(&mut out, "", only)?;
+            write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
+        }
+        [first, second] => write_pair(&mut out, first, second, cameras)?,
+        many => {
+            return Err(WriteError(format!(
+                "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
+                many.len()
+            )));
+        }
+    }
+    Ok(out)
+}
+
+fn write_pair(
+    out: &mut String,
+    first: &NamedCamera,
+    second: &NamedCamera,
+    all: &[NamedCamera],
+) -> Result<(), WriteError> {
+    if first.camera.size != second.camera.size {
+        return Err(WriteError("an OpenCV stereo file has one image size; write one file per camera".into()));
+    }
+    write_name_and_size(out, "1", first)?;
+    put(out, format_args!("camera_name2: \"{}\"\n", plain_name(&second.name)?));
+    write_intrinsics(out, first, "M1", "D1")?;
+    write_intrinsics(out, second, "M2", "D2")?;
+    if let Some(pose) = frames::between(all, &second.name, &first.name) {
+        let r: Vec<f64> = pose.rotation.transpose().iter().copied().collect();
+        write_matrix(out, "R", 3, 3, &r);
+        write_matrix(out, "T", 3, 1, pose.translation.as_slice());
+    }
+    Ok(())
+}
+
+fn put(out: &mut String, text: std::fmt::Arguments<'_>) {
+    // Writing to a String cannot fail.
+    let _ = out.write_fmt(text);
+}
+
+fn plain_name(name: &str) -> Result<&str, WriteError> {
+    let plain = name.chars().all(|c| c.is_alphanumeric() || "_-. ".contains(c));
+    if plain {
+        Ok(name)
+    } else {
+        Err(WriteError(format!("camera name `{name}`: only letters, digits, _, - and . can be written")))
+    }
+}
+
+fn write_name_and_size(out: &mut String, number: &str, camera: &NamedCamera) -> Result<(), WriteError> {
+    put(out, format_args!("camera_name{number}: \"{}\"\n", plain_name(&camera.name)?));
+    if let Some(size) = camera.camera.size {
+        put(out, format_args!("image_width: {}\nimage_height: {}\n", size.width_px, size.height_px));
+    }
+    Ok(())
+}
+
+fn write_intrinsics(
+    out: &mut String,
+    camera: &NamedCamera,
+    matrix: &str,
+    distortion: &str,
+) -> Result<(), WriteError> {
+    let (k, numbers) = lens::numbers_of(&camera.camera)?;
+    let (model, d) = match numbers {
+        LensNumbers::Pinhole => ("plumb_bob", vec![0.0; 5]),
+        LensNumbers::BrownConrady(d) if d.len() <= 5 => ("plumb_bob", d),
+        LensNumbers::BrownConrady(d) => ("rational_polynomial", d),
+        LensNumbers::KannalaBrandt(d) => ("fisheye", d.to_vec()),
+        other => {
+            return Err(WriteError(format!(
+                "OpenCV has no {} model; write resight or kalibr",
+                other.model()
+            )));
+        }
+    };
+    if !out.contains("distortion_model") {
+        put(out, format_args!("distortion_model: \"{model}\"\n"));
+    } else if out.contains("\"fisheye\"") != (model == "fisheye") {
+        return Err(WriteError(
+            "a fisheye and an ordinary lens do not fit one OpenCV file; write one file per camera".into(),
+        ));
+    }
+    write_matrix(out, matrix, 3, 3, &matrix_rows(&k));
+    let (rows, columns) = if model == "fisheye" { (d.len(), 1) } else { (1, d.len()) };
+    write_matrix(out, distortion, rows, columns, &d);
+    Ok(())
+}
+
+/// [fx 0 cx; 0 fy cy; 0 0 1], row by row.
+pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
+    [k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0]
+}
+
+fn write_matrix(out: &mut String, key: &str, rows: usize, columns: usize, data: &[f64]) {
+    put(
+        out,
+        format_args!(
+            "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {}\n",
+            list(data)
+        ),
+    );
+}

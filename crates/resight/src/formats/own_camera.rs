@@ -1,0 +1,239 @@
+//! Our own camera file: TOML, every key with its unit; one camera at the top level or several as `[[camera]]`.
+//!
+//! ```toml
+//! [[camera]]
+//! name = "right"
+//! model = "brown_conrady"
+//! …
+//! [camera.placement]      # x_in_b = b_from_a · x_in_a
+//! b = "right"
+//! a = "left"
+//! rotation_wxyz = [1.0, 0.0, 0.0, 0.0]
+//! translation_m = [-0.12, 0.0, 0.0]
+//! ```
+
+use super::document::{Document, Fault, Syntax};
+use super::emit::{list, number, quoted};
+use super::entry::{Entry, nearest};
+use super::lens::{self, LensNumbers};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks};
+use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
+use crate::core::{Camera, Lens};
+
+pub(super) const FORMAT: CameraFormat = CameraFormat {
+    format: Format::Own,
+    recognises: |document| {
+        let root = document.entry();
+        document.syntax == Syntax::Toml && (root.has("model") || root.has("camera") || root.has("fx_px"))
+    },
+    read,
+    traps: &[],
+};
+
+const MODELS: [&str; 8] =
+    ["pinhole", "brown_conrady", "kannala_brandt", "photogrammetric", "omni", "double_sphere", "eucm", "fov"];
+const COMMON: [&str; 3] = ["name", "model", "placement"];
+const MATRIX: [&str; 6] = ["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"];
+
+fn read(document: &Document) -> Result<Contents, Fault> {
+    let root = document.entry();
+    let mut contents = Contents::default();
+    let Some(cameras) = root.get("camera") else {
+        let camera = one_camera(&root, Some(document.stem()), &mut contents.warnings)?;
+        contents.cameras.push(camera);
+        return Ok(contents);
+    };
+    root.only(&["camera"])?;
+    for entry in cameras.items()? {
+        contents.cameras.push(one_camera(&entry, None, &mut contents.warnings)?);
+    }
+    Ok(contents)
+}
+
+fn one_camera(
+    entry: &Entry<'_>,
+    stem: Option<String>,
+    warnings: &mut Vec<String>,
+) -> Result<NamedCamera, Fault> {
+    let name = match (entry.get("name"), stem) {
+        (Some(name), _) => name.text()?.to_owned(),
+        (None, Some(stem)) => stem,
+        (None, None) => {
+            return Err(entry.fault("the key `name` is missing; several cameras are told apart by it"));
+        }
+    };
+    let camera = lens_of(entry, warnings)?;
+    let placement = entry.get("placement").map(|p| placement(&p)).transpose()?;
+    Ok(NamedCamera { name, camera, placement })
+}
+
+fn lens_of(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Fault> {
+    let model = entry.need("model")?;
+    let word = model.text()?;
+    let own_keys: &[&str] = match word {
+        "photogrammetric" => return photogrammetric(entry, warnings),
+        "pinhole" => &["distortion"],
+        "brown_conrady" | "kannala_brandt" => &["distortion"],
+        "omni" => &["xi", "distortion"],
+        "double_sphere" => &["xi", "alpha"],
+        "eucm" => &["alpha", "beta"],
+        "fov" => &["w_rad"],
+        other => return Err(model.fault(unknown_model(other))),
+    };
+    entry.only(&[&COMMON[..], &MATRIX[..], own_keys].concat())?;
+    let get = |key: &str| entry.need(key)?.number();
+    let matrix = CameraMatrix {
+        fx_px: get("fx_px")?,
+        fy_px: get("fy_px")?,
+        cx_px: get("cx_px")?,
+        cy_px: get("cy_px")?,
+    };
+    let size = ImageSize {
+        width_px: entry.need("width_px")?.count(1)?,
+        height_px: entry.need("height_px")?.count(1)?,
+    };
+    let numbers = lens_numbers(entry, word)?;
+    lens::camera(entry, &numbers, matrix, Some(size), warnings)
+}
+
+fn unknown_model(word: &str) -> String {
+    let suggestion = match word {
+        "fisheye" | "equidistant" | "kb4" => Some("kannala_brandt"),
+        "opencv" | "plumb_bob" | "radtan" | "rational_polynomial" => Some("brown_conrady"),
+        "ds" => Some("double_sphere"),
+        _ => nearest(word, &MODELS),
+    };
+    match suggestion {
+        Some(right) => format!("unknown model `{word}`; did you mean `{right}`?"),
+        None => format!("unknown model `{word}`; the models are {}", MODELS.join(", ")),
+    }
+}
+
+fn lens_numbers(entry: &Entry<'_>, model: &str) -> Result<LensNumbers, Fault> {
+    let get = |key: &str| entry.need(key)?.number();
+    let four = |distortion: &Entry<'_>| {
+        <[f64; 4]>::try_from(distortion.numbers()?)
+            .map_err(|d| distortion.fault(format!("holds {} coefficients; {model} takes 4", d.len())))
+    };
+    Ok(match model {
+        "brown_conrady" => {
+            let distortion = entry.need("distortion")?;
+            let d = distortion.numbers()?;
+            if ![4, 5, 8, 12, 14].contains(&d.len()) {
+                let n = d.len();
+                return Err(distortion
+                    .fault(format!("holds {n} coefficients; brown_conrady takes 4, 5, 8, 12 or 14")));
+            }
+            LensNumbers::BrownConrady(d)
+        }
+        "kannala_brandt" => LensNumbers::KannalaBrandt(four(&entry.need("distortion")?)?),
+        "omni" => {
+            let k1k2p1p2 = entry.get("distortion").map_or(Ok([0.0; 4]), |d| four(&d))?;
+            LensNumbers::Omni { xi: get("xi")?, k1k2p1p2 }
+        }
+        "double_sphere" => LensNumbers::DoubleSphere { xi: get("xi")?, alpha: get("alpha")? },
+        "eucm" => LensNumbers::Eucm { alpha: get("alpha")?, beta: get("beta")? },
+        "fov" => LensNumbers::Fov { w_rad: get("w_rad")? },
+        _ => {
+            if let Some(d) =
+                entry.get("distortion").filter(|d| d.numbers().is_ok_and(|d| d.iter().any(|x| *x != 0.0)))
+            {
+                return Err(d.fault(
+                    "has coefficients, but model = \"pinhole\" has none; write model = \"brown_conrady\"",
+                ));
+            }
+            LensNumbers::Pinhole
+        }
+    })
+}
+
+/// Lengths in one unit, that of f; so no image size.
+fn photogrammetric(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Fault> {
+    entry.only(&[&COMMON[..], &["f", "xp", "yp", "k", "p", "a"]].concat())?;
+    let get = |key: &str| entry.need(key)?.number();
+    fn fixed<const N: usize>(entry: &Entry<'_>, key: &str) -> Result<[f64; N], Fault> {
+        let Some(found) = entry.get(key) else { return Ok([0.0; N]) };
+        <[f64; N]>::try_from(found.numbers()?)
+            .map_err(|v| found.fault(format!("holds {} numbers; {N} are needed", v.len())))
+    }
+    let table = PhotogrammetricParameters {
+        f: get("f")?,
+        xp: get("xp")?,
+        yp: get("yp")?,
+        k: fixed(entry, "k")?,
+        p: fixed(entry, "p")?,
+        a: fixed(entry, "a")?,
+    };
+    let unused = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
+    lens::camera(entry, &LensNumbers::Photogrammetric(table), unused, None, warnings)
+}
+
+fn placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
+    entry.only(&["b", "a", "rotation_wxyz", "translation_m"])?;
+    let rotation = entry.need("rotation_wxyz")?;
+    let q = rotation.exactly(4, "w, x, y, z")?;
+    let translation = checks::vector3(&entry.need("translation_m")?)?;
+    let b_from_a = checks::quaternion_pose(&rotation, [q[0], q[1], q[2], q[3]], translation)?;
+    let (b, a) = (entry.need("b")?.text()?.to_owned(), entry.need("a")?.text()?.to_owned());
+    Ok(Placement { b, a, b_from_a })
+}
+
+/// Every model and every pose.
+pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+    let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
+        down, z forward.\n";
+    match cameras {
+        [only] if only.placement.is_none() => Ok(format!("{header}{}", camera_text(only)?)),
+        many => {
+            let mut out = header.to_owned();
+            for camera in many {
+                out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
+                out += &camera.placement.as_ref().map_or_else(String::new, placement_text);
+            }
+            Ok(out)
+        }
+    }
+}
+
+fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {
+    let head = format!("name = {}\nmodel = \"{}\"\n", quoted(&camera.name), camera.camera.model_name());
+    if let Lens::Photogrammetric(model) = &camera.camera.lens {
+        let t = model.table();
+        let scalars: String =
+            [("f", t.f), ("xp", t.xp), ("yp", t.yp)].map(|(k, x)| format!("{k} = {}\n", number(x))).concat();
+        return Ok(format!("{head}{scalars}k = {}\np = {}\na = {}\n", list(&t.k), list(&t.p), list(&t.a)));
+    }
+    let (k, numbers) = lens::numbers_of(&camera.camera)?;
+    let size = camera.camera.size.ok_or_else(|| {
+        WriteError(format!("{}: our own file needs the image size, which this camera has not", camera.name))
+    })?;
+    let size = format!("width_px = {}\nheight_px = {}\n", size.width_px, size.height_px);
+    let matrix: String = [("fx_px", k.fx_px), ("fy_px", k.fy_px), ("cx_px", k.cx_px), ("cy_px", k.cy_px)]
+        .map(|(key, x)| format!("{key} = {}\n", number(x)))
+        .concat();
+    Ok(format!("{head}{size}{matrix}{}", model_text(&numbers)))
+}
+
+fn model_text(numbers: &LensNumbers) -> String {
+    let line = |key: &str, x: f64| format!("{key} = {}\n", number(x));
+    match numbers {
+        LensNumbers::Pinhole | LensNumbers::Photogrammetric(_) => String::new(),
+        LensNumbers::BrownConrady(d) => format!("distortion = {}\n", list(d)),
+        LensNumbers::KannalaBrandt(d) => format!("distortion = {}\n", list(d)),
+        LensNumbers::Omni { xi, k1k2p1p2 } => line("xi", *xi) + &format!("distortion = {}\n", list(k1k2p1p2)),
+        LensNumbers::Eucm { alpha, beta } => line("alpha", *alpha) + &line("beta", *beta),
+        LensNumbers::DoubleSphere { xi, alpha } => line("xi", *xi) + &line("alpha", *alpha),
+        LensNumbers::Fov { w_rad } => line("w_rad", *w_rad),
+    }
+}
+
+fn placement_text(p: &Placement) -> String {
+    format!(
+        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = \
+            {}\ntranslation_m = {}\n",
+        quoted(&p.b),
+        quoted(&p.a),
+        list(&p.b_from_a.quaternion_wxyz()),
+        list(p.b_from_a.translation.as_slice())
+    )
+}

@@ -1,0 +1,172 @@
+//! What is written reads back the same, and says so in the same bytes every time.
+
+use resight::formats::{
+    Format, NamedCamera, WriteError, read_cameras, read_cameras_from_bytes, write_atomically, write_cameras,
+};
+use std::path::{Path, PathBuf};
+
+fn example(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
+}
+
+fn cameras(name: &str) -> Vec<NamedCamera> {
+    read_cameras(&example(name)).unwrap().cameras
+}
+
+fn read_back(text: &str, format: Format, name: &str) -> Vec<NamedCamera> {
+    let file = read_cameras_from_bytes(Path::new(name), text.as_bytes().to_vec()).unwrap();
+    assert_eq!(file.format, format);
+    file.cameras
+}
+
+/// Same name, lens and size to the last bit; poses to rounding of the quaternion.
+#[track_caller]
+fn assert_same(read: &[NamedCamera], written: &[NamedCamera]) {
+    assert_eq!(read.len(), written.len());
+    for (a, b) in read.iter().zip(written) {
+        assert_eq!((&a.name, &a.camera), (&b.name, &b.camera));
+        assert_eq!(a.placement.is_some(), b.placement.is_some());
+        if let (Some(p), Some(q)) = (&a.placement, &b.placement) {
+            assert_eq!((&p.b, &p.a), (&q.b, &q.a));
+            assert!(p.b_from_a.angle_to_rad(&q.b_from_a) < 1e-14);
+            assert!((p.b_from_a.translation - q.b_from_a.translation).norm() < 1e-15);
+        }
+    }
+}
+
+/// `golden_NAME` holds the expected bytes; set RESIGHT_BLESS to write it anew, then read the difference.
+#[track_caller]
+fn assert_golden(name: &str, text: &str) {
+    let path = example("golden").join(name);
+    if std::env::var_os("RESIGHT_BLESS").is_some() {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+    }
+    let expected = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(text, expected, "{}", path.display());
+}
+
+#[test]
+fn own_toml_round_trips_every_model_and_pose() {
+    for name in [
+        "own_rig.toml",
+        "own_pinhole.toml",
+        "own_photogrammetric.toml",
+        "kalibr_camchain.yaml",
+        "basalt.json",
+        "left.cameramodel",
+    ] {
+        let written = cameras(name);
+        let text = write_cameras(&written, Format::Own).unwrap();
+        assert_same(&read_back(&text, Format::Own, "x"), &written);
+    }
+    assert_golden("rig.toml", &write_cameras(&cameras("own_rig.toml"), Format::Own).unwrap());
+}
+
+#[test]
+fn opencv_round_trips() {
+    let pair = cameras("opencv_stereo.yml");
+    let text = write_cameras(&pair, Format::OpenCv).unwrap();
+    assert_same(&read_back(&text, Format::OpenCv, "x"), &pair);
+    assert_golden("opencv_stereo.yml", &text);
+    for (name, golden) in
+        [("opencv_single.yml", "opencv_single.yml"), ("opencv_fisheye.xml", "opencv_fisheye.yml")]
+    {
+        let single = cameras(name);
+        let text = write_cameras(&single, Format::OpenCv).unwrap();
+        assert_same(&read_back(&text, Format::OpenCv, "x"), &single);
+        assert_golden(golden, &text);
+    }
+}
+
+#[test]
+fn ros_round_trips() {
+    for name in ["ros_plumb_bob.yaml", "ros_topic_echo.yaml", "opencv_fisheye.xml"] {
+        let camera = cameras(name);
+        let text = write_cameras(&camera, Format::RosCameraInfo).unwrap();
+        assert_same(&read_back(&text, Format::RosCameraInfo, "x"), &camera);
+    }
+    assert_golden("ros.yaml", &write_cameras(&cameras("ros_plumb_bob.yaml"), Format::RosCameraInfo).unwrap());
+}
+
+#[test]
+fn kalibr_round_trips() {
+    for name in ["kalibr_camchain.yaml", "kalibr_imucam.yaml"] {
+        let chain = cameras(name);
+        let text = write_cameras(&chain, Format::Kalibr).unwrap();
+        assert_same(&read_back(&text, Format::Kalibr, "x"), &chain);
+        assert_golden(name, &text);
+    }
+}
+
+/// Two cameras placed in the world become a chain: cam1_from_cam0 = cam1_from_world · world_from_cam0.
+#[test]
+fn kalibr_chains_cameras_that_share_a_frame() {
+    let mut array = cameras("caliscope.toml");
+    array[0].camera = array[1].camera.clone();
+    let pose = |i: usize| array[i].placement.as_ref().unwrap().b_from_a;
+    let expected = pose(1) * pose(0).inverse();
+    let chain = read_back(&write_cameras(&array, Format::Kalibr).unwrap(), Format::Kalibr, "x");
+    let found = chain[1].placement.as_ref().unwrap();
+    assert_eq!((found.b.as_str(), found.a.as_str()), ("cam1", "cam0"));
+    assert!(found.b_from_a.angle_to_rad(&expected) < 1e-12);
+    assert!((found.b_from_a.translation - expected.translation).norm() < 1e-12);
+}
+
+#[test]
+fn nothing_is_dropped_silently() {
+    let refused = |name: &str, format: Format, words: &str| {
+        let WriteError(reason) = write_cameras(&cameras(name), format).unwrap_err();
+        assert!(reason.contains(words), "{reason}");
+    };
+    refused("opencv_stereo.yml", Format::Kalibr, "image size");
+    refused("opencv_single.yml", Format::Mrcal, "read, not written");
+    refused("kalibr_camchain.yaml", Format::RosCameraInfo, "one camera, not 6");
+    refused("kalibr_camchain.yaml", Format::OpenCv, "one or two cameras, not 6");
+    refused("own_photogrammetric.toml", Format::OpenCv, "own unit");
+    refused("photonvision_new.json", Format::Kalibr, "radtan has k1, k2, p1, p2 only");
+    assert!(write_cameras(&[], Format::Own).is_err());
+    let text = write_cameras(&cameras("cam7/sensor.yaml"), Format::RosCameraInfo).unwrap();
+    assert!(text.starts_with("# The pose body from cam7 is not part"), "{text}");
+}
+
+/// The new bytes are there, the permissions are the old ones, no temporary file is left; a failure changes nothing.
+#[test]
+fn atomic_write_replaces_all_or_nothing() {
+    let folder = std::env::temp_dir().join(format!("resight-atomic-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("camera.toml");
+    write_atomically(&path, b"first").unwrap();
+    let mut readonly_for_others = std::fs::metadata(&path).unwrap().permissions();
+    set_mode(&mut readonly_for_others);
+    std::fs::set_permissions(&path, readonly_for_others.clone()).unwrap();
+    write_atomically(&path, b"second").unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"second");
+    assert_eq!(std::fs::metadata(&path).unwrap().permissions(), readonly_for_others);
+    // A folder cannot be replaced by a file: the rename fails after the bytes are written.
+    let occupied = folder.join("occupied");
+    std::fs::create_dir_all(occupied.join("inside")).unwrap();
+    assert!(write_atomically(&occupied, b"third").is_err());
+    assert!(
+        write_atomically(&folder.join("absent/x.toml"), b"third")
+            .unwrap_err()
+            .to_string()
+            .contains("cannot write")
+    );
+    let mut left: Vec<String> =
+        std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    left.sort();
+    assert_eq!(left, ["camera.toml", "occupied"]);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[cfg(unix)]
+fn set_mode(permissions: &mut std::fs::Permissions) {
+    use std::os::unix::fs::PermissionsExt;
+    permissions.set_mode(0o100640);
+}
+
+#[cfg(not(unix))]
+fn set_mode(permissions: &mut std::fs::Permissions) {
+    permissions.set_readonly(false);
+}
