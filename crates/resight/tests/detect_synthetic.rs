@@ -163,6 +163,28 @@ fn aprilgrid_is_found_whole_with_either_border() {
     }
 }
 
+/// The bits of tag 7 are covered, its joints are not: the tags around it say which joints they are.
+#[test]
+fn aprilgrid_tag_that_cannot_be_read_is_completed() {
+    let grid = AprilGrid {
+        family: "tag36h11".into(),
+        rows: 4,
+        columns: 5,
+        tag_size_m: 1.0,
+        tag_spacing_ratio: 0.3,
+        first_id: 0,
+    };
+    let target = Target::AprilGrid(grid.clone());
+    let mut view = View::new(Pixel::new(110.0, 410.0), 62.0, 4.0, 20.0);
+    view.0 *= nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
+    let ink = aprilgrid_ink(&grid, 2);
+    let covered = |x: f64, y: f64| 2.7 < x && x < 3.5 && 1.4 < y && y < 2.2;
+    let image = photograph(640, 480, &view, |x, y| if covered(x, y) { Some(BLACK) } else { ink(x, y) });
+    let found = detect(target.clone(), &image);
+    assert_eq!(found.len(), 80);
+    assert!(rms_px(&errors(&target, &found, &view, |x| (x.x, x.y))) < 0.08);
+}
+
 fn chessboard(rows: u32, columns: u32) -> Target {
     Target::Chessboard(Chessboard { rows, columns, square_m: 1.0 })
 }
@@ -308,5 +330,7 @@ fn targets_that_cannot_be_detected_say_why() {
     assert!(refused(&tag("tag99h1", 0)).contains("tag36h11"));
     assert!(refused(&tag("tag36h11", 999)).contains("0 to 586"));
     assert!(refused(&chessboard(1, 5)).contains("rows"));
+    assert!(refused(&chessboard(70_000, 70_000)).contains("70000"));
+    assert!(refused(&Target::Charuco(charuco(u32::MAX, u32::MAX, false))).contains("at most"));
     assert!(refused(&Target::Charuco(charuco(60, 60, false))).contains("0 to 49"));
 }
