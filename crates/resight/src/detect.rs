@@ -8,8 +8,11 @@ mod aprilgrid;
 mod apriltag;
 mod charuco;
 mod chessboard;
+pub mod corner;
 pub mod dots;
 pub mod families;
+mod homography;
+mod joints;
 mod sigma;
 pub mod tags;
 #[cfg(test)]

@@ -42,11 +42,13 @@ impl GrayImage {
                 .with_guessed_format()
                 .map_err(|e| e.to_string())
         };
-        let (width, height) = reader()?.into_dimensions().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?;
+        let (width, height) =
+            reader()?.into_dimensions().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?;
         if MAX_PIXELS < width as u64 * height as u64 {
             return Err(format!("image is {width}×{height} px; the limit is 64 Mpx"));
         }
-        let gray = reader()?.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
+        let gray =
+            reader()?.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
     }
 }

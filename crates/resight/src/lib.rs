@@ -11,5 +11,5 @@ pub mod overlay;
 pub mod render;
 pub mod report;
 
-pub use error::FileError;
 pub use self::image::GrayImage;
+pub use error::FileError;

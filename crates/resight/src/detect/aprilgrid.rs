@@ -6,20 +6,19 @@
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
 use super::apriltag::{DecodedTag, QuadDecoder};
-use super::chessboard::{corner_config, view};
 use super::families::Family;
+use super::homography::{Homography, PlanePoint};
+use super::joints::{Joint, joints, nearest};
 use super::{DetectError, sigma};
 use crate::GrayImage;
-use calib_targets::chessboard::{ChessCorner, detect_corner_frame};
-use calib_targets::core::DetectorConfig;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{AprilGrid, Feature};
 
 /// Finds one AprilGrid.
 pub(super) struct AprilGridFinder {
+    grid: AprilGrid,
     decoder: QuadDecoder,
-    config: DetectorConfig,
 }
 
 impl AprilGridFinder {
@@ -29,16 +28,57 @@ impl AprilGridFinder {
         let family = Family::named(&grid.family)?.only(&grid.family, &ids)?;
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { decoder, config: corner_config() })
+        Ok(AprilGridFinder { grid: grid.clone(), decoder })
+    }
+
+    fn ids(&self) -> impl Iterator<Item = u32> + use<> {
+        self.grid.first_id..self.grid.first_id + self.grid.rows * self.grid.columns
+    }
+
+    /// A tag too blurred to decode, when the tags beside it say where it is and a joint lies at each of its corners.
+    fn complete(&self, id: u32, tags: &[DecodedTag], joints: &[Joint]) -> Option<[Detection; 4]> {
+        let apart = |tag: &DecodedTag| (self.corner(tag.id, 0) - self.corner(id, 0)).norm();
+        let mut beside: Vec<&DecodedTag> = tags.iter().collect();
+        beside.sort_by(|a, b| apart(a).total_cmp(&apart(b)).then(a.id.cmp(&b.id)));
+        beside.truncate(4);
+        if beside.len() < 2 || COMPLETE_REACH < apart(beside[1]) {
+            return None;
+        }
+        let pairs: Vec<(PlanePoint, Pixel)> = beside
+            .iter()
+            .flat_map(|tag| (0..4).map(|k| (self.corner(tag.id, k), tag.corners[k as usize])))
+            .collect();
+        let map = Homography::fit(&pairs)?;
+        let predicted = [0, 1, 2, 3].map(|k| map.at(&self.corner(id, k)));
+        let within_px = 0.06 * sigma::shortest_edge_px(&predicted);
+        let mut detections = Vec::with_capacity(4);
+        for (pixel, corner) in predicted.iter().zip(0..) {
+            let joint = nearest(joints, pixel, within_px)?;
+            let feature = Feature { id, corner };
+            detections.push(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px });
+        }
+        detections.try_into().ok()
+    }
+
+    /// A tag corner on the grid, in tag edges.
+    fn corner(&self, id: u32, corner: u8) -> PlanePoint {
+        let index = id - self.grid.first_id;
+        let pitch = 1.0 + self.grid.tag_spacing_ratio;
+        let (dx, dy) = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)][corner as usize % 4];
+        let (column, row) = (index % self.grid.columns, index / self.grid.columns);
+        PlanePoint::new(column as f64 * pitch + dx, row as f64 * pitch + dy)
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
-        let Some(view) = view(image) else { return Vec::new() };
-        let joints: Vec<Joint> = detect_corner_frame(&view, &self.config).corners.iter().map(Joint::new).collect();
-        let decimate = if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
+        let joints = joints(image);
+        let decimate =
+            if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
         let cut = cut_joints(image, &joints, decimate);
         let tags = one_border(self.decoder.detect(&cut, decimate));
-        let mut detections: Vec<Detection> = tags.iter().flat_map(|tag| corners(tag, &joints)).collect();
+        let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
+        let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
+        let decoded = tags.iter().flat_map(|tag| corners(tag, &joints));
+        let mut detections: Vec<Detection> = decoded.chain(completed).collect();
         detections.sort_by_key(|d| d.feature);
         detections
     }
@@ -48,19 +88,8 @@ impl AprilGridFinder {
 /// fisheye view is lost (22 of 36, against 36 at full size).
 const FULL_SIZE_PIXELS: u64 = 4_000_000;
 
-/// A saddle point of the image.
-#[derive(Debug, Clone, Copy)]
-struct Joint {
-    pixel: Pixel,
-    sigma_px: f64,
-}
-
-impl Joint {
-    fn new(c: &ChessCorner) -> Self {
-        let library_px = c.position_covariance.map(|k| k.sigma_max_px() as f64);
-        Joint { pixel: Pixel::new(c.position.x as f64, c.position.y as f64), sigma_px: sigma::saddle_px(library_px) }
-    }
-}
+/// The second nearest decoded tag may be this far from one to complete, in tag edges: two tags on.
+const COMPLETE_REACH: f64 = 3.0;
 
 /// Radius of the white dot, pixels of the decimated image.
 const CUT_RADIUS_PX: f64 = 1.5;
@@ -70,7 +99,8 @@ fn cut_joints(image: &GrayImage, joints: &[Joint], decimate: f32) -> GrayImage {
     let mut cut = image.clone();
     let radius = CUT_RADIUS_PX * decimate as f64;
     for joint in joints {
-        let bright = window(image, &joint.pixel, radius + 2.0).map(|(u, v)| image.at(u, v)).max().unwrap_or(255);
+        let bright =
+            window(image, &joint.pixel, radius + 2.0).map(|(u, v)| image.at(u, v)).max().unwrap_or(255);
         for (u, v) in window(image, &joint.pixel, radius) {
             if (Pixel::new(u as f64, v as f64) - joint.pixel).norm() <= radius {
                 cut.data[v as usize * image.width_px as usize + u as usize] = bright;
@@ -115,10 +145,4 @@ fn corners(tag: &DecodedTag, joints: &[Joint]) -> [Detection; 4] {
             sigma_px: joint.sigma_px,
         }
     })
-}
-
-fn nearest(joints: &[Joint], pixel: &Pixel, within_px: f64) -> Option<Joint> {
-    let distance = |joint: &Joint| (joint.pixel - pixel).norm();
-    let close = joints.iter().filter(|joint| distance(joint) <= within_px);
-    close.min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
 }

@@ -70,7 +70,9 @@ impl QuadDecoder {
             decoder.families.push(owned);
             let bits = family.correctable_bits() as c_int;
             // SAFETY: detector and family are valid until `drop`, which unregisters before it frees.
-            unsafe { c::apriltag_detector_add_family_bits(detector.as_ptr(), &raw mut (*owned.as_ptr()).view, bits) };
+            unsafe {
+                c::apriltag_detector_add_family_bits(detector.as_ptr(), &raw mut (*owned.as_ptr()).view, bits)
+            };
         }
         Some(decoder)
     }
@@ -112,7 +114,8 @@ impl QuadDecoder {
         // SAFETY: by the contract of this function; the families are those registered in `new`, alive until `drop`.
         let (family, code, margin, p) = unsafe {
             let view = (*found).family.cast_const();
-            let family = self.families.iter().position(|f| std::ptr::eq(&raw const (*f.as_ptr()).view, view))?;
+            let family =
+                self.families.iter().position(|f| std::ptr::eq(&raw const (*f.as_ptr()).view, view))?;
             (family, (*found).id, (*found).decision_margin, (*found).p)
         };
         // SAFETY: as above; no mutable reference to the family exists while it is read.
@@ -186,7 +189,8 @@ pub(super) fn builtin_family(name: &str) -> Option<Family> {
             return None;
         }
         let n_bits = (*raw).nbits as usize;
-        let cells = |table: *const u32| std::slice::from_raw_parts(table, n_bits).iter().map(|&x| x as i32).collect();
+        let cells =
+            |table: *const u32| std::slice::from_raw_parts(table, n_bits).iter().map(|&x| x as i32).collect();
         let family = Family {
             codes: std::slice::from_raw_parts((*raw).codes, (*raw).ncodes as usize).to_vec(),
             ids: (0..(*raw).ncodes).collect(),

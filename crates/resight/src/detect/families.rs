@@ -48,10 +48,7 @@ impl Family {
         if let Some(family) = apriltag::builtin_family(name) {
             return Ok(family);
         }
-        match name.strip_prefix("DICT_APRILTAG_").and_then(|short| apriltag::builtin_family(&format!("tag{short}"))) {
-            Some(family) => Ok(family),
-            None => resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name)),
-        }
+        resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name))
     }
 
     /// Only these ids; an id the family does not have is an error.
@@ -71,6 +68,28 @@ impl Family {
         self.bit_x.iter_mut().chain(&mut self.bit_y).for_each(|cell| *cell += 1);
         self.border_width += 2;
         self.total_width += 2;
+        self
+    }
+
+    /// The markers as seen in a mirror (or printed on the back of a board). The reported corners are those of the
+    /// mirrored picture: its top-left is the marker's top-right.
+    pub fn mirrored(self) -> Self {
+        let cells: Vec<(i32, i32)> = self.bit_x.iter().copied().zip(self.bit_y.iter().copied()).collect();
+        let n_bits = cells.len();
+        let source: Vec<usize> = cells
+            .iter()
+            .map(|&(x, y)| cells.iter().position(|&cell| cell == (self.border_width - 1 - x, y)).unwrap_or(0))
+            .collect();
+        let mirror =
+            |code: &u64| source.iter().fold(0, |word, &bit| word << 1 | (code >> (n_bits - 1 - bit) & 1));
+        Family { codes: self.codes.iter().map(mirror).collect(), ..self }
+    }
+
+    /// The markers printed white on black.
+    pub fn inverted(mut self) -> Self {
+        let all_bits = (1u64 << self.bit_x.len()) - 1;
+        self.codes.iter_mut().for_each(|code| *code ^= all_bits);
+        self.reversed_border = !self.reversed_border;
         self
     }
 
@@ -98,13 +117,12 @@ impl Family {
         if self.hamming_distance <= 6 { 30.0 } else { 15.0 }
     }
 
-    /// An OpenCV dictionary. Its tables are row-major with black = 1; the decoder rotates codes by a quarter of
+    /// An OpenCV dictionary. Its tables here are row-major, least significant bit first, black = 1; the decoder rotates codes by a quarter of
     /// their bits, so the bits must be listed quadrant by quadrant, each the quarter turn of the one before.
     fn aruco(dictionary: &Dictionary) -> Self {
         let n = dictionary.marker_size() as i32;
         let cells = quadrant_order(n);
-        let last = (n * n - 1) as u32;
-        let white = |code: u64, (x, y): (i32, i32)| 1 ^ (code >> (last - (y * n + x) as u32) & 1);
+        let white = |code: u64, (x, y): (i32, i32)| 1 ^ (code >> (y * n + x) & 1);
         let listed = |code: u64| cells.iter().fold(0, |word, &cell| word << 1 | white(code, cell));
         Family {
             codes: dictionary.codes().iter().map(|&code| listed(code)).collect(),
@@ -114,9 +132,15 @@ impl Family {
             border_width: n + 2,
             total_width: n + 4,
             reversed_border: false,
-            hamming_distance: 0,
+            hamming_distance: stated_distance(dictionary.name()),
         }
     }
+}
+
+/// OpenCV's copies of AprilTag families (turned by half against the originals) state their distance in the name.
+fn stated_distance(dictionary: &str) -> u32 {
+    let stated = dictionary.strip_prefix("DICT_APRILTAG_").and_then(|name| name.split_once('h'));
+    stated.and_then(|(_, distance)| distance.parse().ok()).unwrap_or(0)
 }
 
 /// Cells of an n × n square: the top quadrant row by row, then its quarter turns clockwise, the centre last.
@@ -165,7 +189,9 @@ fn draw(family: &Family, code: u64) -> MarkerPattern {
     let ring = if family.reversed_border { inset } else { inset - 1 };
     let mut white = vec![false; width * width];
     for k in ring..width - ring {
-        for cell in [ring * width + k, (width - 1 - ring) * width + k, k * width + ring, k * width + width - 1 - ring] {
+        for cell in
+            [ring * width + k, (width - 1 - ring) * width + k, k * width + ring, k * width + width - 1 - ring]
+        {
             white[cell] = true;
         }
     }
@@ -210,8 +236,48 @@ mod tests {
         assert_eq!(error, DetectError::UnknownId { family: "tag36h11".into(), id: 587, n_codes: 587 });
     }
 
-    /// Id 0 of tag36h11 as published: its first data row is white white black white black white
-    /// (code 0xd7e00984b, quadrant order of the C library).
+    /// DICT_4X4_50 id 0 as OpenCV prints it.
+    #[test]
+    fn aruco_marker_is_drawn_as_opencv_draws_it() {
+        let pattern = marker_pattern("DICT_4X4_50", 0).unwrap();
+        let rows: Vec<String> = pattern
+            .white
+            .chunks(pattern.width_cells)
+            .map(|row| row.iter().map(|&white| if white { '#' } else { '.' }).collect())
+            .collect();
+        let printed =
+            ["########", "#......#", "#.#.##.#", "#..#.#.#", "#...##.#", "#...#..#", "#......#", "########"];
+        assert_eq!(rows, printed);
+    }
+
+    /// The same codes, but "upright" differs by half a turn: a target file must say which of the two was printed.
+    #[test]
+    fn opencv_turns_apriltags_by_half() {
+        let (opencv, original) = ("DICT_APRILTAG_36h11", "tag36h11");
+        assert_eq!(Family::named(opencv).unwrap().hamming_distance, 11);
+        for id in [0, 7, 586] {
+            let mut turned = marker_pattern(opencv, id).unwrap();
+            turned.white.reverse();
+            assert_eq!(turned, marker_pattern(original, id).unwrap(), "id {id}");
+        }
+    }
+
+    /// A mirror swaps left and right of the picture.
+    #[test]
+    fn mirrored_and_inverted_families_draw_so() {
+        for name in ["DICT_5X5_50", "tag36h11"] {
+            let family = Family::named(name).unwrap();
+            let plain = draw(&family, family.codes[3]);
+            let mirrored = family.clone().mirrored();
+            let mut seen = draw(&mirrored, mirrored.codes[3]);
+            seen.white.chunks_mut(plain.width_cells).for_each(|row| row.reverse());
+            assert_eq!(seen, plain, "{name}");
+            let negative = family.clone().inverted();
+            assert_eq!(negative.reversed_border, !family.reversed_border);
+            assert_eq!(negative.codes[3] ^ family.codes[3], (1 << family.bit_x.len()) - 1);
+        }
+    }
+
     #[test]
     fn every_family_is_found_by_name() {
         for name in APRILTAG_FAMILIES {
@@ -222,6 +288,5 @@ mod tests {
         for name in ["DICT_4X4_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"] {
             assert!(!Family::named(name).unwrap().codes.is_empty(), "{name}");
         }
-        assert_eq!(Family::named("DICT_APRILTAG_36h11"), Family::named("tag36h11"));
     }
 }

@@ -1,0 +1,80 @@
+//! Plane to image, to predict where a corner should be: good enough to look there, never the measurement itself.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use resight_core::Pixel;
+
+/// A point of a flat target.
+pub(super) type PlanePoint = Vector2<f64>;
+
+/// Maps a plane to the image.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Homography(Matrix3<f64>);
+
+impl Homography {
+    /// Least squares over four or more pairs (algebraic error, coordinates scaled to unit size); none when the
+    /// pairs do not determine it.
+    pub fn fit(pairs: &[(PlanePoint, Pixel)]) -> Option<Self> {
+        let plane = unit_scale(pairs.iter().map(|p| p.0))?;
+        let image = unit_scale(pairs.iter().map(|p| p.1))?;
+        let mut normal = SMatrix::<f64, 8, 8>::zeros();
+        let mut right = SVector::<f64, 8>::zeros();
+        for (x, u) in pairs {
+            let (x, u) = (apply(&plane, x), apply(&image, u));
+            let rows = [
+                (SVector::<f64, 8>::from([x.x, x.y, 1.0, 0.0, 0.0, 0.0, -u.x * x.x, -u.x * x.y]), u.x),
+                (SVector::<f64, 8>::from([0.0, 0.0, 0.0, x.x, x.y, 1.0, -u.y * x.x, -u.y * x.y]), u.y),
+            ];
+            for (row, value) in rows {
+                normal += row * row.transpose();
+                right += row * value;
+            }
+        }
+        let h = normal.lu().solve(&right)?;
+        let scaled = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
+        let map = image.try_inverse()? * scaled * plane;
+        (map.iter().all(|x| x.is_finite()) && 4 <= pairs.len()).then_some(Homography(map))
+    }
+
+    /// The image of a plane point.
+    pub fn at(&self, x: &PlanePoint) -> Pixel {
+        apply(&self.0, x)
+    }
+}
+
+fn apply(map: &Matrix3<f64>, x: &Vector2<f64>) -> Vector2<f64> {
+    let y = map * Vector3::new(x.x, x.y, 1.0);
+    Vector2::new(y.x / y.z, y.y / y.z)
+}
+
+/// Moves the mean to the origin and the root mean square distance to 1.
+fn unit_scale(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option<Matrix3<f64>> {
+    let n = points.clone().count() as f64;
+    let mean = points.clone().sum::<Vector2<f64>>() / n;
+    let size = (points.map(|p| (p - mean).norm_squared()).sum::<f64>() / n).sqrt();
+    let s = 1.0 / size;
+    s.is_finite().then(|| Matrix3::new(s, 0.0, -s * mean.x, 0.0, s, -s * mean.y, 0.0, 0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn homography_reproduces_a_perspective_map() {
+        let map = Matrix3::new(310.0, 21.0, 400.0, -14.0, 290.0, 300.0, 0.2, -0.1, 1.0);
+        let points =
+            [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.3, 0.8)].map(|(x, y)| PlanePoint::new(x, y));
+        let pairs = points.map(|x| (x, apply(&map, &x)));
+        let fitted = Homography::fit(&pairs).unwrap();
+        let elsewhere = PlanePoint::new(2.0, -1.0);
+        assert!((fitted.at(&elsewhere) - apply(&map, &elsewhere)).norm() < 1e-8 * 400.0);
+    }
+
+    #[test]
+    fn collinear_points_give_no_homography() {
+        let pairs = [0.0, 1.0, 2.0, 3.0].map(|x| (PlanePoint::new(x, 0.0), Pixel::new(10.0 * x, 5.0)));
+        let same = [(PlanePoint::new(0.0, 0.0), Pixel::new(1.0, 1.0)); 4];
+        assert!(Homography::fit(&same).is_none());
+        assert!(Homography::fit(&pairs).is_none_or(|h| h.0.iter().all(|x| x.is_finite())));
+    }
+}
