@@ -38,8 +38,14 @@ impl Dot {
 
 /// Width of the ring of surroundings, px.
 const RING_PX: f64 = 3.0;
+/// Dots known worse than this are of no use for a pose and match anything.
+const MAX_SIGMA_PX: f64 = 0.3;
+/// What lies in part of the ring reaches into the rim of the dot too: px of centroid for a ring all foreign.
+const FOREIGN_PX: f64 = 0.15;
 /// Recentring steps of the window; the shift shrinks about tenfold each.
-const STEPS: usize = 3;
+const STEPS: usize = 4;
+/// Below this shift another step changes the centroid by less than 0.002 px.
+const SETTLED_PX: f64 = 0.02;
 
 /// The window: an ellipse with semi-axes along given directions.
 #[derive(Clone, Copy)]
@@ -82,33 +88,47 @@ struct GreyPlane {
     sigma: f64,
     /// Σx² + Σy² over its pixels: how well it knows its slope.
     spread: f64,
+    /// Part of the pixels that did not fit.
+    foreign: f64,
 }
 
-/// Fits a plane twice, the second time without pixels more than 3 σ off (a neighbour's light).
+/// Fits a plane to the pixels near their median, then again to those within 3 σ of it: an edge of the sheet or a
+/// neighbour's light in part of the ring must not tilt it.
 fn fit_plane(pixels: &[(Vector2<f64>, f64)]) -> Option<GreyPlane> {
-    let mut fit: Option<GreyPlane> = None;
-    for _ in 0..2 {
-        let (mut n, mut sums, mut rhs) = (0.0, Matrix3::zeros(), Vector3::zeros());
-        let kept = |x: &Vector2<f64>, g: f64| match &fit {
-            Some(f) => (g - f.at(x)).abs() <= 3.0 * f.sigma.max(0.5),
-            None => true,
-        };
-        for (x, g) in pixels.iter().filter(|(x, g)| kept(x, *g)) {
-            let row = Vector3::new(x.x, x.y, 1.0);
-            sums += row * row.transpose();
-            rhs += row * *g;
-            n += 1.0;
-        }
-        if n < 6.0 {
-            return None;
-        }
-        let p = sums.cholesky()?.solve(&rhs);
-        let plane = |x: &Vector2<f64>| p.dot(&Vector3::new(x.x, x.y, 1.0));
-        let squares: f64 =
-            pixels.iter().filter(|(x, g)| kept(x, *g)).map(|(x, g)| (g - plane(x)).powi(2)).sum();
-        fit = Some(GreyPlane { p, sigma: (squares / (n - 3.0)).sqrt(), spread: sums[(0, 0)] + sums[(1, 1)] });
+    let middle = median(pixels.iter().map(|p| p.1))?;
+    let spread = median(pixels.iter().map(|p| (p.1 - middle).abs()))?;
+    // 1.4826 MAD is σ; four of them, and a step of grey for the rounding, leave room for a gradient.
+    let first =
+        GreyPlane { p: Vector3::new(0.0, 0.0, middle), sigma: 2.0 * spread + 0.7, spread: 1.0, foreign: 0.0 };
+    let second = fit_near(pixels, &first)?;
+    fit_near(pixels, &second)
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let half = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
+}
+
+/// Least squares over the pixels within 3 σ of an earlier plane.
+fn fit_near(pixels: &[(Vector2<f64>, f64)], earlier: &GreyPlane) -> Option<GreyPlane> {
+    let (mut n, mut sums, mut rhs) = (0.0, Matrix3::zeros(), Vector3::zeros());
+    let near = |p: &&(Vector2<f64>, f64)| (p.1 - earlier.at(&p.0)).abs() <= 3.0 * earlier.sigma.max(0.5);
+    for (x, g) in pixels.iter().filter(near) {
+        let row = Vector3::new(x.x, x.y, 1.0);
+        sums += row * row.transpose();
+        rhs += row * *g;
+        n += 1.0;
     }
-    fit
+    if n < 6.0 || n < 0.5 * pixels.len() as f64 {
+        return None;
+    }
+    let p = sums.cholesky()?.solve(&rhs);
+    let mut plane = GreyPlane { p, sigma: 0.0, spread: sums[(0, 0)] + sums[(1, 1)], foreign: 0.0 };
+    let squares: f64 = pixels.iter().filter(near).map(|(x, g)| (g - plane.at(x)).powi(2)).sum();
+    plane.sigma = (squares / (n - 3.0)).sqrt();
+    plane.foreign = 1.0 - n / pixels.len() as f64;
+    Some(plane)
 }
 
 impl GreyPlane {
@@ -150,6 +170,9 @@ pub(super) fn measure(
         }
         window.centre = found.centroid;
         dot = Some(found);
+        if shift < SETTLED_PX {
+            break;
+        }
     }
     dot.filter(|d| is_disc(d, component))
 }
@@ -260,7 +283,8 @@ fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma:
     // Per coordinate half of Σ|x|², the slopes of the planes included, eq. (5).
     let slopes =
         out2 * out2 / coverage.around.spread + coverage.inside.as_ref().map_or(0.0, |f| in2 * in2 / f.spread);
-    let variance = (noise / (coverage.contrast * s)).powi(2) * 0.5 * (x2 + slopes);
+    let variance = (noise / (coverage.contrast * s)).powi(2) * 0.5 * (x2 + slopes)
+        + (FOREIGN_PX * coverage.around.foreign).powi(2);
     let moments_sigma_px2 = (noise / (coverage.contrast * s)).abs() * (0.5 * x4).sqrt();
     Some(Dot {
         centroid: window.centre + mean,
@@ -285,7 +309,10 @@ fn is_disc(dot: &Dot, component: &Component) -> bool {
     let area = std::f64::consts::PI * long * short;
     // A blurred spot is wider than its half-height region: up to 2.9 times in area for a Gaussian (σ² against 2 ln 2 σ²/4).
     let most = if short < 6.0 { 3.5 } else { 1.25 };
-    0.2 < short
+    // Restless surroundings (text, texture) make sigma large: then neither place nor shape says anything.
+    let clean = dot.sigma_px < MAX_SIGMA_PX && dot.moments_sigma_px2 < 0.25 * dot.moments_px2.trace();
+    clean
+        && 0.2 < short
         && long < 6.0 * short
         && component.area < 1.3 * area + 4.0
         && area < most * component.area + 6.0

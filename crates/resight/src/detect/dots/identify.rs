@@ -10,16 +10,18 @@
 use super::layout::{self, Fit, Layout, ViewDot};
 use super::view::View;
 use nalgebra::Matrix2;
+use resight_core::Pixel;
 
 /// Dots of one polarity that take part, the most conspicuous first.
 pub(super) const MAX_DOTS: usize = 160;
-const MAX_TRIPLES: usize = 3000;
-const MAX_FITS: usize = 12_000;
+const MAX_TRIPLES: usize = 1500;
+const MAX_FITS: usize = 4000;
 
 /// Depth of one dot over that of another on the line, and over the line's own depth.
 const MAX_LN_DEPTH: f64 = 0.9;
-/// Largest χ² of the 9 degrees of freedom of the shapes; exceeded by 1 in 700 when the tolerances are right.
-const MAX_SHAPE_CHI2: f64 = 27.0;
+/// Largest χ² of the shapes, 9 degrees of freedom. The tolerances are model errors common to all four dots, so that true
+/// targets stay far below 9.
+const MAX_SHAPE_CHI2: f64 = 16.0;
 /// Largest χ² of a place against line or circle: 4 σ.
 const MAX_PLACE_CHI2: f64 = 16.0;
 /// Another explanation of the same dots within this many decades: then nothing can be said.
@@ -44,9 +46,9 @@ pub(super) struct Explanation {
 struct Triple {
     ends: [usize; 2],
     middle: usize,
-    /// Place of the middle between the ends.
-    t: f64,
     off_px: f64,
+    /// k with the ends in this order and in the other; none where the perspective would be absurd.
+    depths: [Option<f64>; 2],
 }
 
 /// What is looked for, where.
@@ -69,6 +71,10 @@ impl Search<'_> {
                     continue;
                 }
                 let Some((order, k)) = self.order(dots, &triple, fourth) else { continue };
+                let four = order.map(|i| dots[i]);
+                if !layout::shapes_may_fit(self.layout, &four, k, 2.5 * MAX_SHAPE_CHI2) {
+                    continue;
+                }
                 fits += 1;
                 found.extend(self.explain(dots, order, k, triple.off_px));
             }
@@ -93,31 +99,49 @@ impl Search<'_> {
                     let off_px = along.perp(&from_start).abs() / length * b.scale_px;
                     // The middle's own place and the line's place there: together at most √2 of a single sigma.
                     let sigma = std::f64::consts::SQRT_2 * b.place_sigma_px() + bow * length * b.scale_px;
-                    if off_px * off_px <= MAX_PLACE_CHI2 * sigma * sigma && alike(a, b) && alike(b, c) {
-                        triples.push(Triple { ends: [i, j], middle: m, t, off_px });
+                    if MAX_PLACE_CHI2 * sigma * sigma < off_px * off_px || !alike(a, b) || !alike(b, c) {
+                        continue;
+                    }
+                    let depths = [self.end_depth(a, b, c, t), self.end_depth(c, b, a, 1.0 - t)];
+                    if depths.iter().any(Option::is_some) {
+                        triples.push(Triple { ends: [i, j], middle: m, off_px, depths });
                     }
                 }
             }
         }
-        if MAX_TRIPLES < triples.len() {
-            triples.sort_by(|a, b| a.off_px.total_cmp(&b.off_px));
-            triples.truncate(MAX_TRIPLES);
-        }
+        // The straightest first, so that a limit costs the least likely.
+        triples.sort_by(|a, b| a.off_px.total_cmp(&b.off_px));
+        triples.truncate(MAX_TRIPLES);
         triples
     }
 
-    /// The order of the dots in which the target is seen from its front, and k; none when the ratio or the distance of
-    /// the fourth would need an absurd perspective.
+    /// k for a line from `start` through `middle`, a part t of the way, to `end`; none when depths or areas forbid it.
+    fn end_depth(&self, start: &ViewDot, middle: &ViewDot, end: &ViewDot, t: f64) -> Option<f64> {
+        let k = layout::end_depth(self.layout.r, t);
+        let w1 = 1.0 - self.layout.r + self.layout.r * k;
+        let possible = k.ln().abs() < MAX_LN_DEPTH
+            && areas_agree(start, end, k.ln())
+            && areas_agree(start, middle, w1.ln())
+            && areas_agree(middle, end, (k / w1).ln());
+        possible.then_some(k)
+    }
+
+    /// The order of the dots in which the target is seen from its front, and k; none when the distance of the fourth
+    /// would need an absurd perspective.
     fn order(&self, dots: &[ViewDot], triple: &Triple, fourth: usize) -> Option<([usize; 4], f64)> {
         let [i, j] = triple.ends;
         let along = dots[j].y - dots[i].y;
         let side = along.perp(&(dots[fourth].y - dots[i].y));
         // Seen from the front x × y of the target points away from the camera, as u × v of the image does.
         let forward = 0.0 < side * self.layout.off[1];
-        let (start, end, t) = if forward { (i, j, triple.t) } else { (j, i, 1.0 - triple.t) };
-        let k = layout::end_depth(self.layout.r, t);
+        let (start, end, k) = if forward { (i, j, triple.depths[0]?) } else { (j, i, triple.depths[1]?) };
         let across = side.abs() / along.norm_squared() / self.layout.off[1].abs();
-        let plausible = k.ln().abs() < MAX_LN_DEPTH && 0.1 < across && across < 10.0;
+        // Depth of the line below the fourth dot.
+        let below = 1.0 + (k - 1.0) * self.layout.off[0];
+        let plausible = 0.1 < across
+            && across < 10.0
+            && 0.05 < below
+            && areas_near(&dots[start], &dots[fourth], below.ln(), layout::LN_DEPTH_RANGE);
         (plausible && alike(&dots[fourth], &dots[i]) && alike(&dots[fourth], &dots[triple.middle]))
             .then_some(([start, triple.middle, end, fourth], k))
     }
@@ -151,11 +175,14 @@ impl Search<'_> {
         off_px: f64,
         rigid_px: Option<f64>,
     ) -> f64 {
-        let mut trials = 2.0;
-        for (i, moments) in fit.moments_px2.iter().enumerate() {
-            let similar = dots.iter().filter(|d| same_shape(d, &four[i], moments)).count();
-            trials *= (similar.saturating_sub(i)).max(1) as f64;
-        }
+        let similar = |i: usize| dots.iter().filter(move |d| same_shape(d, &four[i], &fit.moments_px2[i]));
+        let count = |i: usize, own: usize| similar(i).count().saturating_sub(own).max(1) as f64;
+        let crowd = Crowd::around(four);
+        let strangers =
+            dots.iter().filter(|d| crowd.holds(d) && alike(d, &four[0])).count().saturating_sub(4) as f64;
+        // Dots per px² that could be taken for dot i: over the image, or among its neighbours where they are denser.
+        let density =
+            |i: usize, own: usize| (count(i, own) / self.image_area_px2).max(strangers / crowd.area_px2());
         let px = |a: usize, b: usize| (four[a].dot.centroid - four[b].dot.centroid).norm();
         let line = px(0, 2);
         let t = px(0, 1) / line;
@@ -170,8 +197,8 @@ impl Search<'_> {
             let arc = (4.0 * reach).min(2.0 * confined * reach);
             fourth = fourth.min(2.0 * off.max(four[3].dot.sigma_px).max(0.05) * arc);
         }
-        let part = |area: f64| (area / self.image_area_px2).min(1.0).log10();
-        f64::log10(trials) + part(middle) + part(fourth)
+        // Both polarities are searched.
+        f64::log10(2.0 * count(0, 0) * count(2, 1) * middle * density(1, 2) * fourth * density(3, 3))
     }
 
     /// Best first; of explanations that share dots only the best, and none if a rival is nearly as good.
@@ -197,10 +224,50 @@ impl Search<'_> {
     }
 }
 
+/// The neighbourhood of four dots: text and textures are crowded where they are, whatever the rest of the image shows.
+struct Crowd {
+    centre: Pixel,
+    radius_px: f64,
+}
+
+impl Crowd {
+    fn around(four: &[ViewDot; 4]) -> Crowd {
+        let centre = four.iter().map(|d| d.dot.centroid).sum::<Pixel>() / 4.0;
+        let farthest = four.iter().map(|d| (d.dot.centroid - centre).norm()).fold(0.0, f64::max);
+        Crowd { centre, radius_px: 1.2 * farthest }
+    }
+
+    fn holds(&self, dot: &ViewDot) -> bool {
+        (dot.dot.centroid - self.centre).norm() <= self.radius_px
+    }
+
+    fn area_px2(&self) -> f64 {
+        std::f64::consts::PI * self.radius_px * self.radius_px
+    }
+}
+
 /// Whether two dots may belong to one target at all: brightness within 3:1, area within 16:1.
 fn alike(a: &ViewDot, b: &ViewDot) -> bool {
     let within = |x: f64, y: f64, ratio: f64| x <= ratio * y && y <= ratio * x;
     within(a.dot.contrast.abs(), b.dot.contrast.abs(), 3.0) && within(a.radius_px, b.radius_px, 4.0)
+}
+
+/// Whether two areas fit a ratio of depths.
+fn areas_agree(near: &ViewDot, far: &ViewDot, ln_depth: f64) -> bool {
+    areas_near(near, far, ln_depth, 0.0)
+}
+
+/// Whether two areas fit a ratio of depths within `range` of e^`ln_depth`: the area of a disc's image goes with depth⁻³,
+/// less the share of the blur.
+fn areas_near(near: &ViewDot, far: &ViewDot, ln_depth: f64, range: f64) -> bool {
+    let seen = 2.0 * (near.radius_px * far.scale_px / (far.radius_px * near.scale_px)).ln();
+    // Blur of σ ≤ 1.6 px makes up to 4 σ² of radius².
+    let smallest = near.radius_px.min(far.radius_px);
+    let sharp = (1.0 - 10.0 / (smallest * smallest)).max(0.0);
+    let (low, high) = (3.0 * (ln_depth - range), 3.0 * (ln_depth + range));
+    let noise = |d: &ViewDot| d.dot.moments_sigma_px2 / d.dot.moments_px2.trace();
+    let tolerance = 0.2 + 6.0 * (noise(near) + noise(far));
+    low.min(sharp * low) - tolerance < seen && seen < high.max(sharp * high) + tolerance
 }
 
 /// Whether chance could have taken this dot for another: moments within 4 tolerances, contrast within 2:1.

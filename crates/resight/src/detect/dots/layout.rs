@@ -13,11 +13,11 @@ use resight_core::target::LinePlusOne;
 use resight_core::{Pixel, Point};
 
 /// Shape of an image moment that the model may be off by: printing, defocus, overexposure; part of the moment.
-const SHAPE_TOLERANCE: f64 = 0.06;
+const SHAPE_TOLERANCE: f64 = 0.04;
 /// The same in px², for dots of a pixel or two.
 const SHAPE_TOLERANCE_PX2: f64 = 0.2;
 /// ln λ is searched this far to either side of the depth of the line below the fourth dot.
-const LN_DEPTH_RANGE: f64 = 0.7;
+pub(super) const LN_DEPTH_RANGE: f64 = 0.7;
 /// Standard deviation of ln k and ln λ expected before looking: dots at depths differing by a factor 1.5 are common.
 const LN_DEPTH_SIGMA: f64 = 0.4;
 
@@ -120,6 +120,9 @@ pub(super) struct Fit {
     pub moments_px2: [Matrix2<f64>; 4],
 }
 
+/// Largest ratio of the axes of J: a disc turned by 78°. Beyond, a row of letters passes for a target seen edge-on.
+const MAX_ELONGATION: f64 = 5.0;
+
 /// Finds λ (and ρ, blur) from the shapes; dots in the order of `Layout::ids`. None when no λ puts all four in front.
 pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option<Fit> {
     let line = line_columns(&dots[0].y, &dots[2].y, k);
@@ -131,7 +134,7 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
         let fit = shapes_at(layout, dots, &line, below * ln.exp())?;
         Some((fit.chi2 + (ln / LN_DEPTH_SIGMA).powi(2), fit))
     };
-    const STEPS: i32 = 8;
+    const STEPS: i32 = 4;
     let h = LN_DEPTH_RANGE / STEPS as f64;
     let mut best: Option<(f64, f64, Fit)> = None;
     let mut consider = |ln: f64| {
@@ -143,7 +146,7 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
     };
     (-STEPS..=STEPS).for_each(|i| consider(i as f64 * h));
     let mut width = h;
-    for _ in 0..12 {
+    for _ in 0..8 {
         width *= 0.5;
         let middle = best.as_ref()?.1;
         let mut consider = |ln: f64| {
@@ -157,6 +160,17 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
         consider(middle + width);
     }
     best.map(|(_, _, fit)| fit)
+}
+
+/// A quick look before `fit_shapes`: at the depth that the areas tell (the area of a dot's image goes with depth⁻³), or
+/// with that of the line, is the misfit below a limit?
+pub(super) fn shapes_may_fit(layout: &Layout, dots: &[ViewDot; 4], k: f64, max_chi2: f64) -> bool {
+    let line = line_columns(&dots[0].y, &dots[2].y, k);
+    let below = line.0.z * layout.off[0] + line.1.z;
+    let area = |i: usize| (dots[i].radius_px / dots[i].scale_px).powi(2);
+    let by_area = (area(0) / area(3)).cbrt().clamp(0.5 * below, 2.0 * below);
+    let fits = |lambda: f64| shapes_at(layout, dots, &line, lambda).is_some_and(|f| f.chi2 < max_chi2);
+    0.05 < below && (fits(by_area) || fits(below))
 }
 
 /// J of eq. (10) at a target point, and its image.
@@ -178,6 +192,11 @@ fn shapes_at(layout: &Layout, dots: &[ViewDot; 4], line: &(Point, Point), lambda
     for (i, (shape, x)) in shapes.iter_mut().zip(layout.points()).enumerate() {
         let jacobian = dots[i].pixel_by_view * derivative(&h, &x)?;
         *shape = jacobian * jacobian.transpose();
+        // (a + 1/a) with a the ratio of the axes: trace over √det.
+        let elongation = shape.trace() / jacobian.determinant().abs();
+        if !(elongation < MAX_ELONGATION + 1.0 / MAX_ELONGATION) {
+            return None;
+        }
     }
     let (q, s2) = disc_and_blur(layout, dots, &shapes);
     let moments_px2 = shapes.map(|shape| shape * q + Matrix2::identity() * s2);
@@ -269,41 +288,21 @@ pub(super) fn rigid_check(layout: &Layout, dots: &[ViewDot; 4], view: &View) -> 
     let places = [dots[0].y, dots[1].y, dots[2].y];
     let circle = Circle::of(layout, &places)?;
     let seen = dots[3].dot.centroid;
-    let distance = |angle: f64| circle.at(angle, view).map(|p| (p - seen).norm_squared());
-    const STEPS: usize = 24;
-    let step = std::f64::consts::TAU / STEPS as f64;
-    let mut best = (f64::INFINITY, 0.0);
-    for i in 0..STEPS {
-        best = nearer(best, i as f64 * step, &distance);
-    }
-    let mut width = step;
-    for _ in 0..18 {
-        width *= 0.6;
-        let middle = best.1;
-        best = nearer(best, middle - width, &distance);
-        best = nearer(best, middle + width, &distance);
-    }
-    let at = circle.at(best.1, view)?;
+    let angle = circle.nearest_angle(&seen, view)?;
+    let at = circle.at(angle, view)?;
     let mut covariance = Matrix2::identity() * dots[3].place_sigma_px().powi(2);
     for (i, dot) in dots[..3].iter().enumerate() {
         let step = dot.place_sigma_px() / dot.scale_px;
         for axis in 0..2 {
             let mut moved = places;
             moved[i][axis] += step;
-            let change = Circle::of(layout, &moved)?.at(best.1, view)? - at;
+            let change = Circle::of(layout, &moved)?.at(angle, view)? - at;
             covariance += change * change.transpose();
         }
     }
     let off = seen - at;
     let chi2 = off.dot(&(covariance.try_inverse()? * off));
     Some(RigidCheck { distance_px: off.norm(), chi2 })
-}
-
-fn nearer(best: (f64, f64), angle: f64, distance: &dyn Fn(f64) -> Option<f64>) -> (f64, f64) {
-    match distance(angle) {
-        Some(d) if d < best.0 => (d, angle),
-        _ => best,
-    }
 }
 
 /// Where the fourth dot can be, camera frame up to scale.
@@ -329,8 +328,47 @@ impl Circle {
         Some(Circle { centre: h1 * layout.off[0] + h3, first: across * radius, second: second * radius })
     }
 
+    /// The angle whose image is nearest to a pixel. A ray can pass two places of the circle, so every dip of a coarse
+    /// round is followed to its bottom.
+    fn nearest_angle(&self, seen: &Pixel, view: &View) -> Option<f64> {
+        const STEPS: usize = 24;
+        let step = std::f64::consts::TAU / STEPS as f64;
+        let distance = |angle: f64| self.at(angle, view).map_or(f64::INFINITY, |p| (p - seen).norm_squared());
+        let round: [f64; STEPS] = std::array::from_fn(|i| distance(i as f64 * step));
+        let mut best = (f64::INFINITY, 0.0);
+        for i in 0..STEPS {
+            let beside = round[(i + 1) % STEPS].min(round[(i + STEPS - 1) % STEPS]);
+            if round[i] <= beside && round[i].is_finite() {
+                let dip = deepest(i as f64 * step, step, &distance);
+                best = if dip.0 < best.0 { dip } else { best };
+            }
+        }
+        best.0.is_finite().then_some(best.1)
+    }
+
     fn at(&self, angle: f64, view: &View) -> Option<Pixel> {
         let (sin, cos) = angle.sin_cos();
         view.to_pixel(&(self.centre + self.first * cos + self.second * sin))
     }
+}
+
+/// Bottom of a dip between `angle` ± `width`, by golden section: (depth, angle).
+fn deepest(angle: f64, width: f64, depth: &dyn Fn(f64) -> f64) -> (f64, f64) {
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let (mut low, mut high) = (angle - width, angle + width);
+    let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
+    let (mut at_a, mut at_b) = (depth(a), depth(b));
+    // 0.618²⁰ of a sixth of a turn is a hundred-thousandth of the radius.
+    for _ in 0..20 {
+        if at_a < at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - GOLDEN * (high - low);
+            at_a = depth(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + GOLDEN * (high - low);
+            at_b = depth(b);
+        }
+    }
+    if at_a < at_b { (at_a, a) } else { (at_b, b) }
 }
