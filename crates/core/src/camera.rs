@@ -44,7 +44,7 @@ pub use fov::Fov;
 pub use image::ImageSize;
 pub use kannala_brandt::KannalaBrandt;
 pub use matrix::CameraMatrix;
-use matrix::{check_alpha, check_finite};
+use matrix::{check_alpha, check_field, check_finite};
 pub use omni::Omni;
 pub use photogrammetric::{Photogrammetric, PhotogrammetricParameters};
 pub use pinhole::Pinhole;

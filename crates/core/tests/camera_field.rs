@@ -259,6 +259,15 @@ fn intrinsics_that_cannot_be_right_are_refused_by_name() {
     assert_eq!(refused(lens(DoubleSphere::new(VGA, -1.0, 0.5).map(Lens::from))), "xi");
     assert_eq!(refused(lens(Omni::new(VGA, -1.5, &[]).map(Lens::from))), "xi");
     assert_eq!(refused(lens(Fov::new(VGA, 3.2).map(Lens::from))), "w");
+    // Folds at the axis: coefficients in the wrong unit, or overflowing.
+    for k1 in [-1e9, 1e300, -1e300] {
+        assert_eq!(refused(lens(BrownConrady::new(VGA, &[k1, 0.0, 0.0, 0.0]).map(Lens::from))), "distortion");
+        assert_eq!(
+            refused(lens(KannalaBrandt::new(VGA, &[k1, 0.0, 0.0, 0.0]).map(Lens::from))),
+            "distortion"
+        );
+        assert_eq!(refused(lens(Omni::new(VGA, 1.0, &[0.0, 0.0, k1, 0.0]).map(Lens::from))), "distortion");
+    }
     let mut tilted = [0.0; 14];
     tilted[12] = 1.6;
     assert_eq!(refused(lens(BrownConrady::new(VGA, &tilted).map(Lens::from))), "tau_x");
@@ -288,4 +297,84 @@ fn parameters_are_named_in_the_order_they_are_read_back() {
     let values: Vec<_> = camera.parameters().iter().map(|p| p.1).collect();
     assert_eq!(camera.with_parameters(&values).unwrap(), camera);
     assert!(matches!(camera.with_parameters(&values[1..]), Err(Error::CoefficientCount { seen: 8, .. })));
+}
+
+/// Near w = 0 the derivative by w is a series; the suite's central differences cannot step below 0 there.
+#[test]
+fn fov_derivative_by_a_tiny_angle_matches_central_difference() {
+    let camera = |w: f64| Camera { lens: Fov::new(square(1.0, 0.0, 0.0), w).unwrap().into(), size: None };
+    let x = Vector3::new(3.0, 0.0, 1.0);
+    let (w, h) = (5e-7, 4e-7);
+    let by_w = camera(w).intrinsics_jacobian(&x).unwrap()[4].x;
+    let difference = (camera(w + h).project(&x).unwrap() - camera(w - h).project(&x).unwrap()).x / (2.0 * h);
+    // Rounding of the difference: ε · 3 / 8e-7 ≈ 1e-9 of 1e-5.
+    assert!((by_w - difference).abs() < 1e-3 * by_w.abs(), "{by_w:e} against {difference:e}");
+    assert_eq!(camera(0.0).intrinsics_jacobian(&x).unwrap()[4].x, 0.0);
+}
+
+/// Uniform in −1..1 from a fixed seed.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Lenses far wilder than any real one: whatever has a pixel has its way back, to the edge.
+#[test]
+fn random_brown_conrady_lenses_have_a_way_back_everywhere() {
+    let mut noise = Noise(20_040_801);
+    let mut checked = 0;
+    for lens in 0..1500 {
+        let scale = [0.6, 0.4, 0.03, 0.03, 0.3, 0.6, 0.4, 0.2, 0.02, 0.02, 0.02, 0.02, 0.3, 0.3];
+        let count = [4, 5, 8, 12, 14][lens % 5];
+        let coefficients: Vec<f64> = scale[..count].iter().map(|s| s * noise.next()).collect();
+        let model = BrownConrady::new(VGA, &coefficients).unwrap();
+        let radius = model.radius_max();
+        let camera = Camera { lens: model.into(), size: None };
+        for i in 0..40 {
+            let part = if i < 30 { f64::from(i) / 30.0 } else { 1.0 - 10f64.powi(27 - i) };
+            let angle = std::f64::consts::PI * noise.next();
+            let x = Vector3::new(radius * part * angle.cos(), radius * part * angle.sin(), 1.0);
+            let Some(pixel) = camera.project(&x) else { continue };
+            let bearing =
+                camera.bearing(&pixel).unwrap_or_else(|e| panic!("{coefficients:?} at {part}: {e}"));
+            let back = camera.project(&bearing).unwrap_or_else(|| panic!("{coefficients:?} at {part}"));
+            assert!((back - pixel).norm() <= 1e-9, "{coefficients:?} at {part}: {:e}", (back - pixel).norm());
+            assert!(bearing.cross(&x).norm() <= 1e-5 * x.norm(), "{coefficients:?} at {part}: another point");
+            checked += 1;
+        }
+    }
+    assert!(50_000 < checked, "{checked}");
+}
+
+/// The same for eq. (1), whose way from point to pixel is the iterative one.
+#[test]
+fn random_photogrammetric_lenses_have_a_way_back_everywhere() {
+    let mut noise = Noise(54_144_878);
+    for _ in 0..1500 {
+        let f = 10f64.powf(2.0 * noise.next());
+        let mut at = |scale: f64, power: i32| scale * noise.next() * f.powi(-power);
+        let table = PhotogrammetricParameters {
+            f,
+            xp: at(0.1, -1),
+            yp: at(0.1, -1),
+            k: [at(0.4, 2), at(0.3, 4), at(0.2, 6)],
+            p: [at(0.03, 1), at(0.03, 1)],
+            a: [at(0.1, 0), at(0.1, 0)],
+        };
+        let model = Photogrammetric::new(table).unwrap();
+        let camera = Camera { lens: model.into(), size: None };
+        for i in 0..40 {
+            let part = if i < 30 { f64::from(i) / 30.0 } else { 1.0 - 10f64.powi(27 - i) };
+            let angle = std::f64::consts::PI * noise.next();
+            let radius = model.radius_max() * part;
+            let c = Vector2::new(table.xp + radius * angle.cos(), table.yp + radius * angle.sin());
+            let bearing = camera.bearing(&c).unwrap_or_else(|e| panic!("{table:?} at {part}: {e}"));
+            let back = camera.project(&bearing).unwrap_or_else(|| panic!("{table:?} at {part}: no way back"));
+            assert!((back - c).norm() <= 1e-9, "{table:?} at {part}: {:e}", (back - c).norm());
+        }
+    }
 }

@@ -15,8 +15,6 @@ mod homography;
 mod joints;
 mod sigma;
 pub mod tags;
-#[cfg(test)]
-mod scratch;
 
 use crate::GrayImage;
 use aprilgrid::AprilGridFinder;

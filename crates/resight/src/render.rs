@@ -261,10 +261,9 @@ fn hit(patches: &[Patch], ray: &Point) -> Option<f64> {
     let mut nearest = 0.0;
     let mut value = None;
     for patch in patches {
-        if let Some((nearness, grey)) = patch.hit(ray) {
-            if nearest < nearness {
-                (nearest, value) = (nearness, Some(grey));
-            }
+        match patch.hit(ray) {
+            Some((nearness, grey)) if nearest < nearness => (nearest, value) = (nearness, Some(grey)),
+            _ => {}
         }
     }
     value

@@ -50,9 +50,7 @@ def double_sphere(v, x, y, z):
 def fov(v, x, y, z):
     fx, fy, cx, cy, w = v
     ru = mp.sqrt(x * x + y * y) / z
-    s = mp.mpf(1) if ru == 0 else mp.atan(2 * ru * mp.tan(w / 2)) / (w * ru)
-    if ru == 0:
-        s = 2 * mp.tan(w / 2) / w
+    s = 2 * mp.tan(w / 2) / w if ru == 0 else mp.atan(2 * ru * mp.tan(w / 2)) / (w * ru)
     return fx * s * x / z + cx, fy * s * y / z + cy
 
 
@@ -137,7 +135,7 @@ def vanishes(name, expressions):
 
 
 def prove_plane():
-    k1, k2, k3, k4, k5, k6, p1, p2, s1, s2, s3, s4 = c = sp.symbols("k1:7 p1:3 s1:5")
+    k1, k2, k3, k4, k5, k6, p1, p2, s1, s2, s3, s4 = sp.symbols("k1:7 p1:3 s1:5")
     r2 = x**2 + y**2
     n, d = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3, 1 + k4 * r2 + k5 * r2**2 + k6 * r2**3
     g = n / d
@@ -153,13 +151,11 @@ def prove_plane():
     by = {k1: r2 / d, k2: r2**2 / d, k3: r2**3 / d, k4: -g * r2 / d, k5: -g * r2**2 / d, k6: -g * r2**3 / d}
     vanishes("radial coefficients", [sp.diff(u, k) - x * e for k, e in by.items()] + [sp.diff(v, k) - y * e for k, e in by.items()])
     # Eq. (6): lowest eigenvalue of the tangential part over a circle is −6 |p| r.
-    t = sp.symbols("t", real=True)
     q = sp.Matrix([[2 * p1 * y + 6 * p2 * x, mixed], [mixed, 6 * p1 * y + 2 * p2 * x]])
     w = sp.Matrix([p2, p1])
     m = sp.Matrix([x, y])
     same = 2 * (w * m.T + m * w.T) + 2 * (w.T * m)[0] * sp.eye(2)
     vanishes("tangential derivative is 2(w mᵀ + m wᵀ + (w·m) I)", list(q - same))
-    del t, c
 
 
 def prove_tilt():
@@ -240,7 +236,7 @@ def prove_spheres():
 
 
 def prove_photogrammetric():
-    f, k1, k2, k3, p1, p2, a1, a2 = c = sp.symbols("f k1:4 p1:3 a1:3")
+    f, k1, k2, k3, p1, p2, a1, a2 = sp.symbols("f k1:4 p1:3 a1:3")
     ideal = sp.Matrix(corrected([f, 0, 0, k1, k2, k3, p1, p2, a1, a2], x, y))
     r2 = x**2 + y**2
     g = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
@@ -252,7 +248,6 @@ def prove_photogrammetric():
     s = sp.Matrix([[6 * p1 * x + 2 * p2 * y, p1 * y + 2 * p2 * x], [p1 * y + 2 * p2 * x, 6 * p2 * y]])
     form = (36 * p1**2 + 8 * p2**2) * x**2 + (2 * p1**2 + 40 * p2**2) * y**2 + 2 * 16 * p1 * p2 * x * y
     vanishes("decentring bound", [sum(v**2 for v in s) - form])
-    del c
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@
 use super::field::{RESIDUAL_PX, distance_is_usable, outside};
 use super::plane_distortion::PlaneDistortion;
 use super::tilt::Tilt;
-use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
+use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_field, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
@@ -31,7 +31,8 @@ impl BrownConrady {
     /// `coefficients`: 4, 5, 8, 12 or 14 in OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 τx τy, the angles in rad).
     ///
     /// # Errors
-    /// `CoefficientCount`; `InvalidCamera` for a matrix or coefficient that is not finite, f ≤ 0 or |τ| ≥ 90°.
+    /// `CoefficientCount`; `InvalidCamera` for a matrix or coefficient that is not finite, f ≤ 0, |τ| > 1.55 rad or no valid
+    /// field.
     pub fn new(matrix: CameraMatrix, coefficients: &[f64]) -> Result<Self, Error> {
         matrix.check()?;
         let seen = coefficients.len();
@@ -48,6 +49,7 @@ impl BrownConrady {
             _ => None,
         };
         let plane = PlaneDistortion::new(&coefficients[..seen.min(12)], f64::INFINITY);
+        check_field(plane.radius_max())?;
         Ok(BrownConrady { matrix, coefficients: coefficients.iter().copied().collect(), plane, tilt })
     }
 

@@ -170,19 +170,25 @@ fn newton_plane(
     let mut q = into_disc(start, radius);
     let (value, mut slope) = map(&q);
     let mut miss = value - target;
+    // Two roundings of the map: no step can be told from noise below that.
+    let converged = (2.0 * f64::EPSILON).powi(2) * target.norm_squared();
     for _ in 0..60 {
-        let Some(step) = solve(&slope, &miss) else { return q };
-        if step.norm() <= 2.0 * f64::EPSILON * q.norm() {
+        if miss.norm_squared() <= converged {
             return q;
         }
-        let halved = (0..24).find_map(|halvings| {
-            let candidate = into_disc(q - step * 0.5_f64.powi(halvings), radius);
+        let Some(step) = solve(&slope, &miss) else { return q };
+        if step.norm_squared() <= (2.0 * f64::EPSILON).powi(2) * q.norm_squared() {
+            return q;
+        }
+        let mut halvings = std::iter::successors(Some(1.0), |part| Some(0.5 * part)).take(24);
+        let better = halvings.find_map(|part| {
+            let candidate = into_disc(q - step * part, radius);
             let (value, slope) = map(&candidate);
             let new_miss = value - target;
             (new_miss.norm_squared() < miss.norm_squared()).then_some((candidate, new_miss, slope))
         });
-        let Some(better) = halved else { return q };
-        (q, miss, slope) = better;
+        let Some(next) = better else { return q };
+        (q, miss, slope) = next;
     }
     q
 }

@@ -7,7 +7,7 @@
 use super::field::{
     GREATEST_SLOPE, INSIDE, ON_EDGE, RESIDUAL_PX, distance_is_usable, first_zero, invert_monotone, outside,
 };
-use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
+use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_field, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
 use std::f64::consts::PI;
@@ -44,6 +44,7 @@ impl KannalaBrandt {
         let mut stretch = slope.map(|c| -c);
         stretch[0] += GREATEST_SLOPE;
         let theta_max = first_zero(&stretch, first_zero(&slope, PI));
+        check_field(theta_max)?;
         let mut model = KannalaBrandt { matrix, k, theta_max, delta_max: 0.0 };
         model.delta_max = model.delta(theta_max).0;
         Ok(model)

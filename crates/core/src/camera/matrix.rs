@@ -87,6 +87,15 @@ pub(super) fn check_finite(parameter: &'static str, seen: f64) -> Result<(), Err
     Err(Error::InvalidCamera { parameter, seen, needed: "it must be a finite number" })
 }
 
+/// Coefficients whose model folds right at the axis: in the wrong order, or meant for pixels.
+pub(super) fn check_field(seen: f64) -> Result<(), Error> {
+    if 1e-4 < seen {
+        return Ok(());
+    }
+    let needed = "the radius (or angle) up to which the model is one-to-one must exceed 1e-4; check order and unit of the coefficients";
+    Err(Error::InvalidCamera { parameter: "distortion", seen, needed })
+}
+
 /// α of the sphere models.
 pub(super) fn check_alpha(seen: f64) -> Result<(), Error> {
     if (0.0..=1.0).contains(&seen) {

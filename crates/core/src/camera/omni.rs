@@ -7,7 +7,7 @@
 
 use super::field::{RESIDUAL_PX, SPHERE_RADIUS_CAP, depth_sum, distance_is_usable, outside, within};
 use super::plane_distortion::PlaneDistortion;
-use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
+use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_field, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
 
@@ -51,6 +51,7 @@ impl Omni {
         // For ξ > 1 the sphere's outline has radius 1/√(ξ² − 1) on the plane.
         let outline = if 1.0 < xi { 1.0 / (xi * xi - 1.0).sqrt() } else { SPHERE_RADIUS_CAP };
         let plane = PlaneDistortion::new(&distortion, outline);
+        check_field(plane.radius_max())?;
         Ok(Omni { matrix, xi, distortion, plane })
     }
 

@@ -179,12 +179,17 @@ impl PlaneDistortion {
             return None;
         }
         let radius = self.radius_max * INSIDE;
-        let r = invert_monotone(|r| self.radial(r), distorted, radius);
-        let start = target * (r / distorted);
         if self.is_radial {
-            return ((self.radial(r).0 - distorted).abs() <= tolerance).then_some(start);
+            let r = invert_monotone(|r| self.radial(r), distorted, radius);
+            return ((self.radial(r).0 - distorted).abs() <= tolerance).then(|| target * (r / distorted));
         }
-        invert_plane(|q| self.apply_with_jacobian(q), target, start, radius, tolerance)
+        let from = |start| invert_plane(|q| self.apply_with_jacobian(q), target, start, radius, tolerance);
+        // A rough start is enough almost everywhere, the radial solution next to a fold.
+        let (gain, _) = self.gain(distorted.min(radius).powi(2));
+        from(target / gain).or_else(|| {
+            let r = invert_monotone(|r| self.radial(r), distorted, radius);
+            from(target * (r / distorted))
+        })
     }
 
     /// Derivative of the distorted point by coefficient `i` (OpenCV's order, 0 to 11).

@@ -146,12 +146,15 @@ impl Places<'_> {
             let line = Line::new(self.at(first), self.at(last));
             let others = (0..self.points.len()).filter(|i| *i != off);
             let height = others.map(|i| line.distance(&self.at(i))).fold(0.0, f64::max);
-            let along = (0..self.points.len()).filter(|i| *i != off).map(|i| (self.at(i) - line.origin).dot(&line.along));
+            let along = (0..self.points.len())
+                .filter(|i| *i != off)
+                .map(|i| (self.at(i) - line.origin).dot(&line.along));
             let (low, high) = along.fold((0.0f64, 0.0f64), |(low, high), t| (low.min(t), high.max(t)));
             (height / (high - low), off)
         };
         let sides = [off_side(a, b, c), off_side(b, c, a), off_side(a, c, b)];
-        let (height, off) = sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
+        let (height, off) =
+            sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
         // A point closer to the line than its own straightness is not "off" it.
         let (p, q) = self.ends_without(off);
         let distance = Line::new(self.at(p), self.at(q)).distance(&self.at(off)) / length;
@@ -162,7 +165,8 @@ impl Places<'_> {
     fn ends_without(&self, off: usize) -> (usize, usize) {
         let origin = self.at(if off == 0 { 1 } else { 0 });
         let apart = |origin: Point| {
-            let values = (0..self.points.len()).filter(|i| *i != off).map(|i| (i, (self.at(i) - origin).norm()));
+            let values =
+                (0..self.points.len()).filter(|i| *i != off).map(|i| (i, (self.at(i) - origin).norm()));
             values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best }).0
         };
         let first = apart(origin);
@@ -216,8 +220,10 @@ mod tests {
 
     fn moved(places: &[[f64; 3]], scale: f64, offset: f64) -> Vec<Correspondence> {
         let r = *nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0).matrix();
-        let places: Vec<[f64; 3]> =
-            places.iter().map(|x| (r * Point::from(*x) * scale + Point::new(offset, -offset, 0.3 * offset)).into()).collect();
+        let places: Vec<[f64; 3]> = places
+            .iter()
+            .map(|x| (r * Point::from(*x) * scale + Point::new(offset, -offset, 0.3 * offset)).into())
+            .collect();
         seen(&places)
     }
 
@@ -229,7 +235,11 @@ mod tests {
     fn layouts_are_recognised_at_every_scale_and_place() {
         for (scale, offset) in [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 5e6), (1e9, 1e12), (1e-9, 1e-3)] {
             let line_plus_one = classify(&moved(&LINE_PLUS_ONE, scale, offset));
-            assert_eq!(line_plus_one, Ok(Configuration::LinePlusOne { order: [0, 3, 2, 1] }), "{scale} {offset}");
+            assert_eq!(
+                line_plus_one,
+                Ok(Configuration::LinePlusOne { order: [0, 3, 2, 1] }),
+                "{scale} {offset}"
+            );
             assert_eq!(classify(&moved(&SQUARE, scale, offset)), Ok(Configuration::Planar));
             assert_eq!(classify(&moved(&TETRAHEDRON, scale, offset)), Ok(Configuration::General));
             assert_eq!(classify(&moved(&SQUARE[..3], scale, offset)), Ok(Configuration::Three));
@@ -309,7 +319,9 @@ mod tests {
                 continue;
             }
             let places = p.map(|i| LINE_PLUS_ONE[i]);
-            let Ok(Configuration::LinePlusOne { order }) = classify(&moved(&places, 1.0, 0.0)) else { panic!("{p:?}") };
+            let Ok(Configuration::LinePlusOne { order }) = classify(&moved(&places, 1.0, 0.0)) else {
+                panic!("{p:?}")
+            };
             let named = order.map(|i| p[i]);
             assert!(named == [0, 3, 2, 1] || named == [2, 3, 0, 1], "{named:?}");
             assert!(order[0] < order[2]);

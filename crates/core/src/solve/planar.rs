@@ -40,7 +40,9 @@ fn poses(points: &[Correspondence]) -> Option<Candidates> {
     let cost = Cost::new(&sums)?;
     let [first, second] = rotations(&homography)?.map(|r| r * axes.transpose());
     let first = cost.descend(first, &[])?;
-    let other = cost.descend(second, &[first]).filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
+    let other = cost
+        .descend(second, &[first])
+        .filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
     // Where both descents end in one place the mirrored pose may still be a minimum of the reprojection error.
     let second = other.unwrap_or_else(|| cost.at(second));
     let mut poses = Candidates::new();
@@ -106,7 +108,8 @@ impl View {
         let stretch = (1.0 / spread).max(1.0);
         Some(View {
             image_from_cam: Matrix3::from_diagonal(&Vector3::new(stretch, stretch, 1.0)) * turn,
-            cam_from_image: turn.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0 / stretch, 1.0 / stretch, 1.0)),
+            cam_from_image: turn.transpose()
+                * Matrix3::from_diagonal(&Vector3::new(1.0 / stretch, 1.0 / stretch, 1.0)),
         })
     }
 }
@@ -146,7 +149,7 @@ fn smallest_eigenvector(m: &Matrix9) -> Option<Vector9> {
 /// The two rotations whose local map at the centroid is that of H, eqs. (3)–(6).
 fn rotations(h: &Matrix3<f64>) -> Option<[Matrix3<f64>; 2]> {
     let depth = h.column(2).norm();
-    let sight: Vector3<f64> = (h.column(2) / depth).into();
+    let sight = h.column(2) / depth;
     let turn = facing(&sight);
     let seen = turn * h / depth;
     let a: Matrix2<f64> = seen.fixed_view::<2, 2>(0, 0).into();

@@ -170,16 +170,7 @@ impl DotDetector {
         image: &GrayImage,
         camera: Option<&Camera>,
     ) -> Result<Vec<DotTarget>, DotError> {
-        if let Some(size) = camera.and_then(|c| c.size) {
-            if (size.width_px, size.height_px) != (image.width_px, image.height_px) {
-                return Err(DotError::CameraSize {
-                    width_px: image.width_px,
-                    height_px: image.height_px,
-                    camera_width_px: size.width_px,
-                    camera_height_px: size.height_px,
-                });
-            }
-        }
+        check_size(image, camera)?;
         let dots = self.dots(image)?;
         let size = Pixel::new(image.width_px as f64, image.height_px as f64);
         let view = match camera {
@@ -268,7 +259,7 @@ impl DotDetector {
     fn refit(&self, four: &[ViewDot; 4], shifts: &[Pixel; 4], view: &View) -> Option<layout::Fit> {
         let mut moved = *four;
         for (dot, shift) in moved.iter_mut().zip(shifts) {
-            dot.y = view.from_pixel(&(dot.dot.centroid - shift))?;
+            dot.y = view.ray(&(dot.dot.centroid - shift))?;
         }
         let along = moved[2].y - moved[0].y;
         let t = (moved[1].y - moved[0].y).dot(&along) / along.norm_squared();
@@ -282,5 +273,19 @@ impl DotDetector {
         let variance = dot.sigma_px.powi(2) + self.config.sigma_floor_px.powi(2) + unsure * unsure;
         let feature = Feature { id: self.layout.ids[i], corner: 0 };
         (Detection { feature, pixel: dot.centroid - shift, sigma_px: variance.sqrt() }, *dot)
+    }
+}
+
+fn check_size(image: &GrayImage, camera: Option<&Camera>) -> Result<(), DotError> {
+    match camera.and_then(|c| c.size) {
+        Some(size) if (size.width_px, size.height_px) != (image.width_px, image.height_px) => {
+            Err(DotError::CameraSize {
+                width_px: image.width_px,
+                height_px: image.height_px,
+                camera_width_px: size.width_px,
+                camera_height_px: size.height_px,
+            })
+        }
+        _ => Ok(()),
     }
 }

@@ -300,7 +300,7 @@ fn chessboard(t: &Chessboard) -> Extent {
 
 /// As OpenCV: the top-left square is black, in the legacy pattern with an even number of rows it is white.
 fn charuco(t: &Charuco) -> Result<Extent, RenderError> {
-    let odd = usize::from(t.legacy_pattern && t.rows % 2 == 0);
+    let odd = usize::from(t.legacy_pattern && t.rows.is_multiple_of(2));
     let mut id = 0;
     let mut markers = Vec::new();
     for index in 0..(t.rows * t.columns) as usize {

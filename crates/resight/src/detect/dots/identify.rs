@@ -15,7 +15,7 @@ use resight_core::Pixel;
 /// Dots of one polarity that take part, the most conspicuous first.
 pub(super) const MAX_DOTS: usize = 160;
 const MAX_TRIPLES: usize = 1500;
-const MAX_FITS: usize = 4000;
+const MAX_FITS: usize = 2500;
 
 /// Depth of one dot over that of another on the line, and over the line's own depth.
 const MAX_LN_DEPTH: f64 = 0.9;
@@ -208,7 +208,7 @@ impl Search<'_> {
         for e in found {
             let shares = |k: &&mut (Explanation, bool)| k.0.dots.iter().any(|i| e.dots.contains(i));
             let mut taken = false;
-            for (better, sure) in kept.iter_mut().filter(|k| shares(&k)) {
+            for (better, sure) in kept.iter_mut().filter(shares) {
                 taken = true;
                 if e.score - better.score < RIVAL_DECADES {
                     *sure = false;

@@ -70,7 +70,7 @@ pub(super) struct ViewDot {
 
 impl ViewDot {
     pub fn new(dot: Dot, view: &View) -> Option<ViewDot> {
-        let y = view.from_pixel(&dot.centroid)?;
+        let y = view.ray(&dot.centroid)?;
         let pixel_by_view = view.pixel_by_view(&y)?;
         let scale_px = pixel_by_view.determinant().abs().sqrt();
         let radius_px = 2.0 * dot.moments_px2.determinant().max(0.0).powf(0.25);
@@ -131,35 +131,17 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
         return None;
     }
     let cost = |ln: f64| {
-        let fit = shapes_at(layout, dots, &line, below * ln.exp())?;
-        Some((fit.chi2 + (ln / LN_DEPTH_SIGMA).powi(2), fit))
+        let fit = shapes_at(layout, dots, &line, below * ln.exp());
+        fit.map_or(f64::INFINITY, |f| f.chi2 + (ln / LN_DEPTH_SIGMA).powi(2))
     };
     const STEPS: i32 = 4;
     let h = LN_DEPTH_RANGE / STEPS as f64;
-    let mut best: Option<(f64, f64, Fit)> = None;
-    let mut consider = |ln: f64| {
-        if let Some((c, fit)) = cost(ln) {
-            if best.is_none_or(|b| c < b.0) {
-                best = Some((c, ln, fit));
-            }
-        }
-    };
-    (-STEPS..=STEPS).for_each(|i| consider(i as f64 * h));
-    let mut width = h;
-    for _ in 0..8 {
-        width *= 0.5;
-        let middle = best.as_ref()?.1;
-        let mut consider = |ln: f64| {
-            if let Some((c, fit)) = cost(ln) {
-                if best.is_none_or(|b| c < b.0) {
-                    best = Some((c, ln, fit));
-                }
-            }
-        };
-        consider(middle - width);
-        consider(middle + width);
-    }
-    best.map(|(_, _, fit)| fit)
+    let round = (-STEPS..=STEPS).map(|i| i as f64 * h);
+    let nearest = round.map(|ln| (cost(ln), ln)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // 0.618¹⁰ h: λ to a thousandth, hundreds of times better than the shapes know it.
+    let dip = deepest(nearest.1, h, 10, &cost);
+    let ln = if dip.0 < nearest.0 { dip.1 } else { nearest.1 };
+    shapes_at(layout, dots, &line, below * ln.exp())
 }
 
 /// A quick look before `fit_shapes`: at the depth that the areas tell (the area of a dot's image goes with depth⁻³), or
@@ -248,7 +230,7 @@ pub(super) fn centroid_shifts(layout: &Layout, fit: &Fit, view: &View) -> Option
     let mut shifts = [Pixel::zeros(); 4];
     for (shift, x) in shifts.iter_mut().zip(layout.points()) {
         let place =
-            |dx: f64, dy: f64| view.to_pixel(&(fit.view_from_target * Point::new(x[0] + dx, x[1] + dy, 1.0)));
+            |dx: f64, dy: f64| view.pixel(&(fit.view_from_target * Point::new(x[0] + dx, x[1] + dy, 1.0)));
         *shift = rim_centroid(radius, &place, place(0.0, 0.0)?)?;
     }
     Some(shifts)
@@ -339,7 +321,8 @@ impl Circle {
         for i in 0..STEPS {
             let beside = round[(i + 1) % STEPS].min(round[(i + STEPS - 1) % STEPS]);
             if round[i] <= beside && round[i].is_finite() {
-                let dip = deepest(i as f64 * step, step, &distance);
+                // 0.618²⁰ of a twelfth of a turn is a hundred-thousandth of the radius.
+                let dip = deepest(i as f64 * step, step, 20, &distance);
                 best = if dip.0 < best.0 { dip } else { best };
             }
         }
@@ -348,18 +331,17 @@ impl Circle {
 
     fn at(&self, angle: f64, view: &View) -> Option<Pixel> {
         let (sin, cos) = angle.sin_cos();
-        view.to_pixel(&(self.centre + self.first * cos + self.second * sin))
+        view.pixel(&(self.centre + self.first * cos + self.second * sin))
     }
 }
 
-/// Bottom of a dip between `angle` ± `width`, by golden section: (depth, angle).
-fn deepest(angle: f64, width: f64, depth: &dyn Fn(f64) -> f64) -> (f64, f64) {
+/// Bottom of a dip between `middle` ± `width`, by golden section: (depth, place).
+fn deepest(middle: f64, width: f64, steps: usize, depth: &dyn Fn(f64) -> f64) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
-    let (mut low, mut high) = (angle - width, angle + width);
+    let (mut low, mut high) = (middle - width, middle + width);
     let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
     let (mut at_a, mut at_b) = (depth(a), depth(b));
-    // 0.618²⁰ of a sixth of a turn is a hundred-thousandth of the radius.
-    for _ in 0..20 {
+    for _ in 0..steps {
         if at_a < at_b {
             (high, b, at_b) = (b, a, at_a);
             a = high - GOLDEN * (high - low);

@@ -23,7 +23,7 @@ impl View<'_> {
     }
 
     /// (x/z, y/z) of a pixel; none outside the valid field or 90° and more off the axis.
-    pub fn from_pixel(&self, pixel: &Pixel) -> Option<Vector2<f64>> {
+    pub fn ray(&self, pixel: &Pixel) -> Option<Vector2<f64>> {
         match self {
             View::Calibrated(camera) => {
                 let b = camera.bearing(pixel).ok()?;
@@ -34,7 +34,7 @@ impl View<'_> {
     }
 
     /// Pixel of a homogeneous point; none behind the camera or outside the valid field.
-    pub fn to_pixel(&self, x: &Point) -> Option<Pixel> {
+    pub fn pixel(&self, x: &Point) -> Option<Pixel> {
         match self {
             View::Calibrated(camera) => camera.project(x),
             View::Nominal { centre, scale_px } => {
