@@ -3,7 +3,7 @@
 use crate::core::Error;
 use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
-use crate::core::locate::PoseEstimate;
+use crate::core::locate::{Method, PoseEstimate};
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +54,15 @@ pub struct Verdict {
 pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
     let uniqueness = uniqueness(estimate);
     match (&estimate.consistency, &estimate.ambiguity) {
+        (Consistency::Inconsistent { chi2_per_dof, .. }, _) if estimate.method == Method::Wang2004 => {
+            Verdict {
+                status: Status::Inconsistent,
+                message: format!(
+                    "the printed procedure is not refined, and its residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, \
+                 expected 1); use method auto for the best pose of these points"
+                ),
+            }
+        }
         (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px }, _) => Verdict {
             status: Status::Inconsistent,
             message: format!(
