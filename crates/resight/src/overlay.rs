@@ -6,6 +6,8 @@
 pub mod canvas;
 mod font;
 mod geometry;
+#[cfg(test)]
+mod tests;
 
 use crate::GrayImage;
 use crate::core::choose::Ambiguity;

@@ -116,3 +116,31 @@ pub fn figures(x: f64) -> String {
         _ => format!("{x:.0}"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_more_or_other_points_would_cure_is_degenerate_and_the_rest_an_error() {
+        assert_eq!(of_error(&Error::TooFewPoints { seen: 2, needed: 3 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::Collinear { ratio: 0.0, needed: 1e-6 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::NoSolution { n_points: 4 }).status, Status::Error);
+        assert_eq!(of_error(&Error::NotFinite { what: "pixel", index: 1 }).status, Status::Error);
+    }
+
+    #[test]
+    fn three_figures_whatever_the_size() {
+        let cases = [
+            (0.0, "0.000"),
+            (0.1234, "0.123"),
+            (12.34, "12.3"),
+            (1234.5, "1234"),
+            (1.5e-5, "1.5e-5"),
+            (2e6, "2.0e6"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(figures(x), text);
+        }
+    }
+}

@@ -102,7 +102,7 @@ mod tests {
     fn two_figures_of_sigma_decide_the_decimals() {
         assert_eq!(coordinate(0.12345678, 0.000234), "+123.46 ± 0.23 mm");
         assert_eq!(coordinate(123.456, 0.02), "+123.456 ± 0.020 m");
-        assert_eq!(with_sigma(0.512345, 0.0003), "0.51234 m ± 300 µm");
+        assert_eq!(with_sigma(0.512341, 0.0003), "0.51234 m ± 300 µm");
     }
 
     #[test]
