@@ -13,9 +13,9 @@ pub const MIN_WIDTH: f64 = 1e-9;
 /// that noise of a thousandth of the image's width spoils it; the start from the line is off by no more than this angle, and
 /// refinement uses the true coordinates. Evidence: docs/math/configuration.md, table 1.
 pub const MAX_LINE_HEIGHT: f64 = 0.03;
-/// Thickness over width up to which the points are one plane: the start is off by about this angle, and the mirrored minimum, which only the
-/// planar solver looks for, still exists.
-pub const MAX_PLANE_THICKNESS: f64 = 0.02;
+/// Thickness over width up to which the points are one plane: up to here the planar solver misses no pose and the mirrored minimum, which it
+/// returns by construction, exists in nearly every view. Evidence: docs/math/configuration.md, table 2.
+pub const MAX_PLANE_THICKNESS: f64 = 0.05;
 /// Points closer than this part of the extent coincide.
 const MIN_DISTANCE: f64 = 1e-12;
 /// Coordinates carry a relative rounding: below this multiple of their size a length is noise.
@@ -108,7 +108,7 @@ impl Places<'_> {
         values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best })
     }
 
-    /// Two points far apart, at least 1/√3 of the largest distance there is, and their distance.
+    /// Two points far apart, at least half of the largest distance there is, and their distance.
     fn longest(&self) -> (usize, usize, f64) {
         let origin = self.at(0);
         let (first, _) = self.largest(|x| (x - origin).norm());
