@@ -21,8 +21,8 @@ use aprilgrid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
 use dots::{DotDetector, DotError};
-use resight_core::{Camera, Target};
 use resight_core::correspondence::Detection;
+use resight_core::{Camera, Target};
 use tags::TagFinder;
 use thiserror::Error;
 
@@ -157,7 +157,11 @@ impl Detector {
     }
 
     /// The same with known intrinsics, which dot targets use: lines are straight and discs elliptic as the lens images them.
-    pub fn detect_with_camera(&mut self, image: &GrayImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
+    pub fn detect_with_camera(
+        &mut self,
+        image: &GrayImage,
+        camera: &Camera,
+    ) -> Result<Vec<Detection>, DetectError> {
         self.find(image, Some(camera))
     }
 

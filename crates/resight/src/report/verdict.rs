@@ -3,7 +3,7 @@
 use crate::core::Error;
 use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
-use crate::core::locate::PoseEstimate;
+use crate::core::locate::{Method, PoseEstimate};
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +54,15 @@ pub struct Verdict {
 pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
     let uniqueness = uniqueness(estimate);
     match (&estimate.consistency, &estimate.ambiguity) {
+        (Consistency::Inconsistent { chi2_per_dof, .. }, _) if estimate.method == Method::Wang2004 => {
+            Verdict {
+                status: Status::Inconsistent,
+                message: format!(
+                    "the printed procedure is not refined, and its residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, \
+                 expected 1); use method auto for the best pose of these points"
+                ),
+            }
+        }
         (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px }, _) => Verdict {
             status: Status::Inconsistent,
             message: format!(
@@ -105,5 +114,33 @@ pub fn figures(x: f64) -> String {
         a if a < 1.0 => format!("{x:.3}"),
         a if a < 100.0 => format!("{x:.1}"),
         _ => format!("{x:.0}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_more_or_other_points_would_cure_is_degenerate_and_the_rest_an_error() {
+        assert_eq!(of_error(&Error::TooFewPoints { seen: 2, needed: 3 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::Collinear { ratio: 0.0, needed: 1e-6 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::NoSolution { n_points: 4 }).status, Status::Error);
+        assert_eq!(of_error(&Error::NotFinite { what: "pixel", index: 1 }).status, Status::Error);
+    }
+
+    #[test]
+    fn three_figures_whatever_the_size() {
+        let cases = [
+            (0.0, "0.000"),
+            (0.1234, "0.123"),
+            (12.34, "12.3"),
+            (1234.5, "1234"),
+            (1.5e-5, "1.5e-5"),
+            (2e6, "2.0e6"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(figures(x), text);
+        }
     }
 }
