@@ -65,12 +65,18 @@ fn four_points(c: &mut Criterion) {
         b.iter(|| problems.iter().filter(|(_, seen)| black_box(classify(seen)).is_ok()).count())
     });
     group.bench_function("refine from the truth, with covariance", |b| {
-        b.iter(|| problems.iter().filter(|(pose, seen)| black_box(refine(pose, seen, &camera)).is_ok()).count())
+        b.iter(|| {
+            problems.iter().filter(|(pose, seen)| black_box(refine(pose, seen, &camera)).is_ok()).count()
+        })
     });
-    for (name, method) in [("locate: auto, everything", Method::Auto), ("locate: wang2004, with covariance", Method::Wang2004)] {
+    for (name, method) in
+        [("locate: auto, everything", Method::Auto), ("locate: wang2004, with covariance", Method::Wang2004)]
+    {
         let config = Config { method, ..Config::default() };
         group.bench_function(name, |b| {
-            b.iter(|| problems.iter().filter(|(_, seen)| black_box(locate(seen, &camera, &config)).is_ok()).count())
+            b.iter(|| {
+                problems.iter().filter(|(_, seen)| black_box(locate(seen, &camera, &config)).is_ok()).count()
+            })
         });
     }
     group.finish();

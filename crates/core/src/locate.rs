@@ -166,7 +166,8 @@ fn refine_pair(
     let Some((first, others)) = candidates.split_first() else { return };
     refine_each(&[*first], seen, camera, minima);
     let Some(best) = minima.first() else { return refine_each(others, seen, camera, minima) };
-    let mut starts: ArrayVec<(f64, Pose), 4> = others.iter().map(|start| (start_chi2(start), *start)).collect();
+    let mut starts: ArrayVec<(f64, Pose), 4> =
+        others.iter().map(|start| (start_chi2(start), *start)).collect();
     let mirrored = mirrored(&best.cam_from_target, normal, seen);
     starts.push((start_chi2(&mirrored), mirrored));
     starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,7 +1,9 @@
 //! One pose: reprojection residual, Jacobian, covariance. Maximum likelihood for independent Gaussian pixel errors.
 //!
+//! ```text
 //!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
 //!   ∂π/∂[ω; ν] = [ −Π [y]×  Π ],  Π = ∂π/∂x (2×3): each row j of Π gives the row [y × j ; j]
+//! ```
 //! Derivation: docs/math/refine.md.
 
 use crate::choose::Minimum;

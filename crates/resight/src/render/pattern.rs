@@ -7,6 +7,7 @@ use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoi
 use resight_core::{Point, Pose};
 
 /// One thing a ray can meet.
+#[allow(clippy::large_enum_variant)] // A scene has a handful; indirection would cost every sample.
 pub(super) enum Patch {
     /// A flat pattern.
     Plane(Plane),
