@@ -4,6 +4,7 @@ use crate::core::Error;
 use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
+use crate::core::solve::line_plus_one::Weakness;
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,16 +95,45 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
         0 => "; three points leave nothing to check the residual with, so add a fourth",
         _ => "",
     };
+    if estimate.method == Method::Wang2004 {
+        return "by the printed procedure, without refinement or search for a second pose; use method auto for those".into();
+    }
     match &estimate.ambiguity {
         Ambiguity::Ambiguous { ratio, other } => format!(
             "two poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second); \
-             both are given: tilt the target, move closer, or use what you know to choose",
-            other.chi2 - estimate.chi2
+             both are given: {}",
+            other.chi2 - estimate.chi2,
+            way_out(estimate.weakness.as_ref())
         ),
         Ambiguity::Unique { ratio: Some(ratio) } if ratio.is_finite() => {
             format!("one pose fits; the next best has {} times its residual{redundancy}", figures(*ratio))
         }
         Ambiguity::Unique { .. } => format!("one pose fits; there is no second one{redundancy}"),
+    }
+}
+
+/// What makes a view weak, as the key of its JSON object, the number seen and the number needed.
+pub fn weakness_figures(weakness: &Weakness) -> (&'static str, f64, f64) {
+    match weakness {
+        Weakness::CriticalPlane { separation_sigma, needed_sigma } => {
+            ("critical_plane", *separation_sigma, *needed_sigma)
+        }
+        Weakness::LineEndOn { length_sigma, needed_sigma } => ("line_end_on", *length_sigma, *needed_sigma),
+        _ => ("unnamed", 0.0, 0.0),
+    }
+}
+
+fn way_out(weakness: Option<&Weakness>) -> String {
+    match weakness {
+        Some(Weakness::CriticalPlane { separation_sigma, needed_sigma }) => format!(
+            "the camera stands in the critical plane of the target, through the fourth point perpendicular to the line \
+             (the two differ by {separation_sigma:.1} σ in the image, need {needed_sigma:.0}); move the camera along the line, or place the \
+             fourth point over an end of it"
+        ),
+        Some(Weakness::LineEndOn { length_sigma, needed_sigma }) => format!(
+            "the line is seen nearly end on ({length_sigma:.0} σ long in the image, need {needed_sigma:.0}); look at it from the side"
+        ),
+        _ => "tilt the target, move closer, or use what you know to choose".into(),
     }
 }
 
