@@ -1,6 +1,6 @@
-//! Three points on a line and one off it: both planar candidates, without angles, branches or divisions by coordinates.
+//! Three points on a line and one off it, both planar candidates: own derivation, docs/math/line_plus_one.md.
 //!
-//! Derivation: docs/math/line_plus_one.md (our own form; the layout is F.-Y. Wang's, IEEE T-RA 2004).
+//! No angles, branches or divisions by coordinates. The layout is F.-Y. Wang's (IEEE T-RA 2004).
 //!   a, b, c  bearings of the collinear points in order along the line, d of the fourth  ·  ℓ  abscissae measured from b
 //!   n  normal of the plane through the camera and the line  ·  m, e  in-plane axes, m towards b
 //!   r₁, r₂, r₃  axes of the target (along the line, across it, normal) in the camera frame
