@@ -64,7 +64,7 @@ pub struct PoseEstimate {
     pub ambiguity: Ambiguity,
     /// Does the residual fit the sigmas?
     pub consistency: Consistency,
-    /// What makes the configuration weak, decided before solving.
+    /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
 }
 
@@ -82,6 +82,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
+    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
     let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
     let covariance = match config.intrinsics_covariance {
         Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
@@ -200,6 +201,24 @@ fn closed_form(
         (Method::Planar, _) => (planar::planar(seen), None),
         _ => (sqpnp::sqpnp(seen), None),
     }
+}
+
+/// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
+fn weakness_of_rivals(
+    configuration: &Configuration,
+    best: &Minimum,
+    ambiguity: &Ambiguity,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Option<Weakness> {
+    let (Configuration::LinePlusOne { order }, Ambiguity::Ambiguous { other, .. }) =
+        (configuration, ambiguity)
+    else {
+        return None;
+    };
+    let rivals: Candidates = [best.cam_from_target, other.cam_from_target].into_iter().collect();
+    let (bearings, points) = four_of(seen, order);
+    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&seen[order[3]], camera))
 }
 
 /// The four points of a line-plus-one layout, in order along the line, the one off it last.

@@ -73,7 +73,8 @@ fn the_counter_counts() {
 #[test]
 fn closed_forms_do_not_allocate() {
     let four = exact(&views::line_plus_one());
-    let (bearings, points) = ([0, 1, 2, 3].map(|i| four[i].bearing), [0, 1, 2, 3].map(|i| four[i].x_in_target));
+    let (bearings, points) =
+        ([0, 1, 2, 3].map(|i| four[i].bearing), [0, 1, 2, 3].map(|i| four[i].x_in_target));
     assert_eq!(allocations(|| line_plus_one(&bearings, &points)), 0);
     assert_eq!(allocations(|| wang2004(&bearings, &points)), 0);
     let three = exact(&views::three());
@@ -107,9 +108,14 @@ fn locating_does_not_allocate_with_any_configuration_or_method() {
         let mut seen = views::disturbed(&mut rng, &exact(points));
         for sigma_m in [0.0, 1e-3] {
             seen.iter_mut().for_each(|c| c.sigma_m = sigma_m);
-            for method in
-                [Method::Auto, Method::LinePlusOne, Method::Wang2004, Method::P3p, Method::Planar, Method::Sqpnp]
-            {
+            for method in [
+                Method::Auto,
+                Method::LinePlusOne,
+                Method::Wang2004,
+                Method::P3p,
+                Method::Planar,
+                Method::Sqpnp,
+            ] {
                 let config = Config { method, intrinsics_covariance: Some(&intrinsics) };
                 answered += usize::from(locate(&seen, &camera, &config).is_ok());
                 let touched = allocations(|| locate(&seen, &camera, &config));
@@ -126,6 +132,8 @@ fn refusing_does_not_allocate() {
     let mut seen = exact(&views::general());
     seen[3].pixel.x = f64::NAN;
     assert_eq!(allocations(|| locate(&seen, &views::camera(), &Config::default())), 0);
-    let garbled: Vec<_> = (0..8).map(|i| Correspondence { x_in_target: views::general()[7 - i], ..exact(&views::general())[i] }).collect();
+    let garbled: Vec<_> = (0..8)
+        .map(|i| Correspondence { x_in_target: views::general()[7 - i], ..exact(&views::general())[i] })
+        .collect();
     assert_eq!(allocations(|| locate(&garbled, &views::camera(), &Config::default())), 0);
 }

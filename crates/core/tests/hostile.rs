@@ -243,7 +243,10 @@ fn a_camera_in_the_plane_of_the_points_sees_its_pose() {
     let mut rng = Rng::new(13);
     for (name, points) in [
         ("line_plus_one", views::line_plus_one()),
-        ("square", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0)).to_vec()),
+        (
+            "square",
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0)).to_vec(),
+        ),
         ("planar", views::planar()),
     ] {
         let (mut found, mut tried) = (0, 0);
@@ -277,7 +280,8 @@ fn a_line_through_the_camera_centre_is_found_or_named() {
         let answer = solve(&views::seen_from(&truth, &points, SIGMA_PX));
         match &answer {
             Ok(e) => assert!(
-                e.weakness.is_some() && is_correct(&answer, &truth, &points, 10.0 * e.covariance.diagonal().max().sqrt()),
+                e.weakness.is_some()
+                    && is_correct(&answer, &truth, &points, 10.0 * e.covariance.diagonal().max().sqrt()),
                 "{off_axis}: {answer:?}"
             ),
             Err(Error::DegenerateView { .. } | Error::NoSolution { .. } | Error::NotConverged { .. }) => {}
@@ -367,12 +371,22 @@ fn the_twenty_three_bad_inputs_are_solved_or_refused() {
     let solved: Vec<(&str, Answer, Pose, Vec<Point>, f64)> = vec![
         ("n = 3", solve(&exact(&views::three())), truth, views::three(), 1e-9),
         ("lengths 7 and 8", seven_points_eight_pixels(), truth, all[..7].to_vec(), 1e-9),
-        ("camera in target plane", {
-            solve(&views::seen_from(&in_plane, &views::planar(), SIGMA_PX))
-        }, in_plane, views::planar(), 1e-6),
+        (
+            "camera in target plane",
+            { solve(&views::seen_from(&in_plane, &views::planar(), SIGMA_PX)) },
+            in_plane,
+            views::planar(),
+            1e-6,
+        ),
         ("scale 1e9", moved(&|x| x * 1e9), scaled(1e9), all.iter().map(|x| x * 1e9).collect(), 1e-9),
         ("scale 1e-9", moved(&|x| x * 1e-9), scaled(1e-9), all.iter().map(|x| x * 1e-9).collect(), 1e-9),
-        ("offset 5e6 m", moved(&|x| x + offset), Pose::new(truth.rotation, truth.translation - truth.rotation * offset), all.iter().map(|x| x + offset).collect(), 1e-8),
+        (
+            "offset 5e6 m",
+            moved(&|x| x + offset),
+            Pose::new(truth.rotation, truth.translation - truth.rotation * offset),
+            all.iter().map(|x| x + offset).collect(),
+            1e-8,
+        ),
     ];
     for (name, answer, truth, points, tolerance) in &solved {
         assert!(is_correct(answer, truth, points, *tolerance), "{name}: {answer:?}");
@@ -404,7 +418,8 @@ fn seven_points_eight_pixels() -> Answer {
 fn a_wrong_label_is_inconsistent_and_named() {
     let mut seen = exact(&views::general());
     seen[2] = views::moved_pixel(&seen[2], Vector2::new(6.0, -4.0));
-    let Consistency::Inconsistent { worst_point, worst_px, .. } = solve(&seen).expect("a pose").consistency else {
+    let Consistency::Inconsistent { worst_point, worst_px, .. } = solve(&seen).expect("a pose").consistency
+    else {
         panic!("consistent")
     };
     assert_eq!(worst_point, 2);

@@ -89,7 +89,9 @@ fn covariance_is_true(name: &str, thickness: f64, method: Method, noise: Noise, 
         n += 1;
     }
     let (nees, coverage) = (nees / n as f64, covered as f64 / n as f64);
-    println!("{name}, {noise:?}: {n} unique, {ambiguous} ambiguous, {flips} flips, NEES {nees:.3}, 95 % covers {coverage:.4}");
+    println!(
+        "{name}, {noise:?}: {n} unique, {ambiguous} ambiguous, {flips} flips, NEES {nees:.3}, 95 % covers {coverage:.4}"
+    );
     assert!(flips <= N / 1000, "{name}: {flips} flips");
     assert!((5.7..6.3).contains(&nees), "{name}, {noise:?}: NEES {nees}");
     assert!((0.94..0.96).contains(&coverage), "{name}, {noise:?}: {coverage}");

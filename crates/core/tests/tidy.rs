@@ -16,7 +16,8 @@ fn files() -> Vec<(String, String)> {
             if path.is_dir() {
                 folders.push(path);
             } else if path.extension().is_some_and(|e| e == "rs") {
-                let name = path.strip_prefix(source()).expect("below src").to_string_lossy().replace('\\', "/");
+                let name =
+                    path.strip_prefix(source()).expect("below src").to_string_lossy().replace('\\', "/");
                 found.push((name, fs::read_to_string(&path).expect("a source file")));
             }
         }
@@ -127,8 +128,18 @@ fn submodules_use_only_those_above_them() {
 #[test]
 fn the_core_touches_nothing_outside() {
     const BANNED: [&str; 12] = [
-        "std::fs", "std::time", "std::thread", "std::net", "std::env", "std::process", "std::io", "println!",
-        "eprintln!", "print!(", "dbg!", "static mut",
+        "std::fs",
+        "std::time",
+        "std::thread",
+        "std::net",
+        "std::env",
+        "std::process",
+        "std::io",
+        "println!",
+        "eprintln!",
+        "print!(",
+        "dbg!",
+        "static mut",
     ];
     for (name, text) in files() {
         for (number, line) in text.lines().enumerate() {
@@ -157,7 +168,8 @@ fn says_from_which_frame(name: &str) -> bool {
 }
 
 /// Methods of `Pose` itself: they make or change a pose and cannot know its frames.
-const FRAMELESS: [&str; 8] = ["identity", "new", "from_quaternion_wxyz", "inverse", "exp", "moved", "mul", "pose"];
+const FRAMELESS: [&str; 8] =
+    ["identity", "new", "from_quaternion_wxyz", "inverse", "exp", "moved", "mul", "pose"];
 
 /// Every public field that is a pose, and every public function that returns one, says `b_from_a`.
 #[test]
@@ -176,7 +188,10 @@ fn every_public_pose_says_from_which_frame() {
                 seen += 1;
                 let frameless = file == "pose.rs" || file == "least_squares.rs";
                 let exempt = frameless && FRAMELESS.contains(&name);
-                assert!(exempt || says_from_which_frame(name), "{file}: `{name}` is a pose; name it b_from_a");
+                assert!(
+                    exempt || says_from_which_frame(name),
+                    "{file}: `{name}` is a pose; name it b_from_a"
+                );
             }
             for forbidden in ["extrinsics:", "world_to_cam", "cam_to_world", "pose:", "T:"] {
                 assert!(!item.starts_with(forbidden), "{file}: {item}");

@@ -23,7 +23,8 @@ pub fn three() -> Vec<Point> {
 
 /// Eight points in a plane, no three on a line.
 pub fn planar() -> Vec<Point> {
-    let xy = [[0.0, 0.0], [1.0, 0.05], [1.1, 0.9], [0.1, 0.8], [0.5, 0.3], [0.35, 0.62], [0.8, 0.45], [0.62, 1.0]];
+    let xy =
+        [[0.0, 0.0], [1.0, 0.05], [1.1, 0.9], [0.1, 0.8], [0.5, 0.3], [0.35, 0.62], [0.8, 0.45], [0.62, 1.0]];
     xy.iter().map(|[x, y]| Point::new(*x, *y, 0.0)).collect()
 }
 
