@@ -16,6 +16,16 @@ pub struct Minimum {
     pub rms_px: f64,
 }
 
+impl Minimum {
+    /// Every number in it is one, and no variance is negative.
+    pub(crate) fn is_finite(&self) -> bool {
+        let pose = &self.cam_from_target;
+        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(self.covariance.iter());
+        let no_negative_variance = (0..6).all(|i| 0.0 <= self.covariance[(i, i)]);
+        numbers.chain([&self.chi2, &self.rms_px]).all(|x| x.is_finite()) && no_negative_variance
+    }
+}
+
 /// Whether another pose explains the pixels as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.

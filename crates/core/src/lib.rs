@@ -1,7 +1,7 @@
 //! Where is the camera? Pose from a few known points, with its covariance and its ambiguity.
 //!
-//! No I/O, clock, thread, global state or unseeded chance. The modules stand in the order data flows;
-//! each may use those above it, never those below.
+//! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each
+//! may use those above it, never those below (tests/tidy.rs).
 #![forbid(unsafe_code)]
 
 pub mod error;
@@ -11,9 +11,9 @@ pub mod camera;
 pub mod target;
 pub mod correspondence;
 pub mod solve;
+pub mod choose;
 pub mod least_squares;
 pub mod refine;
-pub mod choose;
 mod curvature;
 pub mod consistency;
 pub mod locate;

@@ -65,7 +65,7 @@ pub struct PoseEstimate {
     pub ambiguity: Ambiguity,
     /// Does the residual fit the sigmas?
     pub consistency: Consistency,
-    /// What makes the configuration weak, decided before solving.
+    /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
 }
 
@@ -84,12 +84,13 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
+    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
     let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
     let covariance = match config.intrinsics_covariance {
         Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
         None => best.covariance,
     };
-    Ok(PoseEstimate {
+    let estimate = PoseEstimate {
         cam_from_target: best.cam_from_target,
         covariance: covariance * noise_scale,
         rms_px: best.rms_px,
@@ -100,7 +101,34 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         ambiguity: widened(ambiguity, noise_scale),
         consistency: consistency(&best, degrees_of_freedom, seen, camera),
         weakness,
-    })
+    };
+    if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
+}
+
+/// Sigmas, coordinates or intrinsics so far apart that their squares leave the range of numbers.
+const OVERFLOW: Error = Error::DegenerateView {
+    reason: "coordinates, sigmas and camera differ by so many orders of magnitude that the answer overflows; check their units",
+    metric: f64::INFINITY,
+    needed: f64::MAX,
+};
+
+impl PoseEstimate {
+    /// Every number in it is one, and no variance is negative.
+    fn is_finite(&self) -> bool {
+        let other = match &self.ambiguity {
+            Ambiguity::Ambiguous { ratio, other } => ratio.is_finite() && other.is_finite(),
+            Ambiguity::Unique { ratio } => ratio.is_none_or(f64::is_finite),
+        };
+        let residual = match self.consistency {
+            Consistency::Inconsistent { chi2_per_dof, worst_px, .. } => {
+                chi2_per_dof.is_finite() && worst_px.is_finite()
+            }
+            Consistency::Consistent => true,
+        };
+        let (cam_from_target, covariance) = (self.cam_from_target, self.covariance);
+        let first = Minimum { cam_from_target, covariance, chi2: self.chi2, rms_px: self.rms_px };
+        first.is_finite() && other && residual
+    }
 }
 
 /// `Auto` becomes the method for the configuration; a method that does not fit it is refused.
@@ -206,6 +234,24 @@ fn closed_form(
         (Method::Planar, _) => (planar::planar(seen), None),
         _ => (sqpnp::sqpnp(seen), None),
     }
+}
+
+/// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
+fn weakness_of_rivals(
+    configuration: &Configuration,
+    best: &Minimum,
+    ambiguity: &Ambiguity,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Option<Weakness> {
+    let (Configuration::LinePlusOne { order }, Ambiguity::Ambiguous { other, .. }) =
+        (configuration, ambiguity)
+    else {
+        return None;
+    };
+    let rivals: Candidates = [best.cam_from_target, other.cam_from_target].into_iter().collect();
+    let (bearings, points) = four_of(seen, order);
+    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&seen[order[3]], camera))
 }
 
 /// The four points of a line-plus-one layout, in order along the line, the one off it last.
@@ -325,14 +371,7 @@ fn intrinsics_share(
             *sum -= Vector6::new(torque.x, torque.y, torque.z, force.x, force.y, force.z);
         }
     }
-    if covariance.len() != n_parameters * n_parameters {
-        let needed = "give its n × n covariance, n the number of parameters";
-        return Err(Error::InvalidCamera {
-            parameter: "intrinsics covariance size",
-            seen: covariance.len() as f64,
-            needed,
-        });
-    }
+    check_intrinsics_covariance(covariance, n_parameters)?;
     let mut share = Matrix6::zeros();
     for i in 0..n_parameters {
         for j in 0..n_parameters {
@@ -340,6 +379,23 @@ fn intrinsics_share(
         }
     }
     Ok(best.covariance * share * best.covariance)
+}
+
+/// Refuses a matrix that is no covariance: another size, not finite, a negative variance.
+fn check_intrinsics_covariance(covariance: &[f64], n_parameters: usize) -> Result<(), Error> {
+    let invalid = |parameter, seen, needed| Err(Error::InvalidCamera { parameter, seen, needed });
+    if covariance.len() != n_parameters * n_parameters {
+        let needed = "give its n × n covariance, n the number of parameters";
+        return invalid("intrinsics covariance size", covariance.len() as f64, needed);
+    }
+    if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
+        return invalid("intrinsics covariance", seen, "every entry must be finite");
+    }
+    let variances = (0..n_parameters).map(|i| covariance[i * n_parameters + i]);
+    match variances.into_iter().find(|x| *x < 0.0) {
+        Some(seen) => invalid("intrinsics covariance", seen, "no variance can be negative"),
+        None => Ok(()),
+    }
 }
 
 fn widened(ambiguity: Ambiguity, noise_scale: f64) -> Ambiguity {

@@ -14,8 +14,8 @@ pub mod configuration;
 pub mod line_plus_one;
 pub mod wang2004;
 pub mod p3p;
-pub mod planar;
 pub mod sqpnp;
+pub mod planar;
 
 use crate::Pose;
 use arrayvec::ArrayVec;

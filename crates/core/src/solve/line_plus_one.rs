@@ -1,6 +1,6 @@
-//! Three points on a line and one off it: both planar candidates, without angles, branches or divisions by coordinates.
+//! Three points on a line and one off it, both planar candidates: own derivation, docs/math/line_plus_one.md.
 //!
-//! Derivation: docs/math/line_plus_one.md (our own form; the layout is F.-Y. Wang's, IEEE T-RA 2004).
+//! No angles, branches or divisions by coordinates. The layout is F.-Y. Wang's (IEEE T-RA 2004).
 //!   a, b, c  bearings of the collinear points in order along the line, d of the fourth  ·  ℓ  abscissae measured from b
 //!   n  normal of the plane through the camera and the line  ·  m, e  in-plane axes, m towards b
 //!   r₁, r₂, r₃  axes of the target (along the line, across it, normal) in the camera frame
@@ -61,7 +61,8 @@ const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 /// A shorter image of the line leaves its direction to chance (measured: docs/math/line_plus_one.md).
 const NEEDED_LENGTH_SIGMA: f64 = 15.0;
 
-/// What makes a view weak, before any refinement. `sigma_rad` is the standard deviation of a bearing.
+/// What makes a view weak. `candidates` are those of `line_plus_one`, before any refinement, or two refined poses that fit
+/// alike: the line's direction is noisier in the former. `sigma_rad` is the standard deviation of a bearing.
 pub fn weakness(
     candidates: &Candidates,
     bearings: &[Bearing; 4],
@@ -73,14 +74,11 @@ pub fn weakness(
         return Some(Weakness::LineEndOn { length_sigma, needed_sigma: NEEDED_LENGTH_SIGMA });
     }
     let [first, second] = candidates.as_slice() else { return None };
-    let d = bearings[3].into_inner();
-    let miss_rad = |candidate: &Pose| {
-        let x = candidate * &points_in_target[3];
-        x.cross(&d).norm() / x.norm()
-    };
+    // The angle between the two, not of each from its pixel: noise of the line's direction displaces both alike.
+    let [x, y] = [first, second].map(|candidate| (candidate * &points_in_target[3]).normalize());
+    let separation_sigma = x.cross(&y).norm() / sigma_rad;
     let line = first.rotation * (points_in_target[2] - points_in_target[0]).normalize();
-    let separation_sigma = miss_rad(first).max(miss_rad(second)) / sigma_rad;
-    let near = line.dot(&d).abs() < NEAR_CRITICAL && separation_sigma < NEEDED_SEPARATION_SIGMA;
+    let near = line.dot(&bearings[3]).abs() < NEAR_CRITICAL && separation_sigma < NEEDED_SEPARATION_SIGMA;
     near.then_some(Weakness::CriticalPlane { separation_sigma, needed_sigma: NEEDED_SEPARATION_SIGMA })
 }
 

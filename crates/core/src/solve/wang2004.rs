@@ -1,7 +1,7 @@
-//! The seed paper, literally: rotation first, from relative positions only; then translation.
+//! Paper: F.-Y. Wang, "A Simple and Analytical Procedure for Calibrating Extrinsic Camera Parameters", IEEE T-RA 2004.
 //!
-//! Paper: F.-Y. Wang, "A Simple and Analytical Procedure for Calibrating Extrinsic Camera Parameters",
-//! IEEE Trans. Robotics and Automation, 2004. Solves (7a), (7b) for pitch and roll by (8), (9), then (10) for yaw, then (4).
+//! The seed paper, literally: rotation first, from relative positions only; then translation. Solves (7a), (7b) for pitch
+//! and roll by (8), (9), then (10) for yaw, then (4).
 //!   u, v  negated perspective image coordinates, eq. (1): u = −X/Z, v = −Y/Z  ·  Δu = u − u₀  ·  W = R P + p, eq. (2)
 //!   G₀, G₁, G₂ on the line, G₃ off it  ·  L₁, L₂ abscissae of G₁, G₂ from G₀
 //!   ω yaw, ϕ pitch, φ roll: R = R_Z(φ) R_Y(ϕ) R_X(ω)  ·  c2, s2 of pitch, c3, s3 of roll

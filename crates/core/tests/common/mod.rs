@@ -1,6 +1,8 @@
 //! Seeded chance for the property suites: the same problems on every machine.
 #![allow(dead_code)] // Each test binary uses its own part.
 
+pub mod views;
+
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// PCG XSL RR 128/64 (O'Neill 2014): 128 bits of state, far more than any suite draws.

@@ -1,0 +1,139 @@
+//! No closed form, refinement or `locate` touches the heap: a counting allocator says so.
+#![allow(unsafe_code)] // An allocator is `unsafe` by its trait; nothing else here is.
+
+mod common;
+
+use common::{Rng, views};
+use resight_core::locate::{Config, Method, locate};
+use resight_core::refine::refine;
+use resight_core::solve::line_plus_one::line_plus_one;
+use resight_core::solve::p3p::p3p;
+use resight_core::solve::planar::planar;
+use resight_core::solve::sqpnp::sqpnp;
+use resight_core::solve::wang2004::wang2004;
+use resight_core::{Correspondence, Point};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+/// The system's allocator, counting each thread's own calls: other tests run beside this one.
+struct Counting;
+
+thread_local! {
+    static CALLS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count() {
+    // A thread that is ending has no counter any more; nothing is measured then.
+    let _ = CALLS.try_with(|calls| calls.set(calls.get() + 1));
+}
+
+// SAFETY: every method hands its arguments unchanged to `System`, whose contract is therefore kept; counting neither
+// allocates (the cell is const-initialised and has no destructor) nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promise about `layout` is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: `block` came from `System` through `alloc` or `realloc` with this layout.
+        unsafe { System.dealloc(block, layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: as for `dealloc`; the caller's promise about `size` is passed on.
+        unsafe { System.realloc(block, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often the heap is touched.
+fn allocations<T>(run: impl FnOnce() -> T) -> usize {
+    let before = CALLS.with(Cell::get);
+    black_box(run());
+    CALLS.with(Cell::get) - before
+}
+
+fn exact(points: &[Point]) -> Vec<Correspondence> {
+    views::seen_from(&views::oblique(), points, 0.3)
+}
+
+/// Without it every test below would pass with an allocator that is not installed.
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| vec![1, 2, 3]), 1);
+    assert_eq!(allocations(|| 1 + 1), 0);
+}
+
+#[test]
+fn closed_forms_do_not_allocate() {
+    let four = exact(&views::line_plus_one());
+    let (bearings, points) =
+        ([0, 1, 2, 3].map(|i| four[i].bearing), [0, 1, 2, 3].map(|i| four[i].x_in_target));
+    assert_eq!(allocations(|| line_plus_one(&bearings, &points)), 0);
+    assert_eq!(allocations(|| wang2004(&bearings, &points)), 0);
+    let three = exact(&views::three());
+    let (bearings, points) = ([0, 1, 2].map(|i| three[i].bearing), [0, 1, 2].map(|i| three[i].x_in_target));
+    assert_eq!(allocations(|| p3p(&bearings, &points)), 0);
+    let (flat, space) = (exact(&views::planar()), exact(&views::general()));
+    assert_eq!(allocations(|| planar(&flat)), 0);
+    assert_eq!(allocations(|| sqpnp(&space)), 0);
+    assert_eq!(allocations(|| refine(&views::oblique(), &flat, &views::camera())), 0);
+}
+
+/// `n` points: the eight of the suite, then random ones, flat or not.
+fn many(n: usize, thickness: f64) -> Vec<Point> {
+    let mut rng = Rng::new(n as u64);
+    let any = |rng: &mut Rng| {
+        Point::new(rng.uniform(0.0, 1.0), rng.uniform(0.0, 1.0), rng.uniform(-thickness, thickness))
+    };
+    (0..n).map(|_| any(&mut rng)).collect()
+}
+
+#[test]
+fn locating_does_not_allocate_with_any_configuration_or_method() {
+    let mut scenes: Vec<_> = views::all().map(|(_, points)| points).into();
+    scenes.extend([4, 5, 8, 16, 33, 64].map(|n| many(n, 0.0)));
+    scenes.extend([4, 6, 33, 64].map(|n| many(n, 0.5)));
+    let camera = views::camera();
+    let intrinsics: Vec<f64> = (0..16).map(|i| if i % 5 == 0 { 1.0 } else { 0.0 }).collect();
+    let mut rng = Rng::new(5);
+    let mut answered = 0;
+    for points in &scenes {
+        let mut seen = views::disturbed(&mut rng, &exact(points));
+        for sigma_m in [0.0, 1e-3] {
+            seen.iter_mut().for_each(|c| c.sigma_m = sigma_m);
+            for method in [
+                Method::Auto,
+                Method::LinePlusOne,
+                Method::Wang2004,
+                Method::P3p,
+                Method::Planar,
+                Method::Sqpnp,
+            ] {
+                let config = Config { method, intrinsics_covariance: Some(&intrinsics) };
+                answered += usize::from(locate(&seen, &camera, &config).is_ok());
+                let touched = allocations(|| locate(&seen, &camera, &config));
+                assert_eq!(touched, 0, "{} points, {method:?}", points.len());
+            }
+        }
+    }
+    assert!(2 * scenes.len() < answered, "{answered}");
+}
+
+/// Refusals are answers too.
+#[test]
+fn refusing_does_not_allocate() {
+    let mut seen = exact(&views::general());
+    seen[3].pixel.x = f64::NAN;
+    assert_eq!(allocations(|| locate(&seen, &views::camera(), &Config::default())), 0);
+    let garbled: Vec<_> = (0..8)
+        .map(|i| Correspondence { x_in_target: views::general()[7 - i], ..exact(&views::general())[i] })
+        .collect();
+    assert_eq!(allocations(|| locate(&garbled, &views::camera(), &Config::default())), 0);
+}
