@@ -86,10 +86,11 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
     let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
     let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
-    let covariance = match config.intrinsics_covariance {
-        Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
-        None => best.covariance,
+    let share = |m: &Minimum| match config.intrinsics_covariance {
+        Some(given) => intrinsics_share(m, seen, camera, given),
+        None => Ok(Matrix6::zeros()),
     };
+    let covariance = best.covariance + share(&best)?;
     let estimate = PoseEstimate {
         cam_from_target: best.cam_from_target,
         covariance: covariance * noise_scale,
@@ -98,7 +99,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         degrees_of_freedom,
         n_points: seen.len(),
         method,
-        ambiguity: widened(ambiguity, noise_scale),
+        ambiguity: widened(ambiguity, noise_scale, share)?,
         consistency: consistency(&best, degrees_of_freedom, seen, camera),
         weakness,
     };
@@ -398,12 +399,17 @@ fn check_intrinsics_covariance(covariance: &[f64], n_parameters: usize) -> Resul
     }
 }
 
-fn widened(ambiguity: Ambiguity, noise_scale: f64) -> Ambiguity {
+/// The other pose's covariance, widened as the first one's is.
+fn widened(
+    ambiguity: Ambiguity,
+    noise_scale: f64,
+    share: impl Fn(&Minimum) -> Result<Matrix6, Error>,
+) -> Result<Ambiguity, Error> {
     match ambiguity {
         Ambiguity::Ambiguous { ratio, mut other } => {
-            other.covariance *= noise_scale;
-            Ambiguity::Ambiguous { ratio, other }
+            other.covariance = (other.covariance + share(&other)?) * noise_scale;
+            Ok(Ambiguity::Ambiguous { ratio, other })
         }
-        unique => unique,
+        unique => Ok(unique),
     }
 }

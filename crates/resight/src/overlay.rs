@@ -14,6 +14,7 @@ use crate::core::choose::Ambiguity;
 use crate::core::correspondence::Detection;
 use crate::core::locate::PoseEstimate;
 use crate::core::{Camera, Point, Pose, Target};
+use crate::report::verdict::figures;
 use crate::report::words::{distance_with_sigma_m, length, with_sigma};
 use canvas::{Canvas, Color, Path, Pen};
 use nalgebra::Vector2;
@@ -214,7 +215,7 @@ impl Sheet {
             for tag in scene.detections.chunk_by(|a, b| a.feature.id == b.feature.id) {
                 let centre =
                     tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
-                self.centred(&tag[0].feature.id.to_string(), centre, PAPER, 8.0);
+                self.centred(&tag[0].feature.id.to_string(), centre, SEEN, 9.0);
             }
             return;
         }
@@ -323,7 +324,7 @@ impl Sheet {
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
-    format!("{}   {}   rms {:.2} px", scene.title, with_sigma(distance_m, sigma_m), e.rms_px)
+    format!("{}   {}   rms {} px", scene.title, with_sigma(distance_m, sigma_m), figures(e.rms_px))
 }
 
 fn times(factor: f64) -> String {
