@@ -43,7 +43,9 @@ impl IntrinsicsArgs {
             return Ok(None);
         }
         if method == Method::Wang2004 {
-            bail!("--intrinsics-sigma: method wang2004 is the printed procedure, which carries no such uncertainty; use auto");
+            bail!(
+                "--intrinsics-sigma: method wang2004 is the printed procedure, which carries no such uncertainty; use auto"
+            );
         }
         let known: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
         let mut by_name = BTreeMap::new();
@@ -52,7 +54,10 @@ impl IntrinsicsArgs {
                 let nearest = crate::files::nearest(name, known.iter().map(|n| n.to_string()));
                 let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
                 let model = camera.model_name();
-                bail!("--intrinsics-sigma: this {model} camera has no `{name}`; {hint}It has {}", known.join(", "));
+                bail!(
+                    "--intrinsics-sigma: this {model} camera has no `{name}`; {hint}It has {}",
+                    known.join(", ")
+                );
             }
             if by_name.insert(name.clone(), *sigma).is_some() {
                 bail!("--intrinsics-sigma: `{name}` is given twice");

@@ -170,7 +170,8 @@ impl Setting {
             return Err(format!("line {}: column `sigma_m` is {sigma_m}; it must not be negative", row.line));
         }
         if 0.0 < sigma_m && self.method == Method::Wang2004 {
-            let reason = "method wang2004 is the printed procedure, which takes the points as exact; use auto";
+            let reason =
+                "method wang2004 is the printed procedure, which takes the points as exact; use auto";
             return Err(format!("line {}: column `sigma_m` is {sigma_m}, but {reason}", row.line));
         }
         Correspondence::new(&self.camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
