@@ -252,7 +252,7 @@ fn sigma_rad(c: &Correspondence, camera: &Camera) -> f64 {
 }
 
 /// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
-/// the line of sight. From afar the two look alike (docs/math/planar.md).
+/// the line of sight. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
 fn mirrored(cam_from_target: &Pose, seen: &[Correspondence]) -> Pose {
     let [i, j, k] = wide_triangle(seen);
     let x = |n: usize| seen[n].x_in_target;
