@@ -4,7 +4,8 @@
 # Tests on recorded pictures read the folder named by RESIGHT_DATA and say so when they are skipped.
 set -euo pipefail
 cd "$(dirname "$0")"
-target=${CARGO_TARGET_DIR:-$PWD/target}
+mkdir -p "${CARGO_TARGET_DIR:-target}"
+target=$(cd "${CARGO_TARGET_DIR:-target}" && pwd)
 summary=()
 failed=0
 
@@ -38,15 +39,13 @@ derivations() {
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
-    [ ! -e scripts/check_opencv_reads.py ] || "$target/check-venv/bin/python" scripts/check_opencv_reads.py
+    "$target/check-venv/bin/python" scripts/check_opencv_reads.py
 }
 
 frames() { # the recorded videos as pictures, once
-    local videos=$RESIGHT_DATA/caliscope_4cam_charuco
-    [ ! -d "$videos" ] || [ ! -e scripts/unpack_videos.sh ] || sh scripts/unpack_videos.sh "$videos" "$target/frames/caliscope_4cam_charuco"
+    sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
 
-mkdir -p "$target"
 step "python environment" python_environment
 step "derivations (SymPy, 50 digits)" derivations
 step "files read by OpenCV and PyYAML" foreign_readers

@@ -3,8 +3,9 @@
 use resight::core::choose::{Ambiguity, Minimum};
 use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
+use resight::core::solve::line_plus_one::Weakness;
 use resight::core::{Matrix6, Pose};
-use resight::report::verdict::{Status, Verdict};
+use resight::report::verdict::{Status, Verdict, weakness_figures};
 use resight::report::words::sigmas;
 use serde::Serialize;
 
@@ -71,6 +72,14 @@ struct WorstPoint {
     residual_px: f64,
 }
 
+/// What makes the view weak: the number seen and the number needed, in standard deviations of a pixel.
+#[derive(Debug, Serialize)]
+struct WeaknessObject {
+    kind: &'static str,
+    metric_sigma: f64,
+    needed_sigma: f64,
+}
+
 /// The contract's pose object; keys without a value are null.
 #[derive(Debug, Serialize)]
 pub struct PoseObject {
@@ -90,6 +99,7 @@ pub struct PoseObject {
     image_unit: &'static str,
     ambiguity: Option<AmbiguityObject>,
     worst_point: Option<WorstPoint>,
+    weakness: Option<WeaknessObject>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     skipped: Vec<String>,
     message: String,
@@ -131,6 +141,7 @@ impl Answer {
             image_unit: self.image_unit,
             ambiguity: e.map(ambiguity),
             worst_point: e.and_then(|e| self.worst_point(e)),
+            weakness: e.and_then(|e| e.weakness.as_ref()).map(weakness),
             skipped: self.skipped.clone(),
             message: self.verdict.message.clone(),
         }
@@ -145,6 +156,11 @@ impl Answer {
             _ => None,
         }
     }
+}
+
+fn weakness(weakness: &Weakness) -> WeaknessObject {
+    let (kind, metric_sigma, needed_sigma) = weakness_figures(weakness);
+    WeaknessObject { kind, metric_sigma, needed_sigma }
 }
 
 fn ambiguity(estimate: &PoseEstimate) -> AmbiguityObject {

@@ -11,7 +11,7 @@ use crate::output::Outcome;
 use anyhow::Result;
 use rayon::prelude::*;
 use resight::core::{Camera, Target};
-use resight::detect::Detector;
+use resight::detect::{DetectError, Detector};
 use resight::formats;
 use std::path::Path;
 
@@ -42,18 +42,14 @@ fn target(path: &Path, mut remark: impl FnMut(&str)) -> Result<Target> {
     Ok(file.target)
 }
 
-/// Applies `work` to every input on all cores and hands the results on in input order, while later ones are still under way.
+/// Applies `work` to every input on all cores and hands the results on in input order, a block at a time: memory stays
+/// bounded and the first answers appear while later inputs wait.
 fn in_order<T: Sync, R: Send>(
     inputs: &[T],
     work: impl Fn(&T) -> R + Sync,
-    mut done: impl FnMut(R) -> Result<()>,
+    done: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    let block = 4 * rayon::current_num_threads();
-    for inputs in inputs.chunks(block) {
-        let results: Vec<R> = inputs.par_iter().map(&work).collect();
-        results.into_iter().try_for_each(&mut done)?;
-    }
-    Ok(())
+    in_blocks(inputs, 1024, |block| Ok(block.par_iter().map(&work).collect()), done)
 }
 
 /// As `in_order`, each thread with a detector of its own: the C library keeps state in it.
@@ -61,22 +57,26 @@ fn detect_in_order<T: Sync, R: Send>(
     inputs: &[T],
     target: &Target,
     work: impl Fn(&mut Detector, &T) -> R + Sync,
-    mut done: impl FnMut(R) -> Result<()>,
+    done: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     Detector::new(target)?; // Says now what is wrong with the target, once.
-    let block = 4 * rayon::current_num_threads();
-    for inputs in inputs.chunks(block) {
-        let results: Result<Vec<R>> = inputs
-            .par_iter()
-            .map_init(
-                || Detector::new(target),
-                |detector, input| match detector {
-                    Ok(detector) => Ok(work(detector, input)),
-                    Err(reason) => Err(anyhow::anyhow!("{reason}")),
-                },
-            )
-            .collect();
-        results?.into_iter().try_for_each(&mut done)?;
-    }
-    Ok(())
+    let look = |detector: &mut Result<Detector, DetectError>, input: &T| match detector {
+        Ok(detector) => Ok(work(detector, input)),
+        Err(reason) => Err(anyhow::anyhow!("{reason}")),
+    };
+    in_blocks(
+        inputs,
+        4 * rayon::current_num_threads(),
+        |block| block.par_iter().map_init(|| Detector::new(target), look).collect(),
+        done,
+    )
+}
+
+fn in_blocks<T, R>(
+    inputs: &[T],
+    size: usize,
+    answers: impl Fn(&[T]) -> Result<Vec<R>>,
+    mut done: impl FnMut(R) -> Result<()>,
+) -> Result<()> {
+    inputs.chunks(size).try_for_each(|block| answers(block)?.into_iter().try_for_each(&mut done))
 }

@@ -105,6 +105,10 @@ pub fn line(out: &mut String, label: &str, text: &str) {
 }
 
 fn capitalised(text: &str) -> String {
+    let first_word = text.split(' ').next().unwrap_or_default();
+    if !first_word.chars().all(char::is_alphabetic) {
+        return text.to_string(); // A name such as `wang2004` keeps its spelling.
+    }
     let mut letters = text.chars();
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }

@@ -154,3 +154,48 @@ fn what_is_not_in_this_version_says_so() {
 fn points_without_a_camera_are_wrong_usage() {
     assert_eq!(solve(&[&data("points.csv")]).code, 2);
 }
+
+/// Negated perspective with f = 1.5: u = −f X/Z, so a camera 2 m before the points sees (−0.15, 0.3) at (0.2, −0.4).
+#[test]
+fn a_photogrammetric_camera_counts_in_units_of_its_f() {
+    let folder = folder("photogrammetric");
+    let (camera, points) = (folder.join("camera.toml"), folder.join("points.csv"));
+    let zeros = "xp = 0.0\nyp = 0.0\nk = [0.0, 0.0, 0.0]\np = [0.0, 0.0]\na = [0.0, 0.0]\n";
+    std::fs::write(&camera, format!("model = \"photogrammetric\"\nf = 1.5\n{zeros}")).unwrap();
+    let row =
+        |x: f64, y: f64, z: f64| format!("{x},{y},{z},{},{}\n", -1.5 * x / (z + 2.0), -1.5 * y / (z + 2.0));
+    let rows = [
+        row(0.2, -0.4, 0.0),
+        row(-0.3, 0.1, 0.1),
+        row(0.5, 0.5, 0.3),
+        row(-0.4, -0.2, 0.5),
+        row(0.0, 0.3, 0.2),
+    ];
+    std::fs::write(&points, format!("x_m,y_m,z_m,u_px,v_px\n{}", rows.concat())).unwrap();
+    let run = solve(&[
+        points.to_str().unwrap(),
+        "--camera",
+        camera.to_str().unwrap(),
+        "--sigma-px",
+        "0.001",
+        "--json",
+    ]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!((&answer["status"], &answer["image_unit"]), (&"ok".into(), &"unit of f".into()), "{answer}");
+    for (i, t) in [0.0, 0.0, 2.0].iter().enumerate() {
+        assert!(
+            (answer["cam_from_target"]["translation_m"][i].as_f64().unwrap() - t).abs() < 1e-9,
+            "{answer}"
+        );
+    }
+}
+
+#[test]
+fn the_printed_procedure_is_called_what_it_is() {
+    let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml"), "--method", "wang2004"]);
+    assert_eq!(run.code, 1, "the second view is no line plus one");
+    assert!(
+        run.stdout.contains("use method auto for the best pose")
+            && run.stdout.contains("wang2004 does not fit")
+    );
+}

@@ -28,6 +28,7 @@ impl Minimum {
 
 /// Whether another pose explains the pixels as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
 pub enum Ambiguity {
     /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
     /// none when no other minimum exists.

@@ -31,7 +31,8 @@ impl PivotedPose {
 
     /// Moves by `[rotation_rad; translation_m]` about the pivot. The rotation is Cayley's, equal to the exponential to
     /// second order and free of trigonometry: any retraction leads to the same minimum.
-    fn moved(&self, motion: &Vector6) -> Self {
+    #[inline]
+    pub(crate) fn moved(&self, motion: &Vector6) -> Self {
         let a = Vector3::new(motion[0], motion[1], motion[2]) * 0.5;
         let k = a.cross_matrix();
         let turn = Matrix3::identity() + (k + k * k) * (2.0 / (1.0 + a.norm_squared()));
@@ -87,9 +88,9 @@ const FIRST_DAMPING: f64 = 1e-3;
 /// Damping beyond which no step can help.
 const LAST_DAMPING: f64 = 1e12;
 
-/// A minimum that will only be compared with a known better one is near enough when the step promises less than this
-/// fraction of the difference.
-const TOLERANCE_COMPARED: f64 = 1e-4;
+/// A minimum that will only be compared with a known, much better one is near enough when the step promises less than this
+/// fraction of the difference; the step is still taken, and what is left after it is far smaller.
+const TOLERANCE_COMPARED: f64 = 0.2;
 
 /// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
 const RIVAL_MARGIN_CHI2: f64 = 100.0;
@@ -200,21 +201,23 @@ impl NormalEquations {
         let tt = self.translation_translation.inverse()?;
         let gain = self.rotation_translation * tt;
         let ww = self.rotation_rotation.minus_product(&gain, &self.rotation_translation).inverse()?;
-        let wv = -(ww * gain);
-        let vv = tt - gain.tr_mul(&wv);
-        let c = pivot_in_cam.cross_matrix();
-        let cross = wv + ww * c.transpose();
-        let place = vv + c * wv + cross.tr_mul(&c.transpose());
+        // With ν_left = ν + c × ω and ν = −gainᵀω + (what translation alone leaves free, tt): ν_left = M ω + …,
+        // M = [c]× − gainᵀ, so that the blocks are ww, ww Mᵀ and tt + M ww Mᵀ.
+        let m = pivot_in_cam.cross_matrix() - gain.transpose();
+        let cross = ww * m.transpose();
+        let place = m * cross;
         let mut covariance = Matrix6::zeros();
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&ww);
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        covariance.fixed_view_mut::<3, 3>(3, 0).tr_copy_from(&cross);
         for i in 0..3 {
-            for j in 0..3 {
-                covariance[(i, j)] = ww[(i, j)];
-                covariance[(i, 3 + j)] = cross[(i, j)];
-                covariance[(3 + j, i)] = cross[(i, j)];
-                covariance[(3 + i, 3 + j)] = 0.5 * (place[(i, j)] + place[(j, i)]);
+            for j in i..3 {
+                let entry = tt[(i, j)] + place[(i, j)];
+                covariance[(3 + i, 3 + j)] = entry;
+                covariance[(3 + j, 3 + i)] = entry;
             }
         }
-        covariance.iter().all(|x| x.is_finite()).then_some(covariance)
+        covariance.sum().is_finite().then_some(covariance)
     }
 }
 

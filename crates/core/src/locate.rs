@@ -12,6 +12,7 @@ use crate::solve::configuration::{Configuration, classify};
 use crate::solve::line_plus_one::Weakness;
 use crate::solve::{line_plus_one, p3p, planar, sqpnp, wang2004};
 use crate::{Bearing, Camera, Correspondence, Error, Matrix6, Point, Pose, Vector6};
+use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// How a pose is found.
@@ -75,9 +76,10 @@ pub struct PoseEstimate {
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let configuration = classify(seen)?;
     let method = resolve(config.method, &configuration)?;
-    let (minima, weakness) = match method {
-        Method::Wang2004 => literal(&configuration, seen, camera)?,
-        _ => search(method, &configuration, seen, camera),
+    let mut minima = Minima::new();
+    let weakness = match method {
+        Method::Wang2004 => literal(&configuration, seen, camera, &mut minima)?,
+        _ => search(method, &configuration, seen, camera, &mut minima),
     };
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
@@ -150,27 +152,58 @@ fn resolve(method: Method, configuration: &Configuration) -> Result<Method, Erro
     }
 }
 
-/// Candidates of the closed form, each refined; more starts where the first ones leave a doubt.
+/// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
+const HOPELESS_CHI2: f64 = 1e4;
+
+/// The minima reached from the closed form's candidates, and from more starts where those leave a doubt.
 fn search(
     method: Method,
     configuration: &Configuration,
     seen: &[Correspondence],
     camera: &Camera,
-) -> (Minima, Option<Weakness>) {
-    let mut minima = Minima::new();
+    minima: &mut Minima,
+) -> Option<Weakness> {
     let (candidates, weakness) = closed_form(method, configuration, seen, camera);
-    refine_each(&candidates, seen, camera, &mut minima);
-    let flat = !matches!(configuration, Configuration::General);
-    if flat && minima.len() == 1 && 3 < seen.len() {
-        // Both candidates fell into one minimum (or there was one): the other, if any, is near the mirror pose.
-        let mirrored = mirrored(&minima[0].cam_from_target, seen);
-        refine_each(&[mirrored], seen, camera, &mut minima);
+    let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
+    if flat {
+        let normal = plane_normal(configuration, seen);
+        refine_pair(candidates, &normal, seen, camera, minima);
+    } else {
+        refine_each(&candidates, seen, camera, minima);
     }
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
-        refine_each(&sqpnp::sqpnp(seen), seen, camera, &mut minima);
-        refine_each(&three_of(seen), seen, camera, &mut minima);
+        refine_each(&sqpnp::sqpnp(seen), seen, camera, minima);
+        refine_each(&three_of(seen), seen, camera, minima);
     }
-    (minima, weakness)
+    weakness
+}
+
+/// The two minima of a flat target: from the better candidate, then from its mirror pose or the other candidate, whichever
+/// fits better to begin with. Closed forms often give one minimum twice; the mirror pose finds the other.
+fn refine_pair(
+    mut candidates: Candidates,
+    normal: &Vector3<f64>,
+    seen: &[Correspondence],
+    camera: &Camera,
+    minima: &mut Minima,
+) {
+    let start_chi2 = |start: &Pose| residual_sums(start, seen, camera).0;
+    if candidates.len() == 2 && start_chi2(&candidates[1]) < start_chi2(&candidates[0]) {
+        candidates.swap(0, 1);
+    }
+    let Some((first, others)) = candidates.split_first() else { return };
+    refine_each(&[*first], seen, camera, minima);
+    let Some(best) = minima.first() else { return refine_each(others, seen, camera, minima) };
+    let mut starts: ArrayVec<(f64, Pose), 4> =
+        others.iter().map(|start| (start_chi2(start), *start)).collect();
+    let mirrored = mirrored(&best.cam_from_target, normal, seen);
+    starts.push((start_chi2(&mirrored), mirrored));
+    starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    for (i, (chi2, start)) in starts.iter().enumerate() {
+        if i == 0 || (minima.len() == 1 && *chi2 < HOPELESS_CHI2) {
+            refine_each(&[*start], seen, camera, minima);
+        }
+    }
 }
 
 fn refine_each(candidates: &[Pose], seen: &[Correspondence], camera: &Camera, minima: &mut Minima) {
@@ -251,18 +284,25 @@ fn sigma_rad(c: &Correspondence, camera: &Camera) -> f64 {
     camera.bearing(&beside).map_or(f64::INFINITY, |b| b.cross(&c.bearing).norm())
 }
 
+/// Unit normal of a flat target, target frame.
+fn plane_normal(configuration: &Configuration, seen: &[Correspondence]) -> Vector3<f64> {
+    let [i, j, k] = match configuration {
+        Configuration::LinePlusOne { order: [a, _, c, d] } => [*a, *c, *d],
+        _ => wide_triangle(seen),
+    };
+    let x = |n: usize| seen[n].x_in_target;
+    (x(j) - x(i)).cross(&(x(k) - x(i))).normalize()
+}
+
 /// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
 /// the line of sight. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
-fn mirrored(cam_from_target: &Pose, seen: &[Correspondence]) -> Pose {
-    let [i, j, k] = wide_triangle(seen);
-    let x = |n: usize| seen[n].x_in_target;
-    let normal = (x(j) - x(i)).cross(&(x(k) - x(i))).normalize();
+fn mirrored(cam_from_target: &Pose, normal: &Vector3<f64>, seen: &[Correspondence]) -> Pose {
     let centre = centroid(seen);
     let centre_in_cam = cam_from_target * &centre;
     let sight = centre_in_cam.normalize();
     let reflection = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * 2.0;
     // Two reflections make a rotation; the one in the target's own plane does not move its points.
-    let rotation = reflection(&sight) * cam_from_target.rotation * reflection(&normal);
+    let rotation = reflection(&sight) * cam_from_target.rotation * reflection(normal);
     Pose::new(rotation, centre_in_cam - rotation * centre)
 }
 
@@ -271,7 +311,8 @@ fn literal(
     configuration: &Configuration,
     seen: &[Correspondence],
     camera: &Camera,
-) -> Result<(Minima, Option<Weakness>), Error> {
+    minima: &mut Minima,
+) -> Result<Option<Weakness>, Error> {
     let Configuration::LinePlusOne { order } = configuration else {
         return Err(Error::WrongLayout {
             method: "wang2004",
@@ -302,9 +343,8 @@ fn literal(
         }
     }
     let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
-    let mut minima = Minima::new();
     minima.push(Minimum { cam_from_target, covariance, chi2, rms_px });
-    Ok((minima, None))
+    Ok(None)
 }
 
 /// Step of the central differences, in standard deviations of a pixel: small beside the noise, large beside rounding.

@@ -134,3 +134,61 @@ pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
     }
     roots
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Monic quartic with the given roots.
+    fn quartic(roots: [f64; 4]) -> [f64; 4] {
+        let mut a = [1.0, 0.0, 0.0, 0.0, 0.0];
+        for (degree, root) in roots.into_iter().enumerate() {
+            for i in (0..=degree).rev() {
+                a[i + 1] -= root * a[i];
+            }
+        }
+        [a[4], a[3], a[2], a[1]]
+    }
+
+    #[test]
+    fn roots_of_a_product_are_its_factors_roots() {
+        let cases = [
+            ([-3.0, -1.0, 0.5, 2.0], 1e-13),
+            ([1.0, 2.0, 3.0, 4.0], 1e-12),
+            ([-2e-6, 1e-6, 3.0, 5.0], 1e-13), // two scales, as for a nearly straight triple
+            ([-1.0, 0.7, 0.7 + 1e-4, 3.0], 1e-9), // the middle pair close: the other pairing
+            ([-1.0, -1.0 + 1e-4, 0.7, 3.0], 1e-9),
+            ([-2.0, -1.0, 1.0, 2.0], 1e-13), // biquadratic
+        ];
+        for (expected, tolerance) in cases {
+            let mut found = quartic_real_roots(&quartic(expected));
+            found.sort_unstable_by(f64::total_cmp);
+            assert_eq!(found.len(), 4, "{expected:?}");
+            for (x, y) in found.iter().zip(expected) {
+                assert!((x - y).abs() < tolerance, "{found:?} {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_polynomial_without_real_roots_gives_none() {
+        assert!(quartic_real_roots(&[4.0, 0.0, 5.0, 0.0]).is_empty()); // (x² + 1)(x² + 4)
+        assert!(quartic_real_roots(&[10.0, -10.0, 7.0, -2.0]).is_empty()); // ((x − 1)² + 1)(x² + 5)
+    }
+
+    #[test]
+    fn cosine_of_two_thirds_is_what_it_says() {
+        for i in 0..=1000 {
+            let s = f64::from(i) / 1000.0;
+            assert!((cosine_of_two_thirds(s) - (s.acos() * 2.0 / 3.0).cos()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn cube_root_undoes_the_cube() {
+        for exponent in -100..100 {
+            let y = 1.37 * 10f64.powi(exponent);
+            assert!((cube_root(y * y * y) / y - 1.0).abs() < 1e-12, "{exponent}");
+        }
+    }
+}

@@ -211,7 +211,7 @@ mod tests {
     fn some_motions() -> Vec<Vector6> {
         let axis = Vector3::new(0.3, -0.8, 0.5).normalize();
         let t = Vector3::new(1.0, -2.0, 3.0);
-        let angles = [0.0, 1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.3, 2.0, 3.0, 3.1415, std::f64::consts::PI - 1e-9];
+        let angles = [0.0, 1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.3, 2.0, 3.0, 3.13, std::f64::consts::PI - 1e-9];
         angles
             .iter()
             .map(|a| {

@@ -1,12 +1,14 @@
 //! One pose: reprojection residual, Jacobian, covariance. Maximum likelihood for independent Gaussian pixel errors.
 //!
+//! ```text
 //!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
 //!   ∂π/∂[ω; ν] = [ −Π [y]×  Π ],  Π = ∂π/∂x (2×3): each row j of Π gives the row [y × j ; j]
+//! ```
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
 use crate::choose::Minimum;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize};
-use crate::{Camera, Correspondence, Error, Point, Pose};
+use crate::{Camera, Correspondence, Error, Lens, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
 /// The points leave a direction free, to rounding.
@@ -24,7 +26,7 @@ pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<
     refine_against(start, None, seen, camera)
 }
 
-/// As `refine`, for a minimum that will be compared with a rival of known χ²: it may end early (to 10⁻⁴ of the difference)
+/// As `refine`, for a minimum that will be compared with a rival of known χ²: it may end early
 /// where it stays far above the rival.
 pub(crate) fn refine_against(
     start: &Pose,
@@ -57,16 +59,36 @@ pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
 }
 
 /// χ² and root mean square distance, px; infinite where a point leaves the field.
+#[inline]
 pub(crate) fn residual_sums(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> (f64, f64) {
+    let sums = match &camera.lens {
+        Lens::Pinhole(model) => sum_residuals(cam_from_target, seen, camera, |x| model.project(x)),
+        _ => sum_residuals(cam_from_target, seen, camera, |x| camera.project(x)),
+    };
+    let (chi2, sum) = sums.unwrap_or((f64::INFINITY, f64::INFINITY));
+    (chi2, (sum / seen.len().max(1) as f64).sqrt())
+}
+
+#[inline(always)]
+fn sum_residuals(
+    cam_from_target: &Pose,
+    seen: &[Correspondence],
+    camera: &Camera,
+    project: impl Fn(&Point) -> Option<Pixel>,
+) -> Option<(f64, f64)> {
     let (mut chi2, mut sum) = (0.0, 0.0);
     for c in seen {
-        let Some((_, e, whitened)) = whitened_residual(cam_from_target, c, camera) else {
-            return (f64::INFINITY, f64::INFINITY);
-        };
-        chi2 += whitened;
-        sum += e.norm_squared();
+        if c.sigma_m == 0.0 {
+            let squared = (c.pixel - project(&(cam_from_target * &c.x_in_target))?).norm_squared();
+            chi2 += squared / (c.sigma_px * c.sigma_px);
+            sum += squared;
+        } else {
+            let (_, e, whitened) = whitened_residual(cam_from_target, c, camera)?;
+            chi2 += whitened;
+            sum += e.norm_squared();
+        }
     }
-    (chi2, (sum / seen.len().max(1) as f64).sqrt())
+    Some((chi2, sum))
 }
 
 /// Point in the camera frame, residual (px) and squared whitened residual of one correspondence.
@@ -95,18 +117,14 @@ pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matr
 }
 
 /// W with WᵀW = information, upper triangular: whitens residuals and derivatives alike.
-#[inline]
 fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
-    let i = 1.0 / c.sigma_px;
-    if c.sigma_m == 0.0 {
-        return (i, 0.0, i);
-    }
     let i = information(c, jacobian);
     let a = i[(0, 0)].sqrt();
     let b = i[(0, 1)] / a;
     (a, b, (i[(1, 1)] - b * b).sqrt())
 }
 
+/// The lens is looked up once, not at every point: most cameras of the inner loop are pinholes.
 #[inline]
 pub(crate) fn normal_equations(
     place: &PivotedPose,
@@ -114,21 +132,37 @@ pub(crate) fn normal_equations(
     seen: &[Correspondence],
     camera: &Camera,
 ) -> Option<NormalEquations> {
+    match &camera.lens {
+        Lens::Pinhole(model) => accumulate(place, pivot, seen, |x| model.project_with_jacobian(x)),
+        _ => accumulate(place, pivot, seen, |x| camera.project_with_jacobian(x)),
+    }
+}
+
+#[inline(always)]
+fn accumulate(
+    place: &PivotedPose,
+    pivot: &Point,
+    seen: &[Correspondence],
+    project: impl Fn(&Point) -> Option<(Pixel, Matrix2x3<f64>)>,
+) -> Option<NormalEquations> {
     let mut normal = NormalEquations::zero();
     for c in seen {
         let y = place.rotation * (c.x_in_target - pivot);
-        let (pixel, jacobian) = camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
+        let (pixel, jacobian) = project(&(y + place.pivot_in_cam))?;
         let e = c.pixel - pixel;
-        let (a, b, d) = whitening(c, &jacobian);
-        let j = &jacobian;
-        let ju = Vector3::new(
-            a * j[(0, 0)] + b * j[(1, 0)],
-            a * j[(0, 1)] + b * j[(1, 1)],
-            a * j[(0, 2)] + b * j[(1, 2)],
-        );
-        let jv = Vector3::new(d * j[(1, 0)], d * j[(1, 1)], d * j[(1, 2)]);
-        normal.add(a * e.x + b * e.y, &y.cross(&ju), &ju);
-        normal.add(d * e.y, &y.cross(&jv), &jv);
+        let ju = Vector3::new(jacobian[(0, 0)], jacobian[(0, 1)], jacobian[(0, 2)]);
+        let jv = Vector3::new(jacobian[(1, 0)], jacobian[(1, 1)], jacobian[(1, 2)]);
+        if c.sigma_m == 0.0 {
+            let i = 1.0 / c.sigma_px;
+            let (ju, jv) = (ju * i, jv * i);
+            normal.add(e.x * i, &y.cross(&ju), &ju);
+            normal.add(e.y * i, &y.cross(&jv), &jv);
+        } else {
+            let (a, b, d) = whitening(c, &jacobian);
+            let (ju, jv) = (ju * a + jv * b, jv * d);
+            normal.add(a * e.x + b * e.y, &y.cross(&ju), &ju);
+            normal.add(d * e.y, &y.cross(&jv), &jv);
+        }
     }
     normal.chi2.is_finite().then_some(normal)
 }

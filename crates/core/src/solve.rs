@@ -2,11 +2,13 @@
 //!
 //! | solver | points | candidates | source |
 //! | --- | --- | --- | --- |
-//! | `line_plus_one` | 3 collinear + 1 off the line | 2 | docs/math/line_plus_one.md |
-//! | `wang2004` | 3 collinear + 1 off the line | 4 | F.-Y. Wang, IEEE T-RA 2004, as printed |
-//! | `p3p` | 3 | 4 | docs/math/p3p.md |
-//! | `planar` | n ≥ 4 in a plane | 2 | docs/math/planar.md |
-//! | `sqpnp` | n ≥ 3 | 4 | docs/math/sqpnp.md |
+//! | [`line_plus_one`] | 3 collinear + 1 off the line | 2 | own, docs/math/line_plus_one.md |
+//! | [`wang2004`] | 3 collinear + 1 off the line | 4 | F.-Y. Wang, IEEE T-RA 2004, as printed |
+//! | [`p3p`] | 3 | ≤ 4, all reproject, in front | own, docs/math/p3p.md |
+//! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
+//! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
+//!
+//! [`configuration`] decides beforehand which of them the points allow.
 
 pub mod configuration;
 pub mod line_plus_one;

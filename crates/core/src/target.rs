@@ -28,9 +28,9 @@ pub struct KnownPoint {
 /// Three points on a line and one off it: ids 0, 1, 2 on the line, 3 off it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinePlusOne {
-    /// Abscissae of the collinear points, metres; they become (line_m[i], 0, 0).
+    /// Abscissae of the collinear points, metres; point i is `(line_m[i], 0, 0)`.
     pub line_m: [f64; 3],
-    /// The fourth point along and across the line, metres: (off_m[0], off_m[1], 0).
+    /// The fourth point along and across the line, metres: `(off_m[0], off_m[1], 0)`.
     pub off_m: [f64; 2],
 }
 

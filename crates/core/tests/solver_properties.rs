@@ -236,14 +236,13 @@ fn p3p_returns_nothing_for_hostile_input() {
 
 // ---------------------------------------------------------------------------------------------- all solvers
 
-/// A solver and the scenes it is for. `tolerance` for exact points, `misses` per 10,000 scenes as measured (docs/math).
+/// A solver and the scenes it is for. `tolerance` for exact points.
 struct Contract {
     name: &'static str,
     solve: fn(&[Correspondence]) -> Candidates,
     scene: fn(&mut Rng) -> Scene,
     most: usize,
     tolerance: f64,
-    misses: usize,
 }
 
 fn p3p_of_correspondences(points: &[Correspondence]) -> Candidates {
@@ -277,17 +276,10 @@ fn cloud(rng: &mut Rng) -> Scene {
 }
 
 const CONTRACTS: [Contract; 4] = [
-    Contract {
-        name: "p3p",
-        solve: p3p_of_correspondences,
-        scene: far_triple,
-        most: 4,
-        tolerance: 1e-7,
-        misses: 0,
-    },
-    Contract { name: "planar", solve: planar, scene: board, most: 2, tolerance: 1e-6, misses: 0 },
-    Contract { name: "sqpnp", solve: sqpnp, scene: cloud, most: 4, tolerance: 1e-3, misses: 1 },
-    Contract { name: "sqpnp on boards", solve: sqpnp, scene: board, most: 4, tolerance: 1e-3, misses: 5 },
+    Contract { name: "p3p", solve: p3p_of_correspondences, scene: far_triple, most: 4, tolerance: 1e-7 },
+    Contract { name: "planar", solve: planar, scene: board, most: 2, tolerance: 1e-6 },
+    Contract { name: "sqpnp", solve: sqpnp, scene: cloud, most: 4, tolerance: 1e-3 },
+    Contract { name: "sqpnp on boards", solve: sqpnp, scene: board, most: 4, tolerance: 1e-3 },
 ];
 
 #[test]
@@ -301,7 +293,7 @@ fn exact_points_give_the_exact_pose() {
             if error < contract.tolerance { worst = worst.max(error) } else { misses += 1 }
         }
         println!("{}: {misses} misses, worst of the others {worst:.1e}", contract.name);
-        assert!(misses <= contract.misses, "{}: {misses}", contract.name);
+        assert_eq!(misses, 0, "{}", contract.name);
     }
 }
 
@@ -336,7 +328,7 @@ fn frame_unit_and_order_do_not_matter() {
             let error = scene.least_error(&(contract.solve)(&scene.correspondences()));
             misses += usize::from(!(error < contract.tolerance));
         }
-        assert!(misses <= contract.misses, "{}: {misses}", contract.name);
+        assert_eq!(misses, 0, "{}", contract.name);
     }
 }
 
@@ -388,12 +380,12 @@ fn planar_returns_the_mirrored_pose_too() {
     for _ in 0..1_000 {
         let scene = board(&mut rng);
         let poses = planar(&scene.correspondences());
-        let sight = (scene.cam_from_target * scene.places.iter().sum::<Point>() / scene.places.len() as f64)
-            .normalize();
+        let centroid = scene.places.iter().sum::<Point>() / scene.places.len() as f64;
+        let sight = (scene.cam_from_target * centroid).normalize();
         let normals: Vec<Vector3<f64>> =
             poses.iter().map(|pose| board_normal(pose, &scene.places, &sight)).collect();
         let tilt = normals[0].cross(&sight).norm();
-        if !(0.3..0.8).contains(&tilt) {
+        if !(0.3..0.9).contains(&tilt) {
             continue; // face on the two may be one; near the edge the other minimum may show the other face
         }
         assert_eq!(poses.len(), 2);

@@ -18,9 +18,18 @@ type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 fn main() -> Result<()> {
     let folder = Path::new("docs/images");
     std::fs::create_dir_all(folder)?;
+    for (title, target) in targets() {
+        let picture = picture(title, &target)?;
+        std::fs::write(folder.join(format!("target-{}.png", target.kind())), picture)?;
+    }
+    Ok(())
+}
+
+/// Caption and target of each picture.
+fn targets() -> [(&'static str, Target); 5] {
     let family = || "tag36h11".to_string();
     let dictionary = || "DICT_4X4_50".to_string();
-    let targets = [
+    [
         (
             "three dots on a line and one off it",
             Target::LinePlusOne(LinePlusOne { line_m: [0.0, 0.10, 0.15], off_m: [0.0, 0.15] }),
@@ -49,12 +58,7 @@ fn main() -> Result<()> {
                 legacy_pattern: false,
             }),
         ),
-    ];
-    for (title, target) in targets {
-        let picture = picture(title, &target)?;
-        std::fs::write(folder.join(format!("target-{}.png", target.kind())), picture)?;
-    }
-    Ok(())
+    ]
 }
 
 fn picture(title: &str, target: &Target) -> Result<Vec<u8>> {

@@ -21,8 +21,8 @@ use aprilgrid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
 use dots::{DotDetector, DotError};
-use resight_core::{Camera, Target};
 use resight_core::correspondence::Detection;
+use resight_core::{Camera, Target};
 use tags::TagFinder;
 use thiserror::Error;
 
@@ -89,6 +89,23 @@ pub enum DetectError {
     OutOfMemory,
 }
 
+/// Most squares or tags of a board; a photograph has no pixels for more, and tables would outgrow the memory.
+const MAX_CELLS: u64 = 100_000;
+
+fn check_extent(target: &Target) -> Result<(), DetectError> {
+    let (rows, columns) = match target {
+        Target::AprilGrid(t) => (t.rows, t.columns),
+        Target::Chessboard(t) => (t.rows, t.columns),
+        Target::Charuco(t) => (t.rows, t.columns),
+        _ => return Ok(()),
+    };
+    if MAX_CELLS < rows as u64 * columns as u64 {
+        let reason = format!("{rows} rows × {columns} columns, at most {MAX_CELLS} cells are possible");
+        return Err(DetectError::Board { reason });
+    }
+    Ok(())
+}
+
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
@@ -108,6 +125,7 @@ impl Detector {
     /// not detected (`points`).
     pub fn new(target: &Target) -> Result<Self, DetectError> {
         target.check()?;
+        check_extent(target)?;
         let finder = match target {
             Target::Tag(tag) => Finder::Tag(TagFinder::with_ids(&tag.family, &[tag.id])?),
             Target::TagMap(map) => {
@@ -139,7 +157,11 @@ impl Detector {
     }
 
     /// The same with known intrinsics, which dot targets use: lines are straight and discs elliptic as the lens images them.
-    pub fn detect_with_camera(&mut self, image: &GrayImage, camera: &Camera) -> Result<Vec<Detection>, DetectError> {
+    pub fn detect_with_camera(
+        &mut self,
+        image: &GrayImage,
+        camera: &Camera,
+    ) -> Result<Vec<Detection>, DetectError> {
         self.find(image, Some(camera))
     }
 

@@ -17,19 +17,23 @@ pub struct GrayImage {
 /// Largest image accepted, pixels: a header may claim more than the machine's memory.
 const MAX_PIXELS: u64 = 64_000_000;
 
+/// Memory a decoder may take, bytes: the largest image accepted, with four channels of 16 bits.
+const MAX_DECODED_BYTES: u64 = 8 * MAX_PIXELS;
+
 impl GrayImage {
     /// A uniform image.
     pub fn filled(width_px: u32, height_px: u32, value: u8) -> Self {
         GrayImage { width_px, height_px, data: vec![value; width_px as usize * height_px as usize] }
     }
 
-    /// Value at column `u`, row `v`.
+    /// Value at column `u`, row `v`. Panics outside the image.
     #[inline]
     pub fn at(&self, u: u32, v: u32) -> u8 {
         self.data[v as usize * self.width_px as usize + u as usize]
     }
 
-    /// Reads PNG or JPEG (by content), converting colour to luma. Refuses more than 64 Mpx before decoding.
+    /// Reads PNG or JPEG (by content, whatever the name says), converting colour to luma and 16 bits to 8. Refuses
+    /// more than 64 Mpx before it decodes; fails on files that are no images, torn, or empty.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e.to_string()))?;
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
@@ -37,6 +41,12 @@ impl GrayImage {
 
     /// Decodes PNG or JPEG bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
+        // Other decoders may be compiled in for other crates; which formats are read must not depend on that.
+        let format =
+            ::image::guess_format(bytes).map_err(|_| "not a readable PNG or JPEG image".to_string())?;
+        if !matches!(format, ::image::ImageFormat::Png | ::image::ImageFormat::Jpeg) {
+            return Err(format!("is a {format:?} image; save it as PNG or JPEG"));
+        }
         let reader = || {
             ::image::ImageReader::new(std::io::Cursor::new(bytes))
                 .with_guessed_format()
@@ -45,10 +55,84 @@ impl GrayImage {
         let (width, height) =
             reader()?.into_dimensions().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?;
         if MAX_PIXELS < width as u64 * height as u64 {
-            return Err(format!("image is {width}×{height} px; the limit is 64 Mpx"));
+            return Err(format!("image is {width}×{height} px; the limit is 64 Mpx, reduce it"));
         }
+        let mut decoder = reader()?;
+        let mut limits = ::image::Limits::default();
+        limits.max_alloc = Some(MAX_DECODED_BYTES);
+        decoder.limits(limits);
         let gray =
-            reader()?.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
+            decoder.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ::image::{ExtendedColorType, ImageEncoder, codecs};
+
+    fn png(values: &[u8], width: u32, height: u32, color: ExtendedColorType) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        codecs::png::PngEncoder::new(&mut bytes).write_image(values, width, height, color).unwrap();
+        bytes
+    }
+
+    /// As `png`, with another size claimed in the header (bytes 16 to 24) under a valid checksum.
+    fn png_claiming(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = png(&[1, 2, 3, 4], 2, 2, ExtendedColorType::L8);
+        bytes[16..20].copy_from_slice(&width.to_be_bytes());
+        bytes[20..24].copy_from_slice(&height.to_be_bytes());
+        let mut crc = !0u32;
+        for byte in &bytes[12..29] {
+            crc ^= *byte as u32;
+            for _ in 0..8 {
+                crc = (crc >> 1) ^ ((crc & 1) * 0xedb8_8320);
+            }
+        }
+        bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn gray_png_round_trips() {
+        let values = [0, 1, 127, 128, 254, 255];
+        let image = GrayImage::decode(&png(&values, 3, 2, ExtendedColorType::L8)).unwrap();
+        assert_eq!(image, GrayImage { width_px: 3, height_px: 2, data: values.to_vec() });
+        assert_eq!((image.at(0, 0), image.at(2, 0), image.at(0, 1)), (0, 127, 128));
+    }
+
+    /// The full 16-bit range becomes the full 8-bit range.
+    #[test]
+    fn sixteen_bits_become_eight() {
+        let values: Vec<u8> = [0u16, 257 * 100, 65535].iter().flat_map(|x| x.to_ne_bytes()).collect();
+        let image = GrayImage::decode(&png(&values, 3, 1, ExtendedColorType::L16)).unwrap();
+        assert_eq!(image.data, [0, 100, 255]);
+    }
+
+    #[test]
+    fn colour_becomes_luma() {
+        let image =
+            GrayImage::decode(&png(&[255, 0, 0, 0, 255, 0, 9, 9, 9], 3, 1, ExtendedColorType::Rgb8)).unwrap();
+        assert!(image.data[0] < image.data[1] && image.data[2] == 9, "{:?}", image.data);
+    }
+
+    #[test]
+    fn claimed_size_is_refused_before_memory_is_taken() {
+        let error = GrayImage::decode(&png_claiming(60_000, 60_000)).unwrap_err();
+        assert!(error.contains("60000×60000") && error.contains("64 Mpx"), "{error}");
+        assert!(GrayImage::decode(&png_claiming(5_000, 5_000)).unwrap_err().contains("not a readable"));
+    }
+
+    #[test]
+    fn torn_and_foreign_files_are_named() {
+        let values: Vec<u8> = (0..64 * 64u32).map(|k| (k * k / 7 % 251) as u8).collect();
+        let whole = png(&values, 64, 64, ExtendedColorType::L8);
+        for bytes in [&whole[..whole.len() / 2], &whole[..20], b"P5 2 2 255 abcd", b"", b"\xff\xd8\xff\xe0"] {
+            let error = GrayImage::decode(bytes).expect_err(&format!("{} bytes", bytes.len()));
+            assert!(error.contains("PNG or JPEG"), "{error}");
+        }
+        let error = GrayImage::read(Path::new("no/such/picture.png")).unwrap_err();
+        assert!(error.to_string().starts_with("no/such/picture.png: "), "{error}");
     }
 }

@@ -6,6 +6,8 @@
 pub mod canvas;
 mod font;
 mod geometry;
+#[cfg(test)]
+mod tests;
 
 use crate::GrayImage;
 use crate::core::choose::Ambiguity;
@@ -371,7 +373,7 @@ fn dashed(path: &Path, length: f64) -> Vec<Path> {
         let mut from = 0.0;
         while from < span {
             let to = (from + length - travelled % length).min(span);
-            if ((travelled + 1e-9) / length) as u64 % 2 == 0 {
+            if (travelled + 1e-9) % (2.0 * length) < length {
                 dashes.push(vec![a + (b - a) * (from / span), a + (b - a) * (to / span)]);
             }
             travelled += to - from + 1e-9;

@@ -225,3 +225,37 @@ fn recorded_charuco_corners_are_found() {
     assert!(0.95 < share(found_n), "{}", share(found_n));
     assert!(0.90 < share(same_window), "{}", share(same_window));
 }
+
+/// Photographs of other things: chessboards, tags of another family, people and furniture.
+#[test]
+fn nothing_is_found_where_nothing_is() {
+    let sets =
+        [("opencv_stereo_chessboard", "jpg"), ("apriltag_detection_truth", "jpg"), ("dt_apriltags", "png")];
+    let mut detectors: Vec<TagFinder> = ["DICT_4X4_50", "DICT_5X5_250", "tag16h5", "tag25h9"]
+        .iter()
+        .map(|f| TagFinder::new(f).unwrap())
+        .collect();
+    let dictionary = "DICT_4X4_50".to_string();
+    let charuco =
+        Charuco { rows: 5, columns: 7, square_m: 0.04, marker_m: 0.03, dictionary, legacy_pattern: false };
+    let mut boards = [
+        Detector::new(&Target::Charuco(charuco)).unwrap(),
+        Detector::new(&Target::Chessboard(Chessboard { rows: 7, columns: 10, square_m: 0.025 })).unwrap(),
+    ];
+    let (mut images, mut false_finds) = (0, Vec::new());
+    for (set, extension) in sets {
+        let Some(folder) = real_data(set) else { return };
+        let mut paths: Vec<_> =
+            std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.retain(|path| path.extension().is_some_and(|e| e == extension));
+        for path in paths {
+            let image = GrayImage::read(&path).unwrap();
+            images += 1;
+            let tags = detectors.iter_mut().flat_map(|d| d.find(&image)).map(|tag| format!("{tag:?}"));
+            let corners = boards.iter_mut().flat_map(|d| d.detect(&image).unwrap()).map(|d| format!("{d:?}"));
+            false_finds.extend(tags.chain(corners).map(|what| format!("{}: {what}", path.display())));
+        }
+    }
+    println!("{images} images, {} false finds", false_finds.len());
+    assert!(false_finds.is_empty(), "{false_finds:#?}");
+}

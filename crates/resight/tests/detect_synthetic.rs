@@ -147,7 +147,7 @@ fn aprilgrid_is_found_whole_with_either_border() {
     let target = Target::AprilGrid(grid.clone());
     for border in [1, 2] {
         // The plane's y runs up: mirror the view's rows.
-        let mut view = View::new(Pixel::new(110.0, 400.0), 72.0, 4.0, 20.0);
+        let mut view = View::new(Pixel::new(110.0, 410.0), 62.0, 4.0, 20.0);
         view.0 *= nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
         let image = photograph(640, 480, &view, aprilgrid_ink(&grid, border));
         let found = detect(target.clone(), &image);
@@ -161,6 +161,28 @@ fn aprilgrid_is_found_whole_with_either_border() {
             rms_px(&errors)
         );
     }
+}
+
+/// The bits of tag 7 are covered, its joints are not: the tags around it say which joints they are.
+#[test]
+fn aprilgrid_tag_that_cannot_be_read_is_completed() {
+    let grid = AprilGrid {
+        family: "tag36h11".into(),
+        rows: 4,
+        columns: 5,
+        tag_size_m: 1.0,
+        tag_spacing_ratio: 0.3,
+        first_id: 0,
+    };
+    let target = Target::AprilGrid(grid.clone());
+    let mut view = View::new(Pixel::new(110.0, 410.0), 62.0, 4.0, 20.0);
+    view.0 *= nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
+    let ink = aprilgrid_ink(&grid, 2);
+    let covered = |x: f64, y: f64| 2.7 < x && x < 3.5 && 1.4 < y && y < 2.2;
+    let image = photograph(640, 480, &view, |x, y| if covered(x, y) { Some(BLACK) } else { ink(x, y) });
+    let found = detect(target.clone(), &image);
+    assert_eq!(found.len(), 80);
+    assert!(rms_px(&errors(&target, &found, &view, |x| (x.x, x.y))) < 0.08);
 }
 
 fn chessboard(rows: u32, columns: u32) -> Target {
@@ -215,7 +237,7 @@ fn charuco(rows: u32, columns: u32, legacy_pattern: bool) -> Charuco {
 /// Drawn from OpenCV's description: markers along the rows of white squares; the legacy pattern of an even number of
 /// rows starts with a white square.
 fn charuco_ink(board: &Charuco) -> impl Fn(f64, f64) -> Option<f64> + use<> {
-    let first_white = if board.legacy_pattern && board.rows % 2 == 0 { 0 } else { 1 };
+    let first_white = if board.legacy_pattern && board.rows.is_multiple_of(2) { 0 } else { 1 };
     let (rows, columns, size) = (board.rows as i32, board.columns as i32, board.marker_m);
     let white = move |column: i32, row: i32| (column + row) % 2 == first_white;
     let squares =
@@ -308,5 +330,7 @@ fn targets_that_cannot_be_detected_say_why() {
     assert!(refused(&tag("tag99h1", 0)).contains("tag36h11"));
     assert!(refused(&tag("tag36h11", 999)).contains("0 to 586"));
     assert!(refused(&chessboard(1, 5)).contains("rows"));
+    assert!(refused(&chessboard(70_000, 70_000)).contains("70000"));
+    assert!(refused(&Target::Charuco(charuco(u32::MAX, u32::MAX, false))).contains("at most"));
     assert!(refused(&Target::Charuco(charuco(60, 60, false))).contains("0 to 49"));
 }

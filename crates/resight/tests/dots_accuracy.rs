@@ -16,7 +16,7 @@ struct Case {
     tilt_rad: f64,
     blur_sigma_px: f64,
     noise_sigma: f64,
-    /// Bound on the root mean square error of a coordinate: about 1.5 times what was measured.
+    /// Bound on the root mean square error of a coordinate: two to three times what was measured.
     most_rms_px: f64,
 }
 

@@ -220,7 +220,7 @@ fn specks_and_noise_neither_hang_nor_match() {
         assert_eq!(detector.detect(&image).unwrap().len(), 0);
         assert_eq!(detector.detect_with_camera(&image, &camera).unwrap().len(), 0);
     }
-    // Measured about 0.1 s in all; the bound only tells linear from quadratic.
+    // Measured 0.04 s each; the bound only tells linear from quadratic.
     assert!(start.elapsed().as_secs_f64() < 10.0);
 }
 

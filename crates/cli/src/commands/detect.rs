@@ -61,13 +61,14 @@ pub fn run(args: &Detect) -> Result<Outcome> {
     let images = crate::files::expand(&args.images)?;
     let mut printer = Printer::new(&args.output, images.len());
     let target = super::target(&args.target, |warning| printer.remark(warning))?;
-    super::detect_in_order(&images, &target, detect, |found: Found| {
+    let work = |detector: &mut Detector, path: &PathBuf| detect(detector, path);
+    super::detect_in_order(&images, &target, work, |found: Found| {
         printer.result(&found, &describe(&found), !found.detections.is_empty())
     })?;
     printer.finish()
 }
 
-fn detect(detector: &mut Detector, path: &PathBuf) -> Found {
+fn detect(detector: &mut Detector, path: &Path) -> Found {
     let view = view_name(path);
     let found = GrayImage::read(path)
         .map_err(|e| e.to_string())

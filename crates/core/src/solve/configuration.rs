@@ -13,9 +13,9 @@ pub const MIN_WIDTH: f64 = 1e-9;
 /// that noise of a thousandth of the image's width spoils it; the start from the line is off by no more than this angle, and
 /// refinement uses the true coordinates. Evidence: docs/math/configuration.md, table 1.
 pub const MAX_LINE_HEIGHT: f64 = 0.03;
-/// Thickness over width up to which the points are one plane: the start is off by about this angle, and the mirrored minimum, which only the
-/// planar solver looks for, still exists.
-pub const MAX_PLANE_THICKNESS: f64 = 0.02;
+/// Thickness over width up to which the points are one plane: up to here the planar solver misses no pose and the mirrored minimum, which it
+/// returns by construction, exists in nearly every view. Evidence: docs/math/configuration.md, table 2.
+pub const MAX_PLANE_THICKNESS: f64 = 0.05;
 /// Points closer than this part of the extent coincide.
 const MIN_DISTANCE: f64 = 1e-12;
 /// Coordinates carry a relative rounding: below this multiple of their size a length is noise.
@@ -48,10 +48,11 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
         return Err(Error::TooFewPoints { seen: points.len(), needed: 3 });
     }
     let places = Places { points };
+    let rounding = places.rounding();
     let (first, last, length) = places.longest();
-    places.check_distinct(length)?;
+    places.check_distinct(length, rounding)?;
     let (widest, width) = places.farthest_from_line(first, last);
-    let needed = MIN_WIDTH.max(places.rounding() / length);
+    let needed = MIN_WIDTH.max(rounding / length);
     if !(needed * length < width) {
         return Err(Error::Collinear { ratio: width / length, needed });
     }
@@ -108,23 +109,24 @@ impl Places<'_> {
         values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best })
     }
 
-    /// Two points far apart, at least 1/√3 of the largest distance there is, and their distance.
+    /// Two points far apart, at least half of the largest distance there is, and their distance.
     fn longest(&self) -> (usize, usize, f64) {
         let origin = self.at(0);
-        let (first, _) = self.largest(|x| (x - origin).norm());
+        let (first, _) = self.largest(|x| (x - origin).norm_squared());
         let origin = self.at(first);
-        let (last, length) = self.largest(|x| (x - origin).norm());
-        (first, last, length)
+        let (last, squared) = self.largest(|x| (x - origin).norm_squared());
+        (first, last, squared.sqrt())
     }
 
-    fn check_distinct(&self, length: f64) -> Result<(), Error> {
-        let least = (MIN_DISTANCE * length).max(self.rounding());
-        let n = self.points.len();
-        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
+    fn check_distinct(&self, length: f64, rounding: f64) -> Result<(), Error> {
+        let least = (MIN_DISTANCE * length).max(rounding);
         let all_same = !(least < length);
-        if n <= MAX_PAIRED || all_same {
-            for (first, second) in pairs {
-                if !(least < (self.at(first) - self.at(second)).norm()) {
+        if MAX_PAIRED < self.points.len() && !all_same {
+            return Ok(());
+        }
+        for first in 0..self.points.len() {
+            for second in first + 1..self.points.len() {
+                if !(least * least < (self.at(first) - self.at(second)).norm_squared()) {
                     return Err(Error::Coincident { first, second, where_: "in the target" });
                 }
             }
@@ -135,7 +137,8 @@ impl Places<'_> {
     /// The point farthest from the line through two, and its distance.
     fn farthest_from_line(&self, first: usize, last: usize) -> (usize, f64) {
         let line = Line::new(self.at(first), self.at(last));
-        self.largest(|x| line.distance(x))
+        let (index, squared) = self.largest(|x| line.distance_squared(x));
+        (index, squared.sqrt())
     }
 
     /// The only point off a side of the widest triangle, if all others lie on that side's line.
@@ -144,21 +147,22 @@ impl Places<'_> {
     fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> Option<usize> {
         let off_side = |first: usize, last: usize, off: usize| {
             let line = Line::new(self.at(first), self.at(last));
-            let others = (0..self.points.len()).filter(|i| *i != off);
-            let height = others.map(|i| line.distance(&self.at(i))).fold(0.0, f64::max);
-            let along = (0..self.points.len())
-                .filter(|i| *i != off)
-                .map(|i| (self.at(i) - line.origin).dot(&line.along));
-            let (low, high) = along.fold((0.0f64, 0.0f64), |(low, high), t| (low.min(t), high.max(t)));
-            (height / (high - low), off)
+            let (mut height, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
+            for i in (0..self.points.len()).filter(|i| *i != off) {
+                let from_origin = self.at(i) - line.origin;
+                let along = from_origin.dot(&line.along);
+                (low, high) = (low.min(along), high.max(along));
+                height = height.max(line.along.cross(&from_origin).norm_squared());
+            }
+            (height.sqrt() / (high - low), off)
         };
         let sides = [off_side(a, b, c), off_side(b, c, a), off_side(a, c, b)];
         let (height, off) =
             sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
         // A point closer to the line than its own straightness is not "off" it.
         let (p, q) = self.ends_without(off);
-        let distance = Line::new(self.at(p), self.at(q)).distance(&self.at(off)) / length;
-        (height <= MAX_LINE_HEIGHT && 3.0 * height <= distance).then_some(off)
+        let distance = || Line::new(self.at(p), self.at(q)).distance_squared(&self.at(off)).sqrt() / length;
+        (height <= MAX_LINE_HEIGHT && 3.0 * height <= distance()).then_some(off)
     }
 
     /// Two distant points of the others.
@@ -199,8 +203,8 @@ impl Line {
         Line { origin, along: (other - origin).normalize() }
     }
 
-    fn distance(&self, x: &Point) -> f64 {
-        self.along.cross(&(x - self.origin)).norm()
+    fn distance_squared(&self, x: &Point) -> f64 {
+        self.along.cross(&(x - self.origin)).norm_squared()
     }
 }
 

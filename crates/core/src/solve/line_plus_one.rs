@@ -20,11 +20,15 @@ pub fn line_plus_one(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> 
     let d = bearings[3].into_inner();
     let foot = line.b_in_cam + line.r1 * layout.along;
     let (middle, spread) = ray_meets_sphere(&d, &foot, layout.across);
-    [middle + spread, middle - spread]
-        .into_iter()
-        .filter(|depth| 0.0 < *depth)
-        .filter_map(|depth| layout.cam_from_target(&line, &(d * depth - foot)))
-        .collect()
+    let mut candidates = Candidates::new();
+    for depth in [middle + spread, middle - spread] {
+        if 0.0 < depth
+            && let Some(pose) = layout.cam_from_target(&line, &(d * depth - foot))
+        {
+            candidates.push(pose);
+        }
+    }
+    candidates
 }
 
 /// A configuration next to one where the points do not determine the pose.
@@ -94,11 +98,11 @@ struct Layout {
 impl Layout {
     fn of(points: &[Point; 4]) -> Self {
         let [a, b, c, d] = points;
-        let x = (c - a).normalize();
+        let x = unit(&(c - a));
         let along = (d - b).dot(&x);
         let perpendicular = (d - b) - x * along;
         let across = perpendicular.norm();
-        let y = perpendicular / across;
+        let y = perpendicular * across.recip();
         let target_axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
         Layout { b_in_target: *b, target_axes, a: (a - b).dot(&x), c: (c - b).dot(&x), along, across }
     }
@@ -110,7 +114,7 @@ impl Layout {
         if !(0.0 < length) {
             return None;
         }
-        let r2 = across / length;
+        let r2 = across * length.recip();
         let cam_axes = Matrix3::from_columns(&[line.r1, r2, line.r1.cross(&r2)]);
         let rotation = cam_axes * self.target_axes.transpose();
         Some(Pose { rotation, translation: line.b_in_cam - rotation * self.b_in_target })
@@ -127,7 +131,7 @@ impl Line {
     fn seen(bearings: &[Bearing; 4], layout: &Layout) -> Option<Self> {
         let [a, b, c] = [bearings[0].into_inner(), bearings[1].into_inner(), bearings[2].into_inner()];
         let n = viewing_plane(&a, &b, &c)?;
-        let m = (b - n * n.dot(&b)).normalize();
+        let m = unit(&(b - n * n.dot(&b)));
         let e = n.cross(&m);
         let (pa, qa, pc, qc) = (a.dot(&m), a.dot(&e), c.dot(&m), c.dot(&e));
         // Null vector of the two conditions "a, c on their rays", docs/math/line_plus_one.md eq. (4): depth of b, then r₁ along m and e.
@@ -145,7 +149,14 @@ impl Line {
 fn viewing_plane(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> Option<Vector3<f64>> {
     let (ab, bc, ac) = (a.cross(b), b.cross(c), a.cross(c));
     let n = ab * ab.dot(&ac) + bc * bc.dot(&ac) + ac * ac.norm_squared();
-    n.try_normalize(f64::MIN_POSITIVE)
+    let n = unit(&n);
+    n.x.is_finite().then_some(n)
+}
+
+/// One division where `normalize` makes three.
+#[inline(always)]
+fn unit(v: &Vector3<f64>) -> Vector3<f64> {
+    v * v.norm_squared().sqrt().recip()
 }
 
 /// Depths λ with |λ d − B| = ρ as (middle, half difference); a ray that misses the sphere by noise touches it:

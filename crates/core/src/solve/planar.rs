@@ -17,8 +17,8 @@ type Vector9 = SVector<f64, 9>;
 
 /// Poses closer than this (chordal) are one.
 const SAME_ROTATION: f64 = 1e-6;
-/// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three of them on a
-/// line, give 1e-17; a good square 1e-2.
+/// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three on a line, give rounding;
+/// bent by a thousandth of the line's length already 1e-8 (docs/math/planar.md).
 const MIN_SECOND_EIGENVALUE: f64 = 1e-11;
 
 /// Both poses of coplanar points, the one of smaller object-space error first; a single one when they coincide; none when the points do
@@ -38,13 +38,14 @@ fn poses(points: &[Correspondence]) -> Option<Candidates> {
     let homography = homography(points, &frame, &axes)?;
     let sums = Sums::new(points, |c| frame.apply(&c.x_in_target), |c| c.bearing.into_inner());
     let cost = Cost::new(&sums)?;
-    let [first, second] = rotations(&homography)?.map(|r| r * axes.transpose());
-    let first = cost.descend(first, &[])?;
-    let other = cost
-        .descend(second, &[first])
-        .filter(|other| 0.0 < sums.depth(&other.rotation, &cost.translation(&other.rotation)));
-    // Where both descents end in one place the mirrored pose may still be a minimum of the reprojection error.
-    let second = other.unwrap_or_else(|| cost.at(second));
+    let raw = rotations(&homography)?.map(|r| r * axes.transpose());
+    let first = cost.descend(raw[0], &[])?;
+    let in_front = |m: &Minimum| 0.0 < sums.depth(&m.rotation, &cost.translation(&m.rotation));
+    let second = cost.descend(raw[1], &[first]).filter(in_front).unwrap_or_else(|| {
+        // Both descents end in one place. The mirrored pose, whichever of the two it is, may still be a minimum of the reprojection error.
+        let [near, far] = raw.map(|r| (r - first.rotation).norm());
+        cost.at(if near < far { raw[1] } else { raw[0] })
+    });
     let mut poses = Candidates::new();
     let ordered = if second.value < first.value { [second, first] } else { [first, second] };
     for Minimum { rotation, .. } in ordered {

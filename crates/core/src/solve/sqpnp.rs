@@ -9,6 +9,7 @@
 //!   S = Σ P, B = Σ P ⊗ Xᵀ, Q = Σ P ⊗ X Xᵀ   ·   t = −S⁻¹ B r   ·   Ω = Q − Bᵀ S⁻¹ B
 
 use super::Candidates;
+use super::p3p::p3p;
 use crate::pose::orthonormalized;
 use crate::{Correspondence, Point, Pose};
 use arrayvec::ArrayVec;
@@ -19,9 +20,11 @@ type Matrix3x9 = SMatrix<f64, 3, 9>;
 type Vector9 = SVector<f64, 9>;
 
 /// Starts followed to their minimum, best first. Evidence: docs/math/sqpnp.md, table 1.
-const MAX_STARTS: usize = 10;
+const MAX_STARTS: usize = 6;
+/// The widest triple is sought among about so many points.
+const TRIPLE_FROM: usize = 24;
 /// Newton steps from one start; a minimum is reached in 4 to 7.
-const MAX_STEPS: usize = 15;
+const MAX_STEPS: usize = 25;
 /// A step below this ends the descent: the next would be its square.
 const LAST_STEP_RAD: f64 = 1e-5;
 /// Longest step.
@@ -40,7 +43,7 @@ pub fn sqpnp(points: &[Correspondence]) -> Candidates {
     let Some(frame) = Normalization::new(points) else { return poses };
     let sums = Sums::new(points, |c| frame.apply(&c.x_in_target), |c| c.bearing.into_inner());
     let Some(cost) = Cost::new(&sums) else { return poses };
-    for r in minima(&cost, &sums) {
+    for r in minima(&cost, &sums, &triple_rotations(points, &frame)) {
         poses.push(frame.undo(r, cost.translation(&r)));
     }
     poses
@@ -203,7 +206,7 @@ impl Cost {
             // Close to the minimum the gradient still has digits when the value has none left.
             if next_value <= value || (damping == 0.0 && length < SMALL_STEP_RAD) {
                 (r, omega_r, value) = (next, omega_next, next_value);
-                damping = if damping < 1e-6 * hessian.norm() { 0.0 } else { 0.1 * damping };
+                damping = if damping < 1e-6 * hessian.norm() { 0.0 } else { 0.03 * damping };
             } else {
                 damping = 10.0 * damping.max(1e-3 * hessian.norm());
             }
@@ -286,16 +289,98 @@ impl CubeRotation {
     }
 }
 
+/// The poses of a wide triple, which start in the right minima when there are many narrow ones (few points, thin targets).
+fn triple_rotations(points: &[Correspondence], frame: &Normalization) -> ArrayVec<Matrix3<f64>, 4> {
+    let step = 1 + points.len() / TRIPLE_FROM;
+    let place = |c: &Correspondence| frame.apply(&c.x_in_target);
+    let farthest = |measure: &dyn Fn(Point) -> f64| {
+        let larger =
+            |a: &&Correspondence, b: &&Correspondence| measure(place(a)).total_cmp(&measure(place(b)));
+        points.iter().step_by(step).max_by(larger)
+    };
+    let triple = || {
+        let a = farthest(&|x| x.norm_squared())?;
+        let b = farthest(&|x| (x - place(a)).norm_squared())?;
+        let along = place(b) - place(a);
+        let c = farthest(&|x| along.cross(&(x - place(a))).norm_squared())?;
+        Some([a, b, c])
+    };
+    let Some(triple) = triple() else { return ArrayVec::new() };
+    p3p(&triple.map(|c| c.bearing), &triple.map(|c| c.x_in_target)).iter().map(|pose| pose.rotation).collect()
+}
+
 /// Distinct minima in front of the camera, best first.
-fn minima(cost: &Cost, sums: &Sums) -> ArrayVec<Matrix3<f64>, 4> {
+fn minima(cost: &Cost, sums: &Sums, first: &[Matrix3<f64>]) -> ArrayVec<Matrix3<f64>, 4> {
     let mut starts: ArrayVec<(f64, Matrix3<f64>), 24> =
         CubeRotation::all().map(|cube| (cost.of_cube_rotation(&cube), cube.matrix())).collect();
     starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found: ArrayVec<Minimum, MAX_STARTS> = ArrayVec::new();
-    for (_, start) in starts.into_iter().take(MAX_STARTS) {
-        found.extend(cost.descend(start, &found));
+    let cubes = starts.iter().map(|(_, start)| start).take(MAX_STARTS);
+    let mut found: ArrayVec<Minimum, { MAX_STARTS + 4 }> = ArrayVec::new();
+    for start in first.iter().chain(cubes) {
+        found.extend(cost.descend(*start, &found));
     }
     found.sort_unstable_by(|a, b| a.value.total_cmp(&b.value));
     let in_front = |r: &Matrix3<f64>| 0.0 < sums.depth(r, &cost.translation(r));
     found.into_iter().map(|minimum| minimum.rotation).filter(in_front).take(4).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+
+    fn some_cost() -> Cost {
+        let camera = Camera::normalized();
+        let places =
+            [[0.1, 0.9, -0.3], [1.0, -0.2, 0.4], [-0.7, 0.3, 0.8], [0.2, -1.0, -0.6], [-0.5, -0.4, 0.1]];
+        let seen = |(i, x): (usize, &[f64; 3])| {
+            let pixel = crate::Pixel::new(0.2 * x[0] - 0.03 * i as f64, 0.15 * x[1] + 0.05 * x[2]);
+            Correspondence::new(&camera, Point::from(*x), pixel, 1.0 + 0.1 * i as f64).unwrap()
+        };
+        let points: Vec<Correspondence> = places.iter().enumerate().map(seen).collect();
+        Cost::new(&Sums::new(&points, |c| c.x_in_target, |c| c.bearing.into_inner())).unwrap()
+    }
+
+    /// Half of each, as `slope` gives them. Truncation h² and rounding ε/h² balance near h = 1e-4.
+    #[test]
+    fn slope_matches_central_difference() {
+        let cost = some_cost();
+        let turned = |r: &Matrix3<f64>, k: usize, by: f64, l: usize, then: f64| {
+            let turn = Vector3::ith(k, by) + Vector3::ith(l, then);
+            cost.at(Pose::exp(&crate::Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0)).rotation * r).value
+        };
+        let h = 1e-4;
+        for cube in CubeRotation::all() {
+            let r = small_rotation(&Vector3::new(0.2, -0.3, 0.4)) * cube.matrix();
+            let (gradient, hessian) = cost.slope(&r, &(cost.omega * vec_of(&r)));
+            for k in 0..3 {
+                let numeric = (turned(&r, k, h, k, 0.0) - turned(&r, k, -h, k, 0.0)) / (4.0 * h);
+                assert!(
+                    (gradient[k] - numeric).abs() < 1e-6 * hessian.norm(),
+                    "{k} {} {numeric}",
+                    gradient[k]
+                );
+                for l in 0..3 {
+                    let mixed = turned(&r, k, h, l, h) + turned(&r, k, -h, l, -h)
+                        - turned(&r, k, h, l, -h)
+                        - turned(&r, k, -h, l, h);
+                    let numeric = mixed / (8.0 * h * h);
+                    assert!((hessian[(k, l)] - numeric).abs() < 1e-5 * hessian.norm(), "{k} {l}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_descent_ends_where_the_slope_vanishes_and_the_cost_curves_up() {
+        let cost = some_cost();
+        for cube in CubeRotation::all() {
+            assert!((cost.of_cube_rotation(&cube) - cost.at(cube.matrix()).value).abs() < 1e-12);
+            let minimum = cost.descend(cube.matrix(), &[]).unwrap();
+            let (gradient, hessian) =
+                cost.slope(&minimum.rotation, &(cost.omega * vec_of(&minimum.rotation)));
+            assert!(gradient.norm() < 1e-9 * hessian.norm() && -1e-9 < smallest_eigenvalue(&hessian));
+            assert!(minimum.value <= cost.at(cube.matrix()).value);
+        }
+    }
 }

@@ -10,16 +10,15 @@
 
 use crate::{Bearing, Error, Point, Pose};
 use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// One of the four solutions for (pitch, roll) with the yaw that (10) gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {
     /// R and p of (2): W = R P + p, P in the caller's frame, W the camera frame (Z > 0 visible).
     pub cam_from_target: Pose,
-    /// ω, ϕ, φ of R in the paper's frame G (X axis along the line), radians. Where the caller's X axis is parallel to the
-    /// line, G has the caller's axes.
-    pub yaw_pitch_roll_rad: [f64; 3],
+    /// (cos, sin) of ω, ϕ, φ: see `yaw_pitch_roll_rad`.
+    pub yaw_pitch_roll_cos_sin: [(f64, f64); 3],
     /// cos²ω + sin²ω − 1 from (10), constraint (11).
     pub constraint_11: f64,
     /// Total residual in (3) with f = 1: Σ (X + u Z)² + (Y + v Z)², metres².
@@ -29,7 +28,16 @@ pub struct Solution {
     pub in_front: bool,
 }
 
-/// The four solutions; none is dropped, false ones show by their residual.
+impl Solution {
+    /// ω, ϕ, φ of R in the paper's frame G (X axis along the line), radians. Where the caller's X axis is parallel to the
+    /// line, G has the caller's axes. R = R_Z(φ) R_Y(ϕ) R_X(ω).
+    pub fn yaw_pitch_roll_rad(&self) -> [f64; 3] {
+        self.yaw_pitch_roll_cos_sin.map(|(cos, sin)| sin.atan2(cos))
+    }
+}
+
+/// The four solutions; none is dropped. They are one pose in two Euler triples and its mirror image behind the camera in two:
+/// (3) and (11) are the same for all four, `in_front` tells (docs/math/wang2004.md section 3).
 pub type Solutions = ArrayVec<Solution, 4>;
 
 /// Below this fraction of its terms a determinant of the procedure is rounding, and the procedure undefined.
@@ -110,9 +118,7 @@ impl PaperFrame {
     fn of(points: &[Point; 4]) -> Self {
         let line = points[2] - points[0];
         let x = line * if line.x < 0.0 { -1.0 } else { 1.0 };
-        // The least turn that brings the line onto the X axis: none when it already is.
-        let turn = Rotation3::rotation_between(&x, &Vector3::x()).unwrap_or_else(Rotation3::identity);
-        let paper_from_target = turn.into_inner();
+        let paper_from_target = turn_onto_x(&(x / x.norm()));
         let delta_g = points.map(|p| paper_from_target * (p - points[0]));
         PaperFrame {
             paper_from_target,
@@ -126,8 +132,8 @@ impl PaperFrame {
     /// Yaw by (10) with (ΔG₁, ΔG₃), translation by (4), residual by (3).
     fn solution(&self, image: &ImagePoints, [c2, s2, c3, s3]: [f64; 4]) -> Result<Solution, Error> {
         let (cos, sin) = self.yaw(image, [c2, s2, c3, s3])?;
-        let length = cos.hypot(sin);
-        let (cw, sw) = (cos / length, sin / length);
+        let inverse = 1.0 / length(cos, sin);
+        let (cw, sw) = (cos * inverse, sin * inverse);
         #[rustfmt::skip]
         let r = Matrix3::new(
             c2 * c3, sw * s2 * c3 - cw * s3, cw * s2 * c3 + sw * s3,
@@ -139,7 +145,7 @@ impl PaperFrame {
         let cam_from_target = Pose::new(rotation, g0_in_cam - rotation * self.points_in_target[0]);
         Ok(Solution {
             cam_from_target,
-            yaw_pitch_roll_rad: [sw.atan2(cw), s2.atan2(c2), s3.atan2(c3)],
+            yaw_pitch_roll_cos_sin: [(cw, sw), (c2, s2), (c3, s3)],
             constraint_11: cos * cos + sin * sin - 1.0,
             residual_3: self.residual_3(image, &cam_from_target),
             in_front: self.points_in_target.iter().all(|x| 0.0 < (cam_from_target * *x).z),
@@ -159,7 +165,7 @@ impl PaperFrame {
         let (m21, m22) = (b.y * c3 + b.z * s2 * s3 + e2.z * c2, b.y * s2 * s3 - b.z * c3 + e2.y * c2);
         let (r1, r2) = (e1.x * s2 - a.x * c2 * c3, e2.x * s2 - b.x * c2 * s3);
         let det = m11 * m22 - m12 * m21;
-        let scale = (m11.hypot(m12)) * (m21.hypot(m22));
+        let scale = length(m11, m12) * length(m21, m22);
         if !(UNDEFINED * scale < det.abs()) {
             return Err(undefined(
                 "the system (10) for yaw is singular: the line is vertical or horizontal in the image, or the fourth point lies on it",
@@ -205,6 +211,12 @@ impl PaperFrame {
     }
 }
 
+/// The least turn that brings a unit vector with x ≥ 0 onto the X axis: none when it is there already.
+fn turn_onto_x(d: &Vector3<f64>) -> Matrix3<f64> {
+    let (y, z, k) = (d.y, d.z, 1.0 / (1.0 + d.x));
+    Matrix3::new(d.x, y, z, -y, 1.0 - y * y * k, -y * z * k, -z, -y * z * k, 1.0 - z * z * k)
+}
+
 /// a₁, b₁, e₁, e₂ of (7a), (7b).
 struct LineTerms {
     a1: f64,
@@ -224,7 +236,7 @@ impl LineTerms {
             b1: dv[2] * l1 - dv[1] * l2,
             e1: u[1] * du[2] * l1 - u[2] * du[1] * l2,
             e2: v[1] * dv[2] * l1 - v[2] * dv[1] * l2,
-            scale: (du[2].hypot(dv[2]) * l1.abs()).max(du[1].hypot(dv[1]) * l2.abs()),
+            scale: (length(du[2], dv[2]) * l1.abs()).max(length(du[1], dv[1]) * l2.abs()),
         }
     }
 }
@@ -244,10 +256,10 @@ struct Pitch {
 impl Roll {
     fn of(t: &LineTerms) -> Result<Self, Error> {
         let (c, s) = (t.a1 * t.e2, t.b1 * t.e1);
-        let delta1 = c.hypot(s);
+        let delta1 = length(c, s);
         if t.a1.abs().max(t.b1.abs()) <= UNDEFINED * t.scale {
             let reason = "a₁ = b₁ = 0 in (8): the line is parallel to the image plane";
-            return Err(undefined(reason, t.a1.hypot(t.b1)));
+            return Err(undefined(reason, length(t.a1, t.b1)));
         }
         if !(UNDEFINED * t.scale * t.scale < delta1) {
             return Err(undefined(
@@ -261,14 +273,20 @@ impl Roll {
 
 impl Pitch {
     fn of(t: &LineTerms) -> Result<Self, Error> {
-        let delta1 = (t.a1 * t.e2).hypot(t.b1 * t.e1);
+        let delta1 = length(t.a1 * t.e2, t.b1 * t.e1);
         let product = t.a1 * t.b1;
-        let delta2 = delta1.hypot(product);
+        let delta2 = length(delta1, product);
         if !(0.0 < delta2 && delta2.is_finite()) {
             return Err(undefined("Δ₂ = 0 in (9): pitch is undetermined", delta2));
         }
         Ok(Pitch { cos_beta: product / delta2, sin_beta: delta1 / delta2 })
     }
+}
+
+/// √(a² + b²); the coordinates here are far from overflow, where `hypot` earns its price.
+#[inline]
+fn length(a: f64, b: f64) -> f64 {
+    (a * a + b * b).sqrt()
 }
 
 fn undefined(reason: &'static str, metric: f64) -> Error {
@@ -278,7 +296,7 @@ fn undefined(reason: &'static str, metric: f64) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Unit;
+    use nalgebra::{Rotation3, Unit};
 
     /// The geometry recovered from Table II by least squares (f cancels in u, v), in centimetres.
     const POINTS: [[f64; 3]; 4] = [
@@ -318,7 +336,7 @@ mod tests {
             assert_eq!(correct.len(), 2);
             for printed in [camera.0, twin] {
                 let found = correct.iter().any(|s| {
-                    (0..3).all(|i| (s.yaw_pitch_roll_rad[i].to_degrees() - printed[i]).abs() < 1e-9)
+                    (0..3).all(|i| (s.yaw_pitch_roll_rad()[i].to_degrees() - printed[i]).abs() < 1e-9)
                 });
                 assert!(found, "{printed:?} not among {correct:?}");
             }

@@ -119,7 +119,8 @@ impl QuadDecoder {
             (family, (*found).id, (*found).decision_margin, (*found).p)
         };
         // SAFETY: as above; no mutable reference to the family exists while it is read.
-        let id = unsafe { (&(*self.families[family].as_ptr()).ids).get(code as usize).copied()? };
+        let ids = unsafe { &(*self.families[family].as_ptr()).ids };
+        let id = ids.get(code as usize).copied()?;
         // The library: bottom-left, bottom-right, top-right, top-left; pixel centres at +0.5.
         let corners = [3, 2, 1, 0].map(|k: usize| Pixel::new(p[k][0] - 0.5, p[k][1] - 0.5));
         let finite = corners.iter().all(|corner| corner.iter().all(|x| x.is_finite()));

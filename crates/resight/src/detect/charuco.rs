@@ -175,7 +175,7 @@ fn strength(markers: &[DecodedTag]) -> f64 {
 /// Square of each marker: along the rows, the squares that are white. OpenCV's pattern before 4.6 differs for an
 /// even number of rows, where the top-left square is white.
 fn marker_squares(board: &Charuco) -> Vec<(u32, u32)> {
-    let first_white = u32::from(!(board.legacy_pattern && board.rows % 2 == 0));
+    let first_white = u32::from(!(board.legacy_pattern && board.rows.is_multiple_of(2)));
     let squares = (0..board.rows).flat_map(|row| (0..board.columns).map(move |column| (column, row)));
     squares.filter(|(column, row)| (column + row) % 2 == first_white).collect()
 }

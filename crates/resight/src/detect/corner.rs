@@ -91,15 +91,13 @@ impl Sums {
     fn shift(&self) -> Option<Vector2<f64>> {
         // One edge alone leaves the corner free along it: the smaller eigenvalue vanishes against the larger.
         let (trace, determinant) = (self.normal.trace(), self.normal.determinant());
-        if !(1e-3 * trace * trace < determinant) {
-            return None;
-        }
-        Some(self.normal.try_inverse()? * self.right)
+        let crossing = 1e-3 * trace * trace < determinant;
+        crossing.then(|| self.normal.try_inverse()).flatten().map(|inverse| inverse * self.right)
     }
 
     /// √ of the larger eigenvalue of σ₀² N⁻¹, halved: the two flanks of a blurred edge miss the corner to opposite
-    /// sides and cancel in the corner, though not in σ₀. With the half, the residuals of 26 real views of a
-    /// chessboard have unit variance.
+    /// sides and cancel in the corner, though not in σ₀. (With a lens floor of 0.12 px the residuals of 26 real views
+    /// then have a normalised variance of 1.1; unhalved 0.76.)
     fn sigma_px(&self) -> Option<f64> {
         let variance = 0.25 * self.missed / self.weight;
         let inverse = self.normal.try_inverse()?;

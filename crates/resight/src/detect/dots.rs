@@ -6,7 +6,8 @@
 //! Every dot must lie whole inside the image; a covered one means "not found". Derivations: docs/math/dots.md.
 //!
 //! Cost: linear in the pixels, and bounded in what they show: at most 160 dots of each polarity take part, the most
-//! conspicuous first, so a hundred thousand specks cost no more than a few milliseconds.
+//! conspicuous first. 1280×960: 1.1 to 1.4 ms clean, about 10 ms among a hundred dots, 40 ms with a hundred thousand
+//! specks or 170 equal lamps (dev profile, one shared core).
 
 mod centroid;
 mod components;

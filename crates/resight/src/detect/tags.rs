@@ -70,8 +70,8 @@ impl TagFinder {
     /// From coarse to fine. A large tag shows at a quarter of the size, in a sixteenth of the time; looking there
     /// first costs 5 % when it does not. With many tags some are small, so the coarse look rarely ends the search.
     fn levels(&self) -> impl Iterator<Item = f32> + use<> {
-        let levels: &[f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
-        levels.to_vec().into_iter()
+        let levels: &'static [f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
+        levels.iter().copied()
     }
 
     fn find_at(&mut self, image: &GrayImage, level: f32) -> Vec<DecodedTag> {

@@ -87,9 +87,8 @@ fn glyph(letter: char) -> Glyph {
 
 fn point(code: &str) -> Option<(f64, f64)> {
     let mut digits = code.chars().map(|c| c.to_digit(36));
-    match (digits.next()??, digits.next()??) {
-        (x, y) => Some((x as f64, y as f64)),
-    }
+    let (x, y) = (digits.next()??, digits.next()??);
+    Some((x as f64, y as f64))
 }
 
 #[cfg(test)]

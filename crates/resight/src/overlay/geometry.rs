@@ -108,7 +108,7 @@ fn ends(sorted: &[f64]) -> Option<(f64, f64)> {
     Some((*sorted.first()?, *sorted.last()?))
 }
 
-/// Covariance of the image of a point (px²) from that of the pose: J [−[x]ₓ I] Σ [−[x]ₓ I]ᵀ Jᵀ.
+/// Covariance of the image of a point (px²) from that of the pose: `A Σ Aᵀ` with `A = J [−[x]ₓ I]`.
 pub fn pixel_covariance(
     camera: &Camera,
     x_in_cam: &Point,

@@ -123,6 +123,10 @@ impl AprilFamily {
                 return Err(unknown_id(family, id, count as usize));
             }
             let picture = sys::apriltag_to_image(made, id);
+            if picture.is_null() {
+                (self.destroy)(made);
+                return Err(RenderError::UnknownFamily { family: family.to_owned() });
+            }
             let (per_side, stride) = ((*picture).width as usize, (*picture).stride as usize);
             let bytes = std::slice::from_raw_parts((*picture).buf, stride * per_side);
             let white =

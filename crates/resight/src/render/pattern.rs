@@ -7,6 +7,7 @@ use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoi
 use resight_core::{Point, Pose};
 
 /// One thing a ray can meet.
+#[allow(clippy::large_enum_variant)] // A scene has a handful; indirection would cost every sample.
 pub(super) enum Patch {
     /// A flat pattern.
     Plane(Plane),
@@ -189,15 +190,8 @@ pub(super) fn patches(placed: &Placed) -> Result<Vec<Patch>, RenderError> {
             let (low, high, pattern) = april_grid(t, style)?;
             one(plane(at, low, high, pattern, -1.0))
         }
-        Target::Chessboard(t) => {
-            let (low, high, pattern) = chessboard(t);
-            // The rim shows paper, not squares: it is a sheet of its own just behind the pattern.
-            board_on_sheet(at, low, high, pattern, style)
-        }
-        Target::Charuco(t) => {
-            let (low, high, pattern) = charuco(t)?;
-            board_on_sheet(at, low, high, pattern, style)
-        }
+        Target::Chessboard(t) => board_on_sheet(at, chessboard(t), style),
+        Target::Charuco(t) => board_on_sheet(at, charuco(t)?, style),
         Target::Points(points) => balls(points, &at, style),
         other => return Err(RenderError::Unsupported { kind: other.kind() }),
     })
@@ -236,8 +230,8 @@ fn plane_patch(
     }))
 }
 
-/// A checkered pattern that must not run on into the rim.
-fn board_on_sheet(at: Pose, low: [f64; 2], high: [f64; 2], pattern: Pattern, style: &Style) -> Vec<Patch> {
+/// A checkered pattern must not run on into the rim: that is a blank sheet of its own just behind it.
+fn board_on_sheet(at: Pose, (low, high, pattern): Extent, style: &Style) -> Vec<Patch> {
     let exact = Style { margin_m: Some(0.0), ..*style };
     let blank = Pattern::Dots { centres: Vec::new(), radius_m: 0.0 };
     let paper = Style { paper: Some(style.paper.unwrap_or(255.0 - style.ink)), ..*style };
@@ -303,8 +297,8 @@ fn charuco(t: &Charuco) -> Result<Extent, RenderError> {
     let odd = usize::from(t.legacy_pattern && t.rows.is_multiple_of(2));
     let mut id = 0;
     let mut markers = Vec::new();
-    for index in 0..(t.rows * t.columns) as usize {
-        let (row, column) = (index / t.columns as usize, index % t.columns as usize);
+    for index in 0..t.rows as u64 * t.columns as u64 {
+        let (row, column) = ((index / t.columns as u64) as usize, (index % t.columns as u64) as usize);
         let white = (row + column) % 2 != odd;
         markers.push(if white { Some(family::cells(&t.dictionary, id)?) } else { None });
         id += u32::from(white);

@@ -11,7 +11,7 @@ pub const CHI2_6_99: f64 = 16.81;
 pub struct TruthCheck {
     /// Angle between the two rotations, radians.
     pub angle_rad: f64,
-    /// Distance between the two places of frame a's origin in frame b … for a camera pose, of the camera itself, metres.
+    /// Distance between the two places of frame b's origin in frame a (for `cam_from_target`: of the camera), metres.
     pub distance_m: f64,
     /// ξᵀ Σ⁻¹ ξ with Exp(ξ) = found · truth⁻¹: 6 on average when the covariance Σ is honest.
     pub normalized_squared: f64,
@@ -28,7 +28,7 @@ pub fn check(b_from_a: &Pose, covariance: &Matrix6, truth: &Pose) -> Option<Trut
     })
 }
 
-/// Covariance of the place of a point known in frame a, seen in frame b: [−[x]ₓ I] Σ [−[x]ₓ I]ᵀ, metres².
+/// Covariance of the place of a point known in frame a, seen in frame b: `J Σ Jᵀ` with `J = [−[x]ₓ I]`, metres².
 pub fn point_covariance(x_in_b: &Point, covariance: &Matrix6) -> Matrix3<f64> {
     let mut by_motion = Matrix3x6::zeros();
     by_motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&-x_in_b.cross_matrix());

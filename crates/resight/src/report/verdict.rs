@@ -3,7 +3,8 @@
 use crate::core::Error;
 use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
-use crate::core::locate::PoseEstimate;
+use crate::core::locate::{Method, PoseEstimate};
+use crate::core::solve::line_plus_one::Weakness;
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +55,15 @@ pub struct Verdict {
 pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
     let uniqueness = uniqueness(estimate);
     match (&estimate.consistency, &estimate.ambiguity) {
+        (Consistency::Inconsistent { chi2_per_dof, .. }, _) if estimate.method == Method::Wang2004 => {
+            Verdict {
+                status: Status::Inconsistent,
+                message: format!(
+                    "the printed procedure is not refined, and its residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, \
+                 expected 1); use method auto for the best pose of these points"
+                ),
+            }
+        }
         (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px }, _) => Verdict {
             status: Status::Inconsistent,
             message: format!(
@@ -85,16 +95,45 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
         0 => "; three points leave nothing to check the residual with, so add a fourth",
         _ => "",
     };
+    if estimate.method == Method::Wang2004 {
+        return "by the printed procedure, without refinement or search for a second pose; use method auto for those".into();
+    }
     match &estimate.ambiguity {
         Ambiguity::Ambiguous { ratio, other } => format!(
             "two poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second); \
-             both are given: tilt the target, move closer, or use what you know to choose",
-            other.chi2 - estimate.chi2
+             both are given: {}",
+            other.chi2 - estimate.chi2,
+            way_out(estimate.weakness.as_ref())
         ),
         Ambiguity::Unique { ratio: Some(ratio) } if ratio.is_finite() => {
             format!("one pose fits; the next best has {} times its residual{redundancy}", figures(*ratio))
         }
         Ambiguity::Unique { .. } => format!("one pose fits; there is no second one{redundancy}"),
+    }
+}
+
+/// What makes a view weak, as the key of its JSON object, the number seen and the number needed.
+pub fn weakness_figures(weakness: &Weakness) -> (&'static str, f64, f64) {
+    match weakness {
+        Weakness::CriticalPlane { separation_sigma, needed_sigma } => {
+            ("critical_plane", *separation_sigma, *needed_sigma)
+        }
+        Weakness::LineEndOn { length_sigma, needed_sigma } => ("line_end_on", *length_sigma, *needed_sigma),
+        _ => ("unnamed", 0.0, 0.0),
+    }
+}
+
+fn way_out(weakness: Option<&Weakness>) -> String {
+    match weakness {
+        Some(Weakness::CriticalPlane { separation_sigma, needed_sigma }) => format!(
+            "the camera stands in the critical plane of the target, through the fourth point perpendicular to the line \
+             (the two differ by {separation_sigma:.1} σ in the image, need {needed_sigma:.0}); move the camera along the line, or place the \
+             fourth point over an end of it"
+        ),
+        Some(Weakness::LineEndOn { length_sigma, needed_sigma }) => format!(
+            "the line is seen nearly end on ({length_sigma:.0} σ long in the image, need {needed_sigma:.0}); look at it from the side"
+        ),
+        _ => "tilt the target, move closer, or use what you know to choose".into(),
     }
 }
 
@@ -105,5 +144,33 @@ pub fn figures(x: f64) -> String {
         a if a < 1.0 => format!("{x:.3}"),
         a if a < 100.0 => format!("{x:.1}"),
         _ => format!("{x:.0}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_more_or_other_points_would_cure_is_degenerate_and_the_rest_an_error() {
+        assert_eq!(of_error(&Error::TooFewPoints { seen: 2, needed: 3 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::Collinear { ratio: 0.0, needed: 1e-6 }).status, Status::Degenerate);
+        assert_eq!(of_error(&Error::NoSolution { n_points: 4 }).status, Status::Error);
+        assert_eq!(of_error(&Error::NotFinite { what: "pixel", index: 1 }).status, Status::Error);
+    }
+
+    #[test]
+    fn three_figures_whatever_the_size() {
+        let cases = [
+            (0.0, "0.000"),
+            (0.1234, "0.123"),
+            (12.34, "12.3"),
+            (1234.5, "1234"),
+            (1.5e-5, "1.5e-5"),
+            (2e6, "2.0e6"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(figures(x), text);
+        }
     }
 }

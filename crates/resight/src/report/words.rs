@@ -102,7 +102,7 @@ mod tests {
     fn two_figures_of_sigma_decide_the_decimals() {
         assert_eq!(coordinate(0.12345678, 0.000234), "+123.46 ± 0.23 mm");
         assert_eq!(coordinate(123.456, 0.02), "+123.456 ± 0.020 m");
-        assert_eq!(with_sigma(0.512345, 0.0003), "0.51234 m ± 300 µm");
+        assert_eq!(with_sigma(0.512341, 0.0003), "0.51234 m ± 300 µm");
     }
 
     #[test]
@@ -115,5 +115,32 @@ mod tests {
         let pose = about(2, 0.3) * about(0, -0.4) * about(1, 0.5);
         let [yaw, pitch, roll] = yaw_pitch_roll_rad(&pose);
         assert!((yaw - 0.5).abs() + (pitch + 0.4).abs() + (roll - 0.3).abs() < 1e-12);
+    }
+
+    /// σ of the camera's place and distance are those of the places that small motions of one σ lead to.
+    #[test]
+    fn place_and_distance_sigmas_match_small_motions() {
+        use crate::core::locate::{Config, locate};
+        use crate::core::{Camera, Correspondence, Matrix6};
+        let pose = Pose::exp(&Vector6::new(0.7, 0.1, -0.4, 0.3, 0.2, 2.0));
+        let camera = Camera::normalized();
+        let corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.1), (0.0, 0.4, 0.0), (0.5, 0.5, 0.3), (0.2, 0.1, 0.6)];
+        let seen: Vec<Correspondence> = corners
+            .iter()
+            .map(|&(x, y, z)| Point::new(x, y, z))
+            .filter_map(|x| Correspondence::new(&camera, x, camera.project(&(pose * x))?, 1e-3).ok())
+            .collect();
+        let mut estimate = locate(&seen, &camera, &Config::default()).unwrap();
+        for i in 3..6 {
+            let mut xi = Vector6::zeros();
+            xi[i] = 1e-5;
+            estimate.covariance = Matrix6::zeros();
+            estimate.covariance[(i, i)] = 1e-10;
+            let moved = Pose::exp(&xi) * estimate.cam_from_target;
+            let (place, sigma) = place_with_sigma_m(&estimate);
+            assert!(((moved.origin() - place).abs() - sigma).norm() < 1e-9);
+            let (distance, sigma) = distance_with_sigma_m(&estimate);
+            assert!(((moved.origin().norm() - distance).abs() - sigma).abs() < 1e-9);
+        }
     }
 }

@@ -250,47 +250,62 @@ impl Coverage {
     }
 }
 
+/// Sums over the weighed pixels.
+#[derive(Default)]
+struct Sums {
+    s: f64,
+    first: Vector2<f64>,
+    second: Matrix2<f64>,
+    /// Σ|x|² and Σ|x|⁴ over the noisy pixels.
+    x2: f64,
+    x4: f64,
+    /// Σ(1 − w)|x|² and Σw|x|²: how the slopes of the planes around and inside enter.
+    around: f64,
+    inside: f64,
+}
+
+impl Sums {
+    fn add(&mut self, w: f64, x: &Vector2<f64>) {
+        self.s += w;
+        self.first += x * w;
+        self.second += x * x.transpose() * w;
+    }
+
+    fn add_noisy(&mut self, w: f64, x: &Vector2<f64>, flat: bool) {
+        let r2 = x.norm_squared();
+        self.x2 += r2;
+        self.x4 += r2 * r2;
+        self.around += if flat { (1.0 - w) * r2 } else { r2 };
+        self.inside += if flat { w * r2 } else { 0.0 };
+    }
+}
+
 /// dots.md eqs. (2)–(6).
 fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma: f64) -> Option<Dot> {
     let coverage = Coverage::of(scratch, component)?;
     let flat = coverage.inside.is_some();
-    let (mut s, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
-    let mut add = |w: f64, x: &Vector2<f64>| {
-        s += w;
-        first += x * w;
-        second += x * x.transpose() * w;
-    };
-    let (mut x2, mut x4, mut out2, mut in2) = (0.0, 0.0, 0.0, 0.0);
-    let noisy = scratch.band.iter().chain(if flat { &[][..] } else { &scratch.inside[..] });
-    for (x, grey) in noisy {
+    let mut sums = Sums::default();
+    for (x, grey) in scratch.band.iter().chain(if flat { &[][..] } else { &scratch.inside[..] }) {
         let w = coverage.of_pixel(x, *grey);
-        add(w, x);
-        let r2 = x.norm_squared();
-        x2 += r2;
-        x4 += r2 * r2;
-        out2 += if flat { (1.0 - w) * r2 } else { r2 };
-        in2 += if flat { w * r2 } else { 0.0 };
+        sums.add(w, x);
+        sums.add_noisy(w, x, flat);
     }
     if flat {
-        scratch.inside.iter().for_each(|(x, _)| add(1.0, x));
+        scratch.inside.iter().for_each(|(x, _)| sums.add(1.0, x));
     }
-    if !(1.0 < s) {
+    if !(1.0 < sums.s) {
         return None;
     }
-    let mean = first / s;
-    let moments = second / s - mean * mean.transpose();
-    let noise = coverage.noise(noise_sigma);
-    // Per coordinate half of Σ|x|², the slopes of the planes included, eq. (5).
-    let slopes =
-        out2 * out2 / coverage.around.spread + coverage.inside.as_ref().map_or(0.0, |f| in2 * in2 / f.spread);
-    let variance = (noise / (coverage.contrast * s)).powi(2) * 0.5 * (x2 + slopes)
-        + (FOREIGN_PX * coverage.around.foreign).powi(2);
-    let moments_sigma_px2 = (noise / (coverage.contrast * s)).abs() * (0.5 * x4).sqrt();
+    let mean = sums.first / sums.s;
+    let of_inside = coverage.inside.as_ref().map_or(0.0, |f| sums.inside.powi(2) / f.spread);
+    let slopes = sums.around.powi(2) / coverage.around.spread + of_inside;
+    let noise = coverage.noise(noise_sigma) / (coverage.contrast * sums.s).abs();
+    let foreign = FOREIGN_PX * coverage.around.foreign;
     Some(Dot {
         centroid: window.centre + mean,
-        sigma_px: variance.sqrt(),
-        moments_px2: moments,
-        moments_sigma_px2,
+        sigma_px: (noise * noise * 0.5 * (sums.x2 + slopes) + foreign * foreign).sqrt(),
+        moments_px2: sums.second / sums.s - mean * mean.transpose(),
+        moments_sigma_px2: noise * (0.5 * sums.x4).sqrt(),
         contrast: coverage.contrast,
     })
 }

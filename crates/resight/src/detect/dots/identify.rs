@@ -19,8 +19,8 @@ const MAX_FITS: usize = 2500;
 
 /// Depth of one dot over that of another on the line, and over the line's own depth.
 const MAX_LN_DEPTH: f64 = 0.9;
-/// Largest χ² of the shapes, 9 degrees of freedom. The tolerances are model errors common to all four dots, so that true
-/// targets stay far below 9.
+/// Largest χ² of the shapes, 9 degrees of freedom: exceeded by 1 in 15 if the tolerances were independent errors; they
+/// are bounds on what all four dots share.
 const MAX_SHAPE_CHI2: f64 = 16.0;
 /// Largest χ² of a place against line or circle: 4 σ.
 const MAX_PLACE_CHI2: f64 = 16.0;
