@@ -3,7 +3,7 @@
 //! The pose is held as rotation R and the place c of a pivot (the centroid of the points) in the camera frame, and moved by
 //! x ← x + ω × (x − c) + ν. Turning about the pivot nearly decouples rotation from translation, so the normal equations
 //! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
-//! Derivation: docs/math/refine.md.
+//! Derivation: docs/math/refine.md eqs. (2)–(7).
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};

@@ -4,7 +4,7 @@
 //!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
 //!   ∂π/∂[ω; ν] = [ −Π [y]×  Π ],  Π = ∂π/∂x (2×3): each row j of Π gives the row [y × j ; j]
 //! ```
-//! Derivation: docs/math/refine.md.
+//! Derivation: docs/math/refine.md eqs. (1)–(3).
 
 use crate::choose::Minimum;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize};
@@ -107,7 +107,8 @@ pub(crate) fn whitened_residual(
     Some((x, e, e.dot(&(information(c, &jacobian) * e))))
 }
 
-/// Inverse covariance of a pixel residual: (σ_px² I + σ_m² Π Πᵀ)⁻¹, the second term for surveyed points.
+/// Inverse covariance of a pixel residual: (σ_px² I + σ_m² Π Πᵀ)⁻¹, the second term for surveyed points,
+/// docs/math/refine.md eq. (8).
 pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matrix2<f64> {
     let s = c.sigma_px * c.sigma_px;
     let p = jacobian * jacobian.transpose() * (c.sigma_m * c.sigma_m);

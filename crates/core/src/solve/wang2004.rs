@@ -36,7 +36,8 @@ impl Solution {
     }
 }
 
-/// The four solutions; none is dropped, false ones show by their residual.
+/// The four solutions; none is dropped. They are one pose in two Euler triples and its mirror image behind the camera in two:
+/// (3) and (11) are the same for all four, `in_front` tells (docs/math/wang2004.md section 3).
 pub type Solutions = ArrayVec<Solution, 4>;
 
 /// Below this fraction of its terms a determinant of the procedure is rounding, and the procedure undefined.
