@@ -167,7 +167,7 @@ fn plane_normal(configuration: &Configuration, seen: &[Correspondence]) -> Vecto
 }
 
 /// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
-/// the line of sight. From afar the two look alike (docs/math/planar.md).
+/// the line of sight. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
 fn mirrored(cam_from_target: &Pose, normal: &Vector3<f64>, seen: &[Correspondence]) -> Pose {
     let centre = centroid(seen);
     let centre_in_cam = cam_from_target * &centre;
