@@ -20,9 +20,10 @@ impl Minimum {
     /// Every number in it is one, and no variance is negative.
     pub(crate) fn is_finite(&self) -> bool {
         let pose = &self.cam_from_target;
-        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(self.covariance.iter());
-        let no_negative_variance = (0..6).all(|i| 0.0 <= self.covariance[(i, i)]);
-        numbers.chain([&self.chi2, &self.rms_px]).all(|x| x.is_finite()) && no_negative_variance
+        // A sum is finite only if all its terms are (two infinities of opposite sign make NaN).
+        let sum =
+            pose.rotation.sum() + pose.translation.sum() + self.covariance.sum() + self.chi2 + self.rms_px;
+        sum.is_finite() && (0..6).all(|i| 0.0 <= self.covariance[(i, i)])
     }
 }
 

@@ -22,7 +22,8 @@ const LEAST_RISE: f64 = 0.4;
 
 /// The covariance of a minimum, with the share of the bend added.
 pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
-    let first = Turn::weakest(&m.covariance, Matrix3::identity());
+    let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let first = Turn::weakest(&m.covariance, &rotation);
     let straight = |side: f64| {
         let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
         let rise = residual_sums(&probe, seen, camera).0 - m.chi2;
@@ -32,7 +33,7 @@ pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Came
         return m.covariance;
     }
     let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
-    let second = Turn::weakest(&m.covariance, across_first);
+    let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
     let ridge = Ridge { m, turns: [first, second], pivot: centroid(seen), seen, camera };
     ridge.share().map_or(m.covariance, |share| m.covariance + share)
 }
@@ -44,15 +45,14 @@ struct Turn {
 }
 
 impl Turn {
-    /// The largest eigenvector of the rotation block within the range of a projector, by power iteration.
-    fn weakest(covariance: &Matrix6, projector: Matrix3<f64>) -> Self {
-        let rotation = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        let within = projector * rotation * projector;
-        let mut axis = within.column(within.diagonal().imax()).normalize();
-        for _ in 0..4 {
-            axis = (within * (within * axis)).normalize();
-        }
-        let sigma = axis.dot(&(rotation * axis)).sqrt();
+    /// The largest eigenvector of the rotation block, or of its part `within` a plane: a column of the eighth power.
+    fn weakest(covariance: &Matrix6, within: &Matrix3<f64>) -> Self {
+        let scaled = within / within.trace();
+        let squared = scaled * scaled;
+        let fourth = squared * squared;
+        let eighth = fourth * fourth;
+        let axis = eighth.column(eighth.diagonal().imax()).normalize();
+        let sigma = axis.dot(&(within * axis)).sqrt();
         Turn { axis, motion: covariance.fixed_view::<6, 3>(0, 0) * axis / sigma }
     }
 

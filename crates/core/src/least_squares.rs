@@ -169,6 +169,32 @@ impl NormalEquations {
         self.translation_translation.add_square(by_translation);
     }
 
+    /// Adds both residuals of a point at `y` from the pivot seen by a pinhole camera, whose derivatives by the point are
+    /// (a, 0, s) and (0, b, t): `add` twice, without the multiplications by zero.
+    #[inline(always)]
+    pub(crate) fn add_pinhole(
+        &mut self,
+        [ru, rv]: [f64; 2],
+        y: &Vector3<f64>,
+        [a, s]: [f64; 2],
+        [b, t]: [f64; 2],
+    ) {
+        self.chi2 += ru * ru + rv * rv;
+        let u = Vector3::new(y.y * s, y.z * a - y.x * s, -y.y * a);
+        let v = Vector3::new(y.y * t - y.z * b, -y.x * t, y.x * b);
+        self.gradient_rotation += u * ru + v * rv;
+        self.gradient_translation += Vector3::new(a * ru, b * rv, s * ru + t * rv);
+        self.rotation_rotation.add_square(&u);
+        self.rotation_rotation.add_square(&v);
+        self.rotation_translation += Matrix3::from_columns(&[u * a, v * b, u * s + v * t]);
+        let tt = &mut self.translation_translation.0;
+        tt[0] += a * a;
+        tt[2] += a * s;
+        tt[3] += b * b;
+        tt[4] += b * t;
+        tt[5] += s * s + t * t;
+    }
+
     /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
     ///
     /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.

@@ -68,25 +68,50 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
     let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
-    let best = Minimum { covariance: with_curvature(&best, seen, camera), ..best };
-    let covariance = match config.intrinsics_covariance {
-        Some(given) => best.covariance + intrinsics_share(&best, seen, camera, given)?,
-        None => best.covariance,
+    let whole = |m: &Minimum| match (method, config.intrinsics_covariance) {
+        (Method::Wang2004, None) => Ok(m.covariance),
+        (Method::Wang2004, Some(_)) => Err(LITERAL_INTRINSICS),
+        (_, given) => whole_covariance(m, given, seen, camera),
     };
     let estimate = PoseEstimate {
         cam_from_target: best.cam_from_target,
-        covariance: covariance * noise_scale,
+        covariance: whole(&best)? * noise_scale,
         rms_px: best.rms_px,
         chi2: best.chi2,
         degrees_of_freedom,
         n_points: seen.len(),
         method,
-        ambiguity: widened(ambiguity, noise_scale),
+        ambiguity: match ambiguity {
+            Ambiguity::Ambiguous { ratio, other } => {
+                let covariance = whole(&other)? * noise_scale;
+                Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..other } }
+            }
+            unique => unique,
+        },
         consistency: consistency(&best, degrees_of_freedom, seen, camera),
         weakness,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
 }
+
+/// Covariance of a refined minimum with the bend of its likelihood and the doubt about the intrinsics.
+fn whole_covariance(
+    m: &Minimum,
+    intrinsics_covariance: Option<&[f64]>,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Result<Matrix6, Error> {
+    let covariance = with_curvature(m, seen, camera);
+    match intrinsics_covariance {
+        Some(given) => Ok(covariance + intrinsics_share(&Minimum { covariance, ..*m }, seen, camera, given)?),
+        None => Ok(covariance),
+    }
+}
+
+const LITERAL_INTRINSICS: Error = Error::WrongLayout {
+    method: "wang2004",
+    reason: "the printed procedure does not propagate uncertain intrinsics",
+};
 
 /// Sigmas, coordinates or intrinsics so far apart that their squares leave the range of numbers.
 const OVERFLOW: Error = Error::DegenerateView {
@@ -111,15 +136,5 @@ impl PoseEstimate {
         let (cam_from_target, covariance) = (self.cam_from_target, self.covariance);
         let first = Minimum { cam_from_target, covariance, chi2: self.chi2, rms_px: self.rms_px };
         first.is_finite() && other && residual
-    }
-}
-
-fn widened(ambiguity: Ambiguity, noise_scale: f64) -> Ambiguity {
-    match ambiguity {
-        Ambiguity::Ambiguous { ratio, mut other } => {
-            other.covariance *= noise_scale;
-            Ambiguity::Ambiguous { ratio, other }
-        }
-        unique => unique,
     }
 }
