@@ -34,6 +34,14 @@ impl Solution {
     pub fn yaw_pitch_roll_rad(&self) -> [f64; 3] {
         self.yaw_pitch_roll_cos_sin.map(|(cos, sin)| sin.atan2(cos))
     }
+
+    /// The solution with the other sign in (8) and in (9). It turns the signs of cos φ, sin φ and cos ϕ; every coefficient
+    /// of (10) on the left changes its sign with them and none on the right, so cos ω and sin ω do too, and the same R comes
+    /// out: "both lead to the same rotation matrix".
+    fn twin(&self) -> Self {
+        let [(cw, sw), (c2, s2), (c3, s3)] = self.yaw_pitch_roll_cos_sin;
+        Solution { yaw_pitch_roll_cos_sin: [(-cw, -sw), (-c2, s2), (-c3, -s3)], ..*self }
+    }
 }
 
 /// The four solutions; none is dropped. They are one pose in two Euler triples and its mirror image behind the camera in two:
@@ -53,13 +61,14 @@ pub fn wang2004(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> Resul
     let image = ImagePoints::of(bearings)?;
     let line = LineTerms::of(&image, &frame);
     let (roll, pitch, yaw) = (Roll::of(&line)?, Pitch::of(&line)?, YawTerms::of(&image, &frame));
+    let solve = |pitch_sign: f64| {
+        let (c2, s2) = (pitch_sign * pitch.sin_beta, pitch_sign * pitch.cos_beta);
+        frame.solution(&image, &yaw, [c2, s2, roll.sin_alpha, roll.cos_alpha])
+    };
+    let (first, second) = (solve(1.0)?, solve(-1.0)?);
     let mut solutions = Solutions::new();
-    for roll_sign in [1.0, -1.0] {
-        for pitch_sign in [1.0, -1.0] {
-            let (c3, s3) = (roll_sign * roll.sin_alpha, roll_sign * roll.cos_alpha);
-            let (c2, s2) = (pitch_sign * pitch.sin_beta, pitch_sign * roll_sign * pitch.cos_beta);
-            solutions.push(frame.solution(&image, &yaw, [c2, s2, c3, s3])?);
-        }
+    for solution in [first, second, second.twin(), first.twin()] {
+        solutions.push(solution);
     }
     Ok(solutions)
 }
