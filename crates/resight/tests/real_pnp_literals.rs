@@ -49,8 +49,8 @@ fn is_finite(e: &PoseEstimate) -> bool {
     finite && e.chi2.is_finite() && e.rms_px.is_finite()
 }
 
-/// Expectations by name. Case 16 is reported because a solver said yes to a pose 10¹⁸ px off; as the numbers stand an exact
-/// pose exists (camera 10 in front, all six pixels met), so the answer must be that pose or a refusal, nothing else.
+/// Expectations by name. Case 16 shows two different points at one pixel, where one would hide the other: it is refused,
+/// although as the numbers stand an exact pose exists (camera 10 in front, all six pixels met).
 #[test]
 fn opencvs_literal_cases_come_out_as_expected() {
     let Some(folder) = real_data("opencv_pnp_literals") else { return };
@@ -76,7 +76,6 @@ fn opencvs_literal_cases_come_out_as_expected() {
             }
             // One point of six is wrong: without a consensus the honest answer is that the pixels contradict each other.
             ("finite" | "ransac_5_inliers", Ok(e)) => assert!(is_inconsistent(e), "{name}: {e:?}"),
-            ("refuse", Ok(e)) => assert!(e.rms_px < 1e-6, "{name}: {e:?}"),
             ("finite_or_none", _) | ("finite" | "ransac_5_inliers" | "refuse", Err(_)) => {}
             (_, answer) => panic!("{name}: {answer:?}"),
         }

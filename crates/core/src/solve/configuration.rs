@@ -41,7 +41,7 @@ pub enum Configuration {
 
 /// Which configuration the points are in, from their places in the target.
 ///
-/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target), `Collinear`.
+/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target or, to the last bit, in the image), `Collinear`.
 pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
     check_numbers(points)?;
     if points.len() < 3 {
@@ -128,6 +128,10 @@ impl Places<'_> {
             for second in first + 1..self.points.len() {
                 if !(least * least < (self.at(first) - self.at(second)).norm_squared()) {
                     return Err(Error::Coincident { first, second, where_: "in the target" });
+                }
+                // One mark would hide the other: the same pixel twice is a label gone wrong.
+                if self.points[first].pixel == self.points[second].pixel {
+                    return Err(Error::Coincident { first, second, where_: "in the image" });
                 }
             }
         }
