@@ -61,6 +61,8 @@ for _ in range(10):
     T[3:6, 0:3] = C
     full = T * inverse(H) * T.T
     assert norm(full[0:3, 3:6] - across) + norm(full[3:6, 3:6] - place) + norm(full[0:3, 0:3] - ww) < TINY
+    M = C - gain.T
+    assert norm(ww * M.T - across) + norm(tt + M * ww * M.T - place) < TINY
     at_camera = inverse(T).T * g
     assert norm(at_camera[0:3, 0] - (g[0:3, 0] + C * g[3:6, 0])) + norm(at_camera[3:6, 0] - g[3:6, 0]) < TINY
 
