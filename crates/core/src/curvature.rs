@@ -134,8 +134,10 @@ mod tests {
             })
             .collect();
         let m = refine(&truth, &seen, &camera).unwrap();
-        let first = Turn::weakest(&m.covariance, Matrix3::identity());
-        let second = Turn::weakest(&m.covariance, Matrix3::identity() - first.axis * first.axis.transpose());
+        let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let first = Turn::weakest(&m.covariance, &rotation);
+        let across = Matrix3::identity() - first.axis * first.axis.transpose();
+        let second = Turn::weakest(&m.covariance, &(across * rotation * across));
         let ridge =
             Ridge { m: &m, turns: [first, second], pivot: centroid(&seen), seen: &seen, camera: &camera };
         let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
