@@ -8,6 +8,7 @@ use resight::core::{Matrix6, Pose};
 use resight::report::verdict::{Status, Verdict, weakness_figures};
 use resight::report::words::sigmas;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// What is said about one view.
 #[derive(Debug, Clone)]
@@ -24,6 +25,10 @@ pub struct Answer {
     pub image_unit: &'static str,
     /// Root mean square of the standard deviations used, in that unit.
     pub sigma_px: Option<f64>,
+    /// Root mean square of the standard deviations of the known points, metres; none when all are exact.
+    pub point_sigma_m: Option<f64>,
+    /// Standard deviations of the intrinsics used, as stated; none when they are exact.
+    pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
     /// Name of the point with the largest residual, by index.
     pub names: Vec<String>,
     /// What took no part, and why.
@@ -97,6 +102,8 @@ pub struct PoseObject {
     dof: Option<usize>,
     sigma_px: Option<f64>,
     image_unit: &'static str,
+    point_sigma_m: Option<f64>,
+    intrinsics_sigma: Option<BTreeMap<String, f64>>,
     ambiguity: Option<AmbiguityObject>,
     worst_point: Option<WorstPoint>,
     weakness: Option<WeaknessObject>,
@@ -115,6 +122,8 @@ impl Answer {
             n_points: 0,
             image_unit: "px",
             sigma_px: None,
+            point_sigma_m: None,
+            intrinsics_sigma: None,
             names: Vec::new(),
             skipped: Vec::new(),
         }
@@ -139,6 +148,8 @@ impl Answer {
             dof: e.map(|e| e.degrees_of_freedom),
             sigma_px: self.sigma_px,
             image_unit: self.image_unit,
+            point_sigma_m: self.point_sigma_m,
+            intrinsics_sigma: self.intrinsics_sigma.clone(),
             ambiguity: e.map(ambiguity),
             worst_point: e.and_then(|e| self.worst_point(e)),
             weakness: e.and_then(|e| e.weakness.as_ref()).map(weakness),

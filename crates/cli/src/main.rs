@@ -4,6 +4,7 @@
 mod args;
 mod answer;
 mod files;
+mod intrinsics;
 mod output;
 mod points;
 mod text;

@@ -19,6 +19,8 @@ pub struct Row {
     pub image: [f64; 2],
     /// Column `sigma_px`, where the cell is filled.
     pub sigma: Option<f64>,
+    /// Column `sigma_m`, where the cell is filled.
+    pub sigma_m: Option<f64>,
 }
 
 /// The rows of one view, in file order.
@@ -37,6 +39,7 @@ struct Columns {
     view: Option<usize>,
     id: Option<usize>,
     sigma: Option<usize>,
+    sigma_m: Option<usize>,
 }
 
 /// Reads all views, in the order in which each first appears; rows of one view need not be adjacent.
@@ -98,6 +101,7 @@ fn columns(path: &Path, header: &csv::StringRecord, normalized: bool) -> Result<
         view: find("view"),
         id: find("id"),
         sigma: find("sigma_px"),
+        sigma_m: find("sigma_m"),
     })
 }
 
@@ -129,6 +133,7 @@ fn row(
         x_in_target: [number(columns.space[0])?, number(columns.space[1])?, number(columns.space[2])?],
         image: [number(columns.image[0])?, number(columns.image[1])?],
         sigma: columns.sigma.filter(filled).map(number).transpose()?,
+        sigma_m: columns.sigma_m.filter(filled).map(number).transpose()?,
     })
 }
 

@@ -62,13 +62,13 @@ fn pose(e: &PoseEstimate) -> String {
     let [yaw, pitch, roll] = yaw_pitch_roll_rad(&e.cam_from_target);
     let (turn, _) = sigmas(&e.covariance);
     let turned = format!(
-        "yaw {:+.2}°   pitch {:+.2}°   roll {:+.2}°   (for display)   ± {} {} {} about the camera's x y z",
+        "yaw {:+.2}°   pitch {:+.2}°   roll {:+.2}°   ± {} {} {} about the camera's x y z",
         yaw.to_degrees(),
         pitch.to_degrees(),
         roll.to_degrees(),
-        degrees(turn[0]),
-        degrees(turn[1]),
-        degrees(turn[2])
+        turn_sigma(turn[0]),
+        turn_sigma(turn[1]),
+        turn_sigma(turn[2])
     );
     line(&mut out, "turned", &turned);
     let xi = e.cam_from_target.log();
@@ -77,7 +77,15 @@ fn pose(e: &PoseEstimate) -> String {
         "rotation",
         &format!("[{:+.6} {:+.6} {:+.6}] rad   (cam_from_target, rotation vector)", xi[0], xi[1], xi[2]),
     );
+    let t = e.cam_from_target.translation;
+    let (x, y, z) = (t.x, t.y, t.z);
+    line(&mut out, "translation", &format!("[{x:+.6} {y:+.6} {z:+.6}] m   (cam_from_target)"));
     out
+}
+
+/// Half a turn is all there is.
+fn turn_sigma(sigma_rad: f64) -> String {
+    if std::f64::consts::PI < sigma_rad { "> 180°".into() } else { degrees(sigma_rad) }
 }
 
 fn fit(answer: &Answer, e: &PoseEstimate) -> String {
@@ -98,10 +106,31 @@ fn fit(answer: &Answer, e: &PoseEstimate) -> String {
     out
 }
 
-/// One labelled line.
+/// Width of printed text, letters.
+const WIDTH: usize = 110;
+
+/// One labelled line, broken between words and continued under the text where it is long.
 pub fn line(out: &mut String, label: &str, text: &str) {
-    // Writing to a String cannot fail.
-    let _ = writeln!(out, "  {label:<11} {text}");
+    const INDENT: usize = 14;
+    let (mut column, mut label) = (INDENT, label);
+    out.push_str("  ");
+    // Split at single spaces only: columns are set with several.
+    for (i, word) in text.split(' ').enumerate() {
+        let n = word.chars().count();
+        if i == 0 {
+            // Writing to a String cannot fail.
+            let _ = write!(out, "{label:<11} {word}");
+            label = "";
+        } else if 0 < n && WIDTH < column + 1 + n {
+            let _ = write!(out, "\n  {label:<11} {word}");
+            column = INDENT;
+        } else {
+            let _ = write!(out, " {word}");
+            column += 1;
+        }
+        column += n;
+    }
+    out.push('\n');
 }
 
 fn capitalised(text: &str) -> String {

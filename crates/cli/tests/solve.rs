@@ -64,12 +64,10 @@ fn normalized_columns_in_any_order_need_no_camera() {
 
 #[test]
 fn an_assumed_sigma_is_said() {
-    let run = solve(&[&data("normalized.csv"), "--normalized"]);
-    assert!(
-        run.stdout.contains("σ 0.0005 normalized is assumed, state yours with --sigma-normalized"),
-        "{}",
-        run.stdout
-    );
+    let run = solve(&[&data("normalized.csv"), "--normalized", "--json"]);
+    let message = json_lines(&run)[0]["message"].as_str().unwrap().to_string();
+    let wanted = "σ 0.0005 normalized is assumed, state yours with --sigma-normalized";
+    assert!(message.contains(wanted), "{message}");
 }
 
 #[test]

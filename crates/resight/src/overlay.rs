@@ -14,6 +14,7 @@ use crate::core::choose::Ambiguity;
 use crate::core::correspondence::Detection;
 use crate::core::locate::PoseEstimate;
 use crate::core::{Camera, Point, Pose, Target};
+use crate::report::verdict::figures;
 use crate::report::words::{distance_with_sigma_m, length, with_sigma};
 use canvas::{Canvas, Color, Path, Pen};
 use nalgebra::Vector2;
@@ -66,7 +67,7 @@ const AXES: [(&str, Color); 3] = [("x", [255, 70, 70]), ("y", [70, 220, 90]), ("
 pub fn draw(scene: &Scene) -> Canvas {
     let zoom = if scene.image.width_px < 600 { 2 } else { 1 };
     let diagonal = (scene.image.width_px as f64).hypot(scene.image.height_px as f64) * zoom as f64;
-    let unit = (diagonal / 800.0).clamp(0.75, 5.0).powf(0.85);
+    let unit = (diagonal / 800.0).clamp(0.75, 8.0).powf(0.92);
     let margin = (46.0 * unit).round() as u32;
     let canvas = Canvas::from_photograph(scene.image, zoom, margin, BACKGROUND);
     let mut sheet =
@@ -114,8 +115,15 @@ impl Sheet {
         (size * self.unit).min(0.32 * self.room)
     }
 
+    /// A pen of `width`, finer where the detections stand close.
     fn pen(&self, color: Color, width: f64, opacity: f64) -> Pen {
-        Pen { color, width: width * self.unit, opacity }
+        let width = (width * self.unit * (self.room / (24.0 * self.unit)).clamp(0.4, 1.0)).max(0.8);
+        Pen { color, width, opacity }
+    }
+
+    /// Whether a name would cover the tag it belongs to.
+    fn crowded(&self) -> bool {
+        self.room < 16.0 * self.unit
     }
 
     /// Canvas place of an image place.
@@ -214,7 +222,11 @@ impl Sheet {
             for tag in scene.detections.chunk_by(|a, b| a.feature.id == b.feature.id) {
                 let centre =
                     tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
-                self.centred(&tag[0].feature.id.to_string(), centre, PAPER, 8.0);
+                let name = tag[0].feature.id.to_string();
+                match self.crowded() {
+                    true => self.label(&name, centre, SEEN, 8.0, 1.6 * self.room / self.unit),
+                    false => self.centred(&name, centre, SEEN, 9.0),
+                }
             }
             return;
         }
@@ -253,7 +265,9 @@ impl Sheet {
             tip[i] = length_m;
             let line = self.segments(camera, pose, &[(Point::zeros(), tip)]);
             self.canvas.stroke_with_rim(&line, self.pen(*color, 2.6, 1.0));
-            if let Some(end) = line.last().and_then(|path| path.last()).copied() {
+            if let Some(end) = line.last().and_then(|path| path.last()).copied()
+                && !self.crowded()
+            {
                 self.label(name, end, *color, 9.0, 6.0);
             }
         }
@@ -323,7 +337,7 @@ impl Sheet {
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
-    format!("{}   {}   rms {:.2} px", scene.title, with_sigma(distance_m, sigma_m), e.rms_px)
+    format!("{}   {}   rms {} px", scene.title, with_sigma(distance_m, sigma_m), figures(e.rms_px))
 }
 
 fn times(factor: f64) -> String {

@@ -116,7 +116,8 @@ impl Story {
         let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
         let camera_path = self.folder.join(camera);
         let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
-        let sight = Sight { camera: &camera_file, target: &target_file, method: Method::Auto };
+        let sight =
+            Sight { camera: &camera_file, target: &target_file, method: Method::Auto, intrinsics: None };
         let seen = sight.look(&mut Detector::new(&target_file)?, &path);
         let status = seen.answer.verdict.status;
         if status != expected {

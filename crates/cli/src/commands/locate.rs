@@ -2,6 +2,7 @@
 
 use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method};
+use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -9,7 +10,7 @@ use resight::GrayImage;
 use resight::core::correspondence::{Detection, Skipped, correspond};
 use resight::core::locate::{Config, Method, locate};
 use resight::core::target::Feature;
-use resight::core::{Camera, Target};
+use resight::core::{Camera, Correspondence, Target};
 use resight::detect::Detector;
 use resight::overlay::{self, Tone};
 use resight::report::verdict::{self, Status};
@@ -37,6 +38,8 @@ pub struct Locate {
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     #[command(flatten)]
+    intrinsics: IntrinsicsArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -44,6 +47,7 @@ pub struct Locate {
 pub fn run(args: &Locate) -> Result<Outcome> {
     let images = crate::files::expand(&args.images)?;
     let camera = super::camera(&args.camera)?;
+    let intrinsics = args.intrinsics.check(&camera, args.method)?;
     let mut printer = Printer::new(&args.output, images.len());
     let target = super::target(&args.target, |warning| printer.remark(warning))?;
     let pictures = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
@@ -52,8 +56,9 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         .enumerate()
         .map(|(i, image)| (image, pictures.as_ref().and_then(|p| p.get(i).cloned())))
         .collect();
+    let sight = Sight { camera: &camera, target: &target, method: args.method, intrinsics };
     let work = |detector: &mut Detector, (image, picture): &(PathBuf, Option<PathBuf>)| -> Result<Answer> {
-        let view = Sight { camera: &camera, target: &target, method: args.method }.look(detector, image);
+        let view = sight.look(detector, image);
         if let (Some(picture), Some(image)) = (picture, &view.image) {
             resight::formats::write_atomically(picture, &view.png(image, &target)?)?;
         }
@@ -91,6 +96,8 @@ pub struct Sight<'a> {
     pub target: &'a Target,
     /// How to solve.
     pub method: Method,
+    /// How well the intrinsics are known; none: exactly.
+    pub intrinsics: Option<IntrinsicsSigma>,
 }
 
 /// One image, looked at.
@@ -150,12 +157,24 @@ impl Sight<'_> {
         let points: Vec<_> = seen.iter().map(|(_, c)| *c).collect();
         let skipped = skipped.iter().map(|s| skipped_text(s, self.target)).collect();
         let sigma_px = mean_square_root(points.iter().map(|c| c.sigma_px));
-        let config = Config { method: self.method, ..Config::default() };
+        let intrinsics_covariance = self.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
+        let config = Config { method: self.method, intrinsics_covariance: intrinsics_covariance.as_deref() };
         let (verdict, estimate) = match locate(&points, camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| names.get(i).cloned().unwrap_or_default(), "px"), Some(e)),
             Err(reason) => (verdict::of_error(&reason), None),
         };
-        Answer { view, verdict, estimate, n_points: points.len(), image_unit: "px", sigma_px, names, skipped }
+        Answer {
+            view,
+            verdict,
+            estimate,
+            n_points: points.len(),
+            image_unit: "px",
+            sigma_px,
+            point_sigma_m: point_sigma_m(&points),
+            intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+            names,
+            skipped,
+        }
     }
 }
 
@@ -203,6 +222,11 @@ fn skipped_text(skipped: &Skipped, target: &Target) -> String {
         Some(reason) => format!("{name}: {reason}"),
         None => format!("{name}: not part of the target"),
     }
+}
+
+/// Root mean square of the known points' standard deviations, metres; none when all are exact.
+pub fn point_sigma_m(points: &[Correspondence]) -> Option<f64> {
+    mean_square_root(points.iter().map(|c| c.sigma_m)).filter(|sigma_m| 0.0 < *sigma_m)
 }
 
 /// Root of the mean square; none of nothing.

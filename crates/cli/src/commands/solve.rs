@@ -2,6 +2,7 @@
 
 use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method};
+use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use crate::points::{self, Row, View};
 use anyhow::{Result, bail};
@@ -14,7 +15,7 @@ use std::path::PathBuf;
 /// The pose of the camera from points you already have.
 ///
 /// Columns by name, in any order: x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id,
-/// sigma_px. One pose per view, in file order; rows of a view need not be adjacent.
+/// sigma_px (of u and v), sigma_m (of x, y, z; 0 when exact). One pose per view, in file order; rows of a view need not be adjacent.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight solve points.csv --camera camera.toml --sigma-px 0.3
@@ -42,6 +43,8 @@ pub struct Solve {
     #[arg(long, value_name = "PX", hide = true)]
     robust: Option<String>,
     #[command(flatten)]
+    intrinsics: IntrinsicsArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -61,6 +64,9 @@ struct Setting {
     unit: &'static str,
     /// Names of the two image columns.
     columns: [&'static str; 2],
+    intrinsics: Option<IntrinsicsSigma>,
+    /// Their covariance, row by row.
+    intrinsics_covariance: Option<Vec<f64>>,
 }
 
 /// See `Solve`.
@@ -96,7 +102,13 @@ fn setting(args: &Solve) -> Result<Setting> {
     };
     let stated = if args.normalized { args.sigma_normalized } else { args.sigma_px };
     let (sigma, sigma_is_assumed) = (stated.unwrap_or(assumed), stated.is_none());
-    Ok(Setting { camera, method: args.method, sigma, sigma_is_assumed, unit, columns })
+    if args.normalized && args.intrinsics.given() {
+        bail!("--intrinsics-sigma needs a camera; coordinates given with --normalized have none");
+    }
+    let intrinsics = args.intrinsics.check(&camera, args.method)?;
+    let intrinsics_covariance = intrinsics.as_ref().map(|sigma| sigma.covariance(&camera));
+    let method = args.method;
+    Ok(Setting { camera, method, sigma, sigma_is_assumed, unit, columns, intrinsics, intrinsics_covariance })
 }
 
 impl Setting {
@@ -111,7 +123,8 @@ impl Setting {
             };
         let names: Vec<String> =
             view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
-        let config = Config { method: self.method, ..Config::default() };
+        let intrinsics_covariance = self.intrinsics_covariance.as_deref();
+        let config = Config { method: self.method, intrinsics_covariance };
         let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
             Err(reason) => (verdict::of_error(&reason), None),
@@ -130,6 +143,8 @@ impl Setting {
             n_points: points.len(),
             image_unit: self.unit,
             sigma_px,
+            point_sigma_m: super::locate::point_sigma_m(&points),
+            intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
             names,
             skipped: Vec::new(),
         }
@@ -139,8 +154,8 @@ impl Setting {
         let [u, v] = self.columns;
         let cells = [("x_m", row.x_in_target[0]), ("y_m", row.x_in_target[1]), ("z_m", row.x_in_target[2])];
         let cells = cells.into_iter().chain([(u, row.image[0]), (v, row.image[1])]);
-        let sigma = row.sigma.unwrap_or(self.sigma);
-        for (column, x) in cells.chain([("sigma_px", sigma)]) {
+        let (sigma, sigma_m) = (row.sigma.unwrap_or(self.sigma), row.sigma_m.unwrap_or(0.0));
+        for (column, x) in cells.chain([("sigma_px", sigma), ("sigma_m", sigma_m)]) {
             if !x.is_finite() {
                 return Err(format!(
                     "line {}: column `{column}` is {x}; remove the row or correct it",
@@ -151,7 +166,16 @@ impl Setting {
         if sigma <= 0.0 {
             return Err(format!("line {}: column `sigma_px` is {sigma}; it must be positive", row.line));
         }
+        if sigma_m < 0.0 {
+            return Err(format!("line {}: column `sigma_m` is {sigma_m}; it must not be negative", row.line));
+        }
+        if 0.0 < sigma_m && self.method == Method::Wang2004 {
+            let reason =
+                "method wang2004 is the printed procedure, which takes the points as exact; use auto";
+            return Err(format!("line {}: column `sigma_m` is {sigma_m}, but {reason}", row.line));
+        }
         Correspondence::new(&self.camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
+            .map(|c| Correspondence { sigma_m, ..c })
             .map_err(|reason| format!("line {}: {reason}", row.line))
     }
 }

@@ -84,3 +84,8 @@ fn pieces(text: &str) -> Vec<String> {
     }
     pieces
 }
+
+/// A file of the paper's Table II as shipped.
+pub fn table_two(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/wang2004").join(name).display().to_string()
+}

@@ -1,0 +1,93 @@
+//! `--intrinsics-sigma`: how well the intrinsics are known, from the command line to a covariance.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use resight::core::Camera;
+use resight::core::locate::Method;
+use std::collections::BTreeMap;
+
+/// The flag, for every command that solves.
+#[derive(Debug, Clone, Args)]
+pub struct IntrinsicsArgs {
+    /// Standard deviations of the camera's parameters, e.g. fx_px=0.8,fy_px=0.8,cx_px=0.5,cy_px=0.5; they widen the covariance.
+    /// Independent of one another; parameters not named are exact.
+    #[arg(long, value_name = "NAME=S,…", value_delimiter = ',', value_parser = assignment)]
+    intrinsics_sigma: Vec<(String, f64)>,
+}
+
+/// Standard deviations of a camera's parameters.
+#[derive(Debug, Clone)]
+pub struct IntrinsicsSigma {
+    by_name: BTreeMap<String, f64>,
+    /// fx of the camera file: images of another size have other pixels.
+    stated_fx_px: Option<f64>,
+}
+
+fn assignment(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("NAME=S is needed, e.g. fx_px=0.8")?;
+    match value.trim().parse::<f64>() {
+        Ok(sigma) if 0.0 <= sigma && sigma.is_finite() => Ok((name.trim().to_string(), sigma)),
+        _ => Err(format!("`{}` is no standard deviation; a number of 0 or more is needed", value.trim())),
+    }
+}
+
+impl IntrinsicsArgs {
+    /// Whether any were given.
+    pub fn given(&self) -> bool {
+        !self.intrinsics_sigma.is_empty()
+    }
+
+    /// The standard deviations for the camera they are meant for; none when none were given.
+    pub fn check(&self, camera: &Camera, method: Method) -> Result<Option<IntrinsicsSigma>> {
+        if !self.given() {
+            return Ok(None);
+        }
+        if method == Method::Wang2004 {
+            bail!(
+                "--intrinsics-sigma: method wang2004 is the printed procedure, which carries no such uncertainty; use auto"
+            );
+        }
+        let known: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
+        let mut by_name = BTreeMap::new();
+        for (name, sigma) in &self.intrinsics_sigma {
+            if !known.contains(&name.as_str()) {
+                let nearest = crate::files::nearest(name, known.iter().map(|n| n.to_string()));
+                let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
+                let model = camera.model_name();
+                bail!(
+                    "--intrinsics-sigma: this {model} camera has no `{name}`; {hint}It has {}",
+                    known.join(", ")
+                );
+            }
+            if by_name.insert(name.clone(), *sigma).is_some() {
+                bail!("--intrinsics-sigma: `{name}` is given twice");
+            }
+        }
+        Ok(Some(IntrinsicsSigma { by_name, stated_fx_px: camera.matrix().map(|k| k.fx_px) }))
+    }
+}
+
+impl IntrinsicsSigma {
+    /// The covariance matrix row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size
+    /// of the camera given.
+    pub fn covariance(&self, camera: &Camera) -> Vec<f64> {
+        let scale = match (self.stated_fx_px, camera.matrix()) {
+            (Some(stated), Some(k)) => k.fx_px / stated,
+            _ => 1.0,
+        };
+        let parameters = camera.parameters();
+        let n = parameters.len();
+        let mut covariance = vec![0.0; n * n];
+        for (i, (name, _)) in parameters.iter().enumerate() {
+            let unit = if name.ends_with("_px") { scale } else { 1.0 };
+            let sigma = self.by_name.get(*name).copied().unwrap_or(0.0) * unit;
+            covariance[i * n + i] = sigma * sigma;
+        }
+        covariance
+    }
+
+    /// As given, for the results.
+    pub fn stated(&self) -> BTreeMap<String, f64> {
+        self.by_name.clone()
+    }
+}

@@ -1,0 +1,152 @@
+//! Uncertain intrinsics and uncertain points: the covariance grows as re-solving with other values says it must.
+
+mod support;
+
+use serde_json::Value;
+use support::{data, demo, folder, json_lines, resight};
+
+/// The first answer of a `solve`.
+fn solved(points: &str, camera: &str, extra: &[&str]) -> Value {
+    let run = resight(&[&["solve", points, "--camera", camera, "--json"], extra].concat());
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    json_lines(&run).remove(0)
+}
+
+fn covariance(answer: &Value) -> [[f64; 6]; 6] {
+    serde_json::from_value(answer["covariance"].clone()).unwrap()
+}
+
+/// Rotation and translation of `cam_from_target`.
+fn pose(answer: &Value) -> ([[f64; 3]; 3], [f64; 3]) {
+    let m: [[f64; 4]; 4] = serde_json::from_value(answer["cam_from_target"]["matrix"].clone()).unwrap();
+    (std::array::from_fn(|i| std::array::from_fn(|j| m[i][j])), std::array::from_fn(|i| m[i][3]))
+}
+
+/// The small left motion ξ with b ≈ Exp(ξ) a, to first order.
+fn motion(a: &Value, b: &Value) -> [f64; 6] {
+    let ((ra, ta), (rb, tb)) = (pose(a), pose(b));
+    let d: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| rb[i][k] * ra[j][k]).sum()));
+    let turn = [(d[2][1] - d[1][2]) / 2.0, (d[0][2] - d[2][0]) / 2.0, (d[1][0] - d[0][1]) / 2.0];
+    let shift = |i: usize| tb[i] - (0..3).map(|j| d[i][j] * ta[j]).sum::<f64>();
+    [turn[0], turn[1], turn[2], shift(0), shift(1), shift(2)]
+}
+
+const CAMERA: [(&str, f64); 4] = [("fx_px", 1000.0), ("fy_px", 1000.0), ("cx_px", 640.0), ("cy_px", 480.0)];
+
+/// The camera of the test data with one parameter moved.
+fn camera_with(folder: &std::path::Path, moved: &str, by: f64) -> String {
+    let mut text = "model = \"pinhole\"\nwidth_px = 1280\nheight_px = 960\n".to_string();
+    for (name, value) in CAMERA {
+        text += &format!("{name} = {}\n", value + if name == moved { by } else { 0.0 });
+    }
+    let path = folder.join(format!("{moved}{by}.toml"));
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+/// Σ_with − Σ_without is Σ σ² ∂ξ/∂θ ∂ξ/∂θᵀ over the parameters, ∂ξ/∂θ by solving again with θ ± h.
+#[test]
+fn uncertain_intrinsics_add_what_solving_again_says() {
+    let folder = folder("uncertain_intrinsics");
+    let (points, camera) = (data("points.csv"), data("camera.toml"));
+    let sigmas = [("fx_px", 0.8), ("fy_px", 0.7), ("cx_px", 0.5), ("cy_px", 0.4)];
+    let flag: Vec<String> = sigmas.iter().map(|(name, s)| format!("{name}={s}")).collect();
+    let exact = solved(&points, &camera, &[]);
+    let uncertain = solved(&points, &camera, &["--intrinsics-sigma", &flag.join(",")]);
+    let mut wanted = [[0.0; 6]; 6];
+    for (name, sigma) in sigmas {
+        let h = 0.01;
+        let at = |by: f64| solved(&points, &camera_with(&folder, name, by), &[]);
+        let xi = motion(&at(-h), &at(h)).map(|x| x / (2.0 * h) * sigma);
+        for i in 0..6 {
+            for j in 0..6 {
+                wanted[i][j] += xi[i] * xi[j];
+            }
+        }
+    }
+    let (a, b) = (covariance(&exact), covariance(&uncertain));
+    for i in 0..6 {
+        for j in 0..6 {
+            let size = (wanted[i][i] * wanted[j][j]).sqrt();
+            let added = b[i][j] - a[i][j];
+            assert!((added - wanted[i][j]).abs() < 0.02 * size, "({i}, {j}): {added} for {}", wanted[i][j]);
+        }
+    }
+    assert_eq!(uncertain["intrinsics_sigma"]["fx_px"], 0.8);
+    assert!(exact["intrinsics_sigma"].is_null() && exact["cam_from_target"] == uncertain["cam_from_target"]);
+}
+
+/// The six points of the test data's box, every cell of a column filled with one value.
+fn box_with(folder: &std::path::Path, name: &str, column: &str, value: &str) -> String {
+    let text = std::fs::read_to_string(data("points.csv")).unwrap();
+    let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("box")).collect();
+    let rows: String =
+        rows.iter().map(|row| format!("{},{value}\n", &row[..row.rfind(',').unwrap()])).collect();
+    let path = folder.join(name);
+    std::fs::write(&path, format!("view,x_m,y_m,z_m,u_px,v_px,{column}\n{rows}")).unwrap();
+    path.display().to_string()
+}
+
+/// Points so badly surveyed that the pixels hardly count: twice the sigma, four times the covariance. And the answer's
+/// covariance is the scatter of poses solved from points moved by it, checked on one coordinate of one point.
+#[test]
+fn uncertain_points_widen_the_covariance() {
+    let folder = folder("uncertain_points");
+    let camera = data("camera.toml");
+    let at = |sigma_m: &str| {
+        solved(
+            &box_with(&folder, &format!("{sigma_m}.csv"), "sigma_m", sigma_m),
+            &camera,
+            &["--sigma-px", "0.001"],
+        )
+    };
+    let (one, two) = (at("0.01"), at("0.02"));
+    let (a, b) = (covariance(&one), covariance(&two));
+    for i in 0..6 {
+        assert!((b[i][i] / a[i][i] / 4.0 - 1.0).abs() < 0.02, "{i}: {} {}", a[i][i], b[i][i]);
+    }
+    assert_eq!(two["point_sigma_m"], 0.02);
+    let exact = solved(&box_with(&folder, "exact.csv", "sigma_px", "0.1"), &camera, &[]);
+    assert!(exact["point_sigma_m"].is_null());
+    assert!((0..6).all(|i| 100.0 * covariance(&exact)[i][i] < a[i][i]), "{exact}");
+}
+
+#[test]
+fn a_wrong_name_is_told_the_right_one() {
+    let (points, camera) = (data("points.csv"), data("camera.toml"));
+    for (given, wanted) in [
+        ("fxpx=1", "did you mean `fx_px`? It has fx_px, fy_px, cx_px, cy_px"),
+        ("k1=0.1", "this pinhole camera has no `k1`; It has fx_px"),
+        ("fx_px", "NAME=S is needed"),
+        ("fx_px=-1", "a number of 0 or more is needed"),
+        ("fx_px=1,fx_px=2", "given twice"),
+    ] {
+        let run = resight(&["solve", &points, "--camera", &camera, "--intrinsics-sigma", given]);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{given}");
+        assert!(run.stderr.contains(wanted), "{given}: {}", run.stderr);
+    }
+    let run = resight(&["solve", &data("normalized.csv"), "--normalized", "--intrinsics-sigma", "fx_px=1"]);
+    assert!(run.code == 2 && run.stderr.contains("needs a camera"), "{}", run.stderr);
+}
+
+/// A lens coefficient by name, and the widening as `locate` prints it.
+#[test]
+fn locate_takes_uncertain_intrinsics_too() {
+    let base = [
+        "locate",
+        &demo("left.png"),
+        "--camera",
+        &demo("left.toml"),
+        "--target",
+        &demo("dots.toml"),
+        "--json",
+    ];
+    let exact = json_lines(&resight(&base)).remove(0);
+    let run = resight(&[base.as_slice(), &["--intrinsics-sigma", "fx_px=2,fy_px=2,k1=0.01"]].concat());
+    let uncertain = json_lines(&run).remove(0);
+    let depth = |answer: &Value| answer["sigma_m"][2].as_f64().unwrap();
+    // Two pixels in 742 of focal length are that share of 0.7 m, nearly all of it along the line of sight.
+    assert!((1e-3..4e-3).contains(&depth(&uncertain)) && depth(&exact) < 2e-4, "{uncertain}");
+    assert_eq!(uncertain["intrinsics_sigma"]["k1"], 0.01);
+}
