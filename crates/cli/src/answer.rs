@@ -5,6 +5,7 @@ use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
 use resight::core::solve::line_plus_one::Weakness;
 use resight::core::{Matrix6, Pose};
+use resight::report::truth::point_covariance;
 use resight::report::verdict::{Status, Verdict, weakness_figures};
 use resight::report::words::sigmas;
 use serde::Serialize;
@@ -97,6 +98,8 @@ pub struct PoseObject {
     covariance: Option<[[f64; 6]; 6]>,
     sigma_rad: Option<[f64; 3]>,
     sigma_m: Option<[f64; 3]>,
+    /// Of the vector `cam_from_target.translation_m` itself, which a turn of the camera changes too.
+    sigma_translation_m: Option<[f64; 3]>,
     rms_px: Option<f64>,
     chi2: Option<f64>,
     dof: Option<usize>,
@@ -143,6 +146,7 @@ impl Answer {
             covariance: e.map(|e| rows(&e.covariance)),
             sigma_rad: sigma.map(|s| s.0),
             sigma_m: sigma.map(|s| s.1),
+            sigma_translation_m: e.map(translation_sigmas),
             rms_px: e.map(|e| e.rms_px),
             chi2: e.map(|e| e.chi2),
             dof: e.map(|e| e.degrees_of_freedom),
@@ -167,6 +171,11 @@ impl Answer {
             _ => None,
         }
     }
+}
+
+fn translation_sigmas(estimate: &PoseEstimate) -> [f64; 3] {
+    let covariance = point_covariance(&estimate.cam_from_target.translation, &estimate.covariance);
+    [0, 1, 2].map(|i| covariance[(i, i)].max(0.0).sqrt())
 }
 
 fn weakness(weakness: &Weakness) -> WeaknessObject {

@@ -25,7 +25,8 @@ const QUANTILE: f64 = 3.719;
 /// "Far above": residuals twice as large as stated. Below it the covariance widens but nothing is called wrong.
 const FAR_ABOVE: f64 = 4.0;
 
-/// χ² that good data exceed once in ten thousand (Wilson and Hilferty 1931; within 5 % from two degrees of freedom on).
+/// χ² that good data exceed once in ten thousand (Wilson and Hilferty 1931; within 5 % from two degrees of freedom on),
+/// docs/math/refine.md eq. (17).
 fn limit(degrees_of_freedom: usize) -> f64 {
     let n = degrees_of_freedom as f64;
     let k = 2.0 / (9.0 * n);

@@ -22,7 +22,8 @@ const LEAST_RISE: f64 = 0.4;
 
 /// The covariance of a minimum, with the share of the bend added.
 pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
-    let first = Turn::weakest(&m.covariance, Matrix3::identity());
+    let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let first = Turn::weakest(&m.covariance, &rotation);
     let straight = |side: f64| {
         let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
         let rise = residual_sums(&probe, seen, camera).0 - m.chi2;
@@ -32,7 +33,7 @@ pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Came
         return m.covariance;
     }
     let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
-    let second = Turn::weakest(&m.covariance, across_first);
+    let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
     let ridge = Ridge { m, turns: [first, second], pivot: centroid(seen), seen, camera };
     ridge.share().map_or(m.covariance, |share| m.covariance + share)
 }
@@ -44,15 +45,14 @@ struct Turn {
 }
 
 impl Turn {
-    /// The largest eigenvector of the rotation block within the range of a projector, by power iteration.
-    fn weakest(covariance: &Matrix6, projector: Matrix3<f64>) -> Self {
-        let rotation = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        let within = projector * rotation * projector;
-        let mut axis = within.column(within.diagonal().imax()).normalize();
-        for _ in 0..4 {
-            axis = (within * (within * axis)).normalize();
-        }
-        let sigma = axis.dot(&(rotation * axis)).sqrt();
+    /// The largest eigenvector of the rotation block, or of its part `within` a plane: a column of the eighth power.
+    fn weakest(covariance: &Matrix6, within: &Matrix3<f64>) -> Self {
+        let scaled = within / within.trace();
+        let squared = scaled * scaled;
+        let fourth = squared * squared;
+        let eighth = fourth * fourth;
+        let axis = eighth.column(eighth.diagonal().imax()).normalize();
+        let sigma = axis.dot(&(within * axis)).sqrt();
         Turn { axis, motion: covariance.fixed_view::<6, 3>(0, 0) * axis / sigma }
     }
 
@@ -108,5 +108,54 @@ impl Ridge<'_> {
         let shift = step - c1 * ((m22 * r1 - m12 * r2) / det) - c2 * ((m11 * r2 - m12 * r1) / det);
         let rise = normal.chi2 - gradient.dot(&shift) - self.m.chi2;
         (shift.iter().all(|x| x.is_finite()) && rise.is_finite()).then_some((shift, rise))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{CameraMatrix, Pinhole};
+    use crate::refine::refine;
+    use crate::{Lens, Pixel};
+
+    /// E ξξᵀ of the bends by Gauss–Hermite quadrature (three nodes each way: exact to the fifth power) from the ridge itself
+    /// equals the stated sum. Both tilts of a frontal target shorten its range, so the cross terms add.
+    #[test]
+    fn bend_is_the_second_moment_of_the_ridge() {
+        let matrix = CameraMatrix { fx_px: 800.0, fy_px: 800.0, cx_px: 0.0, cy_px: 0.0 };
+        let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
+        let truth = Pose::new(Matrix3::identity(), Vector3::new(0.05, -0.02, 3.0));
+        let seen: Vec<_> = [[-0.5, -0.5], [0.5, -0.4], [0.5, 0.5], [-0.4, 0.5], [0.1, 0.0]]
+            .iter()
+            .filter_map(|[x, y]| {
+                let x = Point::new(*x, *y, 0.0);
+                let pixel: Pixel = camera.project(&(truth * x))?;
+                Correspondence::new(&camera, x, pixel, 0.01).ok()
+            })
+            .collect();
+        let m = refine(&truth, &seen, &camera).unwrap();
+        let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let first = Turn::weakest(&m.covariance, &rotation);
+        let across = Matrix3::identity() - first.axis * first.axis.transpose();
+        let second = Turn::weakest(&m.covariance, &(across * rotation * across));
+        let ridge =
+            Ridge { m: &m, turns: [first, second], pivot: centroid(&seen), seen: &seen, camera: &camera };
+        let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
+        let mut moment = Matrix6::zeros();
+        for (s1, w1) in nodes {
+            for (s2, w2) in nodes {
+                let (shift, _) = ridge.shift(s1, s2).unwrap();
+                moment += shift * shift.transpose() * (w1 * w2);
+            }
+        }
+        // Seen across both turns: along them the ridge's lengthening adds, which is not its bend.
+        let [d1, d2] = [ridge.turns[0].motion, ridge.turns[1].motion];
+        let d1 = d1.normalize();
+        let d2 = (d2 - d1 * d1.dot(&d2)).normalize();
+        let depth = Vector6::ith(5, 1.0);
+        let across = depth - d1 * d1.dot(&depth) - d2 * d2.dot(&depth);
+        let seen_across = |m: &Matrix6| across.dot(&(m * across));
+        let ratio = seen_across(&ridge.share().unwrap()) / seen_across(&moment);
+        assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
     }
 }

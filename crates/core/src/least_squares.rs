@@ -3,7 +3,7 @@
 //! The pose is held as rotation R and the place c of a pivot (the centroid of the points) in the camera frame, and moved by
 //! x ← x + ω × (x − c) + ν. Turning about the pivot nearly decouples rotation from translation, so the normal equations
 //! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
-//! Derivation: docs/math/refine.md.
+//! Derivation: docs/math/refine.md eqs. (2)–(7).
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
@@ -167,6 +167,32 @@ impl NormalEquations {
         self.rotation_rotation.add_square(by_rotation);
         self.rotation_translation += by_rotation * by_translation.transpose();
         self.translation_translation.add_square(by_translation);
+    }
+
+    /// Adds both residuals of a point at `y` from the pivot seen by a pinhole camera, whose derivatives by the point are
+    /// (a, 0, s) and (0, b, t): `add` twice, without the multiplications by zero.
+    #[inline(always)]
+    pub(crate) fn add_pinhole(
+        &mut self,
+        [ru, rv]: [f64; 2],
+        y: &Vector3<f64>,
+        [a, s]: [f64; 2],
+        [b, t]: [f64; 2],
+    ) {
+        self.chi2 += ru * ru + rv * rv;
+        let u = Vector3::new(y.y * s, y.z * a - y.x * s, -y.y * a);
+        let v = Vector3::new(y.y * t - y.z * b, -y.x * t, y.x * b);
+        self.gradient_rotation += u * ru + v * rv;
+        self.gradient_translation += Vector3::new(a * ru, b * rv, s * ru + t * rv);
+        self.rotation_rotation.add_square(&u);
+        self.rotation_rotation.add_square(&v);
+        self.rotation_translation += Matrix3::from_columns(&[u * a, v * b, u * s + v * t]);
+        let tt = &mut self.translation_translation.0;
+        tt[0] += a * a;
+        tt[2] += a * s;
+        tt[3] += b * b;
+        tt[4] += b * t;
+        tt[5] += s * s + t * t;
     }
 
     /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.

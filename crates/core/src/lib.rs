@@ -16,6 +16,10 @@ pub mod least_squares;
 pub mod refine;
 mod curvature;
 pub mod consistency;
+mod method;
+mod search;
+mod literal;
+mod intrinsics;
 pub mod locate;
 
 pub use camera::{Camera, CameraMatrix, Lens};

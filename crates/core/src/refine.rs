@@ -4,8 +4,9 @@
 //!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
 //!   ∂π/∂[ω; ν] = [ −Π [y]×  Π ],  Π = ∂π/∂x (2×3): each row j of Π gives the row [y × j ; j]
 //! ```
-//! Derivation: docs/math/refine.md.
+//! Derivation: docs/math/refine.md eqs. (1)–(3).
 
+use crate::camera::Pinhole;
 use crate::choose::Minimum;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize};
 use crate::{Camera, Correspondence, Error, Lens, Pixel, Point, Pose};
@@ -107,7 +108,8 @@ pub(crate) fn whitened_residual(
     Some((x, e, e.dot(&(information(c, &jacobian) * e))))
 }
 
-/// Inverse covariance of a pixel residual: (σ_px² I + σ_m² Π Πᵀ)⁻¹, the second term for surveyed points.
+/// Inverse covariance of a pixel residual: (σ_px² I + σ_m² Π Πᵀ)⁻¹, the second term for surveyed points,
+/// docs/math/refine.md eq. (8).
 pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matrix2<f64> {
     let s = c.sigma_px * c.sigma_px;
     let p = jacobian * jacobian.transpose() * (c.sigma_m * c.sigma_m);
@@ -132,36 +134,78 @@ pub(crate) fn normal_equations(
     camera: &Camera,
 ) -> Option<NormalEquations> {
     match &camera.lens {
-        Lens::Pinhole(model) => accumulate(place, pivot, seen, |x| model.project_with_jacobian(x)),
-        _ => accumulate(place, pivot, seen, |x| camera.project_with_jacobian(x)),
+        Lens::Pinhole(model) => accumulate_pinhole(place, pivot, seen, model),
+        _ => accumulate(place, pivot, seen, camera),
     }
 }
 
+/// As `accumulate`, for the lens of most cameras of the inner loop: a third less arithmetic.
 #[inline(always)]
+fn accumulate_pinhole(
+    place: &PivotedPose,
+    pivot: &Point,
+    seen: &[Correspondence],
+    model: &Pinhole,
+) -> Option<NormalEquations> {
+    let k = &model.matrix;
+    let mut normal = NormalEquations::zero();
+    for c in seen {
+        let y = place.rotation * (c.x_in_target - pivot);
+        if c.sigma_m != 0.0 {
+            add_surveyed(&mut normal, c, &y, model.project_with_jacobian(&(y + place.pivot_in_cam))?);
+            continue;
+        }
+        let x = y + place.pivot_in_cam;
+        let in_front = 0.0 < x.z;
+        if !in_front {
+            return None;
+        }
+        let (iz, w) = (1.0 / x.z, 1.0 / c.sigma_px);
+        let (xn, yn) = (x.x * iz, x.y * iz);
+        let (a, b) = (k.fx_px * iz * w, k.fy_px * iz * w);
+        let ru = (c.pixel.x - (k.fx_px * xn + k.cx_px)) * w;
+        let rv = (c.pixel.y - (k.fy_px * yn + k.cy_px)) * w;
+        normal.add_pinhole([ru, rv], &y, [a, -a * xn], [b, -b * yn]);
+    }
+    normal.chi2.is_finite().then_some(normal)
+}
+
 fn accumulate(
     place: &PivotedPose,
     pivot: &Point,
     seen: &[Correspondence],
-    project: impl Fn(&Point) -> Option<(Pixel, Matrix2x3<f64>)>,
+    camera: &Camera,
 ) -> Option<NormalEquations> {
     let mut normal = NormalEquations::zero();
     for c in seen {
         let y = place.rotation * (c.x_in_target - pivot);
-        let (pixel, jacobian) = project(&(y + place.pivot_in_cam))?;
+        let (pixel, jacobian) = camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
+        if c.sigma_m != 0.0 {
+            add_surveyed(&mut normal, c, &y, (pixel, jacobian));
+            continue;
+        }
         let e = c.pixel - pixel;
         let ju = Vector3::new(jacobian[(0, 0)], jacobian[(0, 1)], jacobian[(0, 2)]);
         let jv = Vector3::new(jacobian[(1, 0)], jacobian[(1, 1)], jacobian[(1, 2)]);
-        if c.sigma_m == 0.0 {
-            let i = 1.0 / c.sigma_px;
-            let (ju, jv) = (ju * i, jv * i);
-            normal.add(e.x * i, &y.cross(&ju), &ju);
-            normal.add(e.y * i, &y.cross(&jv), &jv);
-        } else {
-            let (a, b, d) = whitening(c, &jacobian);
-            let (ju, jv) = (ju * a + jv * b, jv * d);
-            normal.add(a * e.x + b * e.y, &y.cross(&ju), &ju);
-            normal.add(d * e.y, &y.cross(&jv), &jv);
-        }
+        let w = 1.0 / c.sigma_px;
+        let (ju, jv) = (ju * w, jv * w);
+        normal.add(e.x * w, &y.cross(&ju), &ju);
+        normal.add(e.y * w, &y.cross(&jv), &jv);
     }
     normal.chi2.is_finite().then_some(normal)
+}
+
+/// A surveyed point: its own uncertainty, seen through the lens, correlates the two pixel coordinates.
+fn add_surveyed(
+    normal: &mut NormalEquations,
+    c: &Correspondence,
+    y: &Vector3<f64>,
+    (pixel, jacobian): (Pixel, Matrix2x3<f64>),
+) {
+    let e = c.pixel - pixel;
+    let (a, b, d) = whitening(c, &jacobian);
+    let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
+    let (ju, jv) = (ju * a + jv * b, jv * d);
+    normal.add(a * e.x + b * e.y, &y.cross(&ju), &ju);
+    normal.add(d * e.y, &y.cross(&jv), &jv);
 }

@@ -126,12 +126,12 @@ fn global_optimum_at_a_tenth_of_a_pixel() {
 
 #[test]
 fn global_optimum_at_half_a_pixel() {
-    optimum_is_found(0.5, 10, 40);
+    optimum_is_found(0.5, 3, 40);
 }
 
 #[test]
 fn global_optimum_at_one_pixel() {
-    optimum_is_found(1.0, 20, 80);
+    optimum_is_found(1.0, 4, 80);
 }
 
 /// The box: 2–6 m, σ ≤ 0.5 px, unambiguous. Variance over the Cramér–Rao bound at the true pose, and NEES, apart from flips:

@@ -89,7 +89,7 @@ fn near_the_critical_plane_the_answer_says_so() {
         });
         let [_, first, ambiguous, unique_and_wrong, named] = c.percent();
         println!("{offset} | {first:.1} | {ambiguous:.1} | {unique_and_wrong:.2} | {named:.1}");
-        // The gate lets Φ(−3) = 0.135 % pass at worst (refine.md section 8): 5.4 of these, 13 with one chance in a thousand.
+        // The gate lets Φ(−3) = 0.135 % pass at worst (refine.md eq. (16)): 5.4 of these, 13 with one chance in a thousand.
         assert!(unique_and_wrong <= 0.33, "{offset} m: {unique_and_wrong} %");
         if offset == 0.0 {
             assert!(99.0 < ambiguous && 99.0 < named, "{ambiguous} {named}");

@@ -41,7 +41,7 @@ pub enum Configuration {
 
 /// Which configuration the points are in, from their places in the target.
 ///
-/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target), `Collinear`.
+/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target or, to the last bit, in the image), `Collinear`.
 pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
     check_numbers(points)?;
     if points.len() < 3 {
@@ -60,9 +60,9 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
         return Ok(Configuration::Three);
     }
     let corners = [first, last, widest];
-    if let Some(off) = places.single_point_off_a_side(corners, length) {
+    if let Some((ends, off)) = places.single_point_off_a_side(corners, length) {
         return match points.len() {
-            4 => Ok(Configuration::LinePlusOne { order: places.along_line(off) }),
+            4 => Ok(Configuration::LinePlusOne { order: along_line(ends, off) }),
             _ => Ok(Configuration::General),
         };
     }
@@ -129,6 +129,10 @@ impl Places<'_> {
                 if !(least * least < (self.at(first) - self.at(second)).norm_squared()) {
                     return Err(Error::Coincident { first, second, where_: "in the target" });
                 }
+                // One mark would hide the other: the same pixel twice is a label gone wrong.
+                if self.points[first].pixel == self.points[second].pixel {
+                    return Err(Error::Coincident { first, second, where_: "in the image" });
+                }
             }
         }
         Ok(())
@@ -137,14 +141,14 @@ impl Places<'_> {
     /// The point farthest from the line through two, and its distance.
     fn farthest_from_line(&self, first: usize, last: usize) -> (usize, f64) {
         let line = Line::new(self.at(first), self.at(last));
-        let (index, squared) = self.largest(|x| line.distance_squared(x));
-        (index, squared.sqrt())
+        let (index, squared) = self.largest(|x| line.scaled_distance_squared(x));
+        (index, (squared / line.along.norm_squared()).sqrt())
     }
 
-    /// The only point off a side of the widest triangle, if all others lie on that side's line.
+    /// The only point off a side of the widest triangle, if all others lie on that side's line, after the ends of that line.
     ///
     /// Of any three points two are on such a line, so it is a side of every triangle; the most nearly straight side counts.
-    fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> Option<usize> {
+    fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> Option<((usize, usize), usize)> {
         let off_side = |first: usize, last: usize, off: usize| {
             let line = Line::new(self.at(first), self.at(last));
             let (mut height, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
@@ -152,36 +156,35 @@ impl Places<'_> {
                 let from_origin = self.at(i) - line.origin;
                 let along = from_origin.dot(&line.along);
                 (low, high) = (low.min(along), high.max(along));
-                height = height.max(line.along.cross(&from_origin).norm_squared());
+                height = height.max(line.scaled_distance_squared(&self.at(i)));
             }
             (height.sqrt() / (high - low), off)
         };
         let sides = [off_side(a, b, c), off_side(b, c, a), off_side(a, c, b)];
         let (height, off) =
             sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
+        if MAX_LINE_HEIGHT < height {
+            return None;
+        }
         // A point closer to the line than its own straightness is not "off" it.
         let (p, q) = self.ends_without(off);
-        let distance = || Line::new(self.at(p), self.at(q)).distance_squared(&self.at(off)).sqrt() / length;
-        (height <= MAX_LINE_HEIGHT && 3.0 * height <= distance()).then_some(off)
+        let line = Line::new(self.at(p), self.at(q));
+        let distance =
+            (line.scaled_distance_squared(&self.at(off)) / line.along.norm_squared()).sqrt() / length;
+        (3.0 * height <= distance).then_some(((p, q), off))
     }
 
     /// Two distant points of the others.
     fn ends_without(&self, off: usize) -> (usize, usize) {
         let origin = self.at(if off == 0 { 1 } else { 0 });
         let apart = |origin: Point| {
-            let values =
-                (0..self.points.len()).filter(|i| *i != off).map(|i| (i, (self.at(i) - origin).norm()));
+            let values = (0..self.points.len())
+                .filter(|i| *i != off)
+                .map(|i| (i, (self.at(i) - origin).norm_squared()));
             values.fold((0, -1.0), |best, next| if best.1 < next.1 { next } else { best }).0
         };
         let first = apart(origin);
         (first, apart(self.at(first)))
-    }
-
-    /// The three points on the line in order, starting from the lower-numbered end, then the one off it. Four points.
-    fn along_line(&self, off: usize) -> [usize; 4] {
-        let (p, q) = self.ends_without(off);
-        let middle = 6 - off - p - q;
-        [p.min(q), middle, p.max(q), off]
     }
 
     /// Largest distance from the plane of three points.
@@ -192,7 +195,12 @@ impl Places<'_> {
     }
 }
 
-/// A line through two points.
+/// The three points on the line in order, starting from the lower-numbered end, then the one off it. Four points.
+fn along_line((p, q): (usize, usize), off: usize) -> [usize; 4] {
+    [p.min(q), 6 - off - p - q, p.max(q), off]
+}
+
+/// A line through two points; `along` has their distance for length, so that no division is needed to compare.
 struct Line {
     origin: Point,
     along: Vector3<f64>,
@@ -200,10 +208,11 @@ struct Line {
 
 impl Line {
     fn new(origin: Point, other: Point) -> Self {
-        Line { origin, along: (other - origin).normalize() }
+        Line { origin, along: other - origin }
     }
 
-    fn distance_squared(&self, x: &Point) -> f64 {
+    /// Distance from the line times the length of `along`, squared.
+    fn scaled_distance_squared(&self, x: &Point) -> f64 {
         self.along.cross(&(x - self.origin)).norm_squared()
     }
 }

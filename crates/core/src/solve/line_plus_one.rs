@@ -10,7 +10,7 @@ use super::Candidates;
 use crate::{Bearing, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Both poses that put the fourth point on its ray, the likelier first.
+/// Both poses that put the fourth point on its ray, the one with the farther fourth point first (neither is likelier).
 ///
 /// `bearings` and `points_in_target` belong together, three collinear in order along the line, then the one off it.
 /// Empty when the line passes through the camera centre or every root lies behind the camera.
@@ -58,7 +58,7 @@ const NEAR_CRITICAL: f64 = 0.1;
 /// Two candidates seen closer together than this cannot be told apart: the ambiguity gate is 3 σ, and refinement closes
 /// about half of the gap.
 const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
-/// A shorter image of the line leaves its direction to chance (measured: docs/math/line_plus_one.md).
+/// A shorter image of the line leaves its direction to chance (measured: docs/math/line_plus_one.md section 5).
 const NEEDED_LENGTH_SIGMA: f64 = 15.0;
 
 /// What makes a view weak. `candidates` are those of `line_plus_one`, before any refinement, or two refined poses that fit
@@ -134,7 +134,7 @@ impl Line {
         let m = unit(&(b - n * n.dot(&b)));
         let e = n.cross(&m);
         let (pa, qa, pc, qc) = (a.dot(&m), a.dot(&e), c.dot(&m), c.dot(&e));
-        // Null vector of the two conditions "a, c on their rays", eq. (4): depth of b, then r₁ along m and e.
+        // Null vector of the two conditions "a, c on their rays", docs/math/line_plus_one.md eq. (4): depth of b, then r₁ along m and e.
         let depth = layout.a * layout.c * (pa * qc - qa * pc);
         let along_m = qa * pc * layout.c - pa * qc * layout.a;
         let along_e = qa * qc * (layout.c - layout.a);
@@ -144,7 +144,8 @@ impl Line {
     }
 }
 
-/// Least-squares normal of the plane through three bearings: pairs weigh by the sine between them, eq. (2).
+/// Least-squares normal of the plane through three bearings: pairs weigh by the squared sine between them,
+/// docs/math/line_plus_one.md eq. (2).
 fn viewing_plane(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> Option<Vector3<f64>> {
     let (ab, bc, ac) = (a.cross(b), b.cross(c), a.cross(c));
     let n = ab * ab.dot(&ac) + bc * bc.dot(&ac) + ac * ac.norm_squared();
@@ -158,7 +159,8 @@ fn unit(v: &Vector3<f64>) -> Vector3<f64> {
     v * v.norm_squared().sqrt().recip()
 }
 
-/// Depths λ with |λ d − B| = ρ as (middle, half difference); a ray that misses the sphere by noise touches it.
+/// Depths λ with |λ d − B| = ρ as (middle, half difference); a ray that misses the sphere by noise touches it:
+/// docs/math/line_plus_one.md eq. (5).
 fn ray_meets_sphere(d: &Vector3<f64>, centre: &Point, radius: f64) -> (f64, f64) {
     let middle = d.dot(centre);
     // |B|² − (d·B)² without cancellation.

@@ -34,9 +34,18 @@ impl Solution {
     pub fn yaw_pitch_roll_rad(&self) -> [f64; 3] {
         self.yaw_pitch_roll_cos_sin.map(|(cos, sin)| sin.atan2(cos))
     }
+
+    /// The solution with the other sign in (8) and in (9). It turns the signs of cos φ, sin φ and cos ϕ; every coefficient
+    /// of (10) on the left changes its sign with them and none on the right, so cos ω and sin ω do too, and the same R comes
+    /// out: "both lead to the same rotation matrix".
+    fn twin(&self) -> Self {
+        let [(cw, sw), (c2, s2), (c3, s3)] = self.yaw_pitch_roll_cos_sin;
+        Solution { yaw_pitch_roll_cos_sin: [(-cw, -sw), (-c2, s2), (-c3, -s3)], ..*self }
+    }
 }
 
-/// The four solutions; none is dropped, false ones show by their residual.
+/// The four solutions; none is dropped. They are one pose in two Euler triples and its mirror image behind the camera in two:
+/// (3) and (11) are the same for all four, `in_front` tells (docs/math/wang2004.md section 3).
 pub type Solutions = ArrayVec<Solution, 4>;
 
 /// Below this fraction of its terms a determinant of the procedure is rounding, and the procedure undefined.
@@ -46,18 +55,20 @@ const UNDEFINED: f64 = 1e-12;
 ///
 /// `bearings` and `points_in_target` belong together: three points of the line in any order, then the one off it. The line
 /// may lie anywhere in the caller's frame. `Error::DegenerateView` names the condition of the paper that failed.
+#[inline]
 pub fn wang2004(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> Result<Solutions, Error> {
     let frame = PaperFrame::of(points_in_target);
     let image = ImagePoints::of(bearings)?;
     let line = LineTerms::of(&image, &frame);
-    let (roll, pitch) = (Roll::of(&line)?, Pitch::of(&line)?);
+    let (roll, pitch, yaw) = (Roll::of(&line)?, Pitch::of(&line)?, YawTerms::of(&image, &frame));
+    let solve = |pitch_sign: f64| {
+        let (c2, s2) = (pitch_sign * pitch.sin_beta, pitch_sign * pitch.cos_beta);
+        frame.solution(&image, &yaw, [c2, s2, roll.sin_alpha, roll.cos_alpha])
+    };
+    let (first, second) = (solve(1.0)?, solve(-1.0)?);
     let mut solutions = Solutions::new();
-    for roll_sign in [1.0, -1.0] {
-        for pitch_sign in [1.0, -1.0] {
-            let (c3, s3) = (roll_sign * roll.sin_alpha, roll_sign * roll.cos_alpha);
-            let (c2, s2) = (pitch_sign * pitch.sin_beta, pitch_sign * roll_sign * pitch.cos_beta);
-            solutions.push(frame.solution(&image, [c2, s2, c3, s3])?);
-        }
+    for solution in [first, second, second.twin(), first.twin()] {
+        solutions.push(solution);
     }
     Ok(solutions)
 }
@@ -84,6 +95,8 @@ struct ImagePoints {
     v: [f64; 4],
     du: [f64; 4],
     dv: [f64; 4],
+    /// The points with the largest |Δu| and |Δv|: j of (4a), k of (4b).
+    widest: (usize, usize),
 }
 
 impl ImagePoints {
@@ -97,10 +110,13 @@ impl ImagePoints {
                     b.z,
                 ));
             }
-            (u[i], v[i]) = (-b.x / b.z, -b.y / b.z);
+            let inverse = -b.z.recip();
+            (u[i], v[i]) = (b.x * inverse, b.y * inverse);
         }
         let (du, dv) = (u.map(|x| x - u[0]), v.map(|x| x - v[0]));
-        Ok(ImagePoints { u, v, du, dv })
+        let widest =
+            |d: &[f64; 4]| (1..4).fold(1, |best, i| if d[best].abs() < d[i].abs() { i } else { best });
+        Ok(ImagePoints { u, v, du, dv, widest: (widest(&du), widest(&dv)) })
     }
 }
 
@@ -129,8 +145,13 @@ impl PaperFrame {
     }
 
     /// Yaw by (10) with (ΔG₁, ΔG₃), translation by (4), residual by (3).
-    fn solution(&self, image: &ImagePoints, [c2, s2, c3, s3]: [f64; 4]) -> Result<Solution, Error> {
-        let (cos, sin) = self.yaw(image, [c2, s2, c3, s3])?;
+    fn solution(
+        &self,
+        image: &ImagePoints,
+        yaw: &YawTerms,
+        [c2, s2, c3, s3]: [f64; 4],
+    ) -> Result<Solution, Error> {
+        let (cos, sin) = yaw.cos_sin([c2, s2, c3, s3])?;
         let inverse = 1.0 / length(cos, sin);
         let (cw, sw) = (cos * inverse, sin * inverse);
         #[rustfmt::skip]
@@ -151,35 +172,10 @@ impl PaperFrame {
         })
     }
 
-    /// cos ω and sin ω by (10), as the paper solves it: as if they were independent.
-    fn yaw(&self, image: &ImagePoints, [c2, s2, c3, s3]: [f64; 4]) -> Result<(f64, f64), Error> {
-        let (g1, g3) = (&self.delta_g[1], &self.delta_g[3]);
-        let ImagePoints { u, v, du, dv } = image;
-        // Coefficients of R(1), R(2), R(3) in (6a), (6b) with j = 1, k = 3.
-        let a = g1 * du[3] - g3 * du[1];
-        let b = g1 * dv[3] - g3 * dv[1];
-        let e1 = g1 * (u[1] * du[3]) - g3 * (u[3] * du[1]);
-        let e2 = g1 * (v[1] * dv[3]) - g3 * (v[3] * dv[1]);
-        let (m11, m12) = (a.z * s2 * c3 - a.y * s3 + e1.z * c2, a.y * s2 * c3 + a.z * s3 + e1.y * c2);
-        let (m21, m22) = (b.y * c3 + b.z * s2 * s3 + e2.z * c2, b.y * s2 * s3 - b.z * c3 + e2.y * c2);
-        let (r1, r2) = (e1.x * s2 - a.x * c2 * c3, e2.x * s2 - b.x * c2 * s3);
-        let det = m11 * m22 - m12 * m21;
-        let scale = length(m11, m12) * length(m21, m22);
-        if !(UNDEFINED * scale < det.abs()) {
-            return Err(undefined(
-                "the system (10) for yaw is singular: the line is vertical or horizontal in the image, or the fourth point lies on it",
-                det,
-            ));
-        }
-        Ok(((r1 * m22 - m12 * r2) / det, (m11 * r2 - r1 * m21) / det))
-    }
-
     /// p + R G₀ by (4a) or (4b), whichever divides by the larger difference.
     fn first_point_in_cam(&self, image: &ImagePoints, r: &Matrix3<f64>) -> Result<Vector3<f64>, Error> {
-        let largest =
-            |d: &[f64; 4]| (1..4).fold(1, |best, i| if d[best].abs() < d[i].abs() { i } else { best });
-        let (j, k) = (largest(&image.du), largest(&image.dv));
-        let ImagePoints { u, v, du, dv } = image;
+        let (j, k) = image.widest;
+        let ImagePoints { u, v, du, dv, .. } = image;
         if du[j].abs().max(dv[k].abs()) < f64::MIN_POSITIVE {
             return Err(undefined(
                 "Δu and Δv of every point vanish in (4a), (4b): the points coincide in the image",
@@ -193,12 +189,12 @@ impl PaperFrame {
                 v[j] * w.x - du[j] * w.y + u[0] * v[j] * w.z,
                 -w.x - u[j] * w.z,
             ];
-            return Ok(Vector3::from(p) / du[j]);
+            return Ok(Vector3::from(p) * du[j].recip());
         }
         let w = r * self.delta_g[k];
         let p =
             [u[k] * w.y - dv[k] * w.x + v[0] * u[k] * w.z, v[0] * w.y + v[0] * v[k] * w.z, -w.y - v[k] * w.z];
-        Ok(Vector3::from(p) / dv[k])
+        Ok(Vector3::from(p) * dv[k].recip())
     }
 
     fn residual_3(&self, image: &ImagePoints, cam_from_target: &Pose) -> f64 {
@@ -216,6 +212,45 @@ fn turn_onto_x(d: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(d.x, y, z, -y, 1.0 - y * y * k, -y * z * k, -z, -y * z * k, 1.0 - z * z * k)
 }
 
+/// Coefficients of R(1), R(2), R(3) in (6a), (6b) with j = 1, k = 3: a_1j, b_1j, e_1j, e_2j of (10).
+struct YawTerms {
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    e1: Vector3<f64>,
+    e2: Vector3<f64>,
+}
+
+impl YawTerms {
+    fn of(image: &ImagePoints, frame: &PaperFrame) -> Self {
+        let (g1, g3) = (&frame.delta_g[1], &frame.delta_g[3]);
+        let ImagePoints { u, v, du, dv, .. } = image;
+        YawTerms {
+            a: g1 * du[3] - g3 * du[1],
+            b: g1 * dv[3] - g3 * dv[1],
+            e1: g1 * (u[1] * du[3]) - g3 * (u[3] * du[1]),
+            e2: g1 * (v[1] * dv[3]) - g3 * (v[3] * dv[1]),
+        }
+    }
+
+    /// cos ω and sin ω by (10), as the paper solves it: as if they were independent.
+    fn cos_sin(&self, [c2, s2, c3, s3]: [f64; 4]) -> Result<(f64, f64), Error> {
+        let YawTerms { a, b, e1, e2 } = self;
+        let (m11, m12) = (a.z * s2 * c3 - a.y * s3 + e1.z * c2, a.y * s2 * c3 + a.z * s3 + e1.y * c2);
+        let (m21, m22) = (b.y * c3 + b.z * s2 * s3 + e2.z * c2, b.y * s2 * s3 - b.z * c3 + e2.y * c2);
+        let (r1, r2) = (e1.x * s2 - a.x * c2 * c3, e2.x * s2 - b.x * c2 * s3);
+        let det = m11 * m22 - m12 * m21;
+        let scale = length(m11, m12) * length(m21, m22);
+        if !(UNDEFINED * scale < det.abs()) {
+            return Err(undefined(
+                "the system (10) for yaw is singular: the line is vertical or horizontal in the image, or the fourth point lies on it",
+                det,
+            ));
+        }
+        let inverse = det.recip();
+        Ok(((r1 * m22 - m12 * r2) * inverse, (m11 * r2 - r1 * m21) * inverse))
+    }
+}
+
 /// a₁, b₁, e₁, e₂ of (7a), (7b).
 struct LineTerms {
     a1: f64,
@@ -229,7 +264,7 @@ struct LineTerms {
 impl LineTerms {
     fn of(image: &ImagePoints, frame: &PaperFrame) -> Self {
         let (l1, l2) = (frame.l1, frame.l2);
-        let ImagePoints { u, v, du, dv } = image;
+        let ImagePoints { u, v, du, dv, .. } = image;
         LineTerms {
             a1: du[2] * l1 - du[1] * l2,
             b1: dv[2] * l1 - dv[1] * l2,

@@ -1,0 +1,179 @@
+//! The minima of the reprojection error: the closed form's candidates and their mirror poses, each refined; more starts where
+//! those leave a doubt. How many starts are enough was measured: docs/math/line_plus_one.md.
+
+use crate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Minima, Minimum, insert};
+use crate::consistency::is_unlikely;
+use crate::method::Method;
+use crate::refine::{centroid, refine_against, residual_sums};
+use crate::solve::Candidates;
+use crate::solve::configuration::Configuration;
+use crate::solve::line_plus_one::Weakness;
+use crate::solve::{line_plus_one, p3p, planar, sqpnp};
+use crate::{Bearing, Camera, Correspondence, Point, Pose};
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
+const HOPELESS_CHI2: f64 = 1e4;
+
+/// The minima reached from the closed form's candidates, and from more starts where those leave a doubt.
+pub(crate) fn search(
+    method: Method,
+    configuration: &Configuration,
+    seen: &[Correspondence],
+    camera: &Camera,
+    minima: &mut Minima,
+) -> Option<Weakness> {
+    let (candidates, weakness) = closed_form(method, configuration, seen, camera);
+    let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
+    if flat {
+        let normal = plane_normal(configuration, seen);
+        refine_pair(candidates, &normal, seen, camera, minima);
+    } else {
+        refine_each(&candidates, seen, camera, minima);
+    }
+    if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
+        refine_each(&sqpnp::sqpnp(seen), seen, camera, minima);
+        refine_each(&three_of(seen), seen, camera, minima);
+    } else if seen.len() == 4 && (weakness.is_some() || is_in_doubt(minima)) {
+        refine_each(&three_of(seen), seen, camera, minima);
+    }
+    weakness
+}
+
+/// The two minima of a flat target: from the better candidate, then from its mirror pose or the other candidate, whichever
+/// fits better to begin with. Closed forms often give one minimum twice; the mirror pose finds the other.
+fn refine_pair(
+    mut candidates: Candidates,
+    normal: &Vector3<f64>,
+    seen: &[Correspondence],
+    camera: &Camera,
+    minima: &mut Minima,
+) {
+    let start_chi2 = |start: &Pose| residual_sums(start, seen, camera).0;
+    if candidates.len() == 2 && start_chi2(&candidates[1]) < start_chi2(&candidates[0]) {
+        candidates.swap(0, 1);
+    }
+    let Some((first, others)) = candidates.split_first() else { return };
+    refine_each(&[*first], seen, camera, minima);
+    let Some(best) = minima.first() else { return refine_each(others, seen, camera, minima) };
+    let mut starts: ArrayVec<(f64, Pose), 4> =
+        others.iter().map(|start| (start_chi2(start), *start)).collect();
+    let mirrored = mirrored(&best.cam_from_target, normal, seen);
+    starts.push((start_chi2(&mirrored), mirrored));
+    starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    for (i, (chi2, start)) in starts.iter().enumerate() {
+        if i == 0 || (minima.len() == 1 && *chi2 < HOPELESS_CHI2) {
+            refine_each(&[*start], seen, camera, minima);
+        }
+    }
+}
+
+/// Whether the best minimum leaves room within the ambiguity gate for one not found yet: another is that near, or its own
+/// χ² is that large. Four points have up to four minima, and the closed form's two candidates need not lead to the lowest:
+/// of 586 photographed quadruples 6 had it elsewhere, of 20,000 random ones at 1 px 6 (1 with the P3P starts).
+fn is_in_doubt(minima: &Minima) -> bool {
+    let near = |chi2: f64| chi2 < AMBIGUITY_GATE_CHI2;
+    minima.first().is_none_or(|m| !near(m.chi2))
+        || minima.get(1).is_some_and(|m| near(m.chi2 - minima[0].chi2))
+}
+
+fn refine_each(candidates: &[Pose], seen: &[Correspondence], camera: &Camera, minima: &mut Minima) {
+    for candidate in candidates {
+        let rival = minima.first().map(|m| m.chi2);
+        if let Ok(minimum) = refine_against(candidate, rival, seen, camera) {
+            insert(minima, minimum);
+        }
+    }
+}
+
+/// The closed form of a method, and what makes the view weak.
+fn closed_form(
+    method: Method,
+    configuration: &Configuration,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> (Candidates, Option<Weakness>) {
+    match (method, configuration) {
+        (Method::LinePlusOne, Configuration::LinePlusOne { order }) => {
+            let (bearings, points) = four_of(seen, order);
+            let candidates = line_plus_one::line_plus_one(&bearings, &points);
+            let sigma_rad = sigma_rad(&seen[order[3]], camera);
+            let weakness = line_plus_one::weakness(&candidates, &bearings, &points, sigma_rad);
+            (candidates, weakness)
+        }
+        (Method::P3p, _) => (three_of(seen), None),
+        (Method::Planar, _) => (planar::planar(seen), None),
+        _ => (sqpnp::sqpnp(seen), None),
+    }
+}
+
+/// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
+pub(crate) fn weakness_of_rivals(
+    configuration: &Configuration,
+    best: &Minimum,
+    ambiguity: &Ambiguity,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> Option<Weakness> {
+    let (Configuration::LinePlusOne { order }, Ambiguity::Ambiguous { other, .. }) =
+        (configuration, ambiguity)
+    else {
+        return None;
+    };
+    let rivals: Candidates = [best.cam_from_target, other.cam_from_target].into_iter().collect();
+    let (bearings, points) = four_of(seen, order);
+    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&seen[order[3]], camera))
+}
+
+/// The four points of a line-plus-one layout, in order along the line, the one off it last.
+pub(crate) fn four_of(seen: &[Correspondence], order: &[usize; 4]) -> ([Bearing; 4], [Point; 4]) {
+    (order.map(|i| seen[i].bearing), order.map(|i| seen[i].x_in_target))
+}
+
+/// P3P on the three points that span the largest triangle found from the first point.
+fn three_of(seen: &[Correspondence]) -> Candidates {
+    let [i, j, k] = wide_triangle(seen);
+    let order = [i, j, k];
+    p3p::p3p(&order.map(|i| seen[i].bearing), &order.map(|i| seen[i].x_in_target))
+}
+
+/// The farthest point from the first, the farthest from that, and the one farthest off their line.
+fn wide_triangle(seen: &[Correspondence]) -> [usize; 3] {
+    let x = |i: usize| seen[i].x_in_target;
+    let farthest = |measure: &dyn Fn(usize) -> f64| {
+        (0..seen.len()).fold(0, |best, i| if measure(best) < measure(i) { i } else { best })
+    };
+    let i = farthest(&|n| (x(n) - x(0)).norm_squared());
+    let j = farthest(&|n| (x(n) - x(i)).norm_squared());
+    let k = farthest(&|n| (x(n) - x(i)).cross(&(x(j) - x(i))).norm_squared());
+    [i, j, k]
+}
+
+/// The standard deviation of a pixel as an angle, radians.
+fn sigma_rad(c: &Correspondence, camera: &Camera) -> f64 {
+    let beside = c.pixel + Vector2::new(c.sigma_px, 0.0);
+    camera.bearing(&beside).map_or(f64::INFINITY, |b| b.cross(&c.bearing).norm())
+}
+
+/// Unit normal of a flat target, target frame.
+fn plane_normal(configuration: &Configuration, seen: &[Correspondence]) -> Vector3<f64> {
+    let [i, j, k] = match configuration {
+        Configuration::LinePlusOne { order: [a, _, c, d] } => [*a, *c, *d],
+        _ => wide_triangle(seen),
+    };
+    let x = |n: usize| seen[n].x_in_target;
+    (x(j) - x(i)).cross(&(x(k) - x(i))).normalize()
+}
+
+/// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
+/// the line of sight. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
+fn mirrored(cam_from_target: &Pose, normal: &Vector3<f64>, seen: &[Correspondence]) -> Pose {
+    let centre = centroid(seen);
+    let centre_in_cam = cam_from_target * &centre;
+    let sight = centre_in_cam.normalize();
+    let reflection = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * 2.0;
+    // Two reflections make a rotation; the one in the target's own plane does not move its points.
+    let rotation = reflection(&sight) * cam_from_target.rotation * reflection(normal);
+    Pose::new(rotation, centre_in_cam - rotation * centre)
+}

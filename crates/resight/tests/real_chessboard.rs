@@ -1,0 +1,172 @@
+//! Thirteen photographs of a chessboard, against the poses OpenCV published for them with its intrinsics.
+//!
+//! The published poses come from corners refined in a window of 23 px, which on this small board takes neighbouring corners
+//! in: single corners are up to 6.4 px off in views 2 and 13 (outliers on purpose), 1.1 px in 7 and 1.6 px in 9.
+
+mod real_support;
+
+use real_support::*;
+use resight::GrayImage;
+use resight::core::correspondence::{Correspondence, Detection};
+use resight::core::locate::{Config, PoseEstimate, locate};
+use resight::core::refine::residual_px;
+use resight::core::target::Chessboard;
+use resight::core::{Camera, Pose, Target};
+use resight::detect::Detector;
+use resight::detect::corner::refine_corner;
+use std::path::Path;
+
+/// Views whose published corners are bad.
+const BAD: [u32; 2] = [2, 13];
+/// Sigma of a published corner, px: the detector's own for such pictures.
+const SIGMA_PX: f64 = 0.12;
+/// Half the window of the published corners, px.
+const PUBLISHED_HALF_WINDOW_PX: u32 = 11;
+/// A corner this far from the pose of all others is not where the board's corner is: four sigmas.
+const MISPLACED_PX: f64 = 0.5;
+
+struct Views {
+    camera: Camera,
+    target: Target,
+    views: Vec<View>,
+}
+
+struct View {
+    number: u32,
+    image: GrayImage,
+    published: Pose,
+    published_corners: Vec<Correspondence>,
+}
+
+fn views(folder: &Path) -> Views {
+    let truth = json(&folder.join("truth.json"));
+    let left = &truth["published_left"];
+    let camera = brown_conrady(matrix_of(&left["K"]), &left["D_k1k2p1p2k3"]);
+    let rows = table(&folder.join("detections.csv"));
+    let corners = |view: &str| {
+        let of_view = rows.iter().filter(|row| row["camera"] == "left" && row["view"] == view);
+        let seen = |row| Correspondence::new(&camera, point_of(row), pixel_of(row), SIGMA_PX).unwrap();
+        of_view.map(seen).collect()
+    };
+    let view = |row: &Row| {
+        let number = row["view"].parse().unwrap();
+        View {
+            number,
+            image: GrayImage::read(&folder.join(format!("left{number:02}.jpg"))).unwrap(),
+            published: pose_of(row, "pub_").unwrap(),
+            published_corners: corners(&row["view"]),
+        }
+    };
+    let views: Vec<View> = table(&folder.join("published_views.csv")).iter().map(view).collect();
+    assert_eq!(views.len(), 13);
+    let target = Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m: 0.025 });
+    Views { camera, target, views }
+}
+
+fn pose_from(seen: &[Correspondence], camera: &Camera) -> PoseEstimate {
+    locate(seen, camera, &Config::default()).unwrap()
+}
+
+/// Largest angle and distance from the published poses, over the views with good corners; the bad ones must say so.
+fn check_against_published(name: &str, answers: &[(&View, PoseEstimate)], bars: (f64, f64)) {
+    let good = || answers.iter().filter(|(view, _)| !BAD.contains(&view.number));
+    let off: Vec<(f64, f64)> = good().map(|(v, e)| apart(&e.cam_from_target, &v.published)).collect();
+    let (angle_deg, distance_mm) = (largest(off.iter().map(|o| o.0)), largest(off.iter().map(|o| o.1)));
+    println!(
+        "chessboard, {name}: {} views within {angle_deg:.4}° and {distance_mm:.4} mm of the published poses",
+        off.len()
+    );
+    for (view, estimate) in answers {
+        let inconsistent = is_inconsistent(estimate);
+        if BAD.contains(&view.number) {
+            println!(
+                "chessboard, {name}: view {} has χ²/dof {:.1}, {:?}",
+                view.number,
+                chi2_per_dof(estimate),
+                estimate.consistency
+            );
+        }
+        assert_eq!(inconsistent, BAD.contains(&view.number), "view {}", view.number);
+    }
+    assert_eq!(off.len(), 11);
+    assert!(angle_deg < bars.0 && distance_mm < bars.1, "{angle_deg}° {distance_mm} mm");
+}
+
+#[test]
+fn published_corners_give_the_published_poses() {
+    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let Views { camera, views, .. } = views(&folder);
+    let answers: Vec<_> = views.iter().map(|v| (v, pose_from(&v.published_corners, &camera))).collect();
+    check_against_published("published corners", &answers, (0.01, 0.02));
+}
+
+/// From the image to the pose, only the window of the refinement being OpenCV's.
+#[test]
+fn images_in_opencvs_window_give_the_published_poses() {
+    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let Views { camera, target, views } = views(&folder);
+    let mut detector = Detector::new(&target).unwrap();
+    let mut answer = |view: &View| {
+        let half = PUBLISHED_HALF_WINDOW_PX;
+        let moved = |d: &Detection| {
+            let corner = refine_corner(&view.image, &d.pixel, half, half as f64);
+            Detection { pixel: corner.map_or(d.pixel, |c| c.pixel), sigma_px: SIGMA_PX, ..*d }
+        };
+        let corners: Vec<Detection> = detector.detect(&view.image).unwrap().iter().map(moved).collect();
+        located(&corners, &target, &camera)
+    };
+    let answers: Vec<_> = views.iter().map(|v| (v, answer(v))).collect();
+    check_against_published("images in OpenCV's window", &answers, (0.02, 0.1));
+}
+
+/// The published corners without those that miss the pose of the others, found without a look at ours.
+fn trimmed(view: &View, camera: &Camera) -> (PoseEstimate, usize) {
+    let mut kept = view.published_corners.clone();
+    loop {
+        let estimate = pose_from(&kept, camera);
+        let miss = |c: &Correspondence| residual_px(&estimate.cam_from_target, c, camera).unwrap().norm();
+        let (worst, miss_px) = (0..kept.len())
+            .map(|i| (i, miss(&kept[i])))
+            .fold((0, 0.0), |worst, next| if worst.1 < next.1 { next } else { worst });
+        if miss_px < MISPLACED_PX {
+            return (estimate, view.published_corners.len() - kept.len());
+        }
+        kept.remove(worst);
+    }
+}
+
+/// Our own corners are good in all 13 views, also in 2 and 13 (residual 0.19 and 0.18 px, published 1.22 and 0.46 px), so
+/// none is called inconsistent, and there it is the published pose that is off. What holds:
+/// * 8 views are within 0.02° and 0.1 mm of the published pose;
+/// * 2, 7, 9 and 13 differ from it (0.57°, 0.10°, 0.17°, 0.27°) because of single published corners: without those the
+///   published set gives our pose to 0.05° and 0.04 mm;
+/// * view 6 differs by 0.0214°, a quarter of its own standard deviation: corners of both windows, 0.05 px apart.
+#[test]
+fn own_corners_differ_where_the_published_ones_are_misplaced() {
+    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let Views { camera, target, views } = views(&folder);
+    let mut detector = Detector::new(&target).unwrap();
+    let mut far = Vec::new();
+    for view in &views {
+        let ours = located(&detector.detect(&view.image).unwrap(), &target, &camera);
+        let (clean, n_dropped) = trimmed(view, &camera);
+        let (angle, distance) = apart(&ours.cam_from_target, &view.published);
+        let (clean_angle, clean_distance) = apart(&ours.cam_from_target, &clean.cam_from_target);
+        let published = pose_from(&view.published_corners, &camera);
+        println!(
+            "chessboard, own corners: view {:2} {angle:.4}° {distance:.4} mm from published; {n_dropped} corners dropped, \
+             then {clean_angle:.4}° {clean_distance:.4} mm; rms {:.3} px (published corners {:.3})",
+            view.number, ours.rms_px, published.rms_px
+        );
+        assert!(!is_inconsistent(&ours) && ours.rms_px < 0.25, "view {}", view.number);
+        assert!(clean_angle < 0.06 && clean_distance < 0.06, "view {}", view.number);
+        if angle < 0.02 && distance < 0.1 {
+            continue;
+        }
+        far.push(view.number);
+        let within_sigma = angle < 0.5 * sigmas(&ours).0 && distance < 0.5 * sigmas(&ours).1;
+        assert!(within_sigma || (0 < n_dropped && ours.rms_px < published.rms_px), "view {}", view.number);
+    }
+    println!("chessboard, own corners: beyond 0.02° or 0.1 mm are views {far:?}");
+    assert!(far.iter().all(|view| [2, 6, 7, 9, 13].contains(view)), "{far:?}");
+}
