@@ -68,9 +68,15 @@ pub fn must_be_writable(path: &Path) -> Result<()> {
     if !folder.is_dir() {
         bail!("-o {}: there is no folder {}; make it first", path.display(), folder.display());
     }
-    if folder.metadata()?.permissions().readonly() {
-        bail!("-o {}: the folder {} is read-only; write elsewhere", path.display(), folder.display());
+    let probe = folder.join(format!(".resight-{}.probe", std::process::id()));
+    if let Err(reason) = std::fs::File::create_new(&probe) {
+        bail!(
+            "-o {}: nothing can be written to {} ({reason}); write elsewhere",
+            path.display(),
+            folder.display()
+        );
     }
+    let _ = std::fs::remove_file(&probe); // It was made a line above.
     Ok(())
 }
 
