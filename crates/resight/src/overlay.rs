@@ -341,7 +341,8 @@ impl Sheet {
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
-    format!("{}   {}   rms {} px", scene.title, with_sigma(distance_m, sigma_m), figures(e.rms_px))
+    let rms = if e.rms_px < 1e-3 { "below 0.001".to_string() } else { figures(e.rms_px) };
+    format!("{}   {}   rms {rms} px", scene.title, with_sigma(distance_m, sigma_m))
 }
 
 fn times(factor: f64) -> String {
