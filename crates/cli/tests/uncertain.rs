@@ -88,8 +88,7 @@ fn box_with(folder: &std::path::Path, name: &str, column: &str, value: &str) -> 
     path.display().to_string()
 }
 
-/// Points so badly surveyed that the pixels hardly count: twice the sigma, four times the covariance. And the answer's
-/// covariance is the scatter of poses solved from points moved by it, checked on one coordinate of one point.
+/// Points so badly surveyed that the pixels hardly count: twice the sigma, four times the covariance.
 #[test]
 fn uncertain_points_widen_the_covariance() {
     let folder = folder("uncertain_points");
@@ -110,6 +109,56 @@ fn uncertain_points_widen_the_covariance() {
     let exact = solved(&box_with(&folder, "exact.csv", "sigma_px", "0.1"), &camera, &[]);
     assert!(exact["point_sigma_m"].is_null());
     assert!((0..6).all(|i| 100.0 * covariance(&exact)[i][i] < a[i][i]), "{exact}");
+}
+
+/// Σ = Σ σ_m² ∂ξ/∂X ∂ξ/∂Xᵀ over all coordinates of all points, ∂ξ/∂X by solving again with each coordinate at ± h; the
+/// pixels' own share, a ten-thousandth of it, is left out.
+#[test]
+fn uncertain_points_add_what_solving_again_says() {
+    let folder = folder("moved_points");
+    let (sigma_m, h) = (0.002, 1e-4);
+    let text = std::fs::read_to_string(data("points.csv")).unwrap();
+    let cells = |row: &str| row.split(',').skip(1).map(|x| x.parse().unwrap()).collect::<Vec<f64>>();
+    let rows: Vec<Vec<f64>> = text.lines().filter(|l| l.starts_with("box")).map(cells).collect();
+    let mut file = "view,x_m,y_m,z_m,u_px,v_px,sigma_px,sigma_m\n".to_string();
+    let mut view = |name: usize, moved: usize, by: f64| {
+        for (i, row) in rows.iter().enumerate() {
+            let x = |axis: usize| row[axis] + if moved == 3 * i + axis { by } else { 0.0 };
+            let (u, v) = (row[3], row[4]);
+            file += &format!("{name},{},{},{},{u},{v},0.01,{sigma_m}\n", x(0), x(1), x(2));
+        }
+    };
+    let n = 3 * rows.len();
+    view(0, n, 0.0);
+    for k in 0..n {
+        view(2 * k + 1, k, -h);
+        view(2 * k + 2, k, h);
+    }
+    let path = folder.join("moved.csv");
+    std::fs::write(&path, file).unwrap();
+    let run = resight(&["solve", path.to_str().unwrap(), "--camera", &data("camera.toml"), "--json"]);
+    let answers = json_lines(&run);
+    let mut wanted = [[0.0; 6]; 6];
+    for k in 0..n {
+        let xi = motion(&answers[2 * k + 1], &answers[2 * k + 2]).map(|x| x / (2.0 * h) * sigma_m);
+        for i in 0..6 {
+            for j in 0..6 {
+                wanted[i][j] += xi[i] * xi[j];
+            }
+        }
+    }
+    let said = covariance(&answers[0]);
+    for i in 0..6 {
+        for j in 0..6 {
+            let size = (wanted[i][i] * wanted[j][j]).sqrt();
+            assert!(
+                (said[i][j] - wanted[i][j]).abs() < 0.03 * size,
+                "({i}, {j}): {} {}",
+                said[i][j],
+                wanted[i][j]
+            );
+        }
+    }
 }
 
 #[test]

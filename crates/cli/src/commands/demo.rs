@@ -180,7 +180,7 @@ impl Story {
             self.rows.push(vec![
                 format!("{number}  {title}"),
                 "ok".into(),
-                String::new(),
+                "–".into(),
                 length(off),
                 degrees(c.angle_rad),
                 squared,
