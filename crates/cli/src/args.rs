@@ -46,6 +46,13 @@ pub struct OutputArgs {
     pub output: Option<PathBuf>,
 }
 
+impl OutputArgs {
+    /// Refuses a results file that could not be written, before any work is done.
+    pub fn check(&self) -> anyhow::Result<()> {
+        self.output.as_deref().map_or(Ok(()), crate::files::must_be_writable)
+    }
+}
+
 /// Name of a solver: `auto` decides from the configuration of the points.
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {

@@ -1,6 +1,6 @@
 //! Finding the files the user meant.
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 
 /// Images given as paths or patterns (`*`, `?`, `[…]`; a shell usually expands them first), in the order given.
@@ -9,16 +9,25 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
     for argument in arguments {
         let path = PathBuf::from(argument);
         if path.exists() || !argument.contains(['*', '?', '[']) {
+            if path.is_dir() {
+                bail!(
+                    "{} is a folder; give its images, e.g. '{}'",
+                    path.display(),
+                    path.join("*.png").display()
+                );
+            }
             must_exist(&path)?;
             paths.push(path);
             continue;
         }
         let before = paths.len();
-        for entry in glob::glob(argument)? {
+        let entries = glob::glob(argument)
+            .map_err(|e| anyhow::anyhow!("{argument}: not a file, and no pattern either ({})", e.msg))?;
+        for entry in entries {
             paths.push(entry?);
         }
         if paths.len() == before {
-            bail!("no file matches {argument}");
+            bail!("no file matches {argument}; check the folder and the ending (upper and lower case count)");
         }
     }
     Ok(paths)
@@ -30,12 +39,9 @@ pub fn must_exist(path: &Path) -> Result<()> {
         return Ok(());
     }
     if path.is_dir() {
-        bail!("{} is a folder; give a file, or {}", path.display(), path.join("*.png").display());
+        bail!("{} is a folder; give a file in it", path.display());
     }
-    let folder = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     if !folder.is_dir() {
         bail!("{}: no such file (nor is there a folder {})", path.display(), folder.display());
     }
@@ -46,6 +52,47 @@ pub fn must_exist(path: &Path) -> Result<()> {
             bail!("{}: no such file; did you mean {}?", path.display(), path.with_file_name(found).display())
         }
         None => bail!("{}: no such file", path.display()),
+    }
+}
+
+/// Refuses, before any work is done, an output file that could not be written later.
+pub fn must_be_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        bail!(
+            "-o {}: this is a folder; give a file, e.g. {}",
+            path.display(),
+            path.join("results.jsonl").display()
+        );
+    }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        bail!("-o {}: there is no folder {}; make it first", path.display(), folder.display());
+    }
+    let probe = folder.join(format!(".resight-{}.probe", std::process::id()));
+    if let Err(reason) = std::fs::File::create_new(&probe) {
+        bail!(
+            "-o {}: nothing can be written to {} ({reason}); write elsewhere",
+            path.display(),
+            folder.display()
+        );
+    }
+    let _ = std::fs::remove_file(&probe); // It was made a line above.
+    Ok(())
+}
+
+/// Makes a folder for results, and those above it.
+pub fn make_folder(flag: &str, folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        bail!("{flag} {}: this is a file; give a folder", folder.display());
+    }
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{flag} {}: cannot make this folder", folder.display()))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
     }
 }
 

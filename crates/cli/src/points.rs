@@ -47,6 +47,9 @@ pub fn read(path: &Path, normalized: bool) -> Result<Vec<View>> {
     let file = std::fs::File::open(path).with_context(|| path.display().to_string())?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let header = reader.headers().map_err(|e| complaint(path, &e))?.clone();
+    if header.is_empty() {
+        bail!("{}: the file is empty; a header line x_m,y_m,z_m,… is needed", path.display());
+    }
     let columns = columns(path, &header, normalized)?;
     let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut views: Vec<View> = Vec::new();
@@ -73,6 +76,15 @@ pub fn read(path: &Path, normalized: bool) -> Result<Vec<View>> {
 fn columns(path: &Path, header: &csv::StringRecord, normalized: bool) -> Result<Columns> {
     let names: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
     let find = |wanted: &str| names.iter().position(|name| *name == wanted);
+    if let [only] = names[..]
+        && let Some(mark) = [';', '\t'].into_iter().find(|mark| only.contains(*mark))
+    {
+        let mark = if mark == ';' { "semicolons" } else { "tabs" };
+        bail!(
+            "{}:1: the cells are separated by {mark}; write commas between cells and points in numbers (x_m,y_m,… and 0.5)",
+            path.display()
+        );
+    }
     let need = |wanted: &str| {
         find(wanted).with_context(|| {
             let hint = match (wanted, normalized) {

@@ -87,6 +87,9 @@ pub fn draw(scene: &Scene) -> Canvas {
     sheet.canvas
 }
 
+/// As many tags as can have their names beside them.
+const FEW_TAGS: usize = 4;
+
 /// A picture in the making.
 struct Sheet {
     canvas: Canvas,
@@ -223,7 +226,8 @@ impl Sheet {
                 let centre =
                     tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
                 let name = tag[0].feature.id.to_string();
-                match self.crowded() {
+                // Beside a tag that stands alone; within a grid nobody could tell whose name it is.
+                match self.crowded() && scene.detections.len() <= 4 * FEW_TAGS {
                     true => self.label(&name, centre, SEEN, 8.0, 1.6 * self.room / self.unit),
                     false => self.centred(&name, centre, SEEN, 9.0),
                 }
@@ -337,7 +341,8 @@ impl Sheet {
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
-    format!("{}   {}   rms {} px", scene.title, with_sigma(distance_m, sigma_m), figures(e.rms_px))
+    let rms = if e.rms_px < 1e-3 { "below 0.001".to_string() } else { figures(e.rms_px) };
+    format!("{}   {}   rms {rms} px", scene.title, with_sigma(distance_m, sigma_m))
 }
 
 fn times(factor: f64) -> String {

@@ -58,6 +58,7 @@ impl From<&Detection> for DetectionObject {
 
 /// See `Detect`.
 pub fn run(args: &Detect) -> Result<Outcome> {
+    args.output.check()?;
     let images = crate::files::expand(&args.images)?;
     let mut printer = Printer::new(&args.output, images.len());
     let target = super::target(&args.target, |warning| printer.remark(warning))?;

@@ -4,7 +4,7 @@ use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method};
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use resight::GrayImage;
 use resight::core::correspondence::{Detection, Skipped, correspond};
@@ -45,6 +45,7 @@ pub struct Locate {
 
 /// See `Locate`.
 pub fn run(args: &Locate) -> Result<Outcome> {
+    args.output.check()?;
     let images = crate::files::expand(&args.images)?;
     let camera = super::camera(&args.camera)?;
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
@@ -73,7 +74,7 @@ pub fn run(args: &Locate) -> Result<Outcome> {
 
 /// Where each overlay goes: the image's name with `.png`, numbered where two images share a name.
 fn picture_paths(folder: &Path, images: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    std::fs::create_dir_all(folder).with_context(|| format!("--overlay {}", folder.display()))?;
+    crate::files::make_folder("--overlay", folder)?;
     let mut taken = std::collections::HashSet::new();
     let mut path_for = |image: &PathBuf| {
         let stem = image.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -8,8 +8,8 @@ use crate::points::{self, Row, View};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::{Config, Method, locate};
-use resight::core::{Camera, Correspondence, Lens, Pixel, Point};
-use resight::report::verdict::{self, Status};
+use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
+use resight::report::verdict::{self, Status, Verdict};
 use std::path::PathBuf;
 
 /// The pose of the camera from points you already have.
@@ -55,6 +55,38 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Squares of larger numbers, and their products, leave the range of numbers.
+const LARGEST: f64 = 1e60;
+
+/// A refusal that speaks of two rows names them and their lines.
+fn named(verdict: Verdict, reason: &Error, names: &[String]) -> Verdict {
+    match reason {
+        Error::Coincident { first, second, where_ } => {
+            let (a, b) = (&names[*first], &names[*second]);
+            Verdict {
+                message: format!("points {a} and {b} coincide {where_}; remove one of them"),
+                ..verdict
+            }
+        }
+        _ => verdict,
+    }
+}
+
+/// Two rows of a view with one name: corners of one tag, or a slip.
+fn warn_of_twins(views: &[View], remark: impl Fn(&str)) {
+    for view in views {
+        let mut seen = std::collections::HashMap::new();
+        let twins = view.rows.iter().find_map(|row| seen.insert(&row.name, row.line).map(|line| (row, line)));
+        if let Some((row, line)) = twins {
+            let (view, name, second) = (&view.name, &row.name, row.line);
+            remark(&format!(
+                "warning: view {view}: lines {line} and {second} both have id `{name}`; right for the corners of one tag, else one is mislabelled"
+            ));
+            return; // One such line is told; a file of tags has thousands.
+        }
+    }
+}
+
 /// What the rows of a file are solved with.
 struct Setting {
     camera: Camera,
@@ -76,10 +108,12 @@ pub fn run(args: &Solve) -> Result<Outcome> {
             "--robust is not in this version; remove wrong rows (an `inconsistent` answer names the worst) and leave it out"
         );
     }
+    args.output.check()?;
     let setting = setting(args)?;
     crate::files::must_exist(&args.points)?;
     let views = points::read(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
+    warn_of_twins(&views, |text| printer.remark(text));
     super::in_order(
         &views,
         |view| setting.answer(view),
@@ -127,7 +161,7 @@ impl Setting {
         let config = Config { method: self.method, intrinsics_covariance };
         let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
-            Err(reason) => (verdict::of_error(&reason), None),
+            Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None),
         };
         let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
         if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
@@ -156,6 +190,12 @@ impl Setting {
         let cells = cells.into_iter().chain([(u, row.image[0]), (v, row.image[1])]);
         let (sigma, sigma_m) = (row.sigma.unwrap_or(self.sigma), row.sigma_m.unwrap_or(0.0));
         for (column, x) in cells.chain([("sigma_px", sigma), ("sigma_m", sigma_m)]) {
+            if LARGEST < x.abs() {
+                return Err(format!(
+                    "line {}: column `{column}` is {x:e}; the largest number accepted is {LARGEST:e}, check the unit",
+                    row.line
+                ));
+            }
             if !x.is_finite() {
                 return Err(format!(
                     "line {}: column `{column}` is {x}; remove the row or correct it",

@@ -25,7 +25,7 @@ const FILES: [(&str, &[u8]); 9] = shipped![
 
 /// Unpacks everything into a folder, which is made if need be.
 pub fn unpack(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("-o {}", folder.display()))?;
+    crate::files::make_folder("-o", folder)?;
     for (name, bytes) in FILES {
         resight::formats::write_atomically(&folder.join(name), bytes)?;
     }

@@ -1,0 +1,67 @@
+//! What people get wrong first: each mistake is named before any work is done, with the way out.
+
+mod support;
+
+use support::{Run, data, demo, folder, json_lines, resight};
+
+fn locate(image: &str, extra: &[&str]) -> Run {
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    resight(&[&["locate", image, "--camera", &camera, "--target", &target], extra].concat())
+}
+
+fn refused(run: &Run, wanted: &str) {
+    assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{wanted}: {}", run.stderr);
+    assert!(run.stderr.contains(wanted), "{wanted}: {}", run.stderr);
+}
+
+#[test]
+fn results_that_could_not_be_written_stop_before_any_work() {
+    let (image, folder) = (demo("left.png"), folder("stranger_output"));
+    let path = |name: &str| folder.join(name).display().to_string();
+    refused(&locate(&image, &["-o", &path("none/x.jsonl")]), "make it first");
+    refused(&locate(&image, &["-o", &path("")]), "this is a folder; give a file");
+    std::fs::write(folder.join("file"), "").unwrap();
+    refused(&locate(&image, &["--overlay", &path("file")]), "this is a file; give a folder");
+    refused(&resight(&["demo", "-o", &path("file")]), "this is a file; give a folder");
+}
+
+#[test]
+fn folders_and_empty_patterns_are_named() {
+    let folder = folder("stranger_patterns").display().to_string();
+    refused(&locate(&folder, &[]), "is a folder; give its images");
+    refused(&locate(&format!("{folder}/*.png"), &[]), "no file matches");
+    refused(&locate("[", &[]), "[: not a file, and no pattern either");
+    refused(&resight(&["explain", &folder]), "is a folder; give a file in it");
+}
+
+/// A file of points with this text, solved with the camera of the test data.
+fn solve(name: &str, text: &str) -> Run {
+    let path = folder("stranger_points").join(name);
+    std::fs::write(&path, text).unwrap();
+    resight(&["solve", path.to_str().unwrap(), "--camera", &data("camera.toml"), "--json"])
+}
+
+const ROWS: &str = "x_m,y_m,z_m,u_px,v_px\n0,0,0,665.1,429.9\n0.5,0,0,871.2,443.1\n1,0,0,1043.3,453.7\n0,0.8,0,606.7,778.4\n";
+
+/// One test: its files share a folder.
+#[test]
+fn tables_from_other_programs() {
+    let windows = solve("windows.csv", &format!("\u{feff}{}", ROWS.replace('\n', "\r\n")));
+    assert_eq!((windows.code, json_lines(&windows)[0]["status"].as_str()), (0, Some("ok")));
+    refused(&solve("semicolons.csv", &ROWS.replace(',', ";")), "separated by semicolons; write commas");
+    refused(&solve("tabs.csv", &ROWS.replace(',', "\t")), "separated by tabs; write commas");
+    refused(&solve("empty.csv", ""), "the file is empty; a header line");
+
+    let huge = solve("huge.csv", &ROWS.replace("0.8", "1e300"));
+    let message = json_lines(&huge)[0]["message"].as_str().unwrap().to_string();
+    assert!(huge.code == 1 && message.contains("line 5: column `y_m` is 1e300"), "{message}");
+
+    let same = solve("same.csv", &ROWS.replace("0,0.8,0", "1,0,0"));
+    let message = json_lines(&same)[0]["message"].as_str().unwrap().to_string();
+    assert!(message.contains("points 2 (line 4) and 3 (line 5) coincide in the target"), "{message}");
+
+    let named = ROWS.replace("x_m", "id,x_m").replace("\n0", "\na,0").replace("\n1", "\nb,1");
+    let twins = solve("twins.csv", &named);
+    assert_eq!(json_lines(&twins).len(), 1);
+    assert!(twins.stderr.contains("lines 2 and 3 both have id `a`"), "{}", twins.stderr);
+}
