@@ -54,7 +54,7 @@ if [ -n "${RESIGHT_DATA:-}" ]; then
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
     step "recorded videos to frames" frames
 fi
-step "cargo test" cargo test --workspace
+step "cargo test" cargo test --workspace --no-fail-fast
 
 printf '\n== summary\n'
 printf '%s\n' "${summary[@]}"

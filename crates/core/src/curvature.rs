@@ -20,22 +20,30 @@ const STRAIGHT: f64 = 1.25;
 /// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
 const LEAST_RISE: f64 = 0.4;
 
-/// The covariance of a minimum, with the share of the bend added.
-pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
-    let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-    let first = Turn::weakest(&m.covariance, &rotation);
+/// Whether χ² rises otherwise than quadratically along the weakest turn, so that the covariance needs the bend's share and
+/// another minimum may lie along the ridge.
+pub(crate) fn is_bent(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> bool {
+    let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
     let straight = |side: f64| {
         let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
         let rise = residual_sums(&probe, seen, camera).0 - m.chi2;
         rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
     };
-    if straight(PROBE) && straight(-PROBE) {
-        return m.covariance;
-    }
+    !(straight(PROBE) && straight(-PROBE))
+}
+
+/// The covariance of a minimum, with the share of the bend added.
+pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
+    let rotation = rotation_block(&m.covariance);
+    let first = Turn::weakest(&m.covariance, &rotation);
     let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
     let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
     let ridge = Ridge { m, turns: [first, second], pivot: centroid(seen), seen, camera };
     ridge.share().map_or(m.covariance, |share| m.covariance + share)
+}
+
+fn rotation_block(covariance: &Matrix6) -> Matrix3<f64> {
+    covariance.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
 /// A weak turn: its axis w and the motion d that goes with one standard deviation of it.

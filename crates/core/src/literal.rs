@@ -2,7 +2,7 @@
 
 use crate::choose::{Minima, Minimum};
 use crate::refine::residual_sums;
-use crate::search::four_of;
+use crate::search::{Findings, four_of};
 use crate::solve::configuration::Configuration;
 use crate::solve::wang2004;
 use crate::{Bearing, Camera, Correspondence, Error, Matrix6, Point};
@@ -13,7 +13,7 @@ pub(crate) fn literal(
     seen: &[Correspondence],
     camera: &Camera,
     minima: &mut Minima,
-) -> Result<(), Error> {
+) -> Result<Findings, Error> {
     let Configuration::LinePlusOne { order } = configuration else {
         return Err(Error::WrongLayout {
             method: "wang2004",
@@ -45,7 +45,7 @@ pub(crate) fn literal(
     }
     let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
     minima.push(Minimum { cam_from_target, covariance, chi2, rms_px });
-    Ok(())
+    Ok(Findings { weakness: None, is_bent: false })
 }
 
 /// Step of the central differences, in standard deviations of a pixel: small beside the noise, large beside rounding.

@@ -4,12 +4,12 @@
 
 use crate::choose::{Ambiguity, Minima, Minimum, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
-use crate::curvature::with_curvature;
+use crate::curvature::{self, with_curvature};
 use crate::intrinsics::intrinsics_share;
 use crate::literal::literal;
 pub use crate::method::Method;
 use crate::method::resolve;
-use crate::search::{search, weakness_of_rivals};
+use crate::search::{Findings, search, weakness_of_rivals};
 use crate::solve::configuration::classify;
 use crate::solve::line_plus_one::Weakness;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
@@ -57,55 +57,43 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let configuration = classify(seen)?;
     let method = resolve(config.method, &configuration)?;
     let mut minima = Minima::new();
-    let weakness = match method {
-        Method::Wang2004 => {
-            literal(&configuration, seen, camera, &mut minima)?;
-            None
-        }
+    let Findings { weakness, is_bent } = match method {
+        Method::Wang2004 => literal(&configuration, seen, camera, &mut minima)?,
         _ => search(method, &configuration, seen, camera, &mut minima),
     };
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
     let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
-    let whole = |m: &Minimum| match (method, config.intrinsics_covariance) {
-        (Method::Wang2004, None) => Ok(m.covariance),
-        (Method::Wang2004, Some(_)) => Err(LITERAL_INTRINSICS),
-        (_, given) => whole_covariance(m, given, seen, camera),
+    let whole = |m: &Minimum, is_bent: bool| {
+        let covariance = if is_bent { with_curvature(m, seen, camera) } else { m.covariance };
+        let doubt = match config.intrinsics_covariance {
+            Some(_) if method == Method::Wang2004 => return Err(LITERAL_INTRINSICS),
+            Some(given) => intrinsics_share(&Minimum { covariance, ..*m }, seen, camera, given)?,
+            None => Matrix6::zeros(),
+        };
+        Ok((covariance + doubt) * noise_scale)
+    };
+    let ambiguity = match ambiguity {
+        Ambiguity::Ambiguous { ratio, other } => {
+            let covariance = whole(&other, curvature::is_bent(&other, seen, camera))?;
+            Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..other } }
+        }
+        unique => unique,
     };
     let estimate = PoseEstimate {
         cam_from_target: best.cam_from_target,
-        covariance: whole(&best)? * noise_scale,
+        covariance: whole(&best, is_bent)?,
         rms_px: best.rms_px,
         chi2: best.chi2,
         degrees_of_freedom,
         n_points: seen.len(),
         method,
-        ambiguity: match ambiguity {
-            Ambiguity::Ambiguous { ratio, other } => {
-                let covariance = whole(&other)? * noise_scale;
-                Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..other } }
-            }
-            unique => unique,
-        },
+        ambiguity,
         consistency: consistency(&best, degrees_of_freedom, seen, camera),
         weakness,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
-}
-
-/// Covariance of a refined minimum with the bend of its likelihood and the doubt about the intrinsics.
-fn whole_covariance(
-    m: &Minimum,
-    intrinsics_covariance: Option<&[f64]>,
-    seen: &[Correspondence],
-    camera: &Camera,
-) -> Result<Matrix6, Error> {
-    let covariance = with_curvature(m, seen, camera);
-    match intrinsics_covariance {
-        Some(given) => Ok(covariance + intrinsics_share(&Minimum { covariance, ..*m }, seen, camera, given)?),
-        None => Ok(covariance),
-    }
 }
 
 const LITERAL_INTRINSICS: Error = Error::WrongLayout {

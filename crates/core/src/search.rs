@@ -3,6 +3,7 @@
 
 use crate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Minima, Minimum, insert};
 use crate::consistency::is_unlikely;
+use crate::curvature::is_bent;
 use crate::method::Method;
 use crate::refine::{centroid, refine_against, residual_sums};
 use crate::solve::Candidates;
@@ -16,6 +17,14 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 /// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
 const HOPELESS_CHI2: f64 = 1e4;
 
+/// What the search saw besides the minima.
+pub(crate) struct Findings {
+    /// What makes the view weak.
+    pub weakness: Option<Weakness>,
+    /// Whether the likelihood is bent at the best minimum.
+    pub is_bent: bool,
+}
+
 /// The minima reached from the closed form's candidates, and from more starts where those leave a doubt.
 pub(crate) fn search(
     method: Method,
@@ -23,7 +32,7 @@ pub(crate) fn search(
     seen: &[Correspondence],
     camera: &Camera,
     minima: &mut Minima,
-) -> Option<Weakness> {
+) -> Findings {
     let (candidates, weakness) = closed_form(method, configuration, seen, camera);
     let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
     if flat {
@@ -32,13 +41,14 @@ pub(crate) fn search(
     } else {
         refine_each(&candidates, seen, camera, minima);
     }
+    let is_bent = minima.first().is_some_and(|m| is_bent(m, seen, camera));
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
         refine_each(&sqpnp::sqpnp(seen), seen, camera, minima);
         refine_each(&three_of(seen), seen, camera, minima);
-    } else if seen.len() == 4 && (weakness.is_some() || is_in_doubt(minima)) {
+    } else if seen.len() == 4 && (weakness.is_some() || is_bent || is_in_doubt(minima)) {
         refine_each(&three_of(seen), seen, camera, minima);
     }
-    weakness
+    Findings { weakness, is_bent }
 }
 
 /// The two minima of a flat target: from the better candidate, then from its mirror pose or the other candidate, whichever

@@ -269,3 +269,34 @@ fn the_critical_plane_is_named_and_both_poses_returned() {
         assert!(e.weakness.is_some(), "{e:?}");
     }
 }
+
+/// Views with three or more minima in which the closed form's two candidates once led past the lowest.
+#[test]
+fn the_lowest_of_three_minima_is_found() {
+    let target = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let views = [
+        [[363.1419, 449.0841], [427.5669, 430.8297], [491.6043, 412.1405], [400.3012, 574.5039]],
+        [[835.5529, 323.0716], [860.2855, 225.2788], [887.5034, 120.2478], [647.5878, 279.3515]],
+        [[1122.8714, 272.4162], [1136.0019, 314.6431], [1149.5363, 356.907], [1031.6143, 302.8196]],
+    ];
+    let matrix = CameraMatrix { fx_px: 1000.0, fy_px: 1000.0, cx_px: 639.5, cy_px: 479.5 };
+    let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
+    let mut rng = Rng::new(6);
+    for view in views {
+        let seen: Vec<_> = target
+            .iter()
+            .zip(view)
+            .map(|(x, u)| Correspondence::new(&camera, Point::from(*x), u.into(), 0.5).expect("in the field"))
+            .collect();
+        let e = locate(&seen, &camera, &Config::default()).expect("a pose");
+        let centre = Point::new(0.4, 0.25, 0.0);
+        let centre_in_cam = e.cam_from_target * centre;
+        for _ in 0..200 {
+            let rotation = rng.rotation();
+            let start = Pose::new(rotation, centre_in_cam - rotation * centre);
+            if let Ok(m) = refine(&start, &seen, &camera) {
+                assert!(e.chi2 < m.chi2 + 1e-6, "{} above {}", e.chi2, m.chi2);
+            }
+        }
+    }
+}
