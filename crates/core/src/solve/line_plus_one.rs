@@ -130,9 +130,11 @@ struct Line {
 impl Line {
     fn seen(bearings: &[Bearing; 4], layout: &Layout) -> Option<Self> {
         let [a, b, c] = [bearings[0].into_inner(), bearings[1].into_inner(), bearings[2].into_inner()];
-        let n = viewing_plane(&a, &b, &c)?;
-        let m = unit(&(b - n * n.dot(&b)));
-        let e = n.cross(&m);
+        let n = viewing_plane(&a, &b, &c);
+        let squared = n.norm_squared();
+        // m = b − n (n·b)/|n|², scaled: its root and that of |n|² are taken side by side.
+        let m = unit(&(b * squared - n * n.dot(&b)));
+        let e = n.cross(&m) * squared.sqrt().recip();
         let (pa, qa, pc, qc) = (a.dot(&m), a.dot(&e), c.dot(&m), c.dot(&e));
         // Null vector of the two conditions "a, c on their rays", docs/math/line_plus_one.md eq. (4): depth of b, then r₁ along m and e.
         let depth = layout.a * layout.c * (pa * qc - qa * pc);
@@ -146,11 +148,9 @@ impl Line {
 
 /// Least-squares normal of the plane through three bearings: pairs weigh by the squared sine between them,
 /// docs/math/line_plus_one.md eq. (2).
-fn viewing_plane(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> Option<Vector3<f64>> {
+fn viewing_plane(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> Vector3<f64> {
     let (ab, bc, ac) = (a.cross(b), b.cross(c), a.cross(c));
-    let n = ab * ab.dot(&ac) + bc * bc.dot(&ac) + ac * ac.norm_squared();
-    let n = unit(&n);
-    n.x.is_finite().then_some(n)
+    ab * ab.dot(&ac) + bc * bc.dot(&ac) + ac * ac.norm_squared()
 }
 
 /// One division where `normalize` makes three.
