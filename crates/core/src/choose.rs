@@ -70,20 +70,24 @@ pub fn insert(minima: &mut Minima, found: Minimum) {
     minima.insert(place, found);
 }
 
+/// The lowest minimum and what rivals it.
+#[derive(Debug, Clone, Copy)]
+pub struct Choice<'a> {
+    /// The pose.
+    pub best: &'a Minimum,
+    /// Residual sum of squares of the next minimum over that of the best; none when there is no other.
+    pub ratio: Option<f64>,
+    /// The next minimum, where it lies within the gate.
+    pub rival: Option<&'a Minimum>,
+}
+
 /// The lowest minimum, and whether the next is within the gate. `noise_scale` ≥ 1 is the variance by which the residuals
 /// exceed the stated sigmas: the gate widens with it.
-pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<(Minimum, Ambiguity), Error> {
-    let first = *minima.first().ok_or(Error::NoSolution { n_points })?;
-    let Some(other) = minima.get(1) else {
-        return Ok((first, Ambiguity::Unique { ratio: None }));
-    };
-    let ratio = residual_ratio(&first, other);
-    let ambiguity = if other.chi2 - first.chi2 < AMBIGUITY_GATE_CHI2 * noise_scale {
-        Ambiguity::Ambiguous { ratio, other: *other }
-    } else {
-        Ambiguity::Unique { ratio: Some(ratio) }
-    };
-    Ok((first, ambiguity))
+pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<Choice<'_>, Error> {
+    let best = minima.first().ok_or(Error::NoSolution { n_points })?;
+    let other = minima.get(1);
+    let rival = other.filter(|other| other.chi2 - best.chi2 < AMBIGUITY_GATE_CHI2 * noise_scale);
+    Ok(Choice { best, ratio: other.map(|other| residual_ratio(best, other)), rival })
 }
 
 fn residual_ratio(first: &Minimum, other: &Minimum) -> f64 {

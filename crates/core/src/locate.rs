@@ -63,8 +63,8 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     };
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
-    let (best, ambiguity) = choose(&minima, seen.len(), noise_scale)?;
-    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &best, &ambiguity, seen, camera));
+    let choice = choose(&minima, seen.len(), noise_scale)?;
+    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, seen, camera));
     let whole = |m: &Minimum, is_bent: bool| {
         let covariance = if is_bent { with_curvature(m, seen, camera) } else { m.covariance };
         let doubt = match config.intrinsics_covariance {
@@ -74,23 +74,24 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         };
         Ok((covariance + doubt) * noise_scale)
     };
-    let ambiguity = match ambiguity {
-        Ambiguity::Ambiguous { ratio, other } => {
-            let covariance = whole(&other, curvature::is_bent(&other, seen, camera))?;
-            Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..other } }
+    let ambiguity = match (choice.rival, choice.ratio) {
+        (Some(rival), Some(ratio)) => {
+            let covariance = whole(rival, curvature::is_bent(rival, seen, camera))?;
+            Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..*rival } }
         }
-        unique => unique,
+        (_, ratio) => Ambiguity::Unique { ratio },
     };
+    let best = choice.best;
     let estimate = PoseEstimate {
         cam_from_target: best.cam_from_target,
-        covariance: whole(&best, is_bent)?,
+        covariance: whole(best, is_bent)?,
         rms_px: best.rms_px,
         chi2: best.chi2,
         degrees_of_freedom,
         n_points: seen.len(),
         method,
         ambiguity,
-        consistency: consistency(&best, degrees_of_freedom, seen, camera),
+        consistency: consistency(best, degrees_of_freedom, seen, camera),
         weakness,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }

@@ -1,7 +1,7 @@
 //! The minima of the reprojection error: the closed form's candidates and their mirror poses, each refined; more starts where
 //! those leave a doubt. How many starts are enough was measured: docs/math/line_plus_one.md.
 
-use crate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Minima, Minimum, insert};
+use crate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, insert};
 use crate::consistency::is_unlikely;
 use crate::curvature::is_bent;
 use crate::method::Method;
@@ -11,7 +11,6 @@ use crate::solve::configuration::Configuration;
 use crate::solve::line_plus_one::Weakness;
 use crate::solve::{line_plus_one, p3p, planar, sqpnp};
 use crate::{Bearing, Camera, Correspondence, Point, Pose};
-use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
@@ -37,7 +36,7 @@ pub(crate) fn search(
     let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
     if flat {
         let normal = plane_normal(configuration, seen);
-        refine_pair(candidates, &normal, seen, camera, minima);
+        refine_pair(&candidates, &normal, seen, camera, minima);
     } else {
         refine_each(&candidates, seen, camera, minima);
     }
@@ -51,31 +50,26 @@ pub(crate) fn search(
     Findings { weakness, is_bent }
 }
 
-/// The two minima of a flat target: from the better candidate, then from its mirror pose or the other candidate, whichever
+/// The two minima of a flat target: from the first, better candidate, then from its mirror pose or the other candidate, whichever
 /// fits better to begin with. Closed forms often give one minimum twice; the mirror pose finds the other.
 fn refine_pair(
-    mut candidates: Candidates,
+    candidates: &Candidates,
     normal: &Vector3<f64>,
     seen: &[Correspondence],
     camera: &Camera,
     minima: &mut Minima,
 ) {
-    let start_chi2 = |start: &Pose| residual_sums(start, seen, camera).0;
-    if candidates.len() == 2 && start_chi2(&candidates[1]) < start_chi2(&candidates[0]) {
-        candidates.swap(0, 1);
-    }
     let Some((first, others)) = candidates.split_first() else { return };
     refine_each(&[*first], seen, camera, minima);
     let Some(best) = minima.first() else { return refine_each(others, seen, camera, minima) };
-    let mut starts: ArrayVec<(f64, Pose), 4> =
-        others.iter().map(|start| (start_chi2(start), *start)).collect();
     let mirrored = mirrored(&best.cam_from_target, normal, seen);
-    starts.push((start_chi2(&mirrored), mirrored));
-    starts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    for (i, (chi2, start)) in starts.iter().enumerate() {
-        if i == 0 || (minima.len() == 1 && *chi2 < HOPELESS_CHI2) {
-            refine_each(&[*start], seen, camera, minima);
-        }
+    let Some(second) = others.first() else { return refine_each(&[mirrored], seen, camera, minima) };
+    let start_chi2 = |start: &Pose| residual_sums(start, seen, camera).0;
+    let (chi2_mirrored, chi2_second) = (start_chi2(&mirrored), start_chi2(second));
+    let (near, far) = if chi2_second < chi2_mirrored { (second, &mirrored) } else { (&mirrored, second) };
+    refine_each(&[*near], seen, camera, minima);
+    if minima.len() == 1 && chi2_mirrored.max(chi2_second) < HOPELESS_CHI2 {
+        refine_each(&[*far], seen, camera, minima);
     }
 }
 
@@ -113,25 +107,28 @@ fn closed_form(
             (candidates, weakness)
         }
         (Method::P3p, _) => (three_of(seen), None),
-        (Method::Planar, _) => (planar::planar(seen), None),
+        (Method::Planar, _) => (better_first(planar::planar(seen), seen, camera), None),
         _ => (sqpnp::sqpnp(seen), None),
     }
+}
+
+fn better_first(mut candidates: Candidates, seen: &[Correspondence], camera: &Camera) -> Candidates {
+    let chi2 = |candidate: &Pose| residual_sums(candidate, seen, camera).0;
+    candidates.sort_unstable_by(|a, b| chi2(a).total_cmp(&chi2(b)));
+    candidates
 }
 
 /// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
 pub(crate) fn weakness_of_rivals(
     configuration: &Configuration,
-    best: &Minimum,
-    ambiguity: &Ambiguity,
+    choice: &Choice,
     seen: &[Correspondence],
     camera: &Camera,
 ) -> Option<Weakness> {
-    let (Configuration::LinePlusOne { order }, Ambiguity::Ambiguous { other, .. }) =
-        (configuration, ambiguity)
-    else {
+    let (Configuration::LinePlusOne { order }, Some(rival)) = (configuration, choice.rival) else {
         return None;
     };
-    let rivals: Candidates = [best.cam_from_target, other.cam_from_target].into_iter().collect();
+    let rivals: Candidates = [choice.best.cam_from_target, rival.cam_from_target].into_iter().collect();
     let (bearings, points) = four_of(seen, order);
     line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&seen[order[3]], camera))
 }
