@@ -79,8 +79,8 @@ pub struct Solution {
 
 /// Steps after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
 const MAX_STEPS: usize = 200;
-/// Ends when a step promises to lower χ² by less than this: such a step is 10⁻⁴ standard deviations long.
-const TOLERANCE_CHI2: f64 = 1e-8;
+/// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
+const TOLERANCE_CHI2: f64 = 1e-7;
 /// … or by less than this fraction of χ² itself: rounding has taken over.
 const TOLERANCE_RELATIVE: f64 = 1e-14;
 /// Damping (relative to the diagonal) after the first rejected step; before it the steps are Gauss–Newton's.
