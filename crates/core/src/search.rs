@@ -104,7 +104,7 @@ fn closed_form(
             let candidates = line_plus_one::line_plus_one(&bearings, &points);
             let sigma_rad = sigma_rad(&seen[order[3]], camera);
             let weakness = line_plus_one::weakness(&candidates, &bearings, &points, sigma_rad);
-            (candidates, weakness)
+            (better_first(candidates, seen, camera), weakness)
         }
         (Method::P3p, _) => (three_of(seen), None),
         (Method::Planar, _) => (better_first(planar::planar(seen), seen, camera), None),
@@ -114,7 +114,9 @@ fn closed_form(
 
 fn better_first(mut candidates: Candidates, seen: &[Correspondence], camera: &Camera) -> Candidates {
     let chi2 = |candidate: &Pose| residual_sums(candidate, seen, camera).0;
-    candidates.sort_unstable_by(|a, b| chi2(a).total_cmp(&chi2(b)));
+    if candidates.len() == 2 && chi2(&candidates[1]) < chi2(&candidates[0]) {
+        candidates.swap(0, 1);
+    }
     candidates
 }
 

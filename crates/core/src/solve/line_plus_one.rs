@@ -10,7 +10,7 @@ use super::Candidates;
 use crate::{Bearing, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Both poses that put the fourth point on its ray, first the one in which it stands more nearly perpendicular to the line.
+/// Both poses that put the fourth point on its ray, the one with the farther fourth point first (neither is likelier).
 ///
 /// `bearings` and `points_in_target` belong together, three collinear in order along the line, then the one off it.
 /// Empty when the line passes through the camera centre or every root lies behind the camera.
@@ -21,20 +21,11 @@ pub fn line_plus_one(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> 
     let foot = line.b_in_cam + line.r1 * layout.along;
     let (middle, spread) = ray_meets_sphere(&d, &foot, layout.across);
     let mut candidates = Candidates::new();
-    let mut least_skew = f64::INFINITY;
     for depth in [middle + spread, middle - spread] {
-        let from_foot = d * depth - foot;
         if 0.0 < depth
-            && let Some(pose) = layout.cam_from_target(&line, &from_foot)
+            && let Some(pose) = layout.cam_from_target(&line, &(d * depth - foot))
         {
             candidates.push(pose);
-            // Without noise the right root stands perpendicular to the line; the other only on the critical plane.
-            let skew = line.r1.dot(&from_foot).abs();
-            if skew < least_skew {
-                least_skew = skew;
-                let last = candidates.len() - 1;
-                candidates.swap(0, last);
-            }
         }
     }
     candidates
