@@ -23,7 +23,7 @@ fn camera() -> Camera {
 }
 
 /// True poses and what is seen from them.
-fn problems() -> Vec<(Pose, [Correspondence; 4])> {
+fn problems<const N: usize>(points: &[[f64; 3]; N]) -> Vec<(Pose, [Correspondence; N])> {
     let (camera, mut rng) = (camera(), Rng::new(6));
     let mut found = Vec::with_capacity(PROBLEMS);
     while found.len() < PROBLEMS {
@@ -31,7 +31,7 @@ fn problems() -> Vec<(Pose, [Correspondence; 4])> {
         let centre_in_cam = Vector3::new(rng.uniform(-0.5, 0.5) * z, rng.uniform(-0.4, 0.4) * z, z);
         let rotation = rng.rotation();
         let cam_from_target = Pose::new(rotation, centre_in_cam - rotation * Vector3::new(0.75, 0.25, 0.0));
-        let seen: Option<Vec<_>> = POINTS
+        let seen: Option<Vec<_>> = points
             .iter()
             .map(|x| {
                 let pixel = camera.project(&(cam_from_target * Point::from(*x)))?;
@@ -39,7 +39,7 @@ fn problems() -> Vec<(Pose, [Correspondence; 4])> {
                 Correspondence::new(&camera, Point::from(*x), pixel, 0.3).ok()
             })
             .collect();
-        if let Some(seen) = seen.and_then(|s| <[Correspondence; 4]>::try_from(s).ok()) {
+        if let Some(seen) = seen.and_then(|s| <[Correspondence; N]>::try_from(s).ok()) {
             found.push((cam_from_target, seen));
         }
     }
@@ -51,7 +51,7 @@ fn rays(seen: &[Correspondence; 4]) -> ([Bearing; 4], [Point; 4]) {
 }
 
 fn four_points(c: &mut Criterion) {
-    let (camera, problems) = (camera(), problems());
+    let (camera, problems) = (camera(), problems(&POINTS));
     let rays: Vec<_> = problems.iter().map(|(_, seen)| rays(seen)).collect();
     let mut group = c.benchmark_group("four points");
     group.throughput(Throughput::Elements(PROBLEMS as u64));
@@ -82,5 +82,25 @@ fn four_points(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group! { name = benches; config = Criterion::default().sample_size(40); targets = four_points }
+/// Three points, a square and ten points in space, each to the whole answer.
+fn other_layouts(c: &mut Criterion) {
+    whole_answer(c, "three points", &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.3], [0.0, 1.0, 0.0]]);
+    whole_answer(c, "square", &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+    let mut rng = Rng::new(10);
+    whole_answer(c, "ten points", &[(); 10].map(|()| [0.0, 0.5, -0.5].map(|x| x + rng.uniform(0.0, 1.0))));
+}
+
+fn whole_answer<const N: usize>(c: &mut Criterion, name: &str, points: &[[f64; 3]; N]) {
+    let (camera, problems, config) = (camera(), problems(points), Config::default());
+    let mut group = c.benchmark_group(name);
+    group.throughput(Throughput::Elements(PROBLEMS as u64));
+    group.bench_function("locate: auto, everything", |b| {
+        b.iter(|| {
+            problems.iter().filter(|(_, seen)| black_box(locate(seen, &camera, &config)).is_ok()).count()
+        })
+    });
+    group.finish();
+}
+
+criterion_group! { name = benches; config = Criterion::default().sample_size(40); targets = four_points, other_layouts }
 criterion_main!(benches);
