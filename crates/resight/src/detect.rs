@@ -5,7 +5,7 @@
 //! ours here, whatever the library underneath does.
 
 mod aprilgrid;
-mod apriltag;
+pub(crate) mod apriltag;
 mod charuco;
 mod chessboard;
 pub mod corner;

@@ -169,9 +169,9 @@ impl OwnedFamily {
 type Create = unsafe extern "C" fn() -> *mut c::apriltag_family_t;
 type Destroy = unsafe extern "C" fn(*mut c::apriltag_family_t);
 
-/// The tables of a family built into the library; none for an unknown name.
-pub(super) fn builtin_family(name: &str) -> Option<Family> {
-    let (create, destroy): (Create, Destroy) = match name {
+/// How the library makes and frees a family; none for an unknown name.
+fn functions(name: &str) -> Option<(Create, Destroy)> {
+    Some(match name {
         "tag36h11" => (c::tag36h11_create, c::tag36h11_destroy),
         "tag25h9" => (c::tag25h9_create, c::tag25h9_destroy),
         "tag16h5" => (c::tag16h5_create, c::tag16h5_destroy),
@@ -181,7 +181,46 @@ pub(super) fn builtin_family(name: &str) -> Option<Family> {
         "tagCircle49h12" => (c::tagCircle49h12_create, c::tagCircle49h12_destroy),
         "tagCustom48h12" => (c::tagCustom48h12_create, c::tagCustom48h12_destroy),
         _ => return None,
-    };
+    })
+}
+
+/// The library's own drawing of a tag, white rim included: the renderer's source, independent of the detector's tables.
+pub(crate) struct Drawing {
+    /// Cells along each side.
+    pub per_side: usize,
+    /// Cells along the side of the square whose corners are detected.
+    pub per_size: usize,
+    /// Row by row, true is white.
+    pub white: Vec<bool>,
+}
+
+/// Draws a tag; `Err` with the number of ids where there is no such id. None for an unknown family.
+pub(crate) fn drawing(name: &str, id: u32) -> Option<Result<Drawing, usize>> {
+    let (create, destroy) = functions(name)?;
+    // SAFETY: create returns null or a valid family; `apriltag_to_image` needs id < ncodes, checked before, and returns null
+    // or an image of `height` rows of `stride` bytes. Each object is destroyed once, after its last use.
+    unsafe {
+        let raw = create();
+        if raw.is_null() {
+            return None;
+        }
+        let (count, per_size) = ((*raw).ncodes, (*raw).width_at_border as usize);
+        let picture = if id < count { c::apriltag_to_image(raw, id) } else { std::ptr::null_mut() };
+        destroy(raw);
+        if picture.is_null() {
+            return Some(Err(count as usize));
+        }
+        let (per_side, stride) = ((*picture).width as usize, (*picture).stride as usize);
+        let bytes = std::slice::from_raw_parts((*picture).buf, stride * per_side);
+        let white = bytes.chunks(stride).flat_map(|row| row[..per_side].iter().map(|b| 127 < *b)).collect();
+        c::image_u8_destroy(picture);
+        Some(Ok(Drawing { per_side, per_size, white }))
+    }
+}
+
+/// The tables of a family built into the library; none for an unknown name.
+pub(super) fn builtin_family(name: &str) -> Option<Family> {
+    let (create, destroy) = functions(name)?;
     // SAFETY: create returns null or a family whose tables have the lengths it states; it is destroyed once, after
     // everything has been copied.
     unsafe {

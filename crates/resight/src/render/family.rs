@@ -5,7 +5,7 @@
 //! `DICT_APRILTAG_…` half a turn from the AprilTag originals.
 
 use super::RenderError;
-use apriltag_sys as sys;
+use crate::detect::apriltag::{Drawing, drawing};
 use calib_targets::aruco::resolve_dictionary;
 
 /// The cells of one tag, white rim included.
@@ -56,8 +56,9 @@ impl Cells {
 
 /// Cells of a tag: `family` is an AprilTag name (`tag36h11`) or an OpenCV dictionary (`DICT_4X4_50`).
 pub fn cells(family: &str, id: u32) -> Result<Cells, RenderError> {
-    if let Some(kind) = AprilFamily::named(family) {
-        return kind.cells(family, id);
+    if let Some(drawing) = drawing(family, id) {
+        let Drawing { per_side, per_size, white } = drawing.map_err(|count| unknown_id(family, id, count))?;
+        return Ok(Cells { per_side, per_size, white });
     }
     let unknown = || RenderError::UnknownFamily { family: family.to_owned() };
     let dictionary = resolve_dictionary(family).ok_or_else(unknown)?;
@@ -79,62 +80,4 @@ pub fn cells(family: &str, id: u32) -> Result<Cells, RenderError> {
 
 fn unknown_id(family: &str, id: u32, count: usize) -> RenderError {
     RenderError::UnknownId { family: family.to_owned(), id, last: count.saturating_sub(1) as u32 }
-}
-
-/// How the C library makes and frees one family.
-struct AprilFamily {
-    create: unsafe extern "C" fn() -> *mut sys::apriltag_family_t,
-    destroy: unsafe extern "C" fn(*mut sys::apriltag_family_t),
-}
-
-impl AprilFamily {
-    fn named(family: &str) -> Option<AprilFamily> {
-        let (create, destroy): (
-            unsafe extern "C" fn() -> *mut sys::apriltag_family_t,
-            unsafe extern "C" fn(*mut sys::apriltag_family_t),
-        ) = match family {
-            "tag16h5" => (sys::tag16h5_create, sys::tag16h5_destroy),
-            "tag25h9" => (sys::tag25h9_create, sys::tag25h9_destroy),
-            "tag36h11" => (sys::tag36h11_create, sys::tag36h11_destroy),
-            "tagCircle21h7" => (sys::tagCircle21h7_create, sys::tagCircle21h7_destroy),
-            "tagCircle49h12" => (sys::tagCircle49h12_create, sys::tagCircle49h12_destroy),
-            "tagCustom48h12" => (sys::tagCustom48h12_create, sys::tagCustom48h12_destroy),
-            "tagStandard41h12" => (sys::tagStandard41h12_create, sys::tagStandard41h12_destroy),
-            "tagStandard52h13" => (sys::tagStandard52h13_create, sys::tagStandard52h13_destroy),
-            _ => return None,
-        };
-        Some(AprilFamily { create, destroy })
-    }
-
-    /// Runs the library's own generator and copies the picture out.
-    // The library is C; its family and image are freed here on every path.
-    #[allow(unsafe_code)]
-    fn cells(&self, family: &str, id: u32) -> Result<Cells, RenderError> {
-        // SAFETY: `create` returns a valid family or null; `apriltag_to_image` needs idx < ncodes, checked before; the
-        // image has `height` rows of `stride` bytes. Each object is destroyed once, after its last use.
-        unsafe {
-            let made = (self.create)();
-            if made.is_null() {
-                return Err(RenderError::UnknownFamily { family: family.to_owned() });
-            }
-            let count = (*made).ncodes;
-            if count <= id {
-                (self.destroy)(made);
-                return Err(unknown_id(family, id, count as usize));
-            }
-            let picture = sys::apriltag_to_image(made, id);
-            if picture.is_null() {
-                (self.destroy)(made);
-                return Err(RenderError::UnknownFamily { family: family.to_owned() });
-            }
-            let (per_side, stride) = ((*picture).width as usize, (*picture).stride as usize);
-            let bytes = std::slice::from_raw_parts((*picture).buf, stride * per_side);
-            let white =
-                bytes.chunks(stride).flat_map(|row| row[..per_side].iter().map(|b| 127 < *b)).collect();
-            let per_size = (*made).width_at_border as usize;
-            sys::image_u8_destroy(picture);
-            (self.destroy)(made);
-            Ok(Cells { per_side, per_size, white })
-        }
-    }
 }
