@@ -88,16 +88,7 @@ impl Eucm {
             a * self.beta * x_in_cam.y,
             a * x_in_cam.z + (1.0 - self.alpha),
         );
-        let (sx, sy) = (self.matrix.fx_px / rho, self.matrix.fy_px / rho);
-        let jacobian = Matrix2x3::new(
-            sx * (1.0 - m.x * slope.x),
-            -sx * m.x * slope.y,
-            -sx * m.x * slope.z,
-            -sy * m.y * slope.x,
-            sy * (1.0 - m.y * slope.y),
-            -sy * m.y * slope.z,
-        );
-        Some((self.matrix.pixel(&m), jacobian))
+        Some((self.matrix.pixel(&m), self.matrix.quotient_jacobian(&m, rho, &slope)))
     }
 
     /// See `Camera::bearing`.

@@ -90,16 +90,7 @@ impl Fov {
         let along = ratio / (self.c * self.c * r * r + z * z);
         let across = if r == 0.0 { ratio / z } else { distorted / r };
         let excess = along * z - across;
-        let (fx, fy) = (self.matrix.fx_px, self.matrix.fy_px);
-        let mixed = excess * n.x * n.y;
-        let jacobian = Matrix2x3::new(
-            fx * (across + excess * n.x * n.x),
-            fx * mixed,
-            -fx * along * x_in_cam.x,
-            fy * mixed,
-            fy * (across + excess * n.y * n.y),
-            -fy * along * x_in_cam.y,
-        );
+        let jacobian = self.matrix.radial_jacobian(&n, across, excess, along, x_in_cam);
         Some((self.matrix.pixel(&(n * distorted)), jacobian))
     }
 

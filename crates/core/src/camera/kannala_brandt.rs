@@ -107,16 +107,7 @@ impl KannalaBrandt {
         let across = if r == 0.0 { 1.0 / x_in_cam.z } else { delta / r };
         // ∂(δ n)/∂(x, y) = (δ/r) I + (δ' z/d² − δ/r) n nᵀ; its n nᵀ part stays small near the axis, eq. (11).
         let excess = along * x_in_cam.z - across;
-        let (fx, fy) = (self.matrix.fx_px, self.matrix.fy_px);
-        let mixed = excess * n.x * n.y;
-        let jacobian = Matrix2x3::new(
-            fx * (across + excess * n.x * n.x),
-            fx * mixed,
-            -fx * along * x_in_cam.x,
-            fy * mixed,
-            fy * (across + excess * n.y * n.y),
-            -fy * along * x_in_cam.y,
-        );
+        let jacobian = self.matrix.radial_jacobian(&n, across, excess, along, x_in_cam);
         Some((self.matrix.pixel(&(n * delta)), jacobian))
     }
 

@@ -1,8 +1,8 @@
 //! The camera matrix: focal lengths and principal point, which every model but the photogrammetric one starts from.
 
 use super::{IntrinsicsJacobian, Parameters};
-use crate::{Error, Pixel};
-use nalgebra::{Matrix2x3, Vector2};
+use crate::{Error, Pixel, Point};
+use nalgebra::{Matrix2x3, Vector2, Vector3};
 
 /// Focal lengths and principal point, pixels; pixel (0, 0) is the centre of the top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +54,48 @@ impl CameraMatrix {
     pub(super) fn stretch_rows(&self, j: Matrix2x3<f64>) -> Matrix2x3<f64> {
         let (fx, fy) = (self.fx_px, self.fy_px);
         Matrix2x3::new(fx * j.m11, fx * j.m12, fx * j.m13, fy * j.m21, fy * j.m22, fy * j.m23)
+    }
+
+    /// Derivative of the pixel of m = (x, y)/ρ by the point, given ρ and ∇ρ: ∂m/∂x = (e − m ∇ρᵀ)/ρ.
+    #[inline]
+    pub(super) fn quotient_jacobian(
+        &self,
+        m: &Vector2<f64>,
+        rho: f64,
+        slope: &Vector3<f64>,
+    ) -> Matrix2x3<f64> {
+        let (sx, sy) = (self.fx_px / rho, self.fy_px / rho);
+        Matrix2x3::new(
+            sx * (1.0 - m.x * slope.x),
+            -sx * m.x * slope.y,
+            -sx * m.x * slope.z,
+            -sy * m.y * slope.x,
+            sy * (1.0 - m.y * slope.y),
+            -sy * m.y * slope.z,
+        )
+    }
+
+    /// Derivative of the pixel of δ n by the point, n the unit vector of (x, y): `across` I + `excess` n nᵀ by (x, y), and
+    /// −`along` (x, y) by z.
+    #[inline]
+    pub(super) fn radial_jacobian(
+        &self,
+        n: &Vector2<f64>,
+        across: f64,
+        excess: f64,
+        along: f64,
+        x_in_cam: &Point,
+    ) -> Matrix2x3<f64> {
+        let (fx, fy) = (self.fx_px, self.fy_px);
+        let mixed = excess * n.x * n.y;
+        Matrix2x3::new(
+            fx * (across + excess * n.x * n.x),
+            fx * mixed,
+            -fx * along * x_in_cam.x,
+            fy * mixed,
+            fy * (across + excess * n.y * n.y),
+            -fy * along * x_in_cam.y,
+        )
     }
 
     /// The larger focal length: turns pixel tolerances into ones on the plane.

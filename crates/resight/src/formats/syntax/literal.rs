@@ -177,7 +177,7 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// `\uXXXX`, two of them for characters beyond the basic plane.
+    /// `\u` and four hexadecimal digits, two of them for characters beyond the basic plane.
     fn unicode(&mut self) -> Result<char, Fault> {
         let high = self.hex(4)?;
         let code = if (0xd800..0xdc00).contains(&high) && self.take('\\') && self.take('u') {
