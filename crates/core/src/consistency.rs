@@ -1,8 +1,8 @@
 //! Does the residual agree with the stated sigmas? The only place that answers.
 
 use crate::choose::Minimum;
+use crate::problem::Problem;
 use crate::refine::whitened_residual;
-use crate::{Camera, Correspondence};
 
 /// Does the residual agree with the stated sigmas?
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,19 +44,14 @@ pub(crate) fn noise_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
 }
 
 /// The verdict, with the worst point.
-pub(crate) fn consistency(
-    best: &Minimum,
-    degrees_of_freedom: usize,
-    seen: &[Correspondence],
-    camera: &Camera,
-) -> Consistency {
+pub(crate) fn consistency(best: &Minimum, degrees_of_freedom: usize, problem: &Problem) -> Consistency {
     let far = FAR_ABOVE * degrees_of_freedom as f64;
     if !is_unlikely(best.chi2, degrees_of_freedom) || best.chi2 < far {
         return Consistency::Consistent;
     }
     let (mut worst_point, mut worst_px, mut worst) = (0, 0.0, -1.0);
-    for (i, c) in seen.iter().enumerate() {
-        if let Some((_, e, whitened)) = whitened_residual(&best.cam_from_target, c, camera)
+    for (i, c) in problem.seen.iter().enumerate() {
+        if let Some((_, e, whitened)) = whitened_residual(&best.cam_from_target, c, problem.camera)
             && worst < whitened
         {
             (worst_point, worst_px, worst) = (i, e.norm(), whitened);

@@ -9,8 +9,9 @@
 
 use crate::choose::Minimum;
 use crate::least_squares::PivotedPose;
+use crate::problem::Problem;
 use crate::refine::{centroid, normal_equations, residual_sums};
-use crate::{Camera, Correspondence, Matrix6, Point, Pose, Vector6};
+use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
 
 /// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
@@ -22,23 +23,23 @@ const LEAST_RISE: f64 = 0.4;
 
 /// Whether χ² rises otherwise than quadratically along the weakest turn, so that the covariance needs the bend's share and
 /// another minimum may lie along the ridge.
-pub(crate) fn is_bent(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> bool {
+pub(crate) fn is_bent(m: &Minimum, problem: &Problem) -> bool {
     let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
     let straight = |side: f64| {
         let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
-        let rise = residual_sums(&probe, seen, camera).0 - m.chi2;
+        let rise = residual_sums(&probe, problem).0 - m.chi2;
         rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
     };
     !(straight(PROBE) && straight(-PROBE))
 }
 
 /// The covariance of a minimum, with the share of the bend added.
-pub(crate) fn with_curvature(m: &Minimum, seen: &[Correspondence], camera: &Camera) -> Matrix6 {
+pub(crate) fn with_curvature(m: &Minimum, problem: &Problem) -> Matrix6 {
     let rotation = rotation_block(&m.covariance);
     let first = Turn::weakest(&m.covariance, &rotation);
     let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
     let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
-    let ridge = Ridge { m, turns: [first, second], pivot: centroid(seen), seen, camera };
+    let ridge = Ridge { m, turns: [first, second], pivot: centroid(problem.seen), problem };
     ridge.share().map_or(m.covariance, |share| m.covariance + share)
 }
 
@@ -73,8 +74,7 @@ struct Ridge<'a> {
     m: &'a Minimum,
     turns: [Turn; 2],
     pivot: Point,
-    seen: &'a [Correspondence],
-    camera: &'a Camera,
+    problem: &'a Problem<'a>,
 }
 
 impl Ridge<'_> {
@@ -104,7 +104,7 @@ impl Ridge<'_> {
         let [t1, t2] = &self.turns;
         let probe = Pose::exp(&(t1.motion * s1 + t2.motion * s2)) * self.m.cam_from_target;
         let place = PivotedPose::new(&probe, &self.pivot);
-        let normal = normal_equations(&place, &self.pivot, self.seen, self.camera)?;
+        let normal = normal_equations(&place, &self.pivot, self.problem)?;
         let covariance = normal.covariance_at_camera(&place.pivot_in_cam)?;
         let gradient = normal.gradient_at_camera(&place.pivot_in_cam);
         let step = covariance * gradient;
@@ -122,6 +122,8 @@ impl Ridge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Camera;
+    use crate::Correspondence;
     use crate::camera::{CameraMatrix, Pinhole};
     use crate::refine::refine;
     use crate::{Lens, Pixel};
@@ -146,8 +148,12 @@ mod tests {
         let first = Turn::weakest(&m.covariance, &rotation);
         let across = Matrix3::identity() - first.axis * first.axis.transpose();
         let second = Turn::weakest(&m.covariance, &(across * rotation * across));
-        let ridge =
-            Ridge { m: &m, turns: [first, second], pivot: centroid(&seen), seen: &seen, camera: &camera };
+        let ridge = Ridge {
+            m: &m,
+            turns: [first, second],
+            pivot: centroid(&seen),
+            problem: &Problem::new(&seen, &camera),
+        };
         let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
         let mut moment = Matrix6::zeros();
         for (s1, w1) in nodes {

@@ -2,18 +2,19 @@
 
 use crate::camera::MAX_PARAMETERS;
 use crate::choose::Minimum;
+use crate::problem::Problem;
 use crate::refine::information;
-use crate::{Camera, Correspondence, Error, Matrix6, Vector6};
+use crate::{Error, Matrix6, Vector6};
 
 /// What uncertain intrinsics add to the covariance: δξ = Σ Jᵀ W (−∂π/∂θ) δθ, docs/math/refine.md eq. (9).
 pub(crate) fn intrinsics_share(
     best: &Minimum,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
     covariance: &[f64],
 ) -> Result<Matrix6, Error> {
     let mut by_parameter = [Vector6::zeros(); MAX_PARAMETERS];
     let mut n_parameters = 0;
+    let Problem { seen, camera } = *problem;
     for c in seen {
         let x = best.cam_from_target * c.x_in_target;
         let no_solution = Error::NoSolution { n_points: seen.len() };

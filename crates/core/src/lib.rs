@@ -12,6 +12,7 @@ pub mod target;
 pub mod correspondence;
 pub mod solve;
 pub mod choose;
+pub mod problem;
 pub mod least_squares;
 pub mod refine;
 mod curvature;

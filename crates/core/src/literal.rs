@@ -1,17 +1,17 @@
 //! The seed paper's answer with a covariance of its own: what `solve::wang2004` gives, nothing refined.
 
 use crate::choose::{Minima, Minimum};
+use crate::problem::Problem;
 use crate::refine::residual_sums;
 use crate::search::{Findings, four_of};
 use crate::solve::configuration::Configuration;
 use crate::solve::wang2004;
-use crate::{Bearing, Camera, Correspondence, Error, Matrix6, Point};
+use crate::{Bearing, Error, Matrix6, Point};
 
 /// The seed paper's answer as it stands, its covariance propagated from the pixels by central differences.
 pub(crate) fn literal(
     configuration: &Configuration,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
     minima: &mut Minima,
 ) -> Result<Findings, Error> {
     let Configuration::LinePlusOne { order } = configuration else {
@@ -24,26 +24,26 @@ pub(crate) fn literal(
         let solutions = wang2004::wang2004(bearings, points)?;
         wang2004::least_residual(&solutions)
             .map(|s| s.cam_from_target)
-            .ok_or(Error::NoSolution { n_points: seen.len() })
+            .ok_or(Error::NoSolution { n_points: problem.seen.len() })
     };
-    let (bearings, points) = four_of(seen, order);
+    let (bearings, points) = four_of(problem.seen, order);
     let cam_from_target = solve(&bearings, &points)?;
     let mut covariance = Matrix6::zeros();
     for (slot, index) in order.iter().enumerate() {
-        let c = &seen[*index];
+        let c = &problem.seen[*index];
         for axis in 0..2 {
             let moved = |step: f64| {
                 let mut pixel = c.pixel;
                 pixel[axis] += step * c.sigma_px;
                 let mut bearings = bearings;
-                bearings[slot] = camera.bearing(&pixel)?;
+                bearings[slot] = problem.camera.bearing(&pixel)?;
                 Ok((solve(&bearings, &points)? * cam_from_target.inverse()).log())
             };
             let column = (moved(LITERAL_STEP)? - moved(-LITERAL_STEP)?) / (2.0 * LITERAL_STEP);
             covariance += column * column.transpose();
         }
     }
-    let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
+    let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     minima.push(Minimum { cam_from_target, covariance, chi2, rms_px });
     Ok(Findings { weakness: None, is_bent: false })
 }

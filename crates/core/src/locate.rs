@@ -9,6 +9,7 @@ use crate::intrinsics::intrinsics_share;
 use crate::literal::literal;
 pub use crate::method::Method;
 use crate::method::resolve;
+use crate::problem::Problem;
 use crate::search::{Findings, search, weakness_of_rivals};
 use crate::solve::configuration::classify;
 use crate::solve::line_plus_one::Weakness;
@@ -54,29 +55,30 @@ pub struct PoseEstimate {
 /// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
 /// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
+    let problem = &Problem::new(seen, camera);
     let configuration = classify(seen)?;
     let method = resolve(config.method, &configuration)?;
     let mut minima = Minima::new();
     let Findings { weakness, is_bent } = match method {
-        Method::Wang2004 => literal(&configuration, seen, camera, &mut minima)?,
-        _ => search(method, &configuration, seen, camera, &mut minima),
+        Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
+        _ => search(method, &configuration, problem, &mut minima),
     };
     let degrees_of_freedom = 2 * seen.len() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let choice = choose(&minima, seen.len(), noise_scale)?;
-    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, seen, camera));
+    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem));
     let whole = |m: &Minimum, is_bent: bool| {
-        let covariance = if is_bent { with_curvature(m, seen, camera) } else { m.covariance };
+        let covariance = if is_bent { with_curvature(m, problem) } else { m.covariance };
         let doubt = match config.intrinsics_covariance {
             Some(_) if method == Method::Wang2004 => return Err(LITERAL_INTRINSICS),
-            Some(given) => intrinsics_share(&Minimum { covariance, ..*m }, seen, camera, given)?,
+            Some(given) => intrinsics_share(&Minimum { covariance, ..*m }, problem, given)?,
             None => Matrix6::zeros(),
         };
         Ok((covariance + doubt) * noise_scale)
     };
     let ambiguity = match (choice.rival, choice.ratio) {
         (Some(rival), Some(ratio)) => {
-            let covariance = whole(rival, curvature::is_bent(rival, seen, camera))?;
+            let covariance = whole(rival, curvature::is_bent(rival, problem))?;
             Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..*rival } }
         }
         (_, ratio) => Ambiguity::Unique { ratio },
@@ -91,7 +93,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         n_points: seen.len(),
         method,
         ambiguity,
-        consistency: consistency(best, degrees_of_freedom, seen, camera),
+        consistency: consistency(best, degrees_of_freedom, problem),
         weakness,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }

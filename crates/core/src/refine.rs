@@ -9,6 +9,7 @@
 use crate::camera::Pinhole;
 use crate::choose::Minimum;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize};
+use crate::problem::Problem;
 use crate::{Camera, Correspondence, Error, Lens, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
@@ -24,7 +25,7 @@ const UNDETERMINED: Error = Error::DegenerateView {
 /// `Error::NotConverged` when no minimum is reached, `Error::NoSolution` when the start has points outside the camera's
 /// field, `Error::DegenerateView` when the points do not determine the pose to first order.
 pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<Minimum, Error> {
-    refine_against(start, None, seen, camera)
+    refine_against(start, None, &Problem::new(seen, camera))
 }
 
 /// As `refine`, for a minimum that will be compared with a rival of known χ²: it may end early
@@ -32,20 +33,19 @@ pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<
 pub(crate) fn refine_against(
     start: &Pose,
     rival_chi2: Option<f64>,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
 ) -> Result<Minimum, Error> {
-    let pivot = centroid(seen);
+    let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
-    let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, seen, camera))
-        .ok_or(Error::NoSolution { n_points: seen.len() })?;
+    let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, problem))
+        .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
     let covariance =
         solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
     let cam_from_target = solution.place.pose(&pivot);
-    let (chi2, rms_px) = residual_sums(&cam_from_target, seen, camera);
+    let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
 }
 
@@ -61,10 +61,11 @@ pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
 
 /// χ² and root mean square distance, px; infinite where a point leaves the field.
 #[inline]
-pub(crate) fn residual_sums(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> (f64, f64) {
+pub(crate) fn residual_sums(cam_from_target: &Pose, problem: &Problem) -> (f64, f64) {
+    let Problem { seen, camera } = *problem;
     let sums = match &camera.lens {
-        Lens::Pinhole(model) => sum_residuals(cam_from_target, seen, camera, |x| model.project(x)),
-        _ => sum_residuals(cam_from_target, seen, camera, |x| camera.project(x)),
+        Lens::Pinhole(model) => sum_residuals(cam_from_target, problem, |x| model.project(x)),
+        _ => sum_residuals(cam_from_target, problem, |x| camera.project(x)),
     };
     let (chi2, sum) = sums.unwrap_or((f64::INFINITY, f64::INFINITY));
     (chi2, (sum / seen.len().max(1) as f64).sqrt())
@@ -73,18 +74,17 @@ pub(crate) fn residual_sums(cam_from_target: &Pose, seen: &[Correspondence], cam
 #[inline(always)]
 fn sum_residuals(
     cam_from_target: &Pose,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
     project: impl Fn(&Point) -> Option<Pixel>,
 ) -> Option<(f64, f64)> {
     let (mut chi2, mut sum) = (0.0, 0.0);
-    for c in seen {
+    for c in problem.seen {
         if c.sigma_m == 0.0 {
             let squared = (c.pixel - project(&(cam_from_target * &c.x_in_target))?).norm_squared();
             chi2 += squared / (c.sigma_px * c.sigma_px);
             sum += squared;
         } else {
-            let (_, e, whitened) = whitened_residual(cam_from_target, c, camera)?;
+            let (_, e, whitened) = whitened_residual(cam_from_target, c, problem.camera)?;
             chi2 += whitened;
             sum += e.norm_squared();
         }
@@ -130,12 +130,11 @@ fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
 pub(crate) fn normal_equations(
     place: &PivotedPose,
     pivot: &Point,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
 ) -> Option<NormalEquations> {
-    match &camera.lens {
-        Lens::Pinhole(model) => accumulate_pinhole(place, pivot, seen, model),
-        _ => accumulate(place, pivot, seen, camera),
+    match &problem.camera.lens {
+        Lens::Pinhole(model) => accumulate_pinhole(place, pivot, problem.seen, model),
+        _ => accumulate(place, pivot, problem.seen, problem.camera),
     }
 }
 

@@ -5,6 +5,7 @@ use crate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, insert};
 use crate::consistency::is_unlikely;
 use crate::curvature::is_bent;
 use crate::method::Method;
+use crate::problem::Problem;
 use crate::refine::{centroid, refine_against, residual_sums};
 use crate::solve::Candidates;
 use crate::solve::configuration::Configuration;
@@ -28,48 +29,42 @@ pub(crate) struct Findings {
 pub(crate) fn search(
     method: Method,
     configuration: &Configuration,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
     minima: &mut Minima,
 ) -> Findings {
-    let (candidates, weakness) = closed_form(method, configuration, seen, camera);
+    let (candidates, weakness) = closed_form(method, configuration, problem);
+    let seen = problem.seen;
     let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
     if flat {
         let normal = plane_normal(configuration, seen);
-        refine_pair(&candidates, &normal, seen, camera, minima);
+        refine_pair(&candidates, &normal, problem, minima);
     } else {
-        refine_each(&candidates, seen, camera, minima);
+        refine_each(&candidates, problem, minima);
     }
-    let is_bent = minima.first().is_some_and(|m| is_bent(m, seen, camera));
+    let is_bent = minima.first().is_some_and(|m| is_bent(m, problem));
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
-        refine_each(&sqpnp::sqpnp(seen), seen, camera, minima);
-        refine_each(&three_of(seen), seen, camera, minima);
+        refine_each(&sqpnp::sqpnp(seen), problem, minima);
+        refine_each(&three_of(seen), problem, minima);
     } else if seen.len() == 4 && (weakness.is_some() || is_bent || is_in_doubt(minima)) {
-        refine_each(&three_of(seen), seen, camera, minima);
+        refine_each(&three_of(seen), problem, minima);
     }
     Findings { weakness, is_bent }
 }
 
 /// The two minima of a flat target: from the first, better candidate, then from its mirror pose or the other candidate, whichever
 /// fits better to begin with. Closed forms often give one minimum twice; the mirror pose finds the other.
-fn refine_pair(
-    candidates: &Candidates,
-    normal: &Vector3<f64>,
-    seen: &[Correspondence],
-    camera: &Camera,
-    minima: &mut Minima,
-) {
+fn refine_pair(candidates: &Candidates, normal: &Vector3<f64>, problem: &Problem, minima: &mut Minima) {
     let Some((first, others)) = candidates.split_first() else { return };
-    refine_each(&[*first], seen, camera, minima);
-    let Some(best) = minima.first() else { return refine_each(others, seen, camera, minima) };
-    let mirrored = mirrored(&best.cam_from_target, normal, seen);
-    let Some(second) = others.first() else { return refine_each(&[mirrored], seen, camera, minima) };
-    let start_chi2 = |start: &Pose| residual_sums(start, seen, camera).0;
+    refine_each(&[*first], problem, minima);
+    let Some(best) = minima.first() else { return refine_each(others, problem, minima) };
+    let mirrored = mirrored(&best.cam_from_target, normal, problem.seen);
+    let Some(second) = others.first() else { return refine_each(&[mirrored], problem, minima) };
+    let start_chi2 = |start: &Pose| residual_sums(start, problem).0;
     let (chi2_mirrored, chi2_second) = (start_chi2(&mirrored), start_chi2(second));
     let (near, far) = if chi2_second < chi2_mirrored { (second, &mirrored) } else { (&mirrored, second) };
-    refine_each(&[*near], seen, camera, minima);
+    refine_each(&[*near], problem, minima);
     if minima.len() == 1 && chi2_mirrored.max(chi2_second) < HOPELESS_CHI2 {
-        refine_each(&[*far], seen, camera, minima);
+        refine_each(&[*far], problem, minima);
     }
 }
 
@@ -82,10 +77,10 @@ fn is_in_doubt(minima: &Minima) -> bool {
         || minima.get(1).is_some_and(|m| near(m.chi2 - minima[0].chi2))
 }
 
-fn refine_each(candidates: &[Pose], seen: &[Correspondence], camera: &Camera, minima: &mut Minima) {
+fn refine_each(candidates: &[Pose], problem: &Problem, minima: &mut Minima) {
     for candidate in candidates {
         let rival = minima.first().map(|m| m.chi2);
-        if let Ok(minimum) = refine_against(candidate, rival, seen, camera) {
+        if let Ok(minimum) = refine_against(candidate, rival, problem) {
             insert(minima, minimum);
         }
     }
@@ -95,25 +90,25 @@ fn refine_each(candidates: &[Pose], seen: &[Correspondence], camera: &Camera, mi
 fn closed_form(
     method: Method,
     configuration: &Configuration,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
 ) -> (Candidates, Option<Weakness>) {
+    let seen = problem.seen;
     match (method, configuration) {
         (Method::LinePlusOne, Configuration::LinePlusOne { order }) => {
             let (bearings, points) = four_of(seen, order);
             let candidates = line_plus_one::line_plus_one(&bearings, &points);
-            let sigma_rad = sigma_rad(&seen[order[3]], camera);
+            let sigma_rad = sigma_rad(&seen[order[3]], problem.camera);
             let weakness = line_plus_one::weakness(&candidates, &bearings, &points, sigma_rad);
-            (better_first(candidates, seen, camera), weakness)
+            (better_first(candidates, problem), weakness)
         }
         (Method::P3p, _) => (three_of(seen), None),
-        (Method::Planar, _) => (better_first(planar::planar(seen), seen, camera), None),
+        (Method::Planar, _) => (better_first(planar::planar(seen), problem), None),
         _ => (sqpnp::sqpnp(seen), None),
     }
 }
 
-fn better_first(mut candidates: Candidates, seen: &[Correspondence], camera: &Camera) -> Candidates {
-    let chi2 = |candidate: &Pose| residual_sums(candidate, seen, camera).0;
+fn better_first(mut candidates: Candidates, problem: &Problem) -> Candidates {
+    let chi2 = |candidate: &Pose| residual_sums(candidate, problem).0;
     if candidates.len() == 2 && chi2(&candidates[1]) < chi2(&candidates[0]) {
         candidates.swap(0, 1);
     }
@@ -124,15 +119,14 @@ fn better_first(mut candidates: Candidates, seen: &[Correspondence], camera: &Ca
 pub(crate) fn weakness_of_rivals(
     configuration: &Configuration,
     choice: &Choice,
-    seen: &[Correspondence],
-    camera: &Camera,
+    problem: &Problem,
 ) -> Option<Weakness> {
     let (Configuration::LinePlusOne { order }, Some(rival)) = (configuration, choice.rival) else {
         return None;
     };
     let rivals: Candidates = [choice.best.cam_from_target, rival.cam_from_target].into_iter().collect();
-    let (bearings, points) = four_of(seen, order);
-    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&seen[order[3]], camera))
+    let (bearings, points) = four_of(problem.seen, order);
+    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&problem.seen[order[3]], problem.camera))
 }
 
 /// The four points of a line-plus-one layout, in order along the line, the one off it last.
