@@ -2,7 +2,9 @@
 
 use crate::commands::{demo, detect, explain, locate, solve};
 use clap::{Args, Parser, Subcommand};
+use resight::core::Target;
 use resight::core::locate::Method;
+use resight::detect::{CornerWindow, DetectError, Detector};
 use std::path::PathBuf;
 
 /// Where is the camera, and how sure is that?
@@ -50,6 +52,23 @@ impl OutputArgs {
     /// Refuses a results file that could not be written, before any work is done.
     pub fn check(&self) -> anyhow::Result<()> {
         self.output.as_deref().map_or(Ok(()), crate::files::must_be_writable)
+    }
+}
+
+/// How corners of squares are refined, for the commands that look into images.
+#[derive(Debug, Clone, Args)]
+pub struct CornerArgs {
+    /// Refine the corners of a chessboard or ChArUco board in a window of this many pixels to each side, neighbours or not, as
+    /// OpenCV's cornerSubPix with winSize N [default: as far as the neighbours leave room, which is more accurate]
+    #[arg(long, value_name = "N")]
+    corner_window_px: Option<u32>,
+}
+
+impl CornerArgs {
+    /// The detector for a target, with the window asked for.
+    pub fn detector(&self, target: &Target) -> Result<Detector, DetectError> {
+        let window = self.corner_window_px.map_or(CornerWindow::Clear, CornerWindow::Half);
+        Detector::with_corner_window(target, window)
     }
 }
 

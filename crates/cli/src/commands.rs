@@ -55,11 +55,11 @@ fn in_order<T: Sync, R: Send>(
 /// As `in_order`, each thread with a detector of its own: the C library keeps state in it.
 fn detect_in_order<T: Sync, R: Send>(
     inputs: &[T],
-    target: &Target,
+    detector: impl Fn() -> Result<Detector, DetectError> + Sync,
     work: impl Fn(&mut Detector, &T) -> R + Sync,
     done: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    Detector::new(target)?; // Says now what is wrong with the target, once.
+    detector()?; // Says now what is wrong with the target, once.
     let look = |detector: &mut Result<Detector, DetectError>, input: &T| match detector {
         Ok(detector) => Ok(work(detector, input)),
         Err(reason) => Err(anyhow::anyhow!("{reason}")),
@@ -67,7 +67,7 @@ fn detect_in_order<T: Sync, R: Send>(
     in_blocks(
         inputs,
         4 * rayon::current_num_threads(),
-        |block| block.par_iter().map_init(|| Detector::new(target), look).collect(),
+        |block| block.par_iter().map_init(&detector, look).collect(),
         done,
     )
 }

@@ -152,3 +152,17 @@ fn demo_json_is_json_only() {
     let run = resight(&["demo", "--json", "-o", out.to_str().unwrap()]);
     assert_eq!((run.code, json_lines(&run).len()), (0, 8));
 }
+
+/// The window reaches the detector, which has no use for it here.
+#[test]
+fn corner_window_is_for_boards() {
+    for command in ["detect", "locate"] {
+        let camera = demo("left.toml");
+        let camera: &[&str] = if command == "locate" { &["--camera", &camera] } else { &[] };
+        let picture = [demo("left.png"), demo("dots.toml")];
+        let arguments = [command, &picture[0], "--target", &picture[1], "--corner-window-px", "11"];
+        let run = resight(&[&arguments[..], camera].concat());
+        assert_eq!(run.code, 2, "{}", run.stderr);
+        assert!(run.stderr.contains("leave it out"), "{}", run.stderr);
+    }
+}

@@ -21,6 +21,7 @@ use aprilgrid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
 use dots::{DotDetector, DotError};
+pub use joints::CornerWindow;
 use resight_core::correspondence::Detection;
 use resight_core::{Camera, Target};
 use tags::TagFinder;
@@ -81,6 +82,20 @@ pub enum DetectError {
         /// Values given.
         seen: usize,
     },
+    /// A window for a target that has no corners of squares.
+    #[error("a corner window is for chessboards and ChArUco boards; this target is a {kind}, leave it out")]
+    CornerWindow {
+        /// The target's kind.
+        kind: &'static str,
+    },
+    /// A window that no corner could be refined in.
+    #[error(
+        "corner window of {seen} px; give the pixels it reaches to each side, {MIN_HALF_WINDOW_PX} to {MAX_HALF_WINDOW_PX}"
+    )]
+    CornerWindowSize {
+        /// Pixels to each side.
+        seen: u32,
+    },
     /// The dots could not be told apart.
     #[error(transparent)]
     Dots(#[from] DotError),
@@ -91,6 +106,22 @@ pub enum DetectError {
 
 /// Most squares or tags of a board; a photograph has no pixels for more, and tables would outgrow the memory.
 const MAX_CELLS: u64 = 100_000;
+
+/// Smaller windows have too few pixels for two edges.
+const MIN_HALF_WINDOW_PX: u32 = 2;
+/// Larger windows hold several squares of any board that fits a photograph with its margin.
+const MAX_HALF_WINDOW_PX: u32 = 50;
+
+fn check_window(target: &Target, window: CornerWindow) -> Result<(), DetectError> {
+    match (target, window) {
+        (_, CornerWindow::Clear) => Ok(()),
+        (Target::Chessboard(_) | Target::Charuco(_), CornerWindow::Half(seen)) => {
+            let possible = (MIN_HALF_WINDOW_PX..=MAX_HALF_WINDOW_PX).contains(&seen);
+            if possible { Ok(()) } else { Err(DetectError::CornerWindowSize { seen }) }
+        }
+        _ => Err(DetectError::CornerWindow { kind: target.kind() }),
+    }
+}
 
 fn check_extent(target: &Target) -> Result<(), DetectError> {
     let (rows, columns) = match target {
@@ -124,8 +155,14 @@ impl Detector {
     /// A detector for a target. Fails on dimensions, families or ids that cannot be right, and on targets that are
     /// not detected (`points`).
     pub fn new(target: &Target) -> Result<Self, DetectError> {
+        Detector::with_corner_window(target, CornerWindow::Clear)
+    }
+
+    /// The same with the window in which the corners of a chessboard or ChArUco board are refined; fails for other targets.
+    pub fn with_corner_window(target: &Target, window: CornerWindow) -> Result<Self, DetectError> {
         target.check()?;
         check_extent(target)?;
+        check_window(target, window)?;
         let finder = match target {
             Target::Tag(tag) => Finder::Tag(TagFinder::with_ids(&tag.family, &[tag.id])?),
             Target::TagMap(map) => {
@@ -135,8 +172,8 @@ impl Detector {
                 Finder::TagMap(TagFinder::with_ids(&map.family, &ids)?)
             }
             Target::AprilGrid(grid) => Finder::AprilGrid(AprilGridFinder::new(grid)?),
-            Target::Chessboard(board) => Finder::Chessboard(ChessboardFinder::new(board)?),
-            Target::Charuco(board) => Finder::Charuco(Box::new(CharucoFinder::new(board)?)),
+            Target::Chessboard(board) => Finder::Chessboard(ChessboardFinder::new(board, window)?),
+            Target::Charuco(board) => Finder::Charuco(Box::new(CharucoFinder::new(board, window)?)),
             Target::LinePlusOne(dots) => Finder::Dots(Box::new(DotDetector::new(dots)?)),
             Target::Points(_) => {
                 let instead = "give their pixels in a points file";

@@ -6,9 +6,8 @@ use detect_support::*;
 use resight::GrayImage;
 use resight::core::target::*;
 use resight::core::{Pixel, Target};
-use resight::detect::Detector;
-use resight::detect::corner::refine_corner;
 use resight::detect::tags::TagFinder;
+use resight::detect::{CornerWindow, Detector};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -183,7 +182,8 @@ fn recorded_corners(folder: &Path) -> Seen {
 ///
 /// The table's corners were refined in windows of 23 px that take the markers in, and camera 1 sees the back, where
 /// they were found in the flipped image and put back one pixel too far right (width - u instead of width - 1 - u).
-/// Refined in the same window ours are the same points; left as they are they are 1.6 to 3.4 times better.
+/// Refined in the same window ours are the same points (without the pixel of camera 1 67.6 % instead of 96.0 %); in their own
+/// windows they are 1.6 to 3.4 times better.
 #[test]
 fn recorded_charuco_corners_are_found() {
     let Some(folder) = real_data("caliscope_4cam_charuco") else { return };
@@ -197,7 +197,9 @@ fn recorded_charuco_corners_are_found() {
     let dictionary = "DICT_4X4_1000".to_string();
     let board =
         Charuco { rows: 5, columns: 4, square_m: 0.054, marker_m: 0.0405, dictionary, legacy_pattern: false };
-    let mut detector = Detector::new(&Target::Charuco(board)).unwrap();
+    let target = Target::Charuco(board);
+    let mut detector = Detector::new(&target).unwrap();
+    let mut in_their_window = Detector::with_corner_window(&target, CornerWindow::Half(11)).unwrap();
     let (mut found_n, mut same_window, mut as_is) = (0, 0, Vec::new());
     for camera in 0..4 {
         let flipped_px = if camera == 1 { 1.0 } else { 0.0 };
@@ -206,11 +208,12 @@ fn recorded_charuco_corners_are_found() {
             let image = GrayImage::read(&path).unwrap();
             for d in detector.detect(&image).unwrap() {
                 let Some(listed) = truth.get(&(camera, frame, d.feature.id)) else { continue };
-                let listed = listed - Pixel::new(flipped_px, 0.0);
+                as_is.push((d.pixel - listed + Pixel::new(flipped_px, 0.0)).norm());
+            }
+            for d in in_their_window.detect(&image).unwrap() {
+                let Some(listed) = truth.get(&(camera, frame, d.feature.id)) else { continue };
                 found_n += 1;
-                as_is.push((d.pixel - listed).norm());
-                let wide = refine_corner(&image, &d.pixel, 11, 11.0).map_or(d.pixel, |corner| corner.pixel);
-                same_window += usize::from((wide - listed).norm() < 0.5);
+                same_window += usize::from((d.pixel - listed + Pixel::new(flipped_px, 0.0)).norm() < 0.5);
             }
         }
     }

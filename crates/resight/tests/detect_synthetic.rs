@@ -8,7 +8,7 @@ use resight::core::correspondence::Detection;
 use resight::core::target::*;
 use resight::core::{Pixel, Point, Pose, Target};
 use resight::detect::families::{APRILTAG_FAMILIES, marker_pattern};
-use resight::detect::{DetectError, Detector};
+use resight::detect::{CornerWindow, DetectError, Detector};
 
 fn detect(target: Target, image: &GrayImage) -> Vec<Detection> {
     Detector::new(&target).unwrap().detect(image).unwrap()
@@ -333,4 +333,33 @@ fn targets_that_cannot_be_detected_say_why() {
     assert!(refused(&chessboard(70_000, 70_000)).contains("70000"));
     assert!(refused(&Target::Charuco(charuco(u32::MAX, u32::MAX, false))).contains("at most"));
     assert!(refused(&Target::Charuco(charuco(60, 60, false))).contains("0 to 49"));
+}
+
+/// On squares of 16 px a window of 11 px takes neighbours in, and pulls corners away from where they are; one of 5 px does not.
+#[test]
+fn corner_window_takes_in_what_it_reaches() {
+    let target = chessboard(5, 8);
+    let mut view = View::new(Pixel::new(160.0, 120.0), 16.0, 7.0, 35.0);
+    view.0 *= nalgebra::Matrix3::new(1.0, 0.0, -4.5, 0.0, 1.0, -3.0, 0.0, 0.0, 1.0);
+    let image = photograph(320, 240, &view, chessboard_ink(5, 8));
+    let rms = |window: CornerWindow| {
+        let found = Detector::with_corner_window(&target, window).unwrap().detect(&image).unwrap();
+        assert_eq!(found.len(), 40);
+        rms_px(&errors(&target, &found, &view, |x| (x.x + 1.0, x.y + 1.0)))
+    };
+    let (clear, near, wide) =
+        (rms(CornerWindow::Clear), rms(CornerWindow::Half(5)), rms(CornerWindow::Half(11)));
+    println!("corner windows: clear {clear:.3}, 5 px {near:.3}, 11 px {wide:.3} px");
+    assert!(clear < 0.06 && near < 0.06 && 2.0 * clear < wide, "{clear} {near} {wide}");
+}
+
+#[test]
+fn corner_window_that_cannot_be_is_refused_by_name() {
+    let refused = |target: &Target, half_px: u32| {
+        let window = CornerWindow::Half(half_px);
+        Detector::with_corner_window(target, window).err().expect("refused").to_string()
+    };
+    assert!(refused(&tag("tag36h11", 0), 11).contains("this target is a tag"));
+    assert!(refused(&chessboard(5, 8), 1).contains("2 to 50"));
+    assert!(refused(&chessboard(5, 8), 51).contains("2 to 50"));
 }

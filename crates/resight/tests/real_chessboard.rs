@@ -7,13 +7,12 @@ mod real_support;
 
 use real_support::*;
 use resight::GrayImage;
-use resight::core::correspondence::{Correspondence, Detection};
+use resight::core::correspondence::Correspondence;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::refine::residual_px;
 use resight::core::target::Chessboard;
 use resight::core::{Camera, Pose, Target};
-use resight::detect::Detector;
-use resight::detect::corner::refine_corner;
+use resight::detect::{CornerWindow, Detector};
 use std::path::Path;
 
 /// Views whose published corners are bad.
@@ -105,16 +104,9 @@ fn published_corners_give_the_published_poses() {
 fn images_in_opencvs_window_give_the_published_poses() {
     let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
     let Views { camera, target, views } = views(&folder);
-    let mut detector = Detector::new(&target).unwrap();
-    let mut answer = |view: &View| {
-        let half = PUBLISHED_HALF_WINDOW_PX;
-        let moved = |d: &Detection| {
-            let corner = refine_corner(&view.image, &d.pixel, half, half as f64);
-            Detection { pixel: corner.map_or(d.pixel, |c| c.pixel), sigma_px: SIGMA_PX, ..*d }
-        };
-        let corners: Vec<Detection> = detector.detect(&view.image).unwrap().iter().map(moved).collect();
-        located(&corners, &target, &camera)
-    };
+    let window = CornerWindow::Half(PUBLISHED_HALF_WINDOW_PX);
+    let mut detector = Detector::with_corner_window(&target, window).unwrap();
+    let mut answer = |view: &View| located(&detector.detect(&view.image).unwrap(), &target, &camera);
     let answers: Vec<_> = views.iter().map(|v| (v, answer(v))).collect();
     check_against_published("images in OpenCV's window", &answers, (0.02, 0.1));
 }

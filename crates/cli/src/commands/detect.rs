@@ -1,6 +1,6 @@
 //! `detect`: where the target's points are in each image.
 
-use crate::args::OutputArgs;
+use crate::args::{CornerArgs, OutputArgs};
 use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
@@ -21,6 +21,8 @@ pub struct Detect {
     /// Target file: own TOML, Kalibr YAML or WPILib JSON.
     #[arg(long, value_name = "FILE")]
     target: PathBuf,
+    #[command(flatten)]
+    corners: CornerArgs,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -63,9 +65,12 @@ pub fn run(args: &Detect) -> Result<Outcome> {
     let mut printer = Printer::new(&args.output, images.len());
     let target = super::target(&args.target, |warning| printer.remark(warning))?;
     let work = |detector: &mut Detector, path: &PathBuf| detect(detector, path);
-    super::detect_in_order(&images, &target, work, |found: Found| {
-        printer.result(&found, &describe(&found), !found.detections.is_empty())
-    })?;
+    super::detect_in_order(
+        &images,
+        || args.corners.detector(&target),
+        work,
+        |found: Found| printer.result(&found, &describe(&found), !found.detections.is_empty()),
+    )?;
     printer.finish()
 }
 

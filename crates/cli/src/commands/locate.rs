@@ -1,7 +1,7 @@
 //! `locate`: from images to poses.
 
 use crate::answer::Answer;
-use crate::args::{OutputArgs, parse_method};
+use crate::args::{CornerArgs, OutputArgs, parse_method};
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use anyhow::Result;
@@ -40,6 +40,8 @@ pub struct Locate {
     #[command(flatten)]
     intrinsics: IntrinsicsArgs,
     #[command(flatten)]
+    corners: CornerArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -65,10 +67,15 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         }
         Ok(view.answer)
     };
-    super::detect_in_order(&jobs, &target, work, |answer| {
-        let answer = answer?;
-        printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
-    })?;
+    super::detect_in_order(
+        &jobs,
+        || args.corners.detector(&target),
+        work,
+        |answer| {
+            let answer = answer?;
+            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+        },
+    )?;
     printer.finish()
 }
 

@@ -11,7 +11,7 @@ use super::DetectError;
 use super::apriltag::{DecodedTag, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
-use super::joints::{Joint, joints, nearest};
+use super::joints::{CornerWindow, Joint, joints, nearest};
 use crate::GrayImage;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Charuco, Feature};
@@ -19,6 +19,7 @@ use resight_core::target::{Charuco, Feature};
 /// Finds one ChArUco board.
 pub(super) struct CharucoFinder {
     board: Charuco,
+    window: CornerWindow,
     /// Square (column, row) of each marker id.
     squares: Vec<(u32, u32)>,
     /// Families in the order of [`MIRRORED`].
@@ -40,14 +41,14 @@ const SEARCH_SQUARES: f64 = 0.1;
 const WINDOW_SQUARES: f64 = 0.12;
 
 impl CharucoFinder {
-    pub fn new(board: &Charuco) -> Result<Self, DetectError> {
+    pub fn new(board: &Charuco, window: CornerWindow) -> Result<Self, DetectError> {
         let squares = marker_squares(board);
         let ids: Vec<u32> = (0..squares.len() as u32).collect();
         let family = Family::named(&board.dictionary)?.only(&board.dictionary, &ids)?;
         let mirrored = family.clone().mirrored();
         let prints = [family.clone(), family.inverted(), mirrored.clone(), mirrored.inverted()];
         let decoder = QuadDecoder::new(&prints).ok_or(DetectError::OutOfMemory)?;
-        Ok(CharucoFinder { board: board.clone(), squares, decoder })
+        Ok(CharucoFinder { board: board.clone(), window, squares, decoder })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
@@ -115,7 +116,7 @@ impl CharucoFinder {
                 let inside = 0.0 <= predicted.x && predicted.x < image.width_px as f64;
                 let joint =
                     nearest(joints, &predicted, (SEARCH_SQUARES * square_px).max(2.0)).filter(|_| inside)?;
-                let joint = joint.refined(image, WINDOW_SQUARES * square_px);
+                let joint = joint.refined(image, WINDOW_SQUARES * square_px, self.window);
                 let feature = Feature { id, corner: 0 };
                 Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px })
             })

@@ -6,7 +6,7 @@
 //! of odd squares: quarter turns) no detector can tell them apart: the most upright is taken, the one whose last row
 //! lies lowest below its first in the image, as OpenCV does. A mirrored numbering is never returned.
 
-use super::joints::{Joint, corner_config, view};
+use super::joints::{CornerWindow, Joint, corner_config, view};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{
@@ -20,13 +20,14 @@ use resight_core::target::{Chessboard, Feature};
 /// Finds one chessboard.
 pub(super) struct ChessboardFinder {
     board: Chessboard,
+    window: CornerWindow,
     config: DetectorConfig,
     /// Tried in order until one shows the board: the library's own sweep, its default first.
     detectors: Vec<ChessboardDetector>,
 }
 
 impl ChessboardFinder {
-    pub fn new(board: &Chessboard) -> Result<Self, DetectError> {
+    pub fn new(board: &Chessboard, window: CornerWindow) -> Result<Self, DetectError> {
         let n_corners = (board.rows * board.columns) as usize;
         let detectors = ChessboardParams::sweep_default()
             .into_iter()
@@ -35,7 +36,7 @@ impl ChessboardFinder {
                 ChessboardDetector::new(params).map_err(|e| DetectError::Board { reason: e.to_string() })
             })
             .collect::<Result<_, _>>()?;
-        Ok(ChessboardFinder { board: *board, config: corner_config(), detectors })
+        Ok(ChessboardFinder { board: *board, window, config: corner_config(), detectors })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
@@ -45,7 +46,7 @@ impl ChessboardFinder {
             .detectors
             .iter()
             .flat_map(|detector| detector.detect_all(&frame.corners))
-            .find_map(|found| number(&Grid::new(&found), &self.board, image));
+            .find_map(|found| number(&Grid::new(&found), &self.board, image, self.window));
         found.unwrap_or_default()
     }
 }
@@ -100,7 +101,12 @@ impl Placement {
 const MIN_LABELLED: f64 = 0.9;
 
 /// Numbers the lattice as `board`, or says that this is not the board.
-fn number(grid: &Grid, board: &Chessboard, image: &GrayImage) -> Option<Vec<Detection>> {
+fn number(
+    grid: &Grid,
+    board: &Chessboard,
+    image: &GrayImage,
+    window: CornerWindow,
+) -> Option<Vec<Detection>> {
     let fits: Vec<(usize, Placement)> = placements(grid, board)
         .into_iter()
         .map(|p| (n_labelled(grid, board, &p), p))
@@ -113,15 +119,21 @@ fn number(grid: &Grid, board: &Chessboard, image: &GrayImage) -> Option<Vec<Dete
         .iter()
         .filter(|(n, p)| *n == most && inner_square_is_black(grid, board, p, image))
         .max_by(|a, b| drop_px(grid, board, &a.1).total_cmp(&drop_px(grid, board, &b.1)))?;
-    Some(refined(grid, board, &best.1, image))
+    Some(refined(grid, board, &best.1, image, window))
 }
 
 /// Half window of the refinement over the distance to the nearest corner. Calibrating from 2 × 13 real views leaves
 /// 0.179 / 0.185 px at 0.25, 0.176 / 0.179 px at 0.34, and 0.201 / 0.326 px at 0.40, where neighbours come in.
 const WINDOW_RATIO: f64 = 0.34;
 
-/// The corners, each refined in the largest window that stays clear of its neighbours.
-fn refined(grid: &Grid, board: &Chessboard, p: &Placement, image: &GrayImage) -> Vec<Detection> {
+/// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for.
+fn refined(
+    grid: &Grid,
+    board: &Chessboard,
+    p: &Placement,
+    image: &GrayImage,
+    window: CornerWindow,
+) -> Vec<Detection> {
     let (rows, columns) = (board.rows as i32, board.columns as i32);
     let node = |column: i32, row: i32| {
         let (u, v) = p.node(column, row);
@@ -134,7 +146,7 @@ fn refined(grid: &Grid, board: &Chessboard, p: &Placement, image: &GrayImage) ->
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
             let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
             let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
-            let joint = joint.refined(image, WINDOW_RATIO * nearest_px);
+            let joint = joint.refined(image, WINDOW_RATIO * nearest_px, window);
             let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
             Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px })
         })
