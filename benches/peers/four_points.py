@@ -18,14 +18,13 @@ import cv2
 import numpy as np
 import poselib
 
+from scenes import CAMERA, CENTRE, F, SIZE, cross, rotation
+
 try:
     import pycolmap
 except ImportError:  # no wheel for this machine: its row is left out
     pycolmap = None
 
-SIZE, F = (1280, 960), 1000.0
-CENTRE = np.array([639.5, 479.5])
-CAMERA = np.array([[F, 0, CENTRE[0]], [0, F, CENTRE[1]], [0, 0, 1]])
 POINTS = np.array([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [0, 1, 0]])
 FOURTH_IS_THIRD = [0, 1, 3, 2]  # OpenCV's P3P solves from the first three points given
 RANGES_M, NOISES_PX = [(1.0, 3.0), (5.0, 20.0)], [0.0, 0.1, 0.5, 1.0]
@@ -34,20 +33,6 @@ SEED, ROUNDS = 20041, 3
 
 
 # ---- scenes and truth
-
-
-def rotation(vectors):
-    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3), radians."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    k = cross(vectors)
-    return np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (k @ k)
-
-
-def cross(v):
-    """Matrices (…, 3, 3) with cross(v) @ x = v × x."""
-    zero = np.zeros_like(v[..., 0])
-    rows = [zero, -v[..., 2], v[..., 1], v[..., 2], zero, -v[..., 0], -v[..., 1], v[..., 0], zero]
-    return np.stack(rows, -1).reshape(*v.shape[:-1], 3, 3)
 
 
 def attitude(rng, sight):

@@ -1,8 +1,11 @@
 #!/bin/sh
 # Resight against others, all in this run, on the same input; prints Markdown tables. Makes its own virtual environment
 # under target/ and builds what it needs of Resight in release.
-#   benches/peers/run.sh                tag image → pose, against OpenCV
+#   benches/peers/run.sh                every table below
+#   benches/peers/run.sh tag            tag image → pose, against OpenCV
 #   benches/peers/run.sh four-points    four known points → pose, against OpenCV, PoseLib and COLMAP
+#   benches/peers/run.sh family         minimal solvers, refinement, n points, wrong correspondences, against the same
+#   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
@@ -10,21 +13,44 @@ venv=$target/peers-venv
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 pip() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$root/benches/peers/$1"; }
 pip requirements.txt
+pip requirements-optional.txt || echo "no wheel of pycolmap for this machine: its rows are left out" >&2
 profile=${PROFILE:-release}
 case $profile in dev) folder=$target/debug ;; *) folder=$target/$profile ;; esac
 build() { (cd "$root" && cargo build --quiet --profile "$profile" "$@"); }
-mkdir -p "$target/peers"
-case ${1:-} in
-four-points)
+compare() { # compare SCRIPT ARGUMENT…
+    script=$1
     shift
-    pip requirements-optional.txt || echo "no wheel of pycolmap for this machine: its row is left out" >&2
+    "$venv/bin/python" "$root/benches/peers/$script" "$@" --folder "$target/peers"
+}
+mkdir -p "$target/peers"
+table=${1:-all}
+[ $# = 0 ] || shift
+case $table in
+tag)
+    build -p resight --example bench_tag_pose
+    compare tag_pose.py "$folder/examples/bench_tag_pose" "$@"
+    ;;
+four-points)
     build -p resight-cli
     build -p resight-core --example bench_four_points
-    exec "$venv/bin/python" "$root/benches/peers/four_points.py" "$folder/resight" "$folder/examples/bench_four_points" \
-        --folder "$target/peers" "$@"
+    compare four_points.py "$folder/resight" "$folder/examples/bench_four_points" "$@"
+    ;;
+family)
+    build -p resight-core --example bench_family
+    compare solvers.py "$folder/examples/bench_family" "$@"
+    ;;
+bad-inputs)
+    build -p resight-cli
+    compare bad_inputs.py "$folder/resight" "$@"
+    ;;
+all)
+    for table in tag four-points family bad-inputs; do
+        printf '\n## %s\n\n' "$table"
+        "$0" "$table"
+    done
     ;;
 *)
-    build -p resight --example bench_tag_pose
-    exec "$venv/bin/python" "$root/benches/peers/tag_pose.py" "$folder/examples/bench_tag_pose" --folder "$target/peers" "$@"
+    echo "no such table: $table; there are tag, four-points, family, bad-inputs and, without a name, all of them" >&2
+    exit 2
     ;;
 esac
