@@ -44,7 +44,7 @@ pub(crate) fn refine_against(
     problem: &Problem,
 ) -> Result<Minimum, Error> {
     let pivot = centroid(problem.seen);
-    let start = PivotedPose::new(start, &pivot);
+    let start = eased_in(PivotedPose::new(start, &pivot), &pivot, problem);
     let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, problem))
         .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     if !solution.converged {
@@ -58,6 +58,13 @@ pub(crate) fn refine_against(
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+}
+
+/// A truncated loss sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
+fn eased_in(start: PivotedPose, pivot: &Point, problem: &Problem) -> PivotedPose {
+    let Loss::Truncated { sigmas } = problem.loss else { return start };
+    let smooth = Problem { loss: Loss::Cauchy { sigmas }, ..*problem };
+    minimize(start, None, |place| normal_equations(place, pivot, &smooth)).map_or(start, |s| s.place)
 }
 
 /// Residual of one correspondence, observed − predicted, px; none outside the camera's field.

@@ -44,8 +44,8 @@ impl Moments {
         sum
     }
 
-    /// Over the points of a problem: a point beyond `WRONG` counts as it is seen, without stiffness (along the residual the
-    /// pull no longer grows, across it the little it has is not relied on).
+    /// Over the points of a problem: a point beyond `WRONG` counts as it is seen: across its residual the pull stiffens as
+    /// its weight, along it no longer.
     fn of(problem: &Problem, cam_from_target: &Pose) -> Option<Self> {
         let good = Moments::of_good(problem.loss);
         let share = 1.0 / problem.seen.len().max(1) as f64;
@@ -56,7 +56,7 @@ impl Moments {
             if squared <= WRONG {
                 sum.add(good.weight, good.stiffness, good.pull, share);
             } else {
-                sum.add(weight, 0.0, 0.5 * weight * weight * squared, share);
+                sum.add(weight, 0.5 * weight, 0.5 * weight * weight * squared, share);
             }
         }
         Some(sum)
