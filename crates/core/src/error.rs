@@ -22,6 +22,16 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
+    /// A pixel covariance that is none.
+    #[error(
+        "the pixel covariance of point {index} is not positive definite (least eigenvalue {seen:.1e} px²); correct it or give sigma_px alone"
+    )]
+    CovarianceNotPositive {
+        /// Which point, counted from 0.
+        index: usize,
+        /// Its least eigenvalue, px².
+        seen: f64,
+    },
     /// Too few points for any method.
     #[error("{seen} points given, {needed} needed; add points whose position in the target is known")]
     TooFewPoints {
@@ -113,6 +123,24 @@ pub enum Error {
         seen: f64,
         /// What it must be.
         needed: &'static str,
+    },
+    /// A prior that cannot be what it is said to be.
+    #[error("{parameter} of prior {prior} is wrong ({seen}): {needed}")]
+    InvalidPrior {
+        /// Which prior, counted from 0.
+        prior: usize,
+        /// Its field.
+        parameter: &'static str,
+        /// The value seen, or what measures its fault.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A loss whose threshold is not positive and finite.
+    #[error("the threshold of the loss is {seen} standard deviations; it must be positive and finite")]
+    InvalidLoss {
+        /// The value given.
+        seen: f64,
     },
     /// No candidate pose has every point in front of the camera.
     #[error(
