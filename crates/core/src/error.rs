@@ -114,6 +114,24 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
+    /// A prior that cannot be what it is said to be.
+    #[error("{parameter} of prior {prior} is wrong ({seen}): {needed}")]
+    InvalidPrior {
+        /// Which prior, counted from 0.
+        prior: usize,
+        /// Its field.
+        parameter: &'static str,
+        /// The value seen, or what measures its fault.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A loss whose threshold is not positive and finite.
+    #[error("the threshold of the loss is {seen} standard deviations; it must be positive and finite")]
+    InvalidLoss {
+        /// The value given.
+        seen: f64,
+    },
     /// No candidate pose has every point in front of the camera.
     #[error(
         "no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together"

@@ -14,7 +14,7 @@ pub(crate) fn intrinsics_share(
 ) -> Result<Matrix6, Error> {
     let mut by_parameter = [Vector6::zeros(); MAX_PARAMETERS];
     let mut n_parameters = 0;
-    let Problem { seen, camera } = *problem;
+    let Problem { seen, camera, .. } = *problem;
     for c in seen {
         let x = best.cam_from_target * c.x_in_target;
         let no_solution = Error::NoSolution { n_points: seen.len() };

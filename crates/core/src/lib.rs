@@ -12,6 +12,8 @@ pub mod target;
 pub mod correspondence;
 pub mod solve;
 pub mod choose;
+pub mod prior;
+pub mod loss;
 pub mod problem;
 pub mod least_squares;
 pub mod refine;

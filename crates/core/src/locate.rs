@@ -7,8 +7,10 @@ use crate::consistency::{Consistency, consistency, noise_scale};
 use crate::curvature::{self, with_curvature};
 use crate::intrinsics::intrinsics_share;
 use crate::literal::literal;
+use crate::loss::Loss;
 pub use crate::method::Method;
 use crate::method::resolve;
+use crate::prior::Prior;
 use crate::problem::Problem;
 use crate::search::{Findings, search, weakness_of_rivals};
 use crate::solve::configuration::classify;
@@ -23,6 +25,10 @@ pub struct Config<'a> {
     /// Covariance of the camera's intrinsic parameters, row by row, in the order of `Camera::parameters`; adds their share
     /// to the pose covariance.
     pub intrinsics_covariance: Option<&'a [f64]>,
+    /// What is known about the pose besides the points: each joins the cost as a factor, and a start of the search.
+    pub priors: &'a [Prior],
+    /// What a point's residual costs; `Squared` is maximum likelihood for Gaussian noise.
+    pub loss: Loss,
 }
 
 /// A pose, how sure, and whether another one fits as well.
@@ -36,7 +42,7 @@ pub struct PoseEstimate {
     pub rms_px: f64,
     /// Sum of squared residuals over their variances.
     pub chi2: f64,
-    /// 2 n − 6.
+    /// 2 n − 6, and one more for each residual of a prior.
     pub degrees_of_freedom: usize,
     /// How many correspondences took part.
     pub n_points: usize,
@@ -55,7 +61,8 @@ pub struct PoseEstimate {
 /// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
 /// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
-    let problem = &Problem::new(seen, camera);
+    let problem = &Problem { seen, camera, priors: config.priors, loss: config.loss };
+    problem.check()?;
     let configuration = classify(seen)?;
     let method = resolve(config.method, &configuration)?;
     let mut minima = Minima::new();
@@ -63,7 +70,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
         _ => search(method, &configuration, problem, &mut minima),
     };
-    let degrees_of_freedom = 2 * seen.len() - 6;
+    let degrees_of_freedom = problem.degrees_of_freedom();
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let choice = choose(&minima, seen.len(), noise_scale)?;
     let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem));

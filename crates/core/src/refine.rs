@@ -62,7 +62,7 @@ pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
 /// χ² and root mean square distance, px; infinite where a point leaves the field.
 #[inline]
 pub(crate) fn residual_sums(cam_from_target: &Pose, problem: &Problem) -> (f64, f64) {
-    let Problem { seen, camera } = *problem;
+    let Problem { seen, camera, .. } = *problem;
     let sums = match &camera.lens {
         Lens::Pinhole(model) => sum_residuals(cam_from_target, problem, |x| model.project(x)),
         _ => sum_residuals(cam_from_target, problem, |x| camera.project(x)),

@@ -42,7 +42,7 @@ pub(crate) fn search(
         refine_each(&candidates, problem, minima);
     }
     let is_bent = minima.first().is_some_and(|m| is_bent(m, problem));
-    if minima.first().is_none_or(|m| is_unlikely(m.chi2, 2 * seen.len() - 6)) {
+    if minima.first().is_none_or(|m| is_unlikely(m.chi2, problem.degrees_of_freedom())) {
         refine_each(&sqpnp::sqpnp(seen), problem, minima);
         refine_each(&three_of(seen), problem, minima);
     } else if seen.len() == 4 && (weakness.is_some() || is_bent || is_in_doubt(minima)) {

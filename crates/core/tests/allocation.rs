@@ -116,7 +116,7 @@ fn locating_does_not_allocate_with_any_configuration_or_method() {
                 Method::Planar,
                 Method::Sqpnp,
             ] {
-                let config = Config { method, intrinsics_covariance: Some(&intrinsics) };
+                let config = Config { method, intrinsics_covariance: Some(&intrinsics), ..Config::default() };
                 answered += usize::from(locate(&seen, &camera, &config).is_ok());
                 let touched = allocations(|| locate(&seen, &camera, &config));
                 assert_eq!(touched, 0, "{} points, {method:?}", points.len());

@@ -137,7 +137,7 @@ fn garbage_gives_an_error_or_finite_numbers() {
         let method = METHODS[rng.index(METHODS.len())];
         let given: Vec<f64> = (0..16).map(|k| if k % 5 == 0 { wild(&mut rng).abs() } else { 0.0 }).collect();
         let intrinsics_covariance = (rng.index(4) == 0).then_some(given.as_slice());
-        let config = Config { method, intrinsics_covariance };
+        let config = Config { method, intrinsics_covariance, ..Config::default() };
         let Ok(e) = locate(&seen, &camera, &config) else { continue };
         answered += 1;
         if !numbers(&e).iter().all(|x| x.is_finite()) || (0..6).any(|k| e.covariance[(k, k)] < 0.0) {

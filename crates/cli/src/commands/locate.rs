@@ -159,7 +159,11 @@ impl Sight<'_> {
         let skipped = skipped.iter().map(|s| skipped_text(s, self.target)).collect();
         let sigma_px = mean_square_root(points.iter().map(|c| c.sigma_px));
         let intrinsics_covariance = self.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
-        let config = Config { method: self.method, intrinsics_covariance: intrinsics_covariance.as_deref() };
+        let config = Config {
+            method: self.method,
+            intrinsics_covariance: intrinsics_covariance.as_deref(),
+            ..Config::default()
+        };
         let (verdict, estimate) = match locate(&points, camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| names.get(i).cloned().unwrap_or_default(), "px"), Some(e)),
             Err(reason) => (verdict::of_error(&reason), None),

@@ -158,7 +158,7 @@ impl Setting {
         let names: Vec<String> =
             view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
         let intrinsics_covariance = self.intrinsics_covariance.as_deref();
-        let config = Config { method: self.method, intrinsics_covariance };
+        let config = Config { method: self.method, intrinsics_covariance, ..Config::default() };
         let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
             Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None),

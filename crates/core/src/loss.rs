@@ -1,0 +1,41 @@
+//! What a residual costs.
+
+use crate::Error;
+
+/// The cost of a point's residual, s = squared length in standard deviations (of priors too: never down-weighted).
+///
+/// Thresholds are in standard deviations of a pixel coordinate, so they need no knowledge of the image.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Loss {
+    /// s: maximum likelihood for Gaussian noise. Nothing is more precise where no point is wrong.
+    #[default]
+    Squared,
+    /// s up to the threshold, then linear in √s: single wrong points pull no harder than one at the threshold.
+    Huber {
+        /// The threshold.
+        sigmas: f64,
+    },
+    /// k² ln(1 + s/k²): the farther off, the weaker the pull.
+    Cauchy {
+        /// k.
+        sigmas: f64,
+    },
+    /// s up to the square of the threshold, constant beyond: a point farther off takes no part.
+    Truncated {
+        /// The threshold.
+        sigmas: f64,
+    },
+}
+
+impl Loss {
+    /// # Errors
+    /// `InvalidLoss` for a threshold that is not positive and finite.
+    pub fn check(&self) -> Result<(), Error> {
+        let sigmas = match *self {
+            Loss::Squared => return Ok(()),
+            Loss::Huber { sigmas } | Loss::Cauchy { sigmas } | Loss::Truncated { sigmas } => sigmas,
+        };
+        let usable = 0.0 < sigmas && (sigmas * sigmas).is_normal();
+        if usable { Ok(()) } else { Err(Error::InvalidLoss { seen: sigmas }) }
+    }
+}
