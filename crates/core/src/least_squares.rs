@@ -214,6 +214,17 @@ impl NormalEquations {
         promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
     }
 
+    /// JᵀJ by the motion about the pivot, `[rotation; translation]`.
+    pub fn information(&self) -> Matrix6 {
+        let (rr, tt) = (&self.rotation_rotation, &self.translation_translation);
+        Matrix6::from_fn(|i, j| match (i < 3, j < 3) {
+            (true, true) => rr.at(i, j),
+            (true, false) => self.rotation_translation[(i, j - 3)],
+            (false, true) => self.rotation_translation[(j, i - 3)],
+            (false, false) => tt.at(i - 3, j - 3),
+        })
+    }
+
     /// Jᵀr by the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
     pub fn gradient_at_camera(&self, pivot_in_cam: &Point) -> Vector6 {
         let f = &self.gradient_translation;
@@ -248,6 +259,11 @@ impl NormalEquations {
 }
 
 impl Symmetric3 {
+    fn at(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = (i.min(j), i.max(j));
+        self.0[i * (5 - i) / 2 + j]
+    }
+
     #[inline(always)]
     fn add_square(&mut self, v: &Vector3<f64>) {
         let m = &mut self.0;

@@ -5,6 +5,7 @@
 use crate::choose::{Ambiguity, Minima, Minimum, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
 use crate::curvature::{self, with_curvature};
+use crate::held::{hold, may_hold, start_from_priors};
 use crate::intrinsics::intrinsics_share;
 use crate::literal::literal;
 use crate::loss::Loss;
@@ -12,8 +13,9 @@ pub use crate::method::Method;
 use crate::method::resolve;
 use crate::prior::Prior;
 use crate::problem::Problem;
+use crate::sandwich::evidence;
 use crate::search::{Findings, search, weakness_of_rivals};
-use crate::solve::configuration::classify;
+use crate::solve::configuration::{Configuration, classify};
 use crate::solve::line_plus_one::Weakness;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
@@ -40,7 +42,7 @@ pub struct PoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances.
+    /// Sum of squared residuals over their variances, those of priors included; of what they cost under a robust loss.
     pub chi2: f64,
     /// 2 n − 6, and one more for each residual of a prior.
     pub degrees_of_freedom: usize,
@@ -63,15 +65,21 @@ pub struct PoseEstimate {
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let problem = &Problem { seen, camera, priors: config.priors, loss: config.loss };
     problem.check()?;
-    let configuration = classify(seen)?;
-    let method = resolve(config.method, &configuration)?;
+    let (configuration, method) = layout(problem, config.method)?;
     let mut minima = Minima::new();
     let Findings { weakness, is_bent } = match method {
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
-        _ => search(method, &configuration, problem, &mut minima),
+        Method::Priors => hold(problem, &mut minima)?,
+        _ => {
+            start_from_priors(problem, &mut minima);
+            search(method, &configuration, problem, &mut minima)
+        }
     };
     let degrees_of_freedom = problem.degrees_of_freedom();
-    let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
+    let noise_scale = minima.first().map_or(1.0, |m| {
+        let (chi2, degrees_of_freedom) = evidence(m, problem);
+        noise_scale(chi2, degrees_of_freedom)
+    });
     let choice = choose(&minima, seen.len(), noise_scale)?;
     let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem));
     let whole = |m: &Minimum, is_bent: bool| {
@@ -100,10 +108,23 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         n_points: seen.len(),
         method,
         ambiguity,
-        consistency: consistency(best, degrees_of_freedom, problem),
+        consistency: consistency(best, problem),
         weakness,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
+}
+
+/// What the points allow, and the method for it. Too few points, or points on a line, are left to the priors, if there are any.
+fn layout(problem: &Problem, method: Method) -> Result<(Configuration, Method), Error> {
+    match classify(problem.seen) {
+        Ok(configuration) => Ok((configuration, resolve(method, &configuration)?)),
+        Err(Error::TooFewPoints { .. } | Error::Collinear { .. })
+            if method == Method::Auto && may_hold(problem) =>
+        {
+            Ok((Configuration::General, Method::Priors))
+        }
+        Err(refused) => Err(refused),
+    }
 }
 
 const LITERAL_INTRINSICS: Error = Error::WrongLayout {
