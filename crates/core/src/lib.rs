@@ -28,6 +28,7 @@ pub mod locate_lines;
 mod method;
 mod search;
 mod held;
+mod upright;
 mod literal;
 mod intrinsics;
 pub mod locate;

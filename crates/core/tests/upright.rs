@@ -2,10 +2,13 @@
 
 mod common;
 
-use common::Rng;
+use common::{Rng, views};
 use nalgebra::{Unit, Vector3};
+use resight_core::choose::Ambiguity;
+use resight_core::locate::{Config, Method, locate};
+use resight_core::prior::Prior;
 use resight_core::solve::upright_p2p::upright_p2p;
-use resight_core::{Bearing, Error, Point, Pose};
+use resight_core::{Bearing, Error, Matrix6, Point, Pose};
 
 type Direction = Unit<Vector3<f64>>;
 
@@ -222,4 +225,103 @@ fn noise_near_a_double_root_still_gives_a_start() {
     println!("double roots: {answered} of {n} answered, {touched} by one pose");
     assert!(n * 99 / 100 < answered, "{answered}");
     assert!(n / 20 < touched, "{touched}: the family should meet the branch");
+}
+
+// ---------------------------------------------------------------------------------------------- Method::Upright in `locate`
+
+/// A levelled target and the direction of down as the camera measures it, off by its own sigma.
+fn gravity(rng: &mut Rng, pose: &Pose, sigma_rad: f64) -> Prior {
+    let down_in_target = -Vector3::z();
+    let exact = pose.rotation * down_in_target;
+    let x = exact.cross(&rng.unit_vector()).normalize();
+    let off = (x * rng.normal() + exact.cross(&x) * rng.normal()) * sigma_rad;
+    Prior::Gravity { down_in_target, down_in_cam: (exact + off).normalize(), sigma_rad: sigma_rad.max(1e-6) }
+}
+
+/// From 2 to 6 m around and above a table.
+fn above_the_table(rng: &mut Rng) -> Pose {
+    let direction = Vector3::new(rng.normal(), rng.normal(), rng.uniform(0.3, 1.5)).normalize();
+    views::looking_at(
+        Point::new(0.4, 0.4, 0.0) + direction * rng.uniform(2.0, 6.0),
+        Point::new(0.4, 0.4, 0.0),
+    )
+}
+
+fn upright(priors: &[Prior]) -> Config<'_> {
+    Config { method: Method::Upright, priors, ..Config::default() }
+}
+
+/// Two points of one height and gravity: the true pose, alone; and with more points, on a line or not, the same.
+#[test]
+fn two_points_and_gravity_locate_the_camera() {
+    let mut rng = Rng::new(7);
+    let line: Vec<Point> = (0..4).map(|i| Point::new(0.3 * f64::from(i), 0.1, 0.05)).collect();
+    let scenes = [line[..2].to_vec(), line, views::general(), views::planar()];
+    for _ in 0..500 {
+        let pose = above_the_table(&mut rng);
+        let priors = [gravity(&mut rng, &pose, 0.0)];
+        for points in &scenes {
+            let e = locate(&views::seen_from(&pose, points, 0.3), &views::camera(), &upright(&priors))
+                .expect("a pose");
+            assert_eq!((e.method, e.degrees_of_freedom), (Method::Upright, 2 * points.len() - 4));
+            let off = (e.cam_from_target * pose.inverse()).log().norm();
+            assert!(off < 1e-6, "{} points: {off:e}", points.len());
+            assert!(matches!(e.ambiguity, Ambiguity::Unique { .. }), "{} points", points.len());
+        }
+    }
+}
+
+/// Noise of the pixels and of gravity: NEES 6 and 95 % regions that hold 95 %, for two points and for five.
+#[test]
+fn covariance_with_gravity_is_true() {
+    for (seed, n) in [(8, 2), (9, 5)] {
+        let mut rng = Rng::new(seed);
+        let (mut nees, mut covered, mut taken, total) = (0.0, 0, 0, 6000);
+        for _ in 0..total {
+            let pose = above_the_table(&mut rng);
+            // Half a degree: the level of a telephone.
+            let priors = [gravity(&mut rng, &pose, 0.01)];
+            let seen = views::disturbed(&mut rng, &views::seen_from(&pose, &views::general()[..n], 0.5));
+            let Ok(e) = locate(&seen, &views::camera(), &upright(&priors)) else { continue };
+            let answers = match e.ambiguity {
+                Ambiguity::Unique { .. } => vec![(e.cam_from_target, e.covariance)],
+                Ambiguity::Ambiguous { other, .. } => {
+                    vec![(e.cam_from_target, e.covariance), (other.cam_from_target, other.covariance)]
+                }
+            };
+            let squared = |(found, covariance): &(Pose, Matrix6)| {
+                let error = (pose * found.inverse()).log();
+                error.dot(&(covariance.try_inverse().expect("positive definite") * error))
+            };
+            // Of two that fit alike the one near the truth is meant.
+            let squared = answers.iter().map(squared).fold(f64::INFINITY, f64::min);
+            nees += squared;
+            covered += usize::from(squared < 12.592); // χ²₆ at 95 %
+            taken += 1;
+        }
+        let (nees, coverage) = (nees / taken as f64, covered as f64 / taken as f64);
+        println!(
+            "{n} points and gravity ±0.01 rad: NEES {nees:.3}, 95 % covers {coverage:.4}, {taken} of {total}"
+        );
+        // A steep chord near its double root is refused: one view of two points in twelve here.
+        assert!(total * 9 / 10 < taken, "{taken}");
+        assert!((5.7..6.3).contains(&nees) && (0.94..0.96).contains(&coverage), "{nees} {coverage}");
+    }
+}
+
+#[test]
+fn upright_without_what_it_needs_is_refused_by_name() {
+    let mut rng = Rng::new(10);
+    let pose = above_the_table(&mut rng);
+    let priors = [gravity(&mut rng, &pose, 0.0)];
+    let locate = |points: &[Point], priors: &[Prior]| {
+        locate(&views::seen_from(&pose, points, 0.3), &views::camera(), &upright(priors)).map(|e| e.method)
+    };
+    let points = views::general();
+    assert!(matches!(locate(&points, &[]), Err(Error::WrongLayout { method: "upright", .. })));
+    assert!(matches!(locate(&points[..2], &[]), Err(Error::WrongLayout { method: "upright", .. })));
+    assert_eq!(locate(&points[..1], &priors), Err(Error::TooFewPoints { seen: 1, needed: 2 }));
+    let above = [points[0], points[0] + Vector3::new(0.0, 0.0, 0.4)];
+    assert!(matches!(locate(&above, &priors), Err(Error::DegenerateView { .. })));
+    assert!(matches!(locate(&[points[0]; 2], &priors), Err(Error::Coincident { .. })));
 }
