@@ -38,8 +38,8 @@ fn limit(degrees_of_freedom: usize) -> f64 {
     n * (1.0 - k + QUANTILE * k.sqrt()).powi(3)
 }
 
-/// Whether data as good as stated would hardly give such a χ².
-pub(crate) fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
+/// Whether data as good as stated would hardly give such a χ²: once in ten thousand.
+pub fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
     0 < degrees_of_freedom && limit(degrees_of_freedom) < chi2
 }
 

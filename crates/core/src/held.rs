@@ -63,7 +63,7 @@ const FREE: &str =
     "points and priors together leave a direction of the pose free; add a point or a prior that fixes it";
 
 /// Refines a start and keeps the minimum where the information matrix there has full rank.
-fn determined(start: &Pose, problem: &Problem, minima: &mut Minima) -> Result<(), Error> {
+pub(crate) fn determined(start: &Pose, problem: &Problem, minima: &mut Minima) -> Result<(), Error> {
     let found = refine_against(start, None, problem);
     let at = found.as_ref().map_or(start, |m| &m.cam_from_target);
     let metric = least_information(at, problem);

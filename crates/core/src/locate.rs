@@ -17,6 +17,7 @@ use crate::sandwich::evidence;
 use crate::search::{Findings, search, weakness_of_rivals};
 use crate::solve::configuration::{Configuration, classify};
 use crate::solve::line_plus_one::Weakness;
+use crate::upright::upright;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
 /// What to do beyond the defaults.
@@ -70,6 +71,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let Findings { weakness, is_bent } = match method {
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
         Method::Priors => hold(problem, &mut minima)?,
+        Method::Upright => upright(problem, &mut minima)?,
         _ => {
             start_from_priors(problem, &mut minima);
             search(method, &configuration, problem, &mut minima)
@@ -118,6 +120,9 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
 fn layout(problem: &Problem, method: Method) -> Result<(Configuration, Method), Error> {
     match classify(problem.seen) {
         Ok(configuration) => Ok((configuration, resolve(method, &configuration)?)),
+        Err(Error::TooFewPoints { .. } | Error::Collinear { .. }) if method == Method::Upright => {
+            Ok((Configuration::General, Method::Upright))
+        }
         Err(Error::TooFewPoints { .. } | Error::Collinear { .. })
             if method == Method::Auto && may_hold(problem) =>
         {

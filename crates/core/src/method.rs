@@ -20,6 +20,8 @@ pub enum Method {
     Planar,
     /// Any n ≥ 3 points.
     Sqpnp,
+    /// Two points or more, and a direction known in both frames (`Prior::Gravity`).
+    Upright,
     /// Too few points for a pose of their own, or points on one line: priors give the rest. Chosen by `Auto` alone.
     Priors,
 }

@@ -5,6 +5,10 @@
 //! | [`line_plus_one`] | 3 collinear + 1 off the line | 2 | own, docs/math/line_plus_one.md |
 //! | [`wang2004`] | 3 collinear + 1 off the line | 4 | F.-Y. Wang, IEEE T-RA 2004, as printed |
 //! | [`p3p`] | 3 | ≤ 4, all reproject, in front | own, docs/math/p3p.md |
+//! | [`upright_p2p`] | 2, and the vertical | ≤ 2, in front | own, docs/math/upright_p2p.md |
+//! | [`pure_rotation`] | ≥ 2 directions | 1 rotation | own, docs/math/pure_rotation.md |
+//! | [`vanishing`] | ≥ 2 parallel lines; ≥ 2 line directions | 1 direction; ≤ 4 rotations | own, docs/math/lines.md |
+//! | [`line_rotation`] | 3 lines | ≤ 8 rotations | own, docs/math/lines.md |
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
 //!
@@ -14,6 +18,10 @@ pub mod configuration;
 pub mod line_plus_one;
 pub mod wang2004;
 pub mod p3p;
+pub mod upright_p2p;
+pub mod pure_rotation;
+pub mod vanishing;
+pub mod line_rotation;
 pub mod sqpnp;
 pub mod planar;
 

@@ -4,12 +4,19 @@
 mod common;
 
 use common::{Rng, views};
+use resight_core::known_rotation::{KnownRotation, place};
+use resight_core::line::{ImageLine, LineCorrespondence};
 use resight_core::locate::{Config, Method, locate};
+use resight_core::locate_lines::locate_lines;
+use resight_core::problem::Problem;
 use resight_core::refine::refine;
 use resight_core::solve::line_plus_one::line_plus_one;
 use resight_core::solve::p3p::p3p;
 use resight_core::solve::planar::planar;
+use resight_core::solve::pure_rotation::{DirectionPair, pure_rotation};
 use resight_core::solve::sqpnp::sqpnp;
+use resight_core::solve::upright_p2p::upright_p2p;
+use resight_core::solve::vanishing::{rotations, vanishing_point};
 use resight_core::solve::wang2004::wang2004;
 use resight_core::{Correspondence, Point};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -136,4 +143,34 @@ fn refusing_does_not_allocate() {
         .map(|i| Correspondence { x_in_target: views::general()[7 - i], ..exact(&views::general())[i] })
         .collect();
     assert_eq!(allocations(|| locate(&garbled, &views::camera(), &Config::default())), 0);
+}
+
+/// The solvers that know something of the rotation, and those of lines.
+#[test]
+fn upright_rotations_and_lines_do_not_allocate() {
+    let pose = views::oblique();
+    let x = exact(&views::general());
+    let down = nalgebra::Vector3::z_axis();
+    let down_in_cam = nalgebra::Unit::new_normalize(pose.rotation * down.into_inner());
+    let (bearings, points) = ([x[0].bearing, x[1].bearing], [x[0].x_in_target, x[1].x_in_target]);
+    assert_eq!(allocations(|| upright_p2p(&bearings, &points, &down, &down_in_cam)), 0);
+    let pairs = [0, 1, 2].map(|i: usize| {
+        let in_second = nalgebra::Unit::new_normalize(pose.rotation * x[i].bearing.into_inner());
+        DirectionPair { in_first: x[i].bearing, in_second, sigma_rad: 1e-3 }
+    });
+    assert_eq!(allocations(|| pure_rotation(&pairs)), 0);
+    assert_eq!(allocations(|| rotations(&pairs)), 0);
+    let rotation = KnownRotation { cam_from_target: pose.rotation, covariance: nalgebra::Matrix3::zeros() };
+    assert_eq!(allocations(|| place(&rotation, &x[..2], &[], &views::camera(), &[])), 0);
+    let line = |[i, j]: [usize; 2]| {
+        let seen = ImageLine::new(&views::camera(), [x[i].pixel, x[j].pixel], 0.3).expect("a line");
+        let along = x[j].x_in_target - x[i].x_in_target;
+        let direction_in_target = nalgebra::Unit::new_normalize(along);
+        LineCorrespondence { point_in_target: Some(x[i].x_in_target), direction_in_target, seen }
+    };
+    let lines = [line([0, 2]), line([1, 3]), line([5, 7]), line([0, 1])];
+    let camera = views::camera();
+    assert!(locate_lines(&lines, &Problem::new(&x, &camera)).is_ok());
+    assert_eq!(allocations(|| locate_lines(&lines, &Problem::new(&x, &camera))), 0);
+    assert_eq!(allocations(|| vanishing_point(&lines.map(|l| l.seen))), 0);
 }
