@@ -158,4 +158,24 @@ pub enum Error {
         /// Steps taken.
         steps: usize,
     },
+    /// Too few frames with a pose.
+    #[error("{seen} frames have a pose, {needed} needed; add frames in which the target is seen well")]
+    TooFewFrames {
+        /// How many had a pose.
+        seen: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+    /// The frames say hardly anything about an intrinsic parameter.
+    #[error(
+        "the frames leave {parameter} undetermined (relative standard deviation {seen:.1e}, need {needed:.0e} or less); add views tilted by 30° or more and at several distances, or hold it"
+    )]
+    UndeterminedIntrinsics {
+        /// Parameter name, as in camera.toml.
+        parameter: &'static str,
+        /// Its standard deviation relative to its scale: docs/math/frames.md eq. (9).
+        seen: f64,
+        /// The largest accepted.
+        needed: f64,
+    },
 }

@@ -5,6 +5,8 @@
 //! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
 //! Derivation: docs/math/refine.md eqs. (2)–(7).
 
+pub mod shared;
+
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
 

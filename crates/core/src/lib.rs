@@ -32,6 +32,7 @@ mod upright;
 mod literal;
 mod intrinsics;
 pub mod locate;
+pub mod frames;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

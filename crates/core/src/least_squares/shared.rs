@@ -1,0 +1,214 @@
+//! Levenberg–Marquardt on many poses together with parameters that all of them share (the camera's intrinsics).
+//!
+//! A view touches its own pose and the shared parameters only. Each pose is therefore eliminated by its own 6×6 block (Schur
+//! complement), and what is left to solve is as large as the shared parameters. Derivation: docs/math/frames.md eqs. (2)–(6).
+//!
+//!   A  JᵀWJ of one pose, 6×6   ·   B  JᵀWK, 6×k   ·   C  Σ KᵀWK, k×k   ·   a, c  the gradients JᵀWr, Σ KᵀWr
+
+use super::{FIRST_DAMPING, LAST_DAMPING, MAX_STEPS, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE, eased};
+use crate::camera::MAX_PARAMETERS;
+use crate::{Matrix6, Vector6};
+use arrayvec::ArrayVec;
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Vector2};
+
+/// Gauss–Newton's view of the whole cost.
+#[derive(Debug, Clone)]
+pub struct SharedEquations {
+    /// Sum of squared whitened residuals over all views.
+    pub chi2: f64,
+    views: Vec<ViewBlocks>,
+    /// c.
+    gradient: DVector<f64>,
+    /// C.
+    information: DMatrix<f64>,
+}
+
+/// What one view brings.
+#[derive(Debug, Clone)]
+struct ViewBlocks {
+    chi2: f64,
+    pose_pose: Matrix6,
+    pose_shared: ArrayVec<Vector6, MAX_PARAMETERS>,
+    gradient: Vector6,
+}
+
+/// The equations of the shared parameters alone, every pose eliminated: (C − Σ BᵀA⁻¹B) η = c − Σ BᵀA⁻¹a.
+#[derive(Debug, Clone)]
+pub struct Reduced {
+    /// k×k, positive definite where the views determine all the parameters.
+    pub information: DMatrix<f64>,
+    /// k.
+    pub gradient: DVector<f64>,
+}
+
+/// Where the loop ended.
+#[derive(Debug, Clone)]
+pub struct SharedSolution {
+    /// The poses, one a view.
+    pub places: Vec<PivotedPose>,
+    /// The shared parameters, as changes from the start.
+    pub change: DVector<f64>,
+    /// The equations one vanishing step before it.
+    pub equations: SharedEquations,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether the last step promised less than the tolerance.
+    pub converged: bool,
+}
+
+/// A step: a motion for each view, a change of the shared parameters, the decrease of χ² it promises.
+struct Step {
+    motions: Vec<Vector6>,
+    change: DVector<f64>,
+    promised: f64,
+}
+
+/// Minimises a cost over all poses and `n_shared` parameters that start at zero change. `evaluate` returns none where a point
+/// leaves the camera's field or the parameters make no camera.
+pub fn minimize_shared(
+    start: Vec<PivotedPose>,
+    n_shared: usize,
+    evaluate: impl Fn(&[PivotedPose], &DVector<f64>) -> Option<SharedEquations>,
+) -> Option<SharedSolution> {
+    let (mut places, mut change) = (start, DVector::zeros(n_shared));
+    let mut equations = evaluate(&places, &change)?;
+    let (mut damping, mut growth) = (0.0, 2.0);
+    for steps in 1..=MAX_STEPS {
+        let step = equations.step(damping);
+        let trial = step.map(|step| (moved(&places, &step.motions), &change + step.change, step.promised));
+        if let Some((trial_places, trial_change, promised)) = trial {
+            if promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2 {
+                let (places, change) = (trial_places, trial_change);
+                return Some(SharedSolution { places, change, equations, steps, converged: true });
+            }
+            let better = evaluate(&trial_places, &trial_change).filter(|e| e.chi2 < equations.chi2);
+            if let Some(better) = better {
+                damping = eased(damping, (equations.chi2 - better.chi2) / promised);
+                (places, change, equations, growth) = (trial_places, trial_change, better, 2.0);
+                continue;
+            }
+            if LAST_DAMPING <= damping {
+                return Some(SharedSolution { places, change, equations, steps, converged: true });
+            }
+        }
+        damping = f64::max(growth * damping, FIRST_DAMPING);
+        growth *= 2.0;
+    }
+    Some(SharedSolution { places, change, equations, steps: MAX_STEPS, converged: false })
+}
+
+fn moved(places: &[PivotedPose], motions: &[Vector6]) -> Vec<PivotedPose> {
+    places.iter().zip(motions).map(|(place, motion)| place.moved(motion)).collect()
+}
+
+impl SharedEquations {
+    /// All zero, no view yet.
+    pub fn new(n_shared: usize) -> Self {
+        let (gradient, information) = (DVector::zeros(n_shared), DMatrix::zeros(n_shared, n_shared));
+        SharedEquations { chi2: 0.0, views: Vec::new(), gradient, information }
+    }
+
+    /// What is added from now on belongs to the next view.
+    pub fn next_view(&mut self) {
+        let pose_shared = self.gradient.iter().map(|_| Vector6::zeros()).collect();
+        let (pose_pose, gradient) = (Matrix6::zeros(), Vector6::zeros());
+        self.views.push(ViewBlocks { chi2: 0.0, pose_pose, pose_shared, gradient });
+    }
+
+    /// Adds a point of the current view: its residual (observed − predicted), the inverse covariance W of it, and the derivatives
+    /// of the prediction by the motion (J) and by the shared parameters (columns of K).
+    pub fn add(
+        &mut self,
+        residual: &Vector2<f64>,
+        weight: &Matrix2<f64>,
+        by_motion: &Matrix2x6<f64>,
+        by_shared: &[Vector2<f64>],
+    ) {
+        let Some(view) = self.views.last_mut() else { return };
+        let (wr, wj) = (weight * residual, weight * by_motion);
+        let chi2 = residual.dot(&wr);
+        self.chi2 += chi2;
+        view.chi2 += chi2;
+        view.gradient += by_motion.tr_mul(&wr);
+        view.pose_pose += by_motion.tr_mul(&wj);
+        for (i, by) in by_shared.iter().enumerate() {
+            view.pose_shared[i] += wj.tr_mul(by);
+            self.gradient[i] += by.dot(&wr);
+            let w_by = weight * by;
+            for (j, other) in by_shared[..=i].iter().enumerate() {
+                let entry = other.dot(&w_by);
+                self.information[(i, j)] += entry;
+                if j != i {
+                    self.information[(j, i)] += entry;
+                }
+            }
+        }
+    }
+
+    /// χ² of each view.
+    pub fn chi2_of_views(&self) -> impl Iterator<Item = f64> + '_ {
+        self.views.iter().map(|view| view.chi2)
+    }
+
+    /// The equations of the shared parameters alone; none where a view does not determine its pose.
+    pub fn reduced(&self) -> Option<Reduced> {
+        self.eliminated(0.0).map(|(reduced, _)| reduced)
+    }
+
+    /// Covariance of the motion of each view's pose about its pivot, the shared parameters having `covariance`.
+    pub fn pose_covariances(&self, covariance: &DMatrix<f64>) -> Option<Vec<Matrix6>> {
+        let of_view = |view: &ViewBlocks| {
+            let inverse = view.pose_pose.cholesky()?.inverse();
+            let by_shared: Vec<Vector6> = view.pose_shared.iter().map(|column| inverse * column).collect();
+            let mut total = inverse;
+            for (i, left) in by_shared.iter().enumerate() {
+                for (j, right) in by_shared.iter().enumerate() {
+                    total += left * right.transpose() * covariance[(i, j)];
+                }
+            }
+            Some(total)
+        };
+        self.views.iter().map(of_view).collect()
+    }
+
+    /// The reduced equations and A⁻¹ of each view, damped.
+    fn eliminated(&self, damping: f64) -> Option<(Reduced, Vec<Matrix6>)> {
+        let mut reduced = Reduced { information: self.information.clone(), gradient: self.gradient.clone() };
+        for i in 0..self.gradient.len() {
+            reduced.information[(i, i)] *= 1.0 + damping;
+        }
+        let mut inverses = Vec::with_capacity(self.views.len());
+        for view in &self.views {
+            let mut pose_pose = view.pose_pose;
+            for i in 0..6 {
+                pose_pose[(i, i)] *= 1.0 + damping;
+            }
+            let inverse = pose_pose.cholesky()?.inverse();
+            for (i, column) in view.pose_shared.iter().enumerate() {
+                let solved = inverse * column;
+                reduced.gradient[i] -= solved.dot(&view.gradient);
+                for (j, other) in view.pose_shared.iter().enumerate() {
+                    reduced.information[(i, j)] -= solved.dot(other);
+                }
+            }
+            inverses.push(inverse);
+        }
+        Some((reduced, inverses))
+    }
+
+    fn step(&self, damping: f64) -> Option<Step> {
+        let (reduced, inverses) = self.eliminated(damping)?;
+        let change = reduced.information.cholesky()?.solve(&reduced.gradient);
+        let motion = |(view, inverse): (&ViewBlocks, &Matrix6)| {
+            let mut pull = view.gradient;
+            for (column, change) in view.pose_shared.iter().zip(change.iter()) {
+                pull -= column * *change;
+            }
+            inverse * pull
+        };
+        let motions: Vec<Vector6> = self.views.iter().zip(&inverses).map(motion).collect();
+        let of_poses: f64 = self.views.iter().zip(&motions).map(|(view, m)| view.gradient.dot(m)).sum();
+        let promised = of_poses + self.gradient.dot(&change);
+        promised.is_finite().then_some(Step { motions, change, promised })
+    }
+}
