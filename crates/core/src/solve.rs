@@ -5,6 +5,8 @@
 //! | [`line_plus_one`] | 3 collinear + 1 off the line | 2 | own, docs/math/line_plus_one.md |
 //! | [`wang2004`] | 3 collinear + 1 off the line | 4 | F.-Y. Wang, IEEE T-RA 2004, as printed |
 //! | [`p3p`] | 3 | ≤ 4, all reproject, in front | own, docs/math/p3p.md |
+//! | [`gp3p`] | 3 rays of a rig | ≤ 8, all reproject, in front | own, docs/math/gp3p.md |
+//! | [`upright_gp2p`] | 2 rays of a rig, gravity known | ≤ 2, all reproject, in front | own, docs/math/upright_gp2p.md |
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
 //!
@@ -14,6 +16,8 @@ pub mod configuration;
 pub mod line_plus_one;
 pub mod wang2004;
 pub mod p3p;
+pub mod gp3p;
+pub mod upright_gp2p;
 pub mod sqpnp;
 pub mod planar;
 
