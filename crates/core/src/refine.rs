@@ -14,7 +14,7 @@ use crate::{Camera, Correspondence, Error, Lens, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
 /// The points leave a direction free, to rounding.
-const UNDETERMINED: Error = Error::DegenerateView {
+pub(crate) const UNDETERMINED: Error = Error::DegenerateView {
     reason: "these points leave a direction of the pose undetermined; add points away from the others",
     metric: 0.0,
     needed: f64::MIN_POSITIVE,
@@ -118,7 +118,7 @@ pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matr
 }
 
 /// W with WᵀW = information, upper triangular: whitens residuals and derivatives alike.
-fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
+pub(crate) fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
     let i = information(c, jacobian);
     let a = i[(0, 0)].sqrt();
     let b = i[(0, 1)] / a;
