@@ -76,7 +76,7 @@ pub(crate) fn information(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> Matr
 }
 
 /// W with WᵀW = information, upper triangular: whitens residuals and derivatives alike.
-fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
+pub(crate) fn whitening(c: &Correspondence, jacobian: &Matrix2x3<f64>) -> (f64, f64, f64) {
     if c.is_plain() {
         return (1.0 / c.sigma_px, 0.0, 1.0 / c.sigma_px);
     }

@@ -8,7 +8,7 @@
 //! Derivation and measurements: docs/math/refine.md eqs. (10)–(14).
 
 use crate::choose::Minimum;
-use crate::least_squares::PivotedPose;
+use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::problem::Problem;
 use crate::refine::{centroid, normal_equations, residual_sums};
 use crate::{Matrix6, Point, Pose, Vector6};
@@ -21,25 +21,49 @@ const STRAIGHT: f64 = 1.25;
 /// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
 const LEAST_RISE: f64 = 0.4;
 
+/// What is needed of a cost to walk along its ridge: that of one camera, or of a rig.
+pub(crate) trait Cost {
+    /// The point about which small motions turn, target frame.
+    fn pivot(&self) -> Point;
+    /// Gauss–Newton's view of the cost; none where a point leaves a camera's field.
+    fn normal_equations(&self, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations>;
+    /// The cost; infinite where a point leaves a camera's field.
+    fn chi2(&self, cam_from_target: &Pose) -> f64;
+}
+
+impl Cost for Problem<'_> {
+    fn pivot(&self) -> Point {
+        centroid(self.seen)
+    }
+
+    fn normal_equations(&self, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
+        normal_equations(place, pivot, self)
+    }
+
+    fn chi2(&self, cam_from_target: &Pose) -> f64 {
+        residual_sums(cam_from_target, self).0
+    }
+}
+
 /// Whether χ² rises otherwise than quadratically along the weakest turn, so that the covariance needs the bend's share and
 /// another minimum may lie along the ridge.
-pub(crate) fn is_bent(m: &Minimum, problem: &Problem) -> bool {
+pub(crate) fn is_bent(m: &Minimum, cost: &impl Cost) -> bool {
     let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
     let straight = |side: f64| {
         let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
-        let rise = residual_sums(&probe, problem).0 - m.chi2;
+        let rise = cost.chi2(&probe) - m.chi2;
         rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
     };
     !(straight(PROBE) && straight(-PROBE))
 }
 
 /// The covariance of a minimum, with the share of the bend added.
-pub(crate) fn with_curvature(m: &Minimum, problem: &Problem) -> Matrix6 {
+pub(crate) fn with_curvature(m: &Minimum, cost: &impl Cost) -> Matrix6 {
     let rotation = rotation_block(&m.covariance);
     let first = Turn::weakest(&m.covariance, &rotation);
     let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
     let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
-    let ridge = Ridge { m, turns: [first, second], pivot: centroid(problem.seen), problem };
+    let ridge = Ridge { m, turns: [first, second], pivot: cost.pivot(), cost };
     ridge.share().map_or(m.covariance, |share| m.covariance + share)
 }
 
@@ -70,14 +94,14 @@ impl Turn {
     }
 }
 
-struct Ridge<'a> {
+struct Ridge<'a, C: Cost> {
     m: &'a Minimum,
     turns: [Turn; 2],
     pivot: Point,
-    problem: &'a Problem<'a>,
+    cost: &'a C,
 }
 
-impl Ridge<'_> {
+impl<C: Cost> Ridge<'_, C> {
     fn share(&self) -> Option<Matrix6> {
         let [d1, d2] = [self.turns[0].motion, self.turns[1].motion];
         let q = PROBE / 2f64.sqrt();
@@ -104,7 +128,7 @@ impl Ridge<'_> {
         let [t1, t2] = &self.turns;
         let probe = Pose::exp(&(t1.motion * s1 + t2.motion * s2)) * self.m.cam_from_target;
         let place = PivotedPose::new(&probe, &self.pivot);
-        let normal = normal_equations(&place, &self.pivot, self.problem)?;
+        let normal = self.cost.normal_equations(&place, &self.pivot)?;
         let covariance = normal.covariance_at_camera(&place.pivot_in_cam)?;
         let gradient = normal.gradient_at_camera(&place.pivot_in_cam);
         let step = covariance * gradient;
@@ -152,7 +176,7 @@ mod tests {
             m: &m,
             turns: [first, second],
             pivot: centroid(&seen),
-            problem: &Problem::new(&seen, &camera),
+            cost: &Problem::new(&seen, &camera),
         };
         let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
         let mut moment = Matrix6::zeros();

@@ -142,6 +142,35 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
+    /// A rig without a camera.
+    #[error("the rig has no camera; give at least one view")]
+    EmptyRig,
+    /// A camera of a rig whose place cannot be right.
+    #[error("camera {camera} of the rig: {what} is {seen}; {needed}")]
+    InvalidRig {
+        /// Which view, counted from 0.
+        camera: usize,
+        /// What of it.
+        what: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A point seen by a camera of a rig with a number that cannot be right.
+    #[error(
+        "{what} of point {point} seen by camera {camera} of the rig {needed}; remove the row or correct it"
+    )]
+    InvalidRigPoint {
+        /// Which view, counted from 0.
+        camera: usize,
+        /// Which point of it, counted from 0.
+        point: usize,
+        /// Which quantity.
+        what: &'static str,
+        /// What it must be.
+        needed: &'static str,
+    },
     /// No candidate pose has every point in front of the camera.
     #[error(
         "no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together"

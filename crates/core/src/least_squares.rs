@@ -197,6 +197,59 @@ impl NormalEquations {
         tt[5] += s * s + t * t;
     }
 
+    /// Adds the residuals of another set.
+    pub(crate) fn merge(&mut self, other: &NormalEquations) {
+        let sum = |a: &Symmetric3, b: &Symmetric3| Symmetric3(core::array::from_fn(|i| a.0[i] + b.0[i]));
+        self.chi2 += other.chi2;
+        self.gradient_rotation += other.gradient_rotation;
+        self.gradient_translation += other.gradient_translation;
+        self.rotation_rotation = sum(&self.rotation_rotation, &other.rotation_rotation);
+        self.rotation_translation += other.rotation_translation;
+        self.translation_translation = sum(&self.translation_translation, &other.translation_translation);
+    }
+
+    /// The same residuals where the motion they see is the pose's plus an unknown one of covariance S, the best of which is
+    /// eliminated: docs/math/rig_pose.md eqs. (5)–(6). None where the inverse does not exist.
+    pub(crate) fn with_uncertain_motion(&self, covariance: &Matrix6) -> Option<Self> {
+        let (information, gradient) = (self.information(), self.gradient());
+        let share = (Matrix6::identity() + information * covariance).try_inverse()?;
+        let eliminated = share * gradient;
+        let information = share * information;
+        let symmetric = |at: usize| {
+            let entry =
+                |i: usize, j: usize| 0.5 * (information[(at + i, at + j)] + information[(at + j, at + i)]);
+            Symmetric3([entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)])
+        };
+        Some(NormalEquations {
+            chi2: self.chi2 - gradient.dot(&(covariance * eliminated)),
+            gradient_rotation: eliminated.fixed_rows::<3>(0).into(),
+            gradient_translation: eliminated.fixed_rows::<3>(3).into(),
+            rotation_rotation: symmetric(0),
+            rotation_translation: information.fixed_view::<3, 3>(0, 3).into(),
+            translation_translation: symmetric(3),
+        })
+    }
+
+    /// JᵀJ.
+    fn information(&self) -> Matrix6 {
+        let square = |m: &Symmetric3| {
+            let [a, b, c, d, e, f] = m.0;
+            Matrix3::new(a, b, c, b, d, e, c, e, f)
+        };
+        let mut information = Matrix6::zeros();
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&square(&self.rotation_rotation));
+        information.fixed_view_mut::<3, 3>(0, 3).copy_from(&self.rotation_translation);
+        information.fixed_view_mut::<3, 3>(3, 0).tr_copy_from(&self.rotation_translation);
+        information.fixed_view_mut::<3, 3>(3, 3).copy_from(&square(&self.translation_translation));
+        information
+    }
+
+    /// Jᵀr.
+    fn gradient(&self) -> Vector6 {
+        let (w, v) = (&self.gradient_rotation, &self.gradient_translation);
+        Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z)
+    }
+
     /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
     ///
     /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.

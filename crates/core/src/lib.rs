@@ -33,6 +33,7 @@ mod literal;
 mod intrinsics;
 pub mod locate;
 pub mod frames;
+pub mod rig_pose;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

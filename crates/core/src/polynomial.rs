@@ -4,6 +4,9 @@
 //! double root inside one of them costs no digits of the factor; only then is it solved.
 //! Derivation and the choice of the split: docs/math/p3p.md, section 3.
 
+pub mod bernstein;
+pub mod arc;
+
 use arrayvec::ArrayVec;
 
 /// A monic quadratic x² + `linear` x + `constant`.

@@ -3,7 +3,9 @@
 //! The residuals and their derivatives are summed in `accumulate`, the steps taken in `least_squares`.
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
-pub(crate) use crate::accumulate::{information, normal_equations, residual_sums, whitened_residual};
+pub(crate) use crate::accumulate::{
+    information, normal_equations, residual_sums, whitened_residual, whitening,
+};
 use crate::choose::Minimum;
 use crate::least_squares::{PivotedPose, minimize};
 use crate::loss::Loss;
@@ -13,7 +15,7 @@ use crate::{Camera, Correspondence, Error, Point, Pose};
 use nalgebra::Vector2;
 
 /// The points leave a direction free, to rounding.
-const UNDETERMINED: Error = Error::DegenerateView {
+pub(crate) const UNDETERMINED: Error = Error::DegenerateView {
     reason: "these points leave a direction of the pose undetermined; add points away from the others",
     metric: 0.0,
     needed: f64::MIN_POSITIVE,

@@ -87,7 +87,7 @@ fn refine_each(candidates: &[Pose], problem: &Problem, minima: &mut Minima) {
 }
 
 /// The closed form of a method, and what makes the view weak.
-fn closed_form(
+pub(crate) fn closed_form(
     method: Method,
     configuration: &Configuration,
     problem: &Problem,

@@ -9,6 +9,8 @@
 //! | [`pure_rotation`] | ≥ 2 directions | 1 rotation | own, docs/math/pure_rotation.md |
 //! | [`vanishing`] | ≥ 2 parallel lines; ≥ 2 line directions | 1 direction; ≤ 4 rotations | own, docs/math/lines.md |
 //! | [`line_rotation`] | 3 lines | ≤ 8 rotations | own, docs/math/lines.md |
+//! | [`gp3p`] | 3 rays of a rig | ≤ 8, all reproject, in front | own, docs/math/gp3p.md |
+//! | [`upright_gp2p`] | 2 rays of a rig, gravity known | ≤ 2, all reproject, in front | own, docs/math/upright_gp2p.md |
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
 //!
@@ -22,6 +24,8 @@ pub mod upright_p2p;
 pub mod pure_rotation;
 pub mod vanishing;
 pub mod line_rotation;
+pub mod gp3p;
+pub mod upright_gp2p;
 pub mod sqpnp;
 pub mod planar;
 

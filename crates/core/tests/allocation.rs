@@ -10,6 +10,7 @@ use resight_core::locate::{Config, Method, locate};
 use resight_core::locate_lines::locate_lines;
 use resight_core::problem::Problem;
 use resight_core::refine::refine;
+use resight_core::rig_pose::{RigView, locate_rig};
 use resight_core::solve::line_plus_one::line_plus_one;
 use resight_core::solve::p3p::p3p;
 use resight_core::solve::planar::planar;
@@ -18,7 +19,7 @@ use resight_core::solve::sqpnp::sqpnp;
 use resight_core::solve::upright_p2p::upright_p2p;
 use resight_core::solve::vanishing::{rotations, vanishing_point};
 use resight_core::solve::wang2004::wang2004;
-use resight_core::{Correspondence, Point};
+use resight_core::{Correspondence, Matrix6, Point, Pose};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
@@ -131,6 +132,29 @@ fn locating_does_not_allocate_with_any_configuration_or_method() {
         }
     }
     assert!(2 * scenes.len() < answered, "{answered}");
+}
+
+/// Also with uncertain cameras, and refused.
+#[test]
+fn a_rig_does_not_allocate() {
+    let (camera, mut rng) = (views::camera(), Rng::new(6));
+    let covariance = Matrix6::identity() * 1e-6;
+    for points in [views::three(), views::planar(), views::general(), many(64, 0.5)] {
+        let seen = views::disturbed(&mut rng, &exact(&points));
+        for cam_from_rig_covariance in [None, Some(covariance)] {
+            let view = |seen| RigView {
+                camera: &camera,
+                cam_from_rig: Pose::identity(),
+                cam_from_rig_covariance,
+                seen,
+            };
+            let (one, other) = seen.split_at(seen.len() / 2);
+            let (rig, single) = ([view(one), view(other)], [view(&seen)]);
+            assert!(locate_rig(&rig).is_ok() && locate_rig(&single).is_ok());
+            assert_eq!(allocations(|| locate_rig(&rig)) + allocations(|| locate_rig(&single)), 0);
+            assert_eq!(allocations(|| locate_rig(&[view(&seen[..2])])), 0);
+        }
+    }
 }
 
 /// Refusals are answers too.
