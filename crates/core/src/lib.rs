@@ -22,6 +22,7 @@ mod search;
 mod literal;
 mod intrinsics;
 pub mod locate;
+pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

@@ -1,6 +1,7 @@
 //! Seeded chance for the property suites: the same problems on every machine.
 #![allow(dead_code)] // Each test binary uses its own part.
 
+pub mod outliers;
 pub mod views;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
