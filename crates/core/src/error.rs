@@ -207,4 +207,30 @@ pub enum Error {
         /// The largest accepted.
         needed: f64,
     },
+    /// Too few correspondences agree with any one pose to rule out chance.
+    #[error(
+        "no pose agrees with enough of the {n} {what}: {best} at best, {needed} needed to rule out chance ({samples} samples tried); check that labels and camera belong to this view, keep the threshold at three to five standard deviations of the noise, or add {what}"
+    )]
+    NoConsensus {
+        /// The most that agreed with one pose; those that a pose meets by construction when none did better.
+        best: usize,
+        /// How many there were.
+        n: usize,
+        /// How many must agree.
+        needed: usize,
+        /// `points`, or `groups`.
+        what: &'static str,
+        /// Samples tried.
+        samples: usize,
+    },
+    /// A setting that cannot be.
+    #[error("{setting} is {seen}; {needed}")]
+    InvalidSetting {
+        /// Name of the setting.
+        setting: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
 }

@@ -34,6 +34,7 @@ mod intrinsics;
 pub mod locate;
 pub mod frames;
 pub mod rig_pose;
+pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

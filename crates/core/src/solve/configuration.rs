@@ -70,6 +70,7 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
     Ok(if flat { Configuration::Planar } else { Configuration::General })
 }
 
+/// Errors: `NotFinite`, `NotPositive` (sigma), with the index of the point.
 pub(crate) fn check_numbers(points: &[Correspondence]) -> Result<(), Error> {
     for (index, c) in points.iter().enumerate() {
         let finite = |what, ok: bool| if ok { Ok(()) } else { Err(Error::NotFinite { what, index }) };

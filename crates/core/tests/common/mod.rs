@@ -2,6 +2,7 @@
 #![allow(dead_code)] // Each test binary uses its own part.
 
 pub mod rigs;
+pub mod outliers;
 pub mod views;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};

@@ -1,0 +1,83 @@
+//! Consensus on real correspondences, wrong ones included: a phone's photographs and a published example of robust estimation.
+
+mod real_support;
+
+use nalgebra::Vector3;
+use real_support::*;
+use resight::core::refine::residual_px;
+use resight::core::robust::{Config, Consensus, consensus};
+use resight::core::{Camera, CameraMatrix, Correspondence, Pixel, Point};
+use std::path::Path;
+
+/// Poses published with the photographs, adjusted together with the points and with another loss. Ours agree to 0.005° and 2 mm, in
+/// 03.jpg to 0.0083° and 1.4 mm: its tracks have twice the noise (rms 1.6 px below the threshold, the others 1.1), and the pose is
+/// known to 0.0081° only, so that the difference is one standard deviation. (Thresholds of 2 to 12 px give 0.008° to 0.05° there.)
+#[test]
+fn published_poses_of_photographs_are_met() {
+    let Some(folder) = real_data("opensfm_berlin_2d3d") else { return };
+    let intrinsics = json(&folder.join("intrinsics.json"));
+    let camera = brown_conrady(matrix_of(&intrinsics["K"]), &intrinsics["D_k1k2p1p2k3"]);
+    let rows = table(&folder.join("correspondences.csv"));
+    for shot in table(&folder.join("poses.csv")) {
+        let of_shot = rows.iter().filter(|row| row["shot"] == shot["shot"]);
+        let seen: Vec<Correspondence> = of_shot
+            .map(|row| Correspondence::new(&camera, point_of(row), pixel_of(row), 1.0).unwrap())
+            .collect();
+        let found = consensus(&seen, &camera, &Config::with_threshold_px(4.0)).unwrap();
+        let published = pose_of(&shot, "pub_").unwrap();
+        let (turn_deg, shift_mm) = apart(&found.estimate.cam_from_target, &published);
+        let centre_mm = 1e3 * (found.estimate.cam_from_target.origin() - published.origin()).norm();
+        println!(
+            "berlin: {} {} of {} agree, {turn_deg:.4}° and {centre_mm:.2} mm (vector t: {shift_mm:.2} mm) from the published pose, {} samples",
+            shot["shot"],
+            found.inliers.len(),
+            seen.len(),
+            found.n_samples
+        );
+        let limit_deg = if shot["shot"] == "03.jpg" { sigmas(&found.estimate).0.max(0.0085) } else { 0.005 };
+        assert!(turn_deg < limit_deg && centre_mm < 2.0, "{}", shot["shot"]);
+    }
+}
+
+fn sqpnp_example(folder: &Path) -> (Camera, Vec<Correspondence>) {
+    let matrix = CameraMatrix { fx_px: 2980.0, fy_px: 3000.0, cx_px: 600.0, cy_px: 450.0 };
+    let camera = pinhole(matrix);
+    let text = std::fs::read_to_string(folder.join("32D.txt")).unwrap();
+    let row = |line: &str| {
+        let x: Vec<f64> = line.split_whitespace().map(|cell| cell.parse().unwrap()).collect();
+        Correspondence::new(&camera, Point::new(x[0], x[1], x[2]), Pixel::new(x[3], x[4]), 0.5).unwrap()
+    };
+    let seen = text.lines().filter(|line| !line.trim().is_empty()).map(row).collect();
+    (camera, seen)
+}
+
+/// 891 correspondences, at 1, 2 and 4 px: as many agree as with the reference's own poses, the three answers with one another to 0.04°; at
+/// 2 px at least 670, within 0.1° and 0.003 units of the reference. The reference states 598, 690 and 719 inliers; counted at the
+/// poses it states they are 600, 693 and 716, since it counted before its last refinement. K.txt holds the camera in `sqpnp_example`.
+#[test]
+fn the_published_example_of_robust_estimation_comes_out() {
+    let Some(folder) = real_data("sqpnp_robust_891") else { return };
+    let (camera, seen) = sqpnp_example(&folder);
+    assert_eq!(seen.len(), 891);
+    let at = |threshold_px: f64| consensus(&seen, &camera, &Config::with_threshold_px(threshold_px)).unwrap();
+    let found: Vec<Consensus> = [1.0, 2.0, 4.0].map(at).into();
+    let truth = json(&folder.join("truth.json"));
+    for (found, name) in found.iter().zip(["1", "2", "4"]) {
+        let vector = |key: &str| Vector3::from_iterator(numbers(&truth[name][key]));
+        let reference = pose(vector("rvec"), vector("tvec"));
+        let limit_px: f64 = name.parse().unwrap();
+        let agrees =
+            |c: &&Correspondence| residual_px(&reference, c, &camera).is_some_and(|e| e.norm() < limit_px);
+        let (n, needed) = (found.inliers.len(), seen.iter().filter(agrees).count());
+        println!("sqpnp: {n} of 891 agree at {name} px (reference {needed}), {} samples", found.n_samples);
+        assert!(needed <= n, "{n} {needed}");
+        let (turn_deg, shift_mm) = apart(&found.estimate.cam_from_target, &reference);
+        println!("sqpnp: {turn_deg:.4}° and {:.5} units from the reference", 1e-3 * shift_mm);
+        assert!(name != "2" || 670 <= n && turn_deg < 0.1 && shift_mm < 3.0);
+    }
+    for (a, b) in [(0, 1), (1, 2), (0, 2)] {
+        let (turn_deg, _) = apart(&found[a].estimate.cam_from_target, &found[b].estimate.cam_from_target);
+        println!("sqpnp: {turn_deg:.4}° between thresholds {a} and {b}");
+        assert!(turn_deg < 0.04, "{turn_deg}");
+    }
+}
