@@ -230,20 +230,6 @@ impl NormalEquations {
         })
     }
 
-    /// JᵀJ.
-    fn information(&self) -> Matrix6 {
-        let square = |m: &Symmetric3| {
-            let [a, b, c, d, e, f] = m.0;
-            Matrix3::new(a, b, c, b, d, e, c, e, f)
-        };
-        let mut information = Matrix6::zeros();
-        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&square(&self.rotation_rotation));
-        information.fixed_view_mut::<3, 3>(0, 3).copy_from(&self.rotation_translation);
-        information.fixed_view_mut::<3, 3>(3, 0).tr_copy_from(&self.rotation_translation);
-        information.fixed_view_mut::<3, 3>(3, 3).copy_from(&square(&self.translation_translation));
-        information
-    }
-
     /// Jᵀr.
     fn gradient(&self) -> Vector6 {
         let (w, v) = (&self.gradient_rotation, &self.gradient_translation);

@@ -250,7 +250,7 @@ fn seen_by_one(e: &PoseEstimate, view: &RigView, camera: usize) -> RigPoseEstima
     };
     let consistency = match e.consistency {
         Consistency::Consistent => RigConsistency::Consistent,
-        Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px } => {
+        Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, .. } => {
             RigConsistency::Inconsistent { chi2_per_dof, worst_camera: camera, worst_point, worst_px }
         }
     };
