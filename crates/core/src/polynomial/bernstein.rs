@@ -89,9 +89,7 @@ impl Piece {
         } else if self.width < BLUR && self.b.iter().any(|x| near_zero(*x)) {
             self.push_place(0.5, places);
         }
-        if near_zero(self.b[0]) {
-            self.push_place(0.0, places);
-        }
+        // Every cut is the end of one piece.
         if near_zero(self.b[8]) {
             self.push_place(1.0, places);
         }
