@@ -10,7 +10,7 @@ mod check;
 use crate::choose::{Choice, Minima, Minimum, choose, insert};
 use crate::consistency::{FAR_ABOVE, is_unlikely, noise_scale};
 use crate::curvature::{Cost, is_bent, with_curvature};
-use crate::locate::{Config, PoseEstimate, locate};
+use crate::locate::{Config, OVERFLOW, PoseEstimate, locate};
 use crate::refine::whitened_residual;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use check::{check_points, check_views};
@@ -125,15 +125,13 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let degrees_of_freedom = 2 * cost.n_points() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let Choice { best, ratio, rival } = choose(&minima, cost.n_points(), noise_scale)?;
-    let whole = |m: &Minimum| {
-        let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
-        RigMinimum { covariance: covariance * noise_scale, ..rig_minimum(m) }
-    };
     let ambiguity = match (rival, ratio) {
-        (Some(rival), Some(ratio)) => RigAmbiguity::Ambiguous { ratio, other: whole(rival) },
+        (Some(rival), Some(ratio)) => {
+            RigAmbiguity::Ambiguous { ratio, other: widened(rival, noise_scale, cost)? }
+        }
         (_, ratio) => RigAmbiguity::Unique { ratio },
     };
-    let RigMinimum { rig_from_target, covariance, chi2, rms_px } = whole(best);
+    let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
     let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
     let n_points = cost.n_points();
     Ok(RigPoseEstimate {
@@ -189,6 +187,13 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
         }
     }
     failure
+}
+
+/// With the covariance as wide as the bend of the likelihood and the residual make it.
+fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
+    let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
+    let widened = Minimum { covariance: covariance * noise_scale, ..*m };
+    if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }
 }
 
 fn rig_minimum(m: &Minimum) -> RigMinimum {

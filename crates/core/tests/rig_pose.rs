@@ -364,6 +364,40 @@ fn what_cannot_be_answered_is_refused_by_name() {
     assert!(matches!(in_one_place, Error::Collinear { .. }), "{in_one_place}");
 }
 
+/// Any numbers at all give an error or finite ones: coordinates, places, sigmas and covariances over 600 orders of magnitude.
+#[test]
+fn hostile_numbers_give_no_nan() {
+    let mut rng = Rng::new(1050);
+    let (camera, mut answered) = (views::camera(), 0);
+    for _ in 0..4_000 {
+        let n_points = 3 + rng.index(6);
+        let mut scene = head(&mut rng, 2, n_points);
+        for _ in 0..1 + rng.index(3) {
+            let value = 10f64.powf(rng.uniform(-300.0, 300.0)) * if rng.index(2) == 0 { 1.0 } else { -1.0 };
+            let made = &mut scene.cameras[rng.index(2)];
+            let point = rng.index(made.seen.len());
+            let axis = rng.index(3);
+            match rng.index(5) {
+                0 => made.seen[point].x_in_target[axis] = value,
+                1 => made.seen[point].sigma_px = value.abs(),
+                2 => made.seen[point].sigma_m = value.abs(),
+                3 => made.cam_from_rig.translation[axis] = value,
+                _ => made.seen[point].pixel[axis % 2] = value,
+            }
+        }
+        let size = 10f64.powf(rng.uniform(-300.0, 300.0));
+        let stated = (rng.index(3) == 0).then(|| Matrix6::identity() * size);
+        if let Ok(e) = locate_rig(&views_of(&scene.cameras, &camera, stated)) {
+            answered += 1;
+            let pose = e.rig_from_target;
+            let sum = pose.rotation.sum() + pose.translation.sum() + e.covariance.sum() + e.chi2 + e.rms_px;
+            assert!(sum.is_finite(), "{e:?}");
+            assert!(e.covariance.diagonal().iter().all(|v| 0.0 <= *v), "{e:?}");
+        }
+    }
+    assert!(200 < answered, "{answered}");
+}
+
 /// Cameras with one common centre, in one place and looking different ways, are a rig like any other.
 #[test]
 fn cameras_with_one_centre_are_fine() {
