@@ -1,6 +1,7 @@
 //! The pose of a rig of cameras from known points, each seen by any of them: as few as three points in three cameras.
 //!
-//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance, other minima, verdict.
+//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance,
+//! other minima, verdict.
 //! Derivation: docs/math/rig_pose.md.
 
 mod cost;
@@ -24,7 +25,8 @@ pub struct RigView<'a> {
     pub camera: &'a Camera,
     /// Where it sits: x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
-    /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as independent of the other cameras'; none when exact.
+    /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as
+    /// independent of the other cameras'; none when exact.
     /// Its share enters the weights, the covariance and the consistency verdict.
     pub cam_from_rig_covariance: Option<Matrix6>,
     /// Known points and where this camera sees them; may be empty.
@@ -48,7 +50,8 @@ pub struct RigMinimum {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
 pub enum RigAmbiguity {
-    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's; none when no other exists.
+    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
+    /// none when no other exists.
     Unique {
         /// See above.
         ratio: Option<f64>,
@@ -111,7 +114,8 @@ const HOPELESS_CHI2: f64 = 1e4;
 /// The pose of a rig of cameras with known places in it. No heap is touched.
 ///
 /// # Errors
-/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all cameras), `Collinear`; the rest as `locate`.
+/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all
+/// cameras), `Collinear`; the rest as `locate`.
 pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     check_views(views)?;
     let cost = &RigCost { views };

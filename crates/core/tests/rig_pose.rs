@@ -1,5 +1,7 @@
-//! The pose of a rig: exact points give the exact pose, the stated covariance is the true one, no estimator could do better, one camera is `locate`,
-//! and what cannot be answered is refused by name. Rigs of two to four cameras, each point seen by one of them; 0.5 px (`common::rigs`).
+//! The pose of a rig: exact points give the exact pose, the stated covariance is the true one, no estimator could do better,
+//! one camera is `locate`,
+//! and what cannot be answered is refused by name. Rigs of two to four cameras, each point seen by one of them; 0.5 px
+//! (`common::rigs`).
 
 mod common;
 
@@ -11,7 +13,8 @@ use resight_core::locate::{Config, locate};
 use resight_core::rig_pose::{RigAmbiguity, RigConsistency, locate_rig};
 use resight_core::{Correspondence, Error, Point, Pose};
 
-/// Also with three points in three cameras, where up to eight poses fit exactly: then one of the two returned need not be the true one, but must reproject.
+/// Also with three points in three cameras, where up to eight poses fit exactly: then one of the two returned need not be
+/// the true one, but must reproject.
 #[test]
 fn exact_points_give_the_exact_pose() {
     let mut rng = Rng::new(1);
@@ -40,7 +43,8 @@ struct Statistics {
     unique: usize,
     ambiguous: usize,
     wrong: usize,
-    /// Means over the unique ones: error in units of the stated covariance, share within its 95 % ellipsoid, error in units of the Cramér–Rao bound.
+    /// Means over the unique ones: error in units of the stated covariance, share within its 95 % ellipsoid, error in units
+    /// of the Cramér–Rao bound.
     nees: f64,
     coverage: f64,
     by_bound: f64,
@@ -71,7 +75,8 @@ fn statistics(family: Family, n_cameras: usize, n_points: usize, problems: usize
     Statistics { nees: s.nees / n, coverage: s.coverage / n, by_bound: s.by_bound / n, ..s }
 }
 
-/// NEES 5.7–6.3 and 94–96 % within the 95 % ellipsoid; 6 over the error in units of the Cramér–Rao bound at least 0.99. With 20,000 problems the mean of a χ²₆ is
+/// NEES 5.7–6.3 and 94–96 % within the 95 % ellipsoid; 6 over the error in units of the Cramér–Rao bound at least 0.99. With
+/// 20,000 problems the mean of a χ²₆ is
 /// known to √(12/20000)/6 = 0.4 %, one standard deviation.
 #[test]
 fn covariance_is_true_and_no_estimator_does_better() {
@@ -92,7 +97,8 @@ fn covariance_is_true_and_no_estimator_does_better() {
     }
 }
 
-/// Four points are enough: nothing is lost (the answer, or the other one it names, fits at least as well as the truth), and few remain ambiguous.
+/// Four points are enough: nothing is lost (the answer, or the other one it names, fits at least as well as the truth), and
+/// few remain ambiguous.
 #[test]
 fn four_points_lose_no_minimum() {
     const PROBLEMS: usize = 5_000;
@@ -114,7 +120,8 @@ fn four_points_lose_no_minimum() {
     }
 }
 
-/// Three points in three cameras of a small head have two or more poses: both that are returned reproject, and the true one is nearly always
+/// Three points in three cameras of a small head have two or more poses: both that are returned reproject, and the true one
+/// is nearly always
 /// among them or another of up to eight.
 #[test]
 fn three_points_of_a_head_are_ambiguous() {
@@ -133,7 +140,8 @@ fn three_points_of_a_head_are_ambiguous() {
     assert!(900 < ambiguous, "{ambiguous}");
 }
 
-/// The inverse of the stated covariance is the Fisher information by central differences: no derivative through a camera's place in the rig is off.
+/// The inverse of the stated covariance is the Fisher information by central differences: no derivative through a camera's
+/// place in the rig is off.
 /// Small sigmas, so that no bend of the likelihood adds to it.
 #[test]
 fn covariance_is_the_inverse_of_the_numerical_information() {
@@ -177,7 +185,8 @@ fn one_camera_is_locate() {
     }
 }
 
-/// The same camera listed twice, each time with half of its points, goes the way of a rig and comes to `locate`'s minimum: pose, χ² and covariance. Also for a flat
+/// The same camera listed twice, each time with half of its points, goes the way of a rig and comes to `locate`'s minimum:
+/// pose, χ² and covariance. Also for a flat
 /// target seen nearly face on, where the likelihood's bend has a share in the covariance.
 #[test]
 fn a_camera_in_two_halves_is_locate() {
@@ -241,7 +250,8 @@ fn with_moved_cameras(stated: Option<Matrix6<f64>>, problems: usize) -> (f64, f6
     (nees, covered as f64 / problems as f64, inconsistent as f64 / problems as f64)
 }
 
-/// The cameras' uncertain places are in the covariance and in the verdict: NEES and coverage are right, and no rig is called inconsistent for what was stated. Unstated, the
+/// The cameras' uncertain places are in the covariance and in the verdict: NEES and coverage are right, and no rig is called
+/// inconsistent for what was stated. Unstated, the
 /// same errors are: the χ² test sees them.
 #[test]
 fn uncertain_places_of_cameras_are_accounted_for() {
