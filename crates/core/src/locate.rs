@@ -138,7 +138,7 @@ const LITERAL_INTRINSICS: Error = Error::WrongLayout {
 };
 
 /// Sigmas, coordinates or intrinsics so far apart that their squares leave the range of numbers.
-const OVERFLOW: Error = Error::DegenerateView {
+pub(crate) const OVERFLOW: Error = Error::DegenerateView {
     reason: "coordinates, sigmas and camera differ by so many orders of magnitude that the answer overflows; check their units",
     metric: f64::INFINITY,
     needed: f64::MAX,

@@ -1,6 +1,7 @@
 //! The pose of a rig of cameras from known points, each seen by any of them: as few as three points in three cameras.
 //!
-//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance, other minima, verdict.
+//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance,
+//! other minima, verdict.
 //! Derivation: docs/math/rig_pose.md.
 
 mod cost;
@@ -10,7 +11,7 @@ mod check;
 use crate::choose::{Choice, Minima, Minimum, choose, insert};
 use crate::consistency::{FAR_ABOVE, is_unlikely, noise_scale};
 use crate::curvature::{Cost, is_bent, with_curvature};
-use crate::locate::{Config, PoseEstimate, locate};
+use crate::locate::{Config, OVERFLOW, PoseEstimate, locate};
 use crate::refine::whitened_residual;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use check::{check_points, check_views};
@@ -24,7 +25,8 @@ pub struct RigView<'a> {
     pub camera: &'a Camera,
     /// Where it sits: x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
-    /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as independent of the other cameras'; none when exact.
+    /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as
+    /// independent of the other cameras'; none when exact.
     /// Its share enters the weights, the covariance and the consistency verdict.
     pub cam_from_rig_covariance: Option<Matrix6>,
     /// Known points and where this camera sees them; may be empty.
@@ -48,7 +50,8 @@ pub struct RigMinimum {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
 pub enum RigAmbiguity {
-    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's; none when no other exists.
+    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
+    /// none when no other exists.
     Unique {
         /// See above.
         ratio: Option<f64>,
@@ -111,7 +114,8 @@ const HOPELESS_CHI2: f64 = 1e4;
 /// The pose of a rig of cameras with known places in it. No heap is touched.
 ///
 /// # Errors
-/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all cameras), `Collinear`; the rest as `locate`.
+/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all
+/// cameras), `Collinear`; the rest as `locate`.
 pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     check_views(views)?;
     let cost = &RigCost { views };
@@ -125,15 +129,13 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let degrees_of_freedom = 2 * cost.n_points() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
     let Choice { best, ratio, rival } = choose(&minima, cost.n_points(), noise_scale)?;
-    let whole = |m: &Minimum| {
-        let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
-        RigMinimum { covariance: covariance * noise_scale, ..rig_minimum(m) }
-    };
     let ambiguity = match (rival, ratio) {
-        (Some(rival), Some(ratio)) => RigAmbiguity::Ambiguous { ratio, other: whole(rival) },
+        (Some(rival), Some(ratio)) => {
+            RigAmbiguity::Ambiguous { ratio, other: widened(rival, noise_scale, cost)? }
+        }
         (_, ratio) => RigAmbiguity::Unique { ratio },
     };
-    let RigMinimum { rig_from_target, covariance, chi2, rms_px } = whole(best);
+    let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
     let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
     let n_points = cost.n_points();
     Ok(RigPoseEstimate {
@@ -189,6 +191,13 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
         }
     }
     failure
+}
+
+/// With the covariance as wide as the bend of the likelihood and the residual make it.
+fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
+    let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
+    let widened = Minimum { covariance: covariance * noise_scale, ..*m };
+    if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }
 }
 
 fn rig_minimum(m: &Minimum) -> RigMinimum {

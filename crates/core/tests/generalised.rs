@@ -168,6 +168,25 @@ fn gp3p_finds_every_pose_when_two_rays_share_a_camera() {
     nothing_wrong(&gp3p_tally(4, stereo_scene));
 }
 
+/// Third point 1e-6 to 1e-1 m off a line of 1 m, in any order, 5 to 20 m away. The few that miss 1e-6 reproject: rounding of
+/// the bearings moves their poses by more.
+#[test]
+fn gp3p_loses_nothing_when_the_triple_is_nearly_straight() {
+    let tally = gp3p_tally(10, |rng| {
+        let (start, along) = (in_box(rng, 0.5), rng.unit_vector());
+        let across = along.cross(&rng.unit_vector()).normalize();
+        let height = 10f64.powf(rng.uniform(-6.0, -1.0));
+        let third = start + along * rng.uniform(0.0, 1.0) + across * height;
+        let mut places = [start, start + along, third];
+        places.swap(rng.index(3), 0);
+        places.swap(1 + rng.index(2), 1);
+        let rig_from_target = Pose::new(rng.rotation(), rng.unit_vector() * rng.uniform(5.0, 20.0));
+        Scene::new([(); 3].map(|()| in_box(rng, 0.5)), places, rig_from_target)
+    });
+    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins), (0, 0, 0), "{tally:?}");
+    assert!(tally.missed_1e_6 <= PROBLEMS / 10_000, "{tally:?}");
+}
+
 /// Baselines from 0.1 m down to a millionth of it: the rays of a rig become those of one camera without a seam.
 #[test]
 fn gp3p_finds_every_pose_at_small_baselines() {
@@ -177,7 +196,8 @@ fn gp3p_finds_every_pose_at_small_baselines() {
     }));
 }
 
-/// With one centre the answer is that of `p3p`, and a baseline of 1e-12 m, which takes the other way through the code, changes none of the
+/// With one centre the answer is that of `p3p`, and a baseline of 1e-12 m, which takes the other way through the code,
+/// changes none of the
 /// poses. (Roots closer than 1e-3 are left out: there 1e-12 m moves them by more.)
 #[test]
 fn gp3p_of_one_centre_is_p3p() {
@@ -203,8 +223,10 @@ fn gp3p_of_one_centre_is_p3p() {
     assert!(15_000 < compared, "{compared}");
 }
 
-/// Views along the axes, where coefficients vanish and roots meet in φ: everything on a grid of 0.5 m, the rig not turned. Triples on a line
-/// are left out. Where the three rays leave a motion free (2 %), or the true pose is a double root, another pose may stand for it; what is
+/// Views along the axes, where coefficients vanish and roots meet in φ: everything on a grid of 0.5 m, the rig not turned.
+/// Triples on a line
+/// are left out. Where the three rays leave a motion free (2 %), or the true pose is a double root, another pose may stand
+/// for it; what is
 /// returned must reproject, and a miss must be rarer than one in 10,000 of the determined ones.
 #[test]
 fn gp3p_survives_views_along_the_axes() {

@@ -1,6 +1,7 @@
 //! Functions k₀ + k₁ cos φ + k₂ sin φ on an arc of φ, as quadratics of a parameter s in [0, 1].
 //!
-//! On the arc φ₀ ± ψ the direction is (cos φ, sin φ) = (a t² + 2 m s t + b s²)/w, t = 1 − s, w = t² + 2 cos ψ s t + s² > 0, with a and b its ends
+//! On the arc φ₀ ± ψ the direction is (cos φ, sin φ) = (a t² + 2 m s t + b s²)/w, t = 1 − s, w = t² + 2 cos ψ s t + s² > 0,
+//! with a and b its ends
 //! and m its middle: products of such functions, times powers of w, are Bernstein polynomials with the same zeros.
 //! Derivation: docs/math/gp3p.md eq. (9).
 
@@ -88,7 +89,8 @@ fn ends(least: f64) -> Option<[Vector2<f64>; 2]> {
 /// Bounds that coincide up to rounding count as overlapping.
 const TOUCHING: f64 = 1e-12;
 
-/// All φ with sin φ > `least` and sin(φ − γ) > `least_turned`; `turn` = (cos γ, sin γ). Where bounds coincide, some φ beyond them may be
+/// All φ with sin φ > `least` and sin(φ − γ) > `least_turned`; `turn` = (cos γ, sin γ). Where bounds coincide, some φ beyond
+/// them may be
 /// held too, or some held twice.
 pub fn arcs_above(least: f64, least_turned: f64, turn: &Vector2<f64>) -> Arcs {
     let mut arcs = Arcs::new();

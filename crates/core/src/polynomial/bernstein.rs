@@ -27,7 +27,8 @@ const LAST_STEP: f64 = 1e-5;
 /// Bisection alone reaches 2⁻⁵⁰.
 const MAX_STEPS: usize = 50;
 
-/// Places at which roots lie; a cluster closer than rounding allows to tell gives its place once or more. Room for eight roots and those repeats.
+/// Places at which roots lie; a cluster closer than rounding allows to tell gives its place once or more. Room for eight
+/// roots and those repeats.
 pub type Places = ArrayVec<f64, 24>;
 
 /// A part of the interval and the polynomial's Bernstein coefficients on it.
@@ -39,7 +40,8 @@ struct Piece {
 
 /// The roots in [0, 1] of Σ cₖ sᵏ (1 − s)⁸⁻ᵏ, with c the *scaled* coefficients C(8, k) bₖ.
 ///
-/// Places are good to 1e-9 of the interval for well separated roots, and to 1e-5 for double ones: the caller polishes them on the equations
+/// Places are good to 1e-9 of the interval for well separated roots, and to 1e-5 for double ones: the caller polishes them
+/// on the equations
 /// that the polynomial came from.
 pub fn roots_in_unit_interval(scaled: &Coefficients) -> Places {
     let mut places = Places::new();
@@ -89,9 +91,7 @@ impl Piece {
         } else if self.width < BLUR && self.b.iter().any(|x| near_zero(*x)) {
             self.push_place(0.5, places);
         }
-        if near_zero(self.b[0]) {
-            self.push_place(0.0, places);
-        }
+        // Every cut is the end of one piece.
         if near_zero(self.b[8]) {
             self.push_place(1.0, places);
         }
@@ -204,7 +204,8 @@ mod tests {
         }
     }
 
-    /// A double root gives its place at least once and nothing far from it, wherever it lies: also where halving cuts. To 1e-5, the last
+    /// A double root gives its place at least once and nothing far from it, wherever it lies: also where halving cuts. To
+    /// 1e-5, the last
     /// step of Newton, which only halves the distance there.
     #[test]
     fn a_double_root_is_not_lost() {

@@ -45,7 +45,8 @@ impl<'a> RigCost<'a> {
         (chi2, (sum / self.n_points().max(1) as f64).sqrt())
     }
 
-    /// Refines `start` to the nearest minimum, with its covariance. A flat valley is given where the loop left it: docs/math/rig_pose.md, section 3.
+    /// Refines `start` to the nearest minimum, with its covariance. A flat valley is given where the loop left it:
+    /// docs/math/rig_pose.md, section 3.
     ///
     /// `NoSolution` when the start has points outside a camera's field, `DegenerateView` when a direction of the pose stays free.
     pub fn refine(&self, start: &Pose, rival_chi2: Option<f64>) -> Result<Minimum, Error> {
@@ -114,7 +115,8 @@ fn add_view(normal: &mut NormalEquations, view: &RigView, place: &PivotedPose, p
     Some(())
 }
 
-/// Covariance of the motion of the rig, about the pivot at c, that has the same effect on this camera's pixels as the camera's own, eq. (4).
+/// Covariance of the motion of the rig, about the pivot at c, that has the same effect on this camera's pixels as the
+/// camera's own, eq. (4).
 fn as_pivoted_motion(view: &RigView, covariance: &Matrix6, pivot_in_rig: &Point) -> Matrix6 {
     let in_rig = view.cam_from_rig.inverse_covariance(covariance);
     let mut about_pivot = Matrix6::identity();

@@ -27,7 +27,8 @@ pub(crate) type Starts = ArrayVec<(f64, Pose), MAX_STARTS>;
 /// A point and who sees it.
 type Seen<'a> = (&'a RigView<'a>, &'a Correspondence);
 
-/// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one across cameras.
+/// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one
+/// across cameras.
 pub(crate) fn push_triples(starts: &mut Starts, cost: &RigCost, round: usize) {
     for across in [false, true] {
         let Some(triple) = triple(cost, round, across) else { continue };
@@ -86,7 +87,8 @@ fn ray((view, c): Seen) -> Ray {
     }
 }
 
-/// Three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list. `across`: the second by another camera
+/// Three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list.
+/// `across`: the second by another camera
 /// than the first, the third by a third one, where there are such.
 fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Seen<'a>; 3]> {
     let n = cost.n_points();
@@ -132,7 +134,8 @@ impl Extents {
         Some(Extents { length, width, normal, thickness })
     }
 
-    /// For a flat target the start for the other minimum: the target mirrored in the plane through its centre perpendicular to the line of sight from the
+    /// For a flat target the start for the other minimum: the target mirrored in the plane through its centre perpendicular
+    /// to the line of sight from the
     /// middle of the cameras. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
     pub fn push_mirrored(&self, starts: &mut Starts, cost: &RigCost, rig_from_target: &Pose, centre: &Point) {
         let is_flat = self.thickness <= MAX_PLANE_THICKNESS * self.width;

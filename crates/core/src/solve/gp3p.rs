@@ -1,7 +1,8 @@
 //! Three rays of a rig: up to eight poses. Own derivation, docs/math/gp3p.md; equation numbers refer to it.
 //!
 //! The triangle is hung on one side, A–B, as in `p3p`. The rays of A and B need not meet: the part of A–B along their common
-//! perpendicular is fixed, the rest turns by an angle φ. Two linear equations then give the turn (u, v) of C about A–B, and u² + v² = 1
+//! perpendicular is fixed, the rest turns by an angle φ. Two linear equations then give the turn (u, v) of C about A–B, and
+//! u² + v² = 1
 //! is of degree 8 in the half angle. Its roots are sought only on the arcs where A and B lie in front of their cameras.
 //!
 //!   A, B, C  the points, |AB| = 1 after scaling   ·   a, b, c  their bearings   ·   γ angle between a and b, g = cot γ

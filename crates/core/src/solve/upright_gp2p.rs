@@ -1,4 +1,5 @@
-//! Two rays of a rig whose vertical is known: up to two poses. Own derivation, docs/math/upright_gp2p.md; equation numbers refer to it.
+//! Two rays of a rig whose vertical is known: up to two poses. Own derivation, docs/math/upright_gp2p.md; equation numbers
+//! refer to it.
 //!
 //! The height of B over A is known in the rig frame too: one linear equation in the two depths. Along the line that it leaves, the
 //! horizontal part D of A–B moves straight, and its length is known: a circle cut by a line.
@@ -59,7 +60,8 @@ pub fn upright_gp2p(
     poses
 }
 
-/// Columns: the horizontal direction, the one to its left, up. Orthonormal also where `level` is short and its rounding points upwards.
+/// Columns: the horizontal direction, the one to its left, up. Orthonormal also where `level` is short and its rounding
+/// points upwards.
 #[inline]
 fn upright_frame(level: &Vector3<f64>, up: &Unit<Vector3<f64>>) -> Matrix3<f64> {
     let left = up.cross(level);
