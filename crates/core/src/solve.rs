@@ -7,6 +7,8 @@
 //! | [`p3p`] | 3 | ≤ 4, all reproject, in front | own, docs/math/p3p.md |
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
+//! | [`p4pf`] | 4, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
+//! | [`p5pf`] | 5, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
 //!
 //! [`configuration`] decides beforehand which of them the points allow.
 
@@ -16,6 +18,9 @@ pub mod wang2004;
 pub mod p3p;
 pub mod sqpnp;
 pub mod planar;
+pub mod unknown_focal;
+pub mod p4pf;
+pub mod p5pf;
 
 use crate::Pose;
 use arrayvec::ArrayVec;
