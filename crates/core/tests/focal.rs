@@ -231,6 +231,14 @@ fn what_does_not_determine_a_focal_length_gives_nothing() {
         assert!(p4pf(&four(&scene.pixels), &points).is_empty(), "frontal");
         assert!(p5pf(&scene.pixels, &scene.points).is_empty(), "frontal");
     }
+    // Three points on a line and one off it, seen obliquely: a homography is not determined, nor is f.
+    for _ in 0..1000 {
+        let mut scene = flat::<4>(&mut rng, 0.0);
+        scene.points[2] = scene.points[0] + (scene.points[1] - scene.points[0]) * 0.375;
+        let scene = image(scene.points, scene.truth);
+        let found = p4pf(&scene.pixels, &scene.points);
+        assert!(found.is_empty(), "three on a line: {found:?}");
+    }
     let good = scattered::<5>(&mut rng);
     let (pixels, points) = (good.pixels, good.points);
     let line = std::array::from_fn(|i| points[0] + (points[1] - points[0]) * i as f64);

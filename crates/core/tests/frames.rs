@@ -166,7 +166,7 @@ fn underestimated_noise_blames_no_intrinsics() {
 /// Frontal views of a plane cannot tell focal length from distance: the check tests what remains, the refinement refuses.
 #[test]
 fn frontal_planes_leave_the_focal_length_open() {
-    let (mut rng, mut blamed) = (Rng::new(36), 0);
+    let (mut rng, mut blamed, mut least) = (Rng::new(36), 0, f64::INFINITY);
     for _ in 0..300 {
         let (_, seen) = frames(&mut rng, &pinhole(), 8, 0.0);
         if let Ok(check) = check_intrinsics(&seen, &pinhole()) {
@@ -181,7 +181,9 @@ fn frontal_planes_leave_the_focal_length_open() {
             panic!("{refined:?}")
         };
         assert!(parameter == "fx_px" && needed < seen && needed == MAX_RELATIVE_SIGMA);
+        least = f64::min(least, seen);
     }
+    println!("frontal planes: relative sigma of f at least {least:.3}, {blamed} of 300 blamed");
     assert!(blamed <= 3, "one in a thousand is stated: {blamed} of 300");
 }
 

@@ -14,6 +14,8 @@ use nalgebra::{Matrix3, Matrix3x4, Matrix4, RowVector4, SMatrix, Vector3, Vector
 
 /// Area of the largest triangle (twice, over the square of the size) below which the points are on a line.
 const MIN_AREA: f64 = 1e-9;
+/// Four points of a plane, three of which are on a line to this part of their size, determine no homography.
+const MIN_OPENING: f64 = 1e-9;
 /// Largest coefficient of the polynomial, for rows of unit size, below which it is zero: a frontal plane.
 const MIN_POLYNOMIAL: f64 = 1e-13;
 /// Smallest part of the perspective in a solution that shows a focal length: below it the plane is frontal.
@@ -75,7 +77,7 @@ struct Frame {
 }
 
 impl Frame {
-    /// None where three of the points, flattened, are on a line.
+    /// None where the points are on a line, or in a plane with three on a line.
     fn new(scene: &Scene<4>, order: &[usize; 4]) -> Option<Self> {
         let (x, u) = (order.map(|i| scene.points[i]), order.map(|i| scene.pixels[i]));
         let (first, second, off) = (x[1] - x[0], x[2] - x[0], x[3] - x[0]);
@@ -90,6 +92,9 @@ impl Frame {
         let (d1, d2) = (second.cross(&n) / area, n.cross(&first) / area);
         let dual = [-d1 - d2, d1, d2].map(|d| axes.tr_mul(&d).xy());
         let k = Vector4::new(d1.dot(&off) + d2.dot(&off) - 1.0, -d1.dot(&off), -d2.dot(&off), 1.0);
+        if !(MIN_OPENING < k.amin().max(n.dot(&off).abs())) {
+            return None; // three on a line, and the fourth in their plane
+        }
         let depths = depth_basis(&k, &u, n.dot(&off))?;
         let row = |weight: &dyn Fn(usize) -> f64, normal_part: usize| {
             let mut row = Matrix3x4::zeros();
