@@ -18,7 +18,7 @@ use crate::{Camera, Correspondence, Error};
 use nalgebra::{DMatrix, DVector};
 
 /// A parameter whose standard deviation exceeds this part of its scale is undetermined: at a tenth of its focal length a camera's
-/// linearised covariance means nothing. Frontal views of a plane, where only noise separates focal length and distance, come out at 0.3
+/// linearised covariance means nothing. Frontal views of a plane, where only noise separates focal length and distance, come out at 0.2
 /// and more.
 pub const MAX_RELATIVE_SIGMA: f64 = 0.1;
 

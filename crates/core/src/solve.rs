@@ -13,6 +13,8 @@
 //! | [`upright_gp2p`] | 2 rays of a rig, gravity known | ≤ 2, all reproject, in front | own, docs/math/upright_gp2p.md |
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
+//! | [`p4pf`] | 4, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
+//! | [`p5pf`] | 5, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
 //!
 //! [`configuration`] decides beforehand which of them the points allow.
 
@@ -28,6 +30,9 @@ pub mod gp3p;
 pub mod upright_gp2p;
 pub mod sqpnp;
 pub mod planar;
+pub mod unknown_focal;
+pub mod p4pf;
+pub mod p5pf;
 
 use crate::Pose;
 use arrayvec::ArrayVec;

@@ -14,6 +14,7 @@ use resight_core::frames::{
     refine_intrinsics,
 };
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Point, Pose, Vector6};
+use std::f64::consts::TAU;
 
 const SIGMA_PX: f64 = 0.3;
 const TRUE: CameraMatrix = CameraMatrix { fx_px: 800.0, fy_px: 790.0, cx_px: 319.5, cy_px: 239.5 };
@@ -45,7 +46,7 @@ fn board() -> Vec<Point> {
 /// A view tilted by up to `tilt_rad`, the board within the central part of the image, turned at will.
 fn tilted_view(rng: &mut Rng, tilt_rad: f64) -> Pose {
     let (distance, tilt) = (rng.uniform(0.8, 2.5), rng.uniform(0.3, 1.0) * tilt_rad);
-    let (about, turn) = (rng.uniform(0.0, 6.28), rng.uniform(0.0, 6.28));
+    let (about, turn) = (rng.uniform(0.0, TAU), rng.uniform(0.0, TAU));
     let spin = |w: Vector3<f64>| Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
     let rotation =
         spin(Vector3::new(about.cos(), about.sin(), 0.0) * tilt) * spin(Vector3::new(0.0, 0.0, turn));
@@ -165,7 +166,7 @@ fn underestimated_noise_blames_no_intrinsics() {
 /// Frontal views of a plane cannot tell focal length from distance: the check tests what remains, the refinement refuses.
 #[test]
 fn frontal_planes_leave_the_focal_length_open() {
-    let (mut rng, mut blamed) = (Rng::new(36), 0);
+    let (mut rng, mut blamed, mut least) = (Rng::new(36), 0, f64::INFINITY);
     for _ in 0..300 {
         let (_, seen) = frames(&mut rng, &pinhole(), 8, 0.0);
         if let Ok(check) = check_intrinsics(&seen, &pinhole()) {
@@ -180,7 +181,9 @@ fn frontal_planes_leave_the_focal_length_open() {
             panic!("{refined:?}")
         };
         assert!(parameter == "fx_px" && needed < seen && needed == MAX_RELATIVE_SIGMA);
+        least = f64::min(least, seen);
     }
+    println!("frontal planes: relative sigma of f at least {least:.3}, {blamed} of 300 blamed");
     assert!(blamed <= 3, "one in a thousand is stated: {blamed} of 300");
 }
 

@@ -76,7 +76,7 @@ impl RefinedIntrinsics {
     }
 }
 
-/// How often views may change to a better pose; twice was the most seen, with focal lengths 30 % off.
+/// How often views may change to a better pose: a bound on the work, since each change lowers χ².
 const MAX_ROUNDS: usize = 5;
 /// A pose found again is another one if it lowers χ² by more than this: far below a sigma, far above rounding.
 const SAME_CHI2: f64 = 1e-3;
