@@ -1,5 +1,6 @@
 //! The pose object of the command line's contract, and how an estimate becomes one.
 
+use crate::robust::Agreement;
 use resight::core::choose::{Ambiguity, Minimum};
 use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
@@ -34,6 +35,8 @@ pub struct Answer {
     pub names: Vec<String>,
     /// What took no part, and why.
     pub skipped: Vec<String>,
+    /// Which rows agree, where wrong ones were looked for.
+    pub agreement: Option<Agreement>,
 }
 
 /// A rigid transform as the contract prints it.
@@ -112,6 +115,13 @@ pub struct PoseObject {
     weakness: Option<WeaknessObject>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     skipped: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_inliers: Option<usize>,
+    /// Row numbers within the view, counted from 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    inliers: Option<Vec<usize>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    consensus: Option<Agreement>,
     message: String,
 }
 
@@ -129,6 +139,7 @@ impl Answer {
             intrinsics_sigma: None,
             names: Vec::new(),
             skipped: Vec::new(),
+            agreement: None,
         }
     }
 
@@ -158,6 +169,9 @@ impl Answer {
             worst_point: e.and_then(|e| self.worst_point(e)),
             weakness: e.and_then(|e| e.weakness.as_ref()).map(weakness),
             skipped: self.skipped.clone(),
+            n_inliers: self.agreement.as_ref().map(|a| a.inliers.len()),
+            inliers: self.agreement.as_ref().map(|a| a.inliers.clone()),
+            consensus: self.agreement.clone(),
             message: self.verdict.message.clone(),
         }
     }

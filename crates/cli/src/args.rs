@@ -72,6 +72,14 @@ impl CornerArgs {
     }
 }
 
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if 0.0 < x && x.is_finite() => Ok(x),
+        _ => Err("a positive number is needed".to_string()),
+    }
+}
+
 /// Name of a solver: `auto` decides from the configuration of the points.
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {

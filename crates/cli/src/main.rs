@@ -7,6 +7,7 @@ mod files;
 mod intrinsics;
 mod output;
 mod points;
+mod robust;
 mod text;
 mod commands;
 

@@ -16,6 +16,9 @@ pub fn describe(answer: &Answer) -> String {
         out.push_str(&pose(estimate));
         out.push_str(&fit(answer, estimate));
     }
+    if let Some(agreement) = &answer.agreement {
+        line(&mut out, "consensus", &agreement.sentence(&answer.names, answer.image_unit));
+    }
     let mut message = capitalised(&answer.verdict.message);
     if !message.ends_with(['.', '!', '?']) {
         message.push('.');

@@ -186,6 +186,7 @@ impl Sight<'_> {
             intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
             names,
             skipped,
+            agreement: None,
         }
     }
 }

@@ -1,13 +1,14 @@
 //! `solve`: poses from known correspondences.
 
 use crate::answer::Answer;
-use crate::args::{OutputArgs, parse_method};
+use crate::args::{OutputArgs, parse_method, positive};
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use crate::points::{self, Row, View};
+use crate::robust::{self, Agreement, RobustArgs};
 use anyhow::{Result, bail};
 use clap::Args;
-use resight::core::locate::{Config, Method, locate};
+use resight::core::locate::{Config, Method, PoseEstimate, locate};
 use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
 use resight::report::verdict::{self, Status, Verdict};
 use std::path::PathBuf;
@@ -19,6 +20,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight solve points.csv --camera camera.toml --sigma-px 0.3
+  resight solve matches.csv --camera camera.toml --sigma-px 1 --robust 4
   resight solve points.csv --normalized --sigma-normalized 0.0005 --method line_plus_one --json")]
 pub struct Solve {
     /// CSV file with a header line.
@@ -39,20 +41,12 @@ pub struct Solve {
     /// Standard deviation of xn and yn where the file has no sigma_px [default: 0.0005]
     #[arg(long, value_name = "S", requires = "normalized", allow_negative_numbers = true, value_parser = positive)]
     sigma_normalized: Option<f64>,
-    /// Not in this version: finding wrong correspondences.
-    #[arg(long, value_name = "PX", hide = true)]
-    robust: Option<String>,
+    #[command(flatten)]
+    robust: RobustArgs,
     #[command(flatten)]
     intrinsics: IntrinsicsArgs,
     #[command(flatten)]
     output: OutputArgs,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if 0.0 < x && x.is_finite() => Ok(x),
-        _ => Err("a positive number is needed".to_string()),
-    }
 }
 
 /// Squares of larger numbers, and their products, leave the range of numbers.
@@ -99,15 +93,12 @@ struct Setting {
     intrinsics: Option<IntrinsicsSigma>,
     /// Their covariance, row by row.
     intrinsics_covariance: Option<Vec<f64>>,
+    /// How far off a row may be to agree; none when all rows are taken as right.
+    threshold_px: Option<f64>,
 }
 
 /// See `Solve`.
 pub fn run(args: &Solve) -> Result<Outcome> {
-    if args.robust.is_some() {
-        bail!(
-            "--robust is not in this version; remove wrong rows (an `inconsistent` answer names the worst) and leave it out"
-        );
-    }
     args.output.check()?;
     let setting = setting(args)?;
     crate::files::must_exist(&args.points)?;
@@ -142,7 +133,18 @@ fn setting(args: &Solve) -> Result<Setting> {
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
     let intrinsics_covariance = intrinsics.as_ref().map(|sigma| sigma.covariance(&camera));
     let method = args.method;
-    Ok(Setting { camera, method, sigma, sigma_is_assumed, unit, columns, intrinsics, intrinsics_covariance })
+    let threshold_px = args.robust.threshold_px();
+    Ok(Setting {
+        camera,
+        method,
+        sigma,
+        sigma_is_assumed,
+        unit,
+        columns,
+        intrinsics,
+        intrinsics_covariance,
+        threshold_px,
+    })
 }
 
 impl Setting {
@@ -159,9 +161,11 @@ impl Setting {
             view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
         let intrinsics_covariance = self.intrinsics_covariance.as_deref();
         let config = Config { method: self.method, intrinsics_covariance, ..Config::default() };
-        let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
-            Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
-            Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None),
+        let (mut verdict, estimate, agreement) = match self.solved(view, &points, config) {
+            Ok((e, agreement)) => {
+                (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e), agreement)
+            }
+            Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None, None),
         };
         let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
         if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
@@ -181,6 +185,23 @@ impl Setting {
             intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
             names,
             skipped: Vec::new(),
+            agreement,
+        }
+    }
+
+    /// On all rows, or on those that agree.
+    fn solved(
+        &self,
+        view: &View,
+        points: &[Correspondence],
+        config: Config,
+    ) -> Result<(PoseEstimate, Option<Agreement>), Error> {
+        match self.threshold_px {
+            None => Ok((locate(points, &self.camera, &config)?, None)),
+            Some(limit) => {
+                let (estimate, agreement) = robust::solve(&view.rows, points, &self.camera, limit, config)?;
+                Ok((estimate, Some(agreement)))
+            }
         }
     }
 

@@ -261,3 +261,81 @@ impl Block {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{KannalaBrandt, Pinhole};
+    use crate::refine::residual_px;
+    use crate::{CameraMatrix, Pixel, Vector6};
+
+    const MATRIX: CameraMatrix = CameraMatrix { fx_px: 500.0, fy_px: 510.0, cx_px: 320.0, cy_px: 240.0 };
+
+    fn cameras() -> [Camera; 2] {
+        let fisheye = KannalaBrandt::new(MATRIX, &[0.01, -0.002, 0.0, 0.0]).expect("a lens");
+        [Lens::Pinhole(Pinhole { matrix: MATRIX }), Lens::KannalaBrandt(fisheye)]
+            .map(|lens| Camera { lens, size: None })
+    }
+
+    /// Ten points 2–3 m in front, seen up to 3 px beside where they are; the pose in question is the identity.
+    fn seen(camera: &Camera) -> Vec<Correspondence> {
+        let point = |i: usize| {
+            let a = i as f64;
+            let x = Point::new((0.7 * a).sin(), (1.9 * a).cos(), 2.0 + 0.1 * a);
+            let pixel =
+                camera.project(&x).expect("in front") + Pixel::new((3.1 * a).sin(), (2.3 * a).cos()) * 2.0;
+            Correspondence::new(camera, x, pixel, 0.5 + 0.05 * a).expect("in the field")
+        };
+        (0..10).map(point).collect()
+    }
+
+    fn sights(seen: &[Correspondence], camera: &Camera) -> Sights {
+        let order: Vec<u32> = (0..).take(seen.len()).collect();
+        Sights::new(seen, &order, camera)
+    }
+
+    /// To rounding for a pinhole; for a fisheye to the square of the residual over the focal length, (3 px)²/500 px = 0.02 px.
+    #[test]
+    fn residuals_are_those_of_the_lens() {
+        for (camera, tolerance_px) in cameras().iter().zip([1e-11, 0.02]) {
+            let seen = seen(camera);
+            let sights = sights(&seen, camera);
+            let (r, t) = parts(&Pose::identity());
+            for (i, c) in seen.iter().enumerate() {
+                let residuals = sights.blocks[i / LANES].residuals(&r, &t);
+                let e = residual_px(&Pose::identity(), c, camera).expect("in the field");
+                let off = (e.x + residuals.e[0][i % LANES]).hypot(e.y + residuals.e[1][i % LANES]);
+                assert!(off < tolerance_px, "{} {i}: {off}", camera.model_name());
+            }
+        }
+    }
+
+    /// Jᵀr is −½ ∂χ²/∂ξ of the truncated cost; steps of 1e-5, cost some 10², so differences carry 1e-9 of rounding.
+    #[test]
+    fn jacobian_matches_central_difference() {
+        let pivot = Point::new(0.1, -0.2, 2.4);
+        for camera in &cameras() {
+            let sights = sights(&seen(camera), camera);
+            let start = PivotedPose::new(&Pose::identity(), &pivot);
+            let at = |place: &PivotedPose| sights.normal_equations(place, &pivot, 5.0).expect("a cost");
+            let normal = at(&start);
+            // Turned and moved about the pivot: the gradient at a camera that stands in it.
+            let gradient = normal.gradient_at_camera(&Point::zeros());
+            for i in 0..6 {
+                let moved = |step: f64| {
+                    let mut motion = Vector6::zeros();
+                    motion[i] = step;
+                    at(&start.moved(&motion)).chi2
+                };
+                let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                let off = (slope + 2.0 * gradient[i]).abs();
+                assert!(
+                    off < 1e-4 * (1.0 + slope.abs()),
+                    "{} {i}: {slope} {}",
+                    camera.model_name(),
+                    gradient[i]
+                );
+            }
+        }
+    }
+}
