@@ -2,12 +2,14 @@
 
 use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method};
+use crate::gravity::GravityArgs;
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use crate::points::{self, Row, View};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::{Config, Method, locate};
+use resight::core::prior::Prior;
 use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
 use resight::report::verdict::{self, Status, Verdict};
 use std::path::PathBuf;
@@ -30,7 +32,7 @@ pub struct Solve {
     /// Columns xn,yn are undistorted coordinates on the plane z = 1; no camera is needed.
     #[arg(long)]
     normalized: bool,
-    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    /// auto, wang2004, line_plus_one, p3p, planar, sqpnp or upright (2 points and --gravity).
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     /// Standard deviation of u and v where the file has no sigma_px [default: 0.5; photogrammetric camera: f / 2000, in its unit]
@@ -42,6 +44,8 @@ pub struct Solve {
     /// Not in this version: finding wrong correspondences.
     #[arg(long, value_name = "PX", hide = true)]
     robust: Option<String>,
+    #[command(flatten)]
+    gravity: GravityArgs,
     #[command(flatten)]
     intrinsics: IntrinsicsArgs,
     #[command(flatten)]
@@ -96,6 +100,7 @@ struct Setting {
     unit: &'static str,
     /// Names of the two image columns.
     columns: [&'static str; 2],
+    priors: Vec<Prior>,
     intrinsics: Option<IntrinsicsSigma>,
     /// Their covariance, row by row.
     intrinsics_covariance: Option<Vec<f64>>,
@@ -141,8 +146,19 @@ fn setting(args: &Solve) -> Result<Setting> {
     }
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
     let intrinsics_covariance = intrinsics.as_ref().map(|sigma| sigma.covariance(&camera));
+    let priors = args.gravity.check(args.method)?;
     let method = args.method;
-    Ok(Setting { camera, method, sigma, sigma_is_assumed, unit, columns, intrinsics, intrinsics_covariance })
+    Ok(Setting {
+        camera,
+        method,
+        priors,
+        sigma,
+        sigma_is_assumed,
+        unit,
+        columns,
+        intrinsics,
+        intrinsics_covariance,
+    })
 }
 
 impl Setting {
@@ -158,7 +174,8 @@ impl Setting {
         let names: Vec<String> =
             view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
         let intrinsics_covariance = self.intrinsics_covariance.as_deref();
-        let config = Config { method: self.method, intrinsics_covariance, ..Config::default() };
+        let config =
+            Config { method: self.method, intrinsics_covariance, priors: &self.priors, ..Config::default() };
         let (mut verdict, estimate) = match locate(&points, &self.camera, &config) {
             Ok(e) => (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e)),
             Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None),
