@@ -84,9 +84,6 @@ pub fn positive(text: &str) -> Result<f64, String> {
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {
         Some((_, method)) => Ok(*method),
-        None if name == "upright" => {
-            Err(format!("method upright is not in this version; there are {}", names()))
-        }
         None => {
             let nearest = crate::files::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
             let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
@@ -101,13 +98,14 @@ pub fn method_name(method: Method) -> &'static str {
     METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
 }
 
-const METHODS: [(&str, Method); 6] = [
+const METHODS: [(&str, Method); 7] = [
     ("auto", Method::Auto),
     ("wang2004", Method::Wang2004),
     ("line_plus_one", Method::LinePlusOne),
     ("p3p", Method::P3p),
     ("planar", Method::Planar),
     ("sqpnp", Method::Sqpnp),
+    ("upright", Method::Upright),
 ];
 
 fn names() -> String {

@@ -4,6 +4,7 @@
 mod args;
 mod answer;
 mod files;
+mod gravity;
 mod intrinsics;
 mod output;
 mod points;

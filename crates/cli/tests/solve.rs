@@ -137,7 +137,6 @@ fn what_is_not_in_this_version_says_so() {
     let base = [data("points.csv"), "--camera".into(), data("camera.toml")];
     for (extra, wanted) in [
         (vec!["--robust", "0"], "a positive number is needed"),
-        (vec!["--method", "upright"], "upright is not in this version"),
         (vec!["--method", "plnar"], "did you mean `planar`"),
         (vec!["--sigma-px", "-1"], "a positive number is needed"),
     ] {

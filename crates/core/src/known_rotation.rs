@@ -146,6 +146,9 @@ pub fn place(
     let covariance = rows.covariance(rotation, sight.nearest(&translation))?;
     let chi2 = sight.chi2(&cam_from_target)?;
     let degrees_of_freedom = sight.numbers() - 3;
+    if !covariance.sum().is_finite() {
+        return Err(Error::NoSolution { n_points: seen.len() });
+    }
     Ok(Placed { cam_from_target, covariance, chi2, degrees_of_freedom })
 }
 

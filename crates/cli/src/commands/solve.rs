@@ -2,6 +2,7 @@
 
 use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method, positive};
+use crate::gravity::GravityArgs;
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use crate::points::{self, Row, View};
@@ -9,6 +10,7 @@ use crate::robust::{self, Agreement, RobustArgs};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::{Config, Method, PoseEstimate, locate};
+use resight::core::prior::Prior;
 use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
 use resight::report::verdict::{self, Status, Verdict};
 use std::path::PathBuf;
@@ -32,7 +34,7 @@ pub struct Solve {
     /// Columns xn,yn are undistorted coordinates on the plane z = 1; no camera is needed.
     #[arg(long)]
     normalized: bool,
-    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    /// auto, wang2004, line_plus_one, p3p, planar, sqpnp or upright (2 points and --gravity).
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     /// Standard deviation of u and v where the file has no sigma_px [default: 0.5; photogrammetric camera: f / 2000, in its unit]
@@ -43,6 +45,8 @@ pub struct Solve {
     sigma_normalized: Option<f64>,
     #[command(flatten)]
     robust: RobustArgs,
+    #[command(flatten)]
+    gravity: GravityArgs,
     #[command(flatten)]
     intrinsics: IntrinsicsArgs,
     #[command(flatten)]
@@ -90,6 +94,7 @@ struct Setting {
     unit: &'static str,
     /// Names of the two image columns.
     columns: [&'static str; 2],
+    priors: Vec<Prior>,
     intrinsics: Option<IntrinsicsSigma>,
     /// Their covariance, row by row.
     intrinsics_covariance: Option<Vec<f64>>,
@@ -132,11 +137,13 @@ fn setting(args: &Solve) -> Result<Setting> {
     }
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
     let intrinsics_covariance = intrinsics.as_ref().map(|sigma| sigma.covariance(&camera));
+    let priors = args.gravity.check(args.method)?;
     let method = args.method;
     let threshold_px = args.robust.threshold_px();
     Ok(Setting {
         camera,
         method,
+        priors,
         sigma,
         sigma_is_assumed,
         unit,
@@ -160,7 +167,8 @@ impl Setting {
         let names: Vec<String> =
             view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
         let intrinsics_covariance = self.intrinsics_covariance.as_deref();
-        let config = Config { method: self.method, intrinsics_covariance, ..Config::default() };
+        let config =
+            Config { method: self.method, intrinsics_covariance, priors: &self.priors, ..Config::default() };
         let (mut verdict, estimate, agreement) = match self.solved(view, &points, config) {
             Ok((e, agreement)) => {
                 (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e), agreement)

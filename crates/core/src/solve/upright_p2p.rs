@@ -48,7 +48,9 @@ pub fn upright_p2p(
     for s in [s, -s] {
         let level = rays.f * k + rays.m * s;
         if let Some(depth) = rays.depth(&(rays.w * chord.h + level)) {
-            poses.push(chord.cam_from_target(&rays, &level, depth));
+            let pose = chord.cam_from_target(&rays, &level, depth);
+            // Coordinates of 1e154 and more overflow.
+            poses.extend((pose.rotation.sum() + pose.translation.sum()).is_finite().then_some(pose));
         }
         if s <= MERGE * chord.rho {
             break; // A double root is one pose.
