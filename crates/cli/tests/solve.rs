@@ -133,7 +133,7 @@ fn complaints_name_file_line_and_way_out() {
 }
 
 #[test]
-fn what_is_not_in_this_version_says_so() {
+fn values_that_cannot_be_are_refused() {
     let base = [data("points.csv"), "--camera".into(), data("camera.toml")];
     for (extra, wanted) in [
         (vec!["--robust", "0"], "a positive number is needed"),

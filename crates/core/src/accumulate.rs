@@ -1,7 +1,7 @@
 //! The cost of a pose and its normal equations: sums over points and priors.
 //!
-//! Points known exactly and seen by a pinhole camera with equal noise in u and v are the inner loop of everything: they are taken
-//! two at a time, so that the compiler pairs their arithmetic. All others go through the lens model and a whitening of their own.
+//! Points known exactly and seen by a pinhole camera with equal noise in u and v are the inner loop of everything and have one of their
+//! own; all others, losses and priors go another way. (Two points at a time in packed arithmetic was tried and gained nothing.)
 //!
 //! ```text
 //!   r = (observed − π(x)) / σ,   x = R (X − X̄) + c,   y = x − c
@@ -21,12 +21,12 @@ use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 #[inline]
 pub(crate) fn residual_sums(cam_from_target: &Pose, problem: &Problem) -> (f64, f64) {
     let sums = match &problem.camera.lens {
+        _ if !problem.is_points_alone() => sum_any(cam_from_target, problem),
         Lens::Pinhole(model) => sum_residuals(cam_from_target, problem, |x| model.project(x)),
         _ => sum_residuals(cam_from_target, problem, |x| problem.camera.project(x)),
     };
     let (chi2, sum) = sums.unwrap_or((f64::INFINITY, f64::INFINITY));
-    let of_priors = problem.priors.iter().map(|prior| factor::chi2(prior, cam_from_target)).sum::<f64>();
-    (chi2 + of_priors, (sum / problem.seen.len().max(1) as f64).sqrt())
+    (chi2, (sum / problem.seen.len().max(1) as f64).sqrt())
 }
 
 #[inline(always)]
@@ -37,15 +37,25 @@ fn sum_residuals(
 ) -> Option<(f64, f64)> {
     let (mut chi2, mut sum) = (0.0, 0.0);
     for c in problem.seen {
-        if c.is_plain() && problem.loss == Loss::Squared {
-            let squared = (c.pixel - project(&(cam_from_target * &c.x_in_target))?).norm_squared();
-            chi2 += squared / (c.sigma_px * c.sigma_px);
-            sum += squared;
-        } else {
-            let (_, e, whitened) = whitened_residual(cam_from_target, c, problem.camera)?;
-            chi2 += problem.loss.at(whitened).0;
-            sum += e.norm_squared();
+        if !c.is_plain() {
+            return sum_any(cam_from_target, problem);
         }
+        let squared = (c.pixel - project(&(cam_from_target * &c.x_in_target))?).norm_squared();
+        chi2 += squared / (c.sigma_px * c.sigma_px);
+        sum += squared;
+    }
+    Some((chi2, sum))
+}
+
+/// As `sum_residuals`, for any points, loss and priors.
+#[inline(never)]
+fn sum_any(cam_from_target: &Pose, problem: &Problem) -> Option<(f64, f64)> {
+    let of_priors = problem.priors.iter().map(|prior| factor::chi2(prior, cam_from_target));
+    let (mut chi2, mut sum) = (of_priors.sum(), 0.0);
+    for c in problem.seen {
+        let (_, e, whitened) = whitened_residual(cam_from_target, c, problem.camera)?;
+        chi2 += problem.loss.at(whitened).0;
+        sum += e.norm_squared();
     }
     Some((chi2, sum))
 }
@@ -93,20 +103,11 @@ pub(crate) fn normal_equations(
     pivot: &Point,
     problem: &Problem,
 ) -> Option<NormalEquations> {
-    let mut normal = match (&problem.camera.lens, problem.loss) {
-        (Lens::Pinhole(model), Loss::Squared) => accumulate_pinhole(place, pivot, problem.seen, model),
+    match &problem.camera.lens {
+        Lens::Pinhole(model) if problem.is_points_alone() => {
+            accumulate_pinhole(place, pivot, problem.seen, model)
+        }
         _ => accumulate(place, pivot, problem),
-    }?;
-    if !problem.priors.is_empty() {
-        add_priors(&mut normal, &place.pose(pivot), &place.pivot_in_cam, problem);
-    }
-    normal.chi2.is_finite().then_some(normal)
-}
-
-#[cold]
-fn add_priors(normal: &mut NormalEquations, cam_from_target: &Pose, pivot_in_cam: &Point, problem: &Problem) {
-    for f in problem.priors.iter().flat_map(|prior| factors(prior, cam_from_target)) {
-        normal.add(f.residual, &f.by_rotation_about(pivot_in_cam), &f.by_translation);
     }
 }
 
@@ -123,13 +124,12 @@ fn accumulate_pinhole(
     for c in seen {
         let y = place.rotation * (c.x_in_target - pivot);
         if !c.is_plain() {
-            let seen = model.project_with_jacobian(&(y + place.pivot_in_cam))?;
-            add_point(&mut normal, c, &y, seen, Loss::Squared);
+            add_apart(&mut normal, c, &y, &(y + place.pivot_in_cam), model)?;
             continue;
         }
         add_plain(&mut normal, c, &y, &(y + place.pivot_in_cam), k)?;
     }
-    Some(normal)
+    normal.chi2.is_finite().then_some(normal)
 }
 
 #[inline(always)]
@@ -153,6 +153,7 @@ fn add_plain(
     Some(())
 }
 
+#[inline(never)]
 fn accumulate(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalEquations> {
     let mut normal = NormalEquations::zero();
     for c in problem.seen {
@@ -160,7 +161,30 @@ fn accumulate(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<N
         let seen = problem.camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
         add_point(&mut normal, c, &y, seen, problem.loss);
     }
-    Some(normal)
+    if !problem.priors.is_empty() {
+        add_priors(&mut normal, &place.pose(pivot), &place.pivot_in_cam, problem);
+    }
+    normal.chi2.is_finite().then_some(normal)
+}
+
+/// Each residual of each prior, its derivative taken about the pivot.
+fn add_priors(normal: &mut NormalEquations, cam_from_target: &Pose, pivot_in_cam: &Point, problem: &Problem) {
+    for f in problem.priors.iter().flat_map(|prior| factors(prior, cam_from_target)) {
+        normal.add(f.residual, &f.by_rotation_about(pivot_in_cam), &f.by_translation);
+    }
+}
+
+/// Out of line: the loop over plain points keeps its registers.
+#[inline(never)]
+fn add_apart(
+    normal: &mut NormalEquations,
+    c: &Correspondence,
+    y: &Vector3<f64>,
+    x: &Point,
+    model: &Pinhole,
+) -> Option<()> {
+    add_point(normal, c, y, model.project_with_jacobian(x)?, Loss::Squared);
+    Some(())
 }
 
 /// Any point: whitened (the uncertainty of a surveyed point, seen through the lens, correlates the two pixel coordinates), then

@@ -26,6 +26,7 @@ impl PivotedPose {
     }
 
     /// Back to an ordinary pose, its rotation orthonormal to rounding.
+    #[inline(always)]
     pub fn pose(&self, pivot_in_target: &Point) -> Pose {
         let rotation = crate::pose::orthonormalized(&self.rotation);
         Pose { rotation, translation: self.pivot_in_cam - rotation * pivot_in_target }
@@ -33,7 +34,7 @@ impl PivotedPose {
 
     /// Moves by `[rotation_rad; translation_m]` about the pivot. The rotation is Cayley's, equal to the exponential to
     /// second order and free of trigonometry: any retraction leads to the same minimum.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn moved(&self, motion: &Vector6) -> Self {
         let a = Vector3::new(motion[0], motion[1], motion[2]) * 0.5;
         let k = a.cross_matrix();
@@ -239,7 +240,7 @@ impl NormalEquations {
     /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
     ///
     /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.
-    #[inline]
+    #[inline(always)] // also where the loop is built for more than one cost
     fn step(&self, damping: f64) -> Option<(Vector6, f64)> {
         let tt = self.translation_translation.damped(damping).inverse()?;
         let gain = self.rotation_translation * tt;

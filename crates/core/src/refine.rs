@@ -33,8 +33,9 @@ pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<
 /// square the covariance is the sandwich of docs/math/refine.md eqs. (20)–(22).
 ///
 /// # Errors
-/// Those of [`refine`].
+/// Those of [`refine`] and of [`Problem::check`].
 pub fn refine_problem(start: &Pose, problem: &Problem) -> Result<Minimum, Error> {
+    problem.check()?;
     refine_against(start, None, problem)
 }
 
@@ -45,28 +46,44 @@ pub(crate) fn refine_against(
     rival_chi2: Option<f64>,
     problem: &Problem,
 ) -> Result<Minimum, Error> {
+    if problem.loss != Loss::Squared {
+        return refine_robust(start, problem);
+    }
     let pivot = centroid(problem.seen);
-    let start = eased_in(PivotedPose::new(start, &pivot), &pivot, problem);
+    let start = PivotedPose::new(start, &pivot);
     let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, problem))
         .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
-    let covariance = match problem.loss {
-        Loss::Squared => solution.normal.covariance_at_camera(&solution.place.pivot_in_cam),
-        _ => sandwich(&solution.place, &pivot, &solution.normal, problem),
-    }
-    .ok_or(UNDETERMINED)?;
+    let covariance =
+        solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
 }
 
-/// A truncated loss sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
-fn eased_in(start: PivotedPose, pivot: &Point, problem: &Problem) -> PivotedPose {
-    let Loss::Truncated { sigmas } = problem.loss else { return start };
-    let smooth = Problem { loss: Loss::Cauchy { sigmas }, ..*problem };
-    minimize(start, None, |place| normal_equations(place, pivot, &smooth)).map_or(start, |s| s.place)
+/// As `refine_against`, under a loss. Apart from it, so that the usual case keeps to its registers.
+#[inline(never)]
+fn refine_robust(start: &Pose, problem: &Problem) -> Result<Minimum, Error> {
+    let pivot = centroid(problem.seen);
+    let descend = |place: PivotedPose, problem: &Problem| {
+        minimize(place, None, |place| normal_equations(place, &pivot, problem))
+            .ok_or(Error::NoSolution { n_points: problem.seen.len() })
+    };
+    let mut start = PivotedPose::new(start, &pivot);
+    if let Loss::Truncated { sigmas } = problem.loss {
+        // It sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
+        start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
+    }
+    let solution = descend(start, problem)?;
+    if !solution.converged {
+        return Err(Error::NotConverged { steps: solution.steps });
+    }
+    let covariance = sandwich(&solution.place, &pivot, &solution.normal, problem).ok_or(UNDETERMINED)?;
+    let cam_from_target = solution.place.pose(&pivot);
+    let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
+    Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
 }
 
 /// Residual of one correspondence, observed − predicted, px; none outside the camera's field.

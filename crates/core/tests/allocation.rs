@@ -4,10 +4,14 @@
 mod common;
 
 use common::{Rng, views};
+use nalgebra::Vector3;
+use resight_core::correspondence::PixelCovariance;
 use resight_core::known_rotation::{KnownRotation, place};
 use resight_core::line::{ImageLine, LineCorrespondence};
 use resight_core::locate::{Config, Method, locate};
 use resight_core::locate_lines::locate_lines;
+use resight_core::loss::Loss;
+use resight_core::prior::Prior;
 use resight_core::problem::Problem;
 use resight_core::refine::refine;
 use resight_core::rig_pose::{RigView, locate_rig};
@@ -197,4 +201,29 @@ fn upright_rotations_and_lines_do_not_allocate() {
     assert!(locate_lines(&lines, &Problem::new(&x, &camera)).is_ok());
     assert_eq!(allocations(|| locate_lines(&lines, &Problem::new(&x, &camera))), 0);
     assert_eq!(allocations(|| vanishing_point(&lines.map(|l| l.seen))), 0);
+}
+
+/// Priors, contradictions, losses and ellipses, from one point up.
+#[test]
+fn priors_and_losses_do_not_allocate() {
+    let (camera, truth) = (views::camera(), views::oblique());
+    let down = Vector3::new(0.0, 0.6, 0.8);
+    let gravity = |down_in_cam| Prior::Gravity { down_in_target: down, down_in_cam, sigma_rad: 0.01 };
+    let (level, wrong) = (gravity(truth.rotation * down), gravity(-down));
+    let pose = Prior::Pose { cam_from_target: truth, covariance: Matrix6::identity() * 1e-4 };
+    let ellipse = PixelCovariance { uu_px2: 1.0, uv_px2: 0.3, vv_px2: 0.2 };
+    let losses = [Loss::Squared, Loss::Huber { sigmas: 1.5 }, Loss::Truncated { sigmas: 4.0 }];
+    let mut answered = 0;
+    for n in [1, 2, 4, 8] {
+        let mut seen = exact(&views::general()[..n]);
+        seen.iter_mut().for_each(|c| *c = c.with_covariance(ellipse));
+        for priors in [vec![pose], vec![level, pose], vec![level], vec![wrong, pose]] {
+            for loss in losses {
+                let config = Config { priors: &priors, loss, ..Config::default() };
+                answered += usize::from(locate(&seen, &camera, &config).is_ok());
+                assert_eq!(allocations(|| locate(&seen, &camera, &config)), 0, "{n} points, {priors:?}");
+            }
+        }
+    }
+    assert!(24 < answered, "{answered}");
 }

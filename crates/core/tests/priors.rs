@@ -449,3 +449,48 @@ fn priors_that_cannot_be_are_refused() {
     of_pose(&|_, c| c[(0, 1)] = 0.1, "covariance");
     of_pose(&|_, c| c[(5, 5)] = f64::NAN, "covariance");
 }
+
+/// Priors of any size and any contradiction, on any number of points: a named error or finite numbers, never a panic or NaN.
+#[test]
+fn any_prior_gives_an_error_or_finite_numbers() {
+    let mut rng = Rng::new(95);
+    let (mut answered, mut refused) = (0, 0);
+    for _ in 0..3_000 {
+        let truth = pose(&mut rng, (1.0, 10.0), Point::zeros());
+        let n_points = 1 + rng.index(6);
+        let places = some_points(&mut rng, n_points);
+        let Some(seen) = observe(&mut rng, &truth, &places, SIGMA_PX) else { continue };
+        let elsewhere = Pose::new(rng.rotation(), rng.unit_vector() * 10f64.powf(rng.uniform(-3.0, 6.0)));
+        let mut size = || 10f64.powf(rng.uniform(-12.0, 12.0));
+        let (sigma_rad, sigma_m, height_m, offset_m) = (size(), size(), size(), -size());
+        let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|_, _| size()));
+        let (down, seen_down) = (rng.unit_vector(), rng.unit_vector());
+        let all = [
+            Prior::Pose { cam_from_target: elsewhere, covariance },
+            Prior::Gravity { down_in_target: down, down_in_cam: seen_down, sigma_rad },
+            Prior::Height { normal_in_target: down, offset_m, height_m, sigma_m },
+            Prior::Plane {
+                normal_in_target: down,
+                offset_m,
+                normal_in_cam: -(truth.rotation * down),
+                height_m,
+                sigma_rad,
+                sigma_m,
+            },
+        ];
+        let first = rng.index(4);
+        match solve(&seen, &all[first..=first + rng.index(4 - first)]) {
+            Ok(e) => {
+                answered += 1;
+                let sum = e.covariance.sum() + e.chi2 + e.cam_from_target.translation.sum();
+                assert!(sum.is_finite() && (0..6).all(|i| 0.0 <= e.covariance[(i, i)]), "{e:?}");
+            }
+            Err(error) => {
+                refused += 1;
+                assert!(!error.to_string().contains("NaN"), "{error}");
+            }
+        }
+    }
+    println!("{answered} answered, {refused} refused");
+    assert!(500 < answered && 100 < refused);
+}
