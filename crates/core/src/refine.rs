@@ -8,7 +8,7 @@
 
 use crate::camera::Pinhole;
 use crate::choose::Minimum;
-use crate::least_squares::{NormalEquations, PivotedPose, minimize};
+use crate::least_squares::{NormalEquations, PivotedPose, Solution, minimize};
 use crate::problem::Problem;
 use crate::{Camera, Correspondence, Error, Lens, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
@@ -37,8 +37,13 @@ pub(crate) fn refine_against(
 ) -> Result<Minimum, Error> {
     let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
-    let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, problem))
-        .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+    let solution = match &problem.camera.lens {
+        Lens::Pinhole(model) => {
+            minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
+        }
+        _ => minimize_any_lens(start, rival_chi2, &pivot, problem),
+    };
+    let solution = solution.ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
@@ -47,6 +52,17 @@ pub(crate) fn refine_against(
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+}
+
+/// Apart from the loop of the usual lens, which then compiles as one piece and keeps the normal equations in place.
+#[inline(never)]
+fn minimize_any_lens(
+    start: PivotedPose,
+    rival_chi2: Option<f64>,
+    pivot: &Point,
+    problem: &Problem,
+) -> Option<Solution> {
+    minimize(start, rival_chi2, |place| accumulate(place, pivot, problem.seen, problem.camera))
 }
 
 /// Residual of one correspondence, observed − predicted, px; none outside the camera's field.
