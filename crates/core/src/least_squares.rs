@@ -80,26 +80,26 @@ pub struct Solution {
 /// Steps after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
 const MAX_STEPS: usize = 200;
 /// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
-const TOLERANCE_CHI2: f64 = 1e-7;
+pub(crate) const TOLERANCE_CHI2: f64 = 1e-7;
 /// … or by less than this fraction of χ² itself: rounding has taken over.
-const TOLERANCE_RELATIVE: f64 = 1e-14;
+pub(crate) const TOLERANCE_RELATIVE: f64 = 1e-14;
 /// Damping (relative to the diagonal) after the first rejected step; before it the steps are Gauss–Newton's.
-const FIRST_DAMPING: f64 = 1e-3;
+pub(crate) const FIRST_DAMPING: f64 = 1e-3;
 /// Damping beyond which no step can help.
-const LAST_DAMPING: f64 = 1e12;
+pub(crate) const LAST_DAMPING: f64 = 1e12;
 
 /// A minimum that will only be compared with a known, much better one is near enough when the step promises less than this
 /// fraction of the difference; the step is still taken, and what is left after it is far smaller.
-const TOLERANCE_COMPARED: f64 = 0.2;
+pub(crate) const TOLERANCE_COMPARED: f64 = 0.2;
 
 /// The loop also ends, before looking, where the step after this one can be foreseen to promise less than this (3·10⁻⁵ standard
 /// deviations): Gauss–Newton converges at least linearly, so that its promises fall by at least the last factor again …
-const FORESEEN_CHI2: f64 = 1e-9;
+pub(crate) const FORESEEN_CHI2: f64 = 1e-9;
 /// … and only for a step shorter than 0.03 standard deviations, so that the normal equations before it still give the covariance.
-const NEAR_CHI2: f64 = 1e-3;
+pub(crate) const NEAR_CHI2: f64 = 1e-3;
 
 /// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
-const RIVAL_MARGIN_CHI2: f64 = 100.0;
+pub(crate) const RIVAL_MARGIN_CHI2: f64 = 100.0;
 
 /// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field. With `rival_chi2`, the
 /// χ² of a minimum already known, the loop may end early where it cannot come near it.

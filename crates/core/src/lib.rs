@@ -22,6 +22,8 @@ mod search;
 mod literal;
 mod intrinsics;
 pub mod locate;
+#[cfg(feature = "batch")]
+pub mod batch;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
