@@ -94,12 +94,21 @@ fn assert_same_verdict(one: &Ambiguity, other: &Ambiguity) {
 #[test]
 fn views_answer_together_as_each_alone() {
     let (camera, points, n) = (camera(), points(), 20_003);
-    for (seed, range_m, noise_px) in [(1, (2.0, 6.0), 0.3), (2, (4.0, 15.0), 1.0), (3, (4.0, 15.0), 0.0)] {
+    // The last number: at most so many per cent in doubt. Measured 4.5, 45 (bent or ambiguous) and 0.05; were it more,
+    // the lanes would be idle.
+    let families = [(1, (2.0, 6.0), 0.3, 6), (2, (4.0, 15.0), 1.0, 50), (3, (4.0, 15.0), 0.0, 1)];
+    for (seed, range_m, noise_px, most_percent) in families {
         let pixels = pixels(seed, n, range_m, noise_px, &points);
         let sigma_px = [noise_px.max(1e-3); 4];
         let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
         let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
-        let answers = together(&views);
+        let mut answers = Vec::new();
+        let doubtful = locate_each(&views, &mut answers).expect("as many of each");
+        println!(
+            "{range_m:?} m, {noise_px} px: {:.2} % on the single path",
+            100.0 * doubtful as f64 / n as f64
+        );
+        assert!(100 * doubtful < most_percent * n, "{doubtful}");
         assert_eq!(answers.len(), n);
         for (answer, pixels) in answers.iter().zip(&pixels) {
             assert_same(answer, &alone(&camera, &points, pixels, &sigma_px));

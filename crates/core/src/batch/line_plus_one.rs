@@ -19,8 +19,8 @@ pub(super) fn locate_each(
     views: &Views,
     matrix: &CameraMatrix,
     answers: &mut Vec<Result<PoseEstimate, Error>>,
-) {
-    Arch::new().dispatch(Run { views, matrix, answers });
+) -> usize {
+    Arch::new().dispatch(Run { views, matrix, answers })
 }
 
 struct Run<'a> {
@@ -30,22 +30,26 @@ struct Run<'a> {
 }
 
 impl WithSimd for Run<'_> {
-    type Output = ();
+    /// How many views went to the single path.
+    type Output = usize;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
         let lanes = S::F64_LANES.min(WIDTH);
         let mut group = Group::default();
         let mut found = Found::default();
+        let mut doubtful = 0;
         for first in (0..self.views.pixels.len()).step_by(lanes) {
             group.gather(self.views, first, lanes);
             group.locate(simd, self.matrix, &mut found);
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
                 let sure = group.in_layout[lane] && found.sure[lane] != 0.0;
+                doubtful += usize::from(!sure);
                 let answer = if sure { Ok(found.estimate(lane)) } else { alone(self.views, first + lane) };
                 self.answers.push(answer);
             }
         }
+        doubtful
     }
 }
 
@@ -286,52 +290,57 @@ mod tests {
     use crate::batch::Given;
     use crate::{Camera, Lens, Pixel};
 
-    /// Machines without the vectors of this one, down to single numbers, give the same answers; which of them the dispatch takes
-    /// elsewhere is pulp's to say.
-    #[test]
-    fn every_width_gives_the_same_answers() {
-        let camera = Camera::normalized();
-        let Lens::Pinhole(model) = &camera.lens else { return };
-        let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0));
+    /// Views along a path, with a disturbance of the size of their sigma.
+    fn pixels(points: &[Point; 4]) -> Vec<[Pixel; 4]> {
         let view = |i: i32| {
-            let turn =
-                Vector3::new(0.4 + 0.02 * f64::from(i), 0.9 - 0.015 * f64::from(i), 0.1 * f64::from(i));
-            let motion = crate::Vector6::new(turn.x, turn.y, turn.z, 0.1, -0.2, 3.0 + 0.05 * f64::from(i));
-            let cam_from_target = Pose::exp(&motion);
+            let i = f64::from(i);
+            let turn = Vector3::new(0.4 + 0.02 * i, 0.9 - 0.015 * i, 0.1 * i);
+            let cam_from_target =
+                Pose::exp(&crate::Vector6::new(turn.x, turn.y, turn.z, 0.1, -0.2, 3.0 + 0.05 * i));
             points.map(|x| {
                 let x = cam_from_target * x;
                 Pixel::new(x.x / x.z, x.y / x.z) + Pixel::new((7.0 * x.x).sin(), (9.0 * x.y).cos()) * 2e-4
             })
         };
-        let pixels: Vec<[Pixel; 4]> = (0..37).map(view).collect();
-        let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&[3e-4; 4]));
-        let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px };
-        let single: Vec<_> = (0..pixels.len()).filter_map(|view| alone(&views, view).ok()).collect();
-        assert_eq!(single.len(), pixels.len());
-        let check = |answers: Vec<Result<PoseEstimate, Error>>| {
-            for (e, s) in answers.iter().zip(&single) {
-                let e = e.as_ref().expect("a pose");
-                let off = e.cam_from_target.rotation - s.cam_from_target.rotation;
-                // Rounding (1e-16) times the condition of the normal equations (1e4) and of the steps on the way.
-                assert!(off.amax() < 1e-11 && (e.chi2 - s.chi2).abs() < 1e-9);
-                assert!((e.covariance - s.covariance).amax() < 1e-9 * s.covariance.amax());
-                assert_eq!(e.weakness, s.weakness);
-            }
-        };
-        let mut answers = Vec::new();
-        let matrix = &model.matrix;
-        Run { views: &views, matrix, answers: &mut answers }.with_simd(pulp::Scalar);
+        (0..37).map(view).collect()
+    }
+
+    fn assert_same(answers: &[Result<PoseEstimate, Error>], single: &[PoseEstimate]) {
         assert_eq!(answers.len(), single.len());
-        check(answers);
+        for (e, s) in answers.iter().zip(single) {
+            let e = e.as_ref().expect("a pose");
+            let off = e.cam_from_target.rotation - s.cam_from_target.rotation;
+            // Rounding (1e-16) times the condition of the normal equations (1e4) and of the steps on the way.
+            assert!(off.amax() < 1e-11 && (e.chi2 - s.chi2).abs() < 1e-9);
+            assert!((e.covariance - s.covariance).amax() < 1e-9 * s.covariance.amax());
+            assert_eq!(e.weakness, s.weakness);
+        }
+    }
+
+    /// Machines without the vectors of this one, down to single numbers, give the same answers and leave as few views to the single
+    /// path; which of them the dispatch takes elsewhere is pulp's to say.
+    #[test]
+    fn every_width_gives_the_same_answers() {
+        let camera = Camera::normalized();
+        let Lens::Pinhole(model) = &camera.lens else { return };
+        let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0));
+        let pixels = pixels(&points);
+        let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&[3e-4; 4]));
+        let views = &Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px };
+        let single: Vec<_> = (0..pixels.len()).filter_map(|view| alone(views, view).ok()).collect();
+        let (mut answers, matrix) = (Vec::new(), &model.matrix);
+        let doubtful = Run { views, matrix, answers: &mut answers }.with_simd(pulp::Scalar);
+        assert_same(&answers, &single);
+        assert!(doubtful < pixels.len() / 2, "{doubtful}");
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V3::try_new() {
             let mut answers = Vec::new();
-            pulp::Simd::vectorize(simd, Run { views: &views, matrix, answers: &mut answers });
-            assert_eq!(answers.len(), single.len());
-            check(answers);
+            let run = Run { views, matrix, answers: &mut answers };
+            assert_eq!(Simd::vectorize(simd, run), doubtful);
+            assert_same(&answers, &single);
         }
         let mut answers = Vec::new();
-        locate_each(&views, matrix, &mut answers);
-        check(answers);
+        assert_eq!(locate_each(views, matrix, &mut answers), doubtful);
+        assert_same(&answers, &single);
     }
 }
