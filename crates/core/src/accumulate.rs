@@ -113,7 +113,7 @@ pub(crate) fn normal_equations(
 
 /// As `accumulate`, for the lens of most cameras of the inner loop: a third less arithmetic.
 #[inline(always)]
-fn accumulate_pinhole(
+pub(crate) fn accumulate_pinhole(
     place: &PivotedPose,
     pivot: &Point,
     seen: &[Correspondence],

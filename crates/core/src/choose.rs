@@ -54,9 +54,9 @@ pub type Minima = ArrayVec<Minimum, 8>;
 /// more than 0.135 % through: docs/math/refine.md eq. (16).
 pub const AMBIGUITY_GATE_CHI2: f64 = 9.0;
 /// Residuals below this are rounding: they take no part in a ratio.
-const ROUNDING_PX: f64 = 1e-9;
+pub(crate) const ROUNDING_PX: f64 = 1e-9;
 /// Two refinements that end closer than this many standard deviations of rotation ended in one minimum.
-const TWIN_SIGMAS: f64 = 0.1;
+pub(crate) const TWIN_SIGMAS: f64 = 0.1;
 
 /// Adds a minimum unless the list has it already; keeps the list ordered by χ², dropping the worst when full.
 pub fn insert(minima: &mut Minima, found: Minimum) {

@@ -15,9 +15,9 @@ use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
 
 /// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
-const PROBE: f64 = 2.0;
+pub(crate) const PROBE: f64 = 2.0;
 /// Off a straight ridge χ² rises by PROBE² = 4; within this factor nothing is bent that matters.
-const STRAIGHT: f64 = 1.25;
+pub(crate) const STRAIGHT: f64 = 1.25;
 /// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
 const LEAST_RISE: f64 = 0.4;
 

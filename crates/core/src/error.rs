@@ -68,6 +68,16 @@ pub enum Error {
         /// The smallest ratio accepted.
         needed: f64,
     },
+    /// A list that should have one entry for each view has another number.
+    #[error("{seen} {what} given for {needed} views; give one for each view, or one for all")]
+    CountMismatch {
+        /// Which list.
+        what: &'static str,
+        /// Its length.
+        seen: usize,
+        /// The number of views.
+        needed: usize,
+    },
     /// The points' images do not determine a pose although the target would.
     #[error("degenerate view: {reason} (metric {metric:.1e}, need {needed:.0e})")]
     DegenerateView {

@@ -83,20 +83,26 @@ pub struct Solution {
 /// Steps after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
 const MAX_STEPS: usize = 200;
 /// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
-const TOLERANCE_CHI2: f64 = 1e-7;
+pub(crate) const TOLERANCE_CHI2: f64 = 1e-7;
 /// … or by less than this fraction of χ² itself: rounding has taken over.
-const TOLERANCE_RELATIVE: f64 = 1e-14;
+pub(crate) const TOLERANCE_RELATIVE: f64 = 1e-14;
 /// Damping (relative to the diagonal) after the first rejected step; before it the steps are Gauss–Newton's.
-const FIRST_DAMPING: f64 = 1e-3;
+pub(crate) const FIRST_DAMPING: f64 = 1e-3;
 /// Damping beyond which no step can help.
-const LAST_DAMPING: f64 = 1e12;
+pub(crate) const LAST_DAMPING: f64 = 1e12;
 
 /// A minimum that will only be compared with a known, much better one is near enough when the step promises less than this
 /// fraction of the difference; the step is still taken, and what is left after it is far smaller.
-const TOLERANCE_COMPARED: f64 = 0.2;
+pub(crate) const TOLERANCE_COMPARED: f64 = 0.2;
+
+/// The loop also ends, before looking, where the step after this one can be foreseen to promise less than this (3·10⁻⁵ standard
+/// deviations): Gauss–Newton converges at least linearly, so that its promises fall by at least the last factor again …
+pub(crate) const FORESEEN_CHI2: f64 = 1e-9;
+/// … and only for a step shorter than 0.03 standard deviations, so that the normal equations before it still give the covariance.
+pub(crate) const NEAR_CHI2: f64 = 1e-3;
 
 /// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
-const RIVAL_MARGIN_CHI2: f64 = 100.0;
+pub(crate) const RIVAL_MARGIN_CHI2: f64 = 100.0;
 
 /// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field. With `rival_chi2`, the
 /// χ² of a minimum already known, the loop may end early where it cannot come near it.
@@ -107,44 +113,73 @@ pub fn minimize(
     evaluate: impl Fn(&PivotedPose) -> Option<NormalEquations>,
 ) -> Option<Solution> {
     let mut place = start;
-    let mut normal = evaluate(&place)?;
-    let (mut damping, mut growth) = (0.0, 2.0);
+    // Infinitely bad, so that the start is accepted as any better trial is: one call of `evaluate`, compiled into the loop.
+    let mut normal = NormalEquations { chi2: f64::INFINITY, ..NormalEquations::zero() };
+    let (mut trial, mut damping, mut promised) = (start, Damping::NONE, 1.0);
     for steps in 1..=MAX_STEPS {
-        let Some((motion, promised)) = normal.step(damping) else {
-            damping = f64::max(growth * damping, FIRST_DAMPING);
-            growth *= 2.0;
-            continue;
-        };
-        let trial = place.moved(&motion);
-        if promised <= tolerance(normal.chi2, rival_chi2) {
-            return Some(Solution { place: trial, normal, steps, converged: true });
-        }
+        // What the step before promised, where both are Gauss–Newton's.
+        let mut before = 0.0;
         match evaluate(&trial).filter(|n| n.chi2 < normal.chi2) {
             Some(better) => {
-                damping = eased(damping, (normal.chi2 - better.chi2) / promised);
-                (place, normal, growth) = (trial, better, 2.0);
+                before = if damping.value == 0.0 && normal.chi2 < f64::INFINITY { promised } else { 0.0 };
+                damping.ease((normal.chi2 - better.chi2) / promised);
+                (place, normal) = (trial, better);
             }
-            None if damping < LAST_DAMPING => {
-                damping = f64::max(growth * damping, FIRST_DAMPING);
-                growth *= 2.0;
-            }
+            None if normal.chi2 == f64::INFINITY => return None,
+            None if damping.value < LAST_DAMPING => damping.raise(),
             None => return Some(Solution { place, normal, steps, converged: true }),
+        }
+        let Some((motion, promise)) = positive_step(&normal, &mut damping) else { break };
+        (trial, promised) = (place.moved(&motion), promise);
+        // promised · (promised / before) is what the next step would promise, docs/math/refine.md section 2.
+        let foreseen = promised < NEAR_CHI2 && promised * promised <= FORESEEN_CHI2 * before;
+        if foreseen || promised <= tolerance(normal.chi2, rival_chi2) {
+            return Some(Solution { place: trial, normal, steps, converged: true });
         }
     }
     Some(Solution { place, normal, steps: MAX_STEPS, converged: false })
+}
+
+/// The step and its promise at the least damping from `damping` on that makes the matrix positive; none when no damping does.
+#[inline]
+fn positive_step(normal: &NormalEquations, damping: &mut Damping) -> Option<(Vector6, f64)> {
+    loop {
+        let step = normal.step(damping.value);
+        if step.is_some() || !(damping.value < LAST_DAMPING) {
+            return step;
+        }
+        damping.raise();
+    }
+}
+
+/// Levenberg and Marquardt's damping, relative to the diagonal, and the factor by which the next rejection raises it.
+#[derive(Debug, Clone, Copy)]
+struct Damping {
+    value: f64,
+    growth: f64,
+}
+
+impl Damping {
+    const NONE: Damping = Damping { value: 0.0, growth: 2.0 };
+
+    fn raise(&mut self) {
+        self.value = f64::max(self.growth * self.value, FIRST_DAMPING);
+        self.growth *= 2.0;
+    }
+
+    /// After an accepted step that achieved `gain` of what it promised (Nielsen 1999, "Damping parameter in
+    /// Marquardt's method"); vanishing damping becomes none, so that the end is Gauss–Newton's.
+    fn ease(&mut self, gain: f64) {
+        let eased = self.value * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
+        let vanishes = eased < 1e-9 || 0.9 < gain && eased < 1e-3;
+        *self = Damping { value: if vanishes { 0.0 } else { eased }, growth: 2.0 };
+    }
 }
 
 /// The promised decrease of χ² at which to end.
 fn tolerance(chi2: f64, rival_chi2: Option<f64>) -> f64 {
     let excess = rival_chi2.map_or(0.0, |rival| chi2 - rival - RIVAL_MARGIN_CHI2);
     TOLERANCE_CHI2 + TOLERANCE_RELATIVE * chi2 + TOLERANCE_COMPARED * excess.max(0.0)
-}
-
-/// Damping after an accepted step that achieved `gain` of what it promised (Nielsen 1999, "Damping parameter in
-/// Marquardt's method"); vanishing damping becomes none, so that the end is Gauss–Newton's.
-fn eased(damping: f64, gain: f64) -> f64 {
-    let eased = damping * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
-    if eased < 1e-9 || 0.9 < gain && eased < 1e-3 { 0.0 } else { eased }
 }
 
 impl NormalEquations {

@@ -32,6 +32,8 @@ mod upright;
 mod literal;
 mod intrinsics;
 pub mod locate;
+#[cfg(feature = "batch")]
+pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 pub mod robust;

@@ -4,14 +4,14 @@
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
 pub(crate) use crate::accumulate::{
-    information, normal_equations, residual_sums, whitened_residual, whitening,
+    accumulate_pinhole, information, normal_equations, residual_sums, whitened_residual, whitening,
 };
 use crate::choose::Minimum;
-use crate::least_squares::{PivotedPose, minimize};
+use crate::least_squares::{PivotedPose, Solution, minimize};
 use crate::loss::Loss;
 use crate::problem::Problem;
 use crate::sandwich::sandwich;
-use crate::{Camera, Correspondence, Error, Point, Pose};
+use crate::{Camera, Correspondence, Error, Lens, Point, Pose};
 use nalgebra::Vector2;
 
 /// The points leave a direction free, to rounding.
@@ -46,44 +46,46 @@ pub(crate) fn refine_against(
     rival_chi2: Option<f64>,
     problem: &Problem,
 ) -> Result<Minimum, Error> {
-    if problem.loss != Loss::Squared {
-        return refine_robust(start, problem);
-    }
     let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
-    let solution = minimize(start, rival_chi2, |place| normal_equations(place, &pivot, problem))
-        .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+    let solution = match &problem.camera.lens {
+        Lens::Pinhole(model) if problem.is_points_alone() => {
+            minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
+        }
+        _ => minimize_any(start, rival_chi2, &pivot, problem),
+    };
+    let solution = solution.ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
-    let covariance =
-        solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
+    let covariance = match problem.loss {
+        Loss::Squared => solution.normal.covariance_at_camera(&solution.place.pivot_in_cam),
+        _ => sandwich(&solution.place, &pivot, &solution.normal, problem),
+    };
+    let covariance = covariance.ok_or(UNDETERMINED)?;
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
 }
 
-/// As `refine_against`, under a loss. Apart from it, so that the usual case keeps to its registers.
+/// Any lens, priors and losses. Apart from the loop of the usual case, which then compiles as one piece and keeps the normal
+/// equations in place.
 #[inline(never)]
-fn refine_robust(start: &Pose, problem: &Problem) -> Result<Minimum, Error> {
-    let pivot = centroid(problem.seen);
-    let descend = |place: PivotedPose, problem: &Problem| {
-        minimize(place, None, |place| normal_equations(place, &pivot, problem))
-            .ok_or(Error::NoSolution { n_points: problem.seen.len() })
+fn minimize_any(
+    mut start: PivotedPose,
+    rival_chi2: Option<f64>,
+    pivot: &Point,
+    problem: &Problem,
+) -> Option<Solution> {
+    let descend = |start: PivotedPose, rival_chi2: Option<f64>, problem: &Problem| {
+        minimize(start, rival_chi2, |place| normal_equations(place, pivot, problem))
     };
-    let mut start = PivotedPose::new(start, &pivot);
     if let Loss::Truncated { sigmas } = problem.loss {
         // It sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
-        start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
+        start = descend(start, None, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
     }
-    let solution = descend(start, problem)?;
-    if !solution.converged {
-        return Err(Error::NotConverged { steps: solution.steps });
-    }
-    let covariance = sandwich(&solution.place, &pivot, &solution.normal, problem).ok_or(UNDETERMINED)?;
-    let cam_from_target = solution.place.pose(&pivot);
-    let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
-    Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+    // Every digit of a loss counts: its sandwich needs the minimum itself.
+    descend(start, rival_chi2.filter(|_| problem.loss == Loss::Squared), problem)
 }
 
 /// Residual of one correspondence, observed − predicted, px; none outside the camera's field.

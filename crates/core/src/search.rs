@@ -15,7 +15,7 @@ use crate::{Bearing, Camera, Correspondence, Point, Pose};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
-const HOPELESS_CHI2: f64 = 1e4;
+pub(crate) const HOPELESS_CHI2: f64 = 1e4;
 
 /// What the search saw besides the minima.
 pub(crate) struct Findings {

@@ -8,7 +8,7 @@ use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
 
 /// Squared radius x²/z² up to which pixels are finite whatever f; NaN fails it too.
-const R2_MAX: f64 = 1e30;
+pub(crate) const R2_MAX: f64 = 1e30;
 
 /// The camera matrix alone.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@
 //!
 //!   A  JᵀWJ of one pose, 6×6   ·   B  JᵀWK, 6×k   ·   C  Σ KᵀWK, k×k   ·   a, c  the gradients JᵀWr, Σ KᵀWr
 
-use super::{FIRST_DAMPING, LAST_DAMPING, MAX_STEPS, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE, eased};
+use super::{Damping, LAST_DAMPING, MAX_STEPS, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
 use crate::camera::MAX_PARAMETERS;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
@@ -72,9 +72,9 @@ pub fn minimize_shared(
 ) -> Option<SharedSolution> {
     let (mut places, mut change) = (start, DVector::zeros(n_shared));
     let mut equations = evaluate(&places, &change)?;
-    let (mut damping, mut growth) = (0.0, 2.0);
+    let mut damping = Damping::NONE;
     for steps in 1..=MAX_STEPS {
-        let step = equations.step(damping);
+        let step = equations.step(damping.value);
         let trial = step.map(|step| (moved(&places, &step.motions), &change + step.change, step.promised));
         if let Some((trial_places, trial_change, promised)) = trial {
             if promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2 {
@@ -83,16 +83,15 @@ pub fn minimize_shared(
             }
             let better = evaluate(&trial_places, &trial_change).filter(|e| e.chi2 < equations.chi2);
             if let Some(better) = better {
-                damping = eased(damping, (equations.chi2 - better.chi2) / promised);
-                (places, change, equations, growth) = (trial_places, trial_change, better, 2.0);
+                damping.ease((equations.chi2 - better.chi2) / promised);
+                (places, change, equations) = (trial_places, trial_change, better);
                 continue;
             }
-            if LAST_DAMPING <= damping {
+            if LAST_DAMPING <= damping.value {
                 return Some(SharedSolution { places, change, equations, steps, converged: true });
             }
         }
-        damping = f64::max(growth * damping, FIRST_DAMPING);
-        growth *= 2.0;
+        damping.raise();
     }
     Some(SharedSolution { places, change, equations, steps: MAX_STEPS, converged: false })
 }

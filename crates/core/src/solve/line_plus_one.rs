@@ -54,12 +54,12 @@ pub enum Weakness {
 
 /// Above this cosine between the fourth ray and the line the camera is away from the critical plane, and two poses that look
 /// alike do so because the target is far.
-const NEAR_CRITICAL: f64 = 0.1;
+pub(crate) const NEAR_CRITICAL: f64 = 0.1;
 /// Two candidates seen closer together than this cannot be told apart: the ambiguity gate is 3 σ, and refinement closes
 /// about half of the gap.
-const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
+pub(crate) const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 /// A shorter image of the line leaves its direction to chance (measured: docs/math/line_plus_one.md section 5).
-const NEEDED_LENGTH_SIGMA: f64 = 15.0;
+pub(crate) const NEEDED_LENGTH_SIGMA: f64 = 15.0;
 
 /// What makes a view weak. `candidates` are those of `line_plus_one`, before any refinement, or two refined poses that fit
 /// alike: the line's direction is noisier in the former. `sigma_rad` is the standard deviation of a bearing.
