@@ -8,7 +8,7 @@ use common::Rng;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Unit, Vector3};
 use resight_core::solve::{Candidates, configuration::classify, p3p::p3p, planar::planar, sqpnp::sqpnp};
-use resight_core::{Camera, Correspondence, Pixel, Point, Pose};
+use resight_core::{Bearing, Camera, Correspondence, Pixel, Point, Pose};
 use std::hint::black_box;
 
 const PROBLEMS: usize = 1_000;
@@ -36,18 +36,34 @@ fn problem(rng: &mut Rng, n: usize, thickness: f64) -> Vec<Correspondence> {
     (0..n).map(|_| point()).collect()
 }
 
+type Triple = ([Bearing; 3], [Point; 3]);
+
+fn far_triple(rng: &mut Rng) -> Triple {
+    let points = problem(rng, 3, 1.0);
+    ([0, 1, 2].map(|i| points[i].bearing), [0, 1, 2].map(|i| points[i].x_in_target))
+}
+
+/// PoseLib's generator: rays in a field of 75°, depths 0.1 to 10.
+fn random_triple(rng: &mut Rng) -> Triple {
+    let target_from_cam = Pose::new(rng.rotation(), Vector3::new(rng.normal(), rng.normal(), rng.normal()));
+    let edge = 37.5f64.to_radians().tan();
+    let rays =
+        [(); 3].map(|()| Vector3::new(rng.uniform(-edge, edge), rng.uniform(-edge, edge), 1.0).normalize());
+    (rays.map(Unit::new_unchecked), rays.map(|ray| target_from_cam * (ray * rng.uniform(0.1, 10.0))))
+}
+
 fn bench_p3p(c: &mut Criterion) {
-    let mut rng = Rng::new(1);
-    let problems: Vec<_> = (0..PROBLEMS).map(|_| problem(&mut rng, 3, 1.0)).collect();
-    let triples: Vec<_> = problems
-        .iter()
-        .map(|p| ([0, 1, 2].map(|i| p[i].bearing), [0, 1, 2].map(|i| p[i].x_in_target)))
-        .collect();
+    type Family = fn(&mut Rng) -> Triple;
+    let families: [(&str, Family); 2] = [("random", random_triple), ("1 m target at 5-20 m", far_triple)];
     let mut group = c.benchmark_group("p3p");
     group.throughput(Throughput::Elements(PROBLEMS as u64));
-    group.bench_function("1 m target at 5-20 m", |b| {
-        b.iter(|| triples.iter().map(|(rays, places)| black_box(p3p(rays, places)).len()).sum::<usize>())
-    });
+    for (name, family) in families {
+        let mut rng = Rng::new(1);
+        let triples: Vec<Triple> = (0..PROBLEMS).map(|_| family(&mut rng)).collect();
+        group.bench_function(name, |b| {
+            b.iter(|| triples.iter().map(|(rays, places)| black_box(p3p(rays, places)).len()).sum::<usize>())
+        });
+    }
 }
 
 fn bench_n_points(c: &mut Criterion) {

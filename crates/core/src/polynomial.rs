@@ -1,60 +1,111 @@
 //! Real roots of the low-degree polynomials behind the closed forms.
 //!
 //! A quartic is split into two real quadratics. Each quadratic is polished as a whole (Bairstow), so that a nearly
-//! double root inside one of them costs no digits of the factor; only then is it solved.
+//! double root inside one of them costs no digits of the factor; only then is it solved. Both are worked side by side.
 //! Derivation and the choice of the split: docs/math/p3p.md, section 3.
 
 pub mod bernstein;
 pub mod arc;
 
 use arrayvec::ArrayVec;
+use nalgebra::Vector2;
 
-/// A monic quadratic x² + `linear` x + `constant`.
+/// Two real monic quadratics x² + `linear` x + `constant`, one in each row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quadratic {
-    /// Coefficient of x.
-    pub linear: f64,
-    /// Constant term.
-    pub constant: f64,
+pub struct Factors {
+    /// Coefficients of x.
+    pub linear: Vector2<f64>,
+    /// Constant terms.
+    pub constant: Vector2<f64>,
 }
 
-impl Quadratic {
-    /// Its real roots without cancellation, NaN where there is none. A complex pair whose imaginary part is below
+impl Factors {
+    /// Splits x⁴ + a₃x³ + a₂x² + a₁x + a₀, given as `[a0, a1, a2, a3]`; good to 1e-7 or so, see [`Factors::polished`].
+    ///
+    /// Real roots are paired in order of size (the two smallest, the two largest), complex ones with their conjugates.
+    #[inline]
+    pub fn of_quartic(a: &[f64; 4]) -> Self {
+        let (b, c, d, e) = (0.25 * a[3], a[2] * (1.0 / 6.0), 0.25 * a[1], a[0]);
+        let bb = b * b;
+        let h = c - bb;
+        let i = e - 4.0 * (b * d) + 3.0 * (c * c);
+        let j = e * h + c * (2.0 * (b * d) - c * c) - d * d;
+        let g = d - b * (3.0 * c - 2.0 * bb);
+        let tau = resolvent_root(i * (1.0 / 3.0), -j, 2.0 * h);
+        let alpha2 = (2.0 * (tau - 2.0 * h)).max(0.0);
+        let alpha = alpha2.sqrt();
+        let mean = tau + h;
+        // α² is off by ε times the scale of the resolvent, which h alone is not: it vanishes for (x² − a²)(x² + a²).
+        let half_gap = if 1e-20 * (h * h + i.abs()) < alpha2 * alpha2 {
+            2.0 * g * (1.0 / alpha2) * alpha // side by side with the square root; 2g/α would wait for it
+        } else {
+            (mean * mean - (i - 3.0 * h * h)).max(0.0).sqrt().copysign(g)
+        };
+        // (z² + αz + mean − half_gap)(z² − αz + mean + half_gap), moved back to x = z − b.
+        let shift = bb + mean;
+        let skew = alpha * b - half_gap;
+        Factors {
+            linear: Vector2::new(2.0 * b + alpha, 2.0 * b - alpha),
+            constant: Vector2::new(shift + skew, shift - skew),
+        }
+    }
+
+    /// One Newton step on each factor of the quartic (Bairstow): quadratic convergence even where the factor's own two
+    /// roots coincide.
+    #[inline]
+    pub fn polished(&self, a: &[f64; 4]) -> Self {
+        let [a0, a1, a2, a3] = a.map(Vector2::repeat);
+        let (p, q) = (self.linear, self.constant);
+        // Quotient x² + b x + c, remainder r1 x + r0.
+        let b = a3 - p;
+        let c = a2 - q - p.component_mul(&b);
+        let r1 = a1 - p.component_mul(&c) - q.component_mul(&b);
+        let r0 = a0 - q.component_mul(&c);
+        // The remainder of the quotient by the factor, k x + l, gives the derivative.
+        let (k, l) = (b - p, c - q);
+        let determinant = l.component_mul(&l) - k.component_mul(&(p.component_mul(&l) - q.component_mul(&k)));
+        // Zero when the factors share a root: then they stay as they are.
+        let inverse = determinant.map(|d| if d == 0.0 { 0.0 } else { 1.0 / d });
+        // (k x + l)(δp x + δq) ≡ r1 x + r0 modulo the factor.
+        let step_p = r1.component_mul(&l) - r0.component_mul(&k);
+        let step_q = r0.component_mul(&(l - p.component_mul(&k))) + r1.component_mul(&q.component_mul(&k));
+        Factors { linear: p + step_p.component_mul(&inverse), constant: q + step_q.component_mul(&inverse) }
+    }
+
+    /// The real roots without cancellation, NaN where there is none. A complex pair whose imaginary part is below
     /// `blur` gives its real part once: rounding turns a double root into such a pair as often as into two real ones.
     #[inline]
-    pub fn real_roots(&self, blur: f64) -> [f64; 2] {
-        let half = -0.5 * self.linear;
-        let discriminant = half * half - self.constant;
-        if discriminant <= 0.0 {
-            return [if discriminant < -blur * blur { f64::NAN } else { half }, f64::NAN];
-        }
-        let far = half + discriminant.sqrt().copysign(half);
-        [far, self.constant / far]
+    pub fn real_roots(&self, blur: f64) -> [f64; 4] {
+        let half = self.linear * -0.5;
+        let discriminant = half.component_mul(&half) - self.constant;
+        let nan_below = |least: f64| move |x: f64, d: f64| if d < least { f64::NAN } else { x };
+        let centre = half.zip_map(&discriminant, nan_below(-blur * blur));
+        let product = self.constant.zip_map(&discriminant, nan_below(f64::MIN_POSITIVE));
+        let far = centre + discriminant.zip_map(&half, |d, h| d.max(0.0).sqrt().copysign(h));
+        let near = product.component_div(&far);
+        [far.x, near.x, far.y, near.y]
     }
 }
 
-/// The root of the resolvent x³ + b x² + c x + d that splits a quartic best: the largest, unless it nearly coincides
-/// with the second; then the smallest, the one that is still well separated.
+/// The root of the resolvent t³ − 3 p t − 2 q that splits a quartic best: the largest, unless it nearly coincides with the
+/// second; then the smallest, the one that is still well separated, if it is above `least` and so gives real factors.
 #[inline]
-fn resolvent_root(b: f64, c: f64, d: f64) -> f64 {
-    let shift = b / 3.0;
-    let p = shift * shift - c / 3.0; // x = t − shift: t³ − 3 p t − 2 q = 0
-    let q = 0.5 * (shift * c - d) - shift * shift * shift;
-    let ppp = p * p * p;
-    let discriminant = q * q - ppp;
+fn resolvent_root(p: f64, q: f64, least: f64) -> f64 {
+    let discriminant = q * q - p * p * p;
     if 0.0 < discriminant {
-        let u = cube_root(q.abs() + discriminant.sqrt());
-        return (u + p / u).copysign(q) - shift;
+        let cube = q.abs() + discriminant.sqrt();
+        let w = inverse_cube_root(cube);
+        return (w * (cube * w + p)).copysign(q);
     }
-    let root = p.max(f64::MIN_POSITIVE).sqrt();
-    let cosine = q / (p * root).max(f64::MIN_POSITIVE);
+    let root = p.max(0.0).sqrt();
+    let cosine = q * root * (1.0 / (p * p).max(f64::MIN_POSITIVE));
     let excess = (1.0 + cosine).clamp(0.0, 2.0);
     // Near −1 the smallest root is cos(π − …) = −1 + e/9 + (4/3)(e/9)², with e = 1 + cosine.
-    let smallest = 2.0 * root * (-1.0 + excess / 9.0 + excess * excess * (4.0 / 243.0)) - shift;
-    if excess < 1e-3 && 0.0 < smallest {
+    let smallest = 2.0 * root * (-1.0 + excess * (1.0 / 9.0) + excess * excess * (4.0 / 243.0));
+    if excess < 1e-3 && least < smallest {
         return smallest;
     }
-    2.0 * root * cosine_of_two_thirds((0.5 * excess).sqrt()) - shift
+    2.0 * root * cosine_of_two_thirds((0.5 * excess).sqrt())
 }
 
 /// cos(⅔ arccos s) on [0, 1] to 5e-10: Chebyshev fit, which the polishing of the factors makes good.
@@ -71,71 +122,23 @@ fn cosine_of_two_thirds(s: f64) -> f64 {
     low + s4 * (middle + s4 * high)
 }
 
-/// Cube root of a positive number to 1e-13: a third of the exponent's bits, then two of Halley's steps.
+/// x^(−1/3) of a positive number to 3e-14: a third of the exponent's bits gives 3 %, a Chebyshev fit of (1 − r)^(−1/3) 1e-7,
+/// a Newton step the rest.
 #[inline]
-fn cube_root(x: f64) -> f64 {
-    let mut y = f64::from_bits(x.to_bits() / 3 + 0x2A9F_7893_782D_A1CE);
-    for _ in 0..2 {
-        let yyy = y * y * y;
-        y *= (yyy + 2.0 * x) / (2.0 * yyy + x);
-    }
-    y
-}
-
-/// Splits x⁴ + a₃x³ + a₂x² + a₁x + a₀, given as `[a0, a1, a2, a3]`, into two real monic quadratics.
-///
-/// Real roots are paired in order of size (the two smallest, the two largest), complex ones with their conjugates.
-#[inline]
-pub fn quartic_factors(a: &[f64; 4]) -> [Quadratic; 2] {
-    let [a0, a1, a2, a3] = *a;
-    let e = 0.25 * a3; // x = z − e: z⁴ + p z² + q z + r
-    let ee = e * e;
-    let p = a2 - 6.0 * ee;
-    let q = a1 - 2.0 * e * (a2 - 4.0 * ee);
-    let r = a0 - e * (a1 - e * (a2 - 3.0 * ee));
-    let m = resolvent_root(2.0 * p, p * p - 4.0 * r, -q * q).max(0.0);
-    let alpha = m.sqrt();
-    let mean = 0.5 * (p + m);
-    let half_gap =
-        if 1e-10 * p.abs() < m { 0.5 * q / alpha } else { (mean * mean - r).max(0.0).sqrt().copysign(q) };
-    // (z² + αz + mean − half_gap)(z² − αz + mean + half_gap), moved back to x = z − e.
-    let back = |alpha: f64, beta: f64| Quadratic { linear: 2.0 * e + alpha, constant: ee + alpha * e + beta };
-    [back(alpha, mean - half_gap), back(-alpha, mean + half_gap)]
-}
-
-/// One Newton step on a quadratic factor of the quartic (Bairstow): quadratic convergence even where the factor's own
-/// two roots coincide.
-#[inline]
-pub fn polished_factor(a: &[f64; 4], factor: Quadratic) -> Quadratic {
-    let Quadratic { linear: p, constant: q } = factor;
-    let [a0, a1, a2, a3] = *a;
-    // Quotient x² + b x + c, remainder r1 x + r0.
-    let b = a3 - p;
-    let c = a2 - q - p * b;
-    let r1 = a1 - p * c - q * b;
-    let r0 = a0 - q * c;
-    // The remainder of the quotient by the factor, k x + l, gives the derivative.
-    let k = b - p;
-    let l = c - q;
-    let determinant = l * l - k * (p * l - q * k);
-    if determinant == 0.0 {
-        return factor;
-    }
-    let inverse = 1.0 / determinant;
-    // (k x + l)(δp x + δq) ≡ r1 x + r0 modulo the factor.
-    let step_p = (r1 * l - r0 * k) * inverse;
-    let step_q = (r0 * (l - p * k) + r1 * q * k) * inverse;
-    Quadratic { linear: p + step_p, constant: q + step_q }
+fn inverse_cube_root(x: f64) -> f64 {
+    let residue = |y: f64| 1.0 - x * (y * y * y);
+    let y = f64::from_bits(0x553E_E90F_F972_4746 - x.to_bits() / 3);
+    let r = residue(y); // |r| < 0.103
+    let low = 1.0 + 0.333_328_981_592_051_3 * r;
+    let high = 0.222_218_352_726_258_26 + 0.174_492_824_305_045_84 * r;
+    let y = y * (low + r * r * (high + r * r * 0.145_502_927_897_445_62));
+    y + y * (1.0 / 3.0) * residue(y)
 }
 
 /// Real roots of the quartic `[a0, a1, a2, a3]` (monic), each once per multiplicity, unordered.
 pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
-    let mut roots = ArrayVec::new();
-    for factor in quartic_factors(a) {
-        let factor = polished_factor(a, polished_factor(a, factor));
-        roots.extend(factor.real_roots(0.0).into_iter().filter(|root| !root.is_nan()));
-    }
-    roots
+    let factors = Factors::of_quartic(a).polished(a).polished(a);
+    factors.real_roots(0.0).into_iter().filter(|root| !root.is_nan()).collect()
 }
 
 #[cfg(test)]
@@ -188,10 +191,10 @@ mod tests {
     }
 
     #[test]
-    fn cube_root_undoes_the_cube() {
-        for exponent in -100..100 {
-            let y = 1.37 * 10f64.powi(exponent);
-            assert!((cube_root(y * y * y) / y - 1.0).abs() < 1e-12, "{exponent}");
+    fn inverse_cube_root_is_what_it_says() {
+        for i in -3000..3000 {
+            let y = 10f64.powf(f64::from(i) / 30.0);
+            assert!((inverse_cube_root(y * y * y) * y - 1.0).abs() < 1e-13, "{y}");
         }
     }
 }

@@ -1,4 +1,4 @@
-"""Checks docs/math/p3p.md: eqs. (2), (4)-(9) symbolically, and the polishing step of polynomial.rs. Needs SymPy."""
+"""Checks docs/math/p3p.md: eqs. (2), (4)-(12) symbolically, and the polishing step of polynomial.rs. Needs SymPy."""
 
 import sympy as sp
 
@@ -29,17 +29,39 @@ second = s * N + x * D
 assert sp.expand(first * c2 - second * c1) == 0
 assert sp.expand(second - K * c2) == 0 and sp.expand(first - K * c1) == 0
 
-# (8): monic for |c| = 1, coefficients as in the code.
-quartic = sp.Poly((x**2 - h**2) * (N**2 + D**2) + c3**2 * K**2, x)
-n0, d0, s1, cc = c2 * (1 - s), c2 * g - c1 * s, s * (1 - s), c3**2
-r2, r1, r0 = c1**2 + c2**2, c1 * n0 - c2 * d0, n0**2 + d0**2
-code = [r2 + cc, 2 * (r1 - cc * g), r0 - h**2 * r2 + cc * (g**2 - 2 * s1), 2 * (cc * g * s1 - h**2 * r1), cc * s1**2 - h**2 * r0]
-assert all(sp.expand(a - b) == 0 for a, b in zip(quartic.all_coeffs(), code))
+# (5)-(8) as the code has them, scaled by sigma: x = sigma x1, c2 = c2h/sigma, c3 = c3h/sigma, g = kappa/sigma.
+sigma, kappa, c2h, c3h = sp.symbols("sigma kappa c2h c3h", positive=True)
+w = 1 / sigma**2
+scaled = {c2: c2h / sigma, c3: c3h / sigma, g: kappa / sigma, x: x / sigma}
+Nh = c2h * (1 - s) + c1 * x
+Dh = c2h * kappa - c1 * s * sigma**2 - c2h * x
+Kh = sigma**2 * s * (1 - s) + kappa * x - x**2
+assert sp.expand(N.subs(scaled, simultaneous=True) * sigma - Nh) == 0
+assert sp.expand(D.subs(scaled, simultaneous=True) * sigma**2 - Dh) == 0
+assert sp.expand(K.subs(scaled, simultaneous=True) * sigma**2 - Kh) == 0
+reach2 = sigma**2 * h**2
+unscaled = (x**2 - h**2) * (N**2 + D**2) + c3**2 * K**2
+quartic = (x**2 - reach2) * (Nh**2 + w * Dh**2) + w * c3h**2 * Kh**2
+assert sp.simplify(unscaled.subs(scaled, simultaneous=True) * sigma**4 - quartic) == 0
 
-# The Newton slope of the defect u^2 + v^2 - 1, v^2 = c3^2 K^2/(rho^2 h^2).
-v2 = c3**2 * K**2 / ((N**2 + D**2) * h**2)
-slope = 2 * (x / h / h + v2 * ((g - 2 * x) / K - (N * c1 - D * c2) / (N**2 + D**2)))
-assert sp.simplify(sp.diff(x**2 / h**2 + v2, x) - slope) == 0
+# Monic for |c| = 1, coefficients as in the code.
+n0, d0, k0, cc = c2h * (1 - s), c2h * kappa - c1 * s * sigma**2, s * (1 - s) * sigma**2, w * c3h**2
+c22 = w * c2h**2
+r2, r1, r0 = c1**2 + c22, c1 * c2h - c22 * kappa, n0**2 + w * d0**2
+code = [
+    r2 + cc,
+    2 * (r1 - cc * kappa),
+    r0 - reach2 * r2 + cc * (kappa**2 - 2 * k0),
+    2 * (cc * kappa * k0 - reach2 * r1),
+    cc * k0**2 - reach2 * r0,
+]
+assert all(sp.simplify(a - b) == 0 for a, b in zip(sp.Poly(quartic, x).all_coeffs(), code))
+
+# The Newton slope of the defect u^2 + v^2 - 1 of (7).
+rho2 = Nh**2 + w * Dh**2
+vv = Kh**2 * cc / rho2
+slope = 2 * (x + vv * ((kappa - 2 * x) / Kh - (Nh * c1 - w * Dh * c2h) / rho2)) / reach2
+assert sp.simplify(sp.diff((x**2 + vv) / reach2, x) - slope) == 0
 
 # (9): k' = e' x m' = u n - v n1, and the matrix is a rotation.
 u, v = sp.cos(theta), sp.sin(theta)
@@ -57,11 +79,17 @@ determinant = l * l - kk * (p * l - q * kk)
 assert sp.simplify(step[dp] - (rem1 * l - rem0 * kk) / determinant) == 0
 assert sp.simplify(step[dq] - (rem0 * (l - p * kk) + rem1 * q * kk) / determinant) == 0
 
-# The resolvent in m = alpha^2 for z^4 + P z^2 + Q z + R = (z^2 + alpha z + beta)(z^2 - alpha z + delta).
-P, Q, R, alpha = sp.symbols("P Q R alpha")
-mean, half_gap = (P + alpha**2) / 2, Q / (2 * alpha)
-product = sp.expand((z**2 + alpha * z + mean - half_gap) * (z**2 - alpha * z + mean + half_gap) - (z**4 + P * z**2 + Q * z + R))
-resolvent = alpha**6 + 2 * P * alpha**4 + (P**2 - 4 * R) * alpha**2 - Q**2
-assert sp.simplify(product - resolvent / (4 * alpha**2)) == 0
+# (10)-(12): the factors multiply to the quartic when tau solves the resolvent.
+b, c, d, e4, tau, alpha = sp.symbols("b c d e tau alpha")
+H, I = c - b**2, e4 - 4 * b * d + 3 * c**2
+J = e4 * H + c * (2 * b * d - c**2) - d**2
+G = d - 3 * b * c + 2 * b**3
+depressed = sp.expand((x - b) ** 4 + 4 * b * (x - b) ** 3 + 6 * c * (x - b) ** 2 + 4 * d * (x - b) + e4)
+product = sp.expand((x**2 + alpha * x + tau + H - 2 * G / alpha) * (x**2 - alpha * x + tau + H + 2 * G / alpha))
+difference = sp.expand((product - depressed).subs(alpha**2, 2 * (tau - 2 * H)))
+assert all(sp.simplify(sp.expand(difference.coeff(x, n)).subs(alpha, sp.sqrt(2 * (tau - 2 * H)))) == 0 for n in (1, 2, 3))
+constant = difference.coeff(x, 0).subs(alpha, sp.sqrt(2 * (tau - 2 * H)))
+assert sp.simplify(constant * (tau - 2 * H) - (tau**3 - I * tau + 2 * J)) == 0
+assert sp.expand((tau + H) ** 2 - (I - 3 * H**2) - ((tau + H) ** 2 - depressed.coeff(x, 0))) == 0
 
 print("p3p.md: all equations hold")

@@ -1,4 +1,4 @@
-"""Checks docs/math/planar.md eqs. (3)-(6). Needs SymPy."""
+"""Checks docs/math/planar.md eqs. (3)-(9). Needs SymPy."""
 
 import sympy as sp
 
@@ -32,5 +32,20 @@ assert sp.simplify(largest * w1 * w2 + gram[0, 1]) == 0
 for sign in (1, -1):
     columns = sp.Matrix.vstack(r[:2, :2], sign * r[2, :2])
     assert sp.simplify(columns.T * columns - sp.eye(2)) == sp.zeros(2, 2)
+
+# (7)-(9): the four-point homography sends each point to a multiple of its ray.
+points = [sp.Matrix(p) for p in ([1, 2, 1], [-3, 1, 1], [2, -5, 1], [4, 3, 1])]
+rays = [sp.Matrix(sp.symbols(f"b{i}x b{i}y b{i}z")) for i in range(4)]
+
+
+def basis(v):
+    rows = [v[1].cross(v[2]), v[2].cross(v[0]), v[0].cross(v[1])]
+    return rows, [row.dot(v[3]) for row in rows]
+
+
+(rows, lam), (_, mu) = basis(points), basis(rays)
+homography = sum((rays[i] * rows[i].T * (mu[i] / lam[i]) for i in range(3)), sp.zeros(3, 3))
+for point, ray in zip(points, rays):
+    assert (homography * point).cross(ray).applyfunc(sp.expand) == sp.zeros(3, 1)
 
 print("planar.md: all equations hold")

@@ -1,20 +1,20 @@
 //! Three points: up to four poses. Own derivation, docs/math/p3p.md; equation numbers refer to it.
 //!
 //! The triangle is hung on one side, A–B. Two angles remain: φ turns A–B within the plane of its two rays, θ turns C about A–B.
-//! Given x = h cos θ, φ is rational; x itself is a root of a quartic, of which only roots in [−h, h] are poses.
+//! Given x = σ h cos θ, φ is rational; x itself is a root of a quartic, of which only roots in [−σh, σh] are poses.
 //! Nothing is squared that vanishes with the triangle's height, so a nearly straight triple keeps its digits.
 //!
-//!   A, B, C  the points, |AB| = 1 after scaling   ·   a, b, c  their bearings   ·   γ angle between a and b, g = cot γ
+//!   A, B, C  the points, |AB| = 1 after scaling   ·   a, b, c  their bearings   ·   γ angle between a and b, κ = cos γ, σ = sin γ
 //!   s, h     C along and across A–B: C = A + s e + h m   ·   (e, m, k), (p, q, n)  frames of the triangle, of the rays
-//!   c₁ c₂ c₃ c in the frame (p, q, n), p = a, n ⟂ a, b   ·   u + iv = exp(iθ)
+//!   c₁ c₂ c₃ c in the frame (p, q, n), p = a, n ⟂ a, b   ·   u + iv = exp(iθ)   ·   w = 1/σ²   ·   ρ² = N² + w D²
 
 use super::Candidates;
-use crate::polynomial::{polished_factor, quartic_factors};
+use crate::polynomial::Factors;
 use crate::{Bearing, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
-/// A height below this part of the base is a straight line: the rotation about it has lost all digits but five.
+/// A height below this part of the longest side is a straight line: the rotation about it has lost all digits but five.
 const MIN_HEIGHT: f64 = 1e-10;
 /// Coordinates carry a relative rounding ε; a height below this multiple of it is rounding too.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -24,6 +24,8 @@ const MERGE: f64 = 3e-8;
 const MAX_DEFECT: f64 = 1e-9;
 /// A defect above this is more than rounding.
 const NEEDS_POLISH: f64 = 1e-12;
+/// A ρ² below this part of r₀ is what rounding left of N = D = 0, where φ means nothing: the pose would miss by ε/1e-8 and more.
+const MIN_RHO2: f64 = 1e-16;
 /// Imaginary part, as cos θ, up to which a complex pair may be a double root split by rounding; the defect decides.
 const BLUR: f64 = 0.01;
 
@@ -31,8 +33,8 @@ const BLUR: f64 = 0.01;
 pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates {
     let mut poses = Candidates::new();
     let [i, j, k] = widest_pair_first(bearings);
-    let triangle = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]);
     let rays = Rays::new(&bearings[i], &bearings[j], &bearings[k]);
+    let triangle = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]);
     if triangle.is_open && rays.are_distinct {
         push_poses(&mut poses, &triangle, &rays);
     }
@@ -42,16 +44,25 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
 #[inline]
 fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
     let hinge = Hinge::new(triangle, rays);
+    let roots = hinge.roots();
+    let frames = Frames::new(triangle, rays);
     let mut taken = ArrayVec::<[f64; 2], 4>::new();
-    for x in hinge.roots() {
-        if !(x.abs() < hinge.h * (1.0 + BLUR)) {
+    for x in roots {
+        if !(x.abs() < hinge.reach * (1.0 + BLUR)) {
             continue;
         }
-        let Some(turn) = hinge.accepted(hinge.turn(x)) else { continue };
-        let twin = |other: &[f64; 2]| (other[0] - turn.u).abs() + (other[1] - turn.v).abs() < MERGE;
+        let mut turn = hinge.turn(x);
+        if NEEDS_POLISH < turn.defect.abs() {
+            turn = hinge.turn(hinge.polished(x));
+        }
+        if !hinge.admits(&turn) {
+            continue;
+        }
+        let (u, v) = hinge.cosine_and_sine(&turn);
+        let twin = |other: &[f64; 2]| (other[0] - u).abs() + (other[1] - v).abs() < MERGE;
         if !taken.iter().any(twin) {
-            poses.push(hinge.pose(&turn, triangle, rays));
-            taken.push([turn.u, turn.v]);
+            poses.push(frames.pose(&turn, u, v));
+            taken.push([u, v]);
         }
     }
 }
@@ -68,13 +79,15 @@ fn widest_pair_first(bearings: &[Bearing; 3]) -> [usize; 3] {
 
 const NEXT: [usize; 4] = [1, 2, 0, 1];
 
-/// The triangle in the target.
+/// The triangle in the target, as given: what the quartic needs waits for no square root.
 struct Triangle {
     origin: Point,
-    base_length: f64,
-    frame: Matrix3<f64>,
+    ab: Vector3<f64>,
+    normal: Vector3<f64>,
+    base2: f64,
+    normal2: f64,
     s: f64,
-    h: f64,
+    hh: f64,
     is_open: bool,
 }
 
@@ -82,27 +95,33 @@ impl Triangle {
     #[inline]
     fn new(a: &Point, b: &Point, c: &Point) -> Self {
         let (ab, ac) = (b - a, c - a);
-        let base_length = ab.norm();
-        let e = ab / base_length;
-        let normal = e.cross(&ac);
-        let height = normal.norm();
-        let coordinates = a.amax().max(b.amax()).max(c.amax());
-        let longest = base_length.max(ac.amax());
-        let is_open =
-            MIN_HEIGHT * longest < height && ROUNDING * coordinates < height && longest < f64::INFINITY;
-        // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
-        let m = (normal / height).cross(&e);
-        let frame = Matrix3::from_columns(&[e, m, e.cross(&m)]);
-        let (s, h) = (e.dot(&ac) / base_length, height / base_length);
-        Triangle { origin: *a, base_length, frame, s, h, is_open }
+        let normal = ab.cross(&ac);
+        let (base2, normal2) = (ab.norm_squared(), normal.norm_squared());
+        let inverse_base2 = 1.0 / base2;
+        let sides2 = base2 + ac.norm_squared();
+        let least2 = MIN_HEIGHT * MIN_HEIGHT * sides2 + ROUNDING * ROUNDING * a.norm_squared();
+        Triangle {
+            origin: *a,
+            ab,
+            normal,
+            base2,
+            normal2,
+            s: ab.dot(&ac) * inverse_base2,
+            hh: normal2 * inverse_base2 * inverse_base2,
+            is_open: least2 * base2 < normal2 && sides2 < f64::INFINITY,
+        }
     }
 }
 
-/// The three rays.
+/// The three rays. `across`, `normal` and the last two of `c` carry a factor σ, so that only w, no root, stands before the quartic.
 struct Rays {
-    frame: Matrix3<f64>,
-    g: f64,
+    p: Vector3<f64>,
+    across: Vector3<f64>,
+    normal: Vector3<f64>,
     c: Vector3<f64>,
+    kappa: f64,
+    sigma2: f64,
+    w: f64,
     are_distinct: bool,
 }
 
@@ -112,57 +131,78 @@ impl Rays {
         let p = a.into_inner();
         // Differences of bearings are exact to their own size; products of bearings are not.
         let (ab, ac) = (b.into_inner() - p, c.into_inner() - p);
+        let p_ab = p.dot(&ab);
         let normal = p.cross(&ab);
-        let sine = normal.norm();
-        let n = normal / sine;
-        let q = n.cross(&p);
-        let c = Vector3::new(1.0 + p.dot(&ac), q.dot(&ac), n.dot(&ac));
-        let frame = Matrix3::from_columns(&[p, q, n]);
-        Rays { frame, g: (1.0 + p.dot(&ab)) / sine, c, are_distinct: 0.0 < sine }
+        let across = ab - p * p_ab; // normal × p
+        let sigma2 = normal.norm_squared();
+        let w = 1.0 / sigma2;
+        let c = Vector3::new(1.0 + p.dot(&ac), across.dot(&ac), normal.dot(&ac));
+        Rays { p, across, normal, c, kappa: 1.0 + p_ab, sigma2, w, are_distinct: w < f64::INFINITY }
     }
 }
 
 /// The one-parameter family left when A and B are on their rays.
 struct Hinge {
-    /// N = n₀ + c₁ x, D = d₀ − c₂ x, eq. (5): (cos φ, sin φ) ∝ (D, N).
+    /// N = n₀ + c₁ x, D = d₀ − c₂ x, K = k₀ + κ x − x², eqs. (5), (6).
     n0: f64,
     d0: f64,
-    s1: f64,
-    g: f64,
-    h: f64,
-    inverse_h: f64,
-    c: Vector3<f64>,
+    k0: f64,
+    c1: f64,
+    c2: f64,
+    kappa: f64,
+    w: f64,
+    /// w c₃².
+    cc: f64,
+    c3: f64,
+    /// σ² h² and σ h: largest |x| of a pose.
+    reach2: f64,
+    reach: f64,
+    inverse_reach: f64,
+    inverse_sigma: f64,
+    /// n₀² + w d₀².
+    r0: f64,
 }
 
 impl Hinge {
     #[inline]
     fn new(triangle: &Triangle, rays: &Rays) -> Self {
-        let (s, g, c) = (triangle.s, rays.g, rays.c);
+        let Rays { c, kappa, sigma2, w, .. } = rays;
+        let s = triangle.s;
+        let reach2 = triangle.hh * sigma2;
+        let reach = reach2.sqrt();
+        let (n0, d0) = (c.y * (1.0 - s), c.y * kappa - c.x * s * sigma2);
         Hinge {
-            n0: c.y * (1.0 - s),
-            d0: c.y * g - c.x * s,
-            s1: s * (1.0 - s),
-            g,
-            h: triangle.h,
-            inverse_h: 1.0 / triangle.h,
-            c,
+            n0,
+            d0,
+            r0: n0 * n0 + d0 * d0 * w,
+            k0: s * (1.0 - s) * sigma2,
+            c1: c.x,
+            c2: c.y,
+            kappa: *kappa,
+            w: *w,
+            cc: c.z * c.z * w,
+            c3: c.z,
+            reach2,
+            reach,
+            inverse_reach: 1.0 / reach,
+            inverse_sigma: sigma2.sqrt() * w,
         }
     }
 
     /// The quartic in x, eq. (8).
     #[inline]
     fn quartic(&self) -> [f64; 4] {
-        let (c, g, s1, hh) = (&self.c, self.g, self.s1, self.h * self.h);
-        let cc = c.z * c.z;
-        let r2 = c.x * c.x + c.y * c.y;
-        let r1 = c.x * self.n0 - c.y * self.d0;
-        let r0 = self.n0 * self.n0 + self.d0 * self.d0;
+        let (cc, kappa, k0) = (self.cc, self.kappa, self.k0);
+        // ρ² = r₂ x² + 2 r₁ x + r₀.
+        let c22 = self.c2 * self.c2 * self.w;
+        let r2 = self.c1 * self.c1 + c22;
+        let r1 = self.c1 * self.c2 - c22 * kappa;
         // Leading coefficient |c|² = 1.
         [
-            cc * s1 * s1 - hh * r0,
-            2.0 * (cc * g * s1 - hh * r1),
-            r0 - hh * r2 + cc * (g * g - 2.0 * s1),
-            2.0 * (r1 - cc * g),
+            cc * (k0 * k0) - self.reach2 * self.r0,
+            2.0 * (cc * (kappa * k0) - self.reach2 * r1),
+            self.r0 - self.reach2 * r2 + cc * (kappa * kappa - 2.0 * k0),
+            2.0 * (r1 - cc * kappa),
         ]
     }
 
@@ -170,81 +210,119 @@ impl Hinge {
     #[inline]
     fn roots(&self) -> [f64; 4] {
         let quartic = self.quartic();
-        let [first, second] = quartic_factors(&quartic);
-        let blur = BLUR * self.h;
-        let [w, x] = polished_factor(&quartic, first).real_roots(blur);
-        let [y, z] = polished_factor(&quartic, second).real_roots(blur);
-        [w, x, y, z]
+        Factors::of_quartic(&quartic).polished(&quartic).real_roots(BLUR * self.reach)
     }
 
-    /// (cos θ, sin θ) of a root x and how far it is off the circle, eq. (7).
+    /// What belongs to a root x, and how far u² + v² is off 1, eqs. (5)–(7).
     #[inline]
     fn turn(&self, x: f64) -> Turn {
-        let n = self.n0 + self.c.x * x;
-        let d = self.d0 - self.c.y * x;
-        let depth = self.s1 + x * (self.g - x);
-        let square = n * n + d * d;
-        let inverse_radius = 1.0 / square.sqrt();
-        let u = x * self.inverse_h;
-        let v = self.c.z * depth.abs() * (inverse_radius * self.inverse_h);
-        Turn { n, d, depth, inverse_radius, u, v, defect: u * u + v * v - 1.0 }
+        let n = self.n0 + self.c1 * x;
+        let d = self.d0 - self.c2 * x;
+        let k = self.k0 + x * (self.kappa - x);
+        let rho2 = n * n + d * d * self.w;
+        let inverse_rho2 = 1.0 / rho2;
+        let vv = k * k * self.cc * inverse_rho2;
+        let defect = (x * x - self.reach2 + vv) * (self.inverse_reach * self.inverse_reach);
+        Turn { x, n, d, k, rho2, inverse_rho2, defect }
     }
 
     /// Newton steps on the defect, for roots that share a factor of the quartic with a near neighbour.
     #[cold]
-    fn polished(&self, mut best: Turn) -> Turn {
+    #[inline(never)]
+    fn polished(&self, x: f64) -> f64 {
+        let mut best = self.turn(x);
         for _ in 0..8 {
-            let Turn { n, d, depth, u, v, defect, .. } = best;
-            let x = u * self.h;
-            let log_slope = (self.g - 2.0 * x) / depth - (n * self.c.x - d * self.c.y) / (n * n + d * d);
-            let slope = 2.0 * (u / self.h + v * v * log_slope);
-            let next = self.turn(u * self.h - defect / slope);
+            let Turn { x, n, d, k, inverse_rho2, defect, .. } = best;
+            let vv = k * k * self.cc * inverse_rho2;
+            let log_slope = (self.kappa - 2.0 * x) / k - (n * self.c1 - self.w * d * self.c2) * inverse_rho2;
+            let slope = 2.0 * (x + vv * log_slope) * (self.inverse_reach * self.inverse_reach);
+            let next = self.turn(x - defect / slope);
             if !(next.defect.abs() < best.defect.abs()) {
                 break;
             }
             best = next;
         }
-        best
+        best.x
     }
 
-    /// The turn, polished where it must be, if it reprojects and every depth is positive.
+    /// Whether it reprojects and every depth is positive.
     #[inline]
-    fn accepted(&self, mut turn: Turn) -> Option<Turn> {
-        if NEEDS_POLISH < turn.defect.abs() {
-            turn = self.polished(turn);
-        }
+    fn admits(&self, turn: &Turn) -> bool {
         // A or B would lie behind the camera, eq. (3).
-        let in_front = 0.0 < turn.n * turn.depth && 0.0 < (turn.n * self.g - turn.d) * turn.depth;
-        (in_front && turn.defect.abs() < MAX_DEFECT).then_some(turn)
+        let in_front = 0.0 < turn.n * turn.k && 0.0 < (turn.n * self.kappa - turn.d) * turn.k;
+        in_front && turn.defect.abs() < MAX_DEFECT && MIN_RHO2 * self.r0 < turn.rho2
+    }
+
+    /// u, v of eq. (7), on the circle.
+    #[inline]
+    fn cosine_and_sine(&self, turn: &Turn) -> (f64, f64) {
+        let inverse_rho = turn.rho2.sqrt() * turn.inverse_rho2;
+        let unit = (1.0 - 0.5 * turn.defect) * self.inverse_reach; // |defect| < 1e-9: the next term is below ε
+        let y = self.c3 * self.inverse_sigma * turn.k.abs() * inverse_rho;
+        (turn.x * unit, y * unit)
+    }
+}
+
+/// (p, q, n) of the rays in the camera frame, (e, m, k) of the triangle in the target frame.
+struct Frames {
+    p: Vector3<f64>,
+    q: Vector3<f64>,
+    n: Vector3<f64>,
+    e: Vector3<f64>,
+    m: Vector3<f64>,
+    k: Vector3<f64>,
+    origin: Point,
+    base_length: f64,
+    kappa: f64,
+    inverse_sigma: f64,
+}
+
+impl Frames {
+    #[inline]
+    fn new(triangle: &Triangle, rays: &Rays) -> Self {
+        let inverse_sigma = rays.sigma2.sqrt() * rays.w;
+        let base_length = triangle.base2.sqrt();
+        let inverse_base = 1.0 / base_length;
+        let e = triangle.ab * inverse_base;
+        // A thin triangle's normal is off by ε/h; m and then k are perpendicular to e whatever the normal.
+        let m = triangle.normal.cross(&triangle.ab) * (inverse_base / triangle.normal2.sqrt());
+        Frames {
+            p: rays.p,
+            q: rays.across * inverse_sigma,
+            n: rays.normal * inverse_sigma,
+            e,
+            m,
+            k: e.cross(&m),
+            origin: triangle.origin,
+            base_length,
+            kappa: rays.kappa,
+            inverse_sigma,
+        }
     }
 
     /// Eq. (9).
     #[inline]
-    fn pose(&self, turn: &Turn, triangle: &Triangle, rays: &Rays) -> Pose {
-        let signed = turn.inverse_radius.copysign(turn.depth); // eq. (6): the depth of C is positive
-        let (cos_phi, sin_phi) = (turn.d * signed, turn.n * signed);
-        let unit = 1.0 - 0.5 * turn.defect; // |defect| < 1e-9: the next term is below ε
-        let (u, v) = (turn.u * unit, turn.v * unit);
+    fn pose(&self, turn: &Turn, u: f64, v: f64) -> Pose {
+        let inverse_rho = (turn.rho2.sqrt() * turn.inverse_rho2).copysign(turn.k); // eq. (6): the depth of C is positive
+        let (cos_phi, sin_phi) = (turn.d * (inverse_rho * self.inverse_sigma), turn.n * inverse_rho);
         // e, m, k of the triangle, in the camera frame.
-        let [p, q, normal] = [0, 1, 2].map(|i| rays.frame.column(i));
-        let e = p * cos_phi + q * sin_phi;
-        let across = q * cos_phi - p * sin_phi;
-        let m = across * u + normal * v;
-        let k = normal * u - across * v;
-        let t = &triangle.frame;
-        let rotation = Matrix3::from_fn(|i, j| e[i] * t[(j, 0)] + m[i] * t[(j, 1)] + k[i] * t[(j, 2)]);
-        let depth_a = (sin_phi * self.g - cos_phi) * triangle.base_length;
-        Pose { rotation, translation: rays.frame.column(0) * depth_a - rotation * triangle.origin }
+        let e = self.p * cos_phi + self.q * sin_phi;
+        let across = self.q * cos_phi - self.p * sin_phi;
+        let m = across * u + self.n * v;
+        let k = self.n * u - across * v;
+        let rotation = Matrix3::from_fn(|i, j| e[i] * self.e[j] + m[i] * self.m[j] + k[i] * self.k[j]);
+        let depth_a = (sin_phi * (self.kappa * self.inverse_sigma) - cos_phi) * self.base_length;
+        Pose { rotation, translation: self.p * depth_a - rotation * self.origin }
     }
 }
 
 /// The turn of C about A–B that belongs to one root.
 struct Turn {
+    x: f64,
     n: f64,
     d: f64,
-    depth: f64,
-    inverse_radius: f64,
-    u: f64,
-    v: f64,
+    k: f64,
+    rho2: f64,
+    inverse_rho2: f64,
     defect: f64,
 }

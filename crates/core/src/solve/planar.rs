@@ -21,6 +21,9 @@ const SAME_ROTATION: f64 = 1e-6;
 /// bent by a thousandth of the line's length already 1e-8 (docs/math/planar.md).
 const MIN_SECOND_EIGENVALUE: f64 = 1e-11;
 
+/// Smallest triangle of four points, twice its area in units of the largest coordinate squared: about the same bound.
+const MIN_TRIANGLE: f64 = 3e-5;
+
 /// Both poses of coplanar points, the one of smaller object-space error first; a single one when they coincide; none when the points do
 /// not determine a homography (fewer than 4, or all but one on a line).
 ///
@@ -35,7 +38,8 @@ fn poses(points: &[Correspondence]) -> Option<Candidates> {
     }
     let frame = Normalization::new(points)?;
     let axes = plane_axes(points, &frame)?;
-    let homography = homography(points, &frame, &axes)?;
+    let homography =
+        homography_of_four(points, &frame, &axes).or_else(|| homography(points, &frame, &axes))?;
     let sums = Sums::new(points, |c| frame.apply(&c.x_in_target), |c| c.bearing.into_inner());
     let cost = Cost::new(&sums)?;
     let raw = rotations(&homography)?.map(|r| r * axes.transpose());
@@ -89,6 +93,38 @@ fn homography(points: &[Correspondence], frame: &Normalization, axes: &Matrix3<f
     let h = Matrix3::from_fn(|i, j| h[3 * i + j]);
     let facing = if sums.depth_r.dot(&h) < 0.0 { -h } else { h };
     Some(view.cam_from_image * facing)
+}
+
+/// H of four points, docs/math/planar.md eqs. (7)–(9), at a tenth of the cost of the minimum of (1), which is zero there. None when three
+/// points are nearly on a line or when noise puts some of them behind the camera: the weights of (1) choose better then.
+fn homography_of_four(
+    points: &[Correspondence],
+    frame: &Normalization,
+    axes: &Matrix3<f64>,
+) -> Option<Matrix3<f64>> {
+    let points: &[Correspondence; 4] = points.try_into().ok()?;
+    let x = [0, 1, 2, 3].map(|i| {
+        let c = &points[i];
+        let x = axes.tr_mul(&frame.apply(&c.x_in_target));
+        Vector3::new(x.x, x.y, 1.0)
+    });
+    let b = [0, 1, 2, 3].map(|i| points[i].bearing.into_inner());
+    let (rows, lambda, whole) = basis(&x);
+    let (_, mu, _) = basis(&b);
+    if !(MIN_TRIANGLE < lambda.amin().min(whole.abs())) {
+        return None;
+    }
+    let h = (0..3).map(|i| b[i] * (mu[i] / lambda[i]) * rows[i].transpose()).sum::<Matrix3<f64>>();
+    let depth = [0, 1, 2, 3].map(|i| b[i].dot(&(h * x[i])));
+    let same_side = depth.iter().all(|d| 0.0 < d * depth[0] && d.is_finite());
+    same_side.then(|| h / depth[0])
+}
+
+/// Rows of the adjugate of (x₁ x₂ x₃), their products with x₄, and the determinant.
+fn basis(x: &[Vector3<f64>; 4]) -> ([Vector3<f64>; 3], Vector3<f64>, f64) {
+    let rows = [x[1].cross(&x[2]), x[2].cross(&x[0]), x[0].cross(&x[1])];
+    let products = Vector3::new(rows[0].dot(&x[3]), rows[1].dot(&x[3]), rows[2].dot(&x[3]));
+    (rows, products, rows[0].dot(&x[0]))
 }
 
 /// Rays turned so that their mean is the z axis, then stretched so that they fill a wide angle: conditions the linear equations.
