@@ -49,8 +49,10 @@ pub fn upright_p2p(
         let level = rays.f * k + rays.m * s;
         if let Some(depth) = rays.depth(&(rays.w * chord.h + level)) {
             let pose = chord.cam_from_target(&rays, &level, depth);
-            // Coordinates of 1e154 and more overflow.
-            poses.extend((pose.rotation.sum() + pose.translation.sum()).is_finite().then_some(pose));
+            // Coordinates of 1e154 and more overflow; the rotation enters every component of the translation.
+            if pose.translation.sum().is_finite() {
+                poses.push(pose);
+            }
         }
         if s <= MERGE * chord.rho {
             break; // A double root is one pose.
