@@ -115,3 +115,16 @@ fn a_tag_falls_as_a_whole() {
     let right: Vec<usize> = (0..20).filter(|i| i / 4 != 3).collect();
     assert_eq!(json_lines(&run)[0]["inliers"], serde_json::json!(right));
 }
+
+/// The page of the book shows what the program says.
+#[test]
+fn the_page_shows_a_real_answer() {
+    let folder = folder("robust_page");
+    let [points, camera] = written(&folder, (0..100).map(|i| row(i, is_right(i))));
+    let run = resight(&["solve", &points, "--camera", &camera, "--sigma-px", "0.2", "--robust", "1"]);
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robust.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    let said = run.stdout.replace("points.csv", "matches.csv");
+    assert!(support::same(&said, shown), "said\n{said}\nshown\n{shown}");
+}

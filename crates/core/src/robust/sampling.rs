@@ -60,6 +60,11 @@ impl Sampler {
         Sampler::Listed { triples: triples.collect(), drawn: 0 }
     }
 
+    /// Whether every triple comes once.
+    pub(super) fn is_listed(&self) -> bool {
+        matches!(self, Sampler::Listed { .. })
+    }
+
     /// The next three points; none when every triple has been drawn.
     #[inline]
     pub(super) fn next(&mut self, chance: &mut Chance, groups: Option<&Groups>) -> Option<[usize; 3]> {

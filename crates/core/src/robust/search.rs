@@ -101,7 +101,9 @@ impl Search<'_> {
     fn run(&mut self, seen: &[Correspondence], order: &[u32]) -> usize {
         let mut chance = Chance::new(self.config.seed);
         let mut sampler = Sampler::new(seen.len(), self.groups.as_ref());
-        let (mut test, mut enough) = (self.test(1), self.config.max_samples);
+        let mut test = self.test(1);
+        // Few points make few triples, and those share their points' noise: none is spared before there is an answer.
+        let mut enough = if sampler.is_listed() { self.config.max_samples } else { self.enough() };
         let limit = self.wide_limit();
         let mut n_samples = 0;
         while n_samples < enough {
@@ -162,11 +164,22 @@ impl Search<'_> {
         Wald::new(good, (2.0 * self.evidence.chance).max(good / 20.0).min(0.5 * good))
     }
 
-    /// Samples after which no larger consensus than the best is likely to have been missed, eq. (9).
+    /// Samples after which no larger consensus than the best, or, before the first, none large enough to count, is likely to have
+    /// been missed, eq. (9).
     fn enough(&self) -> usize {
-        let chance = self.best.as_ref().map_or(0.0, |best| best.chance_per_sample);
-        samples_for(self.config.confidence, chance)
-            .map_or(self.config.max_samples, |n| n.min(self.config.max_samples))
+        let chance = self.best.as_ref().map_or_else(|| self.chance_of_least(), |best| best.chance_per_sample);
+        let max = self.config.max_samples;
+        samples_for(self.config.confidence, chance).map_or(max, |n| n.min(max))
+    }
+
+    /// The chance of a sample to come from the smallest consensus that counts; 1 when there are too few points for any.
+    fn chance_of_least(&self) -> f64 {
+        let whole = self.groups.as_ref().is_some_and(Groups::all_are_whole);
+        let n_single = if whole { 0 } else { self.needed };
+        match self.needed <= self.evidence.n_units {
+            true => USABLE * chance_of_good(self.needed, self.evidence.n_units, n_single),
+            false => 1.0,
+        }
     }
 
     /// Polishes a candidate; whether it became the best.
