@@ -93,7 +93,7 @@ const LAST_DAMPING: f64 = 1e12;
 const TOLERANCE_COMPARED: f64 = 0.2;
 
 /// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
-const RIVAL_MARGIN_CHI2: f64 = 100.0;
+pub(crate) const RIVAL_MARGIN_CHI2: f64 = 100.0;
 
 /// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field. With `rival_chi2`, the
 /// χ² of a minimum already known, the loop may end early where it cannot come near it.
@@ -137,9 +137,16 @@ fn tolerance(chi2: f64, rival_chi2: Option<f64>) -> f64 {
     TOLERANCE_CHI2 + TOLERANCE_RELATIVE * chi2 + TOLERANCE_COMPARED * excess.max(0.0)
 }
 
+/// Gauss–Newton steps that gain less than this part of what they promise leap from side to side of a minimum that is flatter
+/// than JᵀJ says: where two minima are about to part. Damping ends that.
+const LEAST_GAIN: f64 = 0.1;
+
 /// Damping after an accepted step that achieved `gain` of what it promised (Nielsen 1999, "Damping parameter in
 /// Marquardt's method"); vanishing damping becomes none, so that the end is Gauss–Newton's.
 fn eased(damping: f64, gain: f64) -> f64 {
+    if gain < LEAST_GAIN {
+        return f64::max(2.0 * damping, FIRST_DAMPING);
+    }
     let eased = damping * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
     if eased < 1e-9 || 0.9 < gain && eased < 1e-3 { 0.0 } else { eased }
 }

@@ -18,12 +18,15 @@ pub mod problem;
 pub mod least_squares;
 pub mod refine;
 mod curvature;
+mod posterior;
 pub mod consistency;
 mod method;
 mod search;
 mod literal;
 mod intrinsics;
+mod doubt;
 pub mod locate;
+pub mod observability;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
