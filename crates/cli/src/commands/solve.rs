@@ -8,6 +8,7 @@ use crate::points::{self, Row, View};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::{Config, Method, locate};
+use resight::core::observability::Observability;
 use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
 use resight::report::verdict::{self, Status, Verdict};
 use std::path::PathBuf;
@@ -173,6 +174,7 @@ impl Setting {
         Answer {
             view: view.name.clone(),
             verdict,
+            observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
             estimate,
             n_points: points.len(),
             image_unit: self.unit,
