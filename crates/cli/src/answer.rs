@@ -209,7 +209,7 @@ impl Answer {
             ambiguity: e.map(ambiguity),
             minima: e.map(|e| e.minima().map(minimum).collect()),
             observability: self.observability.as_ref().map(observability),
-            geometry: e.map(|e| geometry(&e.geometry)),
+            geometry: e.and_then(|e| e.geometry.as_ref()).map(geometry),
             worst_point: e.and_then(|e| self.worst_point(e)),
             weakness: e.and_then(|e| e.weakness.as_ref()).map(weakness),
             skipped: self.skipped.clone(),

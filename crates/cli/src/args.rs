@@ -70,7 +70,8 @@ pub fn parse_method(name: &str) -> Result<Method, String> {
 
 /// The contract's word for a method.
 pub fn method_name(method: Method) -> &'static str {
-    METHODS.iter().find(|(_, known)| *known == method).map_or("auto", |(name, _)| name)
+    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
+    METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
 }
 
 const METHODS: [(&str, Method); 6] = [

@@ -30,6 +30,7 @@ fn problem(rng: &mut Rng, n: usize, thickness: f64) -> Vec<Correspondence> {
             bearing: Unit::new_normalize(seen),
             sigma_px: 1e-3,
             sigma_m: 0.0,
+            covariance_px2: None,
         }
     };
     (0..n).map(|_| point()).collect()

@@ -10,7 +10,7 @@ pub struct Minimum {
     pub cam_from_target: Pose,
     /// Covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Matrix6,
-    /// Sum of squared residuals over their variances.
+    /// Sum of squared residuals over their variances, those of priors included; of what they cost under a robust loss.
     pub chi2: f64,
     /// Root mean square distance between observed and projected points, px (mean over points, not coordinates).
     pub rms_px: f64,

@@ -1,8 +1,11 @@
 //! Does the residual agree with the stated sigmas? The only place that answers.
 
 use crate::choose::Minimum;
+use crate::prior::Prior;
 use crate::problem::Problem;
-use crate::refine::whitened_residual;
+use crate::refine::{refine_problem, whitened_residual};
+use crate::sandwich::evidence;
+use arrayvec::ArrayVec;
 
 /// Does the residual agree with the stated sigmas?
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +20,8 @@ pub enum Consistency {
         worst_point: usize,
         /// Its residual, px.
         worst_px: f64,
+        /// Index of a prior without which the rest agrees with its sigmas: what is wrong is that prior, not a point.
+        worst_prior: Option<usize>,
     },
 }
 
@@ -44,9 +49,10 @@ pub(crate) fn noise_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
 }
 
 /// The verdict, with the worst point.
-pub(crate) fn consistency(best: &Minimum, degrees_of_freedom: usize, problem: &Problem) -> Consistency {
+pub(crate) fn consistency(best: &Minimum, problem: &Problem) -> Consistency {
+    let (chi2, degrees_of_freedom) = evidence(best, problem);
     let far = FAR_ABOVE * degrees_of_freedom as f64;
-    if !is_unlikely(best.chi2, degrees_of_freedom) || best.chi2 < far {
+    if !is_unlikely(chi2, degrees_of_freedom) || chi2 < far {
         return Consistency::Consistent;
     }
     let (mut worst_point, mut worst_px, mut worst) = (0, 0.0, -1.0);
@@ -57,7 +63,27 @@ pub(crate) fn consistency(best: &Minimum, degrees_of_freedom: usize, problem: &P
             (worst_point, worst_px, worst) = (i, e.norm(), whitened);
         }
     }
-    Consistency::Inconsistent { chi2_per_dof: best.chi2 / degrees_of_freedom as f64, worst_point, worst_px }
+    let (chi2_per_dof, worst_prior) = (chi2 / degrees_of_freedom as f64, contradicting_prior(best, problem));
+    Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior }
+}
+
+/// More priors than this are not taken out one by one.
+const MAX_PRIORS: usize = 8;
+
+/// The prior without which the rest fits best, if it then fits.
+#[cold]
+fn contradicting_prior(best: &Minimum, problem: &Problem) -> Option<usize> {
+    if MAX_PRIORS < problem.priors.len() {
+        return None;
+    }
+    let without = |k: usize| {
+        let kept = problem.priors.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, prior)| *prior);
+        let kept: ArrayVec<Prior, MAX_PRIORS> = kept.collect();
+        let rest = Problem { priors: &kept, ..*problem };
+        let (chi2, degrees_of_freedom) = evidence(&refine_problem(&best.cam_from_target, &rest).ok()?, &rest);
+        (!is_unlikely(chi2, degrees_of_freedom)).then_some((chi2, k))
+    };
+    (0..problem.priors.len()).filter_map(without).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
 }
 
 #[cfg(test)]

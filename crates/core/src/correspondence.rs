@@ -12,6 +12,33 @@ pub struct Detection {
     pub pixel: Pixel,
     /// Standard deviation of each pixel coordinate.
     pub sigma_px: f64,
+    /// Covariance of the pixel, where it is not the same in all directions; replaces `sigma_px`.
+    pub covariance_px2: Option<PixelCovariance>,
+}
+
+/// Covariance of a pixel, such as that of the centre of an ellipse: long across a blurred or slanted dot, short along it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelCovariance {
+    /// Variance of u, px².
+    pub uu_px2: f64,
+    /// Covariance of u and v, px².
+    pub uv_px2: f64,
+    /// Variance of v, px².
+    pub vv_px2: f64,
+}
+
+impl PixelCovariance {
+    /// Root mean square of the two standard deviations, px: what isotropic noise as large would have.
+    pub fn sigma_px(&self) -> f64 {
+        (0.5 * (self.uu_px2 + self.vv_px2)).sqrt()
+    }
+
+    /// The smaller eigenvalue, px²: positive where this is a covariance.
+    pub(crate) fn least_variance_px2(&self) -> f64 {
+        let (mean, half) = (0.5 * (self.uu_px2 + self.vv_px2), 0.5 * (self.uu_px2 - self.vv_px2));
+        // det / largest: exact where mean − hypot would cancel.
+        (self.uu_px2 * self.vv_px2 - self.uv_px2 * self.uv_px2) / (mean + half.hypot(self.uv_px2))
+    }
 }
 
 /// A known point and where it was seen.
@@ -23,8 +50,10 @@ pub struct Correspondence {
     pub pixel: Pixel,
     /// Unit vector towards it, camera frame; derived from `pixel` by the camera.
     pub bearing: Bearing,
-    /// Standard deviation of each pixel coordinate.
+    /// Standard deviation of each pixel coordinate. Where `covariance_px2` is given it only weighs the starts of the search.
     pub sigma_px: f64,
+    /// Covariance of the pixel, where it is not `sigma_px`² in every direction.
+    pub covariance_px2: Option<PixelCovariance>,
     /// Standard deviation of each coordinate of `x_in_target`, metres; 0 when exact.
     pub sigma_m: f64,
 }
@@ -33,7 +62,26 @@ impl Correspondence {
     /// A point known exactly, seen at a pixel. Fails outside the camera's valid field.
     pub fn new(camera: &Camera, x_in_target: Point, pixel: Pixel, sigma_px: f64) -> Result<Self, Error> {
         let bearing = camera.bearing(&pixel)?;
-        Ok(Correspondence { x_in_target, pixel, bearing, sigma_px, sigma_m: 0.0 })
+        Ok(Correspondence { x_in_target, pixel, bearing, sigma_px, covariance_px2: None, sigma_m: 0.0 })
+    }
+
+    /// The same with a covariance of its pixel instead of one standard deviation.
+    pub fn with_covariance(self, covariance_px2: PixelCovariance) -> Self {
+        Correspondence { covariance_px2: Some(covariance_px2), sigma_px: covariance_px2.sigma_px(), ..self }
+    }
+
+    /// uu, uv, vv of the pixel's covariance, px².
+    pub(crate) fn pixel_covariance(&self) -> [f64; 3] {
+        match self.covariance_px2 {
+            Some(c) => [c.uu_px2, c.uv_px2, c.vv_px2],
+            None => [self.sigma_px * self.sigma_px, 0.0, self.sigma_px * self.sigma_px],
+        }
+    }
+
+    /// Known exactly and as sharp in u as in v: its residual is whitened by one division.
+    #[inline(always)]
+    pub(crate) fn is_plain(&self) -> bool {
+        self.sigma_m == 0.0 && self.covariance_px2.is_none()
     }
 }
 
@@ -60,7 +108,10 @@ pub fn correspond(
             continue;
         };
         match Correspondence::new(camera, known.position, d.pixel, d.sigma_px) {
-            Ok(c) => seen.push((d.feature, Correspondence { sigma_m: known.sigma_m, ..c })),
+            Ok(c) => {
+                let c = d.covariance_px2.map_or(c, |covariance| c.with_covariance(covariance));
+                seen.push((d.feature, Correspondence { sigma_m: known.sigma_m, ..c }));
+            }
             Err(reason) => skipped.push(Skipped { feature: d.feature, reason: Some(reason) }),
         }
     }

@@ -22,6 +22,16 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
+    /// A pixel covariance that is none.
+    #[error(
+        "the pixel covariance of point {index} is not positive definite (least eigenvalue {seen:.1e} px²); correct it or give sigma_px alone"
+    )]
+    CovarianceNotPositive {
+        /// Which point, counted from 0.
+        index: usize,
+        /// Its least eigenvalue, px².
+        seen: f64,
+    },
     /// Too few points for any method.
     #[error("{seen} points given, {needed} needed; add points whose position in the target is known")]
     TooFewPoints {

@@ -24,6 +24,7 @@ impl PivotedPose {
     }
 
     /// Back to an ordinary pose, its rotation orthonormal to rounding.
+    #[inline(always)]
     pub fn pose(&self, pivot_in_target: &Point) -> Pose {
         let rotation = crate::pose::orthonormalized(&self.rotation);
         Pose { rotation, translation: self.pivot_in_cam - rotation * pivot_in_target }
@@ -31,7 +32,7 @@ impl PivotedPose {
 
     /// Moves by `[rotation_rad; translation_m]` about the pivot. The rotation is Cayley's, equal to the exponential to
     /// second order and free of trigonometry: any retraction leads to the same minimum.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn moved(&self, motion: &Vector6) -> Self {
         let a = Vector3::new(motion[0], motion[1], motion[2]) * 0.5;
         let k = a.cross_matrix();
@@ -205,7 +206,7 @@ impl NormalEquations {
     /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
     ///
     /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.
-    #[inline]
+    #[inline(always)] // also where the loop is built for more than one cost
     fn step(&self, damping: f64) -> Option<(Vector6, f64)> {
         let tt = self.translation_translation.damped(damping).inverse()?;
         let gain = self.rotation_translation * tt;
@@ -219,6 +220,17 @@ impl NormalEquations {
         // gᵀδ: exactly the decrease for no damping, a little more than promised otherwise.
         let promised = w.dot(&self.gradient_rotation) + v.dot(&self.gradient_translation);
         promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
+    }
+
+    /// JᵀJ by the motion about the pivot, `[rotation; translation]`.
+    pub fn information(&self) -> Matrix6 {
+        let (rr, tt) = (&self.rotation_rotation, &self.translation_translation);
+        Matrix6::from_fn(|i, j| match (i < 3, j < 3) {
+            (true, true) => rr.at(i, j),
+            (true, false) => self.rotation_translation[(i, j - 3)],
+            (false, true) => self.rotation_translation[(j, i - 3)],
+            (false, false) => tt.at(i - 3, j - 3),
+        })
     }
 
     /// Jᵀr by the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
@@ -255,6 +267,11 @@ impl NormalEquations {
 }
 
 impl Symmetric3 {
+    fn at(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = (i.min(j), i.max(j));
+        self.0[i * (5 - i) / 2 + j]
+    }
+
     #[inline(always)]
     fn add_square(&mut self, v: &Vector3<f64>) {
         let m = &mut self.0;

@@ -5,6 +5,7 @@
 use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
 use crate::doubt::{Doubts, allow_for_intrinsics};
+use crate::held::{hold, may_hold, start_from_priors};
 use crate::literal::literal;
 use crate::loss::Loss;
 pub use crate::method::Method;
@@ -12,8 +13,9 @@ use crate::method::resolve;
 use crate::posterior::weights;
 use crate::prior::Prior;
 use crate::problem::Problem;
+use crate::sandwich::evidence;
 use crate::search::{Findings, search, weakness_of_rivals};
-use crate::solve::configuration::{Geometry, survey};
+use crate::solve::configuration::{Configuration, Geometry, survey};
 use crate::solve::line_plus_one::Weakness;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
@@ -40,7 +42,8 @@ pub struct PoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances, those of the intrinsics included where stated.
+    /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics included; of what they cost under
+    /// a robust loss.
     pub chi2: f64,
     /// 2 n − 6, and one more for each residual of a prior.
     pub degrees_of_freedom: usize,
@@ -59,8 +62,9 @@ pub struct PoseEstimate {
     pub others: Others,
     /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
-    /// What was measured on the points before anything was solved, and what it was compared with.
-    pub geometry: Geometry,
+    /// What was measured on the points before anything was solved, and what it was compared with; none where priors stood in for
+    /// points that determine no pose.
+    pub geometry: Option<Geometry>,
 }
 
 /// The pose of a camera from known points.
@@ -70,21 +74,21 @@ pub struct PoseEstimate {
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let problem = &Problem { seen, camera, priors: config.priors, loss: config.loss };
     problem.check()?;
-    let geometry = survey(seen)?;
-    let configuration = geometry.configuration;
-    let method = resolve(config.method, &configuration)?;
+    let (geometry, method) = layout(problem, config.method)?;
+    let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let mut minima = Minima::new();
     let Findings { weakness, is_bent } = match method {
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
-        _ => search(method, &configuration, problem, &mut minima),
+        Method::Priors => hold(problem, &mut minima)?,
+        _ => {
+            start_from_priors(problem, &mut minima);
+            search(method, &configuration, problem, &mut minima)
+        }
     };
-    let intrinsics = match config.intrinsics_covariance {
-        Some(_) if method == Method::Wang2004 => return Err(LITERAL_INTRINSICS),
-        given => given,
-    };
+    let intrinsics = allowed_intrinsics(config, method)?;
     allow_for_intrinsics(&mut minima, problem, intrinsics)?;
     let degrees_of_freedom = problem.degrees_of_freedom();
-    let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
+    let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
     let choice = choose(&minima, seen.len(), noise_scale)?;
     let doubts = Doubts { problem, intrinsics, noise_scale };
     let weights = weights(&minima, noise_scale);
@@ -100,17 +104,44 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         ambiguity: ambiguity(&choice, &others),
         weight: weights.first().copied().unwrap_or(1.0),
         others,
-        consistency: consistency(choice.best, degrees_of_freedom, problem),
+        consistency: consistency(choice.best, problem),
         weakness: weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem)),
         geometry,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
 }
 
+/// The printed procedure has no derivative to propagate them by.
+fn allowed_intrinsics<'a>(config: &Config<'a>, method: Method) -> Result<Option<&'a [f64]>, Error> {
+    match config.intrinsics_covariance {
+        Some(_) if method == Method::Wang2004 => Err(LITERAL_INTRINSICS),
+        given => Ok(given),
+    }
+}
+
+/// The variance by which the residuals of a minimum exceed the stated sigmas.
+fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
+    let (chi2, degrees_of_freedom) = evidence(m, problem);
+    noise_scale(chi2, degrees_of_freedom)
+}
+
 fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {
     match (choice.rival, choice.ratio, others[0]) {
         (Some(_), Some(ratio), Some(other)) => Ambiguity::Ambiguous { ratio, other: other.minimum },
         (_, ratio, _) => Ambiguity::Unique { ratio },
+    }
+}
+
+/// What the points allow, and the method for it. Too few points, or points on a line, are left to the priors, if there are any.
+fn layout(problem: &Problem, method: Method) -> Result<(Option<Geometry>, Method), Error> {
+    match survey(problem.seen) {
+        Ok(geometry) => Ok((Some(geometry), resolve(method, &geometry.configuration)?)),
+        Err(Error::TooFewPoints { .. } | Error::Collinear { .. })
+            if method == Method::Auto && may_hold(problem) =>
+        {
+            Ok((None, Method::Priors))
+        }
+        Err(refused) => Err(refused),
     }
 }
 

@@ -28,6 +28,25 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// ρ(s) and ρ′(s): the cost of a squared whitened residual and the weight it gets, docs/math/refine.md eq. (19).
+    #[inline]
+    pub(crate) fn at(&self, squared: f64) -> (f64, f64) {
+        match *self {
+            Loss::Squared => (squared, 1.0),
+            Loss::Huber { sigmas } if squared <= sigmas * sigmas => (squared, 1.0),
+            Loss::Huber { sigmas } => {
+                let root = squared.sqrt();
+                (sigmas * (2.0 * root - sigmas), sigmas / root)
+            }
+            Loss::Cauchy { sigmas } => {
+                let k2 = sigmas * sigmas;
+                (k2 * (squared / k2).ln_1p(), k2 / (k2 + squared))
+            }
+            Loss::Truncated { sigmas } if squared <= sigmas * sigmas => (squared, 1.0),
+            Loss::Truncated { sigmas } => (sigmas * sigmas, 0.0),
+        }
+    }
+
     /// # Errors
     /// `InvalidLoss` for a threshold that is not positive and finite.
     pub fn check(&self) -> Result<(), Error> {

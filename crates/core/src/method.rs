@@ -20,6 +20,8 @@ pub enum Method {
     Planar,
     /// Any n ≥ 3 points.
     Sqpnp,
+    /// Too few points for a pose of their own, or points on one line: priors give the rest. Chosen by `Auto` alone.
+    Priors,
 }
 
 /// `Auto` becomes the method for the configuration; a method that does not fit it is refused.
@@ -38,6 +40,9 @@ pub(crate) fn resolve(method: Method, configuration: &Configuration) -> Result<M
         (Method::Planar, Configuration::General) => wrong("planar", "the points do not lie in one plane"),
         (Method::Planar, Configuration::LinePlusOne { .. }) => {
             wrong("planar", "three collinear points and one off the line leave a homography open")
+        }
+        (Method::Priors, _) => {
+            wrong("priors", "these points have a pose of their own; priors join it in any method")
         }
         (method, _) => Ok(method),
     }

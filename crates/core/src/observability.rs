@@ -66,8 +66,8 @@ impl Observability {
     /// The weakest motion of an estimate; `seen` are the points it was found from.
     pub fn of(estimate: &PoseEstimate, seen: &[Correspondence]) -> Self {
         let centre_in_cam = estimate.cam_from_target * centroid(seen);
-        let line = match estimate.geometry.configuration {
-            Configuration::LinePlusOne { order: [a, _, c, _] } => Some(
+        let line = match estimate.geometry.map(|g| g.configuration) {
+            Some(Configuration::LinePlusOne { order: [a, _, c, _] }) => Some(
                 estimate.cam_from_target.rotation * (seen[c].x_in_target - seen[a].x_in_target).normalize(),
             ),
             _ => None,

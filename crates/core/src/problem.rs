@@ -23,6 +23,12 @@ impl<'a> Problem<'a> {
         Problem { seen, camera, priors: &[], loss: Loss::Squared }
     }
 
+    /// Points and nothing else, under the square: the inner loop's usual case.
+    #[inline(always)]
+    pub(crate) fn is_points_alone(&self) -> bool {
+        self.priors.is_empty() && self.loss == Loss::Squared
+    }
+
     /// How many numbers the cost is made of: two of each point, and those of the priors.
     pub fn rows(&self) -> usize {
         2 * self.seen.len() + self.priors.iter().map(Prior::rows).sum::<usize>()

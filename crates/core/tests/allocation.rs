@@ -4,14 +4,18 @@
 mod common;
 
 use common::{Rng, views};
+use nalgebra::Vector3;
+use resight_core::correspondence::PixelCovariance;
 use resight_core::locate::{Config, Method, locate};
+use resight_core::loss::Loss;
+use resight_core::prior::Prior;
 use resight_core::refine::refine;
 use resight_core::solve::line_plus_one::line_plus_one;
 use resight_core::solve::p3p::p3p;
 use resight_core::solve::planar::planar;
 use resight_core::solve::sqpnp::sqpnp;
 use resight_core::solve::wang2004::wang2004;
-use resight_core::{Correspondence, Point};
+use resight_core::{Correspondence, Matrix6, Point};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
@@ -136,4 +140,29 @@ fn refusing_does_not_allocate() {
         .map(|i| Correspondence { x_in_target: views::general()[7 - i], ..exact(&views::general())[i] })
         .collect();
     assert_eq!(allocations(|| locate(&garbled, &views::camera(), &Config::default())), 0);
+}
+
+/// Priors, contradictions, losses and ellipses, from one point up.
+#[test]
+fn priors_and_losses_do_not_allocate() {
+    let (camera, truth) = (views::camera(), views::oblique());
+    let down = Vector3::new(0.0, 0.6, 0.8);
+    let gravity = |down_in_cam| Prior::Gravity { down_in_target: down, down_in_cam, sigma_rad: 0.01 };
+    let (level, wrong) = (gravity(truth.rotation * down), gravity(-down));
+    let pose = Prior::Pose { cam_from_target: truth, covariance: Matrix6::identity() * 1e-4 };
+    let ellipse = PixelCovariance { uu_px2: 1.0, uv_px2: 0.3, vv_px2: 0.2 };
+    let losses = [Loss::Squared, Loss::Huber { sigmas: 1.5 }, Loss::Truncated { sigmas: 4.0 }];
+    let mut answered = 0;
+    for n in [1, 2, 4, 8] {
+        let mut seen = exact(&views::general()[..n]);
+        seen.iter_mut().for_each(|c| *c = c.with_covariance(ellipse));
+        for priors in [vec![pose], vec![level, pose], vec![level], vec![wrong, pose]] {
+            for loss in losses {
+                let config = Config { priors: &priors, loss, ..Config::default() };
+                answered += usize::from(locate(&seen, &camera, &config).is_ok());
+                assert_eq!(allocations(|| locate(&seen, &camera, &config)), 0, "{n} points, {priors:?}");
+            }
+        }
+    }
+    assert!(24 < answered, "{answered}");
 }

@@ -269,7 +269,11 @@ fn the_weakest_motion_is_one_standard_deviation_long() {
 
 #[test]
 fn the_geometry_that_decided_is_in_the_answer() {
-    let of = |points: &[Point]| solve(&views::seen_from(&views::oblique(), points, 0.3)).geometry;
+    let of = |points: &[Point]| {
+        solve(&views::seen_from(&views::oblique(), points, 0.3))
+            .geometry
+            .expect("points that determine a pose")
+    };
     let three = of(&views::three());
     assert!(three.line_height.is_none() && three.width.threshold < three.width.ratio);
     let line = of(&views::line_plus_one());

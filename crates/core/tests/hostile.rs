@@ -407,6 +407,7 @@ fn seven_points_eight_pixels() -> Answer {
             feature: Feature { id: i as u32, corner: 0 },
             pixel: c.pixel,
             sigma_px: SIGMA_PX,
+            covariance_px2: None,
         })
         .collect();
     let (seen, skipped) = correspond(&detections, &target, &views::camera());

@@ -21,7 +21,14 @@ impl Scene {
             let y = self.cam_from_target * *x;
             let pixel = camera.project(&y).unwrap_or_default();
             let bearing = Unit::new_normalize(y);
-            Correspondence { x_in_target: *x, pixel, bearing, sigma_px: 1.0, sigma_m: 0.0 }
+            Correspondence {
+                x_in_target: *x,
+                pixel,
+                bearing,
+                sigma_px: 1.0,
+                covariance_px2: None,
+                sigma_m: 0.0,
+            }
         };
         self.places.iter().map(seen).collect()
     }

@@ -67,8 +67,10 @@ fn picture(title: &str, target: &Target) -> Result<Vec<u8>> {
     let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size };
     let placed = Placed { target: target.clone(), cam_from_target: pose(target), style: Style::default() };
     let pixels = true_pixels(&placed, &camera);
-    let detections: Vec<Detection> =
-        pixels.into_iter().map(|(feature, pixel)| Detection { feature, pixel, sigma_px: 0.05 }).collect();
+    let detections: Vec<Detection> = pixels
+        .into_iter()
+        .map(|(feature, pixel)| Detection { feature, pixel, sigma_px: 0.05, covariance_px2: None })
+        .collect();
     let (seen, _) = correspond(&detections, target, &camera);
     let points: Vec<_> = seen.iter().map(|(_, point)| *point).collect();
     let estimate = locate(&points, &camera, &Config::default())?;

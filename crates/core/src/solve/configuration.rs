@@ -112,6 +112,14 @@ fn check_numbers(points: &[Correspondence]) -> Result<(), Error> {
         if !(0.0 < c.sigma_px) {
             return Err(Error::NotPositive { index, seen: c.sigma_px });
         }
+        if let Some(covariance) = c.covariance_px2 {
+            let [uu, uv, vv] = c.pixel_covariance();
+            finite("the pixel covariance", (uu + uv + vv).is_finite())?;
+            let least = covariance.least_variance_px2();
+            if !(0.0 < least && 0.0 < uu) {
+                return Err(Error::CovarianceNotPositive { index, seen: least });
+            }
+        }
         if c.sigma_m < 0.0 {
             return Err(Error::NotPositive { index, seen: c.sigma_m });
         }

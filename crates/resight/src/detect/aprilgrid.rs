@@ -55,7 +55,12 @@ impl AprilGridFinder {
         for (pixel, corner) in predicted.iter().zip(0..) {
             let joint = nearest(joints, pixel, within_px)?;
             let feature = Feature { id, corner };
-            detections.push(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px });
+            detections.push(Detection {
+                feature,
+                pixel: joint.pixel,
+                sigma_px: joint.sigma_px,
+                covariance_px2: None,
+            });
         }
         detections.try_into().ok()
     }
@@ -143,6 +148,7 @@ fn corners(tag: &DecodedTag, joints: &[Joint]) -> [Detection; 4] {
             feature: Feature { id: tag.id, corner: k as u8 },
             pixel: joint.pixel,
             sigma_px: joint.sigma_px,
+            covariance_px2: None,
         }
     })
 }

@@ -117,7 +117,12 @@ impl CharucoFinder {
                     nearest(joints, &predicted, (SEARCH_SQUARES * square_px).max(2.0)).filter(|_| inside)?;
                 let joint = joint.refined(image, WINDOW_SQUARES * square_px);
                 let feature = Feature { id, corner: 0 };
-                Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px })
+                Some(Detection {
+                    feature,
+                    pixel: joint.pixel,
+                    sigma_px: joint.sigma_px,
+                    covariance_px2: None,
+                })
             })
             .collect()
     }

@@ -136,7 +136,7 @@ fn refined(grid: &Grid, board: &Chessboard, p: &Placement, image: &GrayImage) ->
             let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
             let joint = joint.refined(image, WINDOW_RATIO * nearest_px);
             let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
-            Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px })
+            Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px, covariance_px2: None })
         })
         .collect()
 }

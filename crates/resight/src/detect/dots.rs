@@ -273,7 +273,15 @@ impl DotDetector {
         let unsure = 0.02 * shift.norm();
         let variance = dot.sigma_px.powi(2) + self.config.sigma_floor_px.powi(2) + unsure * unsure;
         let feature = Feature { id: self.layout.ids[i], corner: 0 };
-        (Detection { feature, pixel: dot.centroid - shift, sigma_px: variance.sqrt() }, *dot)
+        (
+            Detection {
+                feature,
+                pixel: dot.centroid - shift,
+                sigma_px: variance.sqrt(),
+                covariance_px2: None,
+            },
+            *dot,
+        )
     }
 }
 

@@ -146,6 +146,7 @@ impl FoundTag {
             feature: Feature { id: self.id, corner },
             pixel,
             sigma_px: self.sigma_px,
+            covariance_px2: None,
         })
     }
 }

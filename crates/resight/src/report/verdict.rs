@@ -65,15 +65,24 @@ pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, u
                 ),
             }
         }
-        (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px }, _) => Verdict {
+        (Consistency::Inconsistent { chi2_per_dof, worst_prior: Some(prior), .. }, _) => Verdict {
             status: Status::Inconsistent,
             message: format!(
-                "the residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, expected 1; worst is {}, {} {unit} off); \
-                 check the intrinsics, the target's dimensions and the labels before using this pose",
-                name_of(*worst_point),
-                figures(*worst_px),
+                "prior {prior} contradicts the points (χ²/dof {chi2_per_dof:.1}, expected 1; without it they agree with their sigmas); \
+                 check it and its stated uncertainty before using this pose",
             ),
         },
+        (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior: None }, _) => {
+            Verdict {
+                status: Status::Inconsistent,
+                message: format!(
+                    "the residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, expected 1; worst is {}, {} {unit} off); \
+                 check the intrinsics, the target's dimensions and the labels before using this pose",
+                    name_of(*worst_point),
+                    figures(*worst_px),
+                ),
+            }
+        }
         (_, Ambiguity::Ambiguous { .. }) => Verdict { status: Status::Ambiguous, message: uniqueness },
         _ => Verdict { status: Status::Ok, message: uniqueness },
     }
