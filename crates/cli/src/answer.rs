@@ -1,9 +1,11 @@
 //! The pose object of the command line's contract, and how an estimate becomes one.
 
 use crate::robust::Agreement;
-use resight::core::choose::{Ambiguity, Minimum};
+use resight::core::choose::{Ambiguity, Hypothesis, Minimum};
 use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
+use resight::core::observability::{Axis, Observability};
+use resight::core::solve::configuration::{Configuration, Geometry, Measure};
 use resight::core::solve::line_plus_one::Weakness;
 use resight::core::{Matrix6, Pose};
 use resight::report::truth::point_covariance;
@@ -21,6 +23,8 @@ pub struct Answer {
     pub verdict: Verdict,
     /// The pose, when there is one.
     pub estimate: Option<PoseEstimate>,
+    /// Which motion its points show least.
+    pub observability: Option<Observability>,
     /// How many points there were.
     pub n_points: usize,
     /// Unit of image coordinates: `px`, `normalized` or `unit of f`.
@@ -74,6 +78,50 @@ struct AmbiguityObject {
     other: Option<OtherObject>,
 }
 
+/// One of the minima, the answer itself included.
+#[derive(Debug, Serialize)]
+struct MinimumObject {
+    cam_from_target: TransformObject,
+    target_from_cam: TransformObject,
+    covariance: [[f64; 6]; 6],
+    rms_px: f64,
+    chi2: f64,
+    delta_chi2: f64,
+    weight: f64,
+    within_gate: bool,
+}
+
+/// The motion that the points show least.
+#[derive(Debug, Serialize)]
+struct ObservabilityObject {
+    weakest: &'static str,
+    /// `[turn_rad; shift_m]` about and of the target's centre, camera frame, one standard deviation.
+    motion: [f64; 6],
+    turn_axis: &'static str,
+    sigma_rad: f64,
+    shift_axis: &'static str,
+    sigma_m: f64,
+    correlation: f64,
+    go_together: bool,
+    ratio: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct MeasureObject {
+    ratio: f64,
+    threshold: f64,
+}
+
+/// What was measured on the points before anything was solved.
+#[derive(Debug, Serialize)]
+struct GeometryObject {
+    configuration: &'static str,
+    length_m: f64,
+    width_over_length: MeasureObject,
+    line_height: Option<MeasureObject>,
+    thickness_over_width: Option<MeasureObject>,
+}
+
 #[derive(Debug, Serialize)]
 struct WorstPoint {
     index: usize,
@@ -111,6 +159,9 @@ pub struct PoseObject {
     point_sigma_m: Option<f64>,
     intrinsics_sigma: Option<BTreeMap<String, f64>>,
     ambiguity: Option<AmbiguityObject>,
+    minima: Option<Vec<MinimumObject>>,
+    observability: Option<ObservabilityObject>,
+    geometry: Option<GeometryObject>,
     worst_point: Option<WorstPoint>,
     weakness: Option<WeaknessObject>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -132,6 +183,7 @@ impl Answer {
             view,
             verdict: Verdict { status, message: message.into() },
             estimate: None,
+            observability: None,
             n_points: 0,
             image_unit: "px",
             sigma_px: None,
@@ -166,6 +218,9 @@ impl Answer {
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
             ambiguity: e.map(ambiguity),
+            minima: e.map(|e| e.minima().map(minimum).collect()),
+            observability: self.observability.as_ref().map(observability),
+            geometry: e.and_then(|e| e.geometry.as_ref()).map(geometry),
             worst_point: e.and_then(|e| self.worst_point(e)),
             weakness: e.and_then(|e| e.weakness.as_ref()).map(weakness),
             skipped: self.skipped.clone(),
@@ -221,6 +276,60 @@ fn other_object(other: &Minimum) -> OtherObject {
         covariance: rows(&other.covariance),
         rms_px: other.rms_px,
         chi2: other.chi2,
+    }
+}
+
+fn minimum(h: Hypothesis) -> MinimumObject {
+    let m = h.minimum;
+    MinimumObject {
+        cam_from_target: m.cam_from_target.into(),
+        target_from_cam: m.cam_from_target.inverse().into(),
+        covariance: rows(&m.covariance),
+        rms_px: m.rms_px,
+        chi2: m.chi2,
+        delta_chi2: h.delta_chi2,
+        weight: h.weight,
+        within_gate: h.is_rival,
+    }
+}
+
+fn observability(o: &Observability) -> ObservabilityObject {
+    ObservabilityObject {
+        weakest: if o.is_shift { "shift" } else { "turn" },
+        motion: o.motion.into(),
+        turn_axis: axis_name(&o.turn_axis),
+        sigma_rad: o.sigma_rad,
+        shift_axis: axis_name(&o.shift_axis),
+        sigma_m: o.sigma_m,
+        correlation: o.correlation,
+        go_together: o.go_together(),
+        ratio: o.ratio,
+    }
+}
+
+fn axis_name(axis: &Axis) -> &'static str {
+    match axis {
+        Axis::LineOfSight => "line_of_sight",
+        Axis::Horizontal => "horizontal",
+        Axis::Vertical => "vertical",
+        Axis::LineOfPoints => "line_of_points",
+        _ => "oblique",
+    }
+}
+
+fn geometry(g: &Geometry) -> GeometryObject {
+    let measure = |m: Measure| MeasureObject { ratio: m.ratio, threshold: m.threshold };
+    GeometryObject {
+        configuration: match g.configuration {
+            Configuration::Three => "three",
+            Configuration::LinePlusOne { .. } => "line_plus_one",
+            Configuration::Planar => "planar",
+            Configuration::General => "general",
+        },
+        length_m: g.length_m,
+        width_over_length: measure(g.width),
+        line_height: g.line_height.map(measure),
+        thickness_over_width: g.thickness.map(measure),
     }
 }
 

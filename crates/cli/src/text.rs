@@ -1,19 +1,22 @@
 //! An answer in words, for a person with ten minutes.
 
 use crate::answer::Answer;
-use resight::core::choose::Ambiguity;
 use resight::core::locate::PoseEstimate;
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, degrees, distance_with_sigma_m, place_with_sigma_m, sigmas, with_sigma, yaw_pitch_roll_rad,
+    coordinate, degrees, distance_with_sigma_m, percent, place_with_sigma_m, sigmas, weakest, with_sigma,
+    yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
 
 /// One paragraph per view: where, how sure, verdict and advice.
 pub fn describe(answer: &Answer) -> String {
-    let mut out = format!("{}   {}\n", answer.view, headline(answer.verdict.status));
+    let mut out = format!("{}   {}\n", answer.view, headline(answer));
     if let Some(estimate) = &answer.estimate {
         out.push_str(&pose(estimate));
+        if let Some(observability) = &answer.observability {
+            line(&mut out, "weakest", &weakest(observability));
+        }
         out.push_str(&fit(answer, estimate));
     }
     if let Some(agreement) = &answer.agreement {
@@ -24,15 +27,16 @@ pub fn describe(answer: &Answer) -> String {
         message.push('.');
     }
     line(&mut out, "verdict", &message);
-    if let Some(Ambiguity::Ambiguous { other, .. }) = answer.estimate.map(|e| e.ambiguity) {
-        let place = other.cam_from_target.origin();
+    for other in answer.estimate.iter().flat_map(PoseEstimate::minima).skip(1).filter(|h| h.is_rival) {
+        let place = other.minimum.cam_from_target.origin();
         let text = format!(
-            "x {:+.1} mm   y {:+.1} mm   z {:+.1} mm in the target frame, rms {} {}",
+            "x {:+.1} mm   y {:+.1} mm   z {:+.1} mm in the target frame, rms {} {}, probability {}",
             place.x * 1e3,
             place.y * 1e3,
             place.z * 1e3,
-            figures(other.rms_px),
-            answer.image_unit
+            figures(other.minimum.rms_px),
+            answer.image_unit,
+            percent(other.weight)
         );
         line(&mut out, "other pose", &text);
     }
@@ -42,9 +46,12 @@ pub fn describe(answer: &Answer) -> String {
     out
 }
 
-fn headline(status: Status) -> &'static str {
-    match status {
+fn headline(answer: &Answer) -> &'static str {
+    match answer.verdict.status {
         Status::Ok => "OK",
+        Status::Ambiguous if answer.estimate.is_some_and(|e| 2 < e.n_rivals()) => {
+            "AMBIGUOUS: more than two poses fit"
+        }
         Status::Ambiguous => "AMBIGUOUS: two poses fit",
         Status::Degenerate => "NO POSE: these points do not determine one",
         Status::Inconsistent => "INCONSISTENT: do not trust this pose yet",

@@ -33,6 +33,60 @@ fn poses_are_the_ones_the_points_were_made_from() {
     }
 }
 
+/// Minima, observability and geometry as docs/files.md names them.
+#[test]
+fn minima_observability_and_geometry_are_in_the_pose_object() {
+    let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml"), "--json"]);
+    for (answer, configuration) in json_lines(&run).iter().zip(["line_plus_one", "general"]) {
+        let minima = answer["minima"].as_array().unwrap();
+        assert!((1..=4).contains(&minima.len()));
+        assert_eq!(minima[0]["cam_from_target"], answer["cam_from_target"]);
+        assert_eq!((&minima[0]["delta_chi2"], &minima[0]["within_gate"]), (&0.0.into(), &true.into()));
+        let total: f64 = minima.iter().map(|m| m["weight"].as_f64().unwrap()).sum();
+        assert!((total - 1.0).abs() < 1e-9);
+        let weak = &answer["observability"];
+        assert!(["turn", "shift"].contains(&weak["weakest"].as_str().unwrap()));
+        assert_eq!(weak["motion"].as_array().unwrap().len(), 6);
+        for key in ["sigma_rad", "sigma_m", "correlation", "ratio"] {
+            assert!(weak[key].as_f64().is_some_and(|x| 0.0 <= x), "{key}: {weak}");
+        }
+        assert!(
+            weak["turn_axis"].is_string()
+                && weak["shift_axis"].is_string()
+                && weak["go_together"].is_boolean()
+        );
+        let geometry = &answer["geometry"];
+        assert_eq!(geometry["configuration"], configuration);
+        let width = &geometry["width_over_length"];
+        assert!(width["threshold"].as_f64() < width["ratio"].as_f64());
+        assert_eq!(geometry["thickness_over_width"].is_null(), configuration == "line_plus_one");
+    }
+}
+
+#[test]
+fn three_points_give_every_pose_in_minima() {
+    let path = folder("three").join("three.csv");
+    let rows: String = std::fs::read_to_string(data("points.csv"))
+        .unwrap()
+        .lines()
+        .filter(|l| l.starts_with("view") || l.starts_with("box"))
+        .take(4)
+        .map(|l| format!("{l}\n"))
+        .collect();
+    std::fs::write(&path, rows).unwrap();
+    let run = solve(&[path.to_str().unwrap(), "--camera", &data("camera.toml"), "--json"]);
+    let answer = &json_lines(&run)[0];
+    let minima = answer["minima"].as_array().unwrap();
+    assert_eq!(
+        (&answer["status"], &answer["geometry"]["configuration"]),
+        (&"ambiguous".into(), &"three".into())
+    );
+    assert!(2 <= minima.len() && minima.iter().all(|m| m["within_gate"] == true), "{answer}");
+    assert!(answer["message"].as_str().unwrap().contains("probabilities"), "{answer}");
+    let said = solve(&[path.to_str().unwrap(), "--camera", &data("camera.toml")]).stdout;
+    assert_eq!(said.matches("other pose").count(), minima.len() - 1, "{said}");
+}
+
 #[test]
 fn the_pose_object_has_every_key_of_the_contract() {
     let run = solve(&[&data("points.csv"), "--camera", &data("camera.toml"), "--json"]);

@@ -27,6 +27,23 @@ impl Minimum {
     }
 }
 
+/// A minimum beside the others: how far above the lowest, and how probable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hypothesis {
+    /// The minimum. Its covariance is as whole as the answer's own where it rivals it; farther above than the gate it is that
+    /// of the pixels alone.
+    pub minimum: Minimum,
+    /// χ² above that of the lowest minimum.
+    pub delta_chi2: f64,
+    /// Its probability, all minima found being all there are and no pose expected beforehand: docs/math/posterior.md.
+    pub weight: f64,
+    /// Within the gate: it explains the pixels about as well as the lowest.
+    pub is_rival: bool,
+}
+
+/// The minima beside the lowest, lowest first; four points in space have no more.
+pub type Others = [Option<Hypothesis>; 3];
+
 /// Whether another pose explains the pixels as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
@@ -70,6 +87,17 @@ pub fn insert(minima: &mut Minima, found: Minimum) {
     minima.insert(place, found);
 }
 
+/// Orders by χ² what was inserted by another χ².
+pub(crate) fn sort(minima: &mut Minima) {
+    minima.sort_unstable_by(|a, b| a.chi2.total_cmp(&b.chi2));
+}
+
+/// Whether a χ² so far above the lowest leaves both poses possible. `noise_scale` ≥ 1 is the variance by which the residuals
+/// exceed the stated sigmas: the gate widens with it.
+pub(crate) fn is_within_gate(delta_chi2: f64, noise_scale: f64) -> bool {
+    delta_chi2 < AMBIGUITY_GATE_CHI2 * noise_scale
+}
+
 /// The lowest minimum and what rivals it.
 #[derive(Debug, Clone, Copy)]
 pub struct Choice<'a> {
@@ -81,12 +109,11 @@ pub struct Choice<'a> {
     pub rival: Option<&'a Minimum>,
 }
 
-/// The lowest minimum, and whether the next is within the gate. `noise_scale` ≥ 1 is the variance by which the residuals
-/// exceed the stated sigmas: the gate widens with it.
+/// The lowest minimum, and whether the next is within the gate.
 pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<Choice<'_>, Error> {
     let best = minima.first().ok_or(Error::NoSolution { n_points })?;
     let other = minima.get(1);
-    let rival = other.filter(|other| other.chi2 - best.chi2 < AMBIGUITY_GATE_CHI2 * noise_scale);
+    let rival = other.filter(|other| is_within_gate(other.chi2 - best.chi2, noise_scale));
     Ok(Choice { best, ratio: other.map(|other| residual_ratio(best, other)), rival })
 }
 

@@ -152,6 +152,10 @@ fn positive_step(normal: &NormalEquations, damping: &mut Damping) -> Option<(Vec
     }
 }
 
+/// Gauss–Newton steps that gain less than this part of what they promise leap from side to side of a minimum that is flatter
+/// than JᵀJ says: where two minima are about to part. Damping ends that.
+const LEAST_GAIN: f64 = 0.1;
+
 /// Levenberg and Marquardt's damping, relative to the diagonal, and the factor by which the next rejection raises it.
 #[derive(Debug, Clone, Copy)]
 struct Damping {
@@ -170,6 +174,10 @@ impl Damping {
     /// After an accepted step that achieved `gain` of what it promised (Nielsen 1999, "Damping parameter in
     /// Marquardt's method"); vanishing damping becomes none, so that the end is Gauss–Newton's.
     fn ease(&mut self, gain: f64) {
+        if gain < LEAST_GAIN {
+            *self = Damping { value: f64::max(2.0 * self.value, FIRST_DAMPING), growth: 2.0 };
+            return;
+        }
         let eased = self.value * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
         let vanishes = eased < 1e-9 || 0.9 < gain && eased < 1e-3;
         *self = Damping { value: if vanishes { 0.0 } else { eased }, growth: 2.0 };

@@ -22,6 +22,7 @@ mod accumulate;
 mod sandwich;
 pub mod refine;
 mod curvature;
+mod posterior;
 pub mod consistency;
 pub mod known_rotation;
 pub mod locate_lines;
@@ -31,7 +32,9 @@ mod held;
 mod upright;
 mod literal;
 mod intrinsics;
+mod doubt;
 pub mod locate;
+pub mod observability;
 #[cfg(feature = "batch")]
 pub mod batch;
 pub mod frames;

@@ -2,20 +2,20 @@
 //!
 //! classify → closed form → refine each candidate → choose → consistency. Each line of `locate` is one file.
 
-use crate::choose::{Ambiguity, Minima, Minimum, choose};
+use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
-use crate::curvature::{self, with_curvature};
+use crate::doubt::{Doubts, allow_for_intrinsics};
 use crate::held::{hold, may_hold, start_from_priors};
-use crate::intrinsics::intrinsics_share;
 use crate::literal::literal;
 use crate::loss::Loss;
 pub use crate::method::Method;
 use crate::method::resolve;
+use crate::posterior::weights;
 use crate::prior::Prior;
 use crate::problem::Problem;
 use crate::sandwich::evidence;
 use crate::search::{Findings, search, weakness_of_rivals};
-use crate::solve::configuration::{Configuration, classify};
+use crate::solve::configuration::{Configuration, Geometry, survey};
 use crate::solve::line_plus_one::Weakness;
 use crate::upright::upright;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
@@ -43,7 +43,8 @@ pub struct PoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances, those of priors included; of what they cost under a robust loss.
+    /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics included; of what they cost under
+    /// a robust loss.
     pub chi2: f64,
     /// 2 n − 6, and one more for each residual of a prior.
     pub degrees_of_freedom: usize,
@@ -55,8 +56,16 @@ pub struct PoseEstimate {
     pub ambiguity: Ambiguity,
     /// Does the residual fit the sigmas?
     pub consistency: Consistency,
+    /// Probability of this pose among all minima found, no pose expected beforehand: docs/math/posterior.md. With more points
+    /// than unknowns it says which of them, not whether any is right: that is `consistency`.
+    pub weight: f64,
+    /// The other minima, lowest χ² first; those within the gate rival this one.
+    pub others: Others,
     /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
+    /// What was measured on the points before anything was solved, and what it was compared with; none where priors stood in for
+    /// points that determine no pose.
+    pub geometry: Option<Geometry>,
 }
 
 /// The pose of a camera from known points.
@@ -66,7 +75,8 @@ pub struct PoseEstimate {
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let problem = &Problem { seen, camera, priors: config.priors, loss: config.loss };
     problem.check()?;
-    let (configuration, method) = layout(problem, config.method)?;
+    let (geometry, method) = layout(problem, config.method)?;
+    let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let mut minima = Minima::new();
     let Findings { weakness, is_bent } = match method {
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
@@ -77,56 +87,64 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
             search(method, &configuration, problem, &mut minima)
         }
     };
+    let intrinsics = allowed_intrinsics(config, method)?;
+    allow_for_intrinsics(&mut minima, problem, intrinsics)?;
     let degrees_of_freedom = problem.degrees_of_freedom();
-    let noise_scale = minima.first().map_or(1.0, |m| {
-        let (chi2, degrees_of_freedom) = evidence(m, problem);
-        noise_scale(chi2, degrees_of_freedom)
-    });
+    let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
     let choice = choose(&minima, seen.len(), noise_scale)?;
-    let weakness = weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem));
-    let whole = |m: &Minimum, is_bent: bool| {
-        let covariance = if is_bent { with_curvature(m, problem) } else { m.covariance };
-        let doubt = match config.intrinsics_covariance {
-            Some(_) if method == Method::Wang2004 => return Err(LITERAL_INTRINSICS),
-            Some(given) => intrinsics_share(&Minimum { covariance, ..*m }, problem, given)?,
-            None => Matrix6::zeros(),
-        };
-        Ok((covariance + doubt) * noise_scale)
-    };
-    let ambiguity = match (choice.rival, choice.ratio) {
-        (Some(rival), Some(ratio)) => {
-            let covariance = whole(rival, curvature::is_bent(rival, problem))?;
-            Ambiguity::Ambiguous { ratio, other: Minimum { covariance, ..*rival } }
-        }
-        (_, ratio) => Ambiguity::Unique { ratio },
-    };
-    let best = choice.best;
+    let doubts = Doubts { problem, intrinsics, noise_scale };
+    let weights = weights(&minima, noise_scale);
+    let others = doubts.others(&minima, &weights)?;
     let estimate = PoseEstimate {
-        cam_from_target: best.cam_from_target,
-        covariance: whole(best, is_bent)?,
-        rms_px: best.rms_px,
-        chi2: best.chi2,
+        cam_from_target: choice.best.cam_from_target,
+        covariance: doubts.covariance(choice.best, intrinsics.is_none().then_some(is_bent))?,
+        rms_px: choice.best.rms_px,
+        chi2: choice.best.chi2,
         degrees_of_freedom,
         n_points: seen.len(),
         method,
-        ambiguity,
-        consistency: consistency(best, problem),
-        weakness,
+        ambiguity: ambiguity(&choice, &others),
+        weight: weights.first().copied().unwrap_or(1.0),
+        others,
+        consistency: consistency(choice.best, problem),
+        weakness: weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem)),
+        geometry,
     };
     if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
 }
 
+/// The printed procedure has no derivative to propagate them by.
+fn allowed_intrinsics<'a>(config: &Config<'a>, method: Method) -> Result<Option<&'a [f64]>, Error> {
+    match config.intrinsics_covariance {
+        Some(_) if method == Method::Wang2004 => Err(LITERAL_INTRINSICS),
+        given => Ok(given),
+    }
+}
+
+/// The variance by which the residuals of a minimum exceed the stated sigmas.
+fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
+    let (chi2, degrees_of_freedom) = evidence(m, problem);
+    noise_scale(chi2, degrees_of_freedom)
+}
+
+fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {
+    match (choice.rival, choice.ratio, others[0]) {
+        (Some(_), Some(ratio), Some(other)) => Ambiguity::Ambiguous { ratio, other: other.minimum },
+        (_, ratio, _) => Ambiguity::Unique { ratio },
+    }
+}
+
 /// What the points allow, and the method for it. Too few points, or points on a line, are left to the priors, if there are any.
-fn layout(problem: &Problem, method: Method) -> Result<(Configuration, Method), Error> {
-    match classify(problem.seen) {
-        Ok(configuration) => Ok((configuration, resolve(method, &configuration)?)),
+fn layout(problem: &Problem, method: Method) -> Result<(Option<Geometry>, Method), Error> {
+    match survey(problem.seen) {
+        Ok(geometry) => Ok((Some(geometry), resolve(method, &geometry.configuration)?)),
         Err(Error::TooFewPoints { .. } | Error::Collinear { .. }) if method == Method::Upright => {
-            Ok((Configuration::General, Method::Upright))
+            Ok((None, Method::Upright))
         }
         Err(Error::TooFewPoints { .. } | Error::Collinear { .. })
             if method == Method::Auto && may_hold(problem) =>
         {
-            Ok((Configuration::General, Method::Priors))
+            Ok((None, Method::Priors))
         }
         Err(refused) => Err(refused),
     }
@@ -145,6 +163,19 @@ pub(crate) const OVERFLOW: Error = Error::DegenerateView {
 };
 
 impl PoseEstimate {
+    /// Every minimum found, at most four, lowest χ² first: this pose, then the others.
+    pub fn minima(&self) -> impl Iterator<Item = Hypothesis> + '_ {
+        let Self { cam_from_target, covariance, chi2, rms_px, weight, .. } = *self;
+        let minimum = Minimum { cam_from_target, covariance, chi2, rms_px };
+        let first = Hypothesis { minimum, delta_chi2: 0.0, weight, is_rival: true };
+        core::iter::once(first).chain(self.others.iter().flatten().copied())
+    }
+
+    /// How many minima lie within the gate, this pose included: 1 where it is unique.
+    pub fn n_rivals(&self) -> usize {
+        self.minima().filter(|h| h.is_rival).count()
+    }
+
     /// Every number in it is one, and no variance is negative.
     fn is_finite(&self) -> bool {
         let other = match &self.ambiguity {

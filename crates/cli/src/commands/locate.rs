@@ -9,6 +9,7 @@ use clap::Args;
 use resight::GrayImage;
 use resight::core::correspondence::{Detection, Skipped, correspond};
 use resight::core::locate::{Config, Method, locate};
+use resight::core::observability::Observability;
 use resight::core::target::Feature;
 use resight::core::{Camera, Correspondence, Target};
 use resight::detect::Detector;
@@ -178,6 +179,7 @@ impl Sight<'_> {
         Answer {
             view,
             verdict,
+            observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
             estimate,
             n_points: points.len(),
             image_unit: "px",

@@ -10,6 +10,7 @@ use crate::robust::{self, Agreement, RobustArgs};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::{Config, Method, PoseEstimate, locate};
+use resight::core::observability::Observability;
 use resight::core::prior::Prior;
 use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
 use resight::report::verdict::{self, Status, Verdict};
@@ -185,6 +186,7 @@ impl Setting {
         Answer {
             view: view.name.clone(),
             verdict,
+            observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
             estimate,
             n_points: points.len(),
             image_unit: self.unit,

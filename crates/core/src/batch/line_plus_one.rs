@@ -256,7 +256,10 @@ impl Found {
             method: Method::LinePlusOne,
             ambiguity: Ambiguity::Unique { ratio: (self.alone[lane] == 0.0).then_some(self.ratio[lane]) },
             consistency: Consistency::Consistent,
+            weight: 1.0,
+            others: Default::default(),
             weakness: None,
+            geometry: None,
         }
     }
 

@@ -39,10 +39,44 @@ pub enum Configuration {
     General,
 }
 
+/// A ratio of lengths and what it was compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measure {
+    /// As measured.
+    pub ratio: f64,
+    /// Where the decision changes.
+    pub threshold: f64,
+}
+
+/// What was measured on the points in the target before anything was solved, and what it decided.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// What it decided.
+    pub configuration: Configuration,
+    /// Distance of two far points, at least half of the largest there is, metres.
+    pub length_m: f64,
+    /// Width over length; at or below the threshold the points are one line, which determines no pose.
+    pub width: Measure,
+    /// How far all points but one are off one line, over its length; up to the threshold they are a line and one point off it.
+    /// None for three points.
+    pub line_height: Option<Measure>,
+    /// Thickness over width; up to the threshold the points are one plane. None where `line_height` has decided.
+    pub thickness: Option<Measure>,
+}
+
 /// Which configuration the points are in, from their places in the target.
 ///
-/// Errors: `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target or, to the last bit, in the image), `Collinear`.
+/// # Errors
+/// As `survey`.
 pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
+    Ok(survey(points)?.configuration)
+}
+
+/// Which configuration the points are in, from their places in the target, and the measures that decided it.
+///
+/// # Errors
+/// `TooFewPoints`, `NotFinite`, `NotPositive` (sigma), `Coincident` (in the target or, to the last bit, in the image), `Collinear`.
+pub fn survey(points: &[Correspondence]) -> Result<Geometry, Error> {
     check_numbers(points)?;
     if points.len() < 3 {
         return Err(Error::TooFewPoints { seen: points.len(), needed: 3 });
@@ -56,18 +90,15 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
     if !(needed * length < width) {
         return Err(Error::Collinear { ratio: width / length, needed });
     }
-    if points.len() == 3 {
-        return Ok(Configuration::Three);
-    }
-    let corners = [first, last, widest];
-    if let Some((ends, off)) = places.single_point_off_a_side(corners, length) {
-        return match points.len() {
-            4 => Ok(Configuration::LinePlusOne { order: along_line(ends, off) }),
-            _ => Ok(Configuration::General),
-        };
-    }
-    let flat = places.thickness(corners) <= MAX_PLANE_THICKNESS * width;
-    Ok(if flat { Configuration::Planar } else { Configuration::General })
+    let width_ratio = Measure { ratio: width / length, threshold: needed };
+    let geometry = Geometry {
+        configuration: Configuration::Three,
+        length_m: length,
+        width: width_ratio,
+        line_height: None,
+        thickness: None,
+    };
+    Ok(if points.len() == 3 { geometry } else { places.beyond_three([first, last, widest], width, geometry) })
 }
 
 /// Errors: `NotFinite`, `NotPositive` (sigma), with the index of the point.
@@ -96,6 +127,9 @@ pub(crate) fn check_numbers(points: &[Correspondence]) -> Result<(), Error> {
     }
     Ok(())
 }
+
+/// The two ends of a line, by index.
+type Ends = (usize, usize);
 
 /// The target points, and what is measured on them.
 struct Places<'a> {
@@ -154,10 +188,28 @@ impl Places<'_> {
         (index, (squared / line.along.norm_squared()).sqrt())
     }
 
-    /// The only point off a side of the widest triangle, if all others lie on that side's line, after the ends of that line.
+    /// What four or more points are: a line and one point off it, a plane, or neither.
+    fn beyond_three(&self, corners: [usize; 3], width: f64, three: Geometry) -> Geometry {
+        let (height, single) = self.single_point_off_a_side(corners, three.length_m);
+        let line_height = Some(Measure { ratio: height, threshold: MAX_LINE_HEIGHT });
+        if let Some((ends, off)) = single {
+            let configuration = match self.points.len() {
+                4 => Configuration::LinePlusOne { order: along_line(ends, off) },
+                _ => Configuration::General,
+            };
+            return Geometry { configuration, line_height, ..three };
+        }
+        let thickness = Measure { ratio: self.thickness(corners) / width, threshold: MAX_PLANE_THICKNESS };
+        let flat = thickness.ratio <= thickness.threshold;
+        let configuration = if flat { Configuration::Planar } else { Configuration::General };
+        Geometry { configuration, line_height, thickness: Some(thickness), ..three }
+    }
+
+    /// How straight the straightest side of the widest triangle is with all points but one on it, and the only point off it,
+    /// if the others count as on its line, after the ends of that line.
     ///
     /// Of any three points two are on such a line, so it is a side of every triangle; the most nearly straight side counts.
-    fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> Option<((usize, usize), usize)> {
+    fn single_point_off_a_side(&self, [a, b, c]: [usize; 3], length: f64) -> (f64, Option<(Ends, usize)>) {
         let off_side = |first: usize, last: usize, off: usize| {
             let line = Line::new(self.at(first), self.at(last));
             let (mut height, mut low, mut high) = (0.0f64, 0.0f64, 0.0f64);
@@ -173,14 +225,14 @@ impl Places<'_> {
         let (height, off) =
             sides.into_iter().fold((f64::INFINITY, 0), |best, s| if s.0 < best.0 { s } else { best });
         if MAX_LINE_HEIGHT < height {
-            return None;
+            return (height, None);
         }
         // A point closer to the line than its own straightness is not "off" it.
         let (p, q) = self.ends_without(off);
         let line = Line::new(self.at(p), self.at(q));
         let distance =
             (line.scaled_distance_squared(&self.at(off)) / line.along.norm_squared()).sqrt() / length;
-        (3.0 * height <= distance).then_some(((p, q), off))
+        (height, (3.0 * height <= distance).then_some(((p, q), off)))
     }
 
     /// Two distant points of the others.
@@ -205,7 +257,7 @@ impl Places<'_> {
 }
 
 /// The three points on the line in order, starting from the lower-numbered end, then the one off it. Four points.
-fn along_line((p, q): (usize, usize), off: usize) -> [usize; 4] {
+fn along_line((p, q): Ends, off: usize) -> [usize; 4] {
     [p.min(q), 6 - off - p - q, p.max(q), off]
 }
 

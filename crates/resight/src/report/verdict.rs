@@ -5,6 +5,7 @@ use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
 use crate::core::solve::line_plus_one::Weakness;
+use crate::report::words::percent;
 
 /// The status words of the command line's contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,12 +109,22 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
         return "by the printed procedure, without refinement or search for a second pose; use method auto for those".into();
     }
     match &estimate.ambiguity {
-        Ambiguity::Ambiguous { ratio, other } => format!(
-            "two poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second); \
-             both are given: {}",
-            other.chi2 - estimate.chi2,
-            way_out(estimate.weakness.as_ref())
-        ),
+        Ambiguity::Ambiguous { ratio, other } => {
+            let (count, all) = match estimate.n_rivals() {
+                ..=2 => ("two", "both"),
+                3 => ("three", "all"),
+                _ => ("four", "all"),
+            };
+            let rivals = estimate.minima().filter(|h| h.is_rival);
+            let probable: Vec<String> = rivals.map(|h| percent(h.weight)).collect();
+            format!(
+                "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second; \
+                 probabilities {}); {all} are given: {}",
+                other.chi2 - estimate.chi2,
+                probable.join(", "),
+                way_out(estimate.weakness.as_ref())
+            )
+        }
         Ambiguity::Unique { ratio: Some(ratio) } if ratio.is_finite() => {
             format!("one pose fits; the next best has {} times its residual{redundancy}", figures(*ratio))
         }

@@ -3,6 +3,7 @@
 //! Degrees and millimetres appear here and nowhere else in the library.
 
 use crate::core::locate::PoseEstimate;
+use crate::core::observability::{Axis, Observability};
 use crate::core::{Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
@@ -73,6 +74,60 @@ pub fn degrees(angle_rad: f64) -> String {
     format!("{degrees:.decimals$}°")
 }
 
+/// The turn and the shift that the points show least, `0.8°` and `12 mm`, the weaker first.
+pub fn weakest(o: &Observability) -> String {
+    let shift = format!("{}, ± {}", shift_words(&o.shift_axis), length(o.sigma_m));
+    let turn = match o.sigma_rad {
+        all_round if std::f64::consts::PI < all_round => format!("{}, > 180°", turn_words(&o.turn_axis)),
+        sigma => format!("{}, ± {}", turn_words(&o.turn_axis), degrees(sigma)),
+    };
+    let (first, second) = if o.is_shift { (shift, turn) } else { (turn, shift) };
+    let together = if o.go_together() { "; the two go together" } else { "" };
+    format!("{first}; {second}{together}")
+}
+
+fn shift_words(axis: &Axis) -> String {
+    match axis {
+        Axis::LineOfSight => "distance along the line of sight".into(),
+        Axis::Horizontal => "shift sideways".into(),
+        Axis::Vertical => "shift up and down".into(),
+        Axis::Oblique { from_sight_rad, .. } => {
+            format!("shift at {:.0}° to the line of sight", from_sight_rad.to_degrees())
+        }
+        _ => "shift".into(),
+    }
+}
+
+/// A turn about an axis that lies rather across the sight tilts the target, one along it spins its image.
+fn turn_words(axis: &Axis) -> String {
+    match axis {
+        Axis::LineOfSight => "turn about the line of sight".into(),
+        Axis::Horizontal => "tilt about the horizontal axis".into(),
+        Axis::Vertical => "tilt about the vertical axis".into(),
+        Axis::LineOfPoints => "turn about the line of three points".into(),
+        Axis::Oblique { from_sight_rad, in_image_rad } if ACROSS_RAD < *from_sight_rad => {
+            let sense = if *in_image_rad < 0.0 { "anticlockwise" } else { "clockwise" };
+            format!("tilt about an axis {:.0}° {sense} of the horizontal", in_image_rad.abs().to_degrees())
+        }
+        Axis::Oblique { from_sight_rad, .. } => {
+            format!("turn about an axis {:.0}° from the line of sight", from_sight_rad.to_degrees())
+        }
+        _ => "turn".into(),
+    }
+}
+
+/// Two thirds of a right angle: from here an axis reads better by its direction in the image.
+const ACROSS_RAD: f64 = std::f64::consts::FRAC_PI_3;
+
+/// `27 %` of a probability; neither 0 nor 100 where it is not.
+pub fn percent(probability: f64) -> String {
+    match 100.0 * probability {
+        p if p < 1.0 => "< 1 %".into(),
+        p if 99.0 < p => "> 99 %".into(),
+        p => format!("{p:.0} %"),
+    }
+}
+
 /// Decimals that show two figures of a standard deviation, at most 6.
 pub fn decimals(sigma: f64) -> usize {
     if 0.0 < sigma && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize } else { 3 }
@@ -96,6 +151,29 @@ mod tests {
         for (x_m, text) in cases {
             assert_eq!(length(x_m), text);
         }
+    }
+
+    #[test]
+    fn the_weakest_motion_reads_well() {
+        let weak = Observability {
+            motion: Vector6::zeros(),
+            is_shift: true,
+            ratio: 2.0,
+            turn_axis: Axis::Horizontal,
+            sigma_rad: 0.014,
+            shift_axis: Axis::LineOfSight,
+            sigma_m: 0.012,
+            correlation: 0.9,
+        };
+        let both = "distance along the line of sight, ± 12 mm; tilt about the horizontal axis, ± 0.80°";
+        assert_eq!(weakest(&weak), format!("{both}; the two go together"));
+        assert_eq!(weakest(&Observability { correlation: 0.2, ..weak }), both);
+        let oblique = Axis::Oblique { from_sight_rad: 1.4, in_image_rad: -0.5 };
+        let turned = weakest(&Observability { turn_axis: oblique, is_shift: false, ..weak });
+        assert!(
+            turned.starts_with("tilt about an axis 29° anticlockwise of the horizontal, ± 0.80°; distance")
+        );
+        assert_eq!([0.004, 0.273, 0.999].map(percent), ["< 1 %", "27 %", "> 99 %"]);
     }
 
     #[test]
