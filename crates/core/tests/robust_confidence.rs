@@ -58,7 +58,7 @@ fn labels_of_chance(rng: &mut Rng, n: usize) -> Vec<Correspondence> {
     seen
 }
 
-/// No success in 1,000 sets of 1,000 random labels at 4 px, and in 3,000 smaller sets, where fewer points have to agree; the full
+/// No success in 1,000 sets of 1,000 random labels at 4 px, and in 3,300 smaller sets, where fewer points have to agree; the full
 /// number of samples was tried once, docs/math/robust.md table 3.
 #[test]
 fn random_labels_get_no_answer() {
