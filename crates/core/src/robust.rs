@@ -86,7 +86,8 @@ pub struct Consensus {
     pub confidence: f64,
     /// log₁₀ of the expected number of poses that as many random correspondences would agree with.
     pub log10_false_alarms: f64,
-    /// The share of the good points' squared residual left below the threshold, 1 for a wide one: docs/math/robust.md eq. (14).
+    /// The share of the good points' squared residual left below the threshold, 1 for a wide one and under a robust loss:
+    /// docs/math/robust.md eq. (14).
     pub truncation: f64,
 }
 

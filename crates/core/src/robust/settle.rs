@@ -5,6 +5,7 @@ use super::{Config, Consensus};
 use crate::choose::Ambiguity;
 use crate::consistency::Consistency;
 use crate::locate::{PoseEstimate, locate};
+use crate::loss::Loss;
 use crate::refine::residual_px;
 use crate::{Camera, Correspondence, Error, Pose};
 
@@ -35,7 +36,10 @@ pub(super) fn settle(
         let estimate = locate(&chosen, camera, &config.locate).map_err(|e| in_rows(e, &inliers))?;
         let next = agreeing(&estimate.cam_from_target, seen, camera, config);
         if next == inliers {
-            let truncation = truncation(&chosen, config.threshold_px);
+            let truncation = match config.locate.loss {
+                Loss::Squared => truncation(&chosen, config.threshold_px),
+                _ => 1.0, // Its sandwich measures the residuals that are there.
+            };
             return Ok(Consensus {
                 estimate: widened(estimate, truncation, &inliers),
                 n_samples: found.n_samples,
@@ -91,6 +95,7 @@ fn widened(mut estimate: PoseEstimate, truncation: f64, inliers: &[usize]) -> Po
     if let Ambiguity::Ambiguous { other, .. } = &mut estimate.ambiguity {
         other.covariance /= truncation;
     }
+    estimate.others.iter_mut().flatten().for_each(|other| other.minimum.covariance /= truncation);
     if let Consistency::Inconsistent { worst_point, .. } = &mut estimate.consistency {
         *worst_point = inliers[*worst_point];
     }
