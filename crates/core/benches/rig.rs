@@ -86,7 +86,7 @@ fn bench_upright_gp2p(c: &mut Criterion) {
             })
             .collect();
         let solve = |(rays, places, [in_rig, in_target]): &Upright| {
-            black_box(upright_gp2p(rays, places, in_rig, in_target)).len()
+            black_box(upright_gp2p(rays, places, in_target, in_rig)).len()
         };
         group.bench_function(name, |b| b.iter(|| scenes.iter().map(solve).sum::<usize>()));
     }

@@ -11,7 +11,11 @@ use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::camera::{CameraMatrix, Pinhole};
 use resight_core::locate::{Config, locate};
 use resight_core::refine::refine;
+use resight_core::robust::{self, consensus};
+use resight_core::solve::gp3p::{Ray, gp3p};
 use resight_core::solve::p3p::p3p;
+use resight_core::solve::upright_gp2p::upright_gp2p;
+use resight_core::solve::upright_p2p::upright_p2p;
 use resight_core::{Bearing, Camera, Correspondence, Lens, Point, Pose};
 use std::error::Error;
 use std::hint::black_box;
@@ -35,12 +39,29 @@ fn main() -> Result<(), Failure> {
     let run = Run { numbers, n: n_points.parse()?, answered, options };
     match job.as_str() {
         "p3p" => run.minimal(4, |_, b, x: &[Point; 3]| p3p(b, x)),
+        "upright_p2p" => {
+            run.minimal(4, |_, b, x: &[Point; 2]| upright_p2p(b, x, &UP, &UP).unwrap_or_default())
+        }
+        "gp3p" => run.minimal(8, |o, b, x: &[Point; 3]| gp3p(&rays(o, b), x)),
+        "upright_gp2p" => run.minimal(2, |o, b, x: &[Point; 2]| upright_gp2p(&rays(o, b), x, &UP, &UP)),
         "refine" => run.points(|start, seen, camera| Ok(refine(start, seen, camera)?.cam_from_target)),
         "locate" => {
             run.points(|_, seen, camera| Ok(locate(seen, camera, &Config::default())?.cam_from_target))
         }
+        "robust" => {
+            let threshold_px = *run.options.get(1).ok_or("threshold_px is missing")?;
+            let config = robust::Config::with_threshold_px(threshold_px);
+            run.points(|_, seen, camera| Ok(consensus(seen, camera, &config)?.estimate.cam_from_target))
+        }
         other => Err(format!("no such job: {other}").into()),
     }
+}
+
+/// Up in both frames: `scenes.py` turns upright problems about the y axis.
+const UP: Unit<Vector3<f64>> = Unit::new_unchecked(Vector3::new(0.0, 1.0, 0.0));
+
+fn rays<const N: usize>(origins: &[Point; N], bearings: &[Bearing; N]) -> [Ray; N] {
+    std::array::from_fn(|i| Ray { origin_in_rig: origins[i], bearing_in_rig: bearings[i] })
 }
 
 struct Run<'a> {

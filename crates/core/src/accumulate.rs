@@ -16,6 +16,8 @@ use crate::loss::Loss;
 use crate::problem::Problem;
 use crate::{Camera, Correspondence, Lens, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// χ² and root mean square distance, px; infinite where a point leaves the field.
 #[inline]

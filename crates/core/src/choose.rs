@@ -2,6 +2,8 @@
 
 use crate::{Error, Matrix6, Pose};
 use arrayvec::ArrayVec;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A local minimum of the reprojection error.
 #[derive(Debug, Clone, Copy, PartialEq)]

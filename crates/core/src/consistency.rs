@@ -6,6 +6,8 @@ use crate::problem::Problem;
 use crate::refine::{refine_problem, whitened_residual};
 use crate::sandwich::evidence;
 use arrayvec::ArrayVec;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Does the residual agree with the stated sigmas?
 #[derive(Debug, Clone, Copy, PartialEq)]

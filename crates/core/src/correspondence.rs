@@ -1,9 +1,13 @@
 //! Detection × target × camera → correspondences: what every solver takes.
 
+#[cfg(feature = "std")]
 use crate::target::{Feature, Target};
 use crate::{Bearing, Camera, Error, Pixel, Point};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A named feature found in an image.
+#[cfg(feature = "std")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {
     /// Which point of the target it is.
@@ -86,6 +90,7 @@ impl Correspondence {
 }
 
 /// A detection that took no part, and why.
+#[cfg(feature = "std")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skipped {
     /// Which feature.
@@ -95,6 +100,7 @@ pub struct Skipped {
 }
 
 /// Joins detections with the target's points; what cannot be used is returned with its reason.
+#[cfg(feature = "std")]
 pub fn correspond(
     detections: &[Detection],
     target: &Target,

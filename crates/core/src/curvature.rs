@@ -13,6 +13,8 @@ use crate::problem::Problem;
 use crate::refine::{centroid, normal_equations, residual_sums};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
 pub(crate) const PROBE: f64 = 2.0;

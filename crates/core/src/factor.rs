@@ -11,6 +11,8 @@ use crate::prior::Prior;
 use crate::{Matrix6, Point, Pose, Vector6};
 use arrayvec::ArrayVec;
 use nalgebra::Vector3;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// One residual in standard deviations, observed − predicted, and the derivative of what was predicted.
 #[derive(Debug, Clone, Copy)]

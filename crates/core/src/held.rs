@@ -13,6 +13,8 @@ use crate::refine::{centroid, normal_equations, refine_against};
 use crate::search::Findings;
 use crate::{Error, Matrix6, Pose};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Turns tried about a known direction: a Gauss–Newton step reaches a quarter turn, so the two poses of two points are found
 /// from several of them.

@@ -10,6 +10,8 @@ use crate::line::LineCorrespondence;
 use crate::refine::{information, whitened_residual};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A rotation known beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,10 +5,13 @@
 //! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
 //! Derivation: docs/math/refine.md eqs. (2)–(7).
 
+#[cfg(feature = "std")]
 pub mod shared;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A pose held by the place of a pivot instead of the origin of the target frame.
 #[derive(Debug, Clone, Copy)]

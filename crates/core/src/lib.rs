@@ -3,11 +3,13 @@
 //! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each
 //! may use those above it, never those below (tests/tidy.rs).
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod error;
 pub mod pose;
 pub mod polynomial;
 pub mod camera;
+#[cfg(feature = "std")]
 pub mod target;
 pub mod correspondence;
 pub mod line;
@@ -37,14 +39,17 @@ pub mod locate;
 pub mod observability;
 #[cfg(feature = "batch")]
 pub mod batch;
+#[cfg(feature = "std")]
 pub mod frames;
 pub mod rig_pose;
+#[cfg(feature = "std")]
 pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
 pub use error::Error;
 pub use pose::Pose;
+#[cfg(feature = "std")]
 pub use target::Target;
 
 /// Coordinates of a point in a named frame, metres: `corner_in_cam`, `x_in_target`.

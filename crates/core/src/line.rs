@@ -5,6 +5,8 @@
 
 use crate::{Bearing, Camera, Error, Pixel, Point};
 use nalgebra::{Matrix3x2, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A straight line as an image shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]

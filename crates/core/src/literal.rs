@@ -9,6 +9,8 @@ use crate::solve::configuration::Configuration;
 use crate::solve::wang2004;
 use crate::{Bearing, Correspondence, Error, Matrix6, Point};
 use nalgebra::Vector2;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The seed paper's answer as it stands, its covariance propagated from the pixels by central differences.
 pub(crate) fn literal(

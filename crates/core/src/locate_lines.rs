@@ -17,6 +17,8 @@ use crate::solve::p3p::p3p;
 use crate::{Error, Matrix6, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A pose from lines, how sure, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,8 @@
 //! What a residual costs.
 
 use crate::Error;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The cost of a point's residual, s = squared length in standard deviations (of priors too: never down-weighted).
 ///

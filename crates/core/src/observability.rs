@@ -12,6 +12,8 @@ use crate::refine::centroid;
 use crate::solve::configuration::Configuration;
 use crate::{Correspondence, Matrix6, Point, Vector6};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// An axis a person can point at.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,6 +9,8 @@ pub mod arc;
 
 use arrayvec::ArrayVec;
 use nalgebra::Vector2;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Two real monic quadratics x² + `linear` x + `constant`, one in each row.
 #[derive(Debug, Clone, Copy, PartialEq)]

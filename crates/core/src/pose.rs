@@ -6,6 +6,8 @@
 
 use crate::{Matrix6, Point, Vector6};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Below this angle the series of `exp` and `log` are exact to rounding: θ⁵/120 < ε up to θ = 1.9e-3
 /// (docs/math/pose.md eq. (6)).
@@ -126,7 +128,7 @@ impl Pose {
     }
 }
 
-impl std::ops::Mul for Pose {
+impl core::ops::Mul for Pose {
     type Output = Pose;
     /// `c_from_b * b_from_a` is `c_from_a`.
     fn mul(self, b_from_a: Pose) -> Pose {
@@ -137,7 +139,7 @@ impl std::ops::Mul for Pose {
     }
 }
 
-impl std::ops::Mul<&Point> for &Pose {
+impl core::ops::Mul<&Point> for &Pose {
     type Output = Point;
     /// `b_from_a * x_in_a` is `x_in_b`.
     fn mul(self, x_in_a: &Point) -> Point {
@@ -145,7 +147,7 @@ impl std::ops::Mul<&Point> for &Pose {
     }
 }
 
-impl std::ops::Mul<Point> for Pose {
+impl core::ops::Mul<Point> for Pose {
     type Output = Point;
     fn mul(self, x_in_a: Point) -> Point {
         self.rotation * x_in_a + self.translation
@@ -211,7 +213,7 @@ mod tests {
     fn some_motions() -> Vec<Vector6> {
         let axis = Vector3::new(0.3, -0.8, 0.5).normalize();
         let t = Vector3::new(1.0, -2.0, 3.0);
-        let angles = [0.0, 1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.3, 2.0, 3.0, 3.13, std::f64::consts::PI - 1e-9];
+        let angles = [0.0, 1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.3, 2.0, 3.0, 3.13, core::f64::consts::PI - 1e-9];
         angles
             .iter()
             .map(|a| {

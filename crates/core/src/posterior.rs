@@ -10,6 +10,8 @@ use crate::choose::{Minima, Minimum};
 use crate::least_squares::RIVAL_MARGIN_CHI2;
 use arrayvec::ArrayVec;
 use nalgebra::Matrix3;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Probabilities of minima, in their order.
 pub(crate) type Weights = ArrayVec<f64, 8>;

@@ -10,6 +10,8 @@ use crate::factor;
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::loss::Loss;
 use crate::problem::Problem;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 use crate::{Matrix6, Point, Pose};
 

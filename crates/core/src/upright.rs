@@ -13,6 +13,8 @@ use crate::solve::upright_p2p::upright_p2p;
 use crate::{Correspondence, Error, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Pairs of points that give starts.
 const MAX_PAIRS: usize = 3;

@@ -319,7 +319,7 @@ fn upright_tally(seed: u64, problem: impl Fn(&mut Rng) -> Scene<2>) -> Tally {
     for _ in 0..UPRIGHT_PROBLEMS {
         let scene = problem(&mut rng);
         let [up_in_rig, up_in_target] = verticals(&mut rng, &scene);
-        let poses = upright_gp2p(&scene.rays, &scene.places, &up_in_rig, &up_in_target);
+        let poses = upright_gp2p(&scene.rays, &scene.places, &up_in_target, &up_in_rig);
         tally.add(&scene, &poses);
         let upright =
             |p: &Pose| (p.rotation * up_in_target.into_inner() - up_in_rig.into_inner()).norm() < 1e-14;

@@ -9,6 +9,8 @@ use super::field::{SPHERE_RADIUS_CAP, depth_sum, distance_is_usable, outside, wi
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_alpha, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The camera matrix, α and β.
 #[derive(Debug, Clone, Copy, PartialEq)]

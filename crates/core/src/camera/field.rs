@@ -6,6 +6,8 @@
 use super::Pixel;
 use crate::Error;
 use nalgebra::{Matrix2, Vector2};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// tan 89°. Plane models (radius = tan θ) end here: beyond it a pixel is no longer worth 1e-9 px in f64.
 pub(super) const RADIUS_CAP: f64 = 57.29;
@@ -15,7 +17,7 @@ pub(super) const SPHERE_RADIUS_CAP: f64 = 20.0;
 /// one rounding error of the bearing would be worth 1e-9 px.
 pub(super) const GREATEST_SLOPE: f64 = 50.0;
 /// Squared distances from the camera, m², outside which squares under- or overflow.
-const SQUARED_DISTANCE: std::ops::Range<f64> = 1e-200..1e200;
+const SQUARED_DISTANCE: core::ops::Range<f64> = 1e-200..1e200;
 /// Residual allowed after an inversion, px.
 pub(super) const RESIDUAL_PX: f64 = 1e-9;
 /// The inverse stays this far (relative) inside the field, so that rounding cannot push its answer across the edge.
@@ -180,7 +182,7 @@ fn newton_plane(
         if step.norm_squared() <= (2.0 * f64::EPSILON).powi(2) * q.norm_squared() {
             return q;
         }
-        let mut halvings = std::iter::successors(Some(1.0), |part| Some(0.5 * part)).take(24);
+        let mut halvings = core::iter::successors(Some(1.0), |part| Some(0.5 * part)).take(24);
         let better = halvings.find_map(|part| {
             let candidate = into_disc(q - step * part, radius);
             let (value, slope) = map(&candidate);

@@ -7,8 +7,10 @@
 use super::field::{INSIDE, RADIUS_CAP, distance_is_usable, outside, within};
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
+use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
-use std::f64::consts::{FRAC_PI_2, PI};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Below this w the derivative by w is taken from its series: error w³ r⁵ against ε r/w of the closed form.
 const SERIES_BELOW: f64 = 1e-6;

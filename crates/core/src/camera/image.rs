@@ -2,6 +2,8 @@
 
 use super::{Camera, Lens};
 use crate::{Error, Pixel};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Width and height of the images the intrinsics belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +16,7 @@ pub struct ImageSize {
 
 /// Focal length over the longer image side: a whole-sphere fisheye has 0.16, a 1000 px image at 0.06° 1000.
 /// Outside, the focal length is in another unit (mm, metres, normalised).
-const FOCAL_TO_SIDE: std::ops::RangeInclusive<f64> = 0.02..=1000.0;
+const FOCAL_TO_SIDE: core::ops::RangeInclusive<f64> = 0.02..=1000.0;
 
 impl Camera {
     /// A camera whose intrinsics are checked against the image size, when there is one.
@@ -98,7 +100,7 @@ impl Camera {
 fn check_range(
     parameter: &'static str,
     seen: f64,
-    bounds: std::ops::RangeInclusive<f64>,
+    bounds: core::ops::RangeInclusive<f64>,
     needed: &'static str,
 ) -> Result<(), Error> {
     if bounds.contains(&seen) {

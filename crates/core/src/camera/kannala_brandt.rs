@@ -9,8 +9,10 @@ use super::field::{
 };
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_field, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
+use core::f64::consts::PI;
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
-use std::f64::consts::PI;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 const NAMES: [&str; 4] = ["k1", "k2", "k3", "k4"];
 

@@ -10,6 +10,8 @@ use super::plane_distortion::PlaneDistortion;
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters, check_field, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 const NAMES: [&str; 4] = ["k1", "k2", "p1", "p2"];
 

@@ -16,6 +16,8 @@ use super::field::{
 use super::{IntrinsicsJacobian, Parameters, check_finite};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2, Matrix2x3, Unit, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The field ends where the correction shrinks some direction below this: there the way back multiplies rounding by 1/0.05.
 const LEAST_SLOPE: f64 = 0.05;

@@ -6,6 +6,8 @@ use super::field::{distance_is_usable, outside};
 use super::{CameraMatrix, IntrinsicsJacobian, Parameters};
 use crate::{Bearing, Error, Pixel, Point};
 use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Squared radius x²/z² up to which pixels are finite whatever f; NaN fails it too.
 pub(crate) const R2_MAX: f64 = 1e30;

@@ -9,6 +9,8 @@
 
 use super::field::{GREATEST_SLOPE, INSIDE, ON_EDGE, RADIUS_CAP, first_zero, invert_monotone, invert_plane};
 use nalgebra::{Matrix2, Vector2};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The field ends before the pole of g, where its denominator has fallen to this.
 const LEAST_DENOMINATOR: f64 = 1e-3;

@@ -6,6 +6,8 @@
 use super::field::{INSIDE, ON_EDGE};
 use crate::Error;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The homography of the tilt and its inverse.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,6 +7,8 @@
 
 use arrayvec::ArrayVec;
 use nalgebra::Vector2;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// k₀ + k₁ cos φ + k₂ sin φ.
 #[derive(Debug, Clone, Copy)]

@@ -6,6 +6,8 @@ use super::starts::Extents;
 use crate::solve::configuration::{MIN_WIDTH, check_numbers};
 use crate::{Error, Matrix6};
 use nalgebra::Matrix3;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Largest entry of RᵀR − 1 accepted: a matrix written with six digits.
 const MAX_ROTATION_DEFECT: f64 = 1e-5;

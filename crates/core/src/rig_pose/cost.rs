@@ -12,6 +12,8 @@ use crate::least_squares::{NormalEquations, PivotedPose, minimize};
 use crate::refine::{UNDETERMINED, whitened_residual, whitening};
 use crate::{Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::Matrix3;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// All views of one rig.
 #[derive(Clone, Copy)]

@@ -5,6 +5,8 @@
 
 use crate::{Correspondence, Error, Point};
 use nalgebra::Vector3;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Width over length at which the points are one line: survey coordinates given to 1e-9 of their extent are no straighter,
 /// and the rotation about such a line would need 1e-9 of the image's width to be seen.

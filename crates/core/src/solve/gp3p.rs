@@ -16,6 +16,8 @@ use crate::polynomial::bernstein::{Coefficients, roots_in_unit_interval};
 use crate::{Bearing, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Candidate poses `rig_from_target`, on the stack; no order promised.
 pub type RigCandidates = ArrayVec<Pose, 8>;

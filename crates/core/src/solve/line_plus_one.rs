@@ -9,6 +9,8 @@
 use super::Candidates;
 use crate::{Bearing, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Both poses that put the fourth point on its ray, the one with the farther fourth point first (neither is likelier).
 ///

@@ -8,6 +8,8 @@
 
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Rotations target to camera, on the stack; no order promised.
 pub type LineRotations = ArrayVec<Matrix3<f64>, 8>;

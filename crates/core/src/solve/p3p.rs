@@ -13,6 +13,8 @@ use crate::polynomial::Factors;
 use crate::{Bearing, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A height below this part of the longest side is a straight line: the rotation about it has lost all digits but five.
 const MIN_HEIGHT: f64 = 1e-10;

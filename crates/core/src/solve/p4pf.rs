@@ -11,6 +11,8 @@ use super::unknown_focal::{Fit, FocalCandidates, Scene, roots_up_to_one};
 use crate::{Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, RowVector4, SMatrix, Vector3, Vector4};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Area of the largest triangle (twice, over the square of the size) below which the points are on a line.
 const MIN_AREA: f64 = 1e-9;

@@ -11,6 +11,8 @@ use super::unknown_focal::{Fit, FocalCandidates, Scene, roots_up_to_one};
 use crate::{Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 type Matrix8x3 = SMatrix<f64, 8, 3>;
 

@@ -11,6 +11,8 @@ use super::Candidates;
 use super::sqpnp::{Cost, Minimum, Normalization, Sums};
 use crate::{Correspondence, Pose};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, SymmetricEigen, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Vector9 = SVector<f64, 9>;

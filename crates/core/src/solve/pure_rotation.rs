@@ -9,6 +9,8 @@
 
 use crate::{Bearing, Error};
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A direction seen in two frames (or seen in one and known in the other).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -14,6 +14,8 @@ use crate::pose::orthonormalized;
 use crate::{Correspondence, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 type Matrix9 = SMatrix<f64, 9, 9>;
 type Matrix3x9 = SMatrix<f64, 3, 9>;
@@ -250,7 +252,7 @@ fn smallest_eigenvalue(h: &Matrix3<f64>) -> f64 {
     let deviator = h - Matrix3::identity() * mean;
     let size = (deviator.norm_squared() / 6.0).sqrt();
     let cosine = 0.5 * deviator.determinant() / size.powi(3).max(f64::MIN_POSITIVE);
-    let angle = (cosine.clamp(-1.0, 1.0).acos() + std::f64::consts::TAU) / 3.0;
+    let angle = (cosine.clamp(-1.0, 1.0).acos() + core::f64::consts::TAU) / 3.0;
     mean + 2.0 * size * angle.cos()
 }
 

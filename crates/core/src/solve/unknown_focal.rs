@@ -5,6 +5,8 @@
 use crate::{Pixel, Point, Pose, Vector6};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A pose and the focal length that goes with it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,6 +12,8 @@ use super::gp3p::Ray;
 use crate::{Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Candidate poses `rig_from_target`, on the stack; no order promised.
 pub type UprightCandidates = ArrayVec<Pose, 2>;
@@ -28,8 +30,8 @@ const MAX_DEFECT: f64 = 1e-12;
 pub fn upright_gp2p(
     rays: &[Ray; 2],
     points_in_target: &[Point; 2],
-    up_in_rig: &Unit<Vector3<f64>>,
     up_in_target: &Unit<Vector3<f64>>,
+    up_in_rig: &Unit<Vector3<f64>>,
 ) -> UprightCandidates {
     let mut poses = UprightCandidates::new();
     let segment = points_in_target[1] - points_in_target[0];

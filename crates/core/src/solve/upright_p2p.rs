@@ -11,6 +11,8 @@
 use super::Candidates;
 use crate::{Bearing, Error, Point, Pose};
 use nalgebra::{Matrix3, Unit, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Sine between two bearings below which they are one: the chord's plane is rounding.
 const MIN_SINE: f64 = 1e-10;

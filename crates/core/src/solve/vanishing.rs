@@ -9,6 +9,8 @@ use crate::line::ImageLine;
 use crate::{Bearing, Error};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Unit, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// The common direction of parallel lines, as a picture shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,6 +11,8 @@
 use crate::{Bearing, Error, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// One of the four solutions for (pitch, roll) with the yaw that (10) gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
