@@ -48,22 +48,30 @@ pub(crate) fn refine_against(
 ) -> Result<Minimum, Error> {
     let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
-    let solution = match &problem.camera.lens {
+    let found = match &problem.camera.lens {
         Lens::Pinhole(model) if problem.is_points_alone() => {
-            minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
+            &minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
         }
-        _ => minimize_any(start, rival_chi2, &pivot, problem),
+        _ => &minimize_any(start, rival_chi2, &pivot, problem),
     };
-    let solution = solution.ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+    match found {
+        Some(solution) => minimum_of(solution, &pivot, problem),
+        None => Err(Error::NoSolution { n_points: problem.seen.len() }),
+    }
+}
+
+/// The minimum where the loop ended, with its covariance. By reference: a solution is 400 bytes, and the loop ends here often.
+#[inline(always)]
+fn minimum_of(solution: &Solution, pivot: &Point, problem: &Problem) -> Result<Minimum, Error> {
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
     let covariance = match problem.loss {
         Loss::Squared => solution.normal.covariance_at_camera(&solution.place.pivot_in_cam),
-        _ => sandwich(&solution.place, &pivot, &solution.normal, problem),
+        _ => sandwich(&solution.place, pivot, &solution.normal, problem),
     };
     let covariance = covariance.ok_or(UNDETERMINED)?;
-    let cam_from_target = solution.place.pose(&pivot);
+    let cam_from_target = solution.place.pose(pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
 }
