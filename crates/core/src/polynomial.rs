@@ -4,6 +4,8 @@
 //! double root inside one of them costs no digits of the factor; only then is it solved.
 //! Derivation and the choice of the split: docs/math/p3p.md, section 3.
 
+pub mod eigen;
+
 use arrayvec::ArrayVec;
 
 /// A monic quadratic x² + `linear` x + `constant`.
