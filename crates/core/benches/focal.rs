@@ -10,6 +10,7 @@ use nalgebra::{Vector2, Vector3};
 use resight_core::solve::p3p::p3p;
 use resight_core::solve::p4pf::p4pf;
 use resight_core::solve::p5pf::p5pf;
+use resight_core::solve::p35pf::p35pf;
 use resight_core::{Bearing, Pixel, Point};
 use std::hint::black_box;
 
@@ -57,6 +58,12 @@ fn unknown_focal_length(c: &mut Criterion) {
             let five = problems(is_flat, sigma_px);
             group.bench_function(format!("p4pf, {layout}, {noise}"), |b| {
                 b.iter(|| four.iter().map(|(u, x)| black_box(p4pf(u, x)).len()).sum::<usize>())
+            });
+            let three = |u: &[Pixel; 4]| [u[0], u[1], u[2]];
+            group.bench_function(format!("p35pf, {layout}, {noise}"), |b| {
+                b.iter(|| {
+                    four.iter().map(|(u, x)| black_box(p35pf(&three(u), u[3].x, x)).len()).sum::<usize>()
+                })
             });
             group.bench_function(format!("p5pf, {layout}, {noise}"), |b| {
                 b.iter(|| five.iter().map(|(u, x)| black_box(p5pf(u, x)).len()).sum::<usize>())

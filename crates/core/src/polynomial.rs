@@ -6,6 +6,7 @@
 
 pub mod bernstein;
 pub mod arc;
+pub mod eigen;
 
 use arrayvec::ArrayVec;
 use nalgebra::Vector2;

@@ -14,6 +14,7 @@
 //! | [`planar`] | ≥ 4 in a plane | 2 (1 face on) | own, docs/math/planar.md |
 //! | [`sqpnp`] | ≥ 3 | ≤ 4 minima, best first | own descent on the cost of Terzakis and Lourakis 2020, docs/math/sqpnp.md |
 //! | [`p4pf`] | 4, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
+//! | [`p35pf`] | 3 and one coordinate of a 4th, focal length unknown | ≤ 10, all reproject, in front | own, docs/math/focal.md |
 //! | [`p5pf`] | 5, focal length unknown | ≤ 4, best first | own, docs/math/focal.md |
 //!
 //! [`configuration`] decides beforehand which of them the points allow.
@@ -33,6 +34,8 @@ pub mod planar;
 pub mod unknown_focal;
 pub mod p4pf;
 pub mod p5pf;
+mod p35pf_action;
+pub mod p35pf;
 
 use crate::Pose;
 use arrayvec::ArrayVec;

@@ -1,4 +1,6 @@
-"""Checks docs/math/focal.md: eqs. (3), (5)-(8), (10)-(13) with rational scenes, (4) symbolically. Needs SymPy."""
+"""Checks docs/math/focal.md: eqs. (3), (5)-(8), (10)-(15), (17)-(19) with rational scenes, (4) symbolically, the ranks of section 4 modulo a prime. Needs SymPy."""
+
+from itertools import product
 
 import sympy as sp
 
@@ -142,5 +144,127 @@ assert sp.expand(resultant - ((a1 * c2 - a2 * c1) ** 2 - (a1 * b2 - a2 * b1) * (
 # The turn of p5pf.rs is a rotation.
 turn = sp.Matrix([[4, -20, 22], [28, 10, 4], [-10, 20, 20]]) / 30
 assert turn.T * turn == sp.eye(3) and turn.det() == 1
+
+# (14), (15), (19): three points and a column; the unknowns are (l, kappa, y, z, x).
+cross = lambda q: sp.Matrix([[0, -q[2], q[1]], [q[2], 0, -q[0]], [-q[1], q[0], 0]])
+ell, kappa1, kappa2 = sp.symbols("ell kappa1 kappa2")
+unknowns = sp.Matrix([ell, kappa1, kappa2, y, z, x])
+
+
+def three_and_a_half(points, pixels, h):
+    """Rows a1, a2, q and the fourth point's equation, linear in the unknowns; points from the centroid of the first three."""
+    first, second = points[1] - points[0], points[2] - points[0]
+    area = first[0] * second[1] - first[1] * second[0]
+    across = lambda v: sp.Matrix([-v[1], v[0]]) / area
+    dual = [across(points[(i + 2) % 3] - points[(i + 1) % 3]) for i in range(3)]
+    weight = [r(1, 3) + dual[i].dot(points[3][:2]) for i in range(3)]
+    lam = [ell + kappa1 * points[i][0] + kappa2 * points[i][1] for i in range(3)]
+    field = lambda w: sum((dual[i] * lam[i] * w[i] for i in range(3)), sp.zeros(2, 1))
+    u, v = [p[0] for p in pixels], [p[1] for p in pixels]
+    a1, a2, q = [sp.Matrix([*field(w), last]) for w, last in ((u, y), (v, z), ([1] * 3, x))]
+    column = sum(weight[i] * lam[i] * (u[i] - u[3]) for i in range(3)) + h * (y - u[3] * x)
+    return a1, a2, q, sp.expand(column), lam
+
+
+PRIME = 2**31 - 1
+modular = lambda value: int(sp.numer(value)) * pow(int(sp.denom(value)), -1, PRIME) % PRIME
+
+
+def solved(rows):
+    """Reduced row echelon form modulo the prime, and its pivots."""
+    rows, pivots = [row[:] for row in rows], []
+    for column in range(len(rows[0])):
+        rank = len(pivots)
+        found = next((i for i in range(rank, len(rows)) if rows[i][column]), None)
+        if found is None:
+            continue
+        rows[rank], rows[found] = rows[found], rows[rank]
+        inverse = pow(rows[rank][column], -1, PRIME)
+        rows[rank] = [e * inverse % PRIME for e in rows[rank]]
+        for i in range(len(rows)):
+            if i != rank and rows[i][column]:
+                factor = rows[i][column]
+                rows[i] = [(e - factor * g) % PRIME for e, g in zip(rows[i], rows[rank])]
+        pivots.append(column)
+    return rows[: len(pivots)], pivots
+
+
+def monomials(degree, order):
+    """Exponents of v0 ... v4, least power of v0 first."""
+    found = [e for e in product(range(degree + 1), repeat=5) if sum(e) == degree]
+    return sorted(found, key=order)
+
+
+for h, cubics in ((r(2, 5), 25), (r(0), 24)):
+    points = [sp.Matrix(p) for p in ([-r(4, 9), -r(1, 3), 0], [r(5, 9), -r(1, 3), 0], [-r(1, 9), r(2, 3), 0], [r(3, 4), r(2, 3), h])]
+    assert sum(points[:3], sp.zeros(3, 1)) == sp.zeros(3, 1)
+    pixels = [project(p) for p in points]
+    a1, a2, q, column, lam = three_and_a_half(points, pixels, h)
+    true = {ell: translation[2] / focal, kappa1: R[2, 0] / focal, kappa2: R[2, 1] / focal, y: R[0, 2], z: R[1, 2], x: R[2, 2] / focal}
+    assert a1.subs(true) == R[0, :].T and a2.subs(true) == R[1, :].T and q.subs(true) == R[2, :].T / focal
+    assert column.subs(true) == 0
+    for p, (u, v), depth in zip(points, pixels, lam):
+        assert sp.Matrix([u, v, focal]) * depth.subs(true) == R * p + translation  # (19) with s = 1
+
+    # Coordinates v of the five dimensions: a rational basis, the first column generic.
+    coefficients = [column.coeff(name) for name in unknowns]
+    null = sp.Matrix([coefficients]).nullspace()
+    basis = sp.Matrix.hstack(*null) * sp.Matrix([[3, 1, -1, 2, 1], [1, 4, 1, 0, -1], [2, -1, 3, 1, 0], [-1, 2, 1, 5, 1], [1, 1, 0, -2, 4]])
+    vs = sp.symbols("v0:5")
+    linear = dict(zip(unknowns, basis * sp.Matrix(vs)))
+    p1, p2, p3 = [row.subs(linear, simultaneous=True) for row in (a1, a2, q)]
+    quadrics = [p1.dot(p2), p1.dot(p1) - p2.dot(p2), p1.dot(p3), p2.dot(p3)]
+    S = p1 * p1.T + p2 * p2.T
+    commutator = (cross(p3) * S - S * cross(p3)).applyfunc(sp.expand)
+    assert commutator == commutator.T and sp.expand(commutator.trace()) == 0
+    added = [commutator[i, j] for i, j in ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2))]
+    # The entries as the code writes them.
+    X, Y, Z = p3
+    written = [
+        2 * (Y * S[0, 2] - Z * S[0, 1]), 2 * (Z * S[0, 1] - X * S[1, 2]),
+        Z * (S[0, 0] - S[1, 1]) + Y * S[1, 2] - X * S[0, 2],
+        Y * (S[2, 2] - S[0, 0]) + X * S[0, 1] - Z * S[1, 2],
+        X * (S[1, 1] - S[2, 2]) + Z * S[0, 2] - Y * S[0, 1],
+    ]
+    assert all(sp.expand(a - b) == 0 for a, b in zip(added, written))
+
+    # Ranks modulo a prime: 25 of 35 cubics (24 in a plane), whatever follows in degree 4 leaves ten as well.
+    polynomials = [sp.Poly(sp.expand(e * g), *vs) for e in quadrics for g in vs] + [sp.Poly(e, *vs) for e in added]
+    table = [{e: modular(c) for e, c in poly.terms()} for poly in polynomials]
+    order = lambda e: (e[0], -e[4], e)
+    columns = monomials(3, lambda e: (e[0], e[4] if e[0] == 0 else 0, e))
+    rows, pivots = solved([[poly.get(e, 0) for e in columns] for poly in table])
+    assert len(pivots) == cubics and len(solved([[poly.get(e, 0) for e in columns] for poly in table[:20]])[1]) == 20
+    if h == 0:
+        continue
+    quartics = monomials(4, order)
+    raised = [{tuple(a + (i == k) for i, a in enumerate(e)): c for e, c in poly.items()} for poly in table for k in range(5)]
+    assert len(quartics) - len(solved([[poly.get(e, 0) for e in quartics] for poly in raised])[1]) == 10
+
+    # (18): the matrix of the solved rows has the true solution's monomials as an eigenvector.
+    left = [e for i, e in enumerate(columns) if i not in pivots]
+    assert all(0 < e[0] for e in left) and {(3, 0, 0, 0, 0)} | {tuple(2 * (i == 0) + (i == k) for i in range(5)) for k in range(1, 5)} <= set(left)
+    v_true = (basis.T * basis).inv() * basis.T * unknowns.subs(true)
+    value = lambda e: sp.prod(c**n for c, n in zip(v_true / v_true[0], e))
+    for e in left:
+        times = tuple(a - (i == 0) + (i == 4) for i, a in enumerate(e))
+        if times in left:
+            row = {times: 1}
+        else:
+            solved_row = rows[pivots.index(columns.index(times))]
+            row = {g: -solved_row[columns.index(g)] for g in left}
+        image = sum(c * modular(value(g)) for g, c in row.items()) % PRIME
+        assert image == modular(v_true[4] / v_true[0]) * modular(value(e)) % PRIME
+
+# (17) is zero on every scaled rotation (a, b, c, d: its quaternion) and not on the six others.
+a, b, c, d, scale = sp.symbols("a b c d scale")
+rows3 = rotation(a, b, c, d) * (a**2 + b**2 + c**2 + d**2)
+S = rows3[0, :].T * rows3[0, :] + rows3[1, :].T * rows3[1, :]
+assert (cross(rows3[2, :]) * S - S * cross(rows3[2, :])).applyfunc(sp.expand) == sp.zeros(3, 3)
+w, q = sp.Matrix([1, sp.I, 0]), sp.Matrix([2, 2 * sp.I, 5])
+assert w.dot(w) == 0 and w.dot(q) == 0
+S = (a**2 + b**2) * w * w.T
+others = (cross(q) * S - S * cross(q)).applyfunc(sp.expand)
+assert sp.expand(others[0, 0] - (a**2 + b**2) * sp.expand(others[0, 0].subs({a: 1, b: 0}))) == 0 and others != sp.zeros(3, 3)
 
 print("focal.md: all equations hold")
