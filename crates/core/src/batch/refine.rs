@@ -4,7 +4,7 @@
 
 use super::lanes::{Lanes, Mask, Matrix, Symmetric, Vector};
 use crate::least_squares::{
-    FIRST_DAMPING, FORESEEN_CHI2, LAST_DAMPING, NEAR_CHI2, RIVAL_MARGIN_CHI2, TOLERANCE_CHI2,
+    FIRST_DAMPING, FORESEEN_CHI2, LAST_DAMPING, LEAST_GAIN, NEAR_CHI2, RIVAL_MARGIN_CHI2, TOLERANCE_CHI2,
     TOLERANCE_COMPARED, TOLERANCE_RELATIVE,
 };
 use pulp::Simd;
@@ -213,6 +213,8 @@ impl<S: Simd> Damping<S> {
         let eased = self.value * (excess.like(1.0) - excess * excess * excess).max(1.0 / 3.0);
         let vanishes = eased.below(1e-9) | (gain.above(0.9) & eased.below(1e-3));
         let eased = vanishes.choose(eased.like(0.0), eased);
+        let leaps = gain.below(LEAST_GAIN);
+        let eased = leaps.choose((self.value * 2.0).max(FIRST_DAMPING), eased);
         let raised = (self.growth * self.value).max(FIRST_DAMPING);
         self.value = accepted.choose(eased, raised);
         self.growth = accepted.choose(gain.like(2.0), self.growth * 2.0);
