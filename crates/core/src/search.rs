@@ -135,7 +135,7 @@ pub(crate) fn four_of(seen: &[Correspondence], order: &[usize; 4]) -> ([Bearing;
 }
 
 /// P3P on the three points that span the largest triangle found from the first point.
-fn three_of(seen: &[Correspondence]) -> Candidates {
+pub(crate) fn three_of(seen: &[Correspondence]) -> Candidates {
     let [i, j, k] = wide_triangle(seen);
     let order = [i, j, k];
     p3p::p3p(&order.map(|i| seen[i].bearing), &order.map(|i| seen[i].x_in_target))
