@@ -1,7 +1,7 @@
 //! Views and minima transposed: a column holds one number of each, a view or a start a lane.
 
 use super::lanes::{Column, Lanes, Matrix, Symmetric, Vector};
-use super::refine::{Minimum, Seen};
+use super::refine::{Minimum, Place, Seen};
 use crate::camera::CameraMatrix;
 use crate::{Matrix6, Pixel, Point, Pose, choose};
 use nalgebra::{Matrix3, Vector3};
@@ -90,11 +90,34 @@ fn store_triangle<S: Simd>(m: &Symmetric<S>, columns: &mut [Column; 6]) {
     }
 }
 
+/// A pose of each view.
+#[derive(Default)]
+pub(super) struct KeptPlace {
+    rotation: [[Column; 3]; 3],
+    translation: [Column; 3],
+}
+
+impl KeptPlace {
+    /// Returns the translation.
+    #[inline(always)]
+    pub fn keep<S: Simd>(&mut self, place: &Place<S>, pivot: Vector<S>) -> Vector<S> {
+        let translation = place.pivot_in_cam - place.rotation.apply(pivot);
+        store_rows(&place.rotation, &mut self.rotation);
+        store(&translation, &mut self.translation);
+        translation
+    }
+
+    #[inline(always)]
+    pub fn pose(&self, lane: usize) -> Pose {
+        let rotation = Matrix3::from_fn(|i, j| self.rotation[i][j][lane]);
+        Pose { rotation, translation: Vector3::from_fn(|i, _| self.translation[i][lane]) }
+    }
+}
+
 /// A minimum of each view.
 #[derive(Default)]
 pub(super) struct Kept {
-    rotation: [[Column; 3]; 3],
-    translation: [Column; 3],
+    place: KeptPlace,
     rotation_rotation: [Column; 6],
     rotation_translation: [[Column; 3]; 3],
     translation_translation: [Column; 6],
@@ -107,10 +130,8 @@ impl Kept {
     #[inline(always)]
     pub fn keep<S: Simd>(&mut self, m: &Minimum<S>, pivot: Vector<S>, n_points: usize) -> Lanes<S> {
         let Minimum { place, covariance, chi2, sum, .. } = m;
-        let translation = place.pivot_in_cam - place.rotation.apply(pivot);
+        let translation = self.place.keep(place, pivot);
         let mean = *sum * (1.0 / n_points as f64);
-        store_rows(&place.rotation, &mut self.rotation);
-        store(&translation, &mut self.translation);
         store_triangle(&covariance.rotation, &mut self.rotation_rotation);
         store_rows(&covariance.cross, &mut self.rotation_translation);
         store_triangle(&covariance.translation, &mut self.translation_translation);
@@ -121,10 +142,8 @@ impl Kept {
 
     #[inline(always)]
     pub fn minimum(&self, lane: usize) -> choose::Minimum {
-        let rotation = Matrix3::from_fn(|i, j| self.rotation[i][j][lane]);
-        let translation = Vector3::from_fn(|i, _| self.translation[i][lane]);
         choose::Minimum {
-            cam_from_target: Pose { rotation, translation },
+            cam_from_target: self.place.pose(lane),
             covariance: self.covariance(lane),
             chi2: self.chi2[lane],
             rms_px: self.rms_px[lane],

@@ -3,7 +3,7 @@
 use super::bend::is_straight;
 use super::closed_form::{Candidates, candidates, mirrored};
 use super::doubtful::{DEGREES_OF_FREEDOM, Doubtful, settle};
-use super::group::{Group, Kept, load};
+use super::group::{Group, Kept, KeptPlace, load};
 use super::lanes::{Column, Mask, Vector, WIDTH};
 use super::refine::{Minimum, Place, Seen};
 use super::{Given, Views, alone, geometry_of};
@@ -53,14 +53,18 @@ impl WithSimd for Run<'_> {
             sights.locate(simd, self.matrix, &mut found);
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
                 let (view, geometry) = (first + lane, sights.geometry[lane]);
-                if geometry.is_some() && found.sure[lane] != 0.0 {
-                    self.answers.push(Ok(found.estimate(lane, geometry)));
-                } else if geometry.is_some() && found.paired[lane] != 0.0 {
-                    self.doubtful.push(found.doubtful(lane, view, geometry));
-                    self.answers.push(Err(Error::NoSolution { n_points: 4 }));
-                } else {
-                    self.answers.push(alone(self.views, view));
-                    singly += 1;
+                match geometry.filter(|_| found.paired[lane] != 0.0) {
+                    Some(_) if found.sure[lane] != 0.0 => {
+                        self.answers.push(Ok(found.estimate(lane, geometry)));
+                    }
+                    Some(geometry) => {
+                        self.doubtful.push(found.doubtful(lane, view, geometry));
+                        self.answers.push(Err(Error::NoSolution { n_points: 4 }));
+                    }
+                    None => {
+                        self.answers.push(alone(self.views, view));
+                        singly += 1;
+                    }
                 }
             }
         }
@@ -127,7 +131,7 @@ impl Sights {
         let [u, v] = seen.pixel[3];
         let sigma_rad = seen.on_plane([u + sigma_px, v]).unit().cross(bearings[3]).norm_squared().sqrt();
         let candidates = candidates(&bearings, &seen.from_pivot, sigma_rad);
-        let pair = two_minima(&seen, &candidates, valid & candidates.strong);
+        let pair = two_minima(&seen, &candidates, valid);
         found.keep(&pair, load(simd, &self.group.pivot));
     }
 }
@@ -156,38 +160,43 @@ struct Pair<S: Simd> {
     other: Minimum<S>,
     /// Where there is no other.
     alone: Mask<S>,
-    /// Where `search::refine_pair` finds the same.
+    /// Where both starts have led to a minimum.
     paired: Mask<S>,
+    /// The start left over, and where it is tried, too: only one minimum was found, and it is not hopeless.
+    left_over: Place<S>,
+    unsettled: Mask<S>,
     /// Where the likelihood is surely not bent.
     straight: Mask<S>,
+    strong: Mask<S>,
     /// Where nothing is left to doubt.
     sure: Mask<S>,
 }
 
 /// As `search::search` and `search::refine_pair` for views without doubt.
 #[inline(always)]
-fn two_minima<S: Simd>(seen: &Seen<S, 4>, candidates: &Candidates<S>, sure: Mask<S>) -> Pair<S> {
+fn two_minima<S: Simd>(seen: &Seen<S, 4>, candidates: &Candidates<S>, valid: Mask<S>) -> Pair<S> {
     let [a, b] = &candidates.places;
     let [has_a, has_b] = candidates.exist;
     let infinite = seen.focal[0].like(f64::INFINITY);
     let (chi2_a, chi2_b) = (seen.residual_sums(a).0, seen.residual_sums(b).0);
     let swap = has_b & (!has_a | chi2_b.less(chi2_a));
     let (start, second) = (Place::choose(swap, b, a), Place::choose(swap, a, b));
-    let first = seen.refine(&start, infinite, sure & (has_a | has_b));
+    let first = seen.refine(&start, infinite, valid & (has_a | has_b));
     let mirror = mirrored(&first.place, &seen.from_pivot);
     let chi2_second = (has_a & has_b).choose(swap.choose(chi2_a, chi2_b), infinite);
     let chi2_mirror = seen.residual_sums(&mirror).0;
-    let start = Place::choose(chi2_second.less(chi2_mirror), &second, &mirror);
-    let other = seen.refine(&start, first.chi2, first.found);
-    // The start left over is tried where only one minimum was found and it is not hopeless: left to the single path.
-    let (both, alone) = (other.found, are_twins(&first, &other));
-    let settled = !alone | !chi2_mirror.below(HOPELESS_CHI2) | !chi2_second.below(HOPELESS_CHI2);
+    let is_second = chi2_second.less(chi2_mirror);
+    let other = seen.refine(&Place::choose(is_second, &second, &mirror), first.chi2, first.found);
+    let left_over = Place::choose(is_second, &mirror, &second);
+    let (paired, alone, strong) = (other.found, are_twins(&first, &other), candidates.strong);
+    let unsettled = alone & chi2_mirror.below(HOPELESS_CHI2) & chi2_second.below(HOPELESS_CHI2);
     let swap = !alone & other.chi2.less(first.chi2);
     let (best, other) = (Minimum::choose(swap, &other, &first), Minimum::choose(swap, &first, &other));
     let rivalled = !alone & (other.chi2 - best.chi2).below(AMBIGUITY_GATE_CHI2);
     let fits = best.chi2.below(AMBIGUITY_GATE_CHI2) & !rivalled;
-    let (paired, straight) = (both & settled, is_straight(&best, seen));
-    Pair { best, other, alone, paired, straight, sure: paired & fits & straight }
+    let straight = is_straight(&best, seen);
+    let sure = paired & strong & fits & straight & !unsettled;
+    Pair { best, other, alone, paired, left_over, unsettled, straight, strong, sure }
 }
 
 /// As `choose::are_twins`.
@@ -205,6 +214,9 @@ fn are_twins<S: Simd>(a: &Minimum<S>, b: &Minimum<S>) -> Mask<S> {
 struct Found {
     best: Kept,
     other: Kept,
+    left_over: KeptPlace,
+    unsettled: Column,
+    strong: Column,
     alone: Column,
     paired: Column,
     straight: Column,
@@ -220,6 +232,9 @@ impl Found {
         (pair.other.sum.max(floor) / pair.best.sum.max(floor)).store(&mut self.ratio);
         pair.alone.store(&mut self.alone);
         pair.straight.store(&mut self.straight);
+        pair.strong.store(&mut self.strong);
+        pair.unsettled.store(&mut self.unsettled);
+        self.left_over.keep(&pair.left_over, pivot);
         (pair.paired & total.is_finite()).store(&mut self.paired);
         (pair.sure & total.is_finite()).store(&mut self.sure);
     }
@@ -266,13 +281,20 @@ impl Found {
     }
 
     #[inline(never)]
-    fn doubtful(&self, lane: usize, view: usize, geometry: Option<Geometry>) -> Doubtful {
+    fn doubtful(&self, lane: usize, view: usize, geometry: Geometry) -> Doubtful {
         let mut minima = ArrayVec::new();
         minima.push(self.best.minimum(lane));
         if self.alone[lane] == 0.0 {
             minima.push(self.other.minimum(lane));
         }
-        Doubtful { view, geometry, minima, is_straight: self.straight[lane] != 0.0 }
+        Doubtful {
+            view,
+            geometry,
+            minima,
+            left_over: (self.unsettled[lane] != 0.0).then(|| self.left_over.pose(lane)),
+            is_straight: self.straight[lane] != 0.0,
+            is_strong: self.strong[lane] != 0.0,
+        }
     }
 }
 

@@ -18,7 +18,7 @@ use crate::{Correspondence, Error, Point};
 use arrayvec::ArrayVec;
 
 /// As many views at a time, so that what is known about them stays near.
-const AT_ONCE: usize = 64;
+const AT_ONCE: usize = 32;
 
 /// See `batch::locate_each_of_three`.
 pub(super) fn locate_each(
@@ -31,9 +31,11 @@ pub(super) fn locate_each(
         let some = first..count.min(first + AT_ONCE);
         let cases: Vec<Option<Case>> = some.clone().map(|view| Case::of(views, view, &mut target)).collect();
         let starts: Vec<Start<3>> = cases.iter().flatten().flat_map(Case::starts).collect();
-        let mut ends = refine_all(&starts, matrix).into_iter();
+        let mut ends = &refine_all(&starts, matrix)[..];
         for (view, case) in some.zip(&cases) {
-            match case.as_ref().and_then(|case| case.answer(views, &mut ends)) {
+            let (own, others) = ends.split_at(case.as_ref().map_or(0, |case| case.starts.len()));
+            ends = others;
+            match case.as_ref().and_then(|case| case.answer(views, own)) {
                 Some(answer) => answers.push(answer),
                 None => {
                     answers.push(alone(views, view));
@@ -86,13 +88,8 @@ impl Case {
         self.starts.iter().map(move |start| Start { seen: &self.seen, cam_from_target: *start, rival_chi2 })
     }
 
-    /// As `search` and `locate` end; `ends` are those of this view's starts and of the views after it. None where no start leads to a
-    /// minimum.
-    fn answer(
-        &self,
-        views: &Views<3>,
-        ends: &mut impl Iterator<Item = End>,
-    ) -> Option<Result<PoseEstimate, Error>> {
+    /// As `search` and `locate` end; `ends` are those of this view's starts. None where no start leads to a minimum.
+    fn answer(&self, views: &Views<3>, ends: &[End]) -> Option<Result<PoseEstimate, Error>> {
         let problem = &Problem::new(&self.seen, views.camera);
         let (mut minima, mut straight) = (Minima::new(), ArrayVec::<Minimum, 4>::new());
         for (start, end) in self.starts.iter().zip(ends) {
