@@ -11,11 +11,16 @@ mod lanes;
 mod refine;
 mod closed_form;
 mod bend;
+mod group;
+mod starts;
+mod doubtful;
 mod line_plus_one;
+mod three;
 
 use crate::locate::{Config, PoseEstimate, locate};
-use crate::solve::configuration::{Configuration, classify};
+use crate::solve::configuration::{Geometry, survey};
 use crate::{Bearing, Camera, Correspondence, Error, Lens, Pixel, Point};
+use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
 
 /// Something every view has: the same for all, or one for each.
@@ -46,17 +51,17 @@ impl<T> Given<'_, T> {
     }
 }
 
-/// Views of four known points, all taken with one camera.
+/// Views of N known points, all taken with one camera.
 #[derive(Debug, Clone, Copy)]
-pub struct Views<'a> {
+pub struct Views<'a, const N: usize = 4> {
     /// The camera.
     pub camera: &'a Camera,
-    /// Places of the four points in the target frame, metres.
-    pub points_in_target: Given<'a, [Point; 4]>,
+    /// Places of the points in the target frame, metres.
+    pub points_in_target: Given<'a, [Point; N]>,
     /// Where each view shows them, pixels.
-    pub pixels: &'a [[Pixel; 4]],
+    pub pixels: &'a [[Pixel; N]],
     /// Standard deviation of each pixel coordinate, by point.
-    pub sigma_px: Given<'a, [f64; 4]>,
+    pub sigma_px: Given<'a, [f64; N]>,
 }
 
 /// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
@@ -67,49 +72,71 @@ pub struct Views<'a> {
 /// # Errors
 /// `CountMismatch` when targets or sigmas are given for each view, but not for as many as there are.
 pub fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<usize, Error> {
-    let count = views.pixels.len();
-    views.points_in_target.check("points_in_target", count)?;
-    views.sigma_px.check("sigma_px", count)?;
-    answers.clear();
-    answers.reserve(count);
+    views.open(answers)?;
     match &views.camera.lens {
         Lens::Pinhole(model) => Ok(line_plus_one::locate_each(views, &model.matrix, answers)),
-        _ => {
-            answers.extend((0..count).map(|view| alone(views, view)));
-            Ok(count)
-        }
+        _ => Ok(views.each_alone(answers)),
+    }
+}
+
+/// The same for views of three points. The up to four poses that fit exactly come in the order of their rounding, which need not be
+/// that of `locate`: as sets, with their weights, they agree.
+///
+/// # Errors
+/// As `locate_each`.
+pub fn locate_each_of_three(
+    views: &Views<3>,
+    answers: &mut Vec<Result<PoseEstimate, Error>>,
+) -> Result<usize, Error> {
+    views.open(answers)?;
+    match &views.camera.lens {
+        Lens::Pinhole(model) => Ok(three::locate_each(views, &model.matrix, answers)),
+        _ => Ok(views.each_alone(answers)),
+    }
+}
+
+impl<const N: usize> Views<'_, N> {
+    fn open(&self, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<(), Error> {
+        self.points_in_target.check("points_in_target", self.pixels.len())?;
+        self.sigma_px.check("sigma_px", self.pixels.len())?;
+        answers.clear();
+        answers.reserve(self.pixels.len());
+        Ok(())
+    }
+
+    fn each_alone(&self, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
+        answers.extend((0..self.pixels.len()).map(|view| alone(self, view)));
+        self.pixels.len()
     }
 }
 
 /// A view on the single path.
 #[cold]
-fn alone(views: &Views, view: usize) -> Result<PoseEstimate, Error> {
+fn alone<const N: usize>(views: &Views<N>, view: usize) -> Result<PoseEstimate, Error> {
     let seen = correspondences(views, view)?;
     locate(&seen, views.camera, &Config::default())
 }
 
-fn correspondences(views: &Views, view: usize) -> Result<[Correspondence; 4], Error> {
+fn correspondences<const N: usize>(views: &Views<N>, view: usize) -> Result<[Correspondence; N], Error> {
+    let too_few = Error::TooFewPoints { seen: 0, needed: N };
     let (Some(points), Some(sigmas)) = (views.points_in_target.of(view), views.sigma_px.of(view)) else {
-        return Err(Error::TooFewPoints { seen: 0, needed: 4 });
+        return Err(too_few);
     };
     let pixels = &views.pixels[view];
     let one = |k: usize| Correspondence::new(views.camera, points[k], pixels[k], sigmas[k]);
-    Ok([one(0)?, one(1)?, one(2)?, one(3)?])
+    let seen: ArrayVec<Correspondence, N> = (0..N).map(one).collect::<Result<_, _>>()?;
+    seen.into_inner().map_err(|_| too_few)
 }
 
-/// The points in order along the line, then the one off it; none where they are not in this configuration.
-fn order_of(points: &[Point; 4]) -> Option<[usize; 4]> {
+/// What `locate` says of the target, whatever a view shows of it.
+fn geometry_of<const N: usize>(points: &[Point; N]) -> Result<Geometry, Error> {
     let bearing = Bearing::from(Unit::new_unchecked(Vector3::z()));
-    let somewhere = |k: usize| Correspondence {
+    survey(&core::array::from_fn::<_, N, _>(|k| Correspondence {
         x_in_target: points[k],
         pixel: Pixel::new(k as f64, 0.0),
         bearing,
         sigma_px: 1.0,
         sigma_m: 0.0,
         covariance_px2: None,
-    };
-    match classify(&[0, 1, 2, 3].map(somewhere)) {
-        Ok(Configuration::LinePlusOne { order }) => Some(order),
-        _ => None,
-    }
+    }))
 }

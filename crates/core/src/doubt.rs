@@ -30,6 +30,9 @@ pub(crate) fn allow_for_intrinsics(
     Ok(())
 }
 
+/// Whether the likelihood is bent at each of the first four minima; none where that is not known yet.
+pub(crate) type Bends = [Option<bool>; 4];
+
 /// What widens the covariance of a minimum beyond the pixels' share.
 pub(crate) struct Doubts<'a> {
     pub(crate) problem: &'a Problem<'a>,
@@ -55,14 +58,15 @@ impl Doubts<'_> {
     }
 
     /// The minima after the first, those within the gate with their whole covariance.
-    pub(crate) fn others(&self, minima: &Minima, weights: &[f64]) -> Result<Others, Error> {
+    pub(crate) fn others(&self, minima: &Minima, weights: &[f64], bends: &Bends) -> Result<Others, Error> {
         let mut others = Others::default();
         let Some((best, rest)) = minima.split_first() else { return Ok(others) };
-        for ((place, m), weight) in others.iter_mut().zip(rest).zip(&weights[1..]) {
+        let known = weights[1..].iter().zip(&bends[1..]);
+        for ((place, m), (weight, is_bent)) in others.iter_mut().zip(rest).zip(known) {
             let delta_chi2 = m.chi2 - best.chi2;
             let is_rival = is_within_gate(delta_chi2, self.noise_scale);
             let covariance =
-                if is_rival { self.covariance(m, None)? } else { m.covariance * self.noise_scale };
+                if is_rival { self.covariance(m, *is_bent)? } else { m.covariance * self.noise_scale };
             let minimum = Minimum { covariance, ..*m };
             *place = Some(Hypothesis { minimum, delta_chi2, weight: *weight, is_rival });
         }

@@ -157,7 +157,7 @@ fn positive_step(normal: &NormalEquations, damping: &mut Damping) -> Option<(Vec
 
 /// Gauss–Newton steps that gain less than this part of what they promise leap from side to side of a minimum that is flatter
 /// than JᵀJ says: where two minima are about to part. Damping ends that.
-const LEAST_GAIN: f64 = 0.1;
+pub(crate) const LEAST_GAIN: f64 = 0.1;
 
 /// Levenberg and Marquardt's damping, relative to the diagonal, and the factor by which the next rejection raises it.
 #[derive(Debug, Clone, Copy)]

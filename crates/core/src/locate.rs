@@ -4,7 +4,7 @@
 
 use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
-use crate::doubt::{Doubts, allow_for_intrinsics};
+use crate::doubt::{Bends, Doubts, allow_for_intrinsics};
 use crate::held::{hold, may_hold, start_from_priors};
 use crate::literal::literal;
 use crate::loss::Loss;
@@ -14,7 +14,7 @@ use crate::posterior::weights;
 use crate::prior::Prior;
 use crate::problem::Problem;
 use crate::sandwich::evidence;
-use crate::search::{Findings, search, weakness_of_rivals};
+use crate::search::{search, weakness_of_rivals};
 use crate::solve::configuration::{Configuration, Geometry, survey};
 use crate::solve::line_plus_one::Weakness;
 use crate::upright::upright;
@@ -78,7 +78,7 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     let (geometry, method) = layout(problem, config.method)?;
     let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let mut minima = Minima::new();
-    let Findings { weakness, is_bent } = match method {
+    let findings = match method {
         Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
         Method::Priors => hold(problem, &mut minima)?,
         Method::Upright => upright(problem, &mut minima)?,
@@ -88,20 +88,35 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
         }
     };
     let intrinsics = allowed_intrinsics(config, method)?;
-    allow_for_intrinsics(&mut minima, problem, intrinsics)?;
+    let bends = [intrinsics.is_none().then_some(findings.is_bent), None, None, None];
+    conclude(problem, geometry, method, intrinsics, findings.weakness, bends, &mut minima)
+}
+
+/// The answer that the minima found amount to.
+pub(crate) fn conclude(
+    problem: &Problem,
+    geometry: Option<Geometry>,
+    method: Method,
+    intrinsics: Option<&[f64]>,
+    weakness: Option<Weakness>,
+    bends: Bends,
+    minima: &mut Minima,
+) -> Result<PoseEstimate, Error> {
+    allow_for_intrinsics(minima, problem, intrinsics)?;
+    let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let degrees_of_freedom = problem.degrees_of_freedom();
     let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
-    let choice = choose(&minima, seen.len(), noise_scale)?;
+    let choice = choose(minima, problem.seen.len(), noise_scale)?;
     let doubts = Doubts { problem, intrinsics, noise_scale };
-    let weights = weights(&minima, noise_scale);
-    let others = doubts.others(&minima, &weights)?;
+    let weights = weights(minima, noise_scale);
+    let others = doubts.others(minima, &weights, &bends)?;
     let estimate = PoseEstimate {
         cam_from_target: choice.best.cam_from_target,
-        covariance: doubts.covariance(choice.best, intrinsics.is_none().then_some(is_bent))?,
+        covariance: doubts.covariance(choice.best, bends[0])?,
         rms_px: choice.best.rms_px,
         chi2: choice.best.chi2,
         degrees_of_freedom,
-        n_points: seen.len(),
+        n_points: problem.seen.len(),
         method,
         ambiguity: ambiguity(&choice, &others),
         weight: weights.first().copied().unwrap_or(1.0),

@@ -71,7 +71,7 @@ fn refine_pair(candidates: &Candidates, normal: &Vector3<f64>, problem: &Problem
 /// Whether the best minimum leaves room within the ambiguity gate for one not found yet: another is that near, or its own
 /// χ² is that large. Four points have up to four minima, and the closed form's two candidates need not lead to the lowest:
 /// of 586 photographed quadruples 6 had it elsewhere, of 20,000 random ones at 1 px 6 (1 with the P3P starts).
-fn is_in_doubt(minima: &Minima) -> bool {
+pub(crate) fn is_in_doubt(minima: &Minima) -> bool {
     let near = |chi2: f64| chi2 < AMBIGUITY_GATE_CHI2;
     minima.first().is_none_or(|m| !near(m.chi2))
         || minima.get(1).is_some_and(|m| near(m.chi2 - minima[0].chi2))
@@ -135,7 +135,7 @@ pub(crate) fn four_of(seen: &[Correspondence], order: &[usize; 4]) -> ([Bearing;
 }
 
 /// P3P on the three points that span the largest triangle found from the first point.
-fn three_of(seen: &[Correspondence]) -> Candidates {
+pub(crate) fn three_of(seen: &[Correspondence]) -> Candidates {
     let [i, j, k] = wide_triangle(seen);
     let order = [i, j, k];
     p3p::p3p(&order.map(|i| seen[i].bearing), &order.map(|i| seen[i].x_in_target))

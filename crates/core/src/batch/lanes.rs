@@ -414,6 +414,18 @@ impl<S: Simd> Symmetric<S> {
         (Symmetric([ca * i, cb * i, cc * i, cd * i, ce * i, cf * i]), positive)
     }
 
+    /// The same where xy = 0.
+    #[inline(always)]
+    pub fn inverse_without_xy(&self) -> (Self, Mask<S>) {
+        let [a, _, c, d, e, f] = self.0;
+        let (ca, cb, cc, minor) = (d.times_plus(f, -(e * e)), c * e, -(c * d), a * d);
+        let det = a.times_plus(ca, c * cc);
+        let positive = a.above(0.0) & minor.above(0.0) & det.above(0.0) & det.is_finite();
+        let i = det.recip();
+        let (cd, ce, cf) = (a.times_plus(f, -(c * c)), -(a * e), minor);
+        (Symmetric([ca * i, cb * i, cc * i, cd * i, ce * i, cf * i]), positive)
+    }
+
     #[inline(always)]
     pub fn choose(mask: Mask<S>, yes: &Self, no: &Self) -> Self {
         let mut chosen = *no;

@@ -4,7 +4,7 @@
 
 use super::lanes::{Lanes, Mask, Matrix, Symmetric, Vector};
 use crate::least_squares::{
-    FIRST_DAMPING, FORESEEN_CHI2, LAST_DAMPING, NEAR_CHI2, RIVAL_MARGIN_CHI2, TOLERANCE_CHI2,
+    FIRST_DAMPING, FORESEEN_CHI2, LAST_DAMPING, LEAST_GAIN, NEAR_CHI2, RIVAL_MARGIN_CHI2, TOLERANCE_CHI2,
     TOLERANCE_COMPARED, TOLERANCE_RELATIVE,
 };
 use pulp::Simd;
@@ -213,6 +213,8 @@ impl<S: Simd> Damping<S> {
         let eased = self.value * (excess.like(1.0) - excess * excess * excess).max(1.0 / 3.0);
         let vanishes = eased.below(1e-9) | (gain.above(0.9) & eased.below(1e-3));
         let eased = vanishes.choose(eased.like(0.0), eased);
+        let leaps = gain.below(LEAST_GAIN);
+        let eased = leaps.choose((self.value * 2.0).max(FIRST_DAMPING), eased);
         let raised = (self.growth * self.value).max(FIRST_DAMPING);
         self.value = accepted.choose(eased, raised);
         self.growth = accepted.choose(gain.like(2.0), self.growth * 2.0);
@@ -246,20 +248,21 @@ impl<S: Simd> Normal<S> {
         g.z = s.times_plus(ru, t.times_plus(rv, g.z));
         self.rotation_rotation.add_square(u);
         self.rotation_rotation.add_square(v);
-        let zero = a.like(0.0);
         for (row, (u, v)) in (0..3).zip([(u.x, v.x), (u.y, v.y), (u.z, v.z)]) {
             let r = &mut self.rotation_translation.rows[row];
             (r.x, r.y) = (u.times_plus(a, r.x), v.times_plus(b, r.y));
             r.z = u.times_plus(s, v.times_plus(t, r.z));
         }
-        self.translation_translation.add_square(Vector::new(a, zero, s));
-        self.translation_translation.add_square(Vector::new(zero, b, t));
+        let tt = &mut self.translation_translation.0;
+        (tt[0], tt[2]) = (a.times_plus(a, tt[0]), a.times_plus(s, tt[2]));
+        (tt[3], tt[4]) = (b.times_plus(b, tt[3]), b.times_plus(t, tt[4]));
+        tt[5] = s.times_plus(s, t.times_plus(t, tt[5]));
     }
 
     /// As `NormalEquations::step`: turn, shift, promise, and where the damped matrix is positive.
     #[inline(always)]
     fn step(&self, damping: Lanes<S>) -> (Vector<S>, Vector<S>, Lanes<S>, Mask<S>) {
-        let (tt, positive) = self.translation_translation.damped(damping).inverse();
+        let (tt, positive) = self.translation_translation.damped(damping).inverse_without_xy();
         let gain = self.rotation_translation.times(&tt.full());
         let reduced = self.rotation_rotation.damped(damping).minus_product(&gain, &self.rotation_translation);
         let (ww, also) = reduced.inverse();
@@ -272,7 +275,7 @@ impl<S: Simd> Normal<S> {
     /// As `NormalEquations::covariance_at_camera`, and where the points determine the pose.
     #[inline(always)]
     fn covariance_at_camera(&self, pivot_in_cam: Vector<S>) -> (Covariance<S>, Mask<S>) {
-        let (tt, positive) = self.translation_translation.inverse();
+        let (tt, positive) = self.translation_translation.inverse_without_xy();
         let gain = self.rotation_translation.times(&tt.full());
         let (ww, also) = self.rotation_rotation.minus_product(&gain, &self.rotation_translation).inverse();
         let m = Matrix::cross(pivot_in_cam).minus(&gain.transpose());

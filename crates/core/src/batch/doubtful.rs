@@ -1,0 +1,131 @@
+//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` goes on
+//! from there, with the start left over and those of P3P, here of many views side by side.
+
+use super::starts::{End, Start, refine_all};
+use super::{Views, alone, correspondences};
+use crate::camera::CameraMatrix;
+use crate::choose::{Minima, Minimum, insert};
+use crate::consistency::is_unlikely;
+use crate::curvature;
+use crate::locate::{Method, PoseEstimate, conclude};
+use crate::problem::Problem;
+use crate::refine::refine_against;
+use crate::search::{closed_form, is_in_doubt, three_of};
+use crate::solve::configuration::Geometry;
+use crate::solve::line_plus_one::Weakness;
+use crate::{Correspondence, Error, Pose};
+use arrayvec::ArrayVec;
+
+/// A view and what is known about it.
+pub(super) struct Doubtful {
+    pub view: usize,
+    pub geometry: Geometry,
+    /// The minima of the closed form's candidates, lowest first.
+    pub minima: ArrayVec<Minimum, 2>,
+    /// The start left over, where both that were tried led to one minimum.
+    pub left_over: Option<Pose>,
+    /// Whether the likelihood at the lowest is surely not bent.
+    pub is_straight: bool,
+    /// Whether the closed form makes nothing of weakness.
+    pub is_strong: bool,
+}
+
+/// Of four points.
+pub(super) const DEGREES_OF_FREEDOM: usize = 2;
+/// As many views at a time, so that what is known about them stays near.
+const AT_ONCE: usize = 32;
+
+/// Answers every doubtful view. Returns how many went to the single path from the beginning.
+pub(super) fn settle(
+    views: &Views,
+    matrix: &CameraMatrix,
+    doubtful: &[Doubtful],
+    answers: &mut [Result<PoseEstimate, Error>],
+) -> usize {
+    let mut singly = 0;
+    for some in doubtful.chunks(AT_ONCE) {
+        let mut cases = Vec::with_capacity(some.len());
+        for known in some {
+            match Case::of(views, known) {
+                Some(case) => cases.push(case),
+                None => {
+                    answers[known.view] = alone(views, known.view);
+                    singly += 1;
+                }
+            }
+        }
+        let starts: Vec<Start<4>> = cases.iter().flat_map(Case::starts).collect();
+        let mut ends = &refine_all(&starts, matrix)[..];
+        for case in &cases {
+            let (own, others) = ends.split_at(case.starts.len());
+            (answers[case.known.view], ends) = (case.answer(views, own), others);
+        }
+    }
+    singly
+}
+
+/// A doubtful view, and where else its search starts: from what is left over, then from P3P's poses.
+struct Case<'a> {
+    known: &'a Doubtful,
+    seen: [Correspondence; 4],
+    starts: ArrayVec<Pose, 5>,
+    weakness: Option<Weakness>,
+}
+
+impl<'a> Case<'a> {
+    /// None where not even the lowest minimum fits: `search` then starts from more than P3P.
+    fn of(views: &Views, known: &'a Doubtful) -> Option<Self> {
+        let seen = correspondences(views, known.view).ok()?;
+        let fits = known.minima.first().is_some_and(|m| !is_unlikely(m.chi2, DEGREES_OF_FREEDOM));
+        if !fits {
+            return None;
+        }
+        let problem = &Problem::new(&seen, views.camera);
+        let weakness = match known.is_strong {
+            true => None,
+            false => closed_form(Method::LinePlusOne, &known.geometry.configuration, problem).1,
+        };
+        let starts = known.left_over.into_iter().chain(three_of(&seen)).collect();
+        Some(Case { known, seen, starts, weakness })
+    }
+
+    fn lowest_chi2(&self) -> f64 {
+        self.known.minima.first().map_or(f64::INFINITY, |m| m.chi2)
+    }
+
+    fn starts(&self) -> impl Iterator<Item = Start<'_, 4>> {
+        self.starts.iter().map(|start| Start {
+            seen: &self.seen,
+            cam_from_target: *start,
+            rival_chi2: self.lowest_chi2(),
+        })
+    }
+
+    /// As `search` and `locate` end; `ends` are those of this view's starts.
+    fn answer(&self, views: &Views, ends: &[End]) -> Result<PoseEstimate, Error> {
+        let problem = &Problem::new(&self.seen, views.camera);
+        let mut minima: Minima = self.known.minima.iter().copied().collect();
+        let (starts, n_left_over) = (&self.starts, usize::from(self.known.left_over.is_some()));
+        self.follow(&starts[..n_left_over], &ends[..n_left_over], problem, &mut minima);
+        let is_known = minima.first().map(|m| m.chi2) == Some(self.lowest_chi2());
+        let is_bent = !(is_known && self.known.is_straight)
+            && minima.first().is_some_and(|m| curvature::is_bent(m, problem));
+        if self.weakness.is_some() || is_bent || is_in_doubt(&minima) {
+            self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, &mut minima);
+        }
+        let (geometry, bends) = (Some(self.known.geometry), [Some(is_bent), None, None, None]);
+        conclude(problem, geometry, Method::LinePlusOne, None, self.weakness, bends, &mut minima)
+    }
+
+    /// As `search::refine_each`, the refinements being done.
+    fn follow(&self, starts: &[Pose], ends: &[End], problem: &Problem, minima: &mut Minima) {
+        for (start, end) in starts.iter().zip(ends) {
+            let rival_chi2 = minima.first().map(|m| m.chi2);
+            // Once a start has led below the minima known before, the next are measured by that one.
+            let known = end.minimum.filter(|_| rival_chi2 == Some(self.lowest_chi2()));
+            if let Some(minimum) = known.or_else(|| refine_against(start, rival_chi2, problem).ok()) {
+                insert(minima, minimum);
+            }
+        }
+    }
+}

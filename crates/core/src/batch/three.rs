@@ -1,0 +1,113 @@
+//! `locate` of three points, many views at a time: P3P by itself, its poses refined and their covariances found side by side.
+//!
+//! P3P's poses fit exactly, so that one step of the refinement is enough and their order by χ² is that of rounding, here as in
+//! `locate`. (P3P in lanes was not worth it: it takes a tenth of the time of an answer, and its roots want different care.)
+
+use super::starts::{End, Start, refine_all};
+use super::{Given, Views, alone, correspondences, geometry_of};
+use crate::camera::CameraMatrix;
+use crate::choose::{Minima, Minimum, insert};
+use crate::doubt::Bends;
+use crate::locate::{Method, PoseEstimate, conclude};
+use crate::problem::Problem;
+use crate::refine::refine_against;
+use crate::search::three_of;
+use crate::solve::Candidates;
+use crate::solve::configuration::{Configuration, Geometry, check_numbers};
+use crate::{Correspondence, Error, Point};
+use arrayvec::ArrayVec;
+
+/// As many views at a time, so that what is known about them stays near.
+const AT_ONCE: usize = 32;
+
+/// See `batch::locate_each_of_three`.
+pub(super) fn locate_each(
+    views: &Views<3>,
+    matrix: &CameraMatrix,
+    answers: &mut Vec<Result<PoseEstimate, Error>>,
+) -> usize {
+    let (mut target, mut singly, count) = (Target::default(), 0, views.pixels.len());
+    for first in (0..count).step_by(AT_ONCE) {
+        let some = first..count.min(first + AT_ONCE);
+        let cases: Vec<Option<Case>> = some.clone().map(|view| Case::of(views, view, &mut target)).collect();
+        let starts: Vec<Start<3>> = cases.iter().flatten().flat_map(Case::starts).collect();
+        let mut ends = &refine_all(&starts, matrix)[..];
+        for (view, case) in some.zip(&cases) {
+            let (own, others) = ends.split_at(case.as_ref().map_or(0, |case| case.starts.len()));
+            ends = others;
+            match case.as_ref().and_then(|case| case.answer(views, own)) {
+                Some(answer) => answers.push(answer),
+                None => {
+                    answers.push(alone(views, view));
+                    singly += 1;
+                }
+            }
+        }
+    }
+    singly
+}
+
+/// The target seen last: neighbouring views mostly show the same.
+#[derive(Default)]
+struct Target {
+    points: Option<[Point; 3]>,
+    geometry: Option<Geometry>,
+}
+
+impl Target {
+    fn geometry(&mut self, points: &Given<[Point; 3]>, view: usize) -> Option<Geometry> {
+        let points = *points.of(view)?;
+        if self.points != Some(points) {
+            let is_triangle = |g: &Geometry| g.configuration == Configuration::Three;
+            (self.points, self.geometry) = (Some(points), geometry_of(&points).ok().filter(is_triangle));
+        }
+        self.geometry
+    }
+}
+
+/// A view, and the poses that P3P finds for it.
+struct Case {
+    seen: [Correspondence; 3],
+    geometry: Geometry,
+    starts: Candidates,
+}
+
+impl Case {
+    /// None where something is wrong with the view, or no pose fits: `locate` says what.
+    fn of(views: &Views<3>, view: usize, target: &mut Target) -> Option<Self> {
+        let geometry = target.geometry(&views.points_in_target, view)?;
+        let seen = correspondences(views, view).ok()?;
+        let [a, b, c] = [seen[0].pixel, seen[1].pixel, seen[2].pixel];
+        let is_sound = check_numbers(&seen).is_ok() && a != b && b != c && c != a;
+        let starts = if is_sound { three_of(&seen) } else { Candidates::new() };
+        (!starts.is_empty()).then_some(Case { seen, geometry, starts })
+    }
+
+    fn starts(&self) -> impl Iterator<Item = Start<'_, 3>> {
+        let rival_chi2 = f64::INFINITY; // they fit exactly: none ends early
+        self.starts.iter().map(move |start| Start { seen: &self.seen, cam_from_target: *start, rival_chi2 })
+    }
+
+    /// As `search` and `locate` end; `ends` are those of this view's starts. None where no start leads to a minimum.
+    fn answer(&self, views: &Views<3>, ends: &[End]) -> Option<Result<PoseEstimate, Error>> {
+        let problem = &Problem::new(&self.seen, views.camera);
+        let (mut minima, mut straight) = (Minima::new(), ArrayVec::<Minimum, 4>::new());
+        for (start, end) in self.starts.iter().zip(ends) {
+            let rival_chi2 = minima.first().map(|m: &Minimum| m.chi2);
+            let Some(minimum) = end.minimum.or_else(|| refine_against(start, rival_chi2, problem).ok())
+            else {
+                continue;
+            };
+            insert(&mut minima, minimum);
+            if end.is_straight {
+                straight.push(minimum);
+            }
+        }
+        let mut bends = Bends::default();
+        for (bend, m) in bends.iter_mut().zip(&minima) {
+            *bend = straight.contains(m).then_some(false);
+        }
+        (!minima.is_empty())
+            .then(|| conclude(problem, Some(self.geometry), Method::P3p, None, None, bends, &mut minima))
+    }
+}
