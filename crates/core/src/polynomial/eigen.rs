@@ -4,6 +4,8 @@
 //!   A = Q H Qᵀ, H zero below the subdiagonal   ·   K  first components of a vector that are wanted, so rows of Q that are kept
 
 use arrayvec::ArrayVec;
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// A matrix in Hessenberg form, with the first K rows of the rotation that brought it there.
 #[derive(Debug, Clone)]

@@ -14,6 +14,8 @@ use crate::polynomial::eigen::Hessenberg;
 use crate::{Pixel, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Matrix3x5, Matrix5, SMatrix, Vector2, Vector3, Vector5, Vector6};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Area of the triangle (twice, over the square of its size) below which its points are on a line.
 const MIN_AREA: f64 = 1e-9;

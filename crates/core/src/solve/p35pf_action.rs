@@ -7,6 +7,8 @@
 //!   v₀ … v₄  unknowns; v₀ = 1 where a matrix is meant   ·   p₁, p₂, p₃  rows of the scaled rotation, linear in v
 
 use nalgebra::{Matrix3x5, Matrix5};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Coefficients of vᵢvⱼ, i ≤ j, as `PAIRS` lists them.
 pub(super) type Quadric = [f64; 15];
