@@ -21,11 +21,15 @@ pub struct Minimum {
 impl Minimum {
     /// Every number in it is one, and no variance is negative.
     pub(crate) fn is_finite(&self) -> bool {
+        self.is_finite_with(&self.covariance)
+    }
+
+    /// Every number in it is one, and no variance of `covariance`, which stands for its own, is negative.
+    pub(crate) fn is_finite_with(&self, covariance: &Matrix6) -> bool {
         let pose = &self.cam_from_target;
         // A sum is finite only if all its terms are (two infinities of opposite sign make NaN).
-        let sum =
-            pose.rotation.sum() + pose.translation.sum() + self.covariance.sum() + self.chi2 + self.rms_px;
-        sum.is_finite() && (0..6).all(|i| 0.0 <= self.covariance[(i, i)])
+        let sum = pose.rotation.sum() + pose.translation.sum() + covariance.sum() + self.chi2 + self.rms_px;
+        sum.is_finite() && (0..6).all(|i| 0.0 <= covariance[(i, i)])
     }
 }
 
@@ -63,6 +67,16 @@ pub enum Ambiguity {
         /// The other pose.
         other: Minimum,
     },
+}
+
+impl Ambiguity {
+    /// Every number in it is one.
+    pub(crate) fn is_finite(&self) -> bool {
+        match self {
+            Ambiguity::Ambiguous { ratio, other } => ratio.is_finite() && other.is_finite(),
+            Ambiguity::Unique { ratio } => ratio.is_none_or(f64::is_finite),
+        }
+    }
 }
 
 /// Minima found so far, on the stack.

@@ -27,6 +27,18 @@ pub enum Consistency {
     },
 }
 
+impl Consistency {
+    /// Every number in it is one.
+    pub(crate) fn is_finite(&self) -> bool {
+        match self {
+            Consistency::Inconsistent { chi2_per_dof, worst_px, .. } => {
+                chi2_per_dof.is_finite() && worst_px.is_finite()
+            }
+            Consistency::Consistent => true,
+        }
+    }
+}
+
 /// One in ten thousand: the chance of calling a good answer inconsistent. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
 /// "Far above": residuals twice as large as stated. Below it the covariance widens but nothing is called wrong.

@@ -110,22 +110,30 @@ pub(crate) fn conclude(
     let doubts = Doubts { problem, intrinsics, noise_scale };
     let weights = weights(minima, noise_scale);
     let others = doubts.others(minima, &weights, &bends)?;
-    let estimate = PoseEstimate {
-        cam_from_target: choice.best.cam_from_target,
-        covariance: doubts.covariance(choice.best, bends[0])?,
-        rms_px: choice.best.rms_px,
-        chi2: choice.best.chi2,
+    let best = choice.best;
+    let covariance = doubts.covariance(best, bends[0])?;
+    let ambiguity = ambiguity(&choice, &others);
+    let consistency = consistency(best, problem);
+    let is_finite = best.is_finite_with(&covariance) && ambiguity.is_finite() && consistency.is_finite();
+    if !is_finite {
+        return Err(OVERFLOW);
+    }
+    // Made where it is returned: it is 2 kB.
+    Ok(PoseEstimate {
+        cam_from_target: best.cam_from_target,
+        covariance,
+        rms_px: best.rms_px,
+        chi2: best.chi2,
         degrees_of_freedom,
         n_points: problem.seen.len(),
         method,
-        ambiguity: ambiguity(&choice, &others),
+        ambiguity,
         weight: weights.first().copied().unwrap_or(1.0),
         others,
-        consistency: consistency(choice.best, problem),
+        consistency,
         weakness: weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem)),
         geometry,
-    };
-    if estimate.is_finite() { Ok(estimate) } else { Err(OVERFLOW) }
+    })
 }
 
 /// The printed procedure has no derivative to propagate them by.
@@ -143,7 +151,7 @@ fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
 }
 
 fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {
-    match (choice.rival, choice.ratio, others[0]) {
+    match (choice.rival, choice.ratio, &others[0]) {
         (Some(_), Some(ratio), Some(other)) => Ambiguity::Ambiguous { ratio, other: other.minimum },
         (_, ratio, _) => Ambiguity::Unique { ratio },
     }
@@ -189,22 +197,5 @@ impl PoseEstimate {
     /// How many minima lie within the gate, this pose included: 1 where it is unique.
     pub fn n_rivals(&self) -> usize {
         self.minima().filter(|h| h.is_rival).count()
-    }
-
-    /// Every number in it is one, and no variance is negative.
-    fn is_finite(&self) -> bool {
-        let other = match &self.ambiguity {
-            Ambiguity::Ambiguous { ratio, other } => ratio.is_finite() && other.is_finite(),
-            Ambiguity::Unique { ratio } => ratio.is_none_or(f64::is_finite),
-        };
-        let residual = match self.consistency {
-            Consistency::Inconsistent { chi2_per_dof, worst_px, .. } => {
-                chi2_per_dof.is_finite() && worst_px.is_finite()
-            }
-            Consistency::Consistent => true,
-        };
-        let (cam_from_target, covariance) = (self.cam_from_target, self.covariance);
-        let first = Minimum { cam_from_target, covariance, chi2: self.chi2, rms_px: self.rms_px };
-        first.is_finite() && other && residual
     }
 }
