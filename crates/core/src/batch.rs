@@ -76,7 +76,7 @@ pub struct Views<'a, const N: usize = 4> {
 }
 
 /// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
-/// many views went to the single path, which takes five to ten times as long.
+/// many views went to the single path, which takes five to fifteen times as long.
 ///
 /// An answer is that of the single path to rounding, and so is an error: a view that has none leaves the others alone.
 ///
