@@ -1,5 +1,5 @@
-//! Cost per view of many line-plus-one views at once beside one at a time, on the problems of `benches/solvers.rs` (2–6 m,
-//! 0.3 px). `cargo bench -p resight-core --bench batch`.
+//! Cost per view of many views at once beside one at a time: line-plus-one on the problems of `benches/solvers.rs` (2–6 m, 0.3 px),
+//! and three of their points. `cargo bench -p resight-core --bench batch`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -7,7 +7,7 @@ mod common;
 use common::Rng;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Vector2, Vector3};
-use resight_core::batch::{Given, Views, locate_each};
+use resight_core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, locate};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Pixel, Point, Pose};
@@ -50,19 +50,34 @@ fn line_plus_one(c: &mut Criterion) {
         b.iter(|| locate_each(black_box(&views), &mut answers))
     });
     group.bench_function("one at a time, everything", |b| {
-        let config = Config::default();
-        let seen = |k: usize, p: &[Pixel; 4]| Correspondence::new(&camera, points[k], p[k], 0.3);
-        b.iter(|| {
-            let solved = |p: &&[Pixel; 4]| {
-                let seen = [seen(0, p), seen(1, p), seen(2, p), seen(3, p)].map(Result::ok);
-                let [Some(a), Some(b), Some(c), Some(d)] = seen else { return false };
-                black_box(locate(&[a, b, c, d], &camera, &config)).is_ok()
-            };
-            pixels.iter().filter(solved).count()
-        })
+        b.iter(|| pixels.iter().filter(|p| is_solved(&camera, &points, p)).count())
     });
     group.finish();
 }
 
-criterion_group! { name = benches; config = Criterion::default().sample_size(40); targets = line_plus_one }
+fn three(c: &mut Criterion) {
+    let (camera, four, sigma_px) = (camera(), POINTS.map(Point::from), [0.3; 3]);
+    let points = [four[0], four[2], four[3]];
+    let pixels: Vec<[Pixel; 3]> = pixels(&camera).iter().map(|[a, _, c, d]| [*a, *c, *d]).collect();
+    let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
+    let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
+    let mut group = c.benchmark_group("batch: three");
+    group.throughput(Throughput::Elements(VIEWS as u64));
+    group.bench_function("together, everything", |b| {
+        let mut answers = Vec::new();
+        b.iter(|| locate_each_of_three(black_box(&views), &mut answers))
+    });
+    group.bench_function("one at a time, everything", |b| {
+        b.iter(|| pixels.iter().filter(|p| is_solved(&camera, &points, p)).count())
+    });
+    group.finish();
+}
+
+fn is_solved<const N: usize>(camera: &Camera, points: &[Point; N], pixels: &[Pixel; N]) -> bool {
+    let one = |k: usize| Correspondence::new(camera, points[k], pixels[k], 0.3).expect("in the field");
+    let seen: [Correspondence; N] = std::array::from_fn(one);
+    black_box(locate(&seen, camera, &Config::default())).is_ok()
+}
+
+criterion_group! { name = benches; config = Criterion::default().sample_size(40); targets = line_plus_one, three }
 criterion_main!(benches);

@@ -1,8 +1,19 @@
-//! Many views of four points at once: the answers of `locate`, several views in the lanes of one vector.
+//! Many views of three or four points at once: the answers of `locate`, several views in the lanes of one vector.
 //!
-//! A view takes the lanes when nothing about it is doubtful: a pinhole camera, three points on a line and one off it, a strong view,
-//! two minima that are far apart, a straight likelihood, a residual that fits. Every other view, whatever is wrong with it,
-//! goes to `locate` itself, so that there is one place for each decision; the lanes only prove that it need not be taken.
+//! Four points, three of them on a line, seen by a pinhole camera: the lanes find both minima of the closed form's candidates. Where
+//! nothing is doubtful then (a strong view, two minima far apart, a straight likelihood, a residual that fits) that is the answer.
+//! Where something is, `doubtful` goes on as `search` does, the starts of many views side by side, and `locate::conclude` decides.
+//! Three points: P3P view by view, the poses of many views refined side by side. Every other view, whatever is wrong with it, goes to
+//! `locate` itself, so that there is one place for each decision; the lanes only prove that it need not be taken.
+//!
+//! | proven | by (tests/batch.rs, unless another is named) |
+//! | --- | --- |
+//! | every field of an answer, all minima included, is that of `locate` to rounding | `views_answer_together_as_each_alone` |
+//! | also for targets and sigmas that change from view to view, points in any order | `targets_and_sigmas_of_each_view` |
+//! | three points: the same set of poses, covariances and weights | `views_of_three_points_answer_together_as_each_alone` |
+//! | a bad view gives its own error and leaves the others alone to the last bit | `a_bad_view_leaves_its_neighbours_alone`, `a_bad_view_of_three_points_leaves_its_neighbours_alone` |
+//! | an answer does not depend on how many views there are | `every_length_gives_the_same_answers` |
+//! | every width of vector gives the same | `every_width_gives_the_same_answers` in batch/line_plus_one.rs |
 //!
 //! The vectors are those of the machine it runs on (AVX-512, AVX2, NEON; single numbers elsewhere). No thread is started: callers
 //! with several cores split the views.
@@ -65,7 +76,7 @@ pub struct Views<'a, const N: usize = 4> {
 }
 
 /// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
-/// many views went to the single path, which takes ten to twenty times as long.
+/// many views went to the single path, which takes five to fifteen times as long.
 ///
 /// An answer is that of the single path to rounding, and so is an error: a view that has none leaves the others alone.
 ///

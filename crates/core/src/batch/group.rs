@@ -108,7 +108,7 @@ impl KeptPlace {
     }
 
     #[inline(always)]
-    pub fn pose(&self, lane: usize) -> Pose {
+    pub fn cam_from_target(&self, lane: usize) -> Pose {
         let rotation = Matrix3::from_fn(|i, j| self.rotation[i][j][lane]);
         Pose { rotation, translation: Vector3::from_fn(|i, _| self.translation[i][lane]) }
     }
@@ -143,7 +143,7 @@ impl Kept {
     #[inline(always)]
     pub fn minimum(&self, lane: usize) -> choose::Minimum {
         choose::Minimum {
-            cam_from_target: self.place.pose(lane),
+            cam_from_target: self.place.cam_from_target(lane),
             covariance: self.covariance(lane),
             chi2: self.chi2[lane],
             rms_px: self.rms_px[lane],

@@ -291,7 +291,7 @@ impl Found {
             view,
             geometry,
             minima,
-            left_over: (self.unsettled[lane] != 0.0).then(|| self.left_over.pose(lane)),
+            left_over: (self.unsettled[lane] != 0.0).then(|| self.left_over.cam_from_target(lane)),
             is_straight: self.straight[lane] != 0.0,
             is_strong: self.strong[lane] != 0.0,
         }

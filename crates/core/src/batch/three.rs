@@ -1,7 +1,7 @@
 //! `locate` of three points, many views at a time: P3P by itself, its poses refined and their covariances found side by side.
 //!
 //! P3P's poses fit exactly, so that one step of the refinement is enough and their order by χ² is that of rounding, here as in
-//! `locate`. (P3P in lanes was not worth it: it takes a tenth of the time of an answer, and its roots want different care.)
+//! `locate`. (P3P takes about a seventh of an answer's time, so that lanes for its quartic could not gain more than that.)
 
 use super::starts::{End, Start, refine_all};
 use super::{Given, Views, alone, correspondences, geometry_of};
@@ -15,7 +15,6 @@ use crate::search::three_of;
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
 use crate::{Correspondence, Error, Point};
-use arrayvec::ArrayVec;
 
 /// As many views at a time, so that what is known about them stays near.
 const AT_ONCE: usize = 32;
@@ -35,8 +34,9 @@ pub(super) fn locate_each(
         for (view, case) in some.zip(&cases) {
             let (own, others) = ends.split_at(case.as_ref().map_or(0, |case| case.starts.len()));
             ends = others;
-            match case.as_ref().and_then(|case| case.answer(views, own)) {
-                Some(answer) => answers.push(answer),
+            let mut minima = Minima::new();
+            match case.as_ref().filter(|case| case.find(views, own, &mut minima)) {
+                Some(case) => answers.push(case.answer(views, own, &mut minima)),
                 None => {
                     answers.push(alone(views, view));
                     singly += 1;
@@ -88,26 +88,33 @@ impl Case {
         self.starts.iter().map(move |start| Start { seen: &self.seen, cam_from_target: *start, rival_chi2 })
     }
 
-    /// As `search` and `locate` end; `ends` are those of this view's starts. None where no start leads to a minimum.
-    fn answer(&self, views: &Views<3>, ends: &[End]) -> Option<Result<PoseEstimate, Error>> {
-        let problem = &Problem::new(&self.seen, views.camera);
-        let (mut minima, mut straight) = (Minima::new(), ArrayVec::<Minimum, 4>::new());
+    /// As `search::refine_each`, the refinements being done. Returns whether any start led to a minimum.
+    fn find(&self, views: &Views<3>, ends: &[End], minima: &mut Minima) -> bool {
         for (start, end) in self.starts.iter().zip(ends) {
-            let rival_chi2 = minima.first().map(|m: &Minimum| m.chi2);
-            let Some(minimum) = end.minimum.or_else(|| refine_against(start, rival_chi2, problem).ok())
-            else {
-                continue;
-            };
-            insert(&mut minima, minimum);
-            if end.is_straight {
-                straight.push(minimum);
+            match end.minimum {
+                Some(minimum) => insert(minima, minimum),
+                None => {
+                    let rival_chi2 = minima.first().map(|m| m.chi2);
+                    let problem = &Problem::new(&self.seen, views.camera);
+                    if let Ok(minimum) = refine_against(start, rival_chi2, problem) {
+                        insert(minima, minimum);
+                    }
+                }
             }
         }
+        !minima.is_empty()
+    }
+
+    /// As `locate` ends.
+    fn answer(&self, views: &Views<3>, ends: &[End], minima: &mut Minima) -> Result<PoseEstimate, Error> {
+        let leads_to = |end: &End, m: &Minimum| {
+            end.minimum.as_ref().is_some_and(|n| n.cam_from_target == m.cam_from_target)
+        };
         let mut bends = Bends::default();
-        for (bend, m) in bends.iter_mut().zip(&minima) {
-            *bend = straight.contains(m).then_some(false);
+        for (bend, m) in bends.iter_mut().zip(minima.iter()) {
+            *bend = ends.iter().any(|end| end.is_straight && leads_to(end, m)).then_some(false);
         }
-        (!minima.is_empty())
-            .then(|| conclude(problem, Some(self.geometry), Method::P3p, None, None, bends, &mut minima))
+        let problem = &Problem::new(&self.seen, views.camera);
+        conclude(problem, Some(self.geometry), Method::P3p, None, None, bends, minima)
     }
 }
