@@ -1,6 +1,6 @@
 //! P3P on a million problems of each family that is known to break solvers: nothing missed, nothing wrong, nothing twice.
 //! Exact data only. The truth is known to the rounding of the bearings, and a pose is determined only as well as its roots stand apart:
-//! what that leaves is counted as such, not forgiven (docs/math/p3p.md, section 5).
+//! what that leaves is counted as such, not forgiven (docs/math/p3p.md, section 6).
 
 mod common;
 
@@ -117,6 +117,23 @@ fn right_angle(rng: &mut Rng) -> Scene {
     Scene::new(places, Pose::new(Matrix3::identity(), Vector3::new(0.0, 0.0, rng.uniform(1.0, 10.0))))
 }
 
+/// The foot of C on the plane of the rays to A and B lies on the circle through the camera, A and B: one root of the quartic for two poses.
+fn trammel(rng: &mut Rng) -> Scene {
+    let radius = rng.uniform(1.0, 5.0);
+    // Seen from a point of the circle at the origin; C lies between A and B as seen, so that these two are the widest pair.
+    let on_circle = |turn: f64| Vector3::new(radius * turn.sin(), 0.0, radius * (1.0 + turn.cos()));
+    let (left, right) = (rng.uniform(-1.4, -0.5), rng.uniform(0.5, 1.4));
+    let lift = Vector3::y() * (rng.uniform(0.02, 0.3) * radius);
+    let third = on_circle(rng.uniform(-0.4, 0.4)) + lift;
+    let (cam_from_circle, cam_from_target) =
+        (rng.rotation(), Pose::new(rng.rotation(), rng.unit_vector() * radius));
+    let target_from_cam = cam_from_target.inverse();
+    let mut places = [on_circle(left), on_circle(right), third]
+        .map(|x| target_from_cam * Point::from(cam_from_circle * x));
+    places.swap(rng.index(3), 0);
+    Scene::new(places, cam_from_target)
+}
+
 /// What became of a family.
 #[derive(Debug, Default)]
 struct Tally {
@@ -177,29 +194,50 @@ fn every_far_pose_is_found() {
     assert_eq!((tally.missed, tally.none_reprojects), (0, 0));
 }
 
-/// 99.99 % at 1e-6; in every view missed, rounding of the bearings alone moves the pose by more than 1e-6, and in at most one in a
-/// million it removes the two roots altogether.
+/// 99.99 % at 1e-6; in every view missed, rounding of the bearings alone moves the pose by more than 1e-6, and where it removes
+/// the two roots altogether their middle still reprojects.
 #[test]
 fn nearly_straight_triples_keep_their_digits() {
     let tally = tally(3, thin);
-    assert!(tally.missed <= PROBLEMS / 10_000 && tally.none_reprojects <= 1, "{tally:?}");
+    assert!(tally.missed <= PROBLEMS / 10_000 && tally.none_reprojects == 0, "{tally:?}");
     assert_eq!(tally.missed_though_determined, 0);
 }
 
-/// Scored by reprojection, because a double root is determined to √ε only. 17 in a million come out more than 1e-3 from the pose the
-/// scene was made from, or as a companion alone: each has its camera next to a generatrix on which φ drops out, or a triangle of height
-/// below 0.002 (docs/math/p3p.md, section 5).
+/// Scored by reprojection, because a double root is determined to √ε only. None, one or two in a million (four seeds) come out more than
+/// 1e-3 from the pose the scene was made from: roots that are nearly triple (docs/math/p3p.md, section 6).
 #[test]
 fn on_the_danger_cylinder_a_pose_always_reprojects() {
     let tally = tally(4, on_the_danger_cylinder);
     assert_eq!(tally.none_reprojects, 0);
-    assert!(tally.missed_1e_3 <= 17, "{tally:?}");
+    assert!(tally.missed_1e_3 <= 2, "{tally:?}");
 }
 
 #[test]
 fn every_axis_aligned_right_angle_is_found() {
     let tally = tally(5, right_angle);
     assert_eq!((tally.missed, tally.none_reprojects), (0, 0));
+}
+
+/// φ comes from the height of C, not from the root. Not all: 0.08 % of the true poses have their companion so near in φ that both
+/// starts end at it (docs/math/p3p.md, section 6).
+#[test]
+fn both_poses_of_a_trammel_are_found() {
+    let tally = tally(9, trammel);
+    assert_eq!(tally.none_reprojects, 0);
+    assert!(tally.missed <= PROBLEMS / 1_000, "{tally:?}");
+}
+
+/// A view along the axes of a half-metre grid: (−1, 0, 5), (½, ½, 4½), (1, 0, 4) from (−1, 0, 0), two of whose four poses share a root.
+#[test]
+fn trammel_on_a_grid_regression() {
+    let places = [Point::new(-1.0, 0.0, 5.0), Point::new(0.5, 0.5, 4.5), Point::new(1.0, 0.0, 4.0)];
+    for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
+        let scene = Scene::new(order.map(|i| places[i]), Pose::new(Matrix3::identity(), Vector3::x()));
+        let poses = p3p(&scene.bearings, &scene.places);
+        assert_eq!(poses.len(), 4, "{order:?}");
+        assert!(poses.iter().any(|pose| scene.error(pose) < 1e-12), "{order:?}");
+        assert!(poses.iter().all(|pose| scene.reprojection(pose) < 1e-14), "{order:?}");
+    }
 }
 
 #[test]

@@ -109,7 +109,7 @@ fn submodules_use_only_those_above_them() {
     let files = files();
     let mut checked = 0;
     for (name, text) in &files {
-        let Some((parent, own)) = name.trim_end_matches(".rs").split_once('/') else { continue };
+        let Some((parent, own)) = name.trim_end_matches(".rs").rsplit_once('/') else { continue };
         let parent_text = &files.iter().find(|f| f.0 == format!("{parent}.rs")).expect("the parent").1;
         let order = modules(parent_text);
         let place = |module: &str| order.iter().position(|m| m == module);

@@ -1,4 +1,4 @@
-"""Checks docs/math/p3p.md: eqs. (2), (4)-(12) symbolically, and the polishing step of polynomial.rs. Needs SymPy."""
+"""Checks docs/math/p3p.md: eqs. (2), (4)-(13) symbolically, and the polishing step of polynomial.rs. Needs SymPy."""
 
 import sympy as sp
 
@@ -28,6 +28,18 @@ first = (s - 1) * D + (g - x) * N
 second = s * N + x * D
 assert sp.expand(first * c2 - second * c1) == 0
 assert sp.expand(second - K * c2) == 0 and sp.expand(first - K * c1) == 0
+
+# Section 4: with N = D = 0 the foot of C is on the circle through the camera, A and B for every phi, and stays on its ray.
+on = sp.solve([N, D], [s, x], dict=True)[0]
+foot = [mu_c[0].subs(on), mu_c[1].subs(on)]
+assert sp.simplify(foot[0] * c2 - foot[1] * c1) == 0
+circle = foot[0] ** 2 + foot[1] ** 2 - lam * foot[0] - (lam * sp.cos(phi) + 1) / sp.sin(phi) * foot[1]
+assert sp.simplify(circle.subs(phi, 2 * sp.atan(sp.Symbol("half", positive=True)))) == 0
+assert sp.simplify(K.subs(on)) == 0
+
+# (13): the part of C' along its ray's foot.
+along = (c1 * (g - x) + c2 * s) * sp.sin(phi) + (c1 * (s - 1) + c2 * x) * sp.cos(phi)
+assert sp.expand(along - c1 * mu_c[0] - c2 * mu_c[1]) == 0
 
 # (5)-(8) as the code has them, scaled by sigma: x = sigma x1, c2 = c2h/sigma, c3 = c3h/sigma, g = kappa/sigma.
 sigma, kappa, c2h, c3h = sp.symbols("sigma kappa c2h c3h", positive=True)

@@ -8,6 +8,8 @@
 //!   s, h     C along and across A–B: C = A + s e + h m   ·   (e, m, k), (p, q, n)  frames of the triangle, of the rays
 //!   c₁ c₂ c₃ c in the frame (p, q, n), p = a, n ⟂ a, b   ·   u + iv = exp(iθ)   ·   w = 1/σ²   ·   ρ² = N² + w D²
 
+mod trammel;
+
 use super::Candidates;
 use crate::polynomial::Factors;
 use crate::{Bearing, Point, Pose};
@@ -22,12 +24,14 @@ const MIN_HEIGHT: f64 = 1e-10;
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Two roots closer than this (as cos θ) are one, split by rounding: √ε, with margin.
 const MERGE: f64 = 3e-8;
-/// Largest |u² + v² − 1| of a root: a pose off by this misses C by half of it times h.
-const MAX_DEFECT: f64 = 1e-9;
+/// Largest h |u² + v² − 1| of a root: a pose off by this misses C by half of it, in units of A–B.
+const MAX_MISS: f64 = 1e-9;
+/// Largest |u² + v² − 1| whatever the height: its square is rounding.
+const MAX_DEFECT: f64 = 2e-8;
 /// A defect above this is more than rounding.
 const NEEDS_POLISH: f64 = 1e-12;
-/// A ρ² below this part of r₀ is what rounding left of N = D = 0, where φ means nothing: the pose would miss by ε/1e-8 and more.
-const MIN_RHO2: f64 = 1e-16;
+/// A ρ²/σ² below this leaves N and D fewer than eleven digits to tell φ, none at 0: docs/math/p3p.md, section 4.
+const MIN_RHO2: f64 = 1e-11;
 /// Imaginary part, as cos θ, up to which a complex pair may be a double root split by rounding; the defect decides.
 const BLUR: f64 = 0.01;
 
@@ -38,35 +42,52 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
     let rays = Rays::new(&bearings[i], &bearings[j], &bearings[k]);
     let triangle = Triangle::new(&points_in_target[i], &points_in_target[j], &points_in_target[k]);
     if triangle.is_open && rays.are_distinct {
-        push_poses(&mut poses, &triangle, &rays);
+        let any_blunt = push_poses(&mut poses, &triangle, &rays);
+        if any_blunt {
+            trammel::solve_again(&mut poses, bearings, points_in_target, [i, j, k]);
+        }
     }
     poses
 }
 
+/// Whether some root cannot tell φ, and so was left out.
 #[inline]
-fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) {
+fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) -> bool {
     let hinge = Hinge::new(triangle, rays);
     let roots = hinge.roots();
     let frames = Frames::new(triangle, rays);
     let mut taken = ArrayVec::<[f64; 2], 4>::new();
+    let mut any_blunt = false;
     for x in roots {
         if !(x.abs() < hinge.reach * (1.0 + BLUR)) {
             continue;
         }
         let mut turn = hinge.turn(x);
+        any_blunt |= hinge.is_blunt(&turn);
         if NEEDS_POLISH < turn.defect.abs() {
             turn = hinge.turn(hinge.polished(x));
         }
         if !hinge.admits(&turn) {
             continue;
         }
-        let (u, v) = hinge.cosine_and_sine(&turn);
+        let angles = hinge.angles(&turn);
+        let Angles { u, v, .. } = angles;
         let twin = |other: &[f64; 2]| (other[0] - u).abs() + (other[1] - v).abs() < MERGE;
         if !taken.iter().any(twin) {
-            poses.push(frames.pose(&turn, u, v));
+            poses.push(frames.pose(&angles));
             taken.push([u, v]);
         }
     }
+    any_blunt
+}
+
+/// Cosine and sine of φ and of θ.
+#[derive(Clone, Copy)]
+struct Angles {
+    cos_phi: f64,
+    sin_phi: f64,
+    u: f64,
+    v: f64,
 }
 
 /// Order in which the first two rays enclose the largest angle.
@@ -163,6 +184,9 @@ struct Hinge {
     inverse_sigma: f64,
     /// n₀² + w d₀².
     r0: f64,
+    /// See MIN_RHO2.
+    least_rho2: f64,
+    hh: f64,
 }
 
 impl Hinge {
@@ -188,6 +212,8 @@ impl Hinge {
             reach,
             inverse_reach: 1.0 / reach,
             inverse_sigma: sigma2.sqrt() * w,
+            least_rho2: MIN_RHO2 * sigma2,
+            hh: triangle.hh,
         }
     }
 
@@ -247,21 +273,35 @@ impl Hinge {
         best.x
     }
 
+    /// Whether N and D are too small to tell φ.
+    #[inline]
+    fn is_blunt(&self, turn: &Turn) -> bool {
+        turn.rho2 < self.least_rho2
+    }
+
     /// Whether it reprojects and every depth is positive.
     #[inline]
     fn admits(&self, turn: &Turn) -> bool {
         // A or B would lie behind the camera, eq. (3).
         let in_front = 0.0 < turn.n * turn.k && 0.0 < (turn.n * self.kappa - turn.d) * turn.k;
-        in_front && turn.defect.abs() < MAX_DEFECT && MIN_RHO2 * self.r0 < turn.rho2
+        let defect = turn.defect.abs();
+        in_front
+            && (defect < MAX_MISS || defect < MAX_DEFECT && defect * defect * self.hh < MAX_MISS * MAX_MISS)
     }
 
-    /// u, v of eq. (7), on the circle.
+    /// φ of eq. (6), θ of eq. (7) on the circle.
     #[inline]
-    fn cosine_and_sine(&self, turn: &Turn) -> (f64, f64) {
+    fn angles(&self, turn: &Turn) -> Angles {
         let inverse_rho = turn.rho2.sqrt() * turn.inverse_rho2;
-        let unit = (1.0 - 0.5 * turn.defect) * self.inverse_reach; // |defect| < 1e-9: the next term is below ε
+        let signed = inverse_rho.copysign(turn.k); // the depth of C is positive
+        let unit = (1.0 - 0.5 * turn.defect) * self.inverse_reach; // |defect| < 3e-8: the next term is of the order of ε
         let y = self.c3 * self.inverse_sigma * turn.k.abs() * inverse_rho;
-        (turn.x * unit, y * unit)
+        Angles {
+            cos_phi: turn.d * (signed * self.inverse_sigma),
+            sin_phi: turn.n * signed,
+            u: turn.x * unit,
+            v: y * unit,
+        }
     }
 }
 
@@ -304,9 +344,8 @@ impl Frames {
 
     /// Eq. (9).
     #[inline]
-    fn pose(&self, turn: &Turn, u: f64, v: f64) -> Pose {
-        let inverse_rho = (turn.rho2.sqrt() * turn.inverse_rho2).copysign(turn.k); // eq. (6): the depth of C is positive
-        let (cos_phi, sin_phi) = (turn.d * (inverse_rho * self.inverse_sigma), turn.n * inverse_rho);
+    fn pose(&self, angles: &Angles) -> Pose {
+        let Angles { cos_phi, sin_phi, u, v } = *angles;
         // e, m, k of the triangle, in the camera frame.
         let e = self.p * cos_phi + self.q * sin_phi;
         let across = self.q * cos_phi - self.p * sin_phi;
