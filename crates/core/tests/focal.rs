@@ -116,7 +116,7 @@ fn tally<const N: usize, const M: usize>(
 const PROBLEMS: usize = 50_000;
 
 /// No candidate behind the camera, with NaN or with a matrix that is no rotation; the pose found but for one problem in ten thousand.
-/// (Those were looked at: two nearly equal solutions, or a root lost to rounding.) Not shown: how noise spreads.
+/// (Those of four and five points were looked at: two nearly equal solutions, or a root lost to rounding.) Not shown: how noise spreads.
 fn all_are_found(name: &str, tally: &Tally) {
     println!("{name}: {tally:?}");
     assert_eq!((tally.behind, tally.not_finite, tally.no_rotation), (0, 0, 0), "{name}");

@@ -11,6 +11,8 @@ use crate::solve::Candidates;
 use crate::{Bearing, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2, Vector2, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// Newton steps: a double pose gains one bit of its 27 with each.
 const STEPS: usize = 40;
