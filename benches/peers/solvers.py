@@ -252,7 +252,7 @@ def robust_calls():
 
 def robust_rows(options):
     calls = robust_calls()
-    names = [*calls, ("Resight", "`locate_robust`"), ("", "maximum likelihood on the right points")]
+    names = [*calls, ("Resight", "`consensus`"), ("", "maximum likelihood on the right points")]
     cells = {name: [] for name in names}
     for share in (0.5, 0.8, 0.9):
         count, n = options.robust, 1000
