@@ -43,6 +43,8 @@ pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 #[cfg(feature = "std")]
+pub mod rig;
+#[cfg(feature = "std")]
 pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};

@@ -47,7 +47,7 @@ pub use explain::{explain, explain_from_bytes};
 
 use crate::FileError;
 use crate::core::camera::ImageSize;
-use crate::core::{Camera, Pose, Target};
+use crate::core::{Camera, Matrix6, Pose, Target};
 use document::{Document, Fault};
 use std::path::Path;
 
@@ -127,6 +127,17 @@ pub struct Placement {
     pub a: String,
     /// Rotation and translation (metres).
     pub b_from_a: Pose,
+    /// Covariance of its small left motion `[rotation_rad; translation_m]`, frame b, where the file states one.
+    pub covariance: Option<Matrix6>,
+}
+
+/// A file to be written: some formats take several (one a camera, or one a table).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OutFile {
+    /// File name, without a folder.
+    pub name: String,
+    /// Contents.
+    pub text: String,
 }
 
 /// One camera of a file.

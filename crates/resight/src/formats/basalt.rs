@@ -72,5 +72,6 @@ fn placement(root: &Entry<'_>, pose: Option<&Entry<'_>>, name: &str) -> Result<P
         b: "imu".into(),
         a: name.to_owned(),
         b_from_a: checks::quaternion_pose(pose, wxyz, translation)?,
+        covariance: None,
     })
 }

@@ -77,7 +77,7 @@ fn placement(entry: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> 
     match (entry.get("rotation"), entry.get("translation")) {
         (Some(r), Some(t)) => {
             let b_from_a = Pose::new(checks::rotation_matrix_or_vector(&r)?, checks::vector3(&t)?);
-            Ok(Some(Placement { b: name.to_owned(), a: "world".into(), b_from_a }))
+            Ok(Some(Placement { b: name.to_owned(), a: "world".into(), b_from_a, covariance: None }))
         }
         (None, None) => Ok(None),
         _ => Err(entry.fault("rotation and translation belong together; one is missing")),

@@ -24,7 +24,12 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let camera = kalibr::camera_of(&root, "distortion_coefficients", &mut contents.warnings)?;
     let name = name_of(document);
     let placement = match root.get("T_BS") {
-        Some(t) => Some(Placement { b: "body".into(), a: name.clone(), b_from_a: checks::pose4x4(&t)? }),
+        Some(t) => Some(Placement {
+            b: "body".into(),
+            a: name.clone(),
+            b_from_a: checks::pose4x4(&t)?,
+            covariance: None,
+        }),
         None => None,
     };
     contents.cameras.push(NamedCamera { name, camera, placement });

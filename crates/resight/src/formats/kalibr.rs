@@ -50,8 +50,10 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             contents.warnings.extend(contradiction(at, chain, this, before));
         }
         let placement = match (from_previous, from_imu) {
-            (Some((a, b_from_a, _)), _) => Some(Placement { b: name.clone(), a, b_from_a }),
-            (None, Some(b_from_a)) => Some(Placement { b: name.clone(), a: "imu".into(), b_from_a }),
+            (Some((a, b_from_a, _)), _) => Some(Placement { b: name.clone(), a, b_from_a, covariance: None }),
+            (None, Some(b_from_a)) => {
+                Some(Placement { b: name.clone(), a: "imu".into(), b_from_a, covariance: None })
+            }
             (None, None) => None,
         };
         previous = Some((name.clone(), from_imu));

@@ -66,5 +66,5 @@ fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
     let n = rt.exactly(6, "rotation vector, translation")?;
     let rotation = checks::rodrigues(&rt, Vector3::new(n[0], n[1], n[2]))?;
     let b_from_a = Pose::new(rotation, Vector3::new(n[3], n[4], n[5]));
-    Ok(Some(Placement { b: name.to_owned(), a: "reference".into(), b_from_a }))
+    Ok(Some(Placement { b: name.to_owned(), a: "reference".into(), b_from_a, covariance: None }))
 }

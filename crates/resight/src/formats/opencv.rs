@@ -203,7 +203,7 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
         _ => return Err(r.fault(format!("R and T need two cameras; the file has {}", names.len()))),
     };
     contents.warnings.extend(checks::unit_warning(&t.path, b_from_a.translation.norm()));
-    let placement = Placement { b, a, b_from_a };
+    let placement = Placement { b, a, b_from_a, covariance: None };
     match contents.cameras.get_mut(1) {
         Some(second) => second.placement = Some(placement),
         None => contents.relations.push(placement),

@@ -18,7 +18,8 @@ use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks};
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
-use crate::core::{Camera, Lens};
+use crate::core::{Camera, Lens, Matrix6};
+use nalgebra::RowVector6;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Own,
@@ -169,13 +170,32 @@ fn photogrammetric(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Came
 }
 
 fn placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
-    entry.only(&["b", "a", "rotation_wxyz", "translation_m"])?;
+    entry.only(&["b", "a", "rotation_wxyz", "translation_m", "covariance"])?;
     let rotation = entry.need("rotation_wxyz")?;
     let q = rotation.exactly(4, "w, x, y, z")?;
     let translation = checks::vector3(&entry.need("translation_m")?)?;
     let b_from_a = checks::quaternion_pose(&rotation, [q[0], q[1], q[2], q[3]], translation)?;
     let (b, a) = (entry.need("b")?.text()?.to_owned(), entry.need("a")?.text()?.to_owned());
-    Ok(Placement { b, a, b_from_a })
+    let covariance = entry.get("covariance").map(|c| covariance(&c)).transpose()?;
+    Ok(Placement { b, a, b_from_a, covariance })
+}
+
+/// Six rows of six numbers, `[rotation_rad; translation_m]`, frame b.
+fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
+    let rows = entry.items()?;
+    if rows.len() != 6 {
+        return Err(entry.fault(format!("holds {} rows; a covariance of a pose has 6", rows.len())));
+    }
+    let mut matrix = Matrix6::zeros();
+    for (i, row) in rows.iter().enumerate() {
+        matrix.set_row(i, &RowVector6::from_row_slice(&row.exactly(6, "covariances")?));
+    }
+    let defect = (matrix - matrix.transpose()).amax();
+    let least = matrix.symmetric_eigenvalues().min();
+    if 1e-9 * matrix.amax() < defect || least < -1e-9 * matrix.amax() {
+        return Err(entry.fault("is no covariance: it must be symmetric, without negative eigenvalues"));
+    }
+    Ok(matrix)
 }
 
 /// Every model and every pose.
@@ -228,12 +248,22 @@ fn model_text(numbers: &LensNumbers) -> String {
 }
 
 fn placement_text(p: &Placement) -> String {
-    format!(
+    let covariance = p.covariance.as_ref().map_or_else(String::new, |covariance| {
+        let rows: String = covariance
+            .row_iter()
+            .map(|row| format!("  {},\n", list(&row.iter().copied().collect::<Vec<_>>())))
+            .collect();
+        format!(
+            "covariance = [ # of [rotation_rad; translation_m], small motion on the left, frame b\n{rows}]\n"
+        )
+    });
+    let pose = format!(
         "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = \
             {}\ntranslation_m = {}\n",
         quoted(&p.b),
         quoted(&p.a),
         list(&p.b_from_a.quaternion_wxyz()),
         list(p.b_from_a.translation.as_slice())
-    )
+    );
+    pose + &covariance
 }
