@@ -5,6 +5,7 @@
 #   benches/peers/run.sh tag            tag image → pose, against OpenCV
 #   benches/peers/run.sh four-points    four known points → pose, against OpenCV, PoseLib and COLMAP
 #   benches/peers/run.sh family         minimal solvers, refinement, n points, wrong correspondences, against the same
+#   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -39,18 +40,22 @@ family)
     build -p resight-core --example bench_family
     compare solvers.py "$folder/examples/bench_family" "$@"
     ;;
+rig)
+    build -p resight-core --example bench_rig
+    compare rig.py "$folder/examples/bench_rig" "$@"
+    ;;
 bad-inputs)
     build -p resight-cli
     compare bad_inputs.py "$folder/resight" "$@"
     ;;
 all)
-    for table in tag four-points family bad-inputs; do
+    for table in tag four-points family rig bad-inputs; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, four-points, family, bad-inputs and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, four-points, family, rig, bad-inputs and, without a name, all of them" >&2
     exit 2
     ;;
 esac
