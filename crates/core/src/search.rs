@@ -57,7 +57,7 @@ fn refine_pair(candidates: &Candidates, normal: &Vector3<f64>, problem: &Problem
     let Some((first, others)) = candidates.split_first() else { return };
     refine_each(&[*first], problem, minima);
     let Some(best) = minima.first() else { return refine_each(others, problem, minima) };
-    let mirrored = mirrored(&best.cam_from_target, normal, problem.seen);
+    let mirrored = mirrored(&best.cam_from_target, normal, &centroid(problem.seen), &Point::zeros());
     let Some(second) = others.first() else { return refine_each(&[mirrored], problem, minima) };
     let start_chi2 = |start: &Pose| residual_sums(start, problem).0;
     let (chi2_mirrored, chi2_second) = (start_chi2(&mirrored), start_chi2(second));
@@ -169,14 +169,19 @@ fn plane_normal(configuration: &Configuration, seen: &[Correspondence]) -> Vecto
     (x(j) - x(i)).cross(&(x(k) - x(i))).normalize()
 }
 
-/// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to
-/// the line of sight. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
-fn mirrored(cam_from_target: &Pose, normal: &Vector3<f64>, seen: &[Correspondence]) -> Pose {
-    let centre = centroid(seen);
-    let centre_in_cam = cam_from_target * &centre;
-    let sight = centre_in_cam.normalize();
+/// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to the line
+/// of sight, which begins at `eye`. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
+#[inline]
+pub(crate) fn mirrored(
+    b_from_target: &Pose,
+    normal: &Vector3<f64>,
+    centre: &Point,
+    eye_in_b: &Point,
+) -> Pose {
+    let centre_in_b = b_from_target * centre;
+    let sight = (centre_in_b - eye_in_b).normalize();
     let reflection = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * 2.0;
     // Two reflections make a rotation; the one in the target's own plane does not move its points.
-    let rotation = reflection(&sight) * cam_from_target.rotation * reflection(normal);
-    Pose::new(rotation, centre_in_cam - rotation * centre)
+    let rotation = reflection(&sight) * b_from_target.rotation * reflection(normal);
+    Pose::new(rotation, centre_in_b - rotation * centre)
 }

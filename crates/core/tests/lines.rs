@@ -208,16 +208,6 @@ fn lane() -> Segments {
     vec![edge(-1.75), edge(1.75), [Point::new(-1.75, 6.0, 0.0), Point::new(1.75, 6.0, 0.0)]]
 }
 
-/// From behind the lane's beginning, 1.2 to 3 m up, looking down the road.
-fn on_the_road(rng: &mut Rng) -> Pose {
-    let centre = Point::new(rng.uniform(-1.5, 1.5), rng.uniform(-4.0, -1.0), rng.uniform(1.2, 3.0));
-    let at = Point::new(rng.uniform(-0.5, 0.5), rng.uniform(6.0, 9.0), 0.0);
-    let z = (at - centre).normalize();
-    let x = z.cross(&Vector3::new(rng.uniform(-0.1, 0.1), 0.0, 1.0)).normalize();
-    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
-    Pose::new(rotation, -(rotation * centre))
-}
-
 /// Eight edges of a box of 1 × 0.8 × 0.6 m.
 fn edges_of_a_box() -> Segments {
     let at = |x: f64, y: f64, z: f64| Point::new(x, 0.8 * y, 0.6 * z);
@@ -250,7 +240,7 @@ fn around(rng: &mut Rng) -> Pose {
 /// Lines and points of a scene.
 type Scene = (fn() -> Segments, fn(&mut Rng) -> Pose, usize);
 
-const LANE: Scene = (lane, on_the_road, 0);
+const LANE: Scene = (lane, views::on_the_road, 0);
 const BOX: Scene = (edges_of_a_box, around, 0);
 const THREE: Scene = (three_in_space, around, 0);
 const BOX_AND_TWO_POINTS: Scene = (edges_of_a_box, around, 2);
@@ -401,7 +391,7 @@ fn noisy_lines_reach_the_bound() {
 #[test]
 fn lines_that_leave_the_pose_open_are_refused() {
     let mut rng = Rng::new(31);
-    let pose = on_the_road(&mut rng);
+    let pose = views::on_the_road(&mut rng);
     let lines: Vec<_> = lane().into_iter().filter_map(|ends| line(&mut rng, &pose, ends, 0.0)).collect();
     assert_eq!(lines.len(), 3);
     assert_eq!(solve(&lines[..2], &[]).map(|_| ()), Err(Error::TooFewPoints { seen: 2, needed: 3 }));

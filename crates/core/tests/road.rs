@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Rng, views};
-use nalgebra::{Matrix3, Unit, Vector2, Vector3};
+use nalgebra::{Unit, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::line::{ImageLine, LineCorrespondence};
 use resight_core::locate_lines::{LinesEstimate, locate_lines, refine_lines};
@@ -12,16 +12,6 @@ use resight_core::problem::Problem;
 use resight_core::{Error, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;
-
-/// From before the stop line, 1.2 to 3 m above the road, looking along it.
-fn on_the_road(rng: &mut Rng) -> Pose {
-    let centre = Point::new(rng.uniform(-1.5, 1.5), rng.uniform(-4.0, -1.0), rng.uniform(1.2, 3.0));
-    let at = Point::new(rng.uniform(-0.5, 0.5), rng.uniform(6.0, 9.0), 0.0);
-    let z = (at - centre).normalize();
-    let x = z.cross(&Vector3::new(rng.uniform(-0.1, 0.1), 0.0, 1.0)).normalize();
-    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
-    Pose::new(rotation, -(rotation * centre))
-}
 
 /// A segment and its image; `is_placed` says whether its place is known, or only its direction.
 fn mark(
@@ -69,7 +59,7 @@ fn error(truth: &Pose, found: &Pose) -> Vector6 {
 fn a_lane_with_its_stop_line_has_a_twin_below_the_road() {
     let mut rng = Rng::new(1);
     for _ in 0..300 {
-        let pose = on_the_road(&mut rng);
+        let pose = views::on_the_road(&mut rng);
         let lines = marks(&mut rng, &pose, true, 0.0);
         let Ambiguity::Ambiguous { other, .. } = solve(&lines, &[]).expect("a pose").ambiguity else {
             panic!("the twin is missing")
@@ -95,7 +85,7 @@ fn a_road_of_unknown_width_needs_the_height() {
     let mut rng = Rng::new(2);
     let (mut ambiguous, total) = (0, 500);
     for _ in 0..total {
-        let pose = on_the_road(&mut rng);
+        let pose = views::on_the_road(&mut rng);
         let lines = marks(&mut rng, &pose, false, 0.0);
         assert_eq!(solve(&lines, &[]).map(|_| ()), Err(Error::TooFewPoints { seen: 3, needed: 3 }));
         let found = solve(&lines, &[height(&pose, 0.0, 0.01)]).expect("a pose");
@@ -124,7 +114,7 @@ fn road_marks_reach_the_bound() {
         let mut rng = Rng::new(seed);
         let (mut rotation, mut place, mut nees, mut covered, mut taken, mut far) = (0.0, 0.0, 0.0, 0, 0, 0);
         for _ in 0..5000 {
-            let pose = on_the_road(&mut rng);
+            let pose = views::on_the_road(&mut rng);
             let lines = marks(&mut rng, &pose, width_is_known, SIGMA_PX);
             let Ok(found) = solve(&lines, &[height(&pose, 0.02 * rng.normal(), 0.02)]) else { continue };
             let near = |p: &Pose| error(&pose, p).norm();

@@ -4,12 +4,12 @@ use super::RigView;
 use super::cost::RigCost;
 use crate::method::{Method, resolve};
 use crate::problem::Problem;
-use crate::search::closed_form;
+use crate::search::{closed_form, mirrored};
 use crate::solve::configuration::{MAX_PLANE_THICKNESS, classify};
 use crate::solve::gp3p::{Ray, gp3p};
 use crate::{Correspondence, Point, Pose};
 use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Unit, Vector3};
+use nalgebra::{Unit, Vector3};
 
 /// Starts kept, best first. Three rays have up to eight poses, and the true one may be any of them.
 const MAX_STARTS: usize = 12;
@@ -134,19 +134,14 @@ impl Extents {
         Some(Extents { length, width, normal, thickness })
     }
 
-    /// For a flat target the start for the other minimum: the target mirrored in the plane through its centre perpendicular
-    /// to the line of sight from the
-    /// middle of the cameras. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
+    /// For a flat target the start for the other minimum, as seen from the middle of the cameras.
     pub fn push_mirrored(&self, starts: &mut Starts, cost: &RigCost, rig_from_target: &Pose, centre: &Point) {
         let is_flat = self.thickness <= MAX_PLANE_THICKNESS * self.width;
         if !is_flat {
             return;
         }
         let cameras = cost.views.iter().map(|view| view.cam_from_rig.origin()).sum::<Point>();
-        let centre_in_rig = rig_from_target * centre;
-        let sight = (centre_in_rig - cameras / cost.views.len() as f64).normalize();
-        let reflection = |n: &Vector3<f64>| Matrix3::identity() - n * n.transpose() * 2.0;
-        let rotation = reflection(&sight) * rig_from_target.rotation * reflection(&self.normal);
-        push(starts, cost, Pose::new(rotation, centre_in_rig - rotation * centre));
+        let eye_in_rig = cameras / cost.views.len() as f64;
+        push(starts, cost, mirrored(rig_from_target, &self.normal, centre, &eye_in_rig));
     }
 }

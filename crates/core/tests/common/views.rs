@@ -79,3 +79,13 @@ pub fn moved_pixel(c: &Correspondence, by_px: Vector2<f64>) -> Correspondence {
 pub fn disturbed(rng: &mut Rng, seen: &[Correspondence]) -> Vec<Correspondence> {
     seen.iter().map(|c| moved_pixel(c, Vector2::new(rng.normal(), rng.normal()) * c.sigma_px)).collect()
 }
+
+/// From before the stop line, 1.2 to 3 m above the road, looking along it.
+pub fn on_the_road(rng: &mut Rng) -> Pose {
+    let centre = Point::new(rng.uniform(-1.5, 1.5), rng.uniform(-4.0, -1.0), rng.uniform(1.2, 3.0));
+    let at = Point::new(rng.uniform(-0.5, 0.5), rng.uniform(6.0, 9.0), 0.0);
+    let z = (at - centre).normalize();
+    let x = z.cross(&Vector3::new(rng.uniform(-0.1, 0.1), 0.0, 1.0)).normalize();
+    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    Pose::new(rotation, -(rotation * centre))
+}
