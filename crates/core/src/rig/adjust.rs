@@ -126,7 +126,8 @@ impl<'a> Adjustment<'a> {
             check_joined(self.layout, |i| 0 < parts.n_used(i))?;
             let active = active(self.layout, &parts);
             let found = self.minimize(&active, loss, 0.0)?;
-            (self.places, residuals) = (found.places, residuals_of(&self));
+            self.places = found.places;
+            residuals = self.residuals();
             let next = self.parts(&residuals, variance);
             let is_settled = next.is_used == parts.is_used && self.config.loss != Loss::Squared;
             parts = next;
@@ -158,10 +159,6 @@ impl<'a> Adjustment<'a> {
         self.steps += found.steps;
         if found.converged { Ok(found) } else { Err(Error::NotConverged { steps: self.steps }) }
     }
-}
-
-fn residuals_of(adjustment: &Adjustment) -> Vec<Residuals> {
-    adjustment.residuals()
 }
 
 /// Borrowed where all of a sighting's points take part.
