@@ -15,6 +15,8 @@ use geometry::{Extent, TargetInView};
 use nalgebra::Matrix3;
 use shapes::{Join, Shapes, color_of};
 
+/// Colours of cameras, on report pages too: `c0` … in page.css.
+pub(crate) const N_COLORS: usize = shapes::COLORS.len();
 /// Views carry names, not times: they follow each other at ten a second.
 const VIEW_PERIOD_NS: u64 = 100_000_000;
 const RIG: &str = "rig";

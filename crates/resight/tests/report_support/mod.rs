@@ -4,6 +4,8 @@
 //! `a_solved_rig_is_reported` says.
 #![allow(dead_code)]
 
+pub mod page;
+
 use nalgebra::{DMatrix, Vector2};
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize};
 use resight::core::rig::{
