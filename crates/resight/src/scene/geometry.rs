@@ -219,9 +219,17 @@ pub(crate) fn extent(run: &RigRun, targets: &[TargetInView]) -> Extent {
     places.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
     places.truncate((places.len() * 95).div_ceil(100));
     places.extend(&cameras);
-    let centre = mean(&places);
+    // The middle of the box, not the mean: where most targets were held must not push the cameras out of the picture.
+    let centre = middle_of_box(&places);
     let radius_m = places.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
     Extent { centre, radius_m: if 1e-6 < radius_m && radius_m.is_finite() { radius_m } else { 1.0 } }
+}
+
+fn middle_of_box(points: &[Point]) -> Point {
+    let [first, rest @ ..] = points else { return Point::zeros() };
+    let (least, greatest) =
+        rest.iter().fold((*first, *first), |(least, greatest), x| (least.inf(x), greatest.sup(x)));
+    (least + greatest) * 0.5
 }
 
 fn mean(points: &[Point]) -> Point {

@@ -94,14 +94,18 @@ fn camera(drawn: &Drawn, plane: Plane, camera: usize) -> String {
         geometry::ellipse(&plane.covariance(&placed.cam_from_rig, &placed.covariance), scale);
     let [x, y] = place.map(|x| number(x, 1));
     format!(
-        "<g class=\"{}\"><path d=\"{wedge}\"/><ellipse cx=\"{x}\" cy=\"{y}\" rx=\"{}\" ry=\"{}\" transform=\"rotate({} {x} {y})\"/>\
-         <text x=\"{}\" y=\"{}\">{}</text></g>",
+        "<g class=\"{}\"><path d=\"{wedge}\"/><ellipse cx=\"{x}\" cy=\"{y}\" rx=\"{}\" ry=\"{}\" transform=\"rotate({} {x} {y})\"/>{}</g>",
         color_class(camera),
         number(long.max(1.5), 1),
         number(short.max(1.5), 1),
         number(direction_rad.to_degrees(), 1),
-        number(place[0] + 7.0, 1),
-        number(place[1] - 7.0, 1),
-        drawn.camera_name(camera)
+        label(place, &drawn.camera_name(camera))
     )
+}
+
+/// A name beside a place, on the side where there is room.
+fn label([x, y]: [f64; 2], name: &str) -> String {
+    let (side, anchor) = if x < 0.75 * SIDE { (7.0, "start") } else { (-7.0, "end") };
+    let [x, y] = [number(x + side, 1), number(y - 7.0, 1)];
+    format!("<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\">{name}</text>")
 }

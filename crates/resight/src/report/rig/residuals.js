@@ -12,6 +12,7 @@ for (let i = 0, first = 0; i < data.sightings.length; i += 4) {
   sightings[camera].push({ view, first, count });
   first += count;
 }
+const LONGEST_LEFT_OUT = 0.1; // of the width: magnified, they would cover everything else
 let magnification = data.residual_magnification;
 
 // Calls back with place (0 to 1), residual (in units of the image) and whether the point was left out.
@@ -35,12 +36,15 @@ function drawField(canvas) {
   const scale = [width / (u1 - u0), height / (v1 - v0)];
   const paths = [new Path2D(), new Path2D()];
   const counts = [0, 0];
+  const longest = width * LONGEST_LEFT_OUT;
   eachPoint(camera, (place, residual, isLeftOut) => {
     const kind = Number(isLeftOut);
     const [x, y] = [place[0] * width, place[1] * height];
+    const arrow = [residual[0] * magnification * scale[0], residual[1] * magnification * scale[1]];
+    const cut = isLeftOut ? Math.min(1, longest / Math.max(1e-9, Math.hypot(...arrow))) : 1;
     counts[kind] += 1;
     paths[kind].moveTo(x, y);
-    paths[kind].lineTo(x + residual[0] * magnification * scale[0], y + residual[1] * magnification * scale[1]);
+    paths[kind].lineTo(x + cut * arrow[0], y + cut * arrow[1]);
   });
   const isCrowded = counts[0] > 3000;
   pen.lineWidth = isCrowded ? 0.6 : 1.2;
@@ -61,7 +65,7 @@ function drawField(canvas) {
 function sayField(canvas, camera, counts) {
   const { name, unit } = data.cameras[camera];
   const view = state.view === ALL_VIEWS ? "all views" : "view " + data.views[state.view];
-  const lost = counts[1] ? ", " + counts[1] + " left out (dashed)" : "";
+  const lost = counts[1] ? ", " + counts[1] + " left out (dashed, cut at a tenth of the width)" : "";
   const drawn = counts[0] + " points used" + lost;
   const caption = canvas.parentElement.querySelector("figcaption");
   caption.textContent = name + ", " + view + ": " + drawn + "; residuals in " + unit + " magnified " + magnification + " ×";

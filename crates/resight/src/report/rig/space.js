@@ -8,7 +8,7 @@ const TURNS = {
   side: { ...START, yaw: Math.PI / 2, pitch: 0 },
 };
 let eye = { ...START };
-const FILLED = 0.95;
+const FILLED = 1.3;
 const NEAREST = 0.02;
 const ROUND = 32;
 

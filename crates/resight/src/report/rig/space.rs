@@ -17,7 +17,7 @@ pub(super) const YAW_RAD: f64 = 0.6;
 pub(super) const PITCH_RAD: f64 = 0.45;
 /// Distance of the eye in reaches of the scene, and the part of the picture's half height that the reach fills.
 pub(super) const DISTANCE: f64 = 3.2;
-const FILLED: f64 = 0.95;
+const FILLED: f64 = 1.3;
 
 pub(super) fn viewpoint(drawn: &Drawn) -> Viewpoint {
     Viewpoint {

@@ -79,10 +79,11 @@ pub(super) fn table(run: &RigRun) -> String {
     } else {
         String::new()
     };
-    let caption = format!(
+    let explained = format!(
         "Share of the points seen that were used, %; empty where a camera saw nothing, × where a whole sighting was left out{which}"
     );
-    format!("{}{}", legend(), tabular("views", &caption, &head, &rows))
+    let table = tabular("views", "Points used, %", &head, &rows);
+    format!("<p class=\"note\">{explained}.</p>{}{table}", legend())
 }
 
 fn legend() -> String {
