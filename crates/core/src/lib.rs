@@ -43,9 +43,9 @@ pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 #[cfg(feature = "std")]
-pub mod rig;
-#[cfg(feature = "std")]
 pub mod robust;
+#[cfg(feature = "std")]
+pub mod rig;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
