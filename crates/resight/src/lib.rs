@@ -9,9 +9,10 @@ pub mod detect;
 pub mod formats;
 pub mod overlay;
 pub mod render;
-pub mod report;
 pub mod rig;
 pub mod source;
+pub mod scene;
+pub mod report;
 
 pub use self::image::GrayImage;
 pub use error::FileError;

@@ -3,6 +3,7 @@
 /// A page being written.
 pub struct Page {
     title: String,
+    style: String,
     body: String,
 }
 
@@ -22,12 +23,23 @@ th,figcaption{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous{color:#f0c04a}.inconsis
 impl Page {
     /// An empty page.
     pub fn new(title: &str) -> Self {
-        Page { title: escaped(title), body: format!("<h1>{}</h1>\n", escaped(title)) }
+        Page { title: escaped(title), style: STYLE.into(), body: format!("<h1>{}</h1>\n", escaped(title)) }
     }
 
     /// A heading.
     pub fn heading(&mut self, text: &str) -> &mut Self {
         self.push(format!("<h2>{}</h2>\n", escaped(text)))
+    }
+
+    /// Markup of our own, as it is: every text in it must have gone through `escaped`.
+    pub(super) fn markup(&mut self, markup: &str) -> &mut Self {
+        self.push(format!("{markup}\n"))
+    }
+
+    /// Rules beside those that every page has.
+    pub(super) fn style(&mut self, rules: &str) -> &mut Self {
+        self.style.push_str(rules);
+        self
     }
 
     /// A paragraph.
@@ -67,9 +79,9 @@ impl Page {
     pub fn html(&self) -> String {
         format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title><style>{STYLE}</style></head>\n\
+             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title><style>{}</style></head>\n\
              <body>\n{}</body></html>\n",
-            self.title, self.body
+            self.title, self.style, self.body
         )
     }
 
@@ -81,12 +93,13 @@ impl Page {
 
 const STATUS_WORDS: [&str; 6] = ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "error"];
 
-fn escaped(text: &str) -> String {
+/// Text that cannot be taken for markup, in elements and in attributes between double quotes.
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// RFC 4648 base 64 with padding.
-fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {

@@ -1,0 +1,121 @@
+//! A rig's page: one file that shows where the cameras are, how sure that is, and what it rests on, without a network.
+//!
+//! Everything on it is there without scripts too: tables, drawings and a picture in space. With scripts the picture turns and every
+//! single residual can be looked at. Same run, same bytes.
+
+mod cameras;
+mod data;
+mod origin;
+mod pairs;
+mod pieces;
+mod plan;
+mod residuals;
+mod sentences;
+mod space;
+mod views;
+
+use super::html::{Page, escaped};
+use crate::rig::RigRun;
+use crate::scene::geometry::{self, Extent, TargetInView};
+
+pub use sentences::{scale_sentences, weakest_link_sentence};
+
+const STYLE: &str = include_str!("rig/page.css");
+/// One script: the parts share one scope and nothing else on the page.
+const SCRIPTS: [&str; 4] = [
+    include_str!("rig/data.js"),
+    include_str!("rig/space.js"),
+    include_str!("rig/residuals.js"),
+    include_str!("rig/controls.js"),
+];
+
+/// What several parts of the page draw from, computed once.
+struct Drawn<'a> {
+    run: &'a RigRun,
+    targets: Vec<TargetInView>,
+    extent: Extent,
+    ellipse_magnification: f64,
+}
+
+impl<'a> Drawn<'a> {
+    fn new(run: &'a RigRun) -> Self {
+        let targets = geometry::targets_in_views(run);
+        let extent = geometry::extent(run, &targets);
+        let ellipse_magnification = geometry::ellipse_magnification(run, &extent);
+        Drawn { run, targets, extent, ellipse_magnification }
+    }
+
+    fn camera_name(&self, camera: usize) -> String {
+        escaped(&self.run.rig.cameras[camera].name)
+    }
+}
+
+/// The whole page as HTML: what `--report FILE.html` writes.
+pub fn rig_page(run: &RigRun) -> String {
+    let drawn = Drawn::new(run);
+    let packed = residuals::packed(run);
+    let n = run.rig.cameras.len();
+    let mut page = Page::new(&format!("Rig of {n} camera{}", if n == 1 { "" } else { "s" }));
+    page.style(STYLE).markup(&summary(run)).markup(controls());
+    page.heading("Cameras").markup(&cameras::table(run)).markup(&cameras::legend(run));
+    page.heading("In space").markup(&space::figure(&drawn)).markup(&plan::figure(&drawn));
+    page.heading("Residuals").markup(&residuals::figures(&drawn, &packed));
+    page.heading("What hangs on what").markup(&sentences::section(run)).markup(&pairs::table(run));
+    page.heading("Views and cameras").markup(&views::table(run));
+    page.heading("Left out").markup(&views::rejected(run));
+    page.heading("Where this comes from").markup(&origin::section(run));
+    page.markup(&data::json(&drawn, &packed)).markup(&script());
+    page.html()
+}
+
+fn script() -> String {
+    format!("<script>\n\"use strict\";(()=>{{\n{}}})();\n</script>", SCRIPTS.concat())
+}
+
+/// The figures that say at once whether the run went well.
+fn summary(run: &RigRun) -> String {
+    let s = &run.solution;
+    let share = 100.0 * s.n_used as f64 / s.n_seen.max(1) as f64;
+    let per_dof = s.chi2 / s.degrees_of_freedom.max(1) as f64;
+    let cards = [
+        ("reprojection error, rms", format!("{} px", pieces::number(s.rms_px, 3))),
+        ("points used", format!("{} of {} ({share:.1} %)", grouped(s.n_used), grouped(s.n_seen))),
+        ("views", grouped(run.rig.views.len())),
+        ("χ² per degree of freedom", pieces::number(per_dof, 2)),
+        ("covariances widened by", format!("× {}", pieces::number(s.noise_scale, 2))),
+        ("frame of the rig", run.rig.cameras.get(s.reference).map_or(String::new(), |c| c.name.clone())),
+    ];
+    let card =
+        |(name, value): &(&str, String)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", escaped(value));
+    format!("<dl class=\"cards\">{}</dl>", cards.iter().map(card).collect::<String>())
+}
+
+/// One choice of view for picture and residuals alike; shown once scripts run.
+fn controls() -> &'static str {
+    "<div class=\"bar\" id=\"bar\" hidden><label>View <select id=\"view\"></select></label>\
+     <button type=\"button\" id=\"before\" aria-label=\"view before\">◀</button>\
+     <button type=\"button\" id=\"after\" aria-label=\"view after\">▶</button>\
+     <span id=\"said\" role=\"status\"></span></div>"
+}
+
+/// `12 345`, with narrow spaces.
+fn grouped(n: usize) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if 0 < i && (digits.len() - i).is_multiple_of(3) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn thousands_are_set_apart() {
+        assert_eq!(super::grouped(7), "7");
+        assert_eq!(super::grouped(1_234_567), "1\u{202f}234\u{202f}567");
+    }
+}

@@ -1,0 +1,87 @@
+//! The table of cameras: place, turn, how sure, what was used.
+
+use super::pieces::{color_class, number, row, tabular};
+use crate::core::Pose;
+use crate::core::rig::CameraInRig;
+use crate::report::html::escaped;
+use crate::report::words;
+use crate::rig::RigRun;
+use crate::scene::geometry;
+
+const HEAD: [&str; 11] = [
+    "camera",
+    "lens",
+    "place x",
+    "y",
+    "z (rig frame)",
+    "yaw, pitch, roll",
+    "± about its x y z",
+    "views",
+    "points used / seen",
+    "left out",
+    "rms, px",
+];
+
+/// One row a camera.
+pub(super) fn table(run: &RigRun) -> String {
+    let rows: String = (0..run.rig.cameras.len()).map(|camera| row(&cells(run, camera))).collect();
+    tabular("cameras", "Where each camera stands; ± is one standard deviation", &HEAD, &rows)
+}
+
+fn cells(run: &RigRun, camera: usize) -> Vec<String> {
+    let placed = &run.solution.cameras[camera];
+    let name = escaped(&run.rig.cameras[camera].name);
+    let swatch = format!("<span class=\"swatch {}\"></span>{name}", color_class(camera));
+    let mut cells = vec![swatch, escaped(run.rig.lenses[camera].model_name())];
+    cells.extend(if camera == run.solution.reference { reference() } else { place(placed) });
+    let left_out = placed.n_seen.saturating_sub(placed.n_used);
+    let share = 100.0 * left_out as f64 / placed.n_seen.max(1) as f64;
+    cells.extend([
+        super::grouped(placed.n_views),
+        format!("{} / {}", super::grouped(placed.n_used), super::grouped(placed.n_seen)),
+        format!("{} ({} %)", super::grouped(left_out), number(share, 1)),
+        number(placed.rms_px, 3),
+    ]);
+    cells
+}
+
+fn reference() -> Vec<String> {
+    ["0", "0", "0", "the rig's own frame", "exact"].map(String::from).to_vec()
+}
+
+fn place(placed: &CameraInRig) -> Vec<String> {
+    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    let origin = placed.cam_from_rig.origin();
+    let coordinate = |i: usize| words::coordinate(origin[i], covariance[(i, i)].max(0.0).sqrt());
+    let (turns, _) = words::sigmas(&placed.covariance);
+    vec![
+        coordinate(0),
+        coordinate(1),
+        coordinate(2),
+        turned(&placed.cam_from_rig, turns),
+        turns.map(words::degrees).join(" "),
+    ]
+}
+
+/// Angles with the decimals that the standard deviations warrant.
+fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
+    let decimals = words::decimals(sigmas_rad.into_iter().fold(f64::INFINITY, f64::min).to_degrees());
+    let angle = |x: f64| format!("{:+.decimals$}°", x.to_degrees());
+    words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
+}
+
+/// What the columns mean, and what became of the stated noise.
+pub(super) fn legend(run: &RigRun) -> String {
+    let scale = run.solution.noise_scale;
+    let noise = if 1.0 < scale {
+        format!(
+            "The residuals are larger than the stated standard deviations of the points say: every covariance was widened by the factor {}.",
+            number(scale, 2)
+        )
+    } else {
+        "The residuals are as large as the stated standard deviations of the points say.".into()
+    };
+    format!(
+        "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}</p>"
+    )
+}

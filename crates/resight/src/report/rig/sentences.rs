@@ -1,0 +1,74 @@
+//! What the rig hangs on, and what is known about its scale, in sentences.
+
+use super::pieces::number;
+use crate::core::rig::TargetScale;
+use crate::report::html::escaped;
+use crate::report::words;
+use crate::rig::RigRun;
+
+/// A size that differs by more than this many standard deviations is said to be off: chance does so once in 370 times.
+const CLEARLY_SIGMAS: f64 = 3.0;
+
+/// Which joint of the rig is the weakest, and what would strengthen it; none for a single camera.
+pub fn weakest_link_sentence(run: &RigRun) -> Option<String> {
+    let link = run.solution.weakest_link.as_ref()?;
+    let name = |camera: usize| run.rig.cameras.get(camera).map_or("?", |c| c.name.as_str());
+    let views = if link.n_shared_views == 1 { "view" } else { "views" };
+    Some(format!(
+        "The rig hangs on {} – {}: {} is known least, ± {} and ± {} in the worst direction, with {} shared {views}. More views that show one \
+         target to both cameras help most.",
+        name(link.camera),
+        name(link.with),
+        name(link.camera),
+        words::length(link.sigma_m),
+        words::degrees(link.sigma_rad),
+        link.n_shared_views,
+    ))
+}
+
+/// For each target, whether its stated size agrees with everything else.
+pub fn scale_sentences(run: &RigRun) -> Vec<String> {
+    run.rig.targets.iter().zip(&run.solution.scales).map(|(t, scale)| of_scale(&t.name, scale)).collect()
+}
+
+fn of_scale(name: &str, scale: &TargetScale) -> String {
+    let (off, sigma) = (scale.ratio - 1.0, scale.sigma);
+    if !(sigma.is_finite() && off.is_finite()) {
+        return format!(
+            "{name}: nothing else here has a length to compare its size with; an error of 1 % in it is an error of 1 % in every distance."
+        );
+    }
+    let decimals = words::decimals(100.0 * sigma);
+    let share = format!("{:.decimals$} ± {:.decimals$} %", 100.0 * off.abs(), 100.0 * sigma);
+    if off.abs() <= CLEARLY_SIGMAS * sigma {
+        return format!("{name}: its stated size agrees with everything else within {share}.");
+    }
+    format!(
+        "{name}: its stated size is {share} too {}: {} mm of {}.",
+        if off < 0.0 { "large" } else { "small" },
+        number(1e3 * off.abs() * scale.extent_m, 2),
+        words::length(scale.extent_m),
+    )
+}
+
+pub(super) fn section(run: &RigRun) -> String {
+    let sentences = weakest_link_sentence(run).into_iter().chain(scale_sentences(run));
+    sentences.map(|s| format!("<p>{}</p>\n", escaped(&s))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_are_said_with_their_side_and_millimetres() {
+        let say = |ratio, sigma| of_scale("board", &TargetScale { ratio, sigma, extent_m: 0.3 });
+        assert_eq!(
+            say(1.004, 0.0005),
+            "board: its stated size is 0.400 ± 0.050 % too small: 1.2 mm of 300 mm."
+        );
+        assert!(say(0.996, 0.0005).contains("too large"));
+        assert!(say(1.001, 0.0005).contains("agrees"));
+        assert!(say(1.0, f64::INFINITY).contains("1 % in every distance"));
+    }
+}

@@ -1,0 +1,181 @@
+//! A rig as a scene file: cameras, their pyramids and error ellipsoids, targets in every view, for viewers of MCAP.
+//!
+//! The file holds Foxglove's schemas as Protocol Buffers. Foxglove draws all of it; other viewers that know these schemas show what they
+//! know of them. What is in it: docs/report.md.
+
+pub(crate) mod geometry;
+mod protobuf;
+mod schema;
+mod mcap;
+mod shapes;
+
+use crate::core::{Point, Pose};
+use crate::rig::RigRun;
+use geometry::{Extent, TargetInView};
+use nalgebra::Matrix3;
+use shapes::{Join, Shapes, color_of};
+
+/// Colours of cameras, on report pages too: `c0` … in page.css.
+pub(crate) const N_COLORS: usize = shapes::COLORS.len();
+/// Views carry names, not times: they follow each other at ten a second.
+const VIEW_PERIOD_NS: u64 = 100_000_000;
+const RIG: &str = "rig";
+const GREY: shapes::Rgba = [0.55, 0.57, 0.60, 1.0];
+
+/// The rig as an MCAP file: what `--scene FILE.mcap` writes. View k is at (k + 1) · 0.1 s; what does not move is at the first.
+///
+/// Frames are `rig`, `camera/NAME` and `target/NAME`; metres. Same run, same bytes.
+pub fn rig_scene(run: &RigRun) -> Vec<u8> {
+    let targets = geometry::targets_in_views(run);
+    let extent = geometry::extent(run, &targets);
+    let mut file = mcap::Writer::new(concat!("resight ", env!("CARGO_PKG_VERSION")));
+    let topics = Topics::new(&mut file);
+    let magnification = geometry::ellipse_magnification(run, &extent);
+    cameras(&mut file, &topics, run, &extent, magnification);
+    views(&mut file, &topics, run, &targets);
+    file.metadata("resight", &metadata(run, magnification));
+    file.finish()
+}
+
+struct Topics {
+    transforms: u16,
+    cameras: u16,
+    targets: u16,
+    points: u16,
+    calibration: u16,
+}
+
+impl Topics {
+    /// `calibration` is a schema, since every camera gets a topic of its own; the others are topics.
+    fn new(file: &mut mcap::Writer) -> Self {
+        let mut schema = |root: &str| file.schema(&format!("foxglove.{root}"), &schema::descriptor_set(root));
+        let [transforms, scene, points, calibration] =
+            ["FrameTransforms", "SceneUpdate", "PointCloud", "CameraCalibration"].map(&mut schema);
+        Topics {
+            transforms: file.channel(transforms, "/tf"),
+            cameras: file.channel(scene, "/cameras"),
+            targets: file.channel(scene, "/targets"),
+            points: file.channel(points, "/points"),
+            calibration,
+        }
+    }
+}
+
+fn time_ns(view: usize) -> u64 {
+    (view as u64 + 1) * VIEW_PERIOD_NS
+}
+
+fn cameras(file: &mut mcap::Writer, topics: &Topics, run: &RigRun, extent: &Extent, magnification: f64) {
+    let time = time_ns(0);
+    let frames = run.rig.cameras.iter().zip(&run.solution.cameras).map(|(named, placed)| {
+        shapes::transform(time, RIG, &format!("camera/{}", named.name), &placed.cam_from_rig.inverse())
+    });
+    let transforms = protobuf::Message::new().messages(1, frames);
+    file.message(topics.transforms, time, &transforms.into_bytes());
+    for (i, named) in run.rig.cameras.iter().enumerate() {
+        let frame = format!("camera/{}", named.name);
+        let Some(calibration) = shapes::calibration(time, &frame, &run.rig.lenses[i]) else { continue };
+        let channel = file.channel(topics.calibration, &format!("/camera/{}/calibration", named.name));
+        file.message(channel, time, &calibration.into_bytes());
+    }
+    for i in 0..run.rig.cameras.len() {
+        let update = camera_shapes(run, i, extent, magnification);
+        let entity = format!("camera/{}", run.rig.cameras[i].name);
+        file.message(topics.cameras, time, &shapes::scene_update(time, RIG, &entity, update).into_bytes());
+    }
+}
+
+/// Pyramid, name and the 95 % ellipsoid of the place, magnified.
+fn camera_shapes(run: &RigRun, camera: usize, extent: &Extent, magnification: f64) -> Shapes {
+    let placed = &run.solution.cameras[camera];
+    let rig_from_cam = placed.cam_from_rig.inverse();
+    let depth = geometry::pyramid_depth_m(extent);
+    let area = geometry::image_area(&run.rig, camera);
+    let border = geometry::border_in_cam(&run.rig.lenses[camera], &area);
+    let border: Vec<Point> = border.iter().map(|x| x * depth).collect();
+    let rgba = color_of(camera, 1.0);
+    let corners = border.iter().step_by((border.len() / 4).max(1)).take(4);
+    let edges: Vec<Point> = corners.flat_map(|x| [Point::zeros(), *x]).collect();
+    let above = rig_from_cam * Point::new(0.0, -0.6 * depth, 0.0);
+    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    Shapes {
+        spheres: ellipsoid(&rig_from_cam.translation, &covariance, magnification, camera)
+            .into_iter()
+            .collect(),
+        lines: vec![
+            shapes::line(Join::Loop, &rig_from_cam, &border, rgba),
+            shapes::line(Join::Pairs, &rig_from_cam, &edges, rgba),
+        ],
+        texts: vec![shapes::text(&above, &run.rig.cameras[camera].name, rgba)],
+    }
+}
+
+/// None for the reference camera, which has no uncertainty.
+fn ellipsoid(
+    place: &Point,
+    covariance: &Matrix3<f64>,
+    magnification: f64,
+    camera: usize,
+) -> Option<protobuf::Message> {
+    let axes = geometry::half_axes(covariance, geometry::CHI2_3_95.sqrt());
+    let lengths = Point::from_fn(|i, _| axes.column(i).norm());
+    if !(0.0 < lengths.z && lengths.x.is_finite()) {
+        return None;
+    }
+    let [long, middle] = [0, 1].map(|i| axes.column(i) / lengths[i]);
+    let rotation = Matrix3::from_columns(&[long, middle, long.cross(&middle)]);
+    let rig_from_shape = Pose::new(rotation, *place);
+    Some(shapes::ellipsoid(&rig_from_shape, &(lengths * (2.0 * magnification)), color_of(camera, 0.4)))
+}
+
+/// Each view's message holds all of that view, so that a viewer may jump to any time.
+fn views(file: &mut mcap::Writer, topics: &Topics, run: &RigRun, targets: &[TargetInView]) {
+    let points = geometry::target_points(&run.rig);
+    let mut rest = targets;
+    for view in 0..run.rig.views.len() {
+        let here = rest.iter().take_while(|t| t.view == view).count();
+        let (in_view, later) = rest.split_at(here);
+        rest = later;
+        let time = time_ns(view);
+        let frames = in_view.iter().map(|t| {
+            let name = format!("target/{}", run.rig.targets[t.target].name);
+            shapes::transform(time, RIG, &name, &t.rig_from_target)
+        });
+        let transforms = protobuf::Message::new().messages(1, frames).into_bytes();
+        file.message(topics.transforms, time, &transforms);
+        let update = shapes::scene_update(time, RIG, "targets", target_shapes(run, view, in_view, &points));
+        file.message(topics.targets, time, &update.into_bytes());
+        let cloud: Vec<Point> =
+            in_view.iter().flat_map(|t| points[t.target].iter().map(|x| t.rig_from_target * *x)).collect();
+        file.message(topics.points, time, &shapes::point_cloud(time, RIG, &cloud).into_bytes());
+    }
+}
+
+/// Outlines and names of the targets, and a line from each camera to each target it saw.
+fn target_shapes(run: &RigRun, view: usize, in_view: &[TargetInView], points: &[Vec<Point>]) -> Shapes {
+    let mut all = Shapes::default();
+    for t in in_view {
+        let points = &points[t.target];
+        let corners: Vec<Point> = geometry::outline(points).into_iter().map(|i| points[i]).collect();
+        all.lines.push(shapes::line(Join::Loop, &t.rig_from_target, &corners, GREY));
+        let label = format!("{} · {}", run.rig.targets[t.target].name, run.rig.views[view]);
+        all.texts.push(shapes::text(&t.rig_from_target.translation, &label, GREY));
+        for (camera, place) in geometry::cameras_that_saw(run, view, t.target) {
+            let ends = [place, t.rig_from_target.translation];
+            all.lines.push(shapes::line(Join::Pairs, &Pose::identity(), &ends, color_of(camera, 0.5)));
+        }
+    }
+    all
+}
+
+fn metadata(run: &RigRun, magnification: f64) -> Vec<(String, String)> {
+    let own = |key: &str, value: String| (key.to_string(), value);
+    let mut texts = vec![
+        own("command", run.command.clone()),
+        own("reference_camera", run.rig.cameras[run.solution.reference].name.clone()),
+        own("ellipsoids", format!("95 % of each camera's place, magnified {magnification} times")),
+        own("times", "views have no times here: view k is at (k + 1) * 0.1 s".into()),
+    ];
+    texts.extend(run.inputs.iter().map(|f| own(&format!("sha256 {}", f.path), f.sha256.clone())));
+    texts
+}
