@@ -46,6 +46,8 @@ pub mod rig_pose;
 pub mod rig;
 #[cfg(feature = "std")]
 pub mod robust;
+#[cfg(feature = "std")]
+pub mod advise;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
