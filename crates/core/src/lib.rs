@@ -46,6 +46,7 @@ pub mod rig_pose;
 pub mod robust;
 #[cfg(feature = "std")]
 pub mod rig;
+pub mod advise;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

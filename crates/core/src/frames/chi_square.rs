@@ -26,7 +26,7 @@ pub(super) fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
 }
 
 /// The complementary error function for z ≥ 0.
-fn erfc(z: f64) -> f64 {
+pub(crate) fn erfc(z: f64) -> f64 {
     let bell = (-z * z).exp() * core::f64::consts::FRAC_2_SQRT_PI;
     if SERIES_UP_TO < z {
         let tail = (1..=FRACTION_TERMS).rev().fold(z, |tail, n| z + 0.5 * n as f64 / tail);

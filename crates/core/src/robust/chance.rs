@@ -4,7 +4,7 @@ use crate::Correspondence;
 
 /// SplitMix64 (Steele, Lea and Flood 2014): 64 bits of state, equidistributed, four operations a number.
 #[derive(Debug, Clone)]
-pub(super) struct Chance {
+pub(crate) struct Chance {
     state: u64,
 }
 
@@ -18,13 +18,23 @@ fn mixed(mut z: u64) -> u64 {
 }
 
 impl Chance {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Chance { state: mixed(seed ^ GOLDEN) }
     }
 
     fn next(&mut self) -> u64 {
         self.state = self.state.wrapping_add(GOLDEN);
         mixed(self.state)
+    }
+
+    /// Uniform on (0, 1]: 53 bits, never 0.
+    fn uniform(&mut self) -> f64 {
+        ((self.next() >> 11) + 1) as f64 * 0.5f64.powi(53)
+    }
+
+    /// Standard normal, by Box and Muller.
+    pub(crate) fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (core::f64::consts::TAU * self.uniform()).cos()
     }
 
     /// Uniform on 0..n, n < 2³²; off from uniform by n/2⁶⁴ at most.

@@ -51,6 +51,14 @@ pub fn looking_at(centre: Point, at: Point) -> Pose {
     Pose::new(rotation, -(rotation * centre))
 }
 
+/// The camera at `centre`, looking at `at`, its rows level where z is up.
+pub fn looking_at_upright(centre: Point, at: Point) -> Pose {
+    let z = (at - centre).normalize();
+    let x = z.cross(&Vector3::z()).normalize();
+    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    Pose::new(rotation, -(rotation * centre))
+}
+
 /// An oblique view of the targets above from 3.4 m.
 pub fn oblique() -> Pose {
     looking_at(Point::new(2.2, -1.1, 2.4), Point::new(0.4, 0.4, 0.0))

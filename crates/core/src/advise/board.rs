@@ -1,0 +1,323 @@
+//! Where should the next board of a rig go? Each view has an unknown board pose of its own, which is eliminated:
+//! docs/math/advise.md eqs. (14)–(17).
+
+use super::expect::{Doubt, View, expect, sight_of};
+use super::volume::{Shape, image_place};
+use crate::least_squares::PivotedPose;
+use crate::problem::Problem;
+use crate::refine::{centroid, normal_equations};
+use crate::target::KnownPoint;
+use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
+use nalgebra::DMatrix;
+
+/// A camera of a rig, about where it sits.
+#[derive(Debug, Clone, Copy)]
+pub struct RigCamera<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// x_in_cam = cam_from_rig · x_in_rig.
+    pub cam_from_rig: Pose,
+}
+
+/// A rig being calibrated by views of one board.
+#[derive(Debug, Clone, Copy)]
+pub struct RigPlan<'a> {
+    /// Its cameras, two or more.
+    pub cameras: &'a [RigCamera<'a>],
+    /// The camera whose frame the others are told in.
+    pub reference: usize,
+    /// The board.
+    pub board: &'a Shape,
+    /// Standard deviation of each pixel coordinate.
+    pub sigma_px: f64,
+}
+
+/// What is to become small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Criterion {
+    /// The place of the camera that is known worst, in its worst direction (E-optimal in the places).
+    #[default]
+    Worst,
+    /// The sum of all variances of all places (A-optimal).
+    Trace,
+    /// The volume of the whole uncertainty, rotations included (D-optimal).
+    Determinant,
+}
+
+/// What the views so far say about the cameras relative to the reference: 6 rows a camera but the reference, in order, small left
+/// motions `[rotation_rad; translation_m]` of each `cam_from_rig`. Starts from almost nothing: 10 rad and 1 km.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigInformation {
+    matrix: DMatrix<f64>,
+    reference: usize,
+}
+
+/// How well one camera is known relative to the reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraOutlook {
+    /// Which camera.
+    pub camera: usize,
+    /// 6×6 covariance of the small left motion of its `cam_from_rig`, camera frame.
+    pub covariance: Matrix6,
+    /// Greatest standard deviation of rotation.
+    pub rotation_rad: f64,
+    /// Greatest standard deviation of place.
+    pub place_m: f64,
+    /// Whether the views tell its rotation at all (to better than half a radian).
+    pub is_determined: bool,
+}
+
+/// A place for the next board, and what it would make of the rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Suggestion {
+    /// x_in_rig = rig_from_board · x_in_board.
+    pub rig_from_board: Pose,
+    /// The cameras that would see it, whole or well enough.
+    pub seen_by: Vec<usize>,
+    /// How well each camera but the reference would be known, in order.
+    pub cameras: Vec<CameraOutlook>,
+    /// The doubts of the camera that doubts least: empty where one camera alone tells the board's pose beyond doubt.
+    pub doubts: Vec<Doubt>,
+    /// The information with this view.
+    pub information: RigInformation,
+}
+
+/// Variances of what nothing is known about, rad² and m².
+const UNKNOWN: [f64; 2] = [1e2, 1e6];
+/// A rotation less sure than this is not known at all.
+const DETERMINED_RAD: f64 = 0.5;
+/// A camera that sees fewer points of a board than this takes no part.
+const LEAST_POINTS: usize = 6;
+/// Seen flatter than this (cosine of 75°) a board is not found.
+const LEAST_COSINE: f64 = 0.26;
+
+impl RigInformation {
+    /// Before any view.
+    pub fn nothing(plan: &RigPlan) -> Self {
+        let n = 6 * plan.cameras.len().saturating_sub(1);
+        let variance = |i: usize| if i % 6 < 3 { UNKNOWN[0] } else { UNKNOWN[1] };
+        let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 / variance(i) } else { 0.0 });
+        RigInformation { matrix, reference: plan.reference }
+    }
+
+    /// How well each camera but the reference is known.
+    pub fn cameras(&self) -> Option<Vec<CameraOutlook>> {
+        let covariance = self.matrix.clone().cholesky()?.inverse();
+        Some((0..covariance.nrows() / 6).map(|i| self.camera(i, &covariance)).collect())
+    }
+
+    fn camera(&self, row: usize, joint: &DMatrix<f64>) -> CameraOutlook {
+        let covariance: Matrix6 = joint.fixed_view::<6, 6>(6 * row, 6 * row).into_owned();
+        let (rotation_rad, place_m) = super::expect::worst_sigmas(&covariance);
+        let camera = if row < self.reference { row } else { row + 1 };
+        CameraOutlook {
+            camera,
+            covariance,
+            rotation_rad,
+            place_m,
+            is_determined: rotation_rad < DETERMINED_RAD,
+        }
+    }
+
+    /// ln det of the information.
+    fn log_determinant(&self) -> f64 {
+        let root = self.matrix.clone().cholesky();
+        root.map_or(f64::NEG_INFINITY, |c| 2.0 * c.l().diagonal().iter().map(|x| x.ln()).sum::<f64>())
+    }
+}
+
+/// A camera's share of a view: its number and the information of the board's pose in its frame.
+struct Share {
+    camera: usize,
+    information: Matrix6,
+}
+
+impl RigPlan<'_> {
+    /// The information after one more view; none where fewer than two cameras see the board. Returns the cameras too.
+    pub fn with(
+        &self,
+        so_far: &RigInformation,
+        rig_from_board: &Pose,
+    ) -> Option<(RigInformation, Vec<usize>)> {
+        let shares = self.shares(rig_from_board);
+        if shares.len() < 2 {
+            return None;
+        }
+        // Λ_cc' − Λ_c A_c (Σ AᵀΛA)⁻¹ A_c'ᵀ Λ_c', docs/math/advise.md eq. (16).
+        let adjoint = |s: &Share| s.information * self.cameras[s.camera].cam_from_rig.adjoint();
+        let coupled: Vec<Matrix6> = shares.iter().map(adjoint).collect();
+        let of_board =
+            |(s, c): (&Share, &Matrix6)| self.cameras[s.camera].cam_from_rig.adjoint().transpose() * c;
+        let board: Matrix6 = shares.iter().zip(&coupled).map(of_board).sum();
+        let board = crate::pose::symmetric(&board).cholesky()?.inverse();
+        let mut matrix = so_far.matrix.clone();
+        for (a, ca) in shares.iter().zip(&coupled) {
+            for (b, cb) in shares.iter().zip(&coupled) {
+                let (Some(i), Some(j)) = (self.row(a.camera), self.row(b.camera)) else { continue };
+                let own = if a.camera == b.camera { a.information } else { Matrix6::zeros() };
+                let block = own - ca * board * cb.transpose();
+                let mut place = matrix.fixed_view_mut::<6, 6>(6 * i, 6 * j);
+                place += block;
+            }
+        }
+        let seen_by = shares.iter().map(|s| s.camera).collect();
+        Some((RigInformation { matrix, reference: self.reference }, seen_by))
+    }
+
+    /// The row of a camera among those that are estimated; none for the reference.
+    fn row(&self, camera: usize) -> Option<usize> {
+        (camera != self.reference).then(|| if camera < self.reference { camera } else { camera - 1 })
+    }
+
+    fn shares(&self, rig_from_board: &Pose) -> Vec<Share> {
+        let share = |camera: usize| {
+            let seen = self.seen(camera, rig_from_board)?;
+            let own = &self.cameras[camera];
+            let cam_from_board = own.cam_from_rig * *rig_from_board;
+            Some(Share { camera, information: information(&cam_from_board, &seen, own.camera)? })
+        };
+        (0..self.cameras.len()).filter_map(share).collect()
+    }
+
+    /// What a camera sees of a board: whole, or six points where its points have names; its front not too flat.
+    pub fn seen(&self, camera: usize, rig_from_board: &Pose) -> Option<Vec<Correspondence>> {
+        let own = self.cameras[camera];
+        let cam_from_target = own.cam_from_rig * *rig_from_board;
+        let shape = self.board;
+        let to_camera = (cam_from_target.origin() - shape.centre()).try_normalize(0.0)?;
+        if to_camera.dot(&shape.front_in_target) < LEAST_COSINE {
+            return None;
+        }
+        let view =
+            View { camera: own.camera, cam_from_target, points: &shape.points, sigma_px: self.sigma_px };
+        let seen: Vec<Correspondence> = shape.points.iter().filter_map(|p| sight_of(&view, p)).collect();
+        let whole = seen.len() == shape.points.len() && 4 <= seen.len();
+        (whole || shape.works_in_part && LEAST_POINTS <= seen.len()).then_some(seen)
+    }
+
+    /// Boards that two cameras or more see, `n_tried` places tried evenly: `distance_m` from the camera looked through, tilted by up
+    /// to 60° towards the cameras' middle.
+    pub fn candidates(&self, distance_m: [f64; 2], n_tried: usize) -> Vec<Pose> {
+        (0..n_tried)
+            .filter_map(|i| self.candidate(i, distance_m))
+            .filter(|pose| 1 < self.shares(pose).len())
+            .collect()
+    }
+
+    fn candidate(&self, index: usize, [near, far]: [f64; 2]) -> Option<Pose> {
+        let own = &self.cameras[index % self.cameras.len()];
+        let [d, t, a, r, u, v] = super::volume::even(index);
+        let ray = own.camera.bearing(&image_place(own.camera, u, v)).ok()?.into_inner();
+        let rig_from_cam = own.cam_from_rig.inverse();
+        let centre_in_rig = rig_from_cam * (ray * (near + (far - near) * d));
+        Some(self.rig_from_board_at(
+            &centre_in_rig,
+            t * 60f64.to_radians(),
+            a * core::f64::consts::TAU,
+            r * core::f64::consts::TAU,
+        ))
+    }
+
+    /// `rig_from_board` with the centre at a place, the middle of the cameras `tilt_rad` off its front normal, in the
+    /// direction `direction_rad` around it, the board rolled by `roll_rad`.
+    pub fn rig_from_board_at(
+        &self,
+        centre_in_rig: &Point,
+        tilt_rad: f64,
+        direction_rad: f64,
+        roll_rad: f64,
+    ) -> Pose {
+        let n = self.cameras.len().max(1) as f64;
+        let middle = self.cameras.iter().map(|c| c.cam_from_rig.origin()).sum::<Point>() / n;
+        // A camera with the rig's axes, standing in the middle of all.
+        let shape = self.board.cam_from_target(&(centre_in_rig - middle), tilt_rad, direction_rad, roll_rad);
+        Pose::new(shape.rotation, shape.translation + middle)
+    }
+
+    /// The best of the candidates, best first: cameras still undetermined count first, then the criterion. At most `n_best`, no two
+    /// with their centres closer than a quarter of the distance between the nearest camera and the board.
+    ///
+    /// # Errors
+    /// `EmptyRig` for fewer than two cameras; `InvalidSetting` where no candidate is seen by two.
+    pub fn next(
+        &self,
+        so_far: &RigInformation,
+        candidates: &[Pose],
+        criterion: Criterion,
+        n_best: usize,
+    ) -> Result<Vec<Suggestion>, Error> {
+        if self.cameras.len() < 2 {
+            return Err(Error::EmptyRig);
+        }
+        let mut scored: Vec<(usize, f64, usize)> = candidates
+            .iter()
+            .enumerate()
+            .filter_map(|(i, pose)| score(&self.with(so_far, pose)?.0, criterion).map(|(n, s)| (n, s, i)))
+            .collect();
+        scored.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut best: Vec<Suggestion> = Vec::new();
+        for (_, _, i) in scored {
+            if best.len() == n_best {
+                break;
+            }
+            if best.iter().all(|b| self.are_apart(&b.rig_from_board, &candidates[i])) {
+                best.extend(self.suggestion(so_far, &candidates[i]));
+            }
+        }
+        let none = Error::InvalidSetting {
+            setting: "the number of boards that two cameras see",
+            seen: 0.0,
+            needed: "at least one: check the rig's poses and the distances",
+        };
+        if best.is_empty() { Err(none) } else { Ok(best) }
+    }
+
+    fn are_apart(&self, a: &Pose, b: &Pose) -> bool {
+        let centre = self.board.centre();
+        let (a, b) = (a * &centre, b * &centre);
+        let nearest = self.cameras.iter().map(|c| (c.cam_from_rig.origin() - a).norm());
+        0.25 * nearest.fold(f64::INFINITY, f64::min) < (a - b).norm()
+    }
+
+    /// What one board would make of the rig; none where fewer than two cameras see it.
+    pub fn suggestion(&self, so_far: &RigInformation, rig_from_board: &Pose) -> Option<Suggestion> {
+        let (information, seen_by) = self.with(so_far, rig_from_board)?;
+        let doubts =
+            seen_by.iter().map(|camera| self.doubts(*camera, rig_from_board)).min_by_key(Vec::len)?;
+        let cameras = information.cameras()?;
+        Some(Suggestion { rig_from_board: *rig_from_board, seen_by, cameras, doubts, information })
+    }
+
+    fn doubts(&self, camera: usize, rig_from_board: &Pose) -> Vec<Doubt> {
+        let Some(seen) = self.seen(camera, rig_from_board) else { return Vec::new() };
+        let known = |c: &Correspondence| KnownPoint { position: c.x_in_target, sigma_m: c.sigma_m };
+        let points: Vec<KnownPoint> = seen.iter().map(known).collect();
+        let own = &self.cameras[camera];
+        let cam_from_target = own.cam_from_rig * *rig_from_board;
+        let view = View { camera: own.camera, cam_from_target, points: &points, sigma_px: self.sigma_px };
+        expect(&view).map(|e| e.doubts()).unwrap_or_default()
+    }
+}
+
+/// Cameras left undetermined, and the criterion, smaller being better.
+fn score(information: &RigInformation, criterion: Criterion) -> Option<(usize, f64)> {
+    let cameras = information.cameras()?;
+    let undetermined = cameras.iter().filter(|c| !c.is_determined).count();
+    let determined = || cameras.iter().filter(|c| c.is_determined);
+    let value = match criterion {
+        Criterion::Worst => determined().map(|c| c.place_m).fold(0.0, f64::max),
+        Criterion::Trace => determined().map(|c| c.covariance.fixed_view::<3, 3>(3, 3).trace()).sum::<f64>(),
+        Criterion::Determinant => -information.log_determinant(),
+    };
+    Some((undetermined, value))
+}
+
+/// Information of small left motions of `cam_from_board`, summed about the points' centre and carried to the camera.
+fn information(cam_from_board: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<Matrix6> {
+    let pivot = centroid(seen);
+    let place = PivotedPose::new(cam_from_board, &pivot);
+    let about_pivot = normal_equations(&place, &pivot, &Problem::new(seen, camera))?.information();
+    let mut back = Matrix6::identity();
+    back.fixed_view_mut::<3, 3>(3, 0).copy_from(&-place.pivot_in_cam.cross_matrix());
+    Some(crate::pose::symmetric(&(back.transpose() * about_pivot * back)))
+}

@@ -1,0 +1,122 @@
+//! Other dimensions of a target, one change at a time: which would help?
+
+use super::volume::{Outlook, Shape, outlook};
+use crate::target::{LinePlusOne, Target};
+use crate::{Camera, Pose};
+
+/// One dimension of a target changed; keys as in target.toml.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// What is changed.
+    pub key: &'static str,
+    /// Its value now.
+    pub from: f64,
+    /// Its value in `target`.
+    pub to: f64,
+    /// The target so changed.
+    pub target: Target,
+    /// Whether it becomes larger, and may not fit its place or the image.
+    pub grows: bool,
+}
+
+/// The changes worth trying, per kind of target; none for surveyed points and tag maps, which stand where they stand.
+pub fn changes(target: &Target) -> Vec<Change> {
+    match target {
+        Target::LinePlusOne(t) => line_changes(t),
+        Target::Tag(t) => {
+            scaled("size_m", t.size_m, |to| Target::Tag(crate::target::Tag { size_m: to, ..t.clone() }))
+        }
+        Target::AprilGrid(t) => scaled("tag_size_m", t.tag_size_m, |to| {
+            Target::AprilGrid(crate::target::AprilGrid { tag_size_m: to, ..t.clone() })
+        }),
+        Target::Chessboard(t) => {
+            let mut found = scaled("square_m", t.square_m, |to| {
+                Target::Chessboard(crate::target::Chessboard { square_m: to, ..*t })
+            });
+            let columns = t.columns + t.columns / 2;
+            let to = Target::Chessboard(crate::target::Chessboard { columns, ..*t });
+            found.push(change("columns", t.columns.into(), columns.into(), to, true));
+            found
+        }
+        Target::Charuco(t) => scaled("square_m", t.square_m, |to| {
+            let marker_m = t.marker_m * to / t.square_m;
+            Target::Charuco(crate::target::Charuco { square_m: to, marker_m, ..t.clone() })
+        }),
+        _ => Vec::new(),
+    }
+}
+
+fn change(key: &'static str, from: f64, to: f64, target: Target, grows: bool) -> Change {
+    Change { key, from, to, target, grows }
+}
+
+fn scaled(key: &'static str, from: f64, with: impl Fn(f64) -> Target) -> Vec<Change> {
+    [1.5, 2.0].iter().map(|factor| change(key, from, from * factor, with(from * factor), true)).collect()
+}
+
+/// The fourth dot elsewhere along the line, farther off it; the middle dot elsewhere; a longer line.
+fn line_changes(t: &LinePlusOne) -> Vec<Change> {
+    let low = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = t.line_m.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let length = high - low;
+    let middle = t.line_m.iter().position(|x| low < *x && *x < high).unwrap_or(1);
+    let mut found = Vec::new();
+    let mut push = |key, from: f64, to: f64, changed: LinePlusOne, grows| {
+        if 1e-6 * length < (to - from).abs() {
+            found.push(change(key, from, to, Target::LinePlusOne(changed), grows));
+        }
+    };
+    for part in [-0.25, 0.0, 0.25, 0.75, 1.0, 1.25] {
+        let to = low + part * length;
+        let grows = !(0.0..=1.0).contains(&part);
+        push("off_m[0]", t.off_m[0], to, LinePlusOne { off_m: [to, t.off_m[1]], ..*t }, grows);
+    }
+    for factor in [1.5, 2.0] {
+        let to = t.off_m[1] * factor;
+        push("off_m[1]", t.off_m[1], to, LinePlusOne { off_m: [t.off_m[0], to], ..*t }, true);
+    }
+    for part in [0.4, 0.6] {
+        let mut line_m = t.line_m;
+        line_m[middle] = low + part * length;
+        push("line_m, the middle one", t.line_m[middle], line_m[middle], LinePlusOne { line_m, ..*t }, false);
+    }
+    for factor in [1.5, 2.0] {
+        let along = |x: f64| low + (x - low) * factor;
+        let to = LinePlusOne { line_m: t.line_m.map(along), off_m: [along(t.off_m[0]), t.off_m[1]] };
+        push("line_m, its length", length, length * factor, to, true);
+    }
+    found
+}
+
+/// A change and what it would do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tried {
+    /// The change.
+    pub change: Change,
+    /// Over the same views as the target itself, its centre put where that of the target was.
+    pub outlook: Outlook,
+}
+
+/// Every change over the same views, the best first by [`cost`].
+pub fn tried(target: &Target, camera: &Camera, sigma_px: f64, views: &[Option<Pose>]) -> Vec<Tried> {
+    let centre = Shape::of(target).centre();
+    let one = |change: Change| {
+        let shape = Shape::of(&change.target);
+        let shift = centre - shape.centre();
+        let moved = |pose: &Pose| Pose::new(pose.rotation, pose.translation + pose.rotation * shift);
+        let views: Vec<Option<Pose>> = views.iter().map(|v| v.as_ref().map(moved)).collect();
+        Tried { outlook: outlook(&shape, camera, sigma_px, &views), change }
+    };
+    let mut all: Vec<Tried> = changes(target).into_iter().map(one).collect();
+    all.sort_by(|a, b| cost(&a.outlook).total_cmp(&cost(&b.outlook)));
+    all
+}
+
+/// What ranks a target over a volume: the median of the camera's place over the share of views that give one answer.
+/// Infinite where none does.
+pub fn cost(outlook: &Outlook) -> f64 {
+    let views = outlook.n_views.max(1) as f64;
+    let seen = 1.0 - (outlook.n_out_of_sight + outlook.n_undetermined) as f64 / views;
+    let usable = seen * (1.0 - outlook.ambiguous);
+    outlook.place_m.map_or(f64::INFINITY, |place| place.median / usable.max(1e-9))
+}

@@ -1,0 +1,168 @@
+//! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
+
+use crate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
+use crate::curvature::with_curvature;
+use crate::frames::chi_square::erfc;
+use crate::locate::{Config, locate};
+use crate::problem::Problem;
+use crate::refine::refine;
+use crate::solve::line_plus_one::Weakness;
+use crate::target::KnownPoint;
+use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+
+/// A view not taken yet: who looks at what from where, and how well the points will be found in the image.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Where it is assumed to be: x_in_cam = cam_from_target · x_in_target.
+    pub cam_from_target: Pose,
+    /// The points it will see.
+    pub points: &'a [KnownPoint],
+    /// Standard deviation of each pixel coordinate.
+    pub sigma_px: f64,
+}
+
+/// Why the first-order figures of a view are not to be trusted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// The likelihood is bent: along its worst direction the standard deviation that `locate` will state is `ratio` times the
+    /// first-order one. Usual for flat targets seen nearly straight on.
+    Bent {
+        /// See above.
+        ratio: f64,
+        /// Up to here the first-order figures hold within 5 %.
+        allowed: f64,
+    },
+    /// Another pose shows the points `separation_sigma` standard deviations of the pixels apart.
+    Ambiguous {
+        /// See above; 0 where nothing in the picture tells the two apart.
+        separation_sigma: f64,
+        /// From here on hardly one picture in a hundred has two answers.
+        needed_sigma: f64,
+    },
+}
+
+/// A bend that adds this much to the worst standard deviation spoils it by 5 %: docs/math/advise.md section 2.
+pub const ALLOWED_BEND: f64 = 1.05;
+/// Two poses this many standard deviations apart leave a doubt in 1.2 % of pictures: docs/math/advise.md eq. (5).
+pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
+
+/// What a view will be worth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expectation {
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound.
+    pub covariance: Matrix6,
+    /// The same, widened by the bend of the likelihood: what `locate` will state on average.
+    pub stated_covariance: Matrix6,
+    /// Greatest standard deviation that the bend adds, as a factor of the first-order one: 1 where nothing is bent.
+    pub bend_ratio: f64,
+    /// How far apart the nearest other pose shows the points, in standard deviations of the pixels; infinite where there is none.
+    pub separation_sigma: f64,
+    /// What makes a line and one point off it weak from here.
+    pub weakness: Option<Weakness>,
+}
+
+impl Expectation {
+    /// How probable it is that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
+    pub fn chance_ambiguous(&self) -> f64 {
+        chance_below(self.separation_sigma, AMBIGUITY_GATE_CHI2)
+    }
+
+    /// How probable it is that the wrong pose will fit better: docs/math/advise.md eq. (4).
+    pub fn chance_wrong(&self) -> f64 {
+        chance_below(self.separation_sigma, 0.0)
+    }
+
+    /// What the first-order figures do not tell, the graver first; empty where they hold within 5 %.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let (ratio, separation_sigma) = (self.bend_ratio, self.separation_sigma);
+        let ambiguous = Doubt::Ambiguous { separation_sigma, needed_sigma: NEEDED_SEPARATION_SIGMA };
+        let bent = Doubt::Bent { ratio, allowed: ALLOWED_BEND };
+        let holds = [NEEDED_SEPARATION_SIGMA <= separation_sigma, ratio <= ALLOWED_BEND];
+        [ambiguous, bent].into_iter().zip(holds).filter(|(_, holds)| !holds).map(|(doubt, _)| doubt).collect()
+    }
+}
+
+/// Probability that Δχ², normal with mean D² and standard deviation 2D, falls below `gate`.
+pub(crate) fn chance_below(separation_sigma: f64, gate: f64) -> f64 {
+    let d = separation_sigma;
+    if !d.is_finite() {
+        return 0.0;
+    }
+    if d == 0.0 {
+        return if 0.0 < gate { 1.0 } else { 0.5 };
+    }
+    0.5 * erfc_any((d * d - gate) / (2.0 * d) * core::f64::consts::FRAC_1_SQRT_2)
+}
+
+fn erfc_any(z: f64) -> f64 {
+    if z < 0.0 { 2.0 - erfc(-z) } else { erfc(z) }
+}
+
+/// The exact pixels of a view; none where a point falls outside the image or the lens's field.
+pub fn sight(view: &View) -> Option<Vec<Correspondence>> {
+    view.points.iter().map(|p| sight_of(view, p)).collect()
+}
+
+/// The exact pixel of one point.
+pub(crate) fn sight_of(view: &View, p: &KnownPoint) -> Option<Correspondence> {
+    let pixel = view.camera.project(&(view.cam_from_target * p.position))?;
+    let is_inside = view.camera.size.is_none_or(|size| {
+        let within = |x: f64, n: u32| -0.5 <= x && x <= f64::from(n) - 0.5;
+        within(pixel.x, size.width_px) && within(pixel.y, size.height_px)
+    });
+    let c = Correspondence::new(view.camera, p.position, pixel, view.sigma_px).ok()?;
+    is_inside.then_some(Correspondence { sigma_m: p.sigma_m, ..c })
+}
+
+/// What a view will be worth, all its points seen.
+///
+/// # Errors
+/// `InvalidSetting` for a sigma that is not positive or a point that is out of sight, and those of `locate`: too few points,
+/// points on a line, …
+pub fn expect(view: &View) -> Result<Expectation, Error> {
+    let seen = sight(view).ok_or_else(|| out_of_sight(view))?;
+    let estimate = locate(&seen, view.camera, &Config::default())?;
+    let minimum = refine(&view.cam_from_target, &seen, view.camera)?;
+    let turns: f64 = (0..3).map(|i| minimum.covariance[(i, i)]).sum();
+    let is_other =
+        |m: &Minimum| TWIN_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target);
+    let nearest = estimate.minima().map(|h| h.minimum).find(is_other);
+    let stated_covariance = with_curvature(&minimum, &Problem::new(&seen, view.camera));
+    Ok(Expectation {
+        covariance: minimum.covariance,
+        stated_covariance,
+        bend_ratio: greatest_ratio(&stated_covariance, &minimum.covariance),
+        separation_sigma: nearest.map_or(f64::INFINITY, |m| m.chi2.max(0.0).sqrt()),
+        weakness: estimate.weakness,
+    })
+}
+
+/// The first point out of sight, in a named error.
+pub(crate) fn out_of_sight(view: &View) -> Error {
+    let hidden = view.points.iter().position(|p| sight_of(view, p).is_none()).unwrap_or(0);
+    Error::InvalidSetting {
+        setting: "the place of a point",
+        seen: hidden as f64,
+        needed: "the point of this number (from 0) must be in front of the camera and inside its image",
+    }
+}
+
+/// Square root of the greatest eigenvalue of `small`⁻¹ `large`; infinite where `small` is not positive definite.
+fn greatest_ratio(large: &Matrix6, small: &Matrix6) -> f64 {
+    let Some(root) = small.cholesky() else { return f64::INFINITY };
+    let Some(half) = root.l().solve_lower_triangular(large) else { return f64::INFINITY };
+    let Some(whole) = root.l().solve_lower_triangular(&half.transpose()) else { return f64::INFINITY };
+    whole.symmetric_eigenvalues().max().max(1.0).sqrt()
+}
+
+/// Greatest standard deviation of rotation over all axes, radians, and of the camera's place over all directions, metres.
+pub fn worst_sigmas(covariance: &Matrix6) -> (f64, f64) {
+    let worst = |at: usize| {
+        let block: nalgebra::Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();
+        block.symmetric_eigenvalues().max().max(0.0).sqrt()
+    };
+    (worst(0), worst(3))
+}

@@ -1,0 +1,127 @@
+//! Places and lengths read off a plane in one picture, and how sure they are: docs/math/advise.md eqs. (8)–(10).
+
+use crate::{Camera, Error, Matrix6, Pixel, Point, Pose, Vector6};
+use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, Matrix3x6, Vector3};
+
+/// A plane of the target frame: the points x with n · x = offset_m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Its unit normal n.
+    pub normal_in_target: Vector3<f64>,
+    /// Its place along the normal.
+    pub offset_m: f64,
+}
+
+/// A place on a plane as one picture shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundPoint {
+    /// Where it is, target frame.
+    pub x_in_target: Point,
+    /// How the place read off moves with the pose's small left motion `[rotation_rad; translation_m]`, 3×6.
+    pub by_motion: Matrix3x6<f64>,
+    /// How it moves with the pixel pointed at, 3×2, m/px.
+    pub by_pixel: Matrix3x2<f64>,
+}
+
+/// A length read off a plane in one picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundLength {
+    /// The length.
+    pub length_m: f64,
+    /// How it changes with the pose's small left motion.
+    pub by_motion: Vector6,
+    /// Its variance by the two pixels pointed at.
+    pub click_variance_m2: f64,
+}
+
+/// Flatter than this (sine of the angle between ray and plane) nothing on a plane is measured.
+const GRAZING: f64 = 1e-6;
+
+impl Plane {
+    /// The plane z = `z_m`.
+    pub fn level(z_m: f64) -> Self {
+        Plane { normal_in_target: Vector3::z(), offset_m: z_m }
+    }
+
+    /// Where the ray of a pixel meets the plane in front of the camera, target frame; none where it does not.
+    pub fn seen_at(&self, camera: &Camera, cam_from_target: &Pose, pixel: &Pixel) -> Option<Point> {
+        let bearing = camera.bearing(pixel).ok()?;
+        let (origin, ray) =
+            (cam_from_target.origin(), cam_from_target.rotation.tr_mul(&bearing.into_inner()));
+        let (sine, height_m) =
+            (self.normal_in_target.dot(&ray), self.offset_m - self.normal_in_target.dot(&origin));
+        let depth_m = height_m / sine;
+        (GRAZING < sine.abs() && 0.0 < depth_m).then(|| origin + ray * depth_m)
+    }
+
+    /// How a place on the plane, read off a picture, depends on pose and pixel; none where it cannot be seen.
+    pub fn point(&self, camera: &Camera, cam_from_target: &Pose, x_in_target: &Point) -> Option<GroundPoint> {
+        let x_in_cam = cam_from_target * x_in_target;
+        let (_, by_point): (_, Matrix2x3<f64>) = camera.project_with_jacobian(&x_in_cam)?;
+        let along = self.axes();
+        let by_shift = by_point * cam_from_target.rotation * along;
+        let by_pixel = along * by_shift.try_inverse()?;
+        let mut moved = Matrix3x6::zeros();
+        moved.fixed_view_mut::<3, 3>(0, 0).copy_from(&-x_in_cam.cross_matrix());
+        moved.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
+        let by_motion = -(by_pixel * by_point * moved);
+        let is_finite = by_motion.sum().is_finite() && by_pixel.sum().is_finite();
+        is_finite.then_some(GroundPoint { x_in_target: *x_in_target, by_motion, by_pixel })
+    }
+
+    /// The length between two places of the plane; `sigma_px` is that of each pixel pointed at.
+    ///
+    /// # Errors
+    /// `InvalidSetting` when an end cannot be seen or the two coincide.
+    pub fn length(
+        &self,
+        camera: &Camera,
+        cam_from_target: &Pose,
+        ends_in_target: [Point; 2],
+        sigma_px: f64,
+    ) -> Result<GroundLength, Error> {
+        let refused = |seen: f64, needed| Error::InvalidSetting { setting: "length", seen, needed };
+        let end = |i: usize| {
+            self.point(camera, cam_from_target, &ends_in_target[i])
+                .ok_or(refused(i as f64, "the end of this number (0 or 1) cannot be seen by the camera"))
+        };
+        let (a, b) = (end(0)?, end(1)?);
+        let between = b.x_in_target - a.x_in_target;
+        let length_m = between.norm();
+        let u = between.try_normalize(0.0).ok_or(refused(length_m, "its two ends must differ"))?;
+        let click = u.tr_mul(&a.by_pixel).norm_squared() + u.tr_mul(&b.by_pixel).norm_squared();
+        Ok(GroundLength {
+            length_m,
+            by_motion: (b.by_motion - a.by_motion).tr_mul(&u),
+            click_variance_m2: click * sigma_px * sigma_px,
+        })
+    }
+
+    /// Two unit vectors along the plane, as columns.
+    fn axes(&self) -> Matrix3x2<f64> {
+        let n = &self.normal_in_target;
+        let far = if n.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+        let first = (far - n * n.dot(&far)).normalize();
+        Matrix3x2::from_columns(&[first, n.cross(&first)])
+    }
+}
+
+impl GroundPoint {
+    /// Covariance of the place, m², target frame, for a pose of this covariance and a pixel pointed at to `sigma_px`.
+    pub fn covariance_m2(&self, covariance: &Matrix6, sigma_px: f64) -> Matrix3<f64> {
+        self.by_motion * covariance * self.by_motion.transpose()
+            + self.by_pixel * self.by_pixel.transpose() * (sigma_px * sigma_px)
+    }
+
+    /// Standard deviation in the worst direction.
+    pub fn worst_sigma_m(&self, covariance: &Matrix6, sigma_px: f64) -> f64 {
+        self.covariance_m2(covariance, sigma_px).symmetric_eigenvalues().max().max(0.0).sqrt()
+    }
+}
+
+impl GroundLength {
+    /// Standard deviation of the length for a pose of this covariance.
+    pub fn sigma_m(&self, covariance: &Matrix6) -> f64 {
+        (self.by_motion.dot(&(covariance * self.by_motion)) + self.click_variance_m2).max(0.0).sqrt()
+    }
+}

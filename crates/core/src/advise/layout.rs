@@ -1,0 +1,153 @@
+//! What is wrong with a choice of points, in numbers a person can act on: docs/math/advise.md eqs. (11)–(13).
+
+use super::expect::{Doubt, Expectation, NEEDED_SEPARATION_SIGMA, View, sight};
+use crate::Correspondence;
+use crate::solve::configuration::{Configuration, survey};
+use crate::solve::line_plus_one::Weakness;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// A fault of a layout as seen from a camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Concern {
+    /// The points lie near one line: the turn about it is known this much worse than the others.
+    NearCollinear {
+        /// Extent across the line over extent along it.
+        width_ratio: f64,
+        /// See above.
+        needed: f64,
+    },
+    /// The points stand close together for their distance: which way a flat target leans is hardly seen.
+    FarClustered {
+        /// Greatest angle between two of them.
+        span_rad: f64,
+        /// What would show a lean of 45°.
+        needed_rad: f64,
+    },
+    /// The points lie in a plane that faces the camera: its tilt is seen to second order only.
+    Frontal {
+        /// Angle between the plane's normal and the line of sight.
+        tilt_rad: f64,
+        /// From here on the two tilts can be told apart.
+        needed_rad: f64,
+    },
+    /// All points are about as far from the camera.
+    EqualRange {
+        /// Greatest range minus least, over their mean.
+        spread: f64,
+        /// What is needed.
+        needed: f64,
+    },
+    /// A line and one point off it, from a place where the two do not show the turn about the line.
+    Weak(Weakness),
+}
+
+/// Below this ratio the turn about the line is known five times worse than the others.
+pub const NEEDED_WIDTH: f64 = 0.2;
+/// Three points span a plane; more are taken as flat up to this thickness over width.
+const FLAT: f64 = 0.05;
+
+/// The faults of a view, the gravest first. Those that only matter where a figure is in doubt are named only there.
+pub fn concerns(view: &View, expectation: &Expectation) -> Vec<Concern> {
+    let Some(seen) = sight(view) else { return Vec::new() };
+    let mut found: Vec<Concern> = expectation.weakness.map(Concern::Weak).into_iter().collect();
+    found.extend(near_collinear(&seen));
+    if !expectation.doubts().is_empty() {
+        found.extend(Sight::of(view, &seen).into_iter().flat_map(|s| s.concerns()));
+    }
+    found
+}
+
+/// Whether points lie near one line.
+pub fn near_collinear(seen: &[Correspondence]) -> Option<Concern> {
+    let geometry = survey(seen).ok()?;
+    // Three of four on a line, and one well off it, is a layout of its own; its width is that of the whole.
+    let width_ratio = match geometry.configuration {
+        Configuration::LinePlusOne { .. } => geometry.width.ratio,
+        _ => geometry.width.ratio.min(spread_ratio(seen)),
+    };
+    (width_ratio < NEEDED_WIDTH).then_some(Concern::NearCollinear { width_ratio, needed: NEEDED_WIDTH })
+}
+
+/// Second principal extent of the points over the first.
+fn spread_ratio(seen: &[Correspondence]) -> f64 {
+    let mut values: Vec<f64> = principal(seen).eigenvalues.iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    (values[1].max(0.0) / values[2]).sqrt()
+}
+
+fn principal(seen: &[Correspondence]) -> SymmetricEigen<f64, nalgebra::U3> {
+    let centre = crate::refine::centroid(seen);
+    let scatter: Matrix3<f64> = seen
+        .iter()
+        .map(|c| c.x_in_target - centre)
+        .map(|y| y * y.transpose())
+        .fold(Matrix3::zeros(), |sum, square| sum + square);
+    SymmetricEigen::new(scatter)
+}
+
+/// A set of points as the camera sees it.
+struct Sight {
+    span_rad: f64,
+    sigma_rad: f64,
+    range_spread: f64,
+    /// Angle between the plane's normal and the line of sight, where the points are flat.
+    tilt_rad: Option<f64>,
+}
+
+impl Sight {
+    fn of(view: &View, seen: &[Correspondence]) -> Option<Self> {
+        let pairs = || {
+            seen.iter().enumerate().flat_map(|(i, a)| seen[..i].iter().map(move |b| (a.bearing, b.bearing)))
+        };
+        let span_rad = pairs().map(|(a, b)| a.angle(&b)).fold(0.0, f64::max);
+        let ranges = || seen.iter().map(|c| (view.cam_from_target * c.x_in_target).norm());
+        let (least, most) = (ranges().fold(f64::INFINITY, f64::min), ranges().fold(0.0, f64::max));
+        let first = seen.first()?;
+        let beside = first.pixel + nalgebra::Vector2::new(view.sigma_px, 0.0);
+        let sigma_rad = view.camera.bearing(&beside).ok()?.cross(&first.bearing).norm();
+        let range_spread = 2.0 * (most - least) / (most + least);
+        Some(Sight { span_rad, sigma_rad, range_spread, tilt_rad: tilt_rad(view, seen) })
+    }
+
+    fn concerns(&self) -> Vec<Concern> {
+        let relief = 2.0 * NEEDED_SEPARATION_SIGMA * self.sigma_rad / self.span_rad;
+        let far = (4.0 * NEEDED_SEPARATION_SIGMA * self.sigma_rad).sqrt();
+        let mut found = Vec::new();
+        if self.tilt_rad.is_some() && self.span_rad < far {
+            found.push(Concern::FarClustered { span_rad: self.span_rad, needed_rad: far });
+        }
+        let needed_rad = (relief / self.span_rad).atan();
+        match self.tilt_rad {
+            Some(tilt_rad) if tilt_rad < needed_rad => found.push(Concern::Frontal { tilt_rad, needed_rad }),
+            _ => {}
+        }
+        if self.range_spread < relief {
+            found.push(Concern::EqualRange { spread: self.range_spread, needed: relief });
+        }
+        found
+    }
+}
+
+/// Angle between a flat target's normal and the line of sight to its centre, 0 to π/2; none where the points are not flat.
+fn tilt_rad(view: &View, seen: &[Correspondence]) -> Option<f64> {
+    let axes = principal(seen);
+    let thin = axes.eigenvalues.imin();
+    let mut values: Vec<f64> = axes.eigenvalues.iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    let is_flat = values[0].max(0.0).sqrt() <= FLAT * values[1].max(0.0).sqrt();
+    let normal: Vector3<f64> = view.cam_from_target.rotation * axes.eigenvectors.column(thin);
+    let sight = (view.cam_from_target * crate::refine::centroid(seen)).try_normalize(0.0)?;
+    is_flat.then(|| normal.dot(&sight).abs().min(1.0).acos())
+}
+
+impl Concern {
+    /// Whether a doubt is what this fault explains.
+    pub fn explains(&self, doubt: &Doubt) -> bool {
+        match (self, doubt) {
+            (Concern::NearCollinear { .. }, _) => false,
+            (Concern::Weak(_), Doubt::Bent { .. }) => false,
+            _ => true,
+        }
+    }
+}

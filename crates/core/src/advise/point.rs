@@ -1,0 +1,116 @@
+//! Where should the next point go? Points already measured, one more tried anywhere: docs/math/advise.md eqs. (1), (2), (7).
+
+use super::expect::{View, sight, sight_of, worst_sigmas};
+use super::ground::GroundLength;
+use crate::choose::{Minimum, TWIN_SIGMAS};
+use crate::least_squares::PivotedPose;
+use crate::locate::{Config, locate};
+use crate::problem::Problem;
+use crate::refine::{centroid, normal_equations};
+use crate::target::KnownPoint;
+use crate::{Error, Matrix6, Point};
+use nalgebra::{Matrix2, Matrix2x6, Vector2};
+
+/// What is to become sure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aim {
+    /// The camera's place, in its worst direction, metres.
+    Place,
+    /// The rotation, about its worst axis, radians.
+    Rotation,
+    /// A length measured on a plane, metres.
+    Length(GroundLength),
+}
+
+impl Aim {
+    /// The standard deviation aimed at, for a pose of this covariance: metres, or radians for `Rotation`.
+    pub fn sigma(&self, covariance: &Matrix6) -> f64 {
+        match self {
+            Aim::Place => worst_sigmas(covariance).1,
+            Aim::Rotation => worst_sigmas(covariance).0,
+            Aim::Length(length) => length.sigma_m(covariance),
+        }
+    }
+}
+
+/// What one more point would make of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame, by all points.
+    pub covariance: Matrix6,
+    /// How far apart the nearest other pose would show the points, in standard deviations of the pixels; infinite without one.
+    /// To first order about each of the poses that the points before leave possible.
+    pub separation_sigma: f64,
+}
+
+/// The points measured so far, prepared for trying one more in many places.
+pub struct NextPoint<'a> {
+    view: View<'a>,
+    pivot: Point,
+    place: PivotedPose,
+    information: Matrix6,
+    /// The other poses that the points so far leave possible.
+    rivals: Vec<Minimum>,
+}
+
+impl<'a> NextPoint<'a> {
+    /// From a view of three points or more.
+    ///
+    /// # Errors
+    /// Those of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is out of sight.
+    pub fn new(view: View<'a>) -> Result<Self, Error> {
+        let seen = sight(&view).ok_or_else(|| super::expect::out_of_sight(&view))?;
+        let estimate = locate(&seen, view.camera, &Config::default())?;
+        let pivot = centroid(&seen);
+        let place = PivotedPose::new(&view.cam_from_target, &pivot);
+        let normal = normal_equations(&place, &pivot, &Problem::new(&seen, view.camera));
+        let information = normal.ok_or(Error::NoSolution { n_points: seen.len() })?.information();
+        let is_other = |m: &Minimum| {
+            let turns: f64 = (0..3).map(|i| m.covariance[(i, i)]).sum();
+            TWIN_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target)
+        };
+        let rivals = estimate.minima().map(|h| h.minimum).filter(is_other).collect();
+        Ok(NextPoint { view, pivot, place, information, rivals })
+    }
+
+    /// The covariance by the points so far; none where they do not determine the pose.
+    pub fn covariance(&self) -> Option<Matrix6> {
+        self.at_camera(&self.information)
+    }
+
+    /// What a further point would make of it; none where the camera cannot see it.
+    pub fn with(&self, further: &KnownPoint) -> Option<Gain> {
+        let c = sight_of(&self.view, further)?;
+        let problem = Problem::new(core::slice::from_ref(&c), self.view.camera);
+        let added = normal_equations(&self.place, &self.pivot, &problem)?.information();
+        let covariance = self.at_camera(&(self.information + added))?;
+        let separation = |m: &Minimum| self.separation_squared(m, further, &c.pixel);
+        let least = self.rivals.iter().map(separation).fold(f64::INFINITY, f64::min);
+        Some(Gain { covariance, separation_sigma: least.max(0.0).sqrt() })
+    }
+
+    /// The covariance of left motions from the information about the pivot: docs/math/refine.md eq. (7).
+    fn at_camera(&self, information: &Matrix6) -> Option<Matrix6> {
+        let about_pivot = information.cholesky()?.inverse();
+        let mut u = Matrix6::identity();
+        u.fixed_view_mut::<3, 3>(3, 0).copy_from(&self.place.pivot_in_cam.cross_matrix());
+        let covariance = crate::pose::symmetric(&(u * about_pivot * u.transpose()));
+        covariance.sum().is_finite().then_some(covariance)
+    }
+
+    /// χ² of a rival once it has to explain a further point too: docs/math/advise.md eq. (7).
+    fn separation_squared(&self, rival: &Minimum, further: &KnownPoint, pixel: &Vector2<f64>) -> f64 {
+        let x_in_cam = rival.cam_from_target * further.position;
+        let Some((elsewhere, by_point)) = self.view.camera.project_with_jacobian(&x_in_cam) else {
+            return f64::INFINITY;
+        };
+        let mut by_motion = Matrix2x6::zeros();
+        by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&-(by_point * x_in_cam.cross_matrix()));
+        by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&by_point);
+        let d = pixel - elsewhere;
+        let own = Matrix2::identity() * self.view.sigma_px.powi(2)
+            + by_point * by_point.transpose() * further.sigma_m.powi(2);
+        let spread = own + by_motion * rival.covariance * by_motion.transpose();
+        spread.try_inverse().map_or(0.0, |inverse| rival.chi2 + d.dot(&(inverse * d)))
+    }
+}
