@@ -3,15 +3,20 @@
 use super::document::{Document, Fault};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, checks};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, checks};
 use crate::core::Camera;
 use crate::core::camera::{CameraMatrix, ImageSize};
 use nalgebra::Vector3;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Basalt,
-    recognises: |document| document.root.get("value0").is_some_and(|v| v.get("intrinsics").is_some()),
-    read,
+    words: &[],
+    reads: Some(Reads {
+        recognises: |document| document.root.get("value0").is_some_and(|v| v.get("intrinsics").is_some()),
+        read,
+        together: None,
+    }),
+    write: None,
     traps: &["T_imu_cam maps camera points into the IMU frame: the inverse of Kalibr's T_cam_imu. Its \
             quaternion is keyed qx, qy, qz, qw."],
 };

@@ -1,15 +1,21 @@
 //! EuRoC / ASL `sensor.yaml`: one camera a file; T_BS maps sensor points into the body (the IMU).
 
 use super::document::{Document, Fault};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, checks, kalibr};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, checks, kalibr};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Euroc,
-    recognises: |document| {
-        let root = &document.root;
-        root.get("T_BS").is_some() || (root.get("sensor_type").is_some() && root.get("intrinsics").is_some())
-    },
-    read,
+    words: &[],
+    reads: Some(Reads {
+        recognises: |document| {
+            let root = &document.root;
+            root.get("T_BS").is_some()
+                || (root.get("sensor_type").is_some() && root.get("intrinsics").is_some())
+        },
+        read,
+        together: None,
+    }),
+    write: None,
     traps: &[
         "T_BS maps sensor points into the body (x_body = R x_cam + t): the inverse of Kalibr's T_cam_imu.",
     ],

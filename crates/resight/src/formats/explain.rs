@@ -28,8 +28,8 @@ pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileErr
 }
 
 fn explain_document(document: &Document) -> Result<String, Fault> {
-    if let Some(format) = camera_format(document) {
-        let contents = contents_of(document, format)?;
+    if let Some((format, reads)) = camera_format(document) {
+        let contents = contents_of(document, reads)?;
         let text = cameras_text(document, format.format.name(), &contents);
         let remarks = [&contents.notes[..], &owned(format.traps)[..]].concat();
         return Ok(text + &bullets("Often misread:", &remarks) + &bullets("Warnings:", &contents.warnings));

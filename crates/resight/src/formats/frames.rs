@@ -3,32 +3,49 @@
 use super::{NamedCamera, Placement};
 use crate::core::Pose;
 
-/// `b_from_a` through any chain of the cameras' placements; none when nothing joins the two.
-pub(super) fn between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose> {
-    let placements: Vec<&Placement> = cameras.iter().filter_map(|c| c.placement.as_ref()).collect();
-    let mut reached = vec![(a.to_owned(), Pose::identity())];
-    let mut next = 0;
-    while let Some((frame, frame_from_a)) = reached.get(next).cloned() {
-        if frame == b {
-            return Some(frame_from_a);
-        }
-        for p in &placements {
-            let step = if p.a == frame {
-                Some((&p.b, p.b_from_a))
-            } else if p.b == frame {
-                Some((&p.a, p.b_from_a.inverse()))
-            } else {
-                None
-            };
-            if let Some((to, to_from_frame)) = step
-                && reached.iter().all(|(seen, _)| seen != to)
-            {
-                reached.push((to.clone(), to_from_frame * frame_from_a));
-            }
-        }
-        next += 1;
+/// All poses a rig states, between cameras and other frames.
+pub(super) struct Frames<'a> {
+    placements: Vec<&'a Placement>,
+}
+
+impl<'a> Frames<'a> {
+    /// Those of the cameras and those between other frames.
+    pub fn of(cameras: &'a [NamedCamera], relations: &'a [Placement]) -> Self {
+        Frames { placements: cameras.iter().filter_map(|c| c.placement.as_ref()).chain(relations).collect() }
     }
-    None
+
+    /// `b_from_a` through the shortest chain of poses; none when nothing joins the two.
+    pub fn between(&self, b: &str, a: &str) -> Option<Pose> {
+        self.reached_from(a).into_iter().find(|(frame, _)| frame == b).map(|(_, b_from_a)| b_from_a)
+    }
+
+    /// Every frame b that poses join to `a`, nearest first, with `b_from_a`; `a` itself is the first.
+    fn reached_from(&self, a: &str) -> Vec<(String, Pose)> {
+        let mut reached = vec![(a.to_owned(), Pose::identity())];
+        let mut next = 0;
+        while let Some((frame, frame_from_a)) = reached.get(next).cloned() {
+            for p in &self.placements {
+                if let Some((to, to_from_frame)) = step(p, &frame)
+                    && reached.iter().all(|(seen, _)| seen != to)
+                {
+                    reached.push((to.to_owned(), to_from_frame * frame_from_a));
+                }
+            }
+            next += 1;
+        }
+        reached
+    }
+}
+
+/// The frame at the other end of a pose, and the pose to there.
+fn step<'p>(p: &'p Placement, frame: &str) -> Option<(&'p str, Pose)> {
+    if p.a == frame {
+        Some((&p.b, p.b_from_a))
+    } else if p.b == frame {
+        Some((&p.a, p.b_from_a.inverse()))
+    } else {
+        None
+    }
 }
 
 #[cfg(test)]
@@ -51,11 +68,11 @@ mod tests {
         let cameras = [cam("cam0", "imu", 0.1), cam("cam1", "cam0", 0.2), cam("cam2", "imu", 0.3)];
         let p = |i: usize| cameras[i].placement.as_ref().unwrap().b_from_a;
         let expected = p(1) * p(0) * p(2).inverse();
-        let found = between(&cameras, "cam1", "cam2").unwrap();
+        let found = Frames::of(&cameras, &[]).between("cam1", "cam2").unwrap();
         assert!(
             (found.rotation - expected.rotation).norm() + (found.translation - expected.translation).norm()
                 < 1e-12
         );
-        assert!(between(&cameras, "cam1", "world").is_none());
+        assert!(Frames::of(&cameras, &[]).between("cam1", "world").is_none());
     }
 }

@@ -6,15 +6,24 @@
 use super::document::{Document, Fault, Value};
 use super::emit::list;
 use super::entry::Entry;
+use super::frames::Frames;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
+use super::{
+    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
+    checks,
+};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Kalibr,
-    recognises: |document| cameras(&document.entry()).next().is_some(),
-    read,
+    words: &["kalibr", "camchain"],
+    reads: Some(Reads {
+        recognises: |document| cameras(&document.entry()).next().is_some(),
+        read,
+        together: None,
+    }),
+    write: Some(Writer::Rig(write)),
     traps: &[
         "T_cn_cnm1 maps the previous camera's points into this camera's (x_cam1 = R x_cam0 + t); its \
             translation is not this camera's place, that is −Rᵀ t.",
@@ -182,20 +191,21 @@ fn with_distortion(
 }
 
 /// A chain cam0, cam1, …; poses between neighbours through whatever frames join them.
-pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
+    let frames = Frames::of(cameras, relations);
     let mut out = String::new();
     for (i, camera) in cameras.iter().enumerate() {
         out += &format!("cam{i}:\n");
         let previous = i.checked_sub(1).and_then(|p| cameras.get(p));
-        if let Some(pose) = previous.and_then(|p| frames::between(cameras, &camera.name, &p.name)) {
+        if let Some(pose) = previous.and_then(|p| frames.between(&camera.name, &p.name)) {
             out += &matrix("T_cn_cnm1", &pose);
         }
-        if let Some(pose) = frames::between(cameras, &camera.name, "imu") {
+        if let Some(pose) = frames.between(&camera.name, "imu") {
             out += &matrix("T_cam_imu", &pose);
         }
         out += &intrinsics(camera, i)?;
     }
-    Ok(out)
+    Ok(OutFile::only("camchain.yaml", out))
 }
 
 fn matrix(key: &str, pose: &Pose) -> String {

@@ -6,16 +6,25 @@
 use super::document::{Document, Fault};
 use super::emit::list;
 use super::entry::Entry;
+use super::frames::Frames;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
+use super::{
+    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
+    checks,
+};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
 use std::fmt::Write;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::OpenCv,
-    recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
-    read,
+    words: &["opencv", "opencv-yaml"],
+    reads: Some(Reads {
+        recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
+        read,
+        together: None,
+    }),
+    write: Some(Writer::Rig(write)),
     traps: &[
         "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
             not the second camera's place, that is -Rᵀ T.",
@@ -216,14 +225,14 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
 }
 
 /// One camera (`camera_matrix`, …) or two (`M1 D1 M2 D2 R T`).
-pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
     let mut out = String::from("%YAML:1.0\n---\n");
     match cameras {
         [only] => {
             write_name_and_size(&mut out, "", only)?;
             write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
         }
-        [first, second] => write_pair(&mut out, first, second, cameras)?,
+        [first, second] => write_pair(&mut out, first, second, &Frames::of(cameras, relations))?,
         many => {
             return Err(WriteError(format!(
                 "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
@@ -231,14 +240,14 @@ pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
             )));
         }
     }
-    Ok(out)
+    Ok(OutFile::only(if cameras.len() == 1 { "camera.yml" } else { "stereo.yml" }, out))
 }
 
 fn write_pair(
     out: &mut String,
     first: &NamedCamera,
     second: &NamedCamera,
-    all: &[NamedCamera],
+    frames: &Frames<'_>,
 ) -> Result<(), WriteError> {
     if first.camera.size != second.camera.size {
         return Err(WriteError("an OpenCV stereo file has one image size; write one file per camera".into()));
@@ -247,7 +256,7 @@ fn write_pair(
     put(out, format_args!("camera_name2: \"{}\"\n", plain_name(&second.name)?));
     write_intrinsics(out, first, "M1", "D1")?;
     write_intrinsics(out, second, "M2", "D2")?;
-    if let Some(pose) = frames::between(all, &second.name, &first.name) {
+    if let Some(pose) = frames.between(&second.name, &first.name) {
         let r: Vec<f64> = pose.rotation.transpose().iter().copied().collect();
         write_matrix(out, "R", 3, 3, &r);
         write_matrix(out, "T", 3, 1, pose.translation.as_slice());

@@ -10,24 +10,36 @@
 //! a = "left"
 //! rotation_wxyz = [1.0, 0.0, 0.0, 0.0]
 //! translation_m = [-0.12, 0.0, 0.0]
+//!
+//! [[relation]]            # between frames of no camera, with the keys of a placement
+//! b = "left"
+//! …
 //! ```
 
 use super::document::{Document, Fault, Syntax};
 use super::emit::{list, number, quoted};
 use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks};
+use super::{
+    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
+    checks,
+};
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::{Camera, Lens, Matrix6};
 use nalgebra::RowVector6;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Own,
-    recognises: |document| {
-        let root = document.entry();
-        document.syntax == Syntax::Toml && (root.has("model") || root.has("camera") || root.has("fx_px"))
-    },
-    read,
+    words: &["resight", "toml", "own"],
+    reads: Some(Reads {
+        recognises: |document| {
+            let root = document.entry();
+            document.syntax == Syntax::Toml && (root.has("model") || root.has("camera") || root.has("fx_px"))
+        },
+        read,
+        together: None,
+    }),
+    write: Some(Writer::Rig(write)),
     traps: &[],
 };
 
@@ -44,9 +56,12 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         contents.cameras.push(camera);
         return Ok(contents);
     };
-    root.only(&["camera"])?;
+    root.only(&["camera", "relation"])?;
     for entry in cameras.items()? {
         contents.cameras.push(one_camera(&entry, None, &mut contents.warnings)?);
+    }
+    if let Some(relations) = root.get("relation") {
+        contents.relations = relations.items()?.iter().map(placement).collect::<Result<_, _>>()?;
     }
     Ok(contents)
 }
@@ -199,20 +214,25 @@ fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
 }
 
 /// Every model and every pose.
-pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
     let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
         down, z forward.\n";
-    match cameras {
-        [only] if only.placement.is_none() => Ok(format!("{header}{}", camera_text(only)?)),
-        many => {
-            let mut out = header.to_owned();
-            for camera in many {
-                out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
-                out += &camera.placement.as_ref().map_or_else(String::new, placement_text);
-            }
-            Ok(out)
+    if let ([only], []) = (cameras, relations)
+        && only.placement.is_none()
+    {
+        return Ok(OutFile::only("camera.toml", format!("{header}{}", camera_text(only)?)));
+    }
+    let mut out = header.to_owned();
+    for camera in cameras {
+        out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
+        if let Some(p) = &camera.placement {
+            out += &format!("[camera.placement] # x_in_b = b_from_a · x_in_a\n{}", placement_text(p));
         }
     }
+    for relation in relations {
+        out += &format!("\n[[relation]] # x_in_b = b_from_a · x_in_a\n{}", placement_text(relation));
+    }
+    Ok(OutFile::only("rig.toml", out))
 }
 
 fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {
@@ -258,8 +278,7 @@ fn placement_text(p: &Placement) -> String {
         )
     });
     let pose = format!(
-        "[camera.placement] # x_in_b = b_from_a · x_in_a\nb = {}\na = {}\nrotation_wxyz = \
-            {}\ntranslation_m = {}\n",
+        "b = {}\na = {}\nrotation_wxyz = {}\ntranslation_m = {}\n",
         quoted(&p.b),
         quoted(&p.a),
         list(&p.b_from_a.quaternion_wxyz()),
