@@ -165,7 +165,18 @@ pub struct NamedCamera {
     pub placement: Option<Placement>,
 }
 
-/// A camera file, read.
+/// How a camera's clock runs against another sensor's: time there = the camera's time stamp + `offset_s`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockOffset {
+    /// The camera.
+    pub camera: String,
+    /// The sensor whose clock is the reference (`imu`).
+    pub reference: String,
+    /// Seconds to add to the camera's time stamps.
+    pub offset_s: f64,
+}
+
+/// A camera file, read; or what is to be written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraFile {
     /// What kind of file it was.
@@ -174,6 +185,8 @@ pub struct CameraFile {
     pub cameras: Vec<NamedCamera>,
     /// Poses between other frames (an IMU, a laser scanner, links of a robot).
     pub relations: Vec<Placement>,
+    /// Time shifts, for the cameras that have one.
+    pub clocks: Vec<ClockOffset>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
 }
@@ -199,8 +212,16 @@ pub struct WriteError(pub String);
 struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,
+    clocks: Vec<ClockOffset>,
     notes: Vec<String>,
     warnings: Vec<String>,
+}
+
+impl Contents {
+    fn into_file(self, format: Format) -> CameraFile {
+        let Contents { cameras, relations, clocks, warnings, .. } = self;
+        CameraFile { format, cameras, relations, clocks, warnings }
+    }
 }
 
 /// Reads every camera of a file, recognising the format by its content.
@@ -225,8 +246,7 @@ fn cameras_of(document: &Document) -> Result<CameraFile, Fault> {
         let name = format.format.name();
         return Err(Fault::new(format!("{name} with {only}; give the file that holds the camera matrices")));
     }
-    let Contents { cameras, relations, warnings, .. } = contents;
-    Ok(CameraFile { format: format.format, cameras, relations, warnings })
+    Ok(contents.into_file(format.format))
 }
 
 fn contents_of(document: &Document, reads: &Reads) -> Result<Contents, Fault> {
@@ -343,20 +363,18 @@ fn target_of(document: &Document) -> Result<TargetFile, Fault> {
 ///
 /// Errors when the format cannot hold a model or the number of cameras: no camera is dropped silently.
 pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<Vec<OutFile>, WriteError> {
-    write_rig(cameras, &[], format)
+    let rig = Contents { cameras: cameras.to_vec(), ..Contents::default() };
+    write_rig(&rig.into_file(format), format)
 }
 
-/// As `write_cameras`, with poses between other frames for the formats that have a place for them.
-pub fn write_rig(
-    cameras: &[NamedCamera],
-    relations: &[Placement],
-    format: Format,
-) -> Result<Vec<OutFile>, WriteError> {
-    if cameras.is_empty() {
+/// As `write_cameras`, with poses between other frames and clocks for the formats that have a place for them; the
+/// `format` and `warnings` of `rig` play no part.
+pub fn write_rig(rig: &CameraFile, format: Format) -> Result<Vec<OutFile>, WriteError> {
+    if rig.cameras.is_empty() {
         return Err(WriteError("no camera to write".into()));
     }
     match writer_of(format) {
-        Some(writer) => differently_named(writer.run(cameras, relations)?),
+        Some(writer) => differently_named(writer.run(rig)?),
         None => {
             let words: Vec<&str> =
                 Format::writable().filter_map(|(_, words)| words.first().copied()).collect();

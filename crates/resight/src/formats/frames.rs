@@ -1,6 +1,6 @@
 //! Poses between frames that are joined through other frames.
 
-use super::{NamedCamera, Placement};
+use super::{CameraFile, NamedCamera, Placement};
 use crate::core::Pose;
 
 /// All poses a rig states, between cameras and other frames.
@@ -9,6 +9,11 @@ pub(super) struct Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
+    /// All that a rig states.
+    pub fn of_rig(rig: &'a CameraFile) -> Self {
+        Frames::of(&rig.cameras, &rig.relations)
+    }
+
     /// Those of the cameras and those between other frames.
     pub fn of(cameras: &'a [NamedCamera], relations: &'a [Placement]) -> Self {
         Frames { placements: cameras.iter().filter_map(|c| c.placement.as_ref()).chain(relations).collect() }

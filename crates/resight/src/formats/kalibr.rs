@@ -4,13 +4,13 @@
 //! OpenVINS keeps the same shape with `T_imu_cam`, the inverse.
 
 use super::document::{Document, Fault, Value};
-use super::emit::list;
+use super::emit::{list, number};
 use super::entry::Entry;
 use super::frames::Frames;
 use super::lens::{self, LensNumbers};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
-    checks,
+    CameraFile, CameraFormat, ClockOffset, Contents, Format, NamedCamera, OutFile, Placement, Reads,
+    WriteError, Writer, Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
@@ -66,6 +66,10 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             (None, None) => None,
         };
         previous = Some((name.clone(), from_imu));
+        if let Some(shift) = entry.get("timeshift_cam_imu") {
+            let (camera, offset_s) = (name.clone(), shift.number()?);
+            contents.clocks.push(ClockOffset { camera, reference: "imu".into(), offset_s });
+        }
         contents.cameras.push(NamedCamera { name, camera, placement });
     }
     Ok(contents)
@@ -191,8 +195,8 @@ fn with_distortion(
 }
 
 /// A chain cam0, cam1, …; poses between neighbours through whatever frames join them.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
-    let frames = Frames::of(cameras, relations);
+fn write(rig: &CameraFile) -> Written {
+    let (cameras, frames) = (&rig.cameras, Frames::of_rig(rig));
     let mut out = String::new();
     for (i, camera) in cameras.iter().enumerate() {
         out += &format!("cam{i}:\n");
@@ -204,6 +208,9 @@ fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
             out += &matrix("T_cam_imu", &pose);
         }
         out += &intrinsics(camera, i)?;
+        if let Some(clock) = rig.clocks.iter().find(|c| c.camera == camera.name && c.reference == "imu") {
+            out += &format!("  timeshift_cam_imu: {}\n", number(clock.offset_s));
+        }
     }
     Ok(OutFile::only("camchain.yaml", out))
 }

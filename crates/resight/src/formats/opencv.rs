@@ -9,8 +9,8 @@ use super::entry::Entry;
 use super::frames::Frames;
 use super::lens::{self, LensNumbers};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
-    checks,
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
@@ -225,14 +225,14 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
 }
 
 /// One camera (`camera_matrix`, …) or two (`M1 D1 M2 D2 R T`).
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
+fn write(rig: &CameraFile) -> Written {
     let mut out = String::from("%YAML:1.0\n---\n");
-    match cameras {
+    match &rig.cameras[..] {
         [only] => {
             write_name_and_size(&mut out, "", only)?;
             write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
         }
-        [first, second] => write_pair(&mut out, first, second, &Frames::of(cameras, relations))?,
+        [first, second] => write_pair(&mut out, first, second, &Frames::of_rig(rig))?,
         many => {
             return Err(WriteError(format!(
                 "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
@@ -240,7 +240,7 @@ fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
             )));
         }
     }
-    Ok(OutFile::only(if cameras.len() == 1 { "camera.yml" } else { "stereo.yml" }, out))
+    Ok(OutFile::only(if rig.cameras.len() == 1 { "camera.yml" } else { "stereo.yml" }, out))
 }
 
 fn write_pair(

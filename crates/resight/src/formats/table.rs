@@ -4,7 +4,7 @@
 
 use super::document::{Document, Fault};
 use super::{
-    Contents, Format, NamedCamera, OutFile, Placement, WriteError, basalt, caliscope, caliscope_target,
+    CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, caliscope, caliscope_target,
     colmap, euroc, kalibr, kalibr_target, mrcal, opencv, own_camera, own_target, photonvision, ros, wpilib,
 };
 use crate::FileError;
@@ -37,17 +37,17 @@ pub(super) type Written = Result<Vec<OutFile>, WriteError>;
 /// How a format is written; at least one camera is given.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
-    /// Has a place for cameras and their poses only.
+    /// Takes the cameras and their placements only.
     Cameras(fn(&[NamedCamera]) -> Written),
-    /// Has a place for poses between other frames too.
-    Rig(fn(&[NamedCamera], &[Placement]) -> Written),
+    /// Also looks at the poses between other frames, or the clocks.
+    Rig(fn(&CameraFile) -> Written),
 }
 
 impl Writer {
-    pub fn run(self, cameras: &[NamedCamera], relations: &[Placement]) -> Written {
+    pub fn run(self, rig: &CameraFile) -> Written {
         match self {
-            Writer::Cameras(write) => write(cameras),
-            Writer::Rig(write) => write(cameras, relations),
+            Writer::Cameras(write) => write(&rig.cameras),
+            Writer::Rig(write) => write(rig),
         }
     }
 }
