@@ -28,6 +28,7 @@ mod emit;
 mod own_camera;
 mod own_target;
 mod opencv;
+mod opencv_write;
 mod ros;
 mod kalibr;
 mod kalibr_target;
@@ -38,6 +39,12 @@ mod photonvision;
 mod basalt;
 mod caliscope;
 mod caliscope_target;
+mod euler;
+mod tf_launch;
+mod tf;
+mod urdf;
+mod kitti;
+mod nuscenes;
 mod wpilib;
 mod explain;
 mod atomic;
@@ -82,6 +89,20 @@ pub enum Format {
     Basalt,
     /// Caliscope `camera_array.toml` and aniposelib's TOML.
     Caliscope,
+    /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
+    StaticTransforms,
+    /// The same as a YAML list; recognised as `StaticTransforms`.
+    StaticTransformsYaml,
+    /// URDF, fixed joints.
+    Urdf,
+    /// KITTI `calib.txt` and the raw data's files. Written as the object benchmark has it.
+    Kitti,
+    /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
+    KittiOdometry,
+    /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
+    NuScenes,
+    /// OpenCV FileStorage as XML; recognised as `OpenCv`.
+    OpenCvXml,
     /// Our own target file (TOML).
     OwnTarget,
     /// Kalibr target YAML, or Basalt's JSON twin.
@@ -106,6 +127,13 @@ impl Format {
             Format::PhotonVision => "PhotonVision / Limelight calibration",
             Format::Basalt => "Basalt calibration",
             Format::Caliscope => "Caliscope / aniposelib camera array",
+            Format::StaticTransforms => "ROS static transforms",
+            Format::StaticTransformsYaml => "ROS static transforms (YAML)",
+            Format::Urdf => "URDF",
+            Format::Kitti => "KITTI calibration",
+            Format::KittiOdometry => "KITTI odometry calibration",
+            Format::NuScenes => "nuScenes calibrated_sensor",
+            Format::OpenCvXml => "OpenCV FileStorage (XML)",
             Format::OwnTarget => "Resight target file (TOML)",
             Format::KalibrTarget => "Kalibr target",
             Format::WpilibLayout => "WPILib field layout",

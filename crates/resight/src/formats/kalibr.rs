@@ -221,22 +221,37 @@ fn matrix(key: &str, pose: &Pose) -> String {
 }
 
 fn intrinsics(camera: &NamedCamera, i: usize) -> Result<String, WriteError> {
-    let ImageSize { width_px, height_px } = camera.camera.size.ok_or_else(|| {
-        WriteError(format!("{}: Kalibr needs the image size, which this camera has not", camera.name))
-    })?;
-    let (k, numbers) = lens::numbers_of(&camera.camera)?;
-    let (model, first, distortion, d) = kalibr_names(numbers)?;
-    let mut values = first;
-    values.extend([k.fx_px, k.fy_px, k.cx_px, k.cy_px]);
+    let numbers = numbers("Kalibr", camera)?;
     Ok([
-        format!("  camera_model: {model}\n"),
-        format!("  distortion_coeffs: {}\n", list(&d)),
-        format!("  distortion_model: {distortion}\n"),
-        format!("  intrinsics: {}\n", list(&values)),
-        format!("  resolution: [{width_px}, {height_px}]\n"),
+        format!("  camera_model: {}\n", numbers.model),
+        format!("  distortion_coeffs: {}\n", list(&numbers.coefficients)),
+        format!("  distortion_model: {}\n", numbers.distortion),
+        format!("  intrinsics: {}\n", list(&numbers.intrinsics)),
+        format!("  resolution: [{}, {}]\n", numbers.size.width_px, numbers.size.height_px),
         format!("  rostopic: /cam{i}/image_raw\n"),
     ]
     .concat())
+}
+
+/// A camera in Kalibr's words, which EuRoC shares.
+pub(super) struct KalibrNumbers {
+    pub model: &'static str,
+    pub intrinsics: Vec<f64>,
+    pub distortion: &'static str,
+    pub coefficients: Vec<f64>,
+    pub size: ImageSize,
+}
+
+pub(super) fn numbers(format: &str, camera: &NamedCamera) -> Result<KalibrNumbers, WriteError> {
+    let blamed = |reason: String| WriteError(format!("{}: {reason}", camera.name));
+    let size = camera
+        .camera
+        .size
+        .ok_or_else(|| blamed(format!("{format} needs the image size, which this camera has not")))?;
+    let (k, lens) = lens::numbers_of(&camera.camera)?;
+    let (model, mut intrinsics, distortion, coefficients) = kalibr_names(lens).map_err(|e| blamed(e.0))?;
+    intrinsics.extend([k.fx_px, k.fy_px, k.cx_px, k.cy_px]);
+    Ok(KalibrNumbers { model, intrinsics, distortion, coefficients, size })
 }
 
 type Names = (&'static str, Vec<f64>, &'static str, Vec<f64>);

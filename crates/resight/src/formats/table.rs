@@ -5,7 +5,8 @@
 use super::document::{Document, Fault};
 use super::{
     CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, caliscope, caliscope_target,
-    colmap, euroc, kalibr, kalibr_target, mrcal, opencv, own_camera, own_target, photonvision, ros, wpilib,
+    colmap, euroc, kalibr, kalibr_target, kitti, mrcal, nuscenes, opencv, opencv_write, own_camera,
+    own_target, photonvision, ros, tf, urdf, wpilib,
 };
 use crate::FileError;
 use crate::core::Target;
@@ -72,8 +73,15 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     euroc::FORMAT,
     kalibr::FORMAT,
     photonvision::FORMAT,
+    tf::FORMAT,
+    tf::YAML,
+    urdf::FORMAT,
+    kitti::FORMAT,
+    kitti::ODOMETRY,
+    nuscenes::FORMAT,
     ros::FORMAT,
     opencv::FORMAT,
+    opencv_write::XML,
 ];
 
 pub(super) const TARGET_FORMATS: &[TargetFormat] =
