@@ -1,6 +1,6 @@
 //! Camera and target files: read by content, refused with line and reason, written without loss.
 //!
-//! A format is one file below `formats/` and one row of `CAMERA_FORMATS` or `TARGET_FORMATS`. Each turns its own
+//! A format is one file below `formats/` and one row of the tables in `formats/table.rs`. Each turns its own
 //! pixel origin, units, names and direction of transforms into ours (metres, pixel (0, 0) the centre of the top-left
 //! pixel, poses `b_from_a`); nothing of a foreign convention leaves these modules.
 //!
@@ -28,6 +28,7 @@ mod emit;
 mod own_camera;
 mod own_target;
 mod opencv;
+mod opencv_write;
 mod ros;
 mod kalibr;
 mod kalibr_target;
@@ -38,18 +39,31 @@ mod photonvision;
 mod basalt;
 mod caliscope;
 mod caliscope_target;
+mod euler;
+mod tf_launch;
+mod tf;
+mod urdf;
+mod kitti;
+mod nuscenes;
 mod wpilib;
 mod explain;
 mod atomic;
+mod table;
+mod rig_files;
 
 pub use atomic::write_atomically;
 pub use explain::{explain, explain_from_bytes};
+pub use rig_files::read_rig;
 
 use crate::FileError;
 use crate::core::camera::ImageSize;
 use crate::core::{Camera, Matrix6, Pose, Target};
 use document::{Document, Fault};
 use std::path::Path;
+use table::{
+    CAMERA_FORMATS, CameraFormat, Reads, TargetFormat, Writer, Written, camera_format, target_format,
+    writer_of,
+};
 
 /// The file formats Resight knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -75,6 +89,20 @@ pub enum Format {
     Basalt,
     /// Caliscope `camera_array.toml` and aniposelib's TOML.
     Caliscope,
+    /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
+    StaticTransforms,
+    /// The same as a YAML list; recognised as `StaticTransforms`.
+    StaticTransformsYaml,
+    /// URDF, fixed joints.
+    Urdf,
+    /// KITTI `calib.txt` and the raw data's files. Written as the object benchmark has it.
+    Kitti,
+    /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
+    KittiOdometry,
+    /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
+    NuScenes,
+    /// OpenCV FileStorage as XML; recognised as `OpenCv`.
+    OpenCvXml,
     /// Our own target file (TOML).
     OwnTarget,
     /// Kalibr target YAML, or Basalt's JSON twin.
@@ -99,6 +127,13 @@ impl Format {
             Format::PhotonVision => "PhotonVision / Limelight calibration",
             Format::Basalt => "Basalt calibration",
             Format::Caliscope => "Caliscope / aniposelib camera array",
+            Format::StaticTransforms => "ROS static transforms",
+            Format::StaticTransformsYaml => "ROS static transforms (YAML)",
+            Format::Urdf => "URDF",
+            Format::Kitti => "KITTI calibration",
+            Format::KittiOdometry => "KITTI odometry calibration",
+            Format::NuScenes => "nuScenes calibrated_sensor",
+            Format::OpenCvXml => "OpenCV FileStorage (XML)",
             Format::OwnTarget => "Resight target file (TOML)",
             Format::KalibrTarget => "Kalibr target",
             Format::WpilibLayout => "WPILib field layout",
@@ -108,13 +143,13 @@ impl Format {
 
     /// The format that `--to WORD` means; none for formats that are only read.
     pub fn to_write(word: &str) -> Option<Self> {
-        match word {
-            "resight" | "toml" | "own" => Some(Format::Own),
-            "opencv" => Some(Format::OpenCv),
-            "ros" | "camera_info" => Some(Format::RosCameraInfo),
-            "kalibr" => Some(Format::Kalibr),
-            _ => None,
-        }
+        let row = CAMERA_FORMATS.iter().find(|f| f.write.is_some() && f.words.contains(&word));
+        row.map(|f| f.format)
+    }
+
+    /// Every format that can be written, with the words that mean it, the shortest first.
+    pub fn writable() -> impl Iterator<Item = (Format, &'static [&'static str])> {
+        CAMERA_FORMATS.iter().filter(|f| f.write.is_some()).map(|f| (f.format, f.words))
     }
 }
 
@@ -134,10 +169,17 @@ pub struct Placement {
 /// A file to be written: some formats take several (one a camera, or one a table).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OutFile {
-    /// File name, without a folder.
+    /// Path below the folder they are written to, `/` between names; plain names only, never `..`.
     pub name: String,
     /// Contents.
     pub text: String,
+}
+
+impl OutFile {
+    /// The only file of its format.
+    fn only(name: &str, text: String) -> Vec<Self> {
+        vec![OutFile { name: name.to_owned(), text }]
+    }
 }
 
 /// One camera of a file.
@@ -151,13 +193,28 @@ pub struct NamedCamera {
     pub placement: Option<Placement>,
 }
 
-/// A camera file, read.
+/// How a camera's clock runs against another sensor's: time there = the camera's time stamp + `offset_s`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockOffset {
+    /// The camera.
+    pub camera: String,
+    /// The sensor whose clock is the reference (`imu`).
+    pub reference: String,
+    /// Seconds to add to the camera's time stamps.
+    pub offset_s: f64,
+}
+
+/// A camera file, read; or what is to be written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraFile {
     /// What kind of file it was.
     pub format: Format,
     /// At least one camera, in the order of the file.
     pub cameras: Vec<NamedCamera>,
+    /// Poses between other frames (an IMU, a laser scanner, links of a robot).
+    pub relations: Vec<Placement>,
+    /// Time shifts, for the cameras that have one.
+    pub clocks: Vec<ClockOffset>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
 }
@@ -183,50 +240,16 @@ pub struct WriteError(pub String);
 struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,
+    clocks: Vec<ClockOffset>,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
 
-struct CameraFormat {
-    format: Format,
-    recognises: fn(&Document) -> bool,
-    read: fn(&Document) -> Result<Contents, Fault>,
-    /// How files of this shape are commonly misread; printed by `explain`.
-    traps: &'static [&'static str],
-}
-
-type TargetAndWarnings = (Target, Vec<String>);
-
-struct TargetFormat {
-    format: Format,
-    recognises: fn(&Document) -> bool,
-    read: fn(&Document) -> Result<TargetAndWarnings, Fault>,
-    traps: &'static [&'static str],
-}
-
-/// In the order they are tried: the most particular keys first, OpenCV's many spellings last.
-const CAMERA_FORMATS: [CameraFormat; 10] = [
-    own_camera::FORMAT,
-    colmap::FORMAT,
-    mrcal::FORMAT,
-    basalt::FORMAT,
-    caliscope::FORMAT,
-    euroc::FORMAT,
-    kalibr::FORMAT,
-    photonvision::FORMAT,
-    ros::FORMAT,
-    opencv::FORMAT,
-];
-
-const TARGET_FORMATS: [TargetFormat; 4] =
-    [own_target::FORMAT, kalibr_target::FORMAT, wpilib::FORMAT, caliscope_target::FORMAT];
-
-fn camera_format(document: &Document) -> Option<&'static CameraFormat> {
-    CAMERA_FORMATS.iter().find(|f| (f.recognises)(document))
-}
-
-fn target_format(document: &Document) -> Option<&'static TargetFormat> {
-    TARGET_FORMATS.iter().find(|f| (f.recognises)(document))
+impl Contents {
+    fn into_file(self, format: Format) -> CameraFile {
+        let Contents { cameras, relations, clocks, warnings, .. } = self;
+        CameraFile { format, cameras, relations, clocks, warnings }
+    }
 }
 
 /// Reads every camera of a file, recognising the format by its content.
@@ -244,18 +267,18 @@ pub fn read_cameras_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<CameraFile
 }
 
 fn cameras_of(document: &Document) -> Result<CameraFile, Fault> {
-    let format = camera_format(document).ok_or_else(|| not_a_camera(document))?;
-    let contents = contents_of(document, format)?;
+    let (format, reads) = camera_format(document).ok_or_else(|| not_a_camera(document))?;
+    let contents = contents_of(document, reads)?;
     if contents.cameras.is_empty() {
         let only = if contents.relations.is_empty() { "no camera" } else { "poses only, no intrinsics" };
         let name = format.format.name();
         return Err(Fault::new(format!("{name} with {only}; give the file that holds the camera matrices")));
     }
-    Ok(CameraFile { format: format.format, cameras: contents.cameras, warnings: contents.warnings })
+    Ok(contents.into_file(format.format))
 }
 
-fn contents_of(document: &Document, format: &CameraFormat) -> Result<Contents, Fault> {
-    let contents = (format.read)(document)?;
+fn contents_of(document: &Document, reads: &Reads) -> Result<Contents, Fault> {
+    let contents = (reads.read)(document)?;
     for (i, camera) in contents.cameras.iter().enumerate() {
         if contents.cameras[..i].iter().any(|earlier| earlier.name == camera.name) {
             return Err(Fault::new(format!("two cameras are called `{}`; names must differ", camera.name)));
@@ -280,7 +303,8 @@ fn not_a_camera(document: &Document) -> Fault {
 }
 
 fn camera_format_names() -> String {
-    CAMERA_FORMATS.map(|f| f.format.name()).join(", ")
+    let readable = CAMERA_FORMATS.iter().filter(|f| f.reads.is_some());
+    readable.map(|f| f.format.name()).collect::<Vec<_>>().join(", ")
 }
 
 fn keys_seen(document: &Document) -> String {
@@ -347,7 +371,7 @@ pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile,
 fn target_of(document: &Document) -> Result<TargetFile, Fault> {
     let Some(format) = target_format(document) else {
         return Err(match camera_format(document) {
-            Some(camera) => Fault::new(format!(
+            Some((camera, _)) => Fault::new(format!(
                 "this is a camera ({}), not a target; give it with --camera",
                 camera.format.name()
             )),
@@ -363,24 +387,38 @@ fn target_of(document: &Document) -> Result<TargetFile, Fault> {
     Ok(TargetFile { format: format.format, target, warnings })
 }
 
-/// Writes cameras, with the poses between them where the format has a place for them.
+/// Writes cameras, with the poses between them where the format has a place for them: one file or several.
 ///
-/// Formats: `Own` (everything), `OpenCv` (one camera, or two with R and T), `RosCameraInfo` (one), `Kalibr` (a chain).
-/// Errors when the format cannot hold a model or the number of cameras: nothing is dropped silently.
-pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<String, WriteError> {
-    if cameras.is_empty() {
+/// Errors when the format cannot hold a model or the number of cameras: no camera is dropped silently.
+pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<Vec<OutFile>, WriteError> {
+    let rig = Contents { cameras: cameras.to_vec(), ..Contents::default() };
+    write_rig(&rig.into_file(format), format)
+}
+
+/// As `write_cameras`, with poses between other frames and clocks for the formats that have a place for them; the
+/// `format` and `warnings` of `rig` play no part.
+pub fn write_rig(rig: &CameraFile, format: Format) -> Result<Vec<OutFile>, WriteError> {
+    if rig.cameras.is_empty() {
         return Err(WriteError("no camera to write".into()));
     }
-    match format {
-        Format::Own => own_camera::write(cameras),
-        Format::OpenCv => opencv::write(cameras),
-        Format::RosCameraInfo => ros::write(cameras),
-        Format::Kalibr => kalibr::write(cameras),
-        other => Err(WriteError(format!(
-            "{} is read, not written; write resight, opencv, ros or kalibr",
-            other.name()
-        ))),
+    match writer_of(format) {
+        Some(writer) => differently_named(writer.run(rig)?),
+        None => {
+            let words: Vec<&str> =
+                Format::writable().filter_map(|(_, words)| words.first().copied()).collect();
+            let (name, words) = (format.name(), words.join(", "));
+            Err(WriteError(format!("{name} is read, not written; write {words}")))
+        }
     }
+}
+
+fn differently_named(files: Vec<OutFile>) -> Result<Vec<OutFile>, WriteError> {
+    for (i, file) in files.iter().enumerate() {
+        if files[..i].iter().any(|earlier| earlier.name.eq_ignore_ascii_case(&file.name)) {
+            return Err(WriteError(format!("two cameras would share the file {}; rename one", file.name)));
+        }
+    }
+    Ok(files)
 }
 
 /// The camera for images of this size: itself when the size agrees, scaled when the images are a uniform enlargement

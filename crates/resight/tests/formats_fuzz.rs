@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use resight::formats::{
-    Format, NamedCamera, explain_from_bytes, read_cameras_from_bytes, read_target_from_bytes, write_cameras,
+    Format, NamedCamera, OutFile, explain_from_bytes, read_cameras_from_bytes, read_target_from_bytes,
+    write_cameras,
 };
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,8 @@ fn read_both(path: &Path, bytes: &[u8]) {
 /// What one of our writers accepts, our reader reads: the same lenses, in the same order.
 fn write_all(cameras: &[NamedCamera]) {
     for format in [Format::Own, Format::OpenCv, Format::RosCameraInfo, Format::Kalibr] {
-        let Ok(text) = write_cameras(cameras, format) else { continue };
+        let Ok(files) = write_cameras(cameras, format) else { continue };
+        let [OutFile { text, .. }] = files.as_slice() else { continue };
         let back = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes());
         let back = back.unwrap_or_else(|e| panic!("{format:?}: {e}\n{text}"));
         assert_eq!(back.format, format, "{text}");

@@ -1,7 +1,9 @@
 //! What is written reads back the same, and says so in the same bytes every time.
 
+use resight::core::Matrix6;
 use resight::formats::{
-    Format, NamedCamera, WriteError, read_cameras, read_cameras_from_bytes, write_atomically, write_cameras,
+    CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, read_cameras, read_cameras_from_bytes,
+    write_atomically, write_cameras, write_rig,
 };
 use std::path::{Path, PathBuf};
 
@@ -11,6 +13,13 @@ fn example(name: &str) -> PathBuf {
 
 fn cameras(name: &str) -> Vec<NamedCamera> {
     read_cameras(&example(name)).unwrap().cameras
+}
+
+/// The text of a format that takes one file.
+fn only(cameras: &[NamedCamera], format: Format) -> String {
+    let files = write_cameras(cameras, format).unwrap();
+    let [OutFile { text, .. }] = files.as_slice() else { panic!("{} files", files.len()) };
+    text.clone()
 }
 
 fn read_back(text: &str, format: Format, name: &str) -> Vec<NamedCamera> {
@@ -57,23 +66,23 @@ fn own_toml_round_trips_every_model_and_pose() {
         "left.cameramodel",
     ] {
         let written = cameras(name);
-        let text = write_cameras(&written, Format::Own).unwrap();
+        let text = only(&written, Format::Own);
         assert_same(&read_back(&text, Format::Own, "x"), &written);
     }
-    assert_golden("rig.toml", &write_cameras(&cameras("own_rig.toml"), Format::Own).unwrap());
+    assert_golden("rig.toml", &only(&cameras("own_rig.toml"), Format::Own));
 }
 
 #[test]
 fn opencv_round_trips() {
     let pair = cameras("opencv_stereo.yml");
-    let text = write_cameras(&pair, Format::OpenCv).unwrap();
+    let text = only(&pair, Format::OpenCv);
     assert_same(&read_back(&text, Format::OpenCv, "x"), &pair);
     assert_golden("opencv_stereo.yml", &text);
     for (name, golden) in
         [("opencv_single.yml", "opencv_single.yml"), ("opencv_fisheye.xml", "opencv_fisheye.yml")]
     {
         let single = cameras(name);
-        let text = write_cameras(&single, Format::OpenCv).unwrap();
+        let text = only(&single, Format::OpenCv);
         assert_same(&read_back(&text, Format::OpenCv, "x"), &single);
         assert_golden(golden, &text);
     }
@@ -83,20 +92,41 @@ fn opencv_round_trips() {
 fn ros_round_trips() {
     for name in ["ros_plumb_bob.yaml", "ros_topic_echo.yaml", "opencv_fisheye.xml"] {
         let camera = cameras(name);
-        let text = write_cameras(&camera, Format::RosCameraInfo).unwrap();
+        let text = only(&camera, Format::RosCameraInfo);
         assert_same(&read_back(&text, Format::RosCameraInfo, "x"), &camera);
     }
-    assert_golden("ros.yaml", &write_cameras(&cameras("ros_plumb_bob.yaml"), Format::RosCameraInfo).unwrap());
+    assert_golden("ros.yaml", &only(&cameras("ros_plumb_bob.yaml"), Format::RosCameraInfo));
 }
 
 #[test]
 fn kalibr_round_trips() {
     for name in ["kalibr_camchain.yaml", "kalibr_imucam.yaml"] {
         let chain = cameras(name);
-        let text = write_cameras(&chain, Format::Kalibr).unwrap();
+        let text = only(&chain, Format::Kalibr);
         assert_same(&read_back(&text, Format::Kalibr, "x"), &chain);
         assert_golden(name, &text);
     }
+}
+
+/// Kalibr's time shift and a pose between frames of no camera survive in our own file, a covariance too.
+#[test]
+fn clocks_relations_and_covariances_round_trip() {
+    let mut rig = read_cameras(&example("kalibr_imucam.yaml")).unwrap();
+    assert_eq!(rig.clocks.len(), 1);
+    assert_eq!((rig.clocks[0].camera.as_str(), rig.clocks[0].offset_s), ("cam0", 0.001));
+    let mut stated = rig.cameras[1].placement.clone().unwrap();
+    stated.covariance = Some(Matrix6::from_fn(|i, j| if i == j { 1e-6 * (1 + i) as f64 } else { 1e-7 }));
+    rig.cameras[1].placement = Some(stated.clone());
+    rig.relations.push(Placement { b: "imu".into(), a: "base".into(), ..stated });
+    let files = write_rig(&rig, Format::Own).unwrap();
+    assert_eq!(files[0].name, "rig.toml");
+    let read = read_cameras_from_bytes(Path::new("x"), files[0].text.clone().into_bytes()).unwrap();
+    assert_same(&read.cameras, &rig.cameras);
+    let covariance = |file: &CameraFile| file.cameras[1].placement.as_ref().unwrap().covariance;
+    assert_eq!(covariance(&read), covariance(&rig));
+    assert_eq!((&read.clocks, &read.relations[0].covariance), (&rig.clocks, &rig.relations[0].covariance));
+    assert_eq!((read.relations[0].b.as_str(), read.relations[0].a.as_str()), ("imu", "base"));
+    assert_golden("rig_imu.toml", &files[0].text);
 }
 
 /// Two cameras placed in the world become a chain: cam1_from_cam0 = cam1_from_world · world_from_cam0.
@@ -106,7 +136,7 @@ fn kalibr_chains_cameras_that_share_a_frame() {
     array[0].camera = array[1].camera.clone();
     let pose = |i: usize| array[i].placement.as_ref().unwrap().b_from_a;
     let expected = pose(1) * pose(0).inverse();
-    let chain = read_back(&write_cameras(&array, Format::Kalibr).unwrap(), Format::Kalibr, "x");
+    let chain = read_back(&only(&array, Format::Kalibr), Format::Kalibr, "x");
     let found = chain[1].placement.as_ref().unwrap();
     assert_eq!((found.b.as_str(), found.a.as_str()), ("cam1", "cam0"));
     assert!(found.b_from_a.angle_to_rad(&expected) < 1e-12);
@@ -121,12 +151,12 @@ fn nothing_is_dropped_silently() {
     };
     refused("opencv_stereo.yml", Format::Kalibr, "image size");
     refused("opencv_single.yml", Format::Mrcal, "read, not written");
-    refused("kalibr_camchain.yaml", Format::RosCameraInfo, "one camera, not 6");
+    refused("kalibr_camchain.yaml", Format::RosCameraInfo, "cam2: camera_info has no omni model");
     refused("kalibr_camchain.yaml", Format::OpenCv, "one or two cameras, not 6");
     refused("own_photogrammetric.toml", Format::OpenCv, "own unit");
     refused("photonvision_new.json", Format::Kalibr, "radtan has k1, k2, p1, p2 only");
     assert!(write_cameras(&[], Format::Own).is_err());
-    let text = write_cameras(&cameras("cam7/sensor.yaml"), Format::RosCameraInfo).unwrap();
+    let text = only(&cameras("cam7/sensor.yaml"), Format::RosCameraInfo);
     assert!(text.starts_with("# The pose body from cam7 is not part"), "{text}");
 }
 

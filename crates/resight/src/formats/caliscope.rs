@@ -3,13 +3,18 @@
 use super::document::{Document, Fault, Syntax, Value};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, checks, opencv};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, checks, opencv};
 use crate::core::{Camera, Pose};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Caliscope,
-    recognises: |document| document.syntax == Syntax::Toml && !tables(&document.entry()).is_empty(),
-    read,
+    words: &[],
+    reads: Some(Reads {
+        recognises: |document| document.syntax == Syntax::Toml && !tables(&document.entry()).is_empty(),
+        read,
+        together: None,
+    }),
+    write: None,
     traps: &[
         "rotation and translation map world points into the camera (x_cam = R x_world + t), although \
             Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",

@@ -5,13 +5,14 @@
 use super::document::{Document, Fault, Node, Syntax, Value};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera};
+use super::{CameraFormat, Contents, Format, NamedCamera, Reads};
 use crate::core::camera::{CameraMatrix, ImageSize};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Colmap,
-    recognises: |document| document.syntax == Syntax::Lines,
-    read,
+    words: &[],
+    reads: Some(Reads { recognises: |document| document.syntax == Syntax::Lines, read, together: None }),
+    write: None,
     traps: &[
         "COLMAP counts pixels from the image's top-left corner; 0.5 px was subtracted from cx and cy.",
         "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the \

@@ -29,9 +29,32 @@ pub(super) fn quoted(text: &str) -> String {
     json.chars().map(|c| if bare(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() }).collect()
 }
 
+/// A camera's name as a file or folder name: what could leave the folder, or is no name on some system, becomes `_`.
+pub(super) fn file_stem(name: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | '+');
+    let stem: String = name.chars().take(60).map(|c| if plain(c) { c } else { '_' }).collect();
+    match stem.trim_start_matches(['.', '-']).trim_end_matches('.') {
+        "" => "camera".to_owned(),
+        trimmed => trimmed.to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_name_leaves_the_folder() {
+        for (name, stem) in [
+            ("narrow_stereo/left", "narrow_stereo_left"),
+            ("../../etc/x", "_.._etc_x"),
+            ("..", "camera"),
+            ("a b\n", "a_b_"),
+            ("left", "left"),
+        ] {
+            assert_eq!(file_stem(name), stem);
+        }
+    }
 
     #[test]
     fn every_number_has_a_point_and_reads_back() {

@@ -4,17 +4,22 @@
 use super::document::{Document, Fault};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, checks};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, checks};
 use crate::core::Pose;
 use crate::core::camera::CameraMatrix;
 use nalgebra::Vector3;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Mrcal,
-    recognises: |document| {
-        document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some()
-    },
-    read,
+    words: &[],
+    reads: Some(Reads {
+        recognises: |document| {
+            document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some()
+        },
+        read,
+        together: None,
+    }),
+    write: None,
     traps: &[
         "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t.",
     ],

@@ -1,21 +1,23 @@
 //! OpenCV FileStorage (YAML 1.0 and 1.2, XML, JSON), in the spellings its samples and its users have for K and D.
 //!
 //! Stereo files: R, T with x_2 = R x_1 + T, in the unit of the calibration board, which the file does not state.
-//! The emitter is ours because OpenCV's YAML reader is particular about layout.
 
 use super::document::{Document, Fault};
-use super::emit::list;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, WriteError, checks, frames};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, Writer, checks, opencv_write};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
-use std::fmt::Write;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::OpenCv,
-    recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
-    read,
+    words: &["opencv", "opencv-yaml"],
+    reads: Some(Reads {
+        recognises: |document| pairs(&document.entry()).next().is_some() || is_stereo(&document.entry()),
+        read,
+        together: None,
+    }),
+    write: Some(Writer::Rig(opencv_write::write_yaml)),
     traps: &[
         "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
             not the second camera's place, that is -Rᵀ T.",
@@ -215,111 +217,7 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
     Ok(())
 }
 
-/// One camera (`camera_matrix`, …) or two (`M1 D1 M2 D2 R T`).
-pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
-    let mut out = String::from("%YAML:1.0\n---\n");
-    match cameras {
-        [only] => {
-            write_name_and_size(&mut out, "", only)?;
-            write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
-        }
-        [first, second] => write_pair(&mut out, first, second, cameras)?,
-        many => {
-            return Err(WriteError(format!(
-                "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
-                many.len()
-            )));
-        }
-    }
-    Ok(out)
-}
-
-fn write_pair(
-    out: &mut String,
-    first: &NamedCamera,
-    second: &NamedCamera,
-    all: &[NamedCamera],
-) -> Result<(), WriteError> {
-    if first.camera.size != second.camera.size {
-        return Err(WriteError("an OpenCV stereo file has one image size; write one file per camera".into()));
-    }
-    write_name_and_size(out, "1", first)?;
-    put(out, format_args!("camera_name2: \"{}\"\n", plain_name(&second.name)?));
-    write_intrinsics(out, first, "M1", "D1")?;
-    write_intrinsics(out, second, "M2", "D2")?;
-    if let Some(pose) = frames::between(all, &second.name, &first.name) {
-        let r: Vec<f64> = pose.rotation.transpose().iter().copied().collect();
-        write_matrix(out, "R", 3, 3, &r);
-        write_matrix(out, "T", 3, 1, pose.translation.as_slice());
-    }
-    Ok(())
-}
-
-fn put(out: &mut String, text: std::fmt::Arguments<'_>) {
-    // Writing to a String cannot fail.
-    let _ = out.write_fmt(text);
-}
-
-fn plain_name(name: &str) -> Result<&str, WriteError> {
-    let plain = name.chars().all(|c| c.is_alphanumeric() || "_-. ".contains(c));
-    if plain {
-        Ok(name)
-    } else {
-        Err(WriteError(format!("camera name `{name}`: only letters, digits, _, - and . can be written")))
-    }
-}
-
-fn write_name_and_size(out: &mut String, number: &str, camera: &NamedCamera) -> Result<(), WriteError> {
-    put(out, format_args!("camera_name{number}: \"{}\"\n", plain_name(&camera.name)?));
-    if let Some(size) = camera.camera.size {
-        put(out, format_args!("image_width: {}\nimage_height: {}\n", size.width_px, size.height_px));
-    }
-    Ok(())
-}
-
-fn write_intrinsics(
-    out: &mut String,
-    camera: &NamedCamera,
-    matrix: &str,
-    distortion: &str,
-) -> Result<(), WriteError> {
-    let (k, numbers) = lens::numbers_of(&camera.camera)?;
-    let (model, d) = match numbers {
-        LensNumbers::Pinhole => ("plumb_bob", vec![0.0; 5]),
-        LensNumbers::BrownConrady(d) if d.len() <= 5 => ("plumb_bob", d),
-        LensNumbers::BrownConrady(d) => ("rational_polynomial", d),
-        LensNumbers::KannalaBrandt(d) => ("fisheye", d.to_vec()),
-        other => {
-            return Err(WriteError(format!(
-                "OpenCV has no {} model; write resight or kalibr",
-                other.model()
-            )));
-        }
-    };
-    if !out.contains("distortion_model") {
-        put(out, format_args!("distortion_model: \"{model}\"\n"));
-    } else if out.contains("\"fisheye\"") != (model == "fisheye") {
-        return Err(WriteError(
-            "a fisheye and an ordinary lens do not fit one OpenCV file; write one file per camera".into(),
-        ));
-    }
-    write_matrix(out, matrix, 3, 3, &matrix_rows(&k));
-    let (rows, columns) = if model == "fisheye" { (d.len(), 1) } else { (1, d.len()) };
-    write_matrix(out, distortion, rows, columns, &d);
-    Ok(())
-}
-
 /// [fx 0 cx; 0 fy cy; 0 0 1], row by row.
 pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
     [k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0]
-}
-
-fn write_matrix(out: &mut String, key: &str, rows: usize, columns: usize, data: &[f64]) {
-    put(
-        out,
-        format_args!(
-            "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {}\n",
-            list(data)
-        ),
-    );
 }

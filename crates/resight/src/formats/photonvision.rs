@@ -3,13 +3,18 @@
 use super::document::{Document, Fault};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, checks, opencv};
+use super::{CameraFormat, Contents, Format, NamedCamera, Reads, checks, opencv};
 use crate::core::camera::ImageSize;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::PhotonVision,
-    recognises: |document| document.root.get("cameraIntrinsics").is_some(),
-    read,
+    words: &[],
+    reads: Some(Reads {
+        recognises: |document| document.root.get("cameraIntrinsics").is_some(),
+        read,
+        together: None,
+    }),
+    write: None,
     traps: &[
         "Older files call the distortion coefficients `cameraExtrinsics`; they hold no pose.",
         "The intrinsics belong to the stated resolution; another stream resolution of the same camera \

@@ -3,27 +3,34 @@
 //! R is a rectification, not a pose. The baseline of a stereo pair hides in P: P[0][3] = −fx′ · B.
 
 use super::document::{Document, Fault};
-use super::emit::{list, quoted};
+use super::emit::{file_stem, list, quoted};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, WriteError, checks, opencv};
+use super::{
+    CameraFormat, Contents, Format, NamedCamera, OutFile, Reads, WriteError, Writer, Written, checks, opencv,
+};
 use crate::core::camera::ImageSize;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::RosCameraInfo,
-    recognises: |document| {
-        let root = document.entry();
-        let saved =
-            root.has("camera_matrix") && (root.has("rectification_matrix") || root.has("projection_matrix"));
-        let echoed = (root.has("k") || root.has("K"))
-            && (root.has("p") || root.has("P"))
-            && root.has("distortion_model");
-        saved
-            || echoed
-            || (root.has("camera_matrix") && root.has("distortion_model") && root.has("camera_name"))
-                && !document.text.contains("opencv-matrix")
-    },
-    read,
+    words: &["ros", "camera_info"],
+    reads: Some(Reads {
+        recognises: |document| {
+            let root = document.entry();
+            let saved = root.has("camera_matrix")
+                && (root.has("rectification_matrix") || root.has("projection_matrix"));
+            let echoed = (root.has("k") || root.has("K"))
+                && (root.has("p") || root.has("P"))
+                && root.has("distortion_model");
+            saved
+                || echoed
+                || (root.has("camera_matrix") && root.has("distortion_model") && root.has("camera_name"))
+                    && !document.text.contains("opencv-matrix")
+        },
+        read,
+        together: None,
+    }),
+    write: Some(Writer::Cameras(write)),
     traps: &[
         "R (rectification_matrix) turns this camera for rectified stereo; it is not where the camera is. \
             A camera_info file holds no pose.",
@@ -127,14 +134,17 @@ fn baseline_note(root: &Entry<'_>) -> Result<Option<String>, Fault> {
     }))
 }
 
-/// One camera, as `camera_calibration` saves it; a pose has no place in this file.
-pub(super) fn write(cameras: &[NamedCamera]) -> Result<String, WriteError> {
-    let [camera] = cameras else {
-        return Err(WriteError(format!(
-            "a camera_info file holds one camera, not {}; pick one with FILE#NAME",
-            cameras.len()
-        )));
+/// One file a camera, as `camera_calibration` saves it; a pose has no place in it.
+fn write(cameras: &[NamedCamera]) -> Written {
+    let file = |camera: &NamedCamera| {
+        let name = format!("{}.yaml", file_stem(&camera.name));
+        let text = text(camera).map_err(|e| WriteError(format!("{}: {e}", camera.name)))?;
+        Ok(OutFile { name, text })
     };
+    cameras.iter().map(file).collect()
+}
+
+fn text(camera: &NamedCamera) -> Result<String, WriteError> {
     let size = camera
         .camera
         .size
