@@ -7,6 +7,9 @@
 
 #[cfg(feature = "std")]
 pub mod shared;
+pub mod point;
+#[cfg(feature = "std")]
+pub mod dense;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};

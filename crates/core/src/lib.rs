@@ -43,6 +43,10 @@ pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 #[cfg(feature = "std")]
+pub mod triangulate;
+#[cfg(feature = "std")]
+//pub mod survey;
+#[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
 pub mod robust;
