@@ -45,7 +45,7 @@ pub mod rig_pose;
 #[cfg(feature = "std")]
 pub mod triangulate;
 #[cfg(feature = "std")]
-//pub mod survey;
+pub mod survey;
 #[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
