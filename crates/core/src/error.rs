@@ -233,6 +233,83 @@ pub enum Error {
         /// Samples tried.
         samples: usize,
     },
+    /// Rays to a point that cannot be told from parallel ones: it may be infinitely far.
+    #[error(
+        "the rays to the point are too nearly parallel: the angle between them is {parallax_rad:.1e} rad ± {sigma_rad:.1e}, and {needed} times its standard deviation is needed; add a photograph from farther aside"
+    )]
+    ParallaxTooSmall {
+        /// Angle between the rays, towards the point positive; negative where they diverge.
+        parallax_rad: f64,
+        /// Its standard deviation.
+        sigma_rad: f64,
+        /// Standard deviations needed.
+        needed: f64,
+    },
+    /// A point that would lie behind a camera that sees it.
+    #[error(
+        "the point would lie behind view {view} ({depth_m:.3} m along its ray); the views are mixed up or the pixels belong to different points"
+    )]
+    BehindView {
+        /// Which view, counted from 0.
+        view: usize,
+        /// Distance along the ray, negative.
+        depth_m: f64,
+    },
+    /// A view of a point with a number that cannot be right.
+    #[error("view {view} of the point: {what} is {seen}; {needed}")]
+    InvalidView {
+        /// Which view, counted from 0.
+        view: usize,
+        /// What of it.
+        what: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A fact of a survey with a number that cannot be right.
+    #[error("fact {fact} of the survey: {what} is {seen}; {needed}")]
+    InvalidFact {
+        /// Which fact, counted from 0.
+        fact: usize,
+        /// What of it.
+        what: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// A survey without any length.
+    #[error(
+        "no length is known, so nothing can be measured in metres; give a known distance or the coordinates of two marks"
+    )]
+    NoLength,
+    /// A part of a survey that its facts leave undetermined.
+    #[error("{what} {index} is undetermined: {reason} (metric {metric:.2}, need {needed:.2})")]
+    Undetermined {
+        /// `photo`, `point` or `plane`.
+        what: &'static str,
+        /// Which of them, counted from 0.
+        index: usize,
+        /// Why, with the way out.
+        reason: &'static str,
+        /// The number seen.
+        metric: f64,
+        /// The number needed.
+        needed: f64,
+    },
+    /// Known distances that no places of the points have.
+    #[error(
+        "the known distances contradict each other: fact {fact} is off by {off_m:.4} m, {sigmas:.1} times its standard deviation; measure it again or give it a larger sigma_m"
+    )]
+    InconsistentDistances {
+        /// The fact that fits the others worst, counted from 0.
+        fact: usize,
+        /// Given minus what the others say, metres.
+        off_m: f64,
+        /// The same over the standard deviation of that difference.
+        sigmas: f64,
+    },
     /// A setting that cannot be.
     #[error("{setting} is {seen}; {needed}")]
     InvalidSetting {

@@ -9,6 +9,9 @@
 pub mod shared;
 #[cfg(feature = "std")]
 pub mod rig;
+pub mod point;
+#[cfg(feature = "std")]
+pub mod dense;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};

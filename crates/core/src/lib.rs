@@ -43,9 +43,14 @@ pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 #[cfg(feature = "std")]
+pub mod triangulate;
+#[cfg(feature = "std")]
+pub mod survey;
+#[cfg(feature = "std")]
 pub mod robust;
 #[cfg(feature = "std")]
 pub mod rig;
+#[cfg(feature = "std")]
 pub mod advise;
 
 pub use camera::{Camera, CameraMatrix, Lens};

@@ -3,6 +3,7 @@
 
 pub mod rigs;
 pub mod outliers;
+pub mod accident;
 pub mod views;
 pub mod rooms;
 

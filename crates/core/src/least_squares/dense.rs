@@ -1,0 +1,134 @@
+//! Levenberg–Marquardt on a state of any kind with few hundred unknowns, and the same on a level surface of a function of it.
+//!
+//! ```text
+//!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
+//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/survey.md eq. (12)
+//! ```
+
+use super::{Damping, LAST_DAMPING, MAX_STEPS, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// Gauss–Newton's view of the cost.
+#[derive(Debug, Clone)]
+pub struct DenseEquations {
+    /// Sum of squared whitened residuals.
+    pub chi2: f64,
+    /// c.
+    pub gradient: DVector<f64>,
+    /// H; both triangles.
+    pub information: DMatrix<f64>,
+}
+
+/// Where the loop ended.
+#[derive(Debug, Clone)]
+pub struct DenseSolution<S> {
+    /// The minimum.
+    pub state: S,
+    /// The equations at it, or one vanishing step before it.
+    pub equations: DenseEquations,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether the last step promised less than the tolerance.
+    pub converged: bool,
+}
+
+impl DenseEquations {
+    /// No row yet.
+    pub fn new(n: usize) -> Self {
+        DenseEquations { chi2: 0.0, gradient: DVector::zeros(n), information: DMatrix::zeros(n, n) }
+    }
+
+    /// Adds a whitened residual and the derivatives of what was predicted, by the unknowns they belong to (each once).
+    pub fn add(&mut self, residual: f64, entries: &[(usize, f64)]) {
+        self.chi2 += residual * residual;
+        for (i, by_i) in entries {
+            self.gradient[*i] += by_i * residual;
+            for (j, by_j) in entries {
+                self.information[(*i, *j)] += by_i * by_j;
+            }
+        }
+    }
+
+    /// Cholesky's factor of H, its diagonal raised by `damping`; an unknown that nothing depends on stays where it is.
+    fn factor(&self, damping: f64) -> Option<Cholesky<f64, Dyn>> {
+        let mut damped = self.information.clone();
+        for i in 0..damped.nrows() {
+            let diagonal = &mut damped[(i, i)];
+            *diagonal = if *diagonal == 0.0 { 1.0 } else { *diagonal * (1.0 + damping) };
+        }
+        damped.cholesky()
+    }
+
+    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
+        let step = self.factor(damping)?.solve(&self.gradient);
+        let promised = step.dot(&self.gradient);
+        promised.is_finite().then_some((step, promised))
+    }
+}
+
+/// Minimises a cost. `evaluate` returns none where a point leaves a camera's field, `moved` where no state is left.
+pub fn minimize_dense<S: Clone>(
+    start: &S,
+    evaluate: impl Fn(&S) -> Option<DenseEquations>,
+    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
+) -> Option<DenseSolution<S>> {
+    let (mut state, mut equations, mut damping) = (start.clone(), evaluate(start)?, Damping::NONE);
+    for steps in 1..=MAX_STEPS {
+        if let Some((step, promised)) = equations.step(damping.value) {
+            let trial = moved(&state, &step).and_then(|trial| Some((evaluate(&trial)?, trial)));
+            let is_last = promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2;
+            match trial {
+                Some((better, trial)) if better.chi2 < equations.chi2 => {
+                    damping.ease((equations.chi2 - better.chi2) / promised);
+                    (state, equations) = (trial, better);
+                }
+                _ => damping.raise(),
+            }
+            if is_last || LAST_DAMPING <= damping.value {
+                return Some(DenseSolution { state, equations, steps, converged: true });
+            }
+        } else if LAST_DAMPING <= damping.value {
+            return Some(DenseSolution { state, equations, steps, converged: false });
+        } else {
+            damping.raise();
+        }
+    }
+    Some(DenseSolution { state, equations, steps: MAX_STEPS, converged: false })
+}
+
+/// Steps on a level: near a minimum each squares the error.
+const LEVEL_STEPS: usize = 30;
+/// A step on a level that moves less than this squared number of standard deviations is the last.
+const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
+
+/// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
+/// steps do not settle.
+pub fn minimize_on_level<S: Clone>(
+    start: &S,
+    level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
+    evaluate: impl Fn(&S) -> Option<DenseEquations>,
+    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
+) -> Option<DenseSolution<S>> {
+    let mut state = start.clone();
+    let mut before = f64::INFINITY;
+    let mut shortened = 1.0;
+    for steps in 1..=LEVEL_STEPS {
+        let (equations, (above, gradient)) = (evaluate(&state)?, level(&state)?);
+        let factor = equations.factor(0.0)?;
+        let (down, along) = (factor.solve(&equations.gradient), factor.solve(&gradient));
+        let multiplier = (-above - gradient.dot(&down)) / gradient.dot(&along);
+        let step = down + along * multiplier;
+        let length2 = step.dot(&(&equations.information * &step));
+        if !length2.is_finite() {
+            return None;
+        }
+        if length2 <= LEVEL_TOLERANCE_CHI2 {
+            return Some(DenseSolution { state, equations, steps, converged: true });
+        }
+        // Steps that do not shrink circle around: half of each settles them.
+        shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };
+        before = length2;
+        state = moved(&state, &(step * f64::max(shortened, 0.1)))?;
+    }
+    None
+}

@@ -1,0 +1,386 @@
+//! Measuring in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all that is known.
+//!
+//! Facts in (clicks, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
+//! covariance out, and of them lengths, angles, areas and heights with their 95 % intervals. Derivation: docs/math/survey.md.
+//!
+//! starts → adjust → drop what is undetermined → check. Each step is one file.
+
+mod state;
+mod rows;
+mod trilaterate;
+mod starts;
+mod gauge;
+mod snoop;
+mod solve;
+mod query;
+mod interval;
+
+use crate::correspondence::PixelCovariance;
+use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+pub use interval::Measured;
+pub use query::Query;
+pub use snoop::Suspect;
+
+/// A camera and how well its intrinsics are known; photographs of one camera share its errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurveyCamera<'a> {
+    /// Lens as calibrated.
+    pub camera: &'a Camera,
+    /// Covariance of the intrinsic parameters, row by row, in the order of `Camera::parameters`; none where exact.
+    pub intrinsics_covariance: Option<&'a [f64]>,
+}
+
+/// A plane that points may lie on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Plane {
+    /// The points with normal · x = offset.
+    Known {
+        /// Unit normal, world frame.
+        normal_in_world: Vector3<f64>,
+        /// Its place along the normal.
+        offset_m: f64,
+    },
+    /// To be found from the points on it; its normal points to the cameras' side.
+    Unknown,
+}
+
+/// Something known about the scene. Points, photographs and planes are named by their index.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fact {
+    /// A point was seen at a pixel of a photograph.
+    Click {
+        /// Which photograph.
+        photo: usize,
+        /// Which point.
+        point: usize,
+        /// Where, px.
+        pixel: Pixel,
+        /// How sure, px².
+        covariance_px2: PixelCovariance,
+    },
+    /// The point's coordinates.
+    Place {
+        /// Which point.
+        point: usize,
+        /// Coordinates, m.
+        x_in_world: Point,
+        /// Their standard deviations, m; 0 where exact.
+        sigma_m: Vector3<f64>,
+    },
+    /// The distance between two points.
+    Distance {
+        /// One.
+        a: usize,
+        /// The other.
+        b: usize,
+        /// As measured.
+        distance_m: f64,
+        /// Its standard deviation.
+        sigma_m: f64,
+    },
+    /// The point lies on a plane.
+    OnPlane {
+        /// Which plane.
+        plane: usize,
+        /// Which point.
+        point: usize,
+        /// How flat: standard deviation of the distance from the plane, m.
+        sigma_m: f64,
+    },
+    /// One point stands above another, along the plane's normal.
+    Upright {
+        /// Which plane is level with it.
+        plane: usize,
+        /// The lower point.
+        foot: usize,
+        /// The upper point.
+        top: usize,
+        /// How upright: standard deviation of the lean about each axis.
+        sigma_rad: f64,
+    },
+    /// The plane is level, and down was measured in a photograph's camera frame.
+    Gravity {
+        /// The level plane.
+        plane: usize,
+        /// Which photograph.
+        photo: usize,
+        /// Unit vector, camera frame.
+        down_in_cam: Vector3<f64>,
+        /// Its standard deviation about each axis across it.
+        sigma_rad: f64,
+    },
+    /// The photograph's place.
+    Pose {
+        /// Which photograph.
+        photo: usize,
+        /// x_in_cam = cam_from_world · x_in_world.
+        cam_from_world: Pose,
+        /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, positive definite; none where exact.
+        covariance: Option<Matrix6>,
+    },
+}
+
+/// All that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Survey<'a> {
+    /// The cameras.
+    pub cameras: &'a [SurveyCamera<'a>],
+    /// The camera that took each photograph.
+    pub camera_of_photo: &'a [usize],
+    /// How many points there are.
+    pub n_points: usize,
+    /// The planes.
+    pub planes: &'a [Plane],
+    /// The facts, in any order.
+    pub facts: &'a [Fact],
+}
+
+/// The frame that positions are given in. Lengths, angles and areas do not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame {
+    /// That of the given coordinates, poses and planes.
+    Given,
+    /// First mark at the origin, second on the x axis, third in the xy-plane, z towards the cameras' side.
+    Marks([usize; 3]),
+    /// That of the given coordinates as far as they go; what they leave free (a turn, a shift) is held at the start.
+    Held,
+}
+
+/// A photograph, point or plane of a survey.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Item {
+    /// A photograph.
+    Photo(usize),
+    /// A point.
+    Point(usize),
+    /// A plane.
+    Plane(usize),
+}
+
+/// Everything in its place, with the joint covariance.
+#[derive(Debug, Clone)]
+pub struct Adjusted {
+    /// The places.
+    pub(crate) state: state::State,
+    /// Which unknown is which.
+    pub(crate) layout: state::Layout,
+    /// The survey's own copy of what later questions need.
+    pub(crate) facts: Vec<Fact>,
+    /// Covariance of all unknowns, widened by `noise_scale`.
+    pub(crate) covariance: DMatrix<f64>,
+    /// Sum of squared residuals over their variances.
+    pub chi2: f64,
+    /// Residuals beyond the unknowns.
+    pub degrees_of_freedom: usize,
+    /// Factor by which every variance was widened because the residuals prove the sigmas too small; 1 where they agree.
+    pub noise_scale: f64,
+    /// Whether facts as sure as stated would hardly ever disagree so much (once in ten thousand).
+    pub is_inconsistent: bool,
+    /// Facts that contradict the others, the worst first.
+    pub suspects: Vec<Suspect>,
+    /// What the facts leave undetermined, and why; facts about it took no part.
+    pub undetermined: Vec<(Item, Error)>,
+    /// How much worse, in χ², the second best arrangement of photographs and marks fits; none where no other was found.
+    pub rival_delta_chi2: Option<f64>,
+    /// The frame of the positions.
+    pub frame: Frame,
+    /// Steps of the adjustment.
+    pub steps: usize,
+}
+
+/// A rival arrangement closer than this in χ² cannot be told from the best.
+pub const RIVAL_GATE_CHI2: f64 = 9.0;
+
+/// Finds everything's place.
+///
+/// # Errors
+/// `InvalidFact` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `InconsistentDistances` where
+/// the distances between marks contradict each other before any photograph is looked at; `Undetermined` where nothing at all can be
+/// placed. Single points and photographs that cannot be placed are listed in [`Adjusted::undetermined`].
+pub fn adjust(survey: &Survey) -> Result<Adjusted, Error> {
+    survey.check()?;
+    let marks = starts::marks(survey)?;
+    solve::best_of(survey, &marks)
+}
+
+impl Adjusted {
+    /// A point's place; none where undetermined.
+    pub fn point(&self, point: usize) -> Option<Point> {
+        self.layout.has_point(point).then(|| self.state.points[point])
+    }
+
+    /// Covariance of a point's place, m².
+    pub fn point_covariance_m2(&self, point: usize) -> Option<Matrix3<f64>> {
+        let at = self.layout.has_point(point).then(|| self.layout.point[point])?;
+        Some(Matrix3::from_fn(|i, j| match (at[i], at[j]) {
+            (Some(i), Some(j)) => self.covariance[(i, j)],
+            _ => 0.0,
+        }))
+    }
+
+    /// A photograph's place, `cam_from_world`; none where undetermined.
+    pub fn cam_from_world(&self, photo: usize) -> Option<Pose> {
+        self.layout.has_photo(photo).then(|| self.state.photos[photo])
+    }
+
+    /// Covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    pub fn photo_covariance(&self, photo: usize) -> Option<Matrix6> {
+        self.layout.has_photo(photo).then(|| match self.layout.photo[photo] {
+            Some(at) => Matrix6::from_fn(|i, j| self.covariance[(at + i, at + j)]),
+            None => Matrix6::zeros(),
+        })
+    }
+
+    /// A plane's unit normal and offset (normal · x = offset), world frame; none where undetermined.
+    pub fn plane(&self, plane: usize) -> Option<(Vector3<f64>, f64)> {
+        let found = self.layout.has_plane(plane).then(|| self.state.planes[plane])?;
+        Some((found.normal, found.normal.dot(&found.pivot) + found.height_m))
+    }
+
+    /// The cameras as the facts correct them, where their intrinsics were uncertain.
+    pub fn camera(&self, camera: usize) -> Option<&Camera> {
+        self.state.lenses.get(camera).map(|lens| &lens.camera)
+    }
+
+    /// The 2 px residual (observed − predicted) of a click; none for other facts and where it took no part.
+    pub fn click_residual_px(&self, fact: usize) -> Option<nalgebra::Vector2<f64>> {
+        let Fact::Click { photo, point, pixel, .. } = self.facts.get(fact)? else { return None };
+        let x_in_cam = self.cam_from_world(*photo)? * self.point(*point)?;
+        Some(pixel - self.state.lenses[self.state.camera_of_photo[*photo]].camera.project(&x_in_cam)?)
+    }
+}
+
+impl Survey<'_> {
+    fn check(&self) -> Result<(), Error> {
+        for (index, camera) in self.camera_of_photo.iter().enumerate() {
+            if self.cameras.len() <= *camera {
+                let needed = "each photograph needs a camera of the list";
+                return Err(Error::InvalidSetting { setting: "camera_of_photo", seen: index as f64, needed });
+            }
+        }
+        for camera in self.cameras {
+            camera.check()?;
+        }
+        for plane in self.planes {
+            if let Plane::Known { normal_in_world, offset_m } = plane {
+                let length = normal_in_world.norm();
+                if !((length - 1.0).abs() < 1e-6 && offset_m.is_finite()) {
+                    let needed = "a plane has a unit normal and a finite offset";
+                    return Err(Error::InvalidSetting { setting: "normal_in_world", seen: length, needed });
+                }
+            }
+        }
+        self.facts.iter().enumerate().try_for_each(|(index, fact)| self.check_fact(index, fact))
+    }
+
+    fn check_fact(&self, index: usize, fact: &Fact) -> Result<(), Error> {
+        let refuse = |what, seen, needed| Err(Error::InvalidFact { fact: index, what, seen, needed });
+        let points = fact.points();
+        if let Some(p) = points.iter().flatten().find(|p| self.n_points <= **p) {
+            return refuse("point", *p as f64, "it must be below n_points");
+        }
+        if fact.photo().is_some_and(|photo| self.camera_of_photo.len() <= photo) {
+            return refuse("photo", fact.photo().unwrap_or(0) as f64, "it must be one of camera_of_photo");
+        }
+        if fact.plane().is_some_and(|plane| self.planes.len() <= plane) {
+            return refuse("plane", fact.plane().unwrap_or(0) as f64, "it must be one of planes");
+        }
+        if points[0].is_some() && points[0] == points[1] {
+            return refuse("the second point", points[0].unwrap_or(0) as f64, "it must differ from the first");
+        }
+        let sigma_ok = |s: f64| 0.0 < s && (s * s).is_normal() && (s * s).recip().is_normal();
+        let positive = "a standard deviation must be positive and finite";
+        match fact {
+            Fact::Click { pixel, covariance_px2, .. } => {
+                let least = covariance_px2.least_variance_px2();
+                if !pixel.sum().is_finite() {
+                    refuse("pixel", pixel.sum(), "it must be finite")
+                } else if !(1e-24 < least && least.is_finite()) {
+                    refuse("the least variance of the pixel, px²,", least, "it must be positive and finite")
+                } else {
+                    Ok(())
+                }
+            }
+            Fact::Place { x_in_world, sigma_m, .. } => match sigma_m.iter().find(|s| **s != 0.0 && !sigma_ok(**s)) {
+                Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
+                None if !x_in_world.sum().is_finite() => {
+                    refuse("x_in_world", x_in_world.sum(), "it must be finite")
+                }
+                None => Ok(()),
+            },
+            Fact::Distance { distance_m, .. } if !(0.0 < *distance_m && distance_m.is_finite()) => {
+                refuse("distance_m", *distance_m, "a distance must be positive and finite")
+            }
+            Fact::Distance { sigma_m, .. } | Fact::OnPlane { sigma_m, .. } if !sigma_ok(*sigma_m) => {
+                refuse("sigma_m", *sigma_m, positive)
+            }
+            Fact::Upright { sigma_rad, .. } | Fact::Gravity { sigma_rad, .. } if !sigma_ok(*sigma_rad) => {
+                refuse("sigma_rad", *sigma_rad, positive)
+            }
+            Fact::Gravity { down_in_cam, .. } if !((down_in_cam.norm() - 1.0).abs() < 1e-6) => {
+                refuse("down_in_cam", down_in_cam.norm(), "a direction must be a unit vector")
+            }
+            Fact::Pose { cam_from_world, covariance: Some(covariance), .. } => {
+                let prior =
+                    crate::prior::Prior::Pose { cam_from_target: *cam_from_world, covariance: *covariance };
+                prior.check(index)
+            }
+            Fact::Pose { cam_from_world, .. } => {
+                let off = (cam_from_world.rotation * cam_from_world.rotation.transpose() - Matrix3::identity()).amax();
+                match off <= 1e-6 && cam_from_world.translation.sum().is_finite() {
+                    true => Ok(()),
+                    false => refuse("cam_from_world", off, "R Rᵀ must be the identity, t finite"),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl SurveyCamera<'_> {
+    fn check(&self) -> Result<(), Error> {
+        let Some(covariance) = self.intrinsics_covariance else { return Ok(()) };
+        let n = self.camera.parameters().len();
+        let refuse = |parameter, seen, needed| Err(Error::InvalidCamera { parameter, seen, needed });
+        if covariance.len() != n * n {
+            let needed = "give its n × n covariance, n the number of parameters";
+            return refuse("intrinsics covariance size", covariance.len() as f64, needed);
+        }
+        match covariance.iter().enumerate().find(|(i, x)| !x.is_finite() || (i % (n + 1) == 0 && **x < 0.0)) {
+            Some((_, seen)) => refuse("intrinsics covariance", *seen, "finite numbers, no variance negative"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Fact {
+    /// The points it speaks of.
+    pub fn points(&self) -> [Option<usize>; 2] {
+        match *self {
+            Fact::Click { point, .. } | Fact::Place { point, .. } | Fact::OnPlane { point, .. } => {
+                [Some(point), None]
+            }
+            Fact::Distance { a, b, .. } => [Some(a), Some(b)],
+            Fact::Upright { foot, top, .. } => [Some(foot), Some(top)],
+            Fact::Gravity { .. } | Fact::Pose { .. } => [None, None],
+        }
+    }
+
+    /// The photograph it speaks of.
+    pub fn photo(&self) -> Option<usize> {
+        match *self {
+            Fact::Click { photo, .. } | Fact::Gravity { photo, .. } | Fact::Pose { photo, .. } => Some(photo),
+            _ => None,
+        }
+    }
+
+    /// The plane it speaks of.
+    pub fn plane(&self) -> Option<usize> {
+        match *self {
+            Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } | Fact::Gravity { plane, .. } => Some(plane),
+            _ => None,
+        }
+    }
+}

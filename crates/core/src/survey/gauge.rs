@@ -1,0 +1,144 @@
+//! The frame of the places: what the facts say about it, and what has to be held. docs/math/survey.md, section 4.
+
+use super::state::{Layout, State};
+use super::{Fact, Frame, Item, Plane, Survey, rows};
+use crate::{Point, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, SymmetricEigen, Vector3};
+
+/// Height over longest side of the triangle that spans the frame.
+const LEAST_HEIGHT: f64 = 0.05;
+/// Information about a motion of everything, relative to the best known one, below which it is free.
+const FREE: f64 = 1e-10;
+
+/// First mark, second, and the first that stands well off their line.
+pub(super) fn frame_marks(places: &[Option<Point>]) -> Option<[usize; 3]> {
+    let marks: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_some()).collect();
+    let at = |p: usize| places[p].unwrap_or_default();
+    let (a, b) = (*marks.first()?, *marks.get(1)?);
+    let ab = at(b) - at(a);
+    let off = |c: usize| {
+        let ac = at(c) - at(a);
+        let height = ab.cross(&ac).norm() / ab.norm();
+        LEAST_HEIGHT * ab.norm().max(ac.norm()) < height
+    };
+    marks.into_iter().skip(2).find(|c| off(*c)).map(|c| [a, b, c])
+}
+
+/// Whether coordinates, poses or known planes say anything about the frame.
+pub(super) fn is_given(survey: &Survey) -> bool {
+    let speaks = |f: &Fact| match f {
+        Fact::Place { .. } | Fact::Pose { .. } => true,
+        Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } => survey.planes[*plane] != Plane::Unknown,
+        _ => false,
+    };
+    survey.facts.iter().any(speaks)
+}
+
+/// The layout of the unknowns in the frame, and its name.
+pub(super) fn layout(survey: &Survey, state: &State, dropped: &[Item], marks: Option<[usize; 3]>) -> (Layout, Frame) {
+    let mut held = exact_coordinates(survey);
+    if let (Some([a, b, c]), false) = (marks, is_given(survey)) {
+        held.extend([(a, 0), (a, 1), (a, 2), (b, 1), (b, 2), (c, 2)]);
+        return (Layout::new(survey, state, dropped, &held), Frame::Marks([a, b, c]));
+    }
+    let mut layout = Layout::new(survey, state, dropped, &held);
+    layout.pins = free_motions(survey, state, &layout);
+    let frame = if layout.pins.is_empty() { Frame::Given } else { Frame::Held };
+    (layout, frame)
+}
+
+fn exact_coordinates(survey: &Survey) -> Vec<(usize, usize)> {
+    let of = |f: &Fact| match f {
+        Fact::Place { point, sigma_m, .. } => {
+            let (point, sigma_m) = (*point, *sigma_m);
+            (0..3).filter(|axis| sigma_m[*axis] == 0.0).map(|axis| (point, axis)).collect()
+        }
+        _ => Vec::new(),
+    };
+    survey.facts.iter().flat_map(of).collect()
+}
+
+/// Motions of everything that no fact resists, as directions of the unknowns.
+fn free_motions(survey: &Survey, state: &State, layout: &Layout) -> Vec<DVector<f64>> {
+    let Some(equations) = rows::equations(survey.facts, state, layout) else { return Vec::new() };
+    // What is exact resists in a way that no information shows.
+    let held = layout.photo.iter().enumerate().any(|(i, at)| at.is_none() && layout.has_photo(i));
+    if held {
+        return Vec::new();
+    }
+    let (centre, size) = middle(state, layout);
+    let exact: Vec<(usize, usize)> = exact_coordinates(survey);
+    let generators = DMatrix::from_columns(&[0, 1, 2, 3, 4, 5].map(|k| {
+        let unit = Vector3::ith(k % 3, 1.0);
+        // Turns about the middle, as large as a shift of one at the rim.
+        let (turn, shift) = if k < 3 { (unit / size, centre.cross(&unit) / size) } else { (Vector3::zeros(), unit) };
+        generator(state, layout, &Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z))
+    }));
+    let resisted = Matrix6::from_fn(|i, j| {
+        let along = &equations.information * generators.column(j);
+        generators.column(i).dot(&along)
+    });
+    let exact_part = resistance_of_exact(state, &exact, &centre, size);
+    let eigen = SymmetricEigen::new(resisted + exact_part * resisted.amax().max(1.0));
+    let most = eigen.eigenvalues.amax();
+    let weight = equations.information.diagonal().sum() / layout.n.max(1) as f64;
+    let is_free = |k: &usize| eigen.eigenvalues[*k] < FREE * most;
+    let pin = |k: usize| {
+        let direction = &generators * eigen.eigenvectors.column(k);
+        let length = direction.norm();
+        direction * (weight.sqrt() / length)
+    };
+    (0..6).filter(is_free).map(pin).collect()
+}
+
+/// Coordinates held exactly resist as if each were known to a metre.
+fn resistance_of_exact(state: &State, exact: &[(usize, usize)], centre: &Point, size: f64) -> Matrix6<f64> {
+    let mut sum = Matrix6::zeros();
+    for (point, axis) in exact {
+        let x = state.points[*point] - centre;
+        let by = Vector6::from_fn(|k, _| {
+            let unit = Vector3::ith(k % 3, 1.0);
+            if k < 3 { unit.cross(&x)[*axis] / size } else { unit[*axis] }
+        });
+        sum += by * by.transpose();
+    }
+    sum
+}
+
+fn middle(state: &State, layout: &Layout) -> (Point, f64) {
+    let points: Vec<Point> = (0..state.points.len()).filter(|p| layout.has_point(*p)).map(|p| state.points[p]).collect();
+    let centre = points.iter().sum::<Point>() / points.len().max(1) as f64;
+    let size = points.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
+    (centre, if 0.0 < size { size } else { 1.0 })
+}
+
+/// How the unknowns change when everything moves by ξ in the world frame: docs/math/survey.md eq. (10).
+fn generator(state: &State, layout: &Layout, motion: &Vector6) -> DVector<f64> {
+    let (turn, shift) = (Vector3::new(motion[0], motion[1], motion[2]), Vector3::new(motion[3], motion[4], motion[5]));
+    let mut change = DVector::zeros(layout.n);
+    for (pose, at) in state.photos.iter().zip(&layout.photo) {
+        if let Some(at) = at {
+            change.rows_mut(*at, 6).copy_from(&-(pose.adjoint() * motion));
+        }
+    }
+    for (x, at) in state.points.iter().zip(&layout.point) {
+        let moved = turn.cross(x) + shift;
+        for axis in 0..3 {
+            if let Some(at) = at[axis] {
+                change[at] = moved[axis];
+            }
+        }
+    }
+    for (index, plane) in state.planes.iter().enumerate() {
+        let on_it = plane.pivot + plane.normal * plane.height_m;
+        if let Some(at) = layout.tilt[index] {
+            for (k, b) in plane.tangents().iter().enumerate() {
+                change[at + k] = b.dot(&turn.cross(&plane.normal));
+            }
+        }
+        if let Some(at) = layout.height[index] {
+            change[at] = plane.normal.dot(&(turn.cross(&on_it) + shift));
+        }
+    }
+    change
+}

@@ -1,0 +1,110 @@
+//! 95 % intervals by profile likelihood: the values of a quantity for which all that is known can still be met at a χ² not more than
+//! 3.84 above the least. Unlike value ± 1.96 σ they bend with the quantity: docs/math/survey.md eqs. (11)–(13).
+
+use super::query::Query;
+use super::rows::equations;
+use super::state::State;
+use super::{Adjusted, Item, Survey};
+use crate::Error;
+use crate::least_squares::dense::minimize_on_level;
+use nalgebra::DVector;
+
+/// A value with its uncertainty, in metres, radians or square metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// Maximum likelihood.
+    pub value: f64,
+    /// Standard deviation to first order.
+    pub sigma: f64,
+    /// Lower end of the 95 % interval.
+    pub low: f64,
+    /// Upper end of the 95 % interval.
+    pub high: f64,
+    /// Whether the interval is that of the profile likelihood; where that could not be followed to its ends it is value ± 1.96 σ.
+    pub is_profile: bool,
+}
+
+/// Two-sided 95 % point of the standard normal distribution.
+pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+/// The end of an interval is found when √Δχ² is this near to its aim.
+const NEAR: f64 = 2e-3;
+/// Secant steps towards an end.
+const MOST_STEPS: usize = 12;
+
+impl Adjusted {
+    /// The answer to a question about places that were found, with its 95 % interval. `survey` is the one adjusted.
+    ///
+    /// # Errors
+    /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the survey.
+    pub fn measure(&self, survey: &Survey, query: &Query) -> Result<Measured, Error> {
+        self.check(query)?;
+        let (value, gradient) = query.value(&self.state, &self.layout);
+        let by = &self.covariance * &gradient;
+        let sigma = gradient.dot(&by).max(0.0).sqrt();
+        if !(value.is_finite() && sigma.is_finite()) {
+            return Err(Error::NotFinite { what: "the value asked for", index: 0 });
+        }
+        let end = |side: f64| self.end(survey, query, value, sigma, &by, side);
+        let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
+        let is_profile = low.is_some() && high.is_some();
+        let linear = |side: f64| value + side * NORMAL_95 * sigma;
+        Ok(Measured { value, sigma, low: low.unwrap_or(linear(-1.0)), high: high.unwrap_or(linear(1.0)), is_profile })
+    }
+
+    fn check(&self, query: &Query) -> Result<(), Error> {
+        let points = query.points();
+        if points.len() < query.least_points() {
+            let needed = "a polyline needs two points and an area three";
+            return Err(Error::InvalidSetting { setting: "points of the query", seen: points.len() as f64, needed });
+        }
+        let needed = "it must be one of the survey's";
+        let unknown = |setting, index: usize| Err(Error::InvalidSetting { setting, seen: index as f64, needed });
+        let why = |item: Item| self.undetermined.iter().find(|u| u.0 == item).map(|u| u.1.clone());
+        for point in points {
+            if self.layout.point.len() <= point {
+                return unknown("point of the query", point);
+            }
+            why(Item::Point(point)).map_or(Ok(()), Err)?;
+        }
+        match query {
+            Query::Height { plane, .. } if self.state.planes.len() <= *plane => unknown("plane of the query", *plane),
+            Query::Height { plane, .. } => why(Item::Plane(*plane)).map_or(Ok(()), Err),
+            Query::Coordinate { axis, .. } if 2 < *axis => unknown("axis of the query", *axis),
+            _ => Ok(()),
+        }
+    }
+
+    /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
+    fn end(&self, survey: &Survey, query: &Query, value: f64, sigma: f64, by: &DVector<f64>, side: f64) -> Option<f64> {
+        let mut state = self.state.clone();
+        let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
+        let mut reached = 0.0;
+        for _ in 0..MOST_STEPS {
+            // Along the line of minima to first order; the loop on the level does the rest.
+            state = state.moved(&self.layout, &(by * ((aim - at) / (sigma * sigma))))?;
+            let level = |s: &State| {
+                let (value, gradient) = query.value(s, &self.layout);
+                Some((value - aim, gradient))
+            };
+            let found = minimize_on_level(
+                &state,
+                level,
+                |s| equations(survey.facts, s, &self.layout),
+                |s, by| s.moved(&self.layout, by),
+            )?;
+            let root = ((found.equations.chi2 - self.chi2) / self.noise_scale).max(0.0).sqrt();
+            if (root - NORMAL_95).abs() < NEAR {
+                return Some(aim);
+            }
+            let slope = (root - reached) / (aim - at);
+            let next = aim + (NORMAL_95 - root) / slope;
+            // Away from the value, at most doubling: a flat profile has no end.
+            let is_usable = next.is_finite() && side * (next - value) > 0.0;
+            if !is_usable || 20.0 * sigma < (next - value).abs() {
+                return None;
+            }
+            (at, aim, reached, state) = (aim, next, root, found.state);
+        }
+        None
+    }
+}

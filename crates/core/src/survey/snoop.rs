@@ -1,0 +1,83 @@
+//! Which fact contradicts the others? Each fact's residual against what the others leave it to scatter, docs/math/survey.md eq. (14).
+
+use super::Fact;
+use super::rows::rows;
+use super::state::{Layout, State};
+use nalgebra::{DMatrix, DVector};
+
+/// A fact that the others contradict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Suspect {
+    /// Which fact.
+    pub fact: usize,
+    /// Its residual over the standard deviation that it should have.
+    pub sigmas: f64,
+    /// Estimated error of the fact, given minus what the others say, in its own unit (px, m, rad); the length of it for several numbers.
+    pub off: f64,
+}
+
+/// Chance that any of the facts of a good survey is called a suspect.
+const FALSE_ALARM: f64 = 1e-3;
+/// Share of a fact's residual that the others must leave to it, below which nothing checks the fact.
+const LEAST_REDUNDANCY: f64 = 1e-3;
+
+/// Statistic and estimated error of one fact; none where nothing checks it.
+fn test(fact: &Fact, state: &State, layout: &Layout, covariance: &DMatrix<f64>) -> Option<(f64, f64)> {
+    let rows = rows(fact, state, layout)?;
+    let k = rows.len();
+    if k == 0 {
+        return None;
+    }
+    let residual = DVector::from_iterator(k, rows.iter().map(|r| r.residual));
+    let mut redundancy = DMatrix::identity(k, k);
+    for i in 0..k {
+        for j in 0..k {
+            for (a, x) in &rows[i].entries {
+                for (b, y) in &rows[j].entries {
+                    redundancy[(i, j)] -= x * y * covariance[(*a, *b)];
+                }
+            }
+        }
+    }
+    let eigen = redundancy.symmetric_eigen();
+    // Only directions that the others check take part.
+    let (mut statistic, mut error) = (0.0, DVector::zeros(k));
+    let mut n_checked = 0;
+    for i in (0..k).filter(|i| LEAST_REDUNDANCY < eigen.eigenvalues[*i]) {
+        let along = eigen.eigenvectors.column(i).dot(&residual);
+        statistic += along * along / eigen.eigenvalues[i];
+        error += eigen.eigenvectors.column(i) * (along / eigen.eigenvalues[i]);
+        n_checked += 1;
+    }
+    (0 < n_checked).then(|| (statistic, error.norm() * unit(fact)))
+}
+
+/// What one standard deviation is in the fact's own unit.
+fn unit(fact: &Fact) -> f64 {
+    match fact {
+        Fact::Click { covariance_px2, .. } => covariance_px2.sigma_px(),
+        Fact::Place { sigma_m, .. } => sigma_m.max(),
+        Fact::Distance { sigma_m, .. } | Fact::OnPlane { sigma_m, .. } => *sigma_m,
+        Fact::Upright { sigma_rad, .. } | Fact::Gravity { sigma_rad, .. } => *sigma_rad,
+        Fact::Pose { .. } => 1.0,
+    }
+}
+
+/// The suspects, worst first. `covariance` is that of the unknowns by the facts as stated.
+pub(super) fn suspects(facts: &[Fact], state: &State, layout: &Layout, covariance: &DMatrix<f64>) -> Vec<Suspect> {
+    let tested: Vec<(usize, f64, f64)> = facts
+        .iter()
+        .enumerate()
+        .filter(|(_, f)| layout.has(f))
+        .filter_map(|(i, f)| test(f, state, layout, covariance).map(|(t, off)| (i, t, off)))
+        .collect();
+    // χ² of one or two degrees of freedom exceeds 2 ln(1/p) with a chance of at most p.
+    let limit = 2.0 * (tested.len().max(1) as f64 / FALSE_ALARM).ln();
+    let mut found: Vec<Suspect> = tested
+        .into_iter()
+        .filter(|(_, t, _)| limit < *t)
+        .map(|(fact, t, off)| Suspect { fact, sigmas: t.sqrt(), off })
+        .collect();
+    found.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
+    found
+}

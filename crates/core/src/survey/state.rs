@@ -1,0 +1,200 @@
+//! The unknowns: where everything is, and which number of the joint vector is which.
+
+use super::{Fact, Item, Plane, Survey};
+use crate::{Camera, Point, Pose};
+use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3, Vector6};
+
+/// Where everything is. Places of what is undetermined are kept, unused.
+#[derive(Debug, Clone)]
+pub(crate) struct State {
+    pub(crate) photos: Vec<Pose>,
+    pub(crate) points: Vec<Point>,
+    pub(crate) planes: Vec<PlaneAt>,
+    pub(crate) lenses: Vec<LensAt>,
+    pub(crate) camera_of_photo: Vec<usize>,
+}
+
+/// The points with normal · (x − pivot) = height. The pivot stays.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlaneAt {
+    pub(crate) normal: Vector3<f64>,
+    pub(crate) pivot: Point,
+    pub(crate) height_m: f64,
+}
+
+/// A camera at intrinsics θ₀ + L z, z unknown with mean 0 and covariance 1.
+#[derive(Debug, Clone)]
+pub(crate) struct LensAt {
+    pub(crate) camera: Camera,
+    base: Vec<f64>,
+    /// L, a column for each direction in which the intrinsics are uncertain.
+    pub(crate) root: DMatrix<f64>,
+    pub(crate) z: DVector<f64>,
+}
+
+/// Which unknown is where in the joint vector; what is held has none.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Layout {
+    /// First of six.
+    pub(crate) photo: Vec<Option<usize>>,
+    pub(crate) point: Vec<[Option<usize>; 3]>,
+    /// First of the two tilts.
+    pub(crate) tilt: Vec<Option<usize>>,
+    pub(crate) height: Vec<Option<usize>>,
+    /// First of the columns of L.
+    pub(crate) lens: Vec<usize>,
+    pub(crate) n: usize,
+    /// Directions in which nothing is known and nothing needs to be: held by rows of residual 0.
+    pub(crate) pins: Vec<DVector<f64>>,
+    dropped: Vec<Item>,
+}
+
+/// Relative eigenvalues of the intrinsics' correlation below this are rounding.
+const LEAST_EIGENVALUE: f64 = 1e-12;
+
+impl LensAt {
+    /// Intrinsics as stated, with the factor of their covariance: docs/math/survey.md eq. (3).
+    pub(crate) fn new(camera: &Camera, covariance: Option<&[f64]>) -> Self {
+        let base: Vec<f64> = camera.parameters().iter().map(|p| p.1).collect();
+        let root = covariance.map_or(DMatrix::zeros(base.len(), 0), |c| root_of(c, base.len()));
+        LensAt { camera: camera.clone(), z: DVector::zeros(root.ncols()), base, root }
+    }
+
+    fn moved(&self, by: &[f64]) -> Option<Self> {
+        if by.is_empty() {
+            return Some(self.clone());
+        }
+        let z = &self.z + DVector::from_column_slice(by);
+        let change = &self.root * &z;
+        let values: Vec<f64> = self.base.iter().zip(change.iter()).map(|(b, c)| b + c).collect();
+        let camera = self.camera.with_parameters(&values).ok()?;
+        Some(LensAt { camera, base: self.base.clone(), root: self.root.clone(), z })
+    }
+}
+
+/// L with L Lᵀ = C, by the eigenvectors of the correlation: parameters differ in unit by many orders of magnitude.
+fn root_of(covariance: &[f64], n: usize) -> DMatrix<f64> {
+    let c = DMatrix::from_row_slice(n, n, covariance);
+    let sigma: Vec<f64> = (0..n).map(|i| c[(i, i)].max(0.0).sqrt()).collect();
+    let known: Vec<usize> = (0..n).filter(|i| 0.0 < sigma[*i]).collect();
+    let correlation = DMatrix::from_fn(known.len(), known.len(), |i, j| {
+        c[(known[i], known[j])] / (sigma[known[i]] * sigma[known[j]])
+    });
+    if known.is_empty() {
+        return DMatrix::zeros(n, 0);
+    }
+    let eigen = SymmetricEigen::new(correlation);
+    let kept: Vec<usize> = (0..known.len()).filter(|k| LEAST_EIGENVALUE < eigen.eigenvalues[*k]).collect();
+    let mut root = DMatrix::zeros(n, kept.len());
+    for (column, k) in kept.iter().enumerate() {
+        for (row, i) in known.iter().enumerate() {
+            root[(*i, column)] = sigma[*i] * eigen.eigenvectors[(row, *k)] * eigen.eigenvalues[*k].sqrt();
+        }
+    }
+    root
+}
+
+impl PlaneAt {
+    pub(crate) fn known(normal: &Vector3<f64>, offset_m: f64) -> Self {
+        PlaneAt { normal: *normal, pivot: normal * offset_m, height_m: 0.0 }
+    }
+
+    /// Signed distance of a point, positive on the normal's side.
+    pub(crate) fn above_m(&self, x: &Point) -> f64 {
+        self.normal.dot(&(x - self.pivot)) - self.height_m
+    }
+
+    /// Two unit vectors across the normal: the directions of its two unknowns.
+    pub(crate) fn tangents(&self) -> [Vector3<f64>; 2] {
+        let first = self.normal.cross(&Vector3::ith(self.normal.iamin(), 1.0)).normalize();
+        [first, self.normal.cross(&first).normalize()]
+    }
+}
+
+impl State {
+    /// The state after a change of the unknowns; none where the intrinsics make no camera.
+    pub(crate) fn moved(&self, layout: &Layout, by: &DVector<f64>) -> Option<State> {
+        let mut state = self.clone();
+        for (pose, at) in state.photos.iter_mut().zip(&layout.photo) {
+            if let Some(at) = at {
+                *pose = pose.moved(&Vector6::from_fn(|i, _| by[at + i]));
+            }
+        }
+        for (x, at) in state.points.iter_mut().zip(&layout.point) {
+            for axis in 0..3 {
+                x[axis] += at[axis].map_or(0.0, |at| by[at]);
+            }
+        }
+        for (index, plane) in state.planes.iter_mut().enumerate() {
+            if let Some(at) = layout.tilt[index] {
+                let [a, b] = plane.tangents();
+                plane.normal = (plane.normal + a * by[at] + b * by[at + 1]).normalize();
+            }
+            plane.height_m += layout.height[index].map_or(0.0, |at| by[at]);
+        }
+        for (lens, at) in state.lenses.iter_mut().zip(&layout.lens) {
+            *lens = lens.moved(&by.as_slice()[*at..at + lens.z.len()])?;
+        }
+        Some(state)
+    }
+}
+
+impl Layout {
+    /// All unknowns of a survey but those of `dropped` items and of coordinates that are `held`.
+    pub(crate) fn new(survey: &Survey, state: &State, dropped: &[Item], held: &[(usize, usize)]) -> Self {
+        let mut layout = Layout { dropped: dropped.to_vec(), ..Layout::default() };
+        let mut n = 0;
+        let mut take = |many: usize| {
+            n += many;
+            n - many
+        };
+        let exact = |photo: usize| {
+            let is = |f: &Fact| matches!(f, Fact::Pose { photo: p, covariance: None, .. } if *p == photo);
+            survey.facts.iter().any(is)
+        };
+        for photo in 0..survey.camera_of_photo.len() {
+            let free = !dropped.contains(&Item::Photo(photo)) && !exact(photo);
+            layout.photo.push(free.then(|| take(6)));
+        }
+        for point in 0..survey.n_points {
+            let fixed = |axis: usize| held.contains(&(point, axis));
+            let free = !dropped.contains(&Item::Point(point));
+            layout.point.push([0, 1, 2].map(|axis| (free && !fixed(axis)).then(|| take(1))));
+        }
+        for (index, plane) in survey.planes.iter().enumerate() {
+            let free = *plane == Plane::Unknown && !dropped.contains(&Item::Plane(index));
+            let has_points = layout.uses(survey, |f| matches!(f, Fact::OnPlane { plane, .. } if *plane == index));
+            layout.tilt.push(free.then(|| take(2)));
+            layout.height.push((free && has_points).then(|| take(1)));
+        }
+        for lens in &state.lenses {
+            layout.lens.push(take(lens.z.len()));
+        }
+        layout.n = n;
+        layout
+    }
+
+    fn uses(&self, survey: &Survey, is: impl Fn(&Fact) -> bool) -> bool {
+        survey.facts.iter().any(|f| is(f) && self.has(f))
+    }
+
+    pub(crate) fn has_photo(&self, photo: usize) -> bool {
+        photo < self.photo.len() && !self.dropped.contains(&Item::Photo(photo))
+    }
+
+    pub(crate) fn has_point(&self, point: usize) -> bool {
+        point < self.point.len() && !self.dropped.contains(&Item::Point(point))
+    }
+
+    pub(crate) fn has_plane(&self, plane: usize) -> bool {
+        plane < self.tilt.len() && !self.dropped.contains(&Item::Plane(plane))
+    }
+
+    /// Whether all that a fact speaks of has a place.
+    pub(crate) fn has(&self, fact: &Fact) -> bool {
+        let is_dropped = |item: Item| self.dropped.contains(&item);
+        !(fact.points().into_iter().flatten().any(|p| is_dropped(Item::Point(p)))
+            || fact.photo().is_some_and(|p| is_dropped(Item::Photo(p)))
+            || fact.plane().is_some_and(|p| is_dropped(Item::Plane(p))))
+    }
+}

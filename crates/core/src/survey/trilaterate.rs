@@ -1,0 +1,180 @@
+//! Places of marks of which only mutual distances are known: docs/math/survey.md eqs. (9)–(11).
+//!
+//! A triangle is laid down; each further mark stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
+//! are followed: the photographs decide.
+
+use crate::Point;
+use nalgebra::Vector3;
+
+/// A measured distance between two points.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Length {
+    pub(super) ends: [usize; 2],
+    pub(super) length_m: f64,
+    pub(super) sigma_m: f64,
+}
+
+/// Places of some of the points.
+pub(super) type Places = Vec<Option<Point>>;
+
+/// Arrangements followed at once; each further mark with two places doubles them.
+const MOST_ARRANGEMENTS: usize = 8;
+/// A place whose χ² over its distances is this far above the best is not followed.
+const FOLLOWED_CHI2: f64 = 25.0;
+/// Height over longest side of a triangle that can be laid down.
+const LEAST_HEIGHT: f64 = 0.02;
+
+/// Distances and planes, by point.
+pub(super) struct Network<'a> {
+    pub(super) lengths: &'a [Length],
+    /// Which plane each point lies on.
+    pub(super) plane_of: &'a [Option<usize>],
+}
+
+impl Network<'_> {
+    fn between(&self, a: usize, b: usize) -> Option<Length> {
+        self.lengths.iter().find(|l| l.ends == [a, b] || l.ends == [b, a]).copied()
+    }
+
+    /// Lengths from a point to others.
+    fn from(&self, a: usize) -> impl Iterator<Item = (usize, Length)> + '_ {
+        self.lengths.iter().filter_map(move |l| match l.ends {
+            [x, y] if x == a => Some((y, *l)),
+            [x, y] if y == a => Some((x, *l)),
+            _ => None,
+        })
+    }
+
+    /// The triangle of measured sides with the largest area, laid down with its first corner at the origin, its second on the x axis and
+    /// its third in the xy-plane.
+    pub(super) fn triangle(&self) -> Option<Places> {
+        let n = self.plane_of.len();
+        let mut best: Option<(f64, [usize; 3], Point)> = None;
+        for (i, ab) in self.lengths.iter().enumerate() {
+            let [a, b] = [ab.ends[0].min(ab.ends[1]), ab.ends[0].max(ab.ends[1])];
+            let is_first = !self.lengths[..i].iter().any(|l| l.ends == ab.ends);
+            for c in (b + 1..n).filter(|_| is_first) {
+                let (Some(ac), Some(bc)) = (self.between(a, c), self.between(b, c)) else { continue };
+                let (p, q, r) = (ab.length_m, ac.length_m, bc.length_m);
+                let along = (q * q - r * r + p * p) / (2.0 * p);
+                let height = (q * q - along * along).max(0.0).sqrt();
+                let slim = height < LEAST_HEIGHT * p.max(q).max(r);
+                if !slim && best.is_none_or(|(area, ..)| area < p * height) {
+                    best = Some((p * height, [a, b, c], Point::new(along, height, 0.0)));
+                }
+            }
+        }
+        let (_, [a, b, c], third) = best?;
+        let mut places = vec![None; n];
+        places[a] = Some(Point::zeros());
+        places[b] = Some(Point::new(self.between(a, b)?.length_m, 0.0, 0.0));
+        places[c] = Some(third);
+        Some(places)
+    }
+
+    /// Adds every point that its distances to placed ones determine; several arrangements where they leave a choice. `normals` are those
+    /// of the planes known so far.
+    pub(super) fn grow(&self, start: Places, normals: &[Option<Vector3<f64>>]) -> Vec<Places> {
+        let (mut open, mut done) = (vec![start], Vec::new());
+        while let Some(places) = open.pop() {
+            let Some((point, candidates)) = self.next(&places, normals) else {
+                done.push(places);
+                continue;
+            };
+            let room = MOST_ARRANGEMENTS.saturating_sub(open.len() + done.len()).max(1);
+            for candidate in candidates.into_iter().take(room) {
+                let mut with = places.clone();
+                with[point] = Some(candidate);
+                open.push(with);
+            }
+        }
+        done
+    }
+
+    /// The unplaced point with the most distances to placed ones, and where it may stand, best first.
+    fn next(&self, places: &Places, normals: &[Option<Vector3<f64>>]) -> Option<(usize, Vec<Point>)> {
+        let known = |p: usize| self.from(p).filter(|(q, _)| places[*q].is_some()).count();
+        let mut order: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_none() && 2 <= known(*p)).collect();
+        order.sort_by_key(|p| core::cmp::Reverse(known(*p)));
+        order.into_iter().find_map(|p| {
+            let found = self.candidates(p, places, normals);
+            (!found.is_empty()).then_some((p, found))
+        })
+    }
+
+    fn candidates(&self, point: usize, places: &Places, normals: &[Option<Vector3<f64>>]) -> Vec<Point> {
+        let ends: Vec<(Point, Length, usize)> =
+            self.from(point).filter_map(|(q, l)| Some((places[q]?, l, q))).collect();
+        let flat = self.plane_of[point].filter(|plane| {
+            ends.iter().filter(|(_, _, q)| self.plane_of[*q] == Some(*plane)).count() >= 2
+        });
+        let normal = flat.and_then(|plane| normals[plane]);
+        let mut found = match normal {
+            Some(normal) => {
+                let on_it: Vec<_> =
+                    ends.iter().filter(|(_, _, q)| self.plane_of[*q] == flat).map(|(x, l, _)| (*x, *l)).collect();
+                circles(&on_it, &normal)
+            }
+            None => spheres(&ends.iter().map(|(x, l, _)| (*x, *l)).collect::<Vec<_>>()),
+        };
+        let chi2 = |x: &Point| -> f64 {
+            ends.iter().map(|(at, l, _)| (((x - at).norm() - l.length_m) / l.sigma_m).powi(2)).sum()
+        };
+        found.sort_by(|a, b| chi2(a).total_cmp(&chi2(b)));
+        let least = found.first().map_or(0.0, chi2);
+        found.retain(|x| chi2(x) <= least + FOLLOWED_CHI2);
+        found.dedup_by(|a, b| (*a - *b).norm() < 1e-9 * (1.0 + a.norm()));
+        found
+    }
+}
+
+/// Where two circles about points of a plane meet: of the pair that crosses most squarely.
+fn circles(known: &[(Point, Length)], normal: &Vector3<f64>) -> Vec<Point> {
+    let mut best: Option<(f64, [Point; 2])> = None;
+    for (i, (a, da)) in known.iter().enumerate() {
+        for (b, db) in &known[..i] {
+            let between = (b - a) - normal * normal.dot(&(b - a));
+            let length = between.norm();
+            let along = (da.length_m.powi(2) - db.length_m.powi(2) + length * length) / (2.0 * length);
+            let height = (da.length_m.powi(2) - along * along).max(0.0).sqrt();
+            let (u, v) = (between / length, normal.cross(&between) / length);
+            let squareness = length * height / (da.length_m * db.length_m);
+            if squareness.is_finite() && best.is_none_or(|(most, _)| most < squareness) {
+                best = Some((squareness, [a + u * along + v * height, a + u * along - v * height]));
+            }
+        }
+    }
+    best.map_or(Vec::new(), |(_, both)| both.to_vec())
+}
+
+/// Where three spheres meet: of the three centres that span the largest triangle.
+fn spheres(known: &[(Point, Length)]) -> Vec<Point> {
+    let mut best: Option<(f64, [usize; 3])> = None;
+    for k in 2..known.len() {
+        for j in 1..k {
+            for i in 0..j {
+                let area = (known[j].0 - known[i].0).cross(&(known[k].0 - known[i].0)).norm();
+                if best.is_none_or(|(most, _)| most < area) {
+                    best = Some((area, [i, j, k]));
+                }
+            }
+        }
+    }
+    let Some((area, [i, j, k])) = best else { return Vec::new() };
+    let [(a, da), (b, db), (c, dc)] = [known[i], known[j], known[k]];
+    let longest = (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared());
+    if !(LEAST_HEIGHT * longest < area) {
+        return Vec::new();
+    }
+    let u = (b - a).normalize();
+    let w = u.cross(&(c - a)).normalize();
+    let v = w.cross(&u);
+    let p = (b - a).norm();
+    let (s, t) = (u.dot(&(c - a)), v.dot(&(c - a)));
+    let [da, db, dc] = [da, db, dc].map(|l| l.length_m);
+    let x = (da * da - db * db + p * p) / (2.0 * p);
+    let y = (da * da - dc * dc + s * s + t * t - 2.0 * s * x) / (2.0 * t);
+    let z = (da * da - x * x - y * y).max(0.0).sqrt();
+    let foot = a + u * x + v * y;
+    if z == 0.0 { vec![foot] } else { vec![foot + w * z, foot - w * z] }
+}
