@@ -7,6 +7,8 @@
 
 #[cfg(feature = "std")]
 pub mod shared;
+#[cfg(feature = "std")]
+pub(crate) mod dense;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};

@@ -45,6 +45,12 @@ pub mod rig_pose;
 #[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
+mod relative;
+#[cfg(feature = "std")]
+pub mod pose_graph;
+#[cfg(feature = "std")]
+pub mod hand_eye;
+#[cfg(feature = "std")]
 pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};
