@@ -23,8 +23,8 @@ const CHI2_6_95: f64 = 12.59;
 const MEDIAN_CHI2_6: f64 = 5.348;
 /// A pair of which less than this is checked by others is a bridge; rounding leaves far less.
 const LEAST_REDUNDANCY: f64 = 1e-3;
-/// Where the others agree exactly, what rounding would leave of their χ².
-const LEAST_CHI2: f64 = 1e-18;
+/// Where the others agree exactly, their χ² is rounding; χ² with six degrees of freedom is below this twice in 10¹¹.
+const LEAST_CHI2: f64 = 1e-3;
 /// Rounds of adjusting and estimating the sigmas; each gains a digit or more.
 const MAX_ROUNDS: usize = 50;
 /// The sigmas have settled when χ² over its degrees of freedom is 1 to within this.
