@@ -291,4 +291,77 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
+    /// A sighting of a rig with data that cannot be right.
+    #[cfg(feature = "std")]
+    #[error("camera {camera}, view {view}, target {target}: {reason}")]
+    InvalidSighting {
+        /// Its camera.
+        camera: usize,
+        /// Its view.
+        view: usize,
+        /// Its target.
+        target: usize,
+        /// What is wrong with it.
+        reason: Box<Error>,
+    },
+    /// A sighting names a camera, view or target that does not exist.
+    #[error("sighting {sighting} names {what} {seen}, but there are {n} (counted from 0); correct the index")]
+    NoSuchIndex {
+        /// Which sighting, in the order given.
+        sighting: usize,
+        /// `camera`, `view` or `target`.
+        what: &'static str,
+        /// The index given.
+        seen: usize,
+        /// How many there are.
+        n: usize,
+    },
+    /// A camera that nothing is known of.
+    #[error(
+        "camera {camera} has {n_sightings} sightings and none gives a pose; add views in which it sees a target with four or more points, or leave it out"
+    )]
+    CameraUnseen {
+        /// Which camera.
+        camera: usize,
+        /// How many sightings it has.
+        n_sightings: usize,
+    },
+    /// Cameras that no chain of shared views joins.
+    #[cfg(feature = "std")]
+    #[error("cameras {} and {} are not connected{}; {needed}", list(first), list(second), after(*n_rejected))]
+    CamerasUnconnected {
+        /// One group.
+        first: Vec<usize>,
+        /// All others.
+        second: Vec<usize>,
+        /// Sightings set aside before, because they contradict the others or give no pose.
+        n_rejected: usize,
+        /// What would connect them.
+        needed: &'static str,
+    },
+    /// A target whose place on its body nothing tells.
+    #[error(
+        "target {target} is never seen together with another target of body {body}; add a view in which one camera sees both, or make it a body of its own"
+    )]
+    TargetUnconnected {
+        /// Which target.
+        target: usize,
+        /// Its body.
+        body: usize,
+    },
+}
+
+/// Numbers in words: `0, 2, 5`.
+#[cfg(feature = "std")]
+fn list(numbers: &[usize]) -> String {
+    let words: Vec<String> = numbers.iter().map(usize::to_string).collect();
+    words.join(", ")
+}
+
+#[cfg(feature = "std")]
+fn after(n_rejected: usize) -> String {
+    match n_rejected {
+        0 => String::new(),
+        n => format!(" once {n} sightings that contradict the others or give no pose are set aside"),
+    }
 }

@@ -9,6 +9,8 @@
 pub mod shared;
 #[cfg(feature = "std")]
 pub(crate) mod dense;
+#[cfg(feature = "std")]
+pub mod rig;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
@@ -280,7 +282,7 @@ impl NormalEquations {
     }
 
     /// Jᵀr.
-    fn gradient(&self) -> Vector6 {
+    pub(crate) fn gradient(&self) -> Vector6 {
         let (w, v) = (&self.gradient_rotation, &self.gradient_translation);
         Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z)
     }

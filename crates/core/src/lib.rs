@@ -43,6 +43,8 @@ pub mod batch;
 pub mod frames;
 pub mod rig_pose;
 #[cfg(feature = "std")]
+pub mod robust;
+#[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
 mod relative;
@@ -50,8 +52,6 @@ mod relative;
 pub mod pose_graph;
 #[cfg(feature = "std")]
 pub mod hand_eye;
-#[cfg(feature = "std")]
-pub mod robust;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

@@ -1,10 +1,24 @@
 //! Where the cameras of a rig sit relative to each other, from targets that they see through time; nothing surveyed is needed.
 //!
-//! Derivation: docs/math/rig.md.
+//! canonical order → poses of each sighting → a start that the most sightings agree with → joint adjustment, wrong points left out →
+//! covariances, weakest link, scales. Derivation: docs/math/rig.md.
+
+mod views;
+mod layout;
+mod sighted;
+mod votes;
+mod start;
+mod distance;
+mod classify;
+mod adjust;
+mod scale;
+mod answer;
 
 use crate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use nalgebra::DMatrix;
+
+pub use views::shared_views;
 
 /// What one camera saw of one target in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,13 +49,39 @@ pub struct RigProblem<'a> {
 
 /// Settings of `solve_rig`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RigConfig {
-    /// The camera whose frame is the rig's.
+pub struct RigConfig<'a> {
+    /// The camera whose frame is the rig's. One frame must be held: moving rig and bodies together changes no pixel.
     pub reference: usize,
-    /// What a residual costs; the default finds wrong points and leaves them out.
+    /// What a residual costs. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every
+    /// point that can be seen.
     pub loss: Loss,
     /// Whether the covariance of all cameras together is asked for.
     pub joint_covariance: bool,
+    /// Distances between cameras that were measured otherwise: they join the cost, and with them a target's size can be checked.
+    pub known_distances: &'a [KnownDistance],
+}
+
+/// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
+pub const GATE_SIGMAS: f64 = 4.291_932_052_578_694;
+
+impl Default for RigConfig<'_> {
+    fn default() -> Self {
+        let loss = Loss::Truncated { sigmas: GATE_SIGMAS };
+        RigConfig { reference: 0, loss, joint_covariance: false, known_distances: &[] }
+    }
+}
+
+/// A measured distance between the centres of two cameras.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownDistance {
+    /// One camera.
+    pub a: usize,
+    /// The other.
+    pub b: usize,
+    /// The distance, m.
+    pub distance_m: f64,
+    /// Its standard deviation, m.
+    pub sigma_m: f64,
 }
 
 /// How many views each pair of cameras shares, and which cameras are joined.
@@ -181,17 +221,15 @@ pub struct TargetScale {
     pub extent_m: f64,
 }
 
-/// Which cameras share views, before anything is solved.
-pub fn shared_views(problem: &RigProblem) -> SharedViews {
-    let _ = problem;
-    todo!()
-}
-
 /// Every camera's place in the rig.
 ///
 /// # Errors
-/// Named for what is missing.
+/// `NoSuchIndex`, `InvalidSighting`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraUnseen`, `CamerasUnconnected`,
+/// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
-    let _ = (problem, config);
-    todo!()
+    let layout = layout::Layout::new(problem, config)?;
+    let sighted = sighted::poses_of_sightings(&layout);
+    let start = start::start(&layout, &sighted)?;
+    let adjusted = adjust::adjust(&layout, &sighted, start, config)?;
+    answer::answer(&layout, adjusted, config)
 }

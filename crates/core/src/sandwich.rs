@@ -65,6 +65,15 @@ impl Moments {
     }
 }
 
+/// What a loss makes of the inverse of its own information, good points alone: E[ρ′] E[ψψᵀ] / E[∂ψ/∂r]², docs/math/refine.md eq. (20).
+pub(crate) fn widening(loss: Loss) -> f64 {
+    if loss == Loss::Squared {
+        return 1.0;
+    }
+    let good = Moments::of_good(loss);
+    good.weight * good.pull / (good.stiffness * good.stiffness)
+}
+
 /// A⁻¹ B A⁻¹ of the small left motion of the camera frame; none where the points do not determine the pose.
 #[cold]
 pub(crate) fn sandwich(

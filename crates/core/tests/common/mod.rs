@@ -4,6 +4,7 @@
 pub mod rigs;
 pub mod outliers;
 pub mod views;
+pub mod rooms;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

@@ -1,0 +1,417 @@
+//! Levenberg–Marquardt on the places of cameras, of targets on their bodies, and of every body in every view.
+//!
+//! A sighting feels all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
+//! sum is carried to each of the three by a motion matrix. A body's place in a view touches the sightings of that view only: its block
+//! is eliminated (Schur complement); what is left is as large as cameras and targets. Derivation: docs/math/rig.md eqs. (2)–(8).
+//!
+//!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
+
+use super::{Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use crate::{Matrix6, Point, Pose, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+
+/// Where everything is.
+#[derive(Debug, Clone)]
+pub struct RigPlaces {
+    /// One a camera.
+    pub cam_from_rig: Vec<Pose>,
+    /// One a target, held by the target's pivot.
+    pub body_from_target: Vec<PivotedPose>,
+    /// One a body in a view, held by the body's pivot.
+    pub rig_from_body: Vec<PivotedPose>,
+}
+
+/// Which sighting touches what.
+#[derive(Debug, Clone)]
+pub struct RigGraph {
+    /// The sightings, those of one body in one view side by side and in the order of `RigPlaces::rig_from_body`.
+    pub links: Vec<RigLink>,
+    /// Block of unknowns of each camera; none for the reference.
+    pub block_of_camera: Vec<Option<usize>>,
+    /// Block of unknowns of each target; none where it carries its body's frame.
+    pub block_of_target: Vec<Option<usize>>,
+    /// How many blocks of six unknowns are shared by all views.
+    pub n_blocks: usize,
+    /// Pivot of each body in a view, body frame.
+    pub pivot_in_body: Vec<Point>,
+    /// Bodies in views that take part.
+    pub is_active: Vec<bool>,
+}
+
+/// One sighting.
+#[derive(Debug, Clone, Copy)]
+pub struct RigLink {
+    /// Which camera.
+    pub camera: usize,
+    /// Which target.
+    pub target: usize,
+    /// Which body in which view.
+    pub body: usize,
+}
+
+/// Gauss–Newton's view of the whole cost.
+#[derive(Debug, Clone)]
+pub struct RigEquations {
+    /// Sum of what all residuals cost.
+    pub chi2: f64,
+    bodies: Vec<BodyBlock>,
+    couplings: Vec<Coupling>,
+    /// Lower triangle.
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+/// A body's place in one view.
+#[derive(Debug, Clone)]
+struct BodyBlock {
+    information: Matrix6,
+    gradient: Vector6,
+    /// Its couplings end here; they begin where the previous body's end.
+    end: usize,
+}
+
+/// How a shared block and a body's place act together.
+#[derive(Debug, Clone)]
+struct Coupling {
+    block: usize,
+    shared_body: Matrix6,
+}
+
+/// Where the loop ended.
+#[derive(Debug, Clone)]
+pub struct RigMinimum {
+    /// The minimum.
+    pub places: RigPlaces,
+    /// The equations one vanishing step before it.
+    pub equations: RigEquations,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether the last step promised less than the tolerance.
+    pub converged: bool,
+}
+
+/// Minimises a cost over all places. `evaluate` returns none where a point leaves its camera's field. The loop also ends where a step
+/// promises less than `tolerance_relative` of the cost, at least rounding's share.
+pub fn minimize_rig(
+    start: RigPlaces,
+    graph: &RigGraph,
+    tolerance_relative: f64,
+    evaluate: impl Fn(&RigPlaces) -> Option<RigEquations>,
+) -> Option<RigMinimum> {
+    let mut places = start;
+    let mut equations = evaluate(&places)?;
+    let mut damping = Damping::NONE;
+    for steps in 1..=MAX_STEPS {
+        if let Some(step) = equations.step(damping.value) {
+            let trial = places.moved(&step, graph);
+            let tolerance = TOLERANCE_CHI2 + tolerance_relative.max(TOLERANCE_RELATIVE) * equations.chi2;
+            if step.promised <= tolerance {
+                return Some(RigMinimum { places: trial, equations, steps, converged: true });
+            }
+            if let Some(better) = evaluate(&trial).filter(|e| e.chi2 < equations.chi2) {
+                damping.ease((equations.chi2 - better.chi2) / step.promised);
+                (places, equations) = (trial, better);
+                continue;
+            }
+        }
+        if LAST_DAMPING <= damping.value {
+            let converged = equations.step(0.0).is_some();
+            return Some(RigMinimum { places, equations, steps, converged });
+        }
+        damping.raise();
+    }
+    Some(RigMinimum { places, equations, steps: MAX_STEPS, converged: false })
+}
+
+/// A motion for each body in a view, a change of all shared blocks, and the decrease of χ² they promise.
+#[derive(Debug)]
+pub struct RigStep {
+    motions: Vec<Vector6>,
+    change: DVector<f64>,
+    promised: f64,
+}
+
+/// A pose held by a pivot and the pose itself, unrolled: how a sighting's points hang on all three places.
+struct Chain {
+    place: PivotedPose,
+    /// Body to camera.
+    body_rotation: Matrix3<f64>,
+    /// From the body's pivot to the target's, rig frame.
+    arm: Vector3<f64>,
+}
+
+impl RigPlaces {
+    /// cam_from_target of a sighting, held by the target's pivot.
+    pub fn of_link(&self, link: &RigLink, graph: &RigGraph) -> PivotedPose {
+        self.chain(link, graph).place
+    }
+
+    fn chain(&self, link: &RigLink, graph: &RigGraph) -> Chain {
+        let (camera, body) = (&self.cam_from_rig[link.camera], &self.rig_from_body[link.body]);
+        let target = &self.body_from_target[link.target];
+        let arm = body.rotation * (target.pivot_in_cam - graph.pivot_in_body[link.body]);
+        let pivot_in_cam = *camera * (body.pivot_in_cam + arm);
+        let body_rotation = camera.rotation * body.rotation;
+        Chain { place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam }, body_rotation, arm }
+    }
+
+    fn moved(&self, step: &RigStep, graph: &RigGraph) -> Self {
+        let change = |block: usize| -> Vector6 { step.change.fixed_rows::<6>(6 * block).into() };
+        let camera = |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |b| pose.moved(&change(b)));
+        let target =
+            |(place, block): (&PivotedPose, &Option<usize>)| block.map_or(*place, |b| place.moved(&change(b)));
+        RigPlaces {
+            cam_from_rig: self.cam_from_rig.iter().zip(&graph.block_of_camera).map(camera).collect(),
+            body_from_target: self.body_from_target.iter().zip(&graph.block_of_target).map(target).collect(),
+            rig_from_body: self.rig_from_body.iter().zip(&step.motions).map(|(p, m)| p.moved(m)).collect(),
+        }
+    }
+}
+
+/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eq. (4).
+fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&(rotation * -arm.cross_matrix()));
+    m
+}
+
+impl RigEquations {
+    /// The sums of all sightings at `places`; `normal` gives those of one sighting about its target's pivot.
+    pub fn new(
+        places: &RigPlaces,
+        graph: &RigGraph,
+        normal: impl Fn(usize, &PivotedPose) -> Option<NormalEquations>,
+    ) -> Option<Self> {
+        let n = 6 * graph.n_blocks;
+        let mut sums = RigEquations {
+            chi2: 0.0,
+            bodies: Vec::with_capacity(places.rig_from_body.len()),
+            couplings: Vec::with_capacity(graph.links.len()),
+            information: DMatrix::zeros(n, n),
+            gradient: DVector::zeros(n),
+        };
+        for (i, link) in graph.links.iter().enumerate() {
+            sums.open_bodies_to(link.body);
+            if graph.is_active[link.body] {
+                let chain = places.chain(link, graph);
+                sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal(i, &chain.place)?);
+            }
+        }
+        sums.open_bodies_to(places.rig_from_body.len().saturating_sub(1));
+        sums.chi2.is_finite().then_some(sums)
+    }
+
+    fn open_bodies_to(&mut self, last: usize) {
+        while self.bodies.len() <= last {
+            let (information, gradient) = (Matrix6::zeros(), Vector6::zeros());
+            self.bodies.push(BodyBlock { information, gradient, end: self.couplings.len() });
+        }
+    }
+
+    fn add(
+        &mut self,
+        link: &RigLink,
+        graph: &RigGraph,
+        chain: &Chain,
+        cam_rotation: &Matrix3<f64>,
+        normal: &NormalEquations,
+    ) {
+        self.chi2 += normal.chi2;
+        let (information, gradient) = (normal.information(), normal.gradient());
+        let by_body = chain.by_body(cam_rotation);
+        let on_body = information * by_body;
+        let camera = graph.block_of_camera[link.camera].map(|block| (block, chain.by_camera()));
+        let target = graph.block_of_target[link.target].map(|block| (block, chain.by_target()));
+        for (block, by) in camera.iter().chain(&target) {
+            self.couplings.push(Coupling { block: *block, shared_body: by.tr_mul(&on_body) });
+            self.add_gradient(*block, &by.tr_mul(&gradient));
+            self.add_block(*block, *block, &by.tr_mul(&(information * by)));
+        }
+        if let (Some((row, by_row)), Some((column, by_column))) = (&target, &camera) {
+            self.add_block(*row, *column, &by_row.tr_mul(&(information * by_column)));
+        }
+        let end = self.couplings.len();
+        if let Some(body) = self.bodies.last_mut() {
+            body.information += by_body.tr_mul(&on_body);
+            body.gradient += by_body.tr_mul(&gradient);
+            body.end = end;
+        }
+    }
+
+    fn add_gradient(&mut self, block: usize, by: &Vector6) {
+        let mut rows = self.gradient.fixed_rows_mut::<6>(6 * block);
+        rows += by;
+    }
+
+    fn add_block(&mut self, row: usize, column: usize, by: &Matrix6) {
+        add_block(&mut self.information, row, column, by);
+    }
+
+    /// Adds one whitened residual that only shared blocks move, with its derivative by each.
+    pub fn add_shared(&mut self, residual: f64, by: &[(usize, Vector6)]) {
+        self.chi2 += residual * residual;
+        for (i, (block, derivative)) in by.iter().enumerate() {
+            self.add_gradient(*block, &(derivative * residual));
+            self.add_block(*block, *block, &(derivative * derivative.transpose()));
+            for (other, before) in &by[..i] {
+                self.add_block(*block, *other, &(derivative * before.transpose()));
+            }
+        }
+    }
+
+    fn couplings_of(&self, body: usize) -> &[Coupling] {
+        let begin = if body == 0 { 0 } else { self.bodies[body - 1].end };
+        &self.couplings[begin..self.bodies[body].end]
+    }
+
+    /// Whether the sightings of a body in a view determine its place, cameras and targets held.
+    pub fn determines(&self, body: usize) -> bool {
+        inverse_of(&self.bodies[body].information, 0.0).is_some()
+    }
+
+    /// The step and its promise; none where the damped equations are not positive.
+    fn step(&self, damping: f64) -> Option<RigStep> {
+        let eliminated = self.eliminated(damping)?;
+        let change = eliminated.reduced.solve(&eliminated.gradient);
+        let motion = |(body, inverse): (usize, &Matrix6)| {
+            let pull = self.couplings_of(body).iter().fold(self.bodies[body].gradient, |pull, c| {
+                pull - c.shared_body.tr_mul(&change.fixed_rows::<6>(6 * c.block))
+            });
+            inverse * pull
+        };
+        let motions: Vec<Vector6> = eliminated.inverses.iter().enumerate().map(motion).collect();
+        let of_bodies: f64 = self.bodies.iter().zip(&motions).map(|(body, m)| body.gradient.dot(m)).sum();
+        let promised = of_bodies + self.gradient.dot(&change);
+        promised.is_finite().then_some(RigStep { motions, change, promised })
+    }
+
+    /// The equations of the shared blocks alone; none where they or a body that takes part are undetermined.
+    pub fn eliminated(&self, damping: f64) -> Option<Eliminated> {
+        let (mut information, mut gradient) = (self.information.clone(), self.gradient.clone());
+        for i in 0..gradient.len() {
+            information[(i, i)] *= 1.0 + damping;
+        }
+        let mut inverses = Vec::with_capacity(self.bodies.len());
+        for (index, body) in self.bodies.iter().enumerate() {
+            let couplings = self.couplings_of(index);
+            let unused = body.information == Matrix6::zeros();
+            let inverse = if unused { Matrix6::zeros() } else { inverse_of(&body.information, damping)? };
+            for (i, c) in couplings.iter().enumerate() {
+                let solved = c.shared_body * inverse;
+                let mut rows = gradient.fixed_rows_mut::<6>(6 * c.block);
+                rows -= solved * body.gradient;
+                for (j, other) in couplings[..=i].iter().enumerate() {
+                    let by = -solved * other.shared_body.transpose();
+                    add_block(&mut information, c.block, other.block, &by);
+                    if i != j && c.block == other.block {
+                        add_block(&mut information, c.block, other.block, &by.transpose());
+                    }
+                }
+            }
+            inverses.push(inverse);
+        }
+        Some(Eliminated { reduced: information.cholesky()?, gradient, inverses })
+    }
+
+    /// Covariance of the motion of each body's place about its pivot, the shared blocks having `covariance`; zero where it takes no part.
+    pub fn body_covariances(&self, eliminated: &Eliminated, covariance: &DMatrix<f64>) -> Vec<Matrix6> {
+        let of_body = |(body, inverse): (usize, &Matrix6)| {
+            let couplings = self.couplings_of(body);
+            let solved: Vec<Matrix6> = couplings.iter().map(|c| c.shared_body * inverse).collect();
+            let mut total = *inverse;
+            for (left, solved_left) in couplings.iter().zip(&solved) {
+                for (right, solved_right) in couplings.iter().zip(&solved) {
+                    let shared = covariance.fixed_view::<6, 6>(6 * left.block, 6 * right.block);
+                    total += solved_left.tr_mul(&(shared * solved_right));
+                }
+            }
+            total
+        };
+        eliminated.inverses.iter().enumerate().map(of_body).collect()
+    }
+
+    /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
+    pub fn lost_to_places(&self, eliminated: &Eliminated, common: &Common) -> f64 {
+        let mut reduced = common.shared.clone();
+        let mut lost = 0.0;
+        for (body, (inverse, h)) in eliminated.inverses.iter().zip(&common.bodies).enumerate() {
+            let solved = inverse * h;
+            lost += h.dot(&solved);
+            for c in self.couplings_of(body) {
+                let mut rows = reduced.fixed_rows_mut::<6>(6 * c.block);
+                rows -= c.shared_body * solved;
+            }
+        }
+        lost + reduced.dot(&eliminated.reduced.solve(&reduced))
+    }
+}
+
+/// JᵀWj of one more parameter with all places: j is the derivative of the prediction by it.
+#[derive(Debug, Clone)]
+pub struct Common {
+    shared: DVector<f64>,
+    bodies: Vec<Vector6>,
+}
+
+impl Common {
+    /// All zero.
+    pub fn new(graph: &RigGraph) -> Self {
+        let bodies = vec![Vector6::zeros(); graph.pivot_in_body.len()];
+        Common { shared: DVector::zeros(6 * graph.n_blocks), bodies }
+    }
+
+    /// Adds what one sighting brings, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
+    pub fn add(&mut self, places: &RigPlaces, graph: &RigGraph, link: &RigLink, by_motion: &Vector6) {
+        let chain = places.chain(link, graph);
+        self.bodies[link.body] += chain.by_body(&places.cam_from_rig[link.camera].rotation).tr_mul(by_motion);
+        let camera = graph.block_of_camera[link.camera].map(|block| (block, chain.by_camera()));
+        let target = graph.block_of_target[link.target].map(|block| (block, chain.by_target()));
+        for (block, by) in camera.iter().chain(&target) {
+            let mut rows = self.shared.fixed_rows_mut::<6>(6 * block);
+            rows += by.tr_mul(by_motion);
+        }
+    }
+}
+
+impl Chain {
+    /// The sighting's motion by that of each of its places, docs/math/rig.md eqs. (5)–(7).
+    fn by_camera(&self) -> Matrix6 {
+        carried(&Matrix3::identity(), &self.place.pivot_in_cam)
+    }
+
+    fn by_body(&self, cam_rotation: &Matrix3<f64>) -> Matrix6 {
+        carried(cam_rotation, &self.arm)
+    }
+
+    fn by_target(&self) -> Matrix6 {
+        carried(&self.body_rotation, &Vector3::zeros())
+    }
+}
+
+/// The equations of the shared blocks alone, every body's place eliminated.
+#[derive(Debug)]
+pub struct Eliminated {
+    /// Factored.
+    pub reduced: Cholesky<f64, Dyn>,
+    gradient: DVector<f64>,
+    inverses: Vec<Matrix6>,
+}
+
+/// Adds to the lower triangle, whichever way round the blocks come.
+fn add_block(information: &mut DMatrix<f64>, row: usize, column: usize, by: &Matrix6) {
+    if row < column {
+        return add_block(information, column, row, &by.transpose());
+    }
+    let mut view = information.fixed_view_mut::<6, 6>(6 * row, 6 * column);
+    view += by;
+}
+
+fn inverse_of(information: &Matrix6, damping: f64) -> Option<Matrix6> {
+    let mut damped = *information;
+    for i in 0..6 {
+        damped[(i, i)] *= 1.0 + damping;
+    }
+    damped.cholesky().map(|c| c.inverse())
+}

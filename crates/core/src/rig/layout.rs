@@ -1,0 +1,196 @@
+//! The sightings in canonical order, checked, and which unknowns each of them touches.
+//!
+//! Everything after this file works in the order view, body, camera, target: sums are taken in it, so that the answer does not depend on
+//! the order of the input, to the last bit.
+
+use super::{RigConfig, RigProblem, Sighting};
+use crate::least_squares::rig::{RigGraph, RigLink};
+use crate::solve::configuration::check_numbers;
+use crate::{Camera, Error, Point};
+
+/// A rig problem, checked and in order.
+pub(super) struct Layout<'a> {
+    pub(super) problem: &'a RigProblem<'a>,
+    pub(super) reference: usize,
+    /// In canonical order.
+    pub(super) sightings: Vec<&'a Sighting>,
+    /// Where each of them stood in the input.
+    pub(super) given_at: Vec<usize>,
+    /// View and body of every body in a view.
+    pub(super) bodies: Vec<(usize, usize)>,
+    /// The first target of the body of each target: the body's frame.
+    pub(super) first_target: Vec<usize>,
+    /// Mean of the points seen of each target, target frame: what its small motions turn about.
+    pub(super) pivot_in_target: Vec<Point>,
+    pub(super) graph: RigGraph,
+}
+
+impl<'a> Layout<'a> {
+    pub(super) fn new(problem: &'a RigProblem<'a>, config: &RigConfig) -> Result<Self, Error> {
+        check(problem, config)?;
+        let (sightings, given_at) = in_order(problem);
+        let first_target = first_targets(problem.body_of_target);
+        let pivot_in_target = pivots(&sightings, problem.body_of_target.len());
+        let (bodies, links) = links(&sightings, problem.body_of_target);
+        let is_seen = seen_targets(&sightings, problem.body_of_target.len());
+        check_targets(&is_seen, &first_target, problem.body_of_target)?;
+        let n_cameras = problem.cameras.len();
+        let mut blocks = 0..;
+        let block_of_camera =
+            (0..n_cameras).map(|c| if c == config.reference { None } else { blocks.next() }).collect();
+        let is_free = |t: usize| is_seen[t] && first_target[t] != t;
+        let block_of_target =
+            (0..is_seen.len()).map(|t| if is_free(t) { blocks.next() } else { None }).collect();
+        let first_of = |link: usize| pivot_in_target[first_target[sightings[link].target]];
+        let pivot_in_body = first_links(&links, bodies.len()).into_iter().map(first_of).collect();
+        let is_active = vec![true; bodies.len()];
+        let n_blocks = blocks.start;
+        let graph = RigGraph { links, block_of_camera, block_of_target, n_blocks, pivot_in_body, is_active };
+        let reference = config.reference;
+        Ok(Layout { problem, reference, sightings, given_at, bodies, first_target, pivot_in_target, graph })
+    }
+
+    /// The camera of a sighting.
+    pub(super) fn camera(&self, link: usize) -> &'a Camera {
+        &self.problem.cameras[self.sightings[link].camera]
+    }
+
+    /// Sightings of one body in one view, as ranges of canonical indices.
+    pub(super) fn ranges(&self) -> Vec<core::ops::Range<usize>> {
+        let mut ranges: Vec<core::ops::Range<usize>> = Vec::with_capacity(self.bodies.len());
+        for (i, link) in self.graph.links.iter().enumerate() {
+            match ranges.get_mut(link.body) {
+                Some(range) => range.end = i + 1,
+                None => ranges.push(i..i + 1),
+            }
+        }
+        ranges
+    }
+}
+
+fn check(problem: &RigProblem, config: &RigConfig) -> Result<(), Error> {
+    config.loss.check()?;
+    let n_cameras = problem.cameras.len();
+    if n_cameras == 0 || problem.sightings.iter().all(|s| s.seen.is_empty()) {
+        return Err(Error::EmptyRig);
+    }
+    if n_cameras <= config.reference {
+        let (seen, needed) = (config.reference as f64, "it must be the index of a camera, counted from 0");
+        return Err(Error::InvalidSetting { setting: "reference", seen, needed });
+    }
+    for (sighting, s) in problem.sightings.iter().enumerate() {
+        let bounds = [
+            ("camera", s.camera, n_cameras),
+            ("view", s.view, problem.n_views),
+            ("target", s.target, problem.body_of_target.len()),
+        ];
+        for (what, seen, n) in bounds {
+            if n <= seen {
+                return Err(Error::NoSuchIndex { sighting, what, seen, n });
+            }
+        }
+        let named = |reason| {
+            let (camera, view, target) = (s.camera, s.view, s.target);
+            Error::InvalidSighting { camera, view, target, reason: Box::new(reason) }
+        };
+        check_numbers(&s.seen).map_err(named)?;
+    }
+    check_distances(config, n_cameras)
+}
+
+fn check_distances(config: &RigConfig, n_cameras: usize) -> Result<(), Error> {
+    let refused = |seen, needed| Err(Error::InvalidSetting { setting: "known_distances", seen, needed });
+    for known in config.known_distances {
+        if n_cameras <= known.a.max(known.b) || known.a == known.b {
+            return refused(known.a.max(known.b) as f64, "it must name two different cameras");
+        }
+        if !(0.0 < known.distance_m && known.distance_m.is_finite()) {
+            return refused(known.distance_m, "a distance must be positive");
+        }
+        if !(0.0 < known.sigma_m && (known.sigma_m * known.sigma_m).is_normal()) {
+            return refused(known.sigma_m, "the standard deviation of a distance must be positive");
+        }
+    }
+    Ok(())
+}
+
+/// Sightings with points, by view, body, camera, target; equal ones by their contents.
+fn in_order<'a>(problem: &'a RigProblem<'a>) -> (Vec<&'a Sighting>, Vec<usize>) {
+    let mut order: Vec<usize> = (0..problem.sightings.len()).collect();
+    order.retain(|i| !problem.sightings[*i].seen.is_empty());
+    let key = |i: usize| {
+        let s = &problem.sightings[i];
+        (s.view, problem.body_of_target[s.target], s.camera, s.target)
+    };
+    let by_contents = |a: usize, b: usize| contents(&problem.sightings[a]).cmp(contents(&problem.sightings[b]));
+    order.sort_by(|a, b| key(*a).cmp(&key(*b)).then_with(|| by_contents(*a, *b)));
+    (order.iter().map(|i| &problem.sightings[*i]).collect(), order)
+}
+
+fn contents(s: &Sighting) -> impl Iterator<Item = u64> + '_ {
+    let numbers = |c: &crate::Correspondence| {
+        let (x, u) = (c.x_in_target, c.pixel);
+        [x.x, x.y, x.z, u.x, u.y, c.sigma_px, c.sigma_m].map(f64::to_bits)
+    };
+    s.seen.iter().flat_map(numbers)
+}
+
+/// The lowest target of the same body.
+fn first_targets(body_of_target: &[usize]) -> Vec<usize> {
+    let mut firsts: Vec<(usize, usize)> = body_of_target.iter().copied().zip(0..).collect();
+    firsts.sort_unstable();
+    firsts.dedup_by_key(|(body, _)| *body);
+    let first = |body: &usize| firsts.binary_search_by_key(body, |f| f.0).map_or(0, |i| firsts[i].1);
+    body_of_target.iter().map(first).collect()
+}
+
+fn pivots(sightings: &[&Sighting], n_targets: usize) -> Vec<Point> {
+    let mut sums = vec![(Point::zeros(), 0.0); n_targets];
+    for s in sightings {
+        let sum = &mut sums[s.target];
+        sum.0 += s.seen.iter().map(|c| c.x_in_target).sum::<Point>();
+        sum.1 += s.seen.len() as f64;
+    }
+    sums.into_iter().map(|(sum, n)| sum / f64::max(n, 1.0)).collect()
+}
+
+fn links(sightings: &[&Sighting], body_of_target: &[usize]) -> (Vec<(usize, usize)>, Vec<RigLink>) {
+    let mut bodies: Vec<(usize, usize)> = Vec::new();
+    let mut links = Vec::with_capacity(sightings.len());
+    for s in sightings {
+        let body = (s.view, body_of_target[s.target]);
+        if bodies.last() != Some(&body) {
+            bodies.push(body);
+        }
+        links.push(RigLink { camera: s.camera, target: s.target, body: bodies.len() - 1 });
+    }
+    (bodies, links)
+}
+
+/// The first sighting of each body in a view.
+fn first_links(links: &[RigLink], n_bodies: usize) -> Vec<usize> {
+    let mut firsts = Vec::with_capacity(n_bodies);
+    for (i, link) in links.iter().enumerate() {
+        if link.body == firsts.len() {
+            firsts.push(i);
+        }
+    }
+    firsts
+}
+
+fn seen_targets(sightings: &[&Sighting], n_targets: usize) -> Vec<bool> {
+    let mut is_seen = vec![false; n_targets];
+    sightings.iter().for_each(|s| is_seen[s.target] = true);
+    is_seen
+}
+
+/// A target of a body of several must be seen: where it sits could not be said otherwise.
+fn check_targets(is_seen: &[bool], first_target: &[usize], body_of_target: &[usize]) -> Result<(), Error> {
+    for target in 0..is_seen.len() {
+        let others = (0..is_seen.len()).any(|t| first_target[t] == first_target[target] && is_seen[t]);
+        if !is_seen[target] && others {
+            return Err(Error::TargetUnconnected { target, body: body_of_target[target] });
+        }
+    }
+    Ok(())
+}

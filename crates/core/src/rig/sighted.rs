@@ -1,0 +1,137 @@
+//! The pose of each sighting by itself: every minimum, and what a few wrong points would have spoiled.
+
+use super::layout::Layout;
+use crate::consistency::is_unlikely;
+use crate::locate::{Config, locate};
+use crate::loss::Loss;
+use crate::problem::Problem;
+use crate::refine::{refine_problem, whitened_residual};
+use crate::robust::{self, consensus};
+use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+
+/// A pose that a sighting may have.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hypothesis {
+    pub(super) cam_from_target: Pose,
+    /// Of its small left motion, widened to the residuals.
+    pub(super) covariance: Matrix6,
+    /// Probability among the minima of the sighting.
+    pub(super) weight: f64,
+    /// −½ ln |Σ|: how well it is known, in no unit.
+    pub(super) sharpness: f64,
+}
+
+/// The poses that each sighting, in canonical order, may have, the most probable first; or why it has none.
+pub(super) type Sighted = Vec<Result<Vec<Hypothesis>, Error>>;
+
+/// Minima less probable than this are not followed.
+const LEAST_WEIGHT: f64 = 1e-4;
+/// The threshold of the loss that finds wrong points, in robust standard deviations: 98 % as precise as the square.
+pub(super) const CAUCHY_SIGMAS: f64 = 3.0;
+/// Median of χ² with two degrees of freedom.
+pub(super) const MEDIAN_CHI2: f64 = 2.0 * core::f64::consts::LN_2;
+/// Fewer points show no wrong one among them: those are left to what other cameras see.
+const ENOUGH_POINTS: usize = 6;
+/// A consensus is sought among at most so many samples: a start is all that is wanted.
+const MAX_SAMPLES: usize = 2000;
+
+pub(super) fn poses_of_sightings(layout: &Layout) -> Sighted {
+    (0..layout.sightings.len()).map(|i| poses(&layout.sightings[i].seen, layout.camera(i))).collect()
+}
+
+fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Error> {
+    let found = locate(seen, camera, &Config::default());
+    let is_clean = matches!(&found, Ok(f) if !is_unlikely(f.chi2, f.degrees_of_freedom));
+    let plain: Vec<Hypothesis> = match &found {
+        Ok(f) => f.minima().filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight)).collect(),
+        Err(_) => Vec::new(),
+    };
+    let poses = match found {
+        _ if !is_clean && ENOUGH_POINTS <= seen.len() => without_wrong_points(&plain, seen, camera),
+        _ => plain.clone(),
+    };
+    let kept: Vec<Hypothesis> = if poses.is_empty() { plain } else { poses };
+    match found {
+        Err(reason) if kept.is_empty() => Err(reason),
+        _ if kept.is_empty() => Err(crate::refine::UNDETERMINED),
+        _ => Ok(kept.into_iter().filter(|h| LEAST_WEIGHT < h.weight).collect()),
+    }
+}
+
+fn hypothesis(cam_from_target: Pose, covariance: Matrix6, weight: f64) -> Option<Hypothesis> {
+    let sharpness = sharpness(&covariance)?;
+    Some(Hypothesis { cam_from_target, covariance, weight, sharpness })
+}
+
+/// −½ ln |Σ|; none where Σ is no covariance.
+pub(super) fn sharpness(covariance: &Matrix6) -> Option<f64> {
+    let factor = covariance.cholesky()?;
+    let sum: f64 = (0..6).map(|i| factor.l_dirty()[(i, i)].ln()).sum();
+    sum.is_finite().then_some(-sum)
+}
+
+/// From each minimum of the square, under a loss that wrong points hardly pull at; a consensus where none of those comes near the points.
+fn without_wrong_points(plain: &[Hypothesis], seen: &[Correspondence], camera: &Camera) -> Vec<Hypothesis> {
+    let mut found: Vec<(f64, Hypothesis)> = Vec::new();
+    for start in plain {
+        found.extend(settled(start.cam_from_target, seen, camera));
+    }
+    let spread = |f: &(f64, Hypothesis)| f.0;
+    if found.iter().map(spread).fold(f64::INFINITY, f64::min) > FAR_SPREAD {
+        found.extend(by_consensus(seen, camera).and_then(|pose| settled(pose, seen, camera)));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Of twins the first stays; one whose points lie twice as far off is no rival.
+    let best = found.first().map_or(0.0, spread);
+    let mut kept: Vec<Hypothesis> = Vec::new();
+    for (spread, h) in found {
+        let is_twin = |k: &Hypothesis| k.cam_from_target.angle_to_rad(&h.cam_from_target) < 1e-4;
+        if spread <= 4.0 * best && !kept.iter().any(is_twin) {
+            kept.push(h);
+        }
+    }
+    let weight = 1.0 / kept.len().max(1) as f64;
+    kept.iter_mut().for_each(|h| h.weight = weight);
+    kept
+}
+
+/// Half of the points ten standard deviations off or more: the square led nowhere.
+const FAR_SPREAD: f64 = 100.0;
+
+/// The minimum under Cauchy's loss, its threshold drawn in with the residuals, and the variance its inner half shows.
+fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64, Hypothesis)> {
+    let mut pose = start;
+    for _ in 0..4 {
+        let sigmas = CAUCHY_SIGMAS * variance(&pose, seen, camera)?.max(1.0).sqrt();
+        let problem = Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) };
+        pose = refine_problem(&pose, &problem).ok()?.cam_from_target;
+    }
+    let spread = variance(&pose, seen, camera)?;
+    let sigmas = CAUCHY_SIGMAS * spread.max(1.0).sqrt();
+    let found = refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) }).ok()?;
+    Some((spread, hypothesis(found.cam_from_target, found.covariance * spread.max(1.0), 1.0)?))
+}
+
+/// Variance in units of the stated one, from the median of the squared residuals, six numbers being taken by the pose.
+fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<f64> {
+    let squared = |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
+    let mut all: Vec<f64> = seen.iter().map(squared).collect();
+    let n = all.len() as f64;
+    let free = n / (n - 3.0).max(1.0);
+    Some(median(&mut all)? / MEDIAN_CHI2 * free).filter(|v| v.is_finite())
+}
+
+/// None of nothing.
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+fn by_consensus(seen: &[Correspondence], camera: &Camera) -> Option<Pose> {
+    let sigma_px = seen.iter().map(|c| c.sigma_px).fold(0.0, f64::max);
+    let config = robust::Config {
+        max_samples: MAX_SAMPLES,
+        ..robust::Config::with_threshold_px(super::GATE_SIGMAS * sigma_px)
+    };
+    consensus(seen, camera, &config).ok().map(|found| found.estimate.cam_from_target)
+}

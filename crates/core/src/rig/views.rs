@@ -1,0 +1,77 @@
+//! Which cameras share views, and which groups that makes: a count, nothing is solved.
+
+use super::{RigProblem, SharedViews};
+
+/// Which cameras share views, before anything is solved. Sightings without points, or that name what does not exist, count for nothing.
+pub fn shared_views(problem: &RigProblem) -> SharedViews {
+    let n = problem.cameras.len();
+    let mut seen: Vec<(usize, usize, usize)> = Vec::with_capacity(problem.sightings.len());
+    for s in problem.sightings.iter().filter(|s| s.camera < n && !s.seen.is_empty()) {
+        if let Some(body) = problem.body_of_target.get(s.target) {
+            seen.push((s.view, *body, s.camera));
+        }
+    }
+    seen.sort_unstable();
+    seen.dedup();
+    let counts = counts(&seen, n);
+    let mut groups = Groups::new(n);
+    for (a, row) in counts.iter().enumerate() {
+        row.iter().enumerate().filter(|(_, count)| 0 < **count).for_each(|(b, _)| groups.join(a, b));
+    }
+    SharedViews { counts, groups: groups.members() }
+}
+
+/// Views of each pair, a view in which it shares two bodies counted once.
+fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>> {
+    let mut counts = vec![vec![0; n]; n];
+    let mut counted_in = vec![vec![None; n]; n];
+    for together in seen.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for (view, _, a) in together {
+            for (_, _, b) in together {
+                if counted_in[*a][*b] != Some(*view) {
+                    counted_in[*a][*b] = Some(*view);
+                    counts[*a][*b] += 1;
+                }
+            }
+        }
+    }
+    counts
+}
+
+/// Which things hang together.
+pub(super) struct Groups {
+    parent: Vec<usize>,
+}
+
+impl Groups {
+    pub(super) fn new(n: usize) -> Self {
+        Groups { parent: (0..n).collect() }
+    }
+
+    pub(super) fn root(&mut self, mut i: usize) -> usize {
+        while self.parent[i] != i {
+            self.parent[i] = self.parent[self.parent[i]];
+            i = self.parent[i];
+        }
+        i
+    }
+
+    /// The lower root stays, so that the result does not depend on the order of joining.
+    pub(super) fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parent[a.max(b)] = a.min(b);
+    }
+
+    /// The largest first, among equals that with the lowest member.
+    pub(super) fn members(&mut self) -> Vec<Vec<usize>> {
+        let n = self.parent.len();
+        let mut groups: Vec<Vec<usize>> = vec![Vec::new(); n];
+        for i in 0..n {
+            let root = self.root(i);
+            groups[root].push(i);
+        }
+        groups.retain(|g| !g.is_empty());
+        groups.sort_by_key(|g| (n - g.len(), g[0]));
+        groups
+    }
+}
