@@ -217,6 +217,54 @@ pub enum Error {
         /// The largest accepted.
         needed: f64,
     },
+    /// A measured pose, or its covariance, with a number that cannot be right.
+    #[error("{what} of {item} {index} is {seen}; {needed}")]
+    InvalidPose {
+        /// `view` or `pair`.
+        item: &'static str,
+        /// Which one, counted from 0.
+        index: usize,
+        /// What of it.
+        what: &'static str,
+        /// The value seen.
+        seen: f64,
+        /// What it must be.
+        needed: &'static str,
+    },
+    /// Too few views with a known motion.
+    #[error(
+        "{seen} views have both a known motion and a pose of the target, {needed} needed; add views between which the hand turns about different axes"
+    )]
+    TooFewMotions {
+        /// How many there were.
+        seen: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+    /// Motions that leave a part of the answer open.
+    #[error("{reason} (metric {metric:.1e} rad, need {needed:.0e} rad); {way_out}")]
+    DegenerateMotion {
+        /// What the motions have in common.
+        reason: &'static str,
+        /// Root mean square turn about the axis turned about least of those that are needed.
+        metric: f64,
+        /// The least accepted.
+        needed: f64,
+        /// What to do.
+        way_out: &'static str,
+    },
+    /// Cameras that no chain of pairs joins.
+    #[error(
+        "the pairs leave {groups} groups: nothing joins camera {a} to camera {b}; add a pair between the groups, or solve each alone"
+    )]
+    Disconnected {
+        /// How many groups.
+        groups: usize,
+        /// A camera of the first group.
+        a: usize,
+        /// A camera of another.
+        b: usize,
+    },
     /// Too few correspondences agree with any one pose to rule out chance.
     #[error(
         "no pose agrees with enough of the {n} {what}: {best} at best, {needed} needed to rule out chance ({samples} samples tried); check that labels and camera belong to this view, keep the threshold at three to five standard deviations of the noise, or add {what}"

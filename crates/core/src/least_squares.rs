@@ -5,13 +5,13 @@
 //! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
 //! Derivation: docs/math/refine.md eqs. (2)–(7).
 
+pub mod point;
+#[cfg(feature = "std")]
+pub mod dense;
 #[cfg(feature = "std")]
 pub mod shared;
 #[cfg(feature = "std")]
 pub mod rig;
-pub mod point;
-#[cfg(feature = "std")]
-pub mod dense;
 
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};

@@ -51,6 +51,12 @@ pub mod robust;
 #[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
+mod relative;
+#[cfg(feature = "std")]
+pub mod pose_graph;
+#[cfg(feature = "std")]
+pub mod hand_eye;
+#[cfg(feature = "std")]
 pub mod advise;
 
 pub use camera::{Camera, CameraMatrix, Lens};

@@ -14,8 +14,10 @@ use crate::curvature::{Cost, is_bent, with_curvature};
 use crate::locate::{Config, OVERFLOW, PoseEstimate, locate};
 use crate::refine::whitened_residual;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
-use check::{check_points, check_views};
-use cost::RigCost;
+pub(crate) use check::check_views;
+pub(crate) use cost::RigCost;
+
+use check::check_points;
 use starts::{Extents, Starts, push_single_cameras, push_triples};
 
 /// One camera of a rig and what it sees.

@@ -1,0 +1,194 @@
+//! X and Z from a few views, in closed form: docs/math/hand_eye.md eqs. (4)–(9).
+//!
+//! ```text
+//!   C = A_i A_j⁻¹ = X M X⁻¹,  M = H_i H_j⁻¹   ·   c, m  vector parts of their quaternions:  c = ± R m
+//!   (R_C − I) t = R t_M − t_C   ·   R, t  rotation and translation of X
+//! ```
+
+use super::Height;
+use super::motions::half_turn;
+use super::views::Poses;
+use crate::Pose;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// A view with one of its candidates.
+#[derive(Clone, Copy)]
+pub(super) struct Station {
+    /// A.
+    pub cam_from_target: Pose,
+    /// H.
+    pub carrier_from_holder: Pose,
+}
+
+/// A motion between two views, seen by the camera and by the hand.
+struct Motion {
+    by_camera: Pose,
+    by_carrier: Pose,
+    /// c.
+    c: Vector3<f64>,
+    /// m.
+    m: Vector3<f64>,
+    /// Near a half turn noise decides the sign of the quaternion: both are tried.
+    has_sign: bool,
+}
+
+/// Below this cosine of half the angle (turns above 168°) a sign may be wrong.
+const SURE_OF_SIGN: f64 = 0.1;
+/// Two directions closer than this (sine of the angle between them, times their lengths) fix no rotation.
+const MIN_SPREAD: f64 = 1e-4;
+
+/// What to solve for when all axes are parallel.
+#[derive(Clone, Copy)]
+pub(super) struct Parallel {
+    pub height: Height,
+}
+
+/// Every solution that the stations allow: one, or one for each choice of signs of the half turns.
+pub(super) fn closed_forms(stations: &[Station], parallel: Option<&Parallel>) -> Vec<Poses> {
+    let motions = motions(stations);
+    let unsure: Vec<usize> = (0..motions.len()).filter(|i| !motions[*i].has_sign).collect();
+    let choices = 1usize << unsure.len().min(6);
+    let solve = |choice: usize| {
+        let sign = |i: usize| match unsure.iter().position(|u| *u == i) {
+            Some(bit) if choice >> bit & 1 == 1 => -1.0,
+            _ => 1.0,
+        };
+        let signs: Vec<f64> = (0..motions.len()).map(sign).collect();
+        let cam_from_carrier = match parallel {
+            Some(parallel) => about_one_axis(&motions, &signs, parallel)?,
+            None => about_many_axes(&motions, &signs)?,
+        };
+        Some(Poses { cam_from_carrier, holder_from_target: mean_holder(stations, &cam_from_carrier)? })
+    };
+    (0..choices).filter_map(solve).collect()
+}
+
+fn motions(stations: &[Station]) -> Vec<Motion> {
+    let mut motions = Vec::new();
+    for (i, first) in stations.iter().enumerate() {
+        for second in &stations[..i] {
+            let by_camera = first.cam_from_target * second.cam_from_target.inverse();
+            let by_carrier = first.carrier_from_holder * second.carrier_from_holder.inverse();
+            let half_cosine = by_camera.quaternion_wxyz()[0].min(by_carrier.quaternion_wxyz()[0]);
+            let (c, m) = (half_turn(&by_camera), half_turn(&by_carrier));
+            motions.push(Motion { by_camera, by_carrier, c, m, has_sign: SURE_OF_SIGN < half_cosine });
+        }
+    }
+    motions
+}
+
+/// Rotation first, eq. (5); then translation, eq. (6).
+fn about_many_axes(motions: &[Motion], signs: &[f64]) -> Option<Pose> {
+    let outer = motions.iter().zip(signs).map(|(motion, sign)| motion.c * motion.m.transpose() * *sign);
+    let rotation = nearest_rotation(&outer.sum())?;
+    let (mut information, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+    for motion in motions {
+        let (left, right) = translation_rows(motion, &rotation);
+        information += left.transpose() * left;
+        gradient += left.transpose() * right;
+    }
+    let translation = information.cholesky()?.solve(&gradient);
+    translation.iter().all(|x| x.is_finite()).then_some(Pose::new(rotation, translation))
+}
+
+/// R_C − I and R t_M − t_C.
+fn translation_rows(motion: &Motion, rotation: &Matrix3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+    let right = rotation * motion.by_carrier.translation - motion.by_camera.translation;
+    (motion.by_camera.rotation - Matrix3::identity(), right)
+}
+
+/// The rotation with the largest tr(Rᵀ S): Kabsch's, from two singular directions; none where the second is missing.
+fn nearest_rotation(s: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = s.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mut order = [0, 1, 2];
+    order.sort_by(|i, j| svd.singular_values[*j].total_cmp(&svd.singular_values[*i]));
+    let [first, second, _] = order;
+    if svd.singular_values[second] < MIN_SPREAD * MIN_SPREAD {
+        return None;
+    }
+    // The third pair of axes follows from the first two, which makes it a rotation whatever the sign of the third value.
+    let frame = |x: Vector3<f64>, y: Vector3<f64>| Matrix3::from_columns(&[x, y, x.cross(&y)]);
+    let left = frame(u.column(first).into_owned(), u.column(second).into_owned());
+    let right = frame(v_t.row(first).transpose(), v_t.row(second).transpose());
+    Some(left * right.transpose())
+}
+
+/// All axes parallel: the turn φ about them and the place across them, linearly in (t, cos φ, sin φ), eqs. (7)–(8); the place along them from
+/// the height, eq. (9).
+fn about_one_axis(motions: &[Motion], signs: &[f64], parallel: &Parallel) -> Option<Pose> {
+    let largest = motions.iter().map(|x| x.m).max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
+    let towards = |m: &Vector3<f64>| if m.dot(&largest) < 0.0 { -1.0 } else { 1.0 };
+    let along = |pick: fn(&Motion) -> Vector3<f64>| {
+        let sum: Vector3<f64> =
+            motions.iter().zip(signs).map(|(x, sign)| pick(x) * towards(&x.m) * *sign).sum();
+        sum.try_normalize(MIN_SPREAD)
+    };
+    let unsigned: Vector3<f64> = motions.iter().map(|x| x.m * towards(&x.m)).sum();
+    let (axis_in_cam, axis_in_carrier) = (along(|x| x.c)?, unsigned.try_normalize(MIN_SPREAD)?);
+    let first = turned_onto(&axis_in_carrier, &axis_in_cam);
+    let (cosine, sine) = turn_about(motions, &axis_in_cam, &first)?;
+    let rotation = about(&axis_in_cam, cosine, sine) * first;
+    let across = place_across(motions, &axis_in_cam, &rotation)?;
+    let direction = rotation * parallel.height.direction_in_carrier.normalize();
+    let missing = -(parallel.height.height_m + direction.dot(&across)) / direction.dot(&axis_in_cam);
+    missing.is_finite().then_some(Pose::new(rotation, across + axis_in_cam * missing))
+}
+
+/// Any rotation that takes one unit vector onto another.
+fn turned_onto(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
+    let frame = |x: &Vector3<f64>| {
+        let y = x.cross(&Vector3::ith(x.iamin(), 1.0)).normalize();
+        Matrix3::from_columns(&[*x, y, x.cross(&y)])
+    };
+    frame(to) * frame(from).transpose()
+}
+
+/// cos φ (I − ccᵀ) + sin φ [c]× + ccᵀ.
+fn about(axis: &Vector3<f64>, cosine: f64, sine: f64) -> Matrix3<f64> {
+    let along = axis * axis.transpose();
+    (Matrix3::identity() - along) * cosine + axis.cross_matrix() * sine + along
+}
+
+/// cos φ and sin φ by linear least squares together with the place, then made of length one.
+fn turn_about(motions: &[Motion], axis: &Vector3<f64>, first: &Matrix3<f64>) -> Option<(f64, f64)> {
+    let along = axis * axis.transpose();
+    let (mut information, mut gradient) = (DMatrix::zeros(5, 5), DVector::zeros(5));
+    for motion in motions {
+        let shift = first * motion.by_carrier.translation;
+        let mut rows = DMatrix::zeros(3, 5);
+        rows.fixed_view_mut::<3, 3>(0, 0).copy_from(&(motion.by_camera.rotation - Matrix3::identity()));
+        rows.fixed_view_mut::<3, 1>(0, 3).copy_from(&-(shift - along * shift));
+        rows.fixed_view_mut::<3, 1>(0, 4).copy_from(&-axis.cross(&shift));
+        let right = along * shift - motion.by_camera.translation;
+        information += rows.transpose() * &rows;
+        gradient += rows.transpose() * DVector::from_column_slice(right.as_slice());
+    }
+    // The place along the axis is settled elsewhere: any value does.
+    let mut own = information.fixed_view_mut::<3, 3>(0, 0);
+    own += along;
+    let solution = information.cholesky()?.solve(&gradient);
+    let length = solution[3].hypot(solution[4]);
+    (0.0 < length && length.is_finite()).then(|| (solution[3] / length, solution[4] / length))
+}
+
+/// The place across the axis for a known rotation.
+fn place_across(motions: &[Motion], axis: &Vector3<f64>, rotation: &Matrix3<f64>) -> Option<Vector3<f64>> {
+    let (mut information, mut gradient) = (axis * axis.transpose(), Vector3::zeros());
+    for motion in motions {
+        let (left, right) = translation_rows(motion, rotation);
+        information += left.transpose() * left;
+        gradient += left.transpose() * right;
+    }
+    let place = information.cholesky()?.solve(&gradient);
+    Some(place - axis * axis.dot(&place))
+}
+
+/// Z from every station, averaged.
+fn mean_holder(stations: &[Station], cam_from_carrier: &Pose) -> Option<Pose> {
+    let one = |s: &Station| (*cam_from_carrier * s.carrier_from_holder).inverse() * s.cam_from_target;
+    let all: Vec<Pose> = stations.iter().map(one).collect();
+    let rotation = nearest_rotation(&all.iter().map(|pose| pose.rotation).sum())?;
+    let translation = all.iter().map(|pose| pose.translation).sum::<Vector3<f64>>() / all.len() as f64;
+    Some(Pose::new(rotation, translation))
+}

@@ -1,0 +1,199 @@
+//! Which views agree, and where to start: closed forms of three views each, the one that most views agree with, those that agree with it.
+//!
+//! Least trimmed squares (P. J. Rousseeuw and K. Van Driessen, "Computing LTS regression for large data sets", 2006), then every view against
+//! what the others predict. docs/math/hand_eye.md section 5.
+
+use super::closed_form::{Parallel, Station, closed_forms};
+use super::cost::{Fit, Level, fit, nearest, spread};
+use super::motions::are_parallel;
+use super::views::{Known, Poses, centre};
+use super::{HandEyeConfig, Height};
+use crate::Error;
+use nalgebra::DMatrix;
+
+/// The views that agree, each with the candidate that does.
+pub(super) struct Consensus {
+    pub poses: Poses,
+    /// For each view its candidate; none where it contradicts the others.
+    pub candidate: Vec<Option<usize>>,
+}
+
+impl Consensus {
+    /// Pairs of view and candidate.
+    pub fn used(&self) -> Vec<(usize, usize)> {
+        self.candidate.iter().enumerate().filter_map(|(view, c)| c.map(|c| (view, c))).collect()
+    }
+}
+
+/// Triples tried: with half of the views wrong and two candidates in each of the rest, one in 64 is right, and all 600 miss with a
+/// chance of 8e-5.
+const MAX_TRIPLES: usize = 600;
+/// Views that a triple is tried on.
+const MAX_TRIED: usize = 60;
+/// Triples carried on to the trimmed fit.
+const FINALISTS: usize = 5;
+/// Rounds of fitting the best half and choosing it anew.
+const TRIMMING_ROUNDS: usize = 4;
+/// χ² with six degrees of freedom that a good view exceeds once in ten thousand.
+const GATE_CHI2: f64 = 27.86;
+/// Median of χ² with six degrees of freedom.
+const MEDIAN_CHI2: f64 = 5.348;
+/// Rounds of taking views in and out.
+const MAX_ROUNDS: usize = 20;
+/// Seed of the triples: the same views give the same answer.
+const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// X, Z and the views that agree.
+///
+/// # Errors
+/// `NotConverged` when no triple leads anywhere.
+pub(super) fn consensus(known: &[Known], config: &HandEyeConfig) -> Result<Consensus, Error> {
+    let parallel = parallel(known, config);
+    let mut found: Vec<(f64, Poses)> = Vec::new();
+    for triple in triples(known) {
+        let station = |(view, candidate): (usize, usize)| Station {
+            cam_from_target: known[view].candidates[candidate].cam_from_target,
+            carrier_from_holder: known[view].carrier_from_holder,
+        };
+        for poses in closed_forms(&triple.map(station), parallel.as_ref()) {
+            let score = trimmed(&distances(known, &poses, known.len().div_ceil(MAX_TRIED)));
+            let at = found.partition_point(|(better, _)| *better <= score);
+            if at < FINALISTS && score.is_finite() {
+                found.insert(at, (score, poses));
+                found.truncate(FINALISTS);
+            }
+        }
+    }
+    let concentrated = found.iter().filter_map(|(_, poses)| concentrated(known, poses, config).ok());
+    let best = concentrated.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(Error::NotConverged { steps: 0 })?;
+    agreeing(known, best.1, config)
+}
+
+/// How to solve triples when all turns have one axis.
+fn parallel(known: &[Known], config: &HandEyeConfig) -> Option<Parallel> {
+    let height = config.height.filter(|_| are_parallel(known))?;
+    let height_m = centre(known).height_m(&height.direction_in_carrier.normalize(), height.height_m);
+    Some(Parallel { height: Height { height_m, ..height } })
+}
+
+/// χ² of each view (every `stride`-th) with the candidate that agrees best, in ascending order.
+fn distances(known: &[Known], poses: &Poses, stride: usize) -> Vec<(f64, usize, usize)> {
+    let distance = |view: usize| {
+        let (candidate, chi2) = nearest(&known[view], poses);
+        (chi2, view, candidate)
+    };
+    let mut all: Vec<_> = (0..known.len()).step_by(stride.max(1)).map(distance).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    all
+}
+
+/// How many views the trimmed fit rests on: a little more than half, as three views are fitted by anything.
+fn majority(n: usize) -> usize {
+    n.min((n + 3) / 2)
+}
+
+/// χ² of the worst of the better half.
+fn trimmed(sorted: &[(f64, usize, usize)]) -> f64 {
+    sorted.get(majority(sorted.len()).saturating_sub(1)).map_or(f64::INFINITY, |d| d.0)
+}
+
+/// Fits the best half, chooses it anew, and so on.
+fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Result<(f64, Fit), Error> {
+    let mut poses = *start;
+    for round in 1.. {
+        let best = distances(known, &poses, 1);
+        let used = best[..majority(known.len())]
+            .iter()
+            .map(|(_, view, candidate)| (*view, *candidate))
+            .collect::<Vec<_>>();
+        let fit = fit(&poses, known, &used, config, Level::Poses)?;
+        poses = fit.poses;
+        if TRIMMING_ROUNDS <= round {
+            return Ok((trimmed(&distances(known, &poses, 1)), fit));
+        }
+    }
+    Err(Error::NotConverged { steps: 0 })
+}
+
+/// Takes every view that agrees with the others, until nothing changes.
+fn agreeing(known: &[Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
+    let in_fit: Vec<usize> =
+        distances(known, &start.poses, 1)[..majority(known.len())].iter().map(|d| d.1).collect();
+    let mut candidate: Vec<Option<usize>> = (0..known.len())
+        .map(|view| in_fit.contains(&view).then(|| nearest(&known[view], &start.poses).0))
+        .collect();
+    let mut best = start;
+    for _ in 0..MAX_ROUNDS {
+        let scale = f64::max(1.0, trimmed(&distances(known, &best.poses, 1)) / MEDIAN_CHI2);
+        let agrees = |view: usize| agrees(&known[view], &best, candidate[view].is_some(), scale);
+        let now: Vec<Option<usize>> = (0..known.len()).map(agrees).collect();
+        let is_settled = now == candidate;
+        candidate = now;
+        let consensus = Consensus { poses: best.poses, candidate: candidate.clone() };
+        if is_settled || consensus.used().len() < 3 {
+            return Ok(consensus);
+        }
+        best = fit(&best.poses, known, &consensus.used(), config, Level::Poses)?;
+    }
+    Ok(Consensus { poses: best.poses, candidate })
+}
+
+/// The candidate of a view that agrees with the fit. A view that took no part is compared with what the others predict, whose own doubt
+/// counts.
+fn agrees(view: &Known, fit: &Fit, took_part: bool, scale: f64) -> Option<usize> {
+    let (candidate, chi2) = nearest(view, &fit.poses);
+    if took_part {
+        return (chi2 <= GATE_CHI2 * scale).then_some(candidate);
+    }
+    let own = spread(view, candidate, &fit.poses);
+    let mut by = DMatrix::zeros(6, 12);
+    by.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
+    let carried = (fit.poses.cam_from_carrier * view.carrier_from_holder).adjoint();
+    by.fixed_view_mut::<6, 6>(0, 6).copy_from(&carried);
+    let total = &by * &fit.covariance * by.transpose() + own;
+    let measured = view.candidates[candidate].cam_from_target;
+    let r = (measured * fit.poses.cam_from_target(view).inverse()).log();
+    let chi2 = r.dot(&total.cholesky()?.solve(&r)) + view.candidates[candidate].delta_chi2;
+    (chi2 <= GATE_CHI2 * scale).then_some(candidate)
+}
+
+/// All triples of views with all their candidates where they are few, else seeded ones.
+fn triples(known: &[Known]) -> Vec<[(usize, usize); 3]> {
+    let all: Vec<(usize, usize)> =
+        known.iter().enumerate().flat_map(|(v, k)| (0..k.candidates.len()).map(move |c| (v, c))).collect();
+    let n = all.len();
+    let mut triples = Vec::new();
+    if n * n.saturating_sub(1) * n.saturating_sub(2) / 6 <= MAX_TRIPLES {
+        for (i, a) in all.iter().enumerate() {
+            for (j, b) in all[..i].iter().enumerate() {
+                triples.extend(all[..j].iter().map(|c| [*a, *b, *c]).filter(are_different));
+            }
+        }
+        return triples;
+    }
+    let mut state = SEED;
+    while triples.len() < MAX_TRIPLES {
+        let triple = [0; 3].map(|_| {
+            let view = below(&mut state, known.len());
+            (view, below(&mut state, known[view].candidates.len()))
+        });
+        if are_different(&triple) {
+            triples.push(triple);
+        }
+    }
+    triples
+}
+
+fn are_different(triple: &[(usize, usize); 3]) -> bool {
+    let [a, b, c] = triple.map(|(view, _)| view);
+    a != b && b != c && a != c
+}
+
+/// Uniform on 0..n, by SplitMix64 (Steele, Lea and Flood 2014).
+fn below(state: &mut u64, n: usize) -> usize {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) as u128 * n as u128 >> 64) as usize
+}
