@@ -63,7 +63,9 @@ fn every_query_gives_its_quantity() {
     let adjusted = solve(&scene, &scene.facts).expect("places");
     let x = |p: usize| scene.points[p];
     let polyline = (x(0) - x(1)).norm() + (x(1) - x(7)).norm() + (x(7) - x(8)).norm();
-    assert!((measured(&scene, &adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5);
+    assert!(
+        (measured(&scene, &adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5
+    );
     let angle = (x(1) - x(0)).angle(&(x(7) - x(0)));
     assert!((measured(&scene, &adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
     // Shoelace formula of the marks' plan.
@@ -202,7 +204,11 @@ fn the_worst_fact_is_named() {
         };
         match solve(&scene, &facts) {
             Ok(adjusted) => {
-                assert!(adjusted.is_inconsistent, "{wrong}: {} {} {:?} {:?}", adjusted.chi2, adjusted.degrees_of_freedom, adjusted.undetermined, adjusted.suspects);
+                assert!(
+                    adjusted.is_inconsistent,
+                    "{wrong}: {} {} {:?} {:?}",
+                    adjusted.chi2, adjusted.degrees_of_freedom, adjusted.undetermined, adjusted.suspects
+                );
                 let worst = adjusted.suspects.first().expect("a suspect");
                 // Of two clicks of one point either may be the wrong one.
                 assert_eq!(facts[worst.fact].points(), facts[wrong].points(), "{:?}", adjusted.suspects);
@@ -262,8 +268,22 @@ fn points_without_parallax_are_undetermined() {
 fn impossible_facts_are_refused() {
     let scene = by_distances();
     let damages: [fn(&mut Vec<Fact>); 5] = [
-        |f| f[0] = Fact::Click { photo: 9, point: 0, pixel: Default::default(), covariance_px2: resight_core::triangulate::isotropic(1.0) },
-        |f| f[0] = Fact::Click { photo: 0, point: 99, pixel: Default::default(), covariance_px2: resight_core::triangulate::isotropic(1.0) },
+        |f| {
+            f[0] = Fact::Click {
+                photo: 9,
+                point: 0,
+                pixel: Default::default(),
+                covariance_px2: resight_core::triangulate::isotropic(1.0),
+            }
+        },
+        |f| {
+            f[0] = Fact::Click {
+                photo: 0,
+                point: 99,
+                pixel: Default::default(),
+                covariance_px2: resight_core::triangulate::isotropic(1.0),
+            }
+        },
         |f| f[0] = Fact::Distance { a: 0, b: 1, distance_m: f64::NAN, sigma_m: 0.1 },
         |f| f[0] = Fact::Distance { a: 0, b: 0, distance_m: 1.0, sigma_m: 0.1 },
         |f| f[0] = Fact::OnPlane { plane: 0, point: 1, sigma_m: 0.0 },

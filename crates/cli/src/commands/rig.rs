@@ -170,8 +170,9 @@ pub fn run(args: &Rig) -> Result<Outcome> {
 /// Prints and writes what was found.
 fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Outcome> {
     if let Some(path) = &args.output {
-        let text = write_cameras(&solved.run.placed_cameras(), Format::Own)?;
-        write_atomically(path, text.as_bytes())?;
+        let own: String =
+            write_cameras(&solved.run.placed_cameras(), Format::Own)?.into_iter().map(|f| f.text).collect();
+        write_atomically(path, own.as_bytes())?;
     }
     match args.json {
         true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,
