@@ -266,9 +266,13 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the sightings of a body in a view determine its place, cameras and targets held.
+    /// Whether the sightings of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
+    /// rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
-        inverse_of(&self.bodies[body].information, 0.0).is_some()
+        const ROUNDING: f64 = 1e-10;
+        let information = &self.bodies[body].information;
+        let is_left = |factor: &Matrix6, i: usize| ROUNDING * information[(i, i)] < factor[(i, i)] * factor[(i, i)];
+        information.cholesky().is_some_and(|c| (0..6).all(|i| is_left(c.l_dirty(), i)))
     }
 
     /// The step and its promise; none where the damped equations are not positive.
