@@ -2,12 +2,12 @@
 //!
 //! docs/math/rig.md section 5.
 
+use super::RigConfig;
 use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, Sighted};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
-use super::RigConfig;
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
@@ -111,7 +111,8 @@ impl<'a> Adjustment<'a> {
             }
             let present = self.places.rig_from_body[body].pose(pivot);
             let cam_from_rig = &self.places.cam_from_rig;
-            let best = best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
+            let best =
+                best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
             if let Some(best) = best.filter(|b| *b != present) {
                 places.rig_from_body[body] = PivotedPose::new(&best, pivot);
                 is_moved = true;
@@ -133,7 +134,8 @@ impl<'a> Adjustment<'a> {
 
     /// The minimum over the points that take part, until those that fit it are the same.
     fn settle(mut self) -> Result<Adjusted, Error> {
-        let loss = if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let loss =
+            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
         let variance = self.variance();
         let mut parts = self.parts(variance);
         for _ in 0..MAX_ROUNDS {
@@ -223,7 +225,13 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     Some(sums)
 }
 
-fn alone(c: &Correspondence, camera: &Camera, loss: Loss, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
+fn alone(
+    c: &Correspondence,
+    camera: &Camera,
+    loss: Loss,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<NormalEquations> {
     let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
     normal_equations(place, pivot, &problem)
 }
