@@ -50,6 +50,7 @@ pub(super) fn robust_variance(residuals: &[Residuals]) -> f64 {
     median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2)
 }
 
+<<<<<<< HEAD
 /// Everything that projects takes part, whatever its residual.
 pub(super) fn all_parts(
     residuals: &[Residuals],
@@ -60,6 +61,8 @@ pub(super) fn all_parts(
     parts(residuals, f64::INFINITY, layout, sighted, is_active)
 }
 
+=======
+>>>>>>> rig
 /// What lies within the gate, a squared residual.
 pub(super) fn parts(
     residuals: &[Residuals],
@@ -76,7 +79,8 @@ pub(super) fn parts(
     for (i, r) in residuals.iter().enumerate() {
         let used: Vec<bool> = r.points.iter().map(|p| p.is_some_and(|p| p.1 <= gate_chi2)).collect();
         let n_used = used.iter().filter(|u| **u).count();
-        if (n_used as f64) < LEAST_SHARE * used.len() as f64 && is_active[layout.graph.links[i].body] {
+        let is_judged = gate_chi2 < f64::INFINITY && is_active[layout.graph.links[i].body];
+        if is_judged && (n_used as f64) < LEAST_SHARE * used.len() as f64 {
             parts.rejected[i] = Some(RejectedSighting::Contradicts { rms_px: rms_px(r) });
             parts.is_used.push(vec![false; used.len()]);
         } else {
