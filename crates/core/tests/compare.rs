@@ -37,7 +37,7 @@ fn covariance(n: usize, reference: usize, rng: &mut Rng) -> DMatrix<f64> {
     covariance
 }
 
-/// The true places as a calibration with this covariance finds them, its gauge turned by `rig_from_old_rig` afterwards.
+/// The true places as a calibration with this covariance finds them.
 fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: &mut Rng) -> RigPlaces {
     // In the frame of the reference, as such calibrations are.
     let to_reference = truth[reference].inverse();

@@ -2,16 +2,12 @@
 //!
 //! docs/math/rig.md section 5.
 
-<<<<<<< HEAD
-use super::RigConfig;
-use super::classify::{Parts, Residuals, all_parts, parts, residuals, robust_variance};
-=======
 use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
->>>>>>> rig
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, Sighted};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
+use super::RigConfig;
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
@@ -109,26 +105,12 @@ impl<'a> Adjustment<'a> {
             if !range.clone().any(|i| judged.rejected[i].is_some()) || !self.graph.is_active[body] {
                 continue;
             }
-<<<<<<< HEAD
-            let present = Some(self.places.rig_from_body[body].pose(pivot));
-            let best = best_of_body(
-                range,
-                layout,
-                self.sighted,
-                &self.places.cam_from_rig,
-                &body_from_target,
-                present,
-            );
-            if let Some(best) = best {
-                self.places.rig_from_body[body] = PivotedPose::new(&best, pivot);
-=======
             let present = self.places.rig_from_body[body].pose(pivot);
             let cam_from_rig = &self.places.cam_from_rig;
             let best = best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
             if let Some(best) = best.filter(|b| *b != present) {
                 places.rig_from_body[body] = PivotedPose::new(&best, pivot);
                 is_moved = true;
->>>>>>> rig
             }
         }
         if is_moved {
@@ -147,17 +129,9 @@ impl<'a> Adjustment<'a> {
 
     /// The minimum over the points that take part, until those that fit it are the same.
     fn settle(mut self) -> Result<Adjusted, Error> {
-<<<<<<< HEAD
-        let loss =
-            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
-        let mut residuals = self.residuals();
-        let variance = robust_variance(&residuals).max(1.0);
-        let mut parts = self.parts(&residuals, variance);
-=======
         let loss = if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
         let variance = self.variance();
         let mut parts = self.parts(variance);
->>>>>>> rig
         for _ in 0..MAX_ROUNDS {
             self.graph.is_active.clone_from(&parts.is_active);
             check_joined(self.layout, |i| 0 < parts.n_used(i))?;
@@ -173,19 +147,8 @@ impl<'a> Adjustment<'a> {
         Err(Error::NotConverged { steps: self.steps })
     }
 
-<<<<<<< HEAD
-    fn adjusted(
-        self,
-        equations: RigEquations,
-        parts: Parts,
-        residuals: Vec<Residuals>,
-        variance: f64,
-    ) -> Adjusted {
-        let Adjustment { graph, places, steps, .. } = self;
-=======
     fn adjusted(self, equations: RigEquations, parts: Parts, variance: f64) -> Adjusted {
         let Adjustment { graph, places, residuals, steps, .. } = self;
->>>>>>> rig
         Adjusted { places, equations, graph, parts, residuals, variance, steps }
     }
 
@@ -235,13 +198,7 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     Some(sums)
 }
 
-fn alone(
-    c: &Correspondence,
-    camera: &Camera,
-    loss: Loss,
-    place: &PivotedPose,
-    pivot: &Point,
-) -> Option<NormalEquations> {
+fn alone(c: &Correspondence, camera: &Camera, loss: Loss, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
     let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
     normal_equations(place, pivot, &problem)
 }

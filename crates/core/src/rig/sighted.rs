@@ -40,32 +40,11 @@ pub(super) fn poses_of_sightings(layout: &Layout) -> Sighted {
 }
 
 fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Error> {
-<<<<<<< HEAD
-    let found = locate(seen, camera, &Config::default());
-    let is_clean = matches!(&found, Ok(f) if !is_unlikely(f.chi2, f.degrees_of_freedom));
-    let plain: Vec<Hypothesis> = match &found {
-        Ok(f) => f
-            .minima()
-            .filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight))
-            .collect(),
-        Err(_) => Vec::new(),
-    };
-    let poses = match found {
-        _ if !is_clean && ENOUGH_POINTS <= seen.len() => without_wrong_points(&plain, seen, camera),
-        _ => plain.clone(),
-    };
-    let kept: Vec<Hypothesis> = if poses.is_empty() { plain } else { poses };
-    match found {
-        Err(reason) if kept.is_empty() => Err(reason),
-        _ if kept.is_empty() => Err(crate::refine::UNDETERMINED),
-        _ => Ok(kept.into_iter().filter(|h| LEAST_WEIGHT < h.weight).collect()),
-=======
     if MANY_POINTS < seen.len() {
         let some = spread(seen);
         if let Some(found) = locate(&some, camera, &Config::default()).ok().filter(is_clean) {
             return Ok(minima(&found));
         }
->>>>>>> rig
     }
     let found = locate(seen, camera, &Config::default());
     let plain = found.as_ref().map(minima).unwrap_or_default();
@@ -154,16 +133,13 @@ fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64
     }
     let spread = variance(&pose, seen, camera)?;
     let sigmas = CAUCHY_SIGMAS * spread.max(1.0).sqrt();
-    let found =
-        refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) })
-            .ok()?;
+    let found = refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) }).ok()?;
     Some((spread, hypothesis(found.cam_from_target, found.covariance * spread.max(1.0), 1.0)?))
 }
 
 /// Variance in units of the stated one, from the median of the squared residuals, six numbers being taken by the pose.
 fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<f64> {
-    let squared =
-        |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
+    let squared = |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
     let mut all: Vec<f64> = seen.iter().map(squared).collect();
     let n = all.len() as f64;
     let free = n / (n - 3.0).max(1.0);
