@@ -164,7 +164,7 @@ impl Differences<'_> {
             e.fixed_rows_mut::<6>(6 * row).copy_from(&moved.log());
             let from_base =
                 (self.before.cam_from_rig[camera] * self.before.cam_from_rig[base].inverse()).adjoint();
-            let mut put = |matrix: &mut DMatrix<f64>, camera: usize, block: Matrix6| {
+            let put = |matrix: &mut DMatrix<f64>, camera: usize, block: Matrix6| {
                 matrix.fixed_view_mut::<6, 6>(6 * row, 6 * camera).copy_from(&block);
             };
             put(&mut by_before, camera, Matrix6::identity());
