@@ -3,8 +3,8 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::rooms::{Room, arc, board, line_plus_one, pair_with, row};
 use common::Rng;
+use common::rooms::{Room, arc, board, line_plus_one, pair_with, row};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use resight_core::rig::{RigConfig, Sighting};
 use std::hint::black_box;

@@ -6,7 +6,9 @@
 //!
 //!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
 
-use super::{Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use super::{
+    Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE,
+};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
@@ -152,14 +154,19 @@ impl RigPlaces {
         let arm = body.rotation * (target.pivot_in_cam - graph.pivot_in_body[link.body]);
         let pivot_in_cam = *camera * (body.pivot_in_cam + arm);
         let body_rotation = camera.rotation * body.rotation;
-        Chain { place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam }, body_rotation, arm }
+        Chain {
+            place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam },
+            body_rotation,
+            arm,
+        }
     }
 
     fn moved(&self, step: &RigStep, graph: &RigGraph) -> Self {
         let change = |block: usize| -> Vector6 { step.change.fixed_rows::<6>(6 * block).into() };
         let camera = |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |b| pose.moved(&change(b)));
-        let target =
-            |(place, block): (&PivotedPose, &Option<usize>)| block.map_or(*place, |b| place.moved(&change(b)));
+        let target = |(place, block): (&PivotedPose, &Option<usize>)| {
+            block.map_or(*place, |b| place.moved(&change(b)))
+        };
         RigPlaces {
             cam_from_rig: self.cam_from_rig.iter().zip(&graph.block_of_camera).map(camera).collect(),
             body_from_target: self.body_from_target.iter().zip(&graph.block_of_target).map(target).collect(),
@@ -168,7 +175,7 @@ impl RigPlaces {
     }
 }
 
-/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eq. (4).
+/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eqs. (3)–(4).
 fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
@@ -196,7 +203,13 @@ impl RigEquations {
             sums.open_bodies_to(link.body);
             if graph.is_active[link.body] {
                 let chain = places.chain(link, graph);
-                sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal(i, &chain.place)?);
+                sums.add(
+                    link,
+                    graph,
+                    &chain,
+                    &places.cam_from_rig[link.camera].rotation,
+                    &normal(i, &chain.place)?,
+                );
             }
         }
         sums.open_bodies_to(places.rig_from_body.len().saturating_sub(1));
@@ -266,9 +279,14 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the sightings of a body in a view determine its place, cameras and targets held.
+    /// Whether the sightings of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
+    /// rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
-        inverse_of(&self.bodies[body].information, 0.0).is_some()
+        const ROUNDING: f64 = 1e-10;
+        let information = &self.bodies[body].information;
+        let is_left =
+            |factor: &Matrix6, i: usize| ROUNDING * information[(i, i)] < factor[(i, i)] * factor[(i, i)];
+        information.cholesky().is_some_and(|c| (0..6).all(|i| is_left(c.l_dirty(), i)))
     }
 
     /// The step and its promise; none where the damped equations are not positive.

@@ -2,12 +2,12 @@
 //!
 //! docs/math/rig.md section 5.
 
+use super::RigConfig;
 use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, Sighted};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
-use super::RigConfig;
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
@@ -72,8 +72,11 @@ impl<'a> Adjustment<'a> {
         self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
     }
 
+    /// Of the inner half of the points, in units of the stated one; never less than that.
     fn variance(&self) -> f64 {
-        robust_variance(&self.residuals).max(1.0)
+        let n_active = self.graph.is_active.iter().filter(|a| **a).count();
+        let unknown = 6 * (self.graph.n_blocks + n_active);
+        robust_variance(&self.residuals, unknown).max(1.0)
     }
 
     /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows.
@@ -87,6 +90,7 @@ impl<'a> Adjustment<'a> {
             sigmas = next;
             let active: Active = self.layout.sightings.iter().map(|s| Cow::Borrowed(&s.seen[..])).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
+            // A valley too flat to end in is start enough.
             self.move_to(found.places);
         }
         Ok(())
@@ -107,7 +111,8 @@ impl<'a> Adjustment<'a> {
             }
             let present = self.places.rig_from_body[body].pose(pivot);
             let cam_from_rig = &self.places.cam_from_rig;
-            let best = best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
+            let best =
+                best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
             if let Some(best) = best.filter(|b| *b != present) {
                 places.rig_from_body[body] = PivotedPose::new(&best, pivot);
                 is_moved = true;
@@ -129,13 +134,20 @@ impl<'a> Adjustment<'a> {
 
     /// The minimum over the points that take part, until those that fit it are the same.
     fn settle(mut self) -> Result<Adjusted, Error> {
-        let loss = if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let loss =
+            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
         let variance = self.variance();
         let mut parts = self.parts(variance);
         for _ in 0..MAX_ROUNDS {
             self.graph.is_active.clone_from(&parts.is_active);
             check_joined(self.layout, |i| 0 < parts.n_used(i))?;
             let found = self.minimize(&active(self.layout, &parts), loss, 0.0)?;
+            if self.drop_undetermined(&found.equations, &mut parts) {
+                continue;
+            }
+            if !found.converged {
+                break;
+            }
             self.move_to(found.places);
             let next = self.parts(variance);
             let is_settled = next.is_used == parts.is_used;
@@ -145,6 +157,21 @@ impl<'a> Adjustment<'a> {
             }
         }
         Err(Error::NotConverged { steps: self.steps })
+    }
+
+    /// Takes out bodies in views whose place the points left do not determine: three on a line, say. Whether there were any.
+    fn drop_undetermined(&self, equations: &RigEquations, parts: &mut Parts) -> bool {
+        let undetermined = |body: &usize| parts.is_active[*body] && !equations.determines(*body);
+        let bodies: Vec<usize> = (0..parts.is_active.len()).filter(undetermined).collect();
+        if bodies.is_empty() {
+            return false;
+        }
+        let ranges = self.layout.ranges();
+        for body in bodies {
+            parts.is_active[body] = false;
+            parts.drop_body(ranges[body].clone(), self.sighted);
+        }
+        true
     }
 
     fn adjusted(self, equations: RigEquations, parts: Parts, variance: f64) -> Adjusted {
@@ -166,7 +193,7 @@ impl<'a> Adjustment<'a> {
         let found = minimize_rig(self.places.clone(), graph, tolerance, evaluate);
         let found = found.ok_or(Error::NoSolution { n_points: active.iter().map(|a| a.len()).sum() })?;
         self.steps += found.steps;
-        if found.converged { Ok(found) } else { Err(Error::NotConverged { steps: self.steps }) }
+        Ok(found)
     }
 }
 
@@ -198,7 +225,13 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     Some(sums)
 }
 
-fn alone(c: &Correspondence, camera: &Camera, loss: Loss, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
+fn alone(
+    c: &Correspondence,
+    camera: &Camera,
+    loss: Loss,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<NormalEquations> {
     let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
     normal_equations(place, pivot, &problem)
 }
