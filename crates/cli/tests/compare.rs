@@ -7,7 +7,7 @@ use resight::core::{Pose, Vector6};
 use rig_support::*;
 use serde_json::Value;
 use std::path::Path;
-use support::{Run, data, folder, json_lines, resight};
+use support::{Run, data, folder, json_lines, resight, same};
 
 fn compare(a: &str, b: &str, extra: &[&str]) -> Run {
     resight(&[&["compare", a, b], extra].concat())
@@ -243,4 +243,17 @@ fn what_is_no_pair_is_refused() {
         assert!(run.stderr.contains(wanted), "{wanted}: {}", run.stderr);
     }
     assert!(resight(&["compare", "--help"]).stdout.contains("Examples:"));
+}
+
+/// The page shows what the program says.
+#[test]
+fn the_page_shows_a_real_answer() {
+    let folder = folder("compare_page");
+    let before = write(&folder, "before.toml", &rig_text(None, "left", true));
+    let after = write(&folder, "after.toml", &rig_text(Some("right"), "left", true));
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/compare.md")).unwrap();
+    let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    let said = compare(&before, &after, &[]).stdout;
+    assert!(same(&said, shown), "said\n{said}\nshown\n{shown}");
 }

@@ -397,3 +397,27 @@ fn videos_need_ffmpeg() {
         assert!(code == Some(2) && words.contains("left.mp4: no video in this file"), "{words}");
     }
 }
+
+/// A board printed 2 % too large: with one distance between cameras known the scale is found out, and said.
+#[test]
+fn a_known_distance_checks_the_size_of_the_board() {
+    let folder = folder("rig_scale");
+    let cameras = camera_arguments(&folder);
+    let mut rows = recording(15);
+    rows.iter_mut().for_each(|s| s.x *= 0.98);
+    let points = write(&folder, "points.csv", &csv(&rows));
+    let truth = rig_support::cameras();
+    let distance_m = (truth[2].1 * truth[0].1.inverse()).translation.norm();
+    let known = format!("right,left,{distance_m},0.0002");
+    let run = rig(
+        &cameras,
+        &["--detections", &points, "--sigma-px", "0.2", "--known-distance-m", &known, "--json"],
+    );
+    let scale = &json_lines(&run)[0]["scale"];
+    let (ratio, sigma) = (&scale["targets"]["target"]["ratio"], &scale["targets"]["target"]["sigma"]);
+    let off = ratio.as_f64().unwrap() - 1.0 / 0.98;
+    assert!(off.abs() < 4.0 * sigma.as_f64().unwrap(), "{scale}");
+    assert!(scale["message"].as_str().unwrap().contains("too small"), "{scale}");
+    let wrong = rig(&cameras, &["--detections", &points, "--known-distance-m", "left,rigth,1,0.1"]);
+    assert!(wrong.code == 2 && wrong.stderr.contains("did you mean `right`"), "{}", wrong.stderr);
+}

@@ -10,7 +10,7 @@ use rig_support::pose_of;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use support::{folder, json_lines, resight};
+use support::{folder, json_lines, resight, same};
 
 type Row = HashMap<String, String>;
 
@@ -177,10 +177,11 @@ fn four_webcams_agree_with_an_independent_adjustment() {
 
 /// Four webcams, not synchronised, around a moving board: corners as listed, and the videos themselves.
 ///
-/// The published places are the yardstick, not the truth. They are no minimum of the listed corners' errors (see above), camera
-/// 1's listed corners are one pixel off (see detect_real.rs), and the cameras fired up to 46 ms apart. From the videos, our
-/// corners and only frames within 2.5 ms of each other the root mean square falls from 0.52 to 0.37 px while the answer stays 0.12°,
-/// 0.09° and 0.40° from the published one.
+/// The published places are a yardstick here, not the truth, and the bars are one and a half times what was seen. Nothing that
+/// converges on the listed corners comes nearer to them: an independent adjustment ends 0.09°, 0.11° and 0.26° from them with rigid
+/// boards (pixels or normalised coordinates alike), 0.04°, 0.10° and 0.32° with every corner free. Camera 1's listed corners are one
+/// pixel off (see detect_real.rs), and the cameras fired up to 46 ms apart. From the videos, with our corners and only frames within
+/// 2.5 ms of each other, the root mean square falls from 0.52 to 0.37 px while the answer stays 0.12°, 0.09° and 0.40° from them.
 #[test]
 fn four_webcams_from_listed_corners_and_from_videos() {
     let Some(set) = real_data("caliscope_4cam_charuco") else { return };
@@ -189,7 +190,7 @@ fn four_webcams_from_listed_corners_and_from_videos() {
     let points = write(&folder, "points.csv", &points);
     let cameras = ["--camera".to_string(), set.join("camera_array.toml").display().to_string()];
     let listed = solved(&[cameras.to_vec(), vec!["--detections".into(), points]].concat());
-    check_webcams("listed corners", &listed, &published(&set), [(0.10, 4.0), (0.10, 3.0), (0.30, 5.0)]);
+    check_webcams("listed corners", &listed, &published(&set), [(0.15, 4.5), (0.15, 3.0), (0.45, 7.0)]);
     if std::process::Command::new("ffmpeg").arg("-version").output().is_err() {
         println!("ffmpeg is not installed: the videos are skipped");
         return;
@@ -200,7 +201,7 @@ fn four_webcams_from_listed_corners_and_from_videos() {
     let times = ["--timestamps".into(), times(&folder, &set), "--sync-tolerance-ms".into(), "60".into()];
     let seen = solved(&[cameras.to_vec(), target.to_vec(), videos, times.to_vec()].concat());
     assert_eq!(seen["n_views"], 48);
-    check_webcams("videos", &seen, &published(&set), [(0.15, 5.5), (0.15, 3.0), (0.50, 3.0)]);
+    check_webcams("videos", &seen, &published(&set), [(0.20, 6.0), (0.20, 4.0), (0.60, 5.0)]);
 }
 
 /// `camera,frame,t_s` from the set's list, frames counted per camera in recording order.
@@ -226,4 +227,28 @@ fn check_webcams(name: &str, answer: &Value, published: &[(String, Pose)], bars:
         assert!(angle_deg < bar.0 && distance_mm < bar.1, "{name}, {camera}: {angle_deg}° {distance_mm} mm");
     }
     println!("webcams, {name}: {}", answer["message"]);
+}
+
+/// The page shows what the program says about the photographs.
+#[test]
+fn the_page_shows_a_real_answer() {
+    let Some(set) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = folder("rig_real_page");
+    let truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
+    let cameras = stereo_cameras(&folder, &truth);
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/rigs.md")).unwrap();
+    let block = |language: &str, n: usize| {
+        let after = page.split(&format!("```{language}\n")).nth(n + 1).unwrap();
+        after.split("```").next().unwrap().to_string()
+    };
+    let board = write(&folder, "board.toml", &block("toml", 0));
+    let images = |side: &str| format!("{side}={}", set.join(format!("{side}*.jpg")).display());
+    let (left, right) = (images("left"), images("right"));
+    let mut arguments = vec!["rig", "--target", &board, "--images", &left, "--images", &right];
+    arguments.extend(cameras.iter().map(String::as_str));
+    let run = resight(&arguments);
+    assert!(same(&run.stdout, &block("text", 1)), "said\n{}\nshown\n{}", run.stdout, block("text", 1));
+    let shared = block("text", 0);
+    assert!(run.stderr.contains(shared.trim_end()), "said\n{}\nshown\n{shared}", run.stderr);
 }

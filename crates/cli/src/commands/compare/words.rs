@@ -49,8 +49,11 @@ fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
 pub fn motion_sentence(f: &Figures, moved: &Moved) -> String {
     let [x, y, z]: [f64; 3] = moved.old_from_new.translation.into();
     let digits = decimals(1e3 * f.moved_sigma_m);
+    // What rounds to nothing has no direction.
     let way = |x: f64, plus: &str, minus: &str| {
-        format!("{} {:.digits$}", if x < 0.0 { minus } else { plus }, 1e3 * x.abs())
+        let shown = format!("{:.digits$}", 1e3 * x.abs());
+        let is_nothing = shown.chars().all(|c| c == '0' || c == '.');
+        format!("{} {shown}", if x < 0.0 && !is_nothing { minus } else { plus })
     };
     let places = [way(x, "right", "left"), way(y, "down", "up"), way(z, "forward", "back")].join(", ");
     let axis = f.axis.map(|axis| format!(" ({})", turn_words(axis))).unwrap_or_default();
@@ -70,7 +73,8 @@ fn turn_words(axis: [f64; 3]) -> String {
     let senses = [["upwards", "downwards"], ["to the right", "to the left"], ["clockwise", "anticlockwise"]];
     let sense = senses[i][usize::from(axis[i] < 0.0)];
     let nearly = if axis[i].abs() < 0.95 { "mostly " } else { "" };
-    let [x, y, z] = axis;
+    // Adding zero takes the sign from a rounded −0.
+    let [x, y, z] = axis.map(|a| (100.0 * a).round() / 100.0 + 0.0);
     format!("{nearly}{sense}, axis {x:+.2} {y:+.2} {z:+.2}")
 }
 

@@ -1,7 +1,8 @@
 //! The question put to the solver, and what it says, in names.
 
 use super::LeftOut;
-use resight::core::rig::{RigConfig, SharedViews, shared_views, solve_rig};
+use anyhow::{Context, Result as Parsed, bail};
+use resight::core::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
 use resight::core::{Error, rig};
 use resight::rig::gather::Gathered;
 use resight::rig::relative::{InWorld, in_world};
@@ -36,7 +37,12 @@ pub struct Unsolved {
 }
 
 /// Checks that shared views join the cameras, then solves.
-pub fn solve(gathered: Gathered, reference: usize, inputs: Vec<InputFile>) -> Result<Solved, Unsolved> {
+pub fn solve(
+    gathered: Gathered,
+    reference: usize,
+    known_distances: &[KnownDistance],
+    inputs: Vec<InputFile>,
+) -> Result<Solved, Unsolved> {
     let Gathered { rig, taken_in, points, world_view } = gathered;
     let names: Vec<String> = rig.cameras.iter().map(|camera| camera.name.clone()).collect();
     let shared = shared_views(&rig.problem());
@@ -44,7 +50,7 @@ pub fn solve(gathered: Gathered, reference: usize, inputs: Vec<InputFile>) -> Re
         return Err(falls_apart(&shared, &names));
     }
     // Poses between two cameras need what all have in common.
-    let config = RigConfig { reference, joint_covariance: true, ..RigConfig::default() };
+    let config = RigConfig { reference, joint_covariance: true, known_distances, ..RigConfig::default() };
     let failed = |reason: Error| {
         let message = in_names(&reason, &rig, &points);
         Unsolved { status: "error", message, groups: Vec::new() }
@@ -58,6 +64,39 @@ pub fn solve(gathered: Gathered, reference: usize, inputs: Vec<InputFile>) -> Re
     let world_target = world_target.map(|s| rig.targets[s.target].name.clone());
     let run = RigRun { rig, solution, inputs, command: command_line() };
     Ok(Solved { run, taken_in, points, in_world, world_target, left_out: Vec::new(), n_alone: 0 })
+}
+
+/// `A,B,METRES,SIGMA`, in the order of the cameras' names.
+pub fn known_distances(arguments: &[String], gathered: &Gathered) -> Parsed<Vec<KnownDistance>> {
+    let mut distances =
+        arguments.iter().map(|argument| known_distance(argument, gathered)).collect::<Parsed<Vec<_>>>()?;
+    distances.sort_by(|x, y| (x.a, x.b).cmp(&(y.a, y.b)).then(x.distance_m.total_cmp(&y.distance_m)));
+    Ok(distances)
+}
+
+fn known_distance(argument: &str, gathered: &Gathered) -> Parsed<KnownDistance> {
+    let flag = "--known-distance-m";
+    let parts: Vec<&str> = argument.split(',').map(str::trim).collect();
+    let [a, b, distance, sigma] = parts[..] else {
+        bail!(
+            "{flag} {argument}: two cameras, the distance and its standard deviation in metres are needed, e.g. left,right,0.1205,0.0002"
+        )
+    };
+    let camera = |name: &str| {
+        let names: Vec<String> = gathered.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let found = gathered.rig.camera(name);
+        found.with_context(|| {
+            format!("{flag} {argument}: {}", super::named::not_among(name, "camera", &names))
+        })
+    };
+    let length = |text: &str| {
+        crate::args::positive(text).map_err(|e| anyhow::anyhow!("{flag} {argument}: `{text}`: {e}"))
+    };
+    let (x, y) = (camera(a)?, camera(b)?);
+    if x == y {
+        bail!("{flag} {argument}: these are one camera; a distance is between two");
+    }
+    Ok(KnownDistance { a: x.min(y), b: x.max(y), distance_m: length(distance)?, sigma_m: length(sigma)? })
 }
 
 /// A refusal of the solver, with names for numbers.
