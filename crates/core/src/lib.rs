@@ -57,6 +57,8 @@ pub mod pose_graph;
 #[cfg(feature = "std")]
 pub mod hand_eye;
 #[cfg(feature = "std")]
+pub mod compare;
+#[cfg(feature = "std")]
 pub mod advise;
 
 pub use camera::{Camera, CameraMatrix, Lens};
