@@ -536,3 +536,61 @@ fn bad_numbers_are_refused() {
     let config = HandEyeConfig { mount: Mount::CameraOnHand, height: Some(height) };
     assert!(matches!(solve_hand_eye(&exact(&world), &config), Err(Error::InvalidSetting { .. })));
 }
+
+/// A row of the table: what, of which problem, 3×4.
+fn table_rows() -> Vec<(&'static str, usize, Pose)> {
+    let row = |line: &'static str| {
+        let mut words = line.split(' ');
+        let (name, number) = (words.next().unwrap(), words.next().unwrap().parse().unwrap());
+        let v: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
+        let rotation = nalgebra::Matrix3::from_fn(|i, j| v[4 * i + j]);
+        (name, number, Pose::new(rotation, Vector3::new(v[3], v[7], v[11])))
+    };
+    include_str!("hand_eye_tables/opencv.txt").lines().filter(|l| !l.starts_with('#')).map(row).collect()
+}
+
+/// Root mean square angle and distance of `hand_from_cam` from the truth over all problems.
+fn rms_off(found: &[Pose], truth: &[Pose]) -> (f64, f64) {
+    let n = truth.len() as f64;
+    let turn = found.iter().zip(truth).map(|(f, t)| f.angle_to_rad(t).powi(2)).sum::<f64>() / n;
+    let shift =
+        found.iter().zip(truth).map(|(f, t)| (f.origin() - t.origin()).norm_squared()).sum::<f64>() / n;
+    (turn.sqrt(), shift.sqrt())
+}
+
+/// Thirty noisy problems and the seven methods of OpenCV 4.12: none is better, in turn or in place.
+/// How the table was made: docs/math/check/hand_eye.py.
+#[test]
+fn no_method_of_opencv_is_better() {
+    let rows = table_rows();
+    let of = |name: &str, number: usize| -> Vec<Pose> {
+        rows.iter().filter(|r| r.0 == name && r.1 == number).map(|r| r.2).collect()
+    };
+    let all = |name: &str| -> Vec<Pose> { rows.iter().filter(|r| r.0 == name).map(|r| r.2).collect() };
+    let isotropic = |rad: f64, m: f64| {
+        Matrix6::from_diagonal(&Vector6::new(rad, rad, rad, m, m, m).map(|sigma| sigma * sigma))
+    };
+    let solve = |number: usize| {
+        let view = |(base_from_hand, cam_from_target): (Pose, Pose)| HandView {
+            base_from_hand,
+            hand_covariance: Some(isotropic(5e-4, 5e-4)),
+            candidates: vec![Candidate {
+                cam_from_target,
+                covariance: isotropic(2e-3, 1.5e-3),
+                delta_chi2: 0.0,
+            }],
+            seen: &[],
+        };
+        let views: Vec<HandView> = of("hand", number).into_iter().zip(of("seen", number)).map(view).collect();
+        solve_hand_eye(&views, &HandEyeConfig::default()).unwrap().cam_from_carrier
+    };
+    let truth = all("truth_x");
+    assert_eq!(truth.len(), 30);
+    let ours = rms_off(&(0..truth.len()).map(solve).collect::<Vec<_>>(), &truth);
+    println!("ours: {:.4}° {:.3} mm", ours.0.to_degrees(), 1e3 * ours.1);
+    for method in ["Tsai", "Park", "Horaud", "Andreff", "Daniilidis", "Shah", "Li"] {
+        let theirs = rms_off(&all(method), &truth);
+        println!("{method}: {:.4}° {:.3} mm", theirs.0.to_degrees(), 1e3 * theirs.1);
+        assert!(ours.0 <= theirs.0 && ours.1 <= theirs.1, "{method} {ours:?} {theirs:?}");
+    }
+}

@@ -9,7 +9,8 @@ use resight_core::rig::RigConfig;
 #[test]
 fn exact_pixels_give_the_exact_rig() {
     let mut rng = Rng::new(1);
-    let cameras = (0..5).map(|i| if i % 2 == 0 { rooms::pinhole(900.0) } else { rooms::barrel(900.0) }).collect();
+    let cameras =
+        (0..5).map(|i| if i % 2 == 0 { rooms::pinhole(900.0) } else { rooms::barrel(900.0) }).collect();
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(6, 5, 0.08), 20, 0.3);
     let solution = room.solve(&room.sightings, &RigConfig::default()).expect("a rig");
     for c in 0..5 {
@@ -32,10 +33,23 @@ fn try_noise() {
     let noisy = room.disturbed(&mut rng);
     let t = std::time::Instant::now();
     let solution = room.solve(&noisy, &RigConfig::default()).expect("a rig");
-    println!("{:?} steps {} sightings {} used {}/{} chi2/dof {} rms {}", t.elapsed(), solution.steps, noisy.len(), solution.n_used, solution.n_seen, solution.chi2 / solution.degrees_of_freedom as f64, solution.rms_px);
+    println!(
+        "{:?} steps {} sightings {} used {}/{} chi2/dof {} rms {}",
+        t.elapsed(),
+        solution.steps,
+        noisy.len(),
+        solution.n_used,
+        solution.n_seen,
+        solution.chi2 / solution.degrees_of_freedom as f64,
+        solution.rms_px
+    );
     for c in 1..8 {
         let (motion, nees) = room.error(&solution, c);
-        println!("{c} {:.2e} rad {:.2e} m nees {nees:.2}", motion.fixed_rows::<3>(0).norm(), motion.fixed_rows::<3>(3).norm());
+        println!(
+            "{c} {:.2e} rad {:.2e} m nees {nees:.2}",
+            motion.fixed_rows::<3>(0).norm(),
+            motion.fixed_rows::<3>(3).norm()
+        );
     }
     println!("{:?} {:?}", solution.weakest_link, solution.scales);
 }
