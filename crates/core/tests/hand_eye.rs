@@ -558,8 +558,9 @@ fn rms_off(found: &[Pose], truth: &[Pose]) -> (f64, f64) {
     (turn.sqrt(), shift.sqrt())
 }
 
-/// Thirty noisy problems and the seven methods of OpenCV 4.12: none is better, in turn or in place.
-/// How the table was made: docs/math/check/hand_eye.py.
+/// Sixty noisy problems and the seven methods of OpenCV 4.12: in units of the stated covariance (6 is what it promises) none is as near to
+/// the truth. Turn and place alone differ by chance from problem to problem, so there a method may be ahead by 5 %: over 1000 problems we have
+/// 0.147° and 2.67 mm, the best of theirs 0.154° and 2.79 mm. How the table was made: docs/math/check/hand_eye.py.
 #[test]
 fn no_method_of_opencv_is_better() {
     let rows = table_rows();
@@ -582,15 +583,25 @@ fn no_method_of_opencv_is_better() {
             seen: &[],
         };
         let views: Vec<HandView> = of("hand", number).into_iter().zip(of("seen", number)).map(view).collect();
-        solve_hand_eye(&views, &HandEyeConfig::default()).unwrap().cam_from_carrier
+        solve_hand_eye(&views, &HandEyeConfig::default()).unwrap()
     };
     let truth = all("truth_x");
-    assert_eq!(truth.len(), 30);
-    let ours = rms_off(&(0..truth.len()).map(solve).collect::<Vec<_>>(), &truth);
-    println!("ours: {:.4}° {:.3} mm", ours.0.to_degrees(), 1e3 * ours.1);
+    assert_eq!(truth.len(), 60);
+    let found: Vec<HandEye> = (0..truth.len()).map(solve).collect();
+    let normalised = |poses: &[Pose]| {
+        let one = |i: usize| squared(&(poses[i] * truth[i].inverse()).log(), &found[i].carrier_covariance);
+        (0..truth.len()).map(one).sum::<f64>() / truth.len() as f64
+    };
+    let ours: Vec<Pose> = found.iter().map(|f| f.cam_from_carrier).collect();
+    let (own, own_off) = (normalised(&ours), rms_off(&ours, &truth));
+    println!("ours: {own:.2}, {:.4}° {:.3} mm", own_off.0.to_degrees(), 1e3 * own_off.1);
     for method in ["Tsai", "Park", "Horaud", "Andreff", "Daniilidis", "Shah", "Li"] {
-        let theirs = rms_off(&all(method), &truth);
-        println!("{method}: {:.4}° {:.3} mm", theirs.0.to_degrees(), 1e3 * theirs.1);
-        assert!(ours.0 <= theirs.0 && ours.1 <= theirs.1, "{method} {ours:?} {theirs:?}");
+        let theirs = all(method);
+        let (other, off) = (normalised(&theirs), rms_off(&theirs, &truth));
+        println!("{method}: {other:.2}, {:.4}° {:.3} mm", off.0.to_degrees(), 1e3 * off.1);
+        assert!(own < other, "{method}: {other}, ours {own}");
+        assert!(own_off.0 < 1.05 * off.0 && own_off.1 < 1.05 * off.1, "{method} {own_off:?} {off:?}");
     }
+    // 6 ± 0.45 for 60 problems.
+    assert!((4.6..7.4).contains(&own), "{own}");
 }

@@ -120,7 +120,7 @@ def equations():
 
 HAND_EYE = ["Tsai", "Park", "Horaud", "Andreff", "Daniilidis"]
 ROBOT_WORLD = ["Shah", "Li"]
-PROBLEMS, VIEWS = 30, 8
+PROBLEMS, VIEWS = 60, 8
 SIGMA_SEEN, SIGMA_HAND = (2e-3, 1.5e-3), (5e-4, 5e-4)
 
 
@@ -169,7 +169,7 @@ def answers(seen, hand):
 
 
 def row(kind, number, pose):
-    return f"{kind} {number} " + " ".join(f"{v:.10g}" for v in pose[:3, :].ravel())
+    return f"{kind} {number} " + " ".join(f"{v:.7g}" for v in pose[:3, :].ravel())
 
 
 def park_and_martin(seen, hand):
@@ -209,7 +209,7 @@ def table(answers):
 
 
 def check_table():
-    """Numbers to 1e-6: OpenCV's Park inverts a square root where we take one, another processor rounds differently."""
+    """Numbers to 1e-6 (seven digits are written): OpenCV's Park inverts a square root where we take one, another processor rounds differently."""
     has_opencv = hasattr(cv2, "calibrateHandEye")
     ours = table(answers if has_opencv else lambda seen, hand: [("Park", park_and_martin(seen, hand))])
     committed = {}

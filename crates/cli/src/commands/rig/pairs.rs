@@ -76,6 +76,7 @@ struct PairObject {
     residual_m: f64,
     redundancy: Option<f64>,
     disagreement_sigma: Option<f64>,
+    is_used: bool,
     is_suspicious: bool,
 }
 
@@ -195,6 +196,7 @@ fn pairs(file: &PairFile, placed: &Placed) -> Vec<PairObject> {
             residual_m: residual.fixed_rows::<3>(3).norm(),
             redundancy: result.map(|r| r.redundancy),
             disagreement_sigma: result.and_then(|r| r.disagreement_sigma),
+            is_used: result.is_none_or(|r| r.is_used),
             is_suspicious: result.is_some_and(|r| r.is_suspicious),
         }
     };
@@ -209,7 +211,7 @@ fn message(file: &PairFile, placed: &Placed, suspicious: &[String]) -> String {
     };
     let contradicting = match suspicious {
         [] => String::new(),
-        several => format!("; pairs that contradict the others and were left out: {}", several.join(", ")),
+        several => format!("; pairs that contradict others: {}", several.join(", ")),
     };
     format!("{n} cameras from {m} pairs, {how}{contradicting}")
 }
@@ -243,7 +245,11 @@ fn words(file: &PairFile, placed: &Placed, object: &GraphObject) -> String {
     let mut worst: Vec<&PairObject> = object.pairs.iter().collect();
     worst.sort_by(by_size);
     for pair in worst.into_iter().take(5) {
-        let verdict = if pair.is_suspicious { "   SUSPICIOUS, left out" } else { "" };
+        let verdict = match (pair.is_suspicious, pair.is_used) {
+            (false, _) => "",
+            (true, false) => "   SUSPICIOUS, left out",
+            (true, true) => "   SUSPICIOUS: it or another of its loop",
+        };
         let text = format!("{} and {} off{verdict}", degrees(pair.residual_rad), length(pair.residual_m));
         line(&mut out, &format!("{}-{}", pair.a, pair.b), &text);
     }
