@@ -12,7 +12,7 @@ use resight::core::hand_eye::{
     HandEye, HandEyeConfig, HandView, HandViewResult, Height, Mount, RejectedView, solve_hand_eye,
 };
 use resight::core::rig_pose::RigView;
-use resight::core::{Point, Pose};
+use resight::core::{Matrix6, Point, Pose};
 use resight::report::verdict::figures;
 use resight::report::words::{degrees, length, sigmas};
 use resight::rig::gather::Gathered;
@@ -277,33 +277,10 @@ fn message(found: &HandEye) -> String {
 fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
     let mut out = format!("HAND-EYE   {}\n", object.message);
     let (carrier, holder) = names(asked);
-    for (name, pose, covariance) in [
-        (carrier.as_str(), &found.cam_from_carrier, &found.carrier_covariance),
-        (holder, &found.holder_from_target, &found.holder_covariance),
-    ] {
-        let (r, t) = (pose.log(), pose.translation * 1e3);
-        let (turn, shift) = sigmas(covariance);
-        let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
-        let text = format!(
-            "rotation [{:+.6} {:+.6} {:+.6}] rad, translation [{:+.2} {:+.2} {:+.2}] mm   ± {} and {}",
-            r[0],
-            r[1],
-            r[2],
-            t.x,
-            t.y,
-            t.z,
-            degrees(largest(turn)),
-            length(largest(shift))
-        );
-        line(&mut out, name, &text);
-    }
-    let [first, second, third] = found.turns_rad;
-    let text = format!(
-        "{} {} {} about its three axes, root mean square between views",
-        degrees(first),
-        degrees(second),
-        degrees(third)
-    );
+    line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
+    line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
+    let [first, second, third] = found.turns_rad.map(degrees);
+    let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "turns", &text);
     line(
         &mut out,
@@ -319,4 +296,22 @@ fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
         line(&mut out, "left out", &format!("{}: {}", rejected.view, rejected.reason));
     }
     out
+}
+
+/// Rotation vector, translation and the largest standard deviation of each.
+fn place(b_from_a: &Pose, covariance: &Matrix6) -> String {
+    let (r, t) = (b_from_a.log(), b_from_a.translation * 1e3);
+    let (turn, shift) = sigmas(covariance);
+    let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
+    format!(
+        "rotation [{:+.6} {:+.6} {:+.6}] rad, translation [{:+.2} {:+.2} {:+.2}] mm   ± {} and {}",
+        r[0],
+        r[1],
+        r[2],
+        t.x,
+        t.y,
+        t.z,
+        degrees(largest(turn)),
+        length(largest(shift))
+    )
 }
