@@ -52,6 +52,8 @@ mod relative;
 pub mod pose_graph;
 #[cfg(feature = "std")]
 pub mod hand_eye;
+#[cfg(feature = "std")]
+pub mod compare;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

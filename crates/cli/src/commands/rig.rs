@@ -174,24 +174,35 @@ pub fn run(args: &Rig) -> Result<Outcome> {
         }
     };
     remarks.iter().for_each(|text| remark(text));
-    if let (Some(motions), [_]) = (&args.hand_eye.hand_eye, &gathered.rig.cameras[..]) {
-        let alone = [Pose::identity()];
-        return hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &alone, &args.output);
+    if let Some(motions) = &args.hand_eye.hand_eye {
+        return on_hand(args, motions, gathered, reference, inputs);
     }
     remark(&words::shared_views(&gathered));
-    let kept = args.hand_eye.hand_eye.as_ref().map(|motions| (motions, gathered.clone()));
     match solving::solve(gathered, reference, inputs) {
-        Ok(solved) if kept.is_some() => {
-            let places: Vec<Pose> = solved.run.solution.cameras.iter().map(|c| c.cam_from_rig).collect();
-            let Some((motions, gathered)) = &kept else { return Ok(Outcome::Answered) };
-            hand_eye::run_on_points(&args.hand_eye, motions, gathered, &places, &args.output)
-        }
         Ok(mut solved) => {
             (solved.left_out, solved.n_alone) = (left_out, n_alone);
             answer(&args.output, &solved, args.solving.joint_covariance)
         }
         Err(reason) => unanswered(&args.output, &reason),
     }
+}
+
+/// Where the camera sits on the hand; several cameras are made a rig first.
+fn on_hand(
+    args: &Rig,
+    motions: &Path,
+    gathered: Gathered,
+    reference: usize,
+    inputs: Vec<InputFile>,
+) -> Result<Outcome> {
+    let places = match &gathered.rig.cameras[..] {
+        [_] => vec![Pose::identity()],
+        _ => match solving::solve(gathered.clone(), reference, inputs) {
+            Ok(solved) => solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
+            Err(reason) => return unanswered(&args.output, &reason),
+        },
+    };
+    hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &places, &args.output)
 }
 
 /// Prints and writes what was found.

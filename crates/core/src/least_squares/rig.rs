@@ -175,7 +175,7 @@ impl RigPlaces {
     }
 }
 
-/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eq. (4).
+/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eqs. (3)–(4).
 fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
@@ -279,9 +279,14 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the sightings of a body in a view determine its place, cameras and targets held.
+    /// Whether the sightings of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
+    /// rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
-        inverse_of(&self.bodies[body].information, 0.0).is_some()
+        const ROUNDING: f64 = 1e-10;
+        let information = &self.bodies[body].information;
+        let is_left =
+            |factor: &Matrix6, i: usize| ROUNDING * information[(i, i)] < factor[(i, i)] * factor[(i, i)];
+        information.cholesky().is_some_and(|c| (0..6).all(|i| is_left(c.l_dirty(), i)))
     }
 
     /// The step and its promise; none where the damped equations are not positive.

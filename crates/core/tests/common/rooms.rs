@@ -48,7 +48,7 @@ pub fn line_plus_one() -> Vec<Point> {
 pub fn ring(n: usize, radius_m: f64) -> Vec<Pose> {
     let cam_from_world = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / n as f64;
-        let height = if i % 2 == 0 { 0.4 } else { -0.3 };
+        let height = if i.is_multiple_of(2) { 0.4 } else { -0.3 };
         let centre = Vector3::new(radius_m * angle.cos(), height, radius_m * angle.sin());
         views::looking_at(centre, Point::new(0.1, 0.0, -0.1))
     };
@@ -56,10 +56,13 @@ pub fn ring(n: usize, radius_m: f64) -> Vec<Pose> {
     (0..n).map(|i| cam_from_world(i) * world_from_rig).collect()
 }
 
-/// Two cameras 0.4 m apart, turned towards each other by 10°.
+/// Two cameras 0.9 m apart, both turned towards a place 1.6 m away.
 pub fn pair() -> Vec<Pose> {
-    let turn = Pose::exp(&Vector6::new(0.02, -0.17, 0.03, 0.0, 0.0, 0.0)).rotation;
-    vec![Pose::identity(), Pose::new(turn, -(turn * Point::new(0.4, 0.02, -0.01)))]
+    let cam_from_world = |angle: f64, y: f64| {
+        views::looking_at(Point::new(1.6 * angle.sin(), y, -1.6 * angle.cos()), Point::new(0.02, 0.0, 0.03))
+    };
+    let (first, second) = (cam_from_world(-0.3, 0.1), cam_from_world(0.3, -0.05));
+    vec![Pose::identity(), second * first.inverse()]
 }
 
 /// Sees a pixel of the image?
@@ -176,7 +179,7 @@ pub fn somewhere(rng: &mut Rng, around: Point, reach_m: f64, facing: Vector3<f64
     Pose::new(rotation, place)
 }
 
-/// A ring of `n` cameras and a board carried through its middle, `n_views` times.
+/// A ring of cameras and a board carried through its middle, `n_views` times.
 pub fn ring_with_board(
     rng: &mut Rng,
     cameras: Vec<Camera>,
@@ -184,10 +187,7 @@ pub fn ring_with_board(
     n_views: usize,
     sigma_px: f64,
 ) -> Room {
-    let n = cameras.len();
-    let poses = ring(n, 3.0);
-    let middle = poses[0] * Point::zeros() + Vector3::new(0.0, 0.0, 0.0);
-    let _ = middle;
+    let poses = ring(cameras.len(), 3.0);
     let rig_from_world = views::looking_at(Vector3::new(3.0, 0.4, 0.0), Point::new(0.1, 0.0, -0.1));
     let mut room = Room::new(cameras, poses).with_target(points, 0, Pose::identity());
     for view in 0..n_views {
@@ -199,18 +199,56 @@ pub fn ring_with_board(
     room
 }
 
-/// Two cameras and a target in front of them, 2–4 m away, tilted up to 50°.
+/// Two cameras and a target in front of them, about 1.6 m away, tilted up to 50°, `n_views` times.
 pub fn pair_with(rng: &mut Rng, points: Vec<Point>, n_views: usize, sigma_px: f64) -> Room {
     let cameras = vec![pinhole(1000.0), pinhole(1000.0)];
     let mut room = Room::new(cameras, pair()).with_target(points, 0, Pose::identity());
     while room.n_views < n_views {
-        let around = Point::new(0.2, 0.0, 3.0);
-        let rig_from_body = somewhere(rng, around, 0.8, Vector3::z(), 0.9);
+        let around = Point::new(0.0, 0.0, 1.6);
+        let rig_from_body = somewhere(rng, around, 0.9, Vector3::new(0.3, 0.0, 0.95), 0.9);
         let mut trial = room.clone();
         trial.see(room.n_views, 0, rig_from_body, sigma_px);
         if trial.sightings.len() == room.sightings.len() + 2 {
             room = trial;
         }
+    }
+    room
+}
+
+/// Cameras 0.8 m apart in a row, all looking the same way, and a board of twelve points carried along them: each view is seen by about four.
+pub fn row(rng: &mut Rng, n_cameras: usize, n_views: usize, sigma_px: f64) -> Room {
+    let place = |i: usize| Pose::new(nalgebra::Matrix3::identity(), Vector3::new(-0.8 * i as f64, 0.0, 0.0));
+    let cameras = (0..n_cameras).map(|_| pinhole(900.0)).collect();
+    let mut room = Room::new(cameras, (0..n_cameras).map(place).collect()).with_target(
+        board(4, 3, 0.15),
+        0,
+        Pose::identity(),
+    );
+    for view in 0..n_views {
+        // From one end to the other and back, so that every neighbour shares views whatever their number.
+        let x = 0.8 * (n_cameras as f64 - 1.0) * view as f64 / (n_views as f64 - 1.0).max(1.0);
+        let around = Point::new(x, 0.0, 2.5);
+        room.see(view, 0, somewhere(rng, around, 0.4, Vector3::z(), 0.8), sigma_px);
+    }
+    room
+}
+
+/// As many views of a board of 100 points as asked for, each seen whole by nearly all of eight cameras in an arc.
+pub fn arc(rng: &mut Rng, n_views: usize, sigma_px: f64) -> Room {
+    let cam_from_world = |i: usize| {
+        let angle = -0.6 + 1.2 * i as f64 / 7.0;
+        views::looking_at(Point::new(2.0 * angle.sin(), 0.2, -2.0 * angle.cos()), Point::new(0.02, 0.0, 0.03))
+    };
+    let rig_from_world = cam_from_world(0);
+    let poses = (0..8).map(|i| cam_from_world(i) * rig_from_world.inverse()).collect();
+    let mut room = Room::new((0..8).map(|_| barrel(1100.0)).collect(), poses).with_target(
+        board(10, 10, 0.06),
+        0,
+        Pose::identity(),
+    );
+    for view in 0..n_views {
+        let world_from_body = somewhere(rng, Point::zeros(), 0.35, Vector3::z(), 0.6);
+        room.see(view, 0, rig_from_world * world_from_body, sigma_px);
     }
     room
 }

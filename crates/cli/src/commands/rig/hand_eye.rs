@@ -19,7 +19,7 @@ use resight::rig::gather::Gathered;
 use serde::Serialize;
 use stations::{Seen, Station};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Hand–eye calibration.
 #[derive(Debug, Args)]
@@ -104,8 +104,8 @@ struct Asked<'a> {
 /// With poses from a file.
 pub fn run_on_poses(
     args: &HandEyeArgs,
-    motions: &PathBuf,
-    poses: &PathBuf,
+    motions: &Path,
+    poses: &Path,
     output: &RigOutputArgs,
 ) -> Result<Outcome> {
     let (stations, left_out) =
@@ -118,7 +118,7 @@ pub fn run_on_poses(
 /// With points: `cam_from_rig` for each camera, in the order of the gathered ones.
 pub fn run_on_points(
     args: &HandEyeArgs,
-    motions: &PathBuf,
+    motions: &Path,
     gathered: &Gathered,
     cam_from_rig: &[Pose],
     output: &RigOutputArgs,

@@ -19,7 +19,7 @@ use resight::rig::RIG_FRAME;
 use resight::rig::pairs::{PairFile, read_pairs};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A rig from pairs.
 #[derive(Debug, Args)]
@@ -90,7 +90,7 @@ struct Placed {
 /// See `PairsArgs`; `cameras` are the lenses that go into the written file, by name.
 pub fn run(
     args: &PairsArgs,
-    path: &PathBuf,
+    path: &Path,
     cameras: &[NamedCamera],
     output: &RigOutputArgs,
 ) -> Result<Outcome> {

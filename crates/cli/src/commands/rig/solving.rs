@@ -5,7 +5,7 @@ use resight::core::rig::{RigConfig, SharedViews, shared_views, solve_rig};
 use resight::core::{Error, rig};
 use resight::rig::gather::Gathered;
 use resight::rig::relative::{InWorld, in_world};
-use resight::rig::{InputFile, RigRun};
+use resight::rig::{InputFile, NamedRig, RigRun};
 
 /// A rig, solved.
 pub struct Solved {
@@ -45,8 +45,10 @@ pub fn solve(gathered: Gathered, reference: usize, inputs: Vec<InputFile>) -> Re
     }
     // Poses between two cameras need what all have in common.
     let config = RigConfig { reference, joint_covariance: true, ..RigConfig::default() };
-    let failed =
-        |reason: Error| Unsolved { status: "error", message: in_names(&reason, &names), groups: Vec::new() };
+    let failed = |reason: Error| {
+        let message = in_names(&reason, &rig, &points);
+        Unsolved { status: "error", message, groups: Vec::new() }
+    };
     let solution = solve_rig(&rig.problem(), &config).map_err(failed)?;
     let in_world = world_view
         .map(|view| in_world(&rig.problem(), &config, &solution, view))
@@ -59,8 +61,39 @@ pub fn solve(gathered: Gathered, reference: usize, inputs: Vec<InputFile>) -> Re
 }
 
 /// A refusal of the solver, with names for numbers.
-fn in_names(reason: &Error, _names: &[String]) -> String {
-    reason.to_string()
+fn in_names(reason: &Error, rig: &NamedRig, points: &[Vec<String>]) -> String {
+    let camera = |i: usize| rig.cameras[i].name.as_str();
+    let target = |i: usize| rig.targets[i].name.as_str();
+    let listed = |cameras: &[usize]| cameras.iter().map(|i| camera(*i)).collect::<Vec<_>>().join(", ");
+    match reason {
+        Error::CameraUnseen { camera: i, n_sightings } => format!(
+            "camera {} has {n_sightings} sightings and none gives a pose; add views in which it sees a target with four or more points, or leave it out",
+            camera(*i)
+        ),
+        Error::CamerasUnconnected { first, second, n_rejected, needed } => {
+            let aside = match n_rejected {
+                0 => String::new(),
+                n => format!(" once {n} sightings that contradict the others or give no pose are set aside"),
+            };
+            format!("cameras [{}] and [{}] are not connected{aside}; {needed}", listed(first), listed(second))
+        }
+        Error::TargetUnconnected { target: i, .. } => format!(
+            "target {} is never seen together with another target of its body; add a view in which one camera sees both, or leave --fixed-together (column body) out",
+            target(*i)
+        ),
+        Error::InvalidSighting { camera: c, view, target: t, reason } => {
+            let found = rig.sightings.iter().position(|s| (s.camera, s.view, s.target) == (*c, *view, *t));
+            let reason = match (&**reason, found) {
+                (Error::Coincident { first, second, where_ }, Some(i)) => {
+                    let (first, second) = (&points[i][*first], &points[i][*second]);
+                    format!("points {first} and {second} coincide {where_}; remove one of them")
+                }
+                (reason, _) => reason.to_string(),
+            };
+            format!("camera {}, view {}, target {}: {reason}", camera(*c), rig.views[*view], target(*t))
+        }
+        other => other.to_string(),
+    }
 }
 
 fn falls_apart(shared: &SharedViews, names: &[String]) -> Unsolved {

@@ -7,7 +7,7 @@ use resight::core::rig_pose::RigView;
 use resight::core::{Matrix6, Pose};
 use resight::rig::pairs::{isotropic, pose_from_numbers};
 use serde::Deserialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Where the hand was in one view.
 pub struct Motion {
@@ -105,7 +105,7 @@ struct MinimumLine {
 }
 
 /// Reads the JSON Lines of `locate` and `solve`; views without a pose come without candidates.
-pub fn poses(path: &PathBuf) -> Result<Vec<Seen>> {
+pub fn poses(path: &Path) -> Result<Vec<Seen>> {
     crate::files::must_exist(path)?;
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
     let mut seen: Vec<Seen> = Vec::new();
