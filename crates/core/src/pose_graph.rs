@@ -86,7 +86,10 @@ pub struct PairResult {
     /// How far it is from what the *other* pairs say, as a standard normal number: beyond `SUSPICIOUS` once in ten thousand by chance.
     /// None where the others cannot tell.
     pub disagreement_sigma: Option<f64>,
-    /// Whether it contradicts the others and took no part.
+    /// Whether it took part.
+    pub is_used: bool,
+    /// Whether it contradicts the others. One that took part nevertheless shares its loops with other suspicious pairs, and any of them may be
+    /// the wrong one.
     pub is_suspicious: bool,
 }
 
@@ -165,7 +168,7 @@ pub fn solve_pose_graph(graph: &PoseGraph, config: &PoseGraphConfig) -> Result<P
 fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseGraphSolution {
     let snooping::Settled { adjustment, noise, pairs } = settled;
     let Adjustment { poses, covariance, chi2, steps } = adjustment;
-    let used = pairs.iter().filter(|pair| !pair.is_suspicious).count();
+    let used = pairs.iter().filter(|pair| pair.is_used).count();
     let degrees_of_freedom = 6 * (used + 1).saturating_sub(graph.n_cameras);
     let noise_scale = if noise.is_estimated() { 1.0 } else { noise_scale(chi2, degrees_of_freedom) };
     let joint_covariance = covariance * noise_scale;

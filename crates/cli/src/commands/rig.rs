@@ -1,11 +1,15 @@
 //! `rig`: where several cameras sit relative to each other, from targets that they see together.
 
 mod detections;
+mod hand_eye;
 mod moments;
 mod named;
 mod object;
+mod pairs;
 mod pictures;
+mod placed;
 mod solving;
+mod stations;
 mod words;
 
 use crate::args::{CornerArgs, positive};
@@ -13,7 +17,7 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use moments::Moments;
-use resight::core::Correspondence;
+use resight::core::{Correspondence, Pose};
 use resight::formats::{Format, write_atomically, write_cameras};
 use resight::rig::gather::{Gathered, Glimpse, gather};
 use resight::rig::{InputFile, NamedTarget, digest};
@@ -30,12 +34,18 @@ use std::path::{Path, PathBuf};
       --images left='left*.jpg' --images right='right*.jpg' -o rig.toml
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
       --timestamps times.csv --sync-tolerance-ms 20 -o rig.toml
-  resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json")]
+  resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json
+  resight rig --pairs pairs.csv --anchor cam1 -o rig.toml
+  resight rig --hand-eye motions.csv --camera cam.yaml --target board.toml --images cam='*.jpg' --json")]
 pub struct Rig {
     #[command(flatten)]
     seen: SeenArgs,
     #[command(flatten)]
     solving: SolvingArgs,
+    #[command(flatten)]
+    pairs: pairs::PairsArgs,
+    #[command(flatten)]
+    hand_eye: hand_eye::HandEyeArgs,
     #[command(flatten)]
     output: RigOutputArgs,
 }
@@ -45,7 +55,7 @@ pub struct Rig {
 struct SeenArgs {
     /// Camera file in any supported format, under the name it is to have; without NAME= every camera of the file under its own
     /// name. FILE#NAME picks one of several.
-    #[arg(long = "camera", value_name = "[NAME=]FILE", required = true, num_args = 1..)]
+    #[arg(long = "camera", value_name = "[NAME=]FILE", required_unless_present_any = ["pairs", "poses"], num_args = 1..)]
     cameras: Vec<String>,
     /// Target file; several targets move independently of each other. The name is the file's unless given.
     #[arg(long = "target", value_name = "[NAME=]FILE", num_args = 1..)]
@@ -145,6 +155,13 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     if let Some(path) = &args.output.output {
         crate::files::must_be_writable(path)?;
     }
+    if let Some(path) = &args.pairs.pairs {
+        let cameras = named::cameras(&args.seen.cameras, &mut Collected::default())?;
+        return pairs::run(&args.pairs, path, &cameras, &args.output);
+    }
+    if let (Some(motions), Some(poses)) = (&args.hand_eye.hand_eye, &args.hand_eye.poses) {
+        return hand_eye::run_on_poses(&args.hand_eye, motions, poses, &args.output);
+    }
     let mut collected = collected(&args.seen)?;
     let world = world(&args.seen, &collected)?;
     let Moments { n_alone, remarks } =
@@ -162,6 +179,9 @@ pub fn run(args: &Rig) -> Result<Outcome> {
         }
     };
     remarks.iter().for_each(|text| remark(text));
+    if let Some(motions) = &args.hand_eye.hand_eye {
+        return on_hand(args, motions, gathered, reference, &distances, inputs);
+    }
     remark(words::shared_views(&gathered).trim_end());
     match solving::solve(gathered, reference, &distances, inputs) {
         Ok(mut solved) => {
@@ -170,6 +190,25 @@ pub fn run(args: &Rig) -> Result<Outcome> {
         }
         Err(reason) => unanswered(&args.output, &reason),
     }
+}
+
+/// Where the camera sits on the hand; several cameras are made a rig first.
+fn on_hand(
+    args: &Rig,
+    motions: &Path,
+    gathered: Gathered,
+    reference: usize,
+    distances: &[KnownDistance],
+    inputs: Vec<InputFile>,
+) -> Result<Outcome> {
+    let places = match &gathered.rig.cameras[..] {
+        [_] => vec![Pose::identity()],
+        _ => match solving::solve(gathered.clone(), reference, distances, inputs) {
+            Ok(solved) => solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
+            Err(reason) => return unanswered(&args.output, &reason),
+        },
+    };
+    hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &places, &args.output)
 }
 
 /// Prints and writes what was found.

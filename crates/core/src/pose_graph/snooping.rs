@@ -41,22 +41,35 @@ pub(super) fn settle(
     let scale = robust_scale(graph, &start, &noise)?;
     let loss = Loss::Cauchy { sigmas: (CHI2_6_95 * scale).sqrt() };
     let mut poses = adjust(graph, anchor, start, &weights(&noise, &all, loss)?.as_ref())?.poses;
-    let mut used = all;
-    for round in 0.. {
+    let (mut used, mut unsure) = (all, vec![false; graph.pairs.len()]);
+    for _ in 0..4 * graph.pairs.len() + 1 {
         let (adjustment, settled) = adjusted(graph, anchor, poses, noise.clone(), &used)?;
-        let pairs = results(graph, &adjustment, &settled, &used)?;
-        let change = worst(&pairs, &used)
-            .map(|at| (at, false))
-            .or_else(|| innocent(&pairs, &used).map(|at| (at, true)));
-        match change {
-            Some((at, use_it)) if round < 2 * used.len() && (use_it || removable(graph, &used, at)) => {
-                used[at] = use_it;
-                poses = adjustment.poses;
+        let mut pairs = results(graph, &adjustment, &settled, &used)?;
+        let returning = innocent(&pairs, &used);
+        let leaving = worst(&pairs, |i| used[i] && !unsure[i] && removable(graph, &used, i));
+        match (leaving, returning) {
+            (Some(at), _) => match twins(graph, &used, at) {
+                alone if alone.is_empty() => (used[at], unsure) = (false, vec![false; used.len()]),
+                several => several.into_iter().chain([at]).for_each(|i| unsure[i] = true),
+            },
+            (None, Some(at)) => (used[at], unsure) = (true, vec![false; used.len()]),
+            (None, None) => {
+                pairs.iter_mut().zip(&unsure).for_each(|(pair, unsure)| pair.is_suspicious |= unsure);
+                return Ok(Settled { adjustment, noise: settled, pairs });
             }
-            _ => return Ok(Settled { adjustment, noise: settled, pairs }),
         }
+        poses = adjustment.poses;
     }
-    Err(Error::NotConverged { steps: 2 * used.len() })
+    Err(Error::NotConverged { steps: 4 * graph.pairs.len() })
+}
+
+/// Pairs that the same loops check and no others, so that a misclosure may be the fault of any of them: with both gone the cameras fall apart,
+/// with either they do not.
+fn twins(graph: &PoseGraph, used: &[bool], of: usize) -> Vec<usize> {
+    let mut without = used.to_vec();
+    without[of] = false;
+    let is_twin = |i: &usize| without[*i] && removable(graph, used, *i) && !removable(graph, &without, *i);
+    (0..used.len()).filter(is_twin).collect()
 }
 
 /// Information matrices and a loss.
@@ -158,7 +171,7 @@ fn results(
         let distance = expected.cholesky().filter(|_| testable).map(|c| residual.dot(&c.solve(&residual)));
         let others = if used { (adjustment.chi2, dof, 1.0) } else { (adjustment.chi2, dof, 0.0) };
         let disagreement_sigma = distance.and_then(|distance| disagreement(distance, others));
-        Ok(PairResult { residual, redundancy, disagreement_sigma, is_suspicious: !used })
+        Ok(PairResult { residual, redundancy, disagreement_sigma, is_used: used, is_suspicious: !used })
     };
     used.iter().enumerate().map(result).collect()
 }
@@ -176,9 +189,9 @@ fn disagreement(distance: f64, (chi2, dof, own_share): (f64, f64, f64)) -> Optio
     Some(((1.0 - others) * root - (1.0 - own)) / (others * root * root + own).sqrt())
 }
 
-/// The used pair farthest from the others, when it is too far.
-fn worst(pairs: &[PairResult], used: &[bool]) -> Option<usize> {
-    let far = |i: &usize| used[*i] && pairs[*i].disagreement_sigma.is_some_and(|d| SUSPICIOUS < d);
+/// The pair farthest from the others among some, when it is too far.
+fn worst(pairs: &[PairResult], among: impl Fn(usize) -> bool) -> Option<usize> {
+    let far = |i: &usize| pairs[*i].disagreement_sigma.is_some_and(|d| SUSPICIOUS < d) && among(*i);
     let by = |i: &usize, j: &usize| {
         let d = |i: usize| pairs[i].disagreement_sigma.unwrap_or(0.0);
         d(*i).total_cmp(&d(*j))

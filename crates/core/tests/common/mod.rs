@@ -2,6 +2,7 @@
 #![allow(dead_code)] // Each test binary uses its own part.
 
 pub mod rigs;
+pub mod hands;
 pub mod outliers;
 pub mod accident;
 pub mod views;

@@ -1,0 +1,317 @@
+//! `rig --hand-eye`: where the camera (or the rig) sits on what carries it, from known motions.
+
+use super::placed::KnownObject;
+use super::solving::Unsolved;
+use super::{RigOutputArgs, stations, unanswered};
+use crate::args::positive;
+use crate::output::{Outcome, print};
+use crate::text::line;
+use anyhow::{Result, bail};
+use clap::Args;
+use resight::core::hand_eye::{
+    HandEye, HandEyeConfig, HandView, HandViewResult, Height, Mount, RejectedView, solve_hand_eye,
+};
+use resight::core::rig_pose::RigView;
+use resight::core::{Matrix6, Point, Pose};
+use resight::report::verdict::figures;
+use resight::report::words::{degrees, length, sigmas};
+use resight::rig::gather::Gathered;
+use serde::Serialize;
+use stations::{Seen, Station};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Hand–eye calibration.
+#[derive(Debug, Args)]
+pub struct HandEyeArgs {
+    /// Where the hand (or vehicle) was: columns view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_hand · x_in_hand) and optionally
+    /// sigma_deg,sigma_mm. Asks where the camera sits on the hand and where the target stands; a rig of several cameras is solved first.
+    #[arg(long, value_name = "MOTIONS.csv", conflicts_with_all = ["pairs", "world"])]
+    pub hand_eye: Option<PathBuf>,
+    /// Poses found already, instead of images or detections: what `locate` and `solve` wrote with -o.
+    #[arg(long, value_name = "POSES.jsonl", requires = "hand_eye", conflicts_with_all = ["images", "detections"])]
+    pub poses: Option<PathBuf>,
+    /// The target is on the hand and the camera stands still (eye to hand).
+    #[arg(long, requires = "hand_eye")]
+    target_on_hand: bool,
+    /// Standard deviation of the hand's turns where the file has no sigma_deg [default: 0, exact]
+    #[arg(long, value_name = "DEG", requires = "hand_eye", requires = "hand_sigma_mm", value_parser = positive)]
+    hand_sigma_deg: Option<f64>,
+    /// Standard deviation of the hand's place where the file has no sigma_mm.
+    #[arg(long, value_name = "MM", requires = "hand_eye", requires = "hand_sigma_deg", value_parser = positive)]
+    hand_sigma_mm: Option<f64>,
+    /// The camera's place along --height-axis, m from the hand's origin (from the base's with --target-on-hand): needed where the
+    /// hand turns about parallel axes only, as vehicles do.
+    #[arg(long, value_name = "M", requires = "hand_eye", allow_negative_numbers = true)]
+    height_known: Option<f64>,
+    /// Standard deviation of that height.
+    #[arg(long, value_name = "MM", requires = "height_known", default_value = "1", value_parser = positive)]
+    height_sigma_mm: f64,
+    /// Its direction in the hand's frame (the base's with --target-on-hand).
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        requires = "height_known",
+        default_value = "0,0,1",
+        allow_hyphen_values = true
+    )]
+    height_axis: String,
+}
+
+#[derive(Serialize)]
+struct HandEyeObject {
+    status: &'static str,
+    mount: &'static str,
+    /// `cam_from_hand` (or `rig_from_hand`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `hand_from_target`).
+    #[serde(flatten)]
+    poses: BTreeMap<String, KnownObject>,
+    n_views: usize,
+    n_used: usize,
+    chi2: f64,
+    dof: usize,
+    noise_scale: f64,
+    turns_rad: [f64; 3],
+    views: Vec<ViewObject>,
+    rejected: Vec<RejectedObject>,
+    message: String,
+}
+
+#[derive(Serialize)]
+struct ViewObject {
+    view: String,
+    residual_rad: Option<f64>,
+    residual_m: Option<f64>,
+    chi2: Option<f64>,
+    is_used: bool,
+}
+
+#[derive(Serialize)]
+struct RejectedObject {
+    view: String,
+    reason: String,
+}
+
+/// What the question is about, for names.
+struct Asked<'a> {
+    config: HandEyeConfig,
+    /// `cam` or `rig`.
+    eye: &'static str,
+    stations: &'a [Station],
+    /// Views that took no part from the beginning.
+    left_out: Vec<(String, String)>,
+}
+
+/// With poses from a file.
+pub fn run_on_poses(
+    args: &HandEyeArgs,
+    motions: &Path,
+    poses: &Path,
+    output: &RigOutputArgs,
+) -> Result<Outcome> {
+    let (stations, left_out) =
+        stations::joined(stations::motions(motions, args.sigmas())?, stations::poses(poses)?);
+    let views: Vec<HandView> = stations.iter().map(|station| station.view(&[])).collect();
+    let asked = Asked { config: args.config()?, eye: "cam", stations: &stations, left_out };
+    answer(&asked, &views, output)
+}
+
+/// With points: `cam_from_rig` for each camera, in the order of the gathered ones.
+pub fn run_on_points(
+    args: &HandEyeArgs,
+    motions: &Path,
+    gathered: &Gathered,
+    cam_from_rig: &[Pose],
+    output: &RigOutputArgs,
+) -> Result<Outcome> {
+    let rig = &gathered.rig;
+    if rig.targets.len() != 1 {
+        bail!("--hand-eye needs one target, {} are given; solve one target at a time", rig.targets.len());
+    }
+    let seen = rig.views.iter().map(|view| Seen { view: view.clone(), candidates: Vec::new() }).collect();
+    let (stations, left_out) = stations::joined(stations::motions(motions, args.sigmas())?, seen);
+    let of_view = |station: &Station| -> Vec<RigView> {
+        let number = rig.views.iter().position(|view| *view == station.view);
+        let sightings = rig.sightings.iter().filter(|s| Some(s.view) == number);
+        let view = sightings.map(|s| RigView {
+            camera: &rig.lenses[s.camera],
+            cam_from_rig: cam_from_rig[s.camera],
+            cam_from_rig_covariance: None,
+            seen: &s.seen,
+        });
+        view.collect()
+    };
+    let rigs: Vec<Vec<RigView>> = stations.iter().map(of_view).collect();
+    let views: Vec<HandView> = stations.iter().zip(&rigs).map(|(station, seen)| station.view(seen)).collect();
+    let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
+    answer(&Asked { config: args.config()?, eye, stations: &stations, left_out }, &views, output)
+}
+
+impl HandEyeArgs {
+    fn sigmas(&self) -> Option<(f64, f64)> {
+        self.hand_sigma_deg.zip(self.hand_sigma_mm).map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm))
+    }
+
+    fn config(&self) -> Result<HandEyeConfig> {
+        let mount = if self.target_on_hand { Mount::TargetOnHand } else { Mount::CameraOnHand };
+        let Some(height_m) = self.height_known else { return Ok(HandEyeConfig { mount, height: None }) };
+        let numbers: Vec<f64> = self.height_axis.split(',').filter_map(|x| x.trim().parse().ok()).collect();
+        let [x, y, z] = numbers[..] else {
+            bail!("--height-axis {}: three numbers separated by commas are needed", self.height_axis);
+        };
+        let height = Height {
+            direction_in_carrier: Point::new(x, y, z),
+            height_m,
+            sigma_m: 1e-3 * self.height_sigma_mm,
+        };
+        Ok(HandEyeConfig { mount, height: Some(height) })
+    }
+}
+
+fn answer(asked: &Asked, views: &[HandView], output: &RigOutputArgs) -> Result<Outcome> {
+    let found = match solve_hand_eye(views, &asked.config) {
+        Ok(found) => found,
+        Err(reason) => {
+            let status = match reason {
+                resight::core::Error::DegenerateMotion { .. }
+                | resight::core::Error::TooFewMotions { .. } => "degenerate",
+                _ => "error",
+            };
+            let message = format!("{reason}{}", left_out(&asked.left_out));
+            return unanswered(output, &Unsolved { status, message, groups: Vec::new() });
+        }
+    };
+    let object = object(asked, &found);
+    if let Some(path) = &output.output {
+        let text = format!("{}\n", serde_json::to_string(&object)?);
+        resight::formats::write_atomically(path, text.as_bytes())?;
+    }
+    match output.json {
+        true => print(&format!("{}\n", serde_json::to_string(&object)?))?,
+        false => print(&words(asked, &found, &object))?,
+    }
+    Ok(Outcome::Answered)
+}
+
+fn left_out(views: &[(String, String)]) -> String {
+    match views {
+        [] => String::new(),
+        [(view, reason), ..] => format!("; {} views took no part, e.g. {view}: {reason}", views.len()),
+    }
+}
+
+/// Names of X and Z.
+fn names(asked: &Asked) -> (String, &'static str) {
+    match asked.config.mount {
+        Mount::CameraOnHand => (format!("{}_from_hand", asked.eye), "base_from_target"),
+        Mount::TargetOnHand => (format!("{}_from_base", asked.eye), "hand_from_target"),
+    }
+}
+
+fn object(asked: &Asked, found: &HandEye) -> HandEyeObject {
+    let (carrier, holder) = names(asked);
+    let poses = BTreeMap::from([
+        (carrier, KnownObject::of(&found.cam_from_carrier, &found.carrier_covariance)),
+        (holder.to_string(), KnownObject::of(&found.holder_from_target, &found.holder_covariance)),
+    ]);
+    let view = |(station, result): (&Station, &HandViewResult)| ViewObject {
+        view: station.view.clone(),
+        residual_rad: result.residual.map(|r| r.fixed_rows::<3>(0).norm()),
+        residual_m: result.residual.map(|r| r.fixed_rows::<3>(3).norm()),
+        chi2: result.chi2,
+        is_used: result.rejected.is_none(),
+    };
+    HandEyeObject {
+        status: if found.is_inconsistent { "inconsistent" } else { "ok" },
+        mount: if found.mount == Mount::CameraOnHand { "camera_on_hand" } else { "target_on_hand" },
+        poses,
+        n_views: found.views.len(),
+        n_used: found.n_used,
+        chi2: found.chi2,
+        dof: found.degrees_of_freedom,
+        noise_scale: found.noise_scale,
+        turns_rad: found.turns_rad,
+        views: asked.stations.iter().zip(&found.views).map(view).collect(),
+        rejected: rejected(asked, found),
+        message: message(found),
+    }
+}
+
+/// Views without a counterpart, then those that the solver left out.
+fn rejected(asked: &Asked, found: &HandEye) -> Vec<RejectedObject> {
+    let before = asked
+        .left_out
+        .iter()
+        .map(|(view, reason)| RejectedObject { view: view.clone(), reason: reason.clone() });
+    let solver = asked.stations.iter().zip(&found.views).filter_map(|(station, result)| {
+        let reason = match result.rejected.as_ref()? {
+            RejectedView::Unlocated(reason) => reason.to_string(),
+            RejectedView::Contradicts => {
+                "contradicts the other views: a flipped pose, a hand pose of another view, or a target that moved".into()
+            }
+            _ => "took no part".into(),
+        };
+        Some(RejectedObject { view: station.view.clone(), reason })
+    });
+    before.chain(solver).collect()
+}
+
+fn message(found: &HandEye) -> String {
+    let used = format!("{} of {} views agree", found.n_used, found.views.len());
+    if found.is_inconsistent {
+        return format!(
+            "{used}, but residuals are {} times what the sigmas say: check the target's size and the intrinsics, or state how exact the motions are (--hand-sigma-deg, --hand-sigma-mm)",
+            figures(found.noise_scale.sqrt())
+        );
+    }
+    match found.noise_scale {
+        scale if 1.0 < scale => {
+            format!(
+                "{used}; residuals are {} times what the sigmas say, and every ± is widened by as much",
+                figures(scale.sqrt())
+            )
+        }
+        _ => used,
+    }
+}
+
+fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
+    let mut out = format!("HAND-EYE   {}\n", object.message);
+    let (carrier, holder) = names(asked);
+    line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
+    line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
+    let [first, second, third] = found.turns_rad.map(degrees);
+    let text = format!("{first} {second} {third} about three axes, root mean square between views");
+    line(&mut out, "turns", &text);
+    line(
+        &mut out,
+        "fit",
+        &format!("χ² {:.1} for {} degrees of freedom", found.chi2, found.degrees_of_freedom),
+    );
+    for view in object.views.iter().filter(|view| view.is_used) {
+        if let (Some(turn), Some(shift)) = (view.residual_rad, view.residual_m) {
+            line(&mut out, &view.view, &format!("{} and {} off", degrees(turn), length(shift)));
+        }
+    }
+    for rejected in &object.rejected {
+        line(&mut out, "left out", &format!("{}: {}", rejected.view, rejected.reason));
+    }
+    out
+}
+
+/// Rotation vector, translation and the largest standard deviation of each.
+fn place(b_from_a: &Pose, covariance: &Matrix6) -> String {
+    let (r, t) = (b_from_a.log(), b_from_a.translation * 1e3);
+    let (turn, shift) = sigmas(covariance);
+    let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
+    format!(
+        "rotation [{:+.6} {:+.6} {:+.6}] rad, translation [{:+.2} {:+.2} {:+.2}] mm   ± {} and {}",
+        r[0],
+        r[1],
+        r[2],
+        t.x,
+        t.y,
+        t.z,
+        degrees(largest(turn)),
+        length(largest(shift))
+    )
+}

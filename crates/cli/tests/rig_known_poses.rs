@@ -1,0 +1,232 @@
+//! `rig --pairs` and `rig --hand-eye`: rigs from poses that something else measured.
+
+mod support;
+
+use resight::core::{Point, Pose, Vector6};
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::Path;
+use support::{folder, json_lines, resight};
+
+fn pose(w: [f64; 3], t: [f64; 3]) -> Pose {
+    let turn = Pose::exp(&Vector6::new(w[0], w[1], w[2], 0.0, 0.0, 0.0));
+    Pose { translation: Point::from(t), ..turn }
+}
+
+fn cells(pose: &Pose) -> String {
+    let numbers = pose.quaternion_wxyz().into_iter().chain(pose.translation.iter().copied());
+    numbers.map(|x| x.to_string()).collect::<Vec<_>>().join(",")
+}
+
+fn read(value: &Value) -> Pose {
+    let numbers = |key: &str| -> Vec<f64> {
+        value[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let (q, t) = (numbers("rotation_wxyz"), numbers("translation_m"));
+    Pose::from_quaternion_wxyz([q[0], q[1], q[2], q[3]], Point::new(t[0], t[1], t[2]))
+}
+
+fn apart(a: &Pose, b: &Pose) -> f64 {
+    (*a * b.inverse()).log().amax()
+}
+
+const POSE: &str = "qw,qx,qy,qz,x_m,y_m,z_m";
+
+/// Five cameras in a row, the first at the identity.
+fn cameras() -> Vec<Pose> {
+    let place = |i: usize| {
+        let i = i as f64;
+        pose([0.1 * i, -0.3 * i, 0.05 * i], [-0.5 * i, 0.02 * i * i, 0.1 * i])
+    };
+    (0..5).map(place).collect()
+}
+
+/// Every pair but 2–5 (which would be exact), with sigmas; pair 1–4 wrong by 3°.
+fn pairs_file(path: &Path) {
+    let cameras = cameras();
+    let mut text = format!("a,b,{POSE},sigma_deg,sigma_mm\n");
+    for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {
+        // A quarter of a sigma, another one for each pair: no pair agrees exactly with the others.
+        let off = 1e-4 * ((3 * a + 5 * b) as f64).sin();
+        let wrong = if (a, b) == (0, 3) { 0.05 } else { 0.0 };
+        let b_from_a = pose([off + wrong, -off, off], [off, off, -off]) * cameras[b] * cameras[a].inverse();
+        writeln!(text, "cam{},cam{},{},0.02,0.4", a + 1, b + 1, cells(&b_from_a)).unwrap();
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+#[test]
+fn pairs_make_a_rig_and_a_wrong_one_is_named() {
+    let folder = folder("pairs");
+    let (file, out) = (folder.join("pairs.csv"), folder.join("rig.toml"));
+    pairs_file(&file);
+    let (file, out) = (file.display().to_string(), out.display().to_string());
+    let run = resight(&["rig", "--pairs", &file, "--anchor", "cam1", "--json", "-o", &out]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(answer["suspicious"], serde_json::json!(["cam1-cam4"]));
+    assert_eq!(answer["reference"], "cam1");
+    for (i, truth) in cameras().iter().enumerate() {
+        let camera = &answer["cameras"][format!("cam{}", i + 1)];
+        assert!(apart(&read(&camera["cam_from_rig"]), truth) < 3e-4);
+        assert_eq!(0.0 < camera["sigma_rad"][0].as_f64().unwrap(), i != 0);
+    }
+    let written: toml::Table = std::fs::read_to_string(&out).unwrap().parse().unwrap();
+    assert_eq!(written["placement"].as_array().unwrap().len(), 5);
+    let said = resight(&["rig", "--pairs", &file]).stdout;
+    assert!(said.contains("pairs that contradict others: cam1-cam4"), "{said}");
+}
+
+/// The chain from cam1 takes the wrong pair, which is as good as any by its sigmas: 3° off.
+#[test]
+fn a_chain_follows_one_path() {
+    let folder = folder("pairs_chain");
+    let file = folder.join("pairs.csv");
+    pairs_file(&file);
+    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--chain", "--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(answer["cameras"]["cam4"]["path"], serde_json::json!(["cam1", "cam4"]));
+    let off = apart(&read(&answer["cameras"]["cam4"]["cam_from_rig"]), &cameras()[3]);
+    assert!((0.045..0.055).contains(&off), "{off}");
+}
+
+#[test]
+fn groups_that_nothing_joins_are_named() {
+    let folder = folder("pairs_apart");
+    let file = folder.join("pairs.csv");
+    std::fs::write(&file, format!("a,b,{POSE}\n1,2,1,0,0,0,1,0,0\n3,4,1,0,0,0,1,0,0\n")).unwrap();
+    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--json"]);
+    assert_eq!(run.code, 1);
+    assert_eq!(json_lines(&run)[0]["groups"], serde_json::json!([["1", "2"], ["3", "4"]]));
+    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--anchor", "9"]);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("there is no camera `9`"), "{}", run.stderr);
+}
+
+const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 800.0\nfy_px = 800.0\ncx_px = 319.5\ncy_px = 239.5\n";
+
+/// A camera on a hand that looks at a flat target from nine places.
+struct Cell {
+    cam_from_hand: Pose,
+    base_from_target: Pose,
+    base_from_hand: Vec<Pose>,
+}
+
+fn cell(second_axis: f64) -> Cell {
+    let cam_from_hand = pose([0.2, -0.1, 1.2], [0.03, -0.05, 0.08]);
+    let base_from_target = pose([0.1, 0.2, -0.4], [0.6, 0.1, 0.02]);
+    let station = |i: usize| {
+        let (a, b) = (i as f64 * 0.7, i as f64 * 1.9);
+        // With no second axis: turns about the hand's own z only, here the camera's optical axis turned into the hand.
+        let tilt = pose([second_axis * a.sin(), second_axis * b.cos(), 0.0], [0.0; 3]);
+        let cam_from_target =
+            tilt * pose([0.0, 0.0, 0.5 * b.sin()], [0.05 * a.cos(), 0.04 * b.sin(), 0.8 + 0.05 * a.sin()]);
+        base_from_target * cam_from_target.inverse() * cam_from_hand
+    };
+    Cell { cam_from_hand, base_from_target, base_from_hand: (0..9).map(station).collect() }
+}
+
+/// Writes camera, motions and points (columns of `solve`, and of `rig --detections`).
+fn cell_files(folder: &Path, cell: &Cell) {
+    std::fs::write(folder.join("camera.toml"), CAMERA).unwrap();
+    let mut motions = format!("view,{POSE}\n");
+    let mut points = String::from("camera,view,id,x_m,y_m,z_m,u_px,v_px\n");
+    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
+        writeln!(motions, "v{i},{}", cells(base_from_hand)).unwrap();
+        let cam_from_target = cell.cam_from_hand * base_from_hand.inverse() * cell.base_from_target;
+        for k in 0..16 {
+            let x = Point::new(0.05 * f64::from(k % 4) - 0.075, 0.05 * f64::from(k / 4) - 0.075, 0.0);
+            let seen = cam_from_target * x;
+            let (u, v) = (800.0 * seen.x / seen.z + 319.5, 800.0 * seen.y / seen.z + 239.5);
+            // A twentieth of a pixel, in no order.
+            let noise = 0.05 * f64::from((7 * k + 3 * i as i32) % 5 - 2);
+            writeln!(points, "cam,v{i},{k},{},{},{},{},{}", x.x, x.y, x.z, u + noise, v - noise).unwrap();
+        }
+    }
+    std::fs::write(folder.join("motions.csv"), motions).unwrap();
+    std::fs::write(folder.join("points.csv"), points).unwrap();
+}
+
+fn in_folder(folder: &Path, name: &str) -> String {
+    folder.join(name).display().to_string()
+}
+
+fn agrees(answer: &Value, cell: &Cell) {
+    assert_eq!(answer["n_used"], 9, "{answer}");
+    let (hand, target) = (read(&answer["cam_from_hand"]), read(&answer["base_from_target"]));
+    // 0.07 px over 144 points at 0.8 m: a tenth of a milliradian.
+    assert!(apart(&hand, &cell.cam_from_hand) < 1e-3, "{}", apart(&hand, &cell.cam_from_hand));
+    assert!(apart(&target, &cell.base_from_target) < 1e-3);
+    assert!(answer["cam_from_hand"]["sigma_m"][0].as_f64().unwrap() < 1e-2);
+}
+
+#[test]
+fn points_and_motions_say_where_the_camera_sits() {
+    let folder = folder("hand_eye");
+    let cell = cell(0.4);
+    cell_files(&folder, &cell);
+    let [camera, motions, points] =
+        ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
+    let named = format!("cam={camera}");
+    let run = resight(&[
+        "rig",
+        "--hand-eye",
+        &motions,
+        "--camera",
+        &named,
+        "--detections",
+        &points,
+        "--sigma-px",
+        "0.1",
+        "--json",
+    ]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    agrees(&json_lines(&run)[0], &cell);
+}
+
+/// The same from the poses that `solve` wrote, and with one hand pose that belongs to another view.
+#[test]
+fn poses_of_another_command_serve_as_well() {
+    let folder = folder("hand_eye_poses");
+    let cell = cell(0.4);
+    cell_files(&folder, &cell);
+    let [camera, motions, points, poses] =
+        ["camera.toml", "motions.csv", "points.csv", "poses.jsonl"].map(|name| in_folder(&folder, name));
+    let solved = resight(&["solve", &points, "--camera", &camera, "--sigma-px", "0.1", "-o", &poses]);
+    assert_eq!(solved.code, 0, "{}", solved.stderr);
+    let run = resight(&["rig", "--hand-eye", &motions, "--poses", &poses, "--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    agrees(&json_lines(&run)[0], &cell);
+    let text = std::fs::read_to_string(&motions).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let moved = lines[4].replace("v3", "v7");
+    lines[8] = &moved;
+    std::fs::write(&motions, lines.join("\n")).unwrap();
+    let run = resight(&["rig", "--hand-eye", &motions, "--poses", &poses, "--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(
+        (answer["n_used"].clone(), answer["rejected"][0]["view"].clone()),
+        (8.into(), "v7".into()),
+        "{answer}"
+    );
+}
+
+#[test]
+fn what_says_too_little_or_is_not_named_is_refused() {
+    let folder = folder("hand_eye_refused");
+    cell_files(&folder, &cell(0.0));
+    let [camera, motions, points] =
+        ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
+    let named = format!("cam={camera}");
+    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points, "--json"];
+    let run = resight(&arguments);
+    assert_eq!(run.code, 1);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(answer["status"], "degenerate");
+    assert!(answer["message"].as_str().unwrap().contains("second axis"), "{answer}");
+    let text = std::fs::read_to_string(&motions).unwrap().replace(POSE, "q1,q2,q3,q4,x_m,y_m,z_m");
+    std::fs::write(&motions, text).unwrap();
+    let run = resight(&arguments);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("quaternion must be named"), "{}", run.stderr);
+}

@@ -1,0 +1,171 @@
+//! Made-up hands: a camera or a target on an arm, what is measured of it, and the information in that.
+
+use super::{Rng, views};
+use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
+use resight_core::Pose;
+use resight_core::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, Mount};
+
+pub type Vector12 = SMatrix<f64, 12, 1>;
+pub type Matrix12 = SMatrix<f64, 12, 12>;
+
+/// X, Z and stations, all exact.
+#[derive(Clone)]
+pub struct World {
+    pub mount: Mount,
+    pub cam_from_carrier: Pose,
+    pub holder_from_target: Pose,
+    pub base_from_hand: Vec<Pose>,
+}
+
+impl World {
+    pub fn carrier_from_holder(&self, base_from_hand: &Pose) -> Pose {
+        match self.mount {
+            Mount::CameraOnHand => base_from_hand.inverse(),
+            Mount::TargetOnHand => *base_from_hand,
+        }
+    }
+
+    pub fn cam_from_target(&self, view: usize) -> Pose {
+        let h = self.carrier_from_holder(&self.base_from_hand[view]);
+        self.cam_from_carrier * h * self.holder_from_target
+    }
+
+    /// Stations from which the camera sees the target as `cam_from_target` says.
+    pub fn standing(mount: Mount, x: Pose, z: Pose, cam_from_target: &[Pose]) -> World {
+        let station = |t: &Pose| {
+            let h = x.inverse() * *t * z.inverse();
+            if mount == Mount::CameraOnHand { h.inverse() } else { h }
+        };
+        let base_from_hand = cam_from_target.iter().map(station).collect();
+        World { mount, cam_from_carrier: x, holder_from_target: z, base_from_hand }
+    }
+
+    /// A robot cell: the target seen from all over a cap of 45°, 0.6 to 1.2 m away.
+    pub fn cell(rng: &mut Rng, mount: Mount, n: usize) -> World {
+        let x = Pose::new(rng.rotation(), rng.unit_vector() * 0.15);
+        let z = Pose::new(rng.rotation(), Vector3::new(0.8, -0.3, 0.2));
+        let seen = |rng: &mut Rng| {
+            let (tilt, turn) = (rng.uniform(0.0, 0.8), rng.uniform(0.0, std::f64::consts::TAU));
+            let away = Vector3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), -tilt.cos());
+            let centre = away * rng.uniform(0.6, 1.2);
+            let roll = Vector6::new(0.0, 0.0, rng.uniform(-1.0, 1.0), 0.0, 0.0, 0.0);
+            Pose::exp(&roll) * views::looking_at(centre, Vector3::zeros())
+        };
+        let seen: Vec<Pose> = (0..n).map(|_| seen(rng)).collect();
+        World::standing(mount, x, z, &seen)
+    }
+
+    pub fn motion_error(&self, found: &HandEye) -> Vector12 {
+        let x = (found.cam_from_carrier * self.cam_from_carrier.inverse()).log();
+        let z = (found.holder_from_target * self.holder_from_target.inverse()).log();
+        Vector12::from_fn(|i, _| if i < 6 { x[i] } else { z[i - 6] })
+    }
+
+    pub fn config(&self) -> HandEyeConfig {
+        HandEyeConfig { mount: self.mount, height: None }
+    }
+}
+
+/// A random covariance with standard deviations around the two given, strongly correlated.
+pub fn covariance(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Matrix6<f64> {
+    let root = Matrix6::from_fn(|i, j| if i == j { 1.0 } else { 0.4 * rng.normal() });
+    let scale = Matrix6::from_fn(|i, j| match (i == j, i < 3) {
+        (true, true) => sigma_rad,
+        (true, false) => sigma_m,
+        _ => 0.0,
+    });
+    scale * root * root.transpose() * scale
+}
+
+pub fn drawn(rng: &mut Rng, covariance: &Matrix6<f64>) -> Vector6<f64> {
+    covariance.cholesky().unwrap().l() * Vector6::from_fn(|_, _| rng.normal())
+}
+
+/// What a simulated view states.
+#[derive(Clone)]
+pub struct Stated {
+    pub seen: Matrix6<f64>,
+    pub hand: Option<Matrix6<f64>>,
+}
+
+/// Every pose disturbed by its own covariance.
+pub fn measured(rng: &mut Rng, world: &World, stated: &[Stated]) -> Vec<HandView<'static>> {
+    let view = |(i, stated): (usize, &Stated)| {
+        let exact = world.base_from_hand[i];
+        let base_from_hand = match &stated.hand {
+            Some(covariance) => Pose::exp(&drawn(rng, covariance)) * exact,
+            None => exact,
+        };
+        let cam_from_target = Pose::exp(&drawn(rng, &stated.seen)) * world.cam_from_target(i);
+        HandView {
+            base_from_hand,
+            hand_covariance: stated.hand,
+            candidates: vec![Candidate { cam_from_target, covariance: stated.seen, delta_chi2: 0.0 }],
+            seen: &[],
+        }
+    };
+    stated.iter().enumerate().map(view).collect()
+}
+
+pub fn all_stated(rng: &mut Rng, n: usize, with_hand: bool) -> Vec<Stated> {
+    let one = |rng: &mut Rng| Stated {
+        seen: covariance(rng, 1e-3, 1e-3),
+        hand: with_hand.then(|| covariance(rng, 5e-4, 5e-4)),
+    };
+    (0..n).map(|_| one(rng)).collect()
+}
+
+pub fn exact(world: &World) -> Vec<HandView<'static>> {
+    let covariance = Matrix6::from_diagonal_element(1e-6);
+    let view = |i: usize| HandView {
+        base_from_hand: world.base_from_hand[i],
+        hand_covariance: None,
+        candidates: vec![Candidate {
+            cam_from_target: world.cam_from_target(i),
+            covariance,
+            delta_chi2: 0.0,
+        }],
+        seen: &[],
+    };
+    (0..world.base_from_hand.len()).map(view).collect()
+}
+
+/// Fisher information of both motions at the truth: derivatives by central differences of the predicted poses, the hand's noise by
+/// differences too. Shares nothing with the product but Exp and Log.
+pub fn information(world: &World, stated: &[Stated]) -> Matrix12 {
+    const STEP: f64 = 1e-5;
+    let mut sum = Matrix12::zeros();
+    for (i, stated) in stated.iter().enumerate() {
+        let truth = world.cam_from_target(i);
+        let seen = |by: &Vector12, hand: &Vector6<f64>| {
+            let x = Pose::exp(&by.fixed_rows::<6>(0).into_owned()) * world.cam_from_carrier;
+            let z = Pose::exp(&by.fixed_rows::<6>(6).into_owned()) * world.holder_from_target;
+            let h = world.carrier_from_holder(&(Pose::exp(hand) * world.base_from_hand[i]));
+            (x * h * z * truth.inverse()).log()
+        };
+        let still = Vector6::zeros();
+        let by_both = SMatrix::<f64, 6, 12>::from_fn(|row, column| {
+            let h = Vector12::ith(column, STEP);
+            (seen(&h, &still) - seen(&-h, &still))[row] / (2.0 * STEP)
+        });
+        let by_hand = Matrix6::from_fn(|row, column| {
+            let h = Vector6::ith(column, STEP);
+            (seen(&Vector12::zeros(), &h) - seen(&Vector12::zeros(), &-h))[row] / (2.0 * STEP)
+        });
+        let hand = stated.hand.map_or(Matrix6::zeros(), |c| by_hand * c * by_hand.transpose());
+        sum += by_both.transpose() * (stated.seen + hand).try_inverse().unwrap() * by_both;
+    }
+    sum
+}
+
+pub fn block(m: &Matrix12, at: usize) -> Matrix6<f64> {
+    m.fixed_view::<6, 6>(at, at).into()
+}
+
+pub fn part(v: &Vector12, at: usize) -> Vector6<f64> {
+    v.fixed_rows::<6>(at).into()
+}
+
+pub fn squared(error: &Vector6<f64>, covariance: &Matrix6<f64>) -> f64 {
+    error.dot(&covariance.cholesky().unwrap().solve(error))
+}

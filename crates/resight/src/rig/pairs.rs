@@ -1,0 +1,296 @@
+//! Relative poses of pairs of cameras: our own CSV, and Caliscope's stereograph JSON.
+//!
+//! ```text
+//! a,b,qw,qx,qy,qz,x_m,y_m,z_m,sigma_deg,sigma_mm     x_in_b = b_from_a · x_in_a; or a column rmse instead of the sigmas, or neither
+//! cam1,cam2,0.98,0.01,-0.19,0.03,-0.41,0.02,0.11,0.05,0.8
+//! ```
+//! Caliscope (BSD-2-Clause) writes `{"stereo_A_B": {"rotation": 3×3, "translation": 3 or 3×1, "RMSE": …}}` with x_in_B = R x_in_A + t, in
+//! the unit of its board, metres.
+
+use super::names::natural;
+use crate::FileError;
+use crate::core::pose_graph::{PairNoise, RelativePose};
+use crate::core::{Matrix6, Pose};
+use nalgebra::{Matrix3, Vector3, Vector6};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Pairs of cameras, read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairFile {
+    /// The cameras' names as a person lists them: the pairs' indices count in this order.
+    pub cameras: Vec<String>,
+    /// In the order of the file.
+    pub pairs: Vec<RelativePose>,
+}
+
+/// A pair with names.
+struct Row {
+    a: String,
+    b: String,
+    b_from_a: Pose,
+    noise: PairNoise,
+}
+
+/// A quaternion is unit to this, or it is none: six digits leave 1e-6, a typing error far more.
+const MAX_LENGTH_DEFECT: f64 = 1e-3;
+/// Largest entry of RᵀR − 1 of a rotation matrix.
+const MAX_ROTATION_DEFECT: f64 = 1e-5;
+
+/// Reads pairs, recognising the format by its first character.
+///
+/// # Errors
+/// With line or key: columns that are missing, a quaternion whose order is not named or that is not unit, numbers that are none.
+pub fn read_pairs(path: &Path) -> Result<PairFile, FileError> {
+    let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e.to_string()))?;
+    pairs_from_bytes(path, &bytes)
+}
+
+/// As `read_pairs`, from bytes in memory; `path` serves messages only.
+///
+/// # Errors
+/// As `read_pairs`.
+pub fn pairs_from_bytes(path: &Path, bytes: &[u8]) -> Result<PairFile, FileError> {
+    let text = std::str::from_utf8(bytes).map_err(|_| FileError::new(path, "not UTF-8 text"))?;
+    let text = text.trim_start_matches('\u{feff}');
+    let rows = if text.trim_start().starts_with('{') { stereograph(path, text)? } else { table(path, text)? };
+    if rows.is_empty() {
+        return Err(FileError::new(path, "no pair in it"));
+    }
+    let mut cameras: Vec<String> = rows.iter().flat_map(|row| [row.a.clone(), row.b.clone()]).collect();
+    cameras.sort_by(|a, b| natural(a, b));
+    cameras.dedup();
+    let place = |name: &str| cameras.iter().position(|camera| camera == name).unwrap_or_default();
+    let pair = |row: &Row| RelativePose {
+        a: place(&row.a),
+        b: place(&row.b),
+        b_from_a: row.b_from_a,
+        noise: row.noise,
+    };
+    let pairs = rows.iter().map(pair).collect();
+    Ok(PairFile { cameras, pairs })
+}
+
+/// Columns of our own file.
+struct Columns {
+    names: [usize; 2],
+    pose: [usize; 7],
+    sigmas: Option<[usize; 2]>,
+    rmse: Option<usize>,
+}
+
+fn table(path: &Path, text: &str) -> Result<Vec<Row>, FileError> {
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|e| complaint(path, &e))?.clone();
+    let columns = columns(&header).map_err(|reason| FileError::at_line(path, 1, reason))?;
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| complaint(path, &e))?;
+        let line = record.position().map_or(0, |p| p.line() as usize);
+        rows.push(row(&record, &header, &columns).map_err(|reason| FileError::at_line(path, line, reason))?);
+    }
+    Ok(rows)
+}
+
+fn complaint(path: &Path, error: &csv::Error) -> FileError {
+    let line = error.position().map(|p| p.line() as usize);
+    let reason = match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} cells where the header has {expected_len}")
+        }
+        _ => error.to_string(),
+    };
+    FileError { path: path.to_path_buf(), line, reason }
+}
+
+/// The names of the numbers of a pose, in this library's order.
+const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "x_m", "y_m", "z_m"];
+
+fn columns(header: &csv::StringRecord) -> Result<Columns, String> {
+    let find = |name: &str| header.iter().position(|column| column == name);
+    let need = |name: &str| {
+        find(name).ok_or_else(|| {
+            let seen: Vec<&str> = header.iter().collect();
+            let order = if name.starts_with('q') {
+                "; which number of the quaternion is the scalar must be said by name"
+            } else {
+                ""
+            };
+            format!("no column `{name}`; the columns are {}{order}", seen.join(","))
+        })
+    };
+    let mut pose = [0; 7];
+    for (place, name) in pose.iter_mut().zip(POSE) {
+        *place = need(name)?;
+    }
+    let sigmas = match (find("sigma_deg"), find("sigma_mm")) {
+        (Some(turn), Some(shift)) => Some([turn, shift]),
+        (None, None) => None,
+        _ => return Err("sigma_deg and sigma_mm belong together; one is missing".into()),
+    };
+    let rmse = find("rmse");
+    if sigmas.is_some() && rmse.is_some() {
+        return Err("both sigmas and rmse; keep the sigmas, or the rmse".into());
+    }
+    Ok(Columns { names: [need("a")?, need("b")?], pose, sigmas, rmse })
+}
+
+fn row(record: &csv::StringRecord, header: &csv::StringRecord, columns: &Columns) -> Result<Row, String> {
+    let number = |column: usize| -> Result<f64, String> {
+        let (text, name) = (record.get(column).unwrap_or(""), header.get(column).unwrap_or(""));
+        let shown: String = text.chars().take(40).collect();
+        text.parse::<f64>()
+            .ok()
+            .filter(|x| x.is_finite())
+            .ok_or_else(|| format!("column `{name}` is `{shown}`, which is not a finite number"))
+    };
+    let name = |column: usize| match record.get(column) {
+        Some(text) if !text.is_empty() => Ok(text.to_string()),
+        _ => {
+            Err(format!("column `{}` is empty; a camera's name is needed", header.get(column).unwrap_or("")))
+        }
+    };
+    let mut v = [0.0; 7];
+    for (x, column) in v.iter_mut().zip(columns.pose) {
+        *x = number(column)?;
+    }
+    let b_from_a = pose_from_numbers(&v)?;
+    let noise = match (columns.sigmas, columns.rmse) {
+        (Some([turn, shift]), _) => PairNoise::Covariance(isotropic(
+            positive("sigma_deg", number(turn)?)?.to_radians(),
+            1e-3 * positive("sigma_mm", number(shift)?)?,
+        )),
+        (None, Some(rmse)) => PairNoise::Error(positive("rmse", number(rmse)?)?),
+        (None, None) => PairNoise::Error(1.0),
+    };
+    Ok(Row { a: name(columns.names[0])?, b: name(columns.names[1])?, b_from_a, noise })
+}
+
+fn positive(name: &str, x: f64) -> Result<f64, String> {
+    if 0.0 < x { Ok(x) } else { Err(format!("column `{name}` is {x}; it must be positive")) }
+}
+
+/// From `[qw, qx, qy, qz, x_m, y_m, z_m]`.
+///
+/// # Errors
+/// A quaternion that is not unit to three digits, in words.
+pub fn pose_from_numbers(v: &[f64; 7]) -> Result<Pose, String> {
+    let [w, x, y, z, ..] = *v;
+    let length = (w * w + x * x + y * y + z * z).sqrt();
+    if !((length - 1.0).abs() < MAX_LENGTH_DEFECT) {
+        return Err(format!("the quaternion has length {length:.6}; it must be 1"));
+    }
+    Ok(Pose::from_quaternion_wxyz([w, x, y, z], Vector3::new(v[4], v[5], v[6])))
+}
+
+/// One standard deviation for every turn and one for every shift, squared.
+pub fn isotropic(sigma_rad: f64, sigma_m: f64) -> Matrix6 {
+    let (r, t) = (sigma_rad * sigma_rad, sigma_m * sigma_m);
+    Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t))
+}
+
+/// As Caliscope writes a pair.
+#[derive(Deserialize)]
+struct StereoPair {
+    rotation: [[f64; 3]; 3],
+    translation: Translation,
+    #[serde(rename = "RMSE")]
+    rmse: Option<f64>,
+}
+
+/// A list, or a column.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Translation {
+    List([f64; 3]),
+    Column([[f64; 1]; 3]),
+}
+
+fn stereograph(path: &Path, text: &str) -> Result<Vec<Row>, FileError> {
+    let known: serde_json::Map<String, serde_json::Value> = serde_json::from_str(text)
+        .map_err(|e| FileError { path: path.to_path_buf(), line: Some(e.line()), reason: e.to_string() })?;
+    let rows = known.into_iter().map(|(key, value)| {
+        stereo_pair(&key, value).map_err(|reason| FileError::new(path, format!("`{key}`: {reason}")))
+    });
+    rows.collect()
+}
+
+fn stereo_pair(key: &str, value: serde_json::Value) -> Result<Row, String> {
+    let (a, b) = names(key).ok_or("a pair of cameras is called stereo_A_B")?;
+    let pair: StereoPair = serde_json::from_value(value).map_err(|e| e.to_string())?;
+    let r = Matrix3::from_fn(|i, j| pair.rotation[i][j]);
+    let defect = (r.transpose() * r - Matrix3::identity()).amax();
+    if !(defect < MAX_ROTATION_DEFECT && 0.0 < r.determinant()) {
+        return Err(format!("`rotation` is no rotation matrix (RᵀR − 1 up to {defect:.1e})"));
+    }
+    let t = match pair.translation {
+        Translation::List(t) => t,
+        Translation::Column(t) => t.map(|[x]| x),
+    };
+    let rmse = pair.rmse.unwrap_or(1.0);
+    if !(0.0 < rmse && rmse.is_finite()) {
+        return Err(format!("`RMSE` is {rmse}; it must be positive"));
+    }
+    Ok(Row { a, b, b_from_a: Pose::new(r, Vector3::from(t)), noise: PairNoise::Error(rmse) })
+}
+
+/// `stereo_1_10`; names with underscores come in two halves of as many words.
+fn names(key: &str) -> Option<(String, String)> {
+    let words: Vec<&str> = key.strip_prefix("stereo_")?.split('_').collect();
+    let (a, b) = words.split_at_checked(words.len() / 2).filter(|_| words.len() % 2 == 0)?;
+    Some((a.join("_"), b.join("_")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<PairFile, String> {
+        pairs_from_bytes(Path::new("pairs.csv"), text.as_bytes()).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn columns_go_by_name() {
+        let text = "z_m,b,a,qz,qy,qx,qw,x_m,y_m,sigma_mm,sigma_deg\n3,cam2,cam10,0,0,0,1,1,2,0.5,0.1\n";
+        let file = read(text).unwrap();
+        assert_eq!(file.cameras, ["cam2", "cam10"]);
+        let pair = &file.pairs[0];
+        assert_eq!((pair.a, pair.b), (1, 0));
+        assert_eq!(pair.b_from_a.translation, Vector3::new(1.0, 2.0, 3.0));
+        assert_eq!(pair.noise, PairNoise::Covariance(isotropic(0.1f64.to_radians(), 5e-4)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_line() {
+        let head = "a,b,qw,qx,qy,qz,x_m,y_m,z_m";
+        for (text, said) in [
+            ("a,b,q0,q1,q2,q3,x_m,y_m,z_m\n".to_string(), "by name"),
+            (format!("{head}\n"), "no pair"),
+            (format!("{head}\n1,2,1,0,0,0,1,2,nan\n"), "pairs.csv:2: column `z_m`"),
+            (format!("{head}\n1,2,1,1,0,0,1,2,3\n"), "length 1.414"),
+            (format!("{head}\n1,,1,0,0,0,1,2,3\n"), "column `b` is empty"),
+            (format!("{head}\n1,2,1,0,0\n"), "5 cells where the header has 9"),
+            (format!("{head},sigma_deg\n"), "belong together"),
+            (format!("{head},rmse\n1,2,1,0,0,0,1,2,3,0\n"), "`rmse` is 0"),
+            ("{\"stereo_1_2_3\": {}}".to_string(), "stereo_A_B"),
+            (
+                "{\"stereo_1_2\": {\"rotation\": [[2,0,0],[0,1,0],[0,0,1]], \"translation\": [0,0,0]}}"
+                    .to_string(),
+                "no rotation",
+            ),
+        ] {
+            let error = read(&text).unwrap_err();
+            assert!(error.contains(said), "{said}: {error}");
+        }
+    }
+
+    #[test]
+    fn stereo_pairs_are_read_with_their_error() {
+        let text = "{\"stereo_cam_1_cam_2\": {\"rotation\": [[1,0,0],[0,1,0],[0,0,1]], \"translation\": [[1],[2],[3]], \"RMSE\": 0.5}}";
+        let file = read(text).unwrap();
+        assert_eq!(file.cameras, ["cam_1", "cam_2"]);
+        assert_eq!(file.pairs[0].noise, PairNoise::Error(0.5));
+        assert_eq!(file.pairs[0].b_from_a.translation.z, 3.0);
+    }
+}
