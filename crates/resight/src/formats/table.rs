@@ -4,8 +4,9 @@
 
 use super::document::{Document, Fault};
 use super::{
-    Contents, Format, NamedCamera, OutFile, Placement, WriteError, basalt, caliscope, caliscope_target,
-    colmap, euroc, kalibr, kalibr_target, mrcal, opencv, own_camera, own_target, photonvision, ros, wpilib,
+    Contents, Format, NamedCamera, OutFile, Placement, WriteError, basalt, blender, caliscope,
+    caliscope_target, colmap, euroc, fspy, gltf, kalibr, kalibr_target, mccalib, mrcal, multical, opencv,
+    own_camera, own_target, photonvision, ros, wpilib,
 };
 use crate::FileError;
 use crate::core::Target;
@@ -69,11 +70,18 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     mrcal::FORMAT,
     basalt::FORMAT,
     caliscope::FORMAT,
+    caliscope::ANIPOSELIB,
+    multical::FORMAT,
+    mccalib::FORMAT,
     euroc::FORMAT,
     kalibr::FORMAT,
     photonvision::FORMAT,
     ros::FORMAT,
     opencv::FORMAT,
+    photonvision::OLD_FORMAT,
+    fspy::FORMAT,
+    blender::FORMAT,
+    gltf::FORMAT,
 ];
 
 pub(super) const TARGET_FORMATS: &[TargetFormat] =
