@@ -18,6 +18,7 @@
 //! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | both dialects |
 //! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
 //! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
+//! | easy_handeye | `handeye.rs` | none | robot_from_cam | yes |
 //! | fSpy, Blender, glTF | `fspy.rs`, `blender.rs`, `gltf.rs` | pinhole; Brown–Conrady; all models in pixels | world_from_cam | only |
 //! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 
@@ -32,6 +33,7 @@ mod emit;
 mod own_camera;
 mod own_target;
 mod opencv;
+mod opencv_write;
 mod ros;
 mod kalibr;
 mod kalibr_target;
@@ -43,10 +45,17 @@ mod basalt;
 mod caliscope;
 mod multical;
 mod mccalib;
+mod handeye;
 mod fspy;
 mod blender;
 mod gltf;
 mod caliscope_target;
+mod euler;
+mod tf_launch;
+mod tf;
+mod urdf;
+mod kitti;
+mod nuscenes;
 mod wpilib;
 mod explain;
 mod atomic;
@@ -100,12 +109,30 @@ pub enum Format {
     McCalib,
     /// PhotonVision before 2024 and Limelight, written; `PhotonVision` reads both shapes.
     PhotonVisionOld,
+    /// easy_handeye's YAML, the camera on the robot's base when written; both are read as this.
+    EasyHandeyeOnBase,
+    /// The same with the camera on the robot's hand.
+    EasyHandeyeOnHand,
     /// fSpy's camera parameters, written only.
     FSpy,
     /// A Python script for Blender, written only.
     Blender,
     /// glTF 2.0, written only.
     Gltf,
+    /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
+    StaticTransforms,
+    /// The same as a YAML list; recognised as `StaticTransforms`.
+    StaticTransformsYaml,
+    /// URDF, fixed joints.
+    Urdf,
+    /// KITTI `calib.txt` and the raw data's files. Written as the object benchmark has it.
+    Kitti,
+    /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
+    KittiOdometry,
+    /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
+    NuScenes,
+    /// OpenCV FileStorage as XML; recognised as `OpenCv`.
+    OpenCvXml,
     /// Our own target file (TOML).
     OwnTarget,
     /// Kalibr target YAML, or Basalt's JSON twin.
@@ -134,9 +161,18 @@ impl Format {
             Format::Multical => "multical calibration",
             Format::McCalib => "MC-Calib cameras",
             Format::PhotonVisionOld => "PhotonVision / Limelight calibration before 2024",
+            Format::EasyHandeyeOnBase => "easy_handeye calibration",
+            Format::EasyHandeyeOnHand => "easy_handeye calibration (camera on the hand)",
             Format::FSpy => "fSpy camera parameters",
             Format::Blender => "Blender script",
             Format::Gltf => "glTF scene",
+            Format::StaticTransforms => "ROS static transforms",
+            Format::StaticTransformsYaml => "ROS static transforms (YAML)",
+            Format::Urdf => "URDF",
+            Format::Kitti => "KITTI calibration",
+            Format::KittiOdometry => "KITTI odometry calibration",
+            Format::NuScenes => "nuScenes calibrated_sensor",
+            Format::OpenCvXml => "OpenCV FileStorage (XML)",
             Format::OwnTarget => "Resight target file (TOML)",
             Format::KalibrTarget => "Kalibr target",
             Format::WpilibLayout => "WPILib field layout",
@@ -196,7 +232,18 @@ pub struct NamedCamera {
     pub placement: Option<Placement>,
 }
 
-/// A camera file, read.
+/// How a camera's clock runs against another sensor's: time there = the camera's time stamp + `offset_s`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClockOffset {
+    /// The camera.
+    pub camera: String,
+    /// The sensor whose clock is the reference (`imu`).
+    pub reference: String,
+    /// Seconds to add to the camera's time stamps.
+    pub offset_s: f64,
+}
+
+/// A camera file, read; or what is to be written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraFile {
     /// What kind of file it was.
@@ -205,6 +252,8 @@ pub struct CameraFile {
     pub cameras: Vec<NamedCamera>,
     /// Poses between other frames (an IMU, a laser scanner, links of a robot).
     pub relations: Vec<Placement>,
+    /// Time shifts, for the cameras that have one.
+    pub clocks: Vec<ClockOffset>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
 }
@@ -230,8 +279,16 @@ pub struct WriteError(pub String);
 struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,
+    clocks: Vec<ClockOffset>,
     notes: Vec<String>,
     warnings: Vec<String>,
+}
+
+impl Contents {
+    fn into_file(self, format: Format) -> CameraFile {
+        let Contents { cameras, relations, clocks, warnings, .. } = self;
+        CameraFile { format, cameras, relations, clocks, warnings }
+    }
 }
 
 /// Reads every camera of a file, recognising the format by its content.
@@ -256,8 +313,7 @@ fn cameras_of(document: &Document) -> Result<CameraFile, Fault> {
         let name = format.format.name();
         return Err(Fault::new(format!("{name} with {only}; give the file that holds the camera matrices")));
     }
-    let Contents { cameras, relations, warnings, .. } = contents;
-    Ok(CameraFile { format: format.format, cameras, relations, warnings })
+    Ok(contents.into_file(format.format))
 }
 
 fn contents_of(document: &Document, reads: &Reads) -> Result<Contents, Fault> {
@@ -374,20 +430,18 @@ fn target_of(document: &Document) -> Result<TargetFile, Fault> {
 ///
 /// Errors when the format cannot hold a model or the number of cameras: no camera is dropped silently.
 pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<Vec<OutFile>, WriteError> {
-    write_rig(cameras, &[], format)
+    let rig = Contents { cameras: cameras.to_vec(), ..Contents::default() };
+    write_rig(&rig.into_file(format), format)
 }
 
-/// As `write_cameras`, with poses between other frames for the formats that have a place for them.
-pub fn write_rig(
-    cameras: &[NamedCamera],
-    relations: &[Placement],
-    format: Format,
-) -> Result<Vec<OutFile>, WriteError> {
-    if cameras.is_empty() {
+/// As `write_cameras`, with poses between other frames and clocks for the formats that have a place for them; the
+/// `format` and `warnings` of `rig` play no part.
+pub fn write_rig(rig: &CameraFile, format: Format) -> Result<Vec<OutFile>, WriteError> {
+    if rig.cameras.is_empty() {
         return Err(WriteError("no camera to write".into()));
     }
     match writer_of(format) {
-        Some(writer) => differently_named(writer.run(cameras, relations)?),
+        Some(writer) => differently_named(writer.run(rig)?),
         None => {
             let words: Vec<&str> =
                 Format::writable().filter_map(|(_, words)| words.first().copied()).collect();

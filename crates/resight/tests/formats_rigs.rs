@@ -203,6 +203,49 @@ fn colmap_images_that_share_a_camera() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
+/// Every model of COLMAP's that we read, with our pixels for the judge.
+#[test]
+fn colmap_models_project_as_in_colmap() {
+    let models = cameras("colmap_models.txt");
+    assert_eq!(models.len(), 13);
+    let mut text = String::from("rig,camera,x_m,y_m,z_m,u_px,v_px\n");
+    for camera in &models {
+        for (x, pixel) in seen_points(camera) {
+            let name = &camera.name;
+            text +=
+                &format!("colmap_models,{name},{:?},{:?},{:?},{:?},{:?}\n", x.x, x.y, x.z, pixel.x, pixel.y);
+        }
+    }
+    assert_golden("colmap_models", &[OutFile { name: "pixels.csv".into(), text }]);
+    // Written as the most general model of each kind, they are the same lenses.
+    let mut unplaced = models.clone();
+    unplaced.iter_mut().for_each(|c| c.placement = None);
+    let files = write_cameras(&unplaced, Format::Colmap).unwrap();
+    let back = read_cameras_from_bytes(Path::new("x"), files[0].text.clone().into_bytes()).unwrap();
+    for (a, b) in back.cameras.iter().zip(&models) {
+        for (x, pixel) in seen_points(b) {
+            assert!((a.camera.project(&x).unwrap() - pixel).norm() < 1e-9, "{}", b.name);
+        }
+    }
+}
+
+/// `explain` says which way each file's poses go.
+#[test]
+fn explained_with_their_traps() {
+    for (file, words) in [
+        ("colmap/images.txt", &["COLMAP text model", "x_left = R x_world + t", "world → camera"][..]),
+        (
+            "multical_pair/calibration.json",
+            &["`cam2_to_cam1` maps points of cam1 into cam2", "x_right = R x_left + t"],
+        ),
+        ("mccalib/calibrated_cameras_data.yml", &["x_group_0 = R x_camera_1 + t", "unit of the board"]),
+        ("easy_handeye_hand/easy_handeye.yaml", &["x_world = R x_right + t", "optical frame"]),
+        ("aniposelib/calibration.toml", &["aniposelib camera group", "cam_10 comes before cam_2"]),
+    ] {
+        assert_says(&resight::formats::explain(&golden(file)).unwrap(), words);
+    }
+}
+
 #[test]
 fn colmap_alone_and_without_poses() {
     let intrinsics = write_cameras(&cameras("kalibr_camchain.yaml")[..2], Format::Colmap).unwrap();
@@ -302,6 +345,40 @@ fn mccalib_round_trips() {
     let p = read[1].placement.as_ref().unwrap();
     assert_eq!((p.b.as_str(), p.a.as_str()), ("group_0", "camera_1"));
     assert_says(&refusal("placed_rig.toml", Format::McCalib), &["tele", "k1, k2, p1, p2, k3 only"]);
+}
+
+/// The camera's intrinsics are in another file; read together they are the rig again.
+#[test]
+fn easy_handeye_round_trips_with_the_intrinsics_beside() {
+    let right = cameras("placed_rig.toml").remove(1);
+    for (format, folder, key) in [
+        (Format::EasyHandeyeOnBase, "easy_handeye_base", "robot_base_frame: \"world\""),
+        (Format::EasyHandeyeOnHand, "easy_handeye_hand", "robot_effector_frame: \"world\""),
+    ] {
+        let files = write_cameras(std::slice::from_ref(&right), format).unwrap();
+        assert_golden(folder, &files);
+        assert_says(&files[0].text, &[key]);
+        let mut unplaced = right.clone();
+        unplaced.placement = None;
+        let intrinsics = &write_cameras(&[unplaced.clone()], Format::Own).unwrap()[0].text;
+        let beside =
+            std::env::temp_dir().join(format!("resight-handeye-{}-{folder}.toml", std::process::id()));
+        std::fs::write(&beside, intrinsics).unwrap();
+        let read = read_rig(&[beside.clone(), golden(folder).join("easy_handeye.yaml")]).unwrap();
+        std::fs::remove_file(&beside).unwrap();
+        let p = read.cameras[0].placement.as_ref().unwrap();
+        assert_eq!((p.b.as_str(), p.a.as_str()), ("world", "right"));
+        assert_same_rig(&read.cameras, std::slice::from_ref(&right), &[]);
+        assert_says(&write_cameras(&[unplaced], format).unwrap_err().0, &["right", "no pose"]);
+    }
+    let text = std::fs::read_to_string(golden("easy_handeye_hand").join("easy_handeye.yaml")).unwrap();
+    let refused = |from: &str, to: &str| {
+        let bytes = text.replace(from, to).into_bytes();
+        read_cameras_from_bytes(Path::new("h.yaml"), bytes).unwrap_err().to_string()
+    };
+    assert_says(&refused("qw: ", "qw: 1"), &["h.yaml:", "transformation", "length"]);
+    assert_says(&refused("  robot_effector_frame: \"world\"", "  robot_effector_frame: \"\""), &["is empty"]);
+    assert_says(&refused("nothing", ""), &["poses only"]);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! What is written reads back the same, and says so in the same bytes every time.
 
+use resight::core::Matrix6;
 use resight::formats::{
-    Format, NamedCamera, OutFile, WriteError, read_cameras, read_cameras_from_bytes, write_atomically,
-    write_cameras,
+    CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, read_cameras, read_cameras_from_bytes,
+    write_atomically, write_cameras, write_rig,
 };
 use std::path::{Path, PathBuf};
 
@@ -105,6 +106,27 @@ fn kalibr_round_trips() {
         assert_same(&read_back(&text, Format::Kalibr, "x"), &chain);
         assert_golden(name, &text);
     }
+}
+
+/// Kalibr's time shift and a pose between frames of no camera survive in our own file, a covariance too.
+#[test]
+fn clocks_relations_and_covariances_round_trip() {
+    let mut rig = read_cameras(&example("kalibr_imucam.yaml")).unwrap();
+    assert_eq!(rig.clocks.len(), 1);
+    assert_eq!((rig.clocks[0].camera.as_str(), rig.clocks[0].offset_s), ("cam0", 0.001));
+    let mut stated = rig.cameras[1].placement.clone().unwrap();
+    stated.covariance = Some(Matrix6::from_fn(|i, j| if i == j { 1e-6 * (1 + i) as f64 } else { 1e-7 }));
+    rig.cameras[1].placement = Some(stated.clone());
+    rig.relations.push(Placement { b: "imu".into(), a: "base".into(), ..stated });
+    let files = write_rig(&rig, Format::Own).unwrap();
+    assert_eq!(files[0].name, "rig.toml");
+    let read = read_cameras_from_bytes(Path::new("x"), files[0].text.clone().into_bytes()).unwrap();
+    assert_same(&read.cameras, &rig.cameras);
+    let covariance = |file: &CameraFile| file.cameras[1].placement.as_ref().unwrap().covariance;
+    assert_eq!(covariance(&read), covariance(&rig));
+    assert_eq!((&read.clocks, &read.relations[0].covariance), (&rig.clocks, &rig.relations[0].covariance));
+    assert_eq!((read.relations[0].b.as_str(), read.relations[0].a.as_str()), ("imu", "base"));
+    assert_golden("rig_imu.toml", &files[0].text);
 }
 
 /// Two cameras placed in the world become a chain: cam1_from_cam0 = cam1_from_world · world_from_cam0.

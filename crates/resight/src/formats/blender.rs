@@ -11,7 +11,7 @@
 use super::emit::{list, number, quoted};
 use super::lens::{self, LensNumbers};
 use super::placed::{Placed, placed, size_of};
-use super::{CameraFormat, Format, NamedCamera, OutFile, Placement, WriteError, Writer};
+use super::{CameraFile, CameraFormat, Format, OutFile, WriteError, Writer};
 use crate::core::Pose;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
@@ -25,8 +25,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 /// Any width will do, since the lens is given in the same unit; Blender's own default, mm.
 const SENSOR_MM: f64 = 36.0;
 
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(cameras, relations, "a Blender script")?;
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let rig = placed(file, "a Blender script")?;
     let rows = rig.cameras.iter().map(camera_text).collect::<Result<Vec<String>, WriteError>>()?;
     let turn = if rig.root_is_camera { upright_from_cam() } else { Pose::identity() };
     let values = format!(

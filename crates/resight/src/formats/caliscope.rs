@@ -6,8 +6,8 @@ use super::entry::Entry;
 use super::lens::{self, LensNumbers};
 use super::placed::{placed, size_of};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, checks,
-    mrcal, opencv,
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    checks, mrcal, opencv,
 };
 use crate::core::{Camera, Pose};
 
@@ -111,9 +111,10 @@ fn placement(entry: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> 
 
 /// `[cameras.N]`, N a whole number as Caliscope wants it: the camera's name where it is one, else its place, the name
 /// beside it.
-fn write_caliscope(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
+fn write_caliscope(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let cameras = &file.cameras;
     let numbered = cameras.iter().all(|c| c.name.parse::<u32>().is_ok_and(|n| n.to_string() == c.name));
-    let poses = poses_of(cameras, relations)?;
+    let poses = poses_of(file)?;
     let mut text =
         String::from("# rotation (Rodrigues, rad) and translation map world points into the camera.\n");
     for (i, (camera, cam_from_root)) in cameras.iter().zip(poses).enumerate() {
@@ -129,9 +130,10 @@ fn write_caliscope(cameras: &[NamedCamera], relations: &[Placement]) -> Result<V
 
 /// `[cam_N]` as aniposelib loads it, which takes the tables in the order of their sorted names: the numbers are padded
 /// with zeros so that this is our order too.
-fn write_aniposelib(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
+fn write_aniposelib(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let cameras = &file.cameras;
     let digits = cameras.len().saturating_sub(1).to_string().len();
-    let poses = poses_of(cameras, relations)?;
+    let poses = poses_of(file)?;
     let mut text =
         String::from("# rotation (Rodrigues, rad) and translation map world points into the camera.\n");
     for (i, (camera, cam_from_root)) in cameras.iter().zip(poses).enumerate() {
@@ -145,11 +147,12 @@ fn write_aniposelib(cameras: &[NamedCamera], relations: &[Placement]) -> Result<
 }
 
 /// Poses in one frame; a camera alone stands in its own, and cameras that have none stay without.
-fn poses_of(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<Option<Pose>>, WriteError> {
-    if 1 < cameras.len() && cameras.iter().all(|c| c.placement.is_none()) && relations.is_empty() {
+fn poses_of(file: &CameraFile) -> Result<Vec<Option<Pose>>, WriteError> {
+    let cameras = &file.cameras;
+    if 1 < cameras.len() && cameras.iter().all(|c| c.placement.is_none()) && file.relations.is_empty() {
         return Ok(vec![None; cameras.len()]);
     }
-    let rig = placed(cameras, relations, "a camera array")?;
+    let rig = placed(file, "a camera array")?;
     Ok(rig.cameras.iter().map(|c| Some(c.cam_from_root)).collect())
 }
 

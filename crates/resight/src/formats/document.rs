@@ -3,7 +3,7 @@
 //! Every format reads the same tree through `Entry`, so each refusal names file, line and key in one way.
 
 use super::entry::Entry;
-use super::{colmap, syntax};
+use super::{colmap, syntax, tf_launch};
 use crate::FileError;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -45,6 +45,8 @@ pub(super) enum Syntax {
     Python,
     Xml,
     Lines,
+    /// A launch file or script that runs `static_transform_publisher`.
+    Launch,
 }
 
 impl Syntax {
@@ -59,6 +61,9 @@ impl Syntax {
             Some('<') => Syntax::Xml,
             Some('{') => Syntax::of_braces(text),
             Some('%') => Syntax::Yaml,
+            // A table of TOML, or a list of JSON objects.
+            Some('[') if text.trim_start()[1..].trim_start().starts_with('{') => Syntax::Json,
+            _ if tf_launch::runs_publishers(text) => Syntax::Launch,
             Some('[') => Syntax::Toml,
             _ if colmap::is_table_line(first) => Syntax::Lines,
             _ => match (first.find('='), first.find(':')) {
@@ -83,7 +88,7 @@ pub(super) struct Document {
     pub path: PathBuf,
     pub syntax: Syntax,
     pub text: String,
-    /// `Value::Null` for `Syntax::Lines`.
+    /// `Value::Null` for `Syntax::Lines` and `Syntax::Launch`.
     pub root: Node,
 }
 
@@ -116,7 +121,7 @@ impl Document {
             Syntax::Json => syntax::literal::parse_json(&text)?,
             Syntax::Python => syntax::literal::parse_python(&text)?,
             Syntax::Xml => syntax::xml::parse(&text)?,
-            Syntax::Lines => Node { line: 1, value: Value::Null },
+            Syntax::Lines | Syntax::Launch => Node { line: 1, value: Value::Null },
         };
         Ok(Document { path: path.to_path_buf(), syntax, text, root })
     }

@@ -3,7 +3,8 @@
 use super::document::{Document, Fault};
 use super::lens::{self, LensNumbers};
 use super::{
-    Contents, NamedCamera, Placement, camera_format, contents_of, not_a_camera, target_format, target_of,
+    ClockOffset, Contents, NamedCamera, Placement, camera_format, contents_of, not_a_camera, target_format,
+    target_of,
 };
 use crate::FileError;
 use crate::core::camera::ImageSize;
@@ -71,7 +72,13 @@ fn cameras_text(document: &Document, format: &str, contents: &Contents) -> Strin
     let cameras: String = contents.cameras.iter().map(camera_text).collect();
     let relations: String =
         contents.relations.iter().map(|p| format!("\n{}", placement_text(p, None))).collect();
-    head + &cameras + &relations
+    let clocks: String = contents.clocks.iter().map(clock_text).collect();
+    head + &cameras + &relations + &clocks
+}
+
+fn clock_text(clock: &ClockOffset) -> String {
+    let (camera, reference, ms) = (&clock.camera, &clock.reference, 1e3 * clock.offset_s);
+    format!("\nClock: time of `{reference}` = time stamp of {camera} + {ms:.3} ms.\n")
 }
 
 fn camera_text(named: &NamedCamera) -> String {

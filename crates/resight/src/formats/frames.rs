@@ -1,6 +1,6 @@
 //! Poses between frames that are joined through other frames.
 
-use super::{NamedCamera, Placement};
+use super::{CameraFile, Format, NamedCamera, Placement, WriteError};
 use crate::core::Pose;
 
 /// All poses a rig states, between cameras and other frames.
@@ -9,6 +9,11 @@ pub(super) struct Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
+    /// All that a rig states.
+    pub fn of_rig(rig: &'a CameraFile) -> Self {
+        Frames::of(&rig.cameras, &rig.relations)
+    }
+
     /// Those of the cameras and those between other frames.
     pub fn of(cameras: &'a [NamedCamera], relations: &'a [Placement]) -> Self {
         Frames { placements: cameras.iter().filter_map(|c| c.placement.as_ref()).chain(relations).collect() }
@@ -17,6 +22,51 @@ impl<'a> Frames<'a> {
     /// `b_from_a` through the shortest chain of poses; none when nothing joins the two.
     pub fn between(&self, b: &str, a: &str) -> Option<Pose> {
         self.reached_from(a).into_iter().find(|(frame, _)| frame == b).map(|(_, b_from_a)| b_from_a)
+    }
+
+    /// The frame that all cameras are placed in: the first of `preferred` that the rig has, else the one that all
+    /// placements share, else the first camera. Errors name the camera that nothing joins to it.
+    pub fn common(
+        &self,
+        cameras: &[NamedCamera],
+        preferred: &[&str],
+        format: Format,
+    ) -> Result<String, WriteError> {
+        let wanted = preferred.iter().find(|name| self.has(name)).map(|name| (*name).to_owned());
+        let reference = wanted.or_else(|| shared_end(cameras)).unwrap_or_else(|| cameras[0].name.clone());
+        let reached = self.reached_from(&reference);
+        match cameras.iter().find(|c| reached.iter().all(|(frame, _)| *frame != c.name)) {
+            None => Ok(reference),
+            Some(lost) => Err(WriteError(format!(
+                "no pose joins camera `{}` to `{reference}`, and {} states where every camera is; give a file \
+                    with its pose too, or pick cameras with FILE#NAME",
+                lost.name,
+                format.name()
+            ))),
+        }
+    }
+
+    /// Every frame that poses join to `a`, with `a_from_frame`, in the order in which the rig names them; not `a` itself.
+    pub fn seen_from(&self, a: &str) -> Vec<(String, Pose)> {
+        let reached = self.reached_from(a);
+        let pose = |name: &str| reached.iter().find(|(frame, _)| frame == name).map(|(_, p)| p.inverse());
+        let names = self.names().into_iter().filter(|name| *name != a);
+        names.filter_map(|name| pose(name).map(|p| (name.to_owned(), p))).collect()
+    }
+
+    /// All frames, in the order in which they are first named.
+    pub fn names(&self) -> Vec<&'a str> {
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.placements.iter().flat_map(|p| [p.b.as_str(), p.a.as_str()]) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    fn has(&self, frame: &str) -> bool {
+        self.placements.iter().any(|p| p.a == frame || p.b == frame)
     }
 
     /// Every frame b that poses join to `a`, nearest first, with `b_from_a`; `a` itself is the first.
@@ -35,6 +85,16 @@ impl<'a> Frames<'a> {
         }
         reached
     }
+}
+
+/// The frame at the far end of every camera's placement, when it is one and the same.
+fn shared_end(cameras: &[NamedCamera]) -> Option<String> {
+    let ends: Vec<&String> = cameras
+        .iter()
+        .filter_map(|c| c.placement.as_ref().map(|p| if p.b == c.name { &p.a } else { &p.b }))
+        .collect();
+    let first = ends.first()?;
+    ends.iter().all(|end| end == first).then(|| (*first).clone())
 }
 
 /// The frame at the other end of a pose, and the pose to there.

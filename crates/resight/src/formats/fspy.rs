@@ -7,7 +7,7 @@
 use super::emit::{list, number};
 use super::lens::{self, LensNumbers};
 use super::placed::{placed, size_of, the_only};
-use super::{CameraFormat, Format, NamedCamera, OutFile, Placement, WriteError, Writer};
+use super::{CameraFile, CameraFormat, Format, OutFile, WriteError, Writer};
 use crate::core::Pose;
 use crate::core::camera::{CameraMatrix, ImageSize};
 use nalgebra::Vector3;
@@ -25,8 +25,8 @@ const SQUARE_PX: f64 = 0.5;
 /// A vanishing point at infinity is put this many units of the image plane away.
 const FAR: f64 = 1e9;
 
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let camera = the_only(cameras, "fSpy")?;
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let camera = the_only(&file.cameras, "fSpy")?;
     let size = size_of(camera, "fSpy")?;
     let (k, numbers) = lens::numbers_of(&camera.camera)?;
     if numbers != LensNumbers::Pinhole {
@@ -44,7 +44,7 @@ fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile
             camera.name, k.fx_px, k.fy_px
         )));
     }
-    let rig = placed(cameras, relations, "fSpy")?;
+    let rig = placed(file, "fSpy")?;
     let world_from_cam = rig.cameras[0].root_from_gl_cam();
     Ok(OutFile::only("fspy.json", text(&k, size, &world_from_cam)))
 }

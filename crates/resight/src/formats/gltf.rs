@@ -8,7 +8,7 @@
 
 use super::lens::{self, LensNumbers};
 use super::placed::{Placed, PlacedRig, cam_from_gl_cam, placed, size_of};
-use super::{CameraFormat, Format, NamedCamera, OutFile, Placement, WriteError, Writer};
+use super::{CameraFile, CameraFormat, Format, NamedCamera, OutFile, WriteError, Writer};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Bearing, Camera, Pixel, Point, Pose};
 use crate::report::html::base64;
@@ -36,11 +36,11 @@ struct Wires {
     pairs: Vec<u16>,
 }
 
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(cameras, relations, "a glTF scene")?;
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let rig = placed(file, "a glTF scene")?;
     let depth_m = depth_of(&rig);
-    let mut wires = Vec::with_capacity(cameras.len());
-    for camera in cameras {
+    let mut wires = Vec::with_capacity(file.cameras.len());
+    for camera in &file.cameras {
         let size = size_of(camera, "glTF")?;
         let lines = frustum(&camera.camera, size, depth_m).ok_or_else(|| {
             WriteError(format!(

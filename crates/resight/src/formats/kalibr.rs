@@ -4,13 +4,13 @@
 //! OpenVINS keeps the same shape with `T_imu_cam`, the inverse.
 
 use super::document::{Document, Fault, Value};
-use super::emit::list;
+use super::emit::{list, number};
 use super::entry::Entry;
 use super::frames::Frames;
 use super::lens::{self, LensNumbers};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
-    checks,
+    CameraFile, CameraFormat, ClockOffset, Contents, Format, NamedCamera, OutFile, Placement, Reads,
+    WriteError, Writer, Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
@@ -66,6 +66,10 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             (None, None) => None,
         };
         previous = Some((name.clone(), from_imu));
+        if let Some(shift) = entry.get("timeshift_cam_imu") {
+            let (camera, offset_s) = (name.clone(), shift.number()?);
+            contents.clocks.push(ClockOffset { camera, reference: "imu".into(), offset_s });
+        }
         contents.cameras.push(NamedCamera { name, camera, placement });
     }
     Ok(contents)
@@ -191,8 +195,8 @@ fn with_distortion(
 }
 
 /// A chain cam0, cam1, …; poses between neighbours through whatever frames join them.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
-    let frames = Frames::of(cameras, relations);
+fn write(rig: &CameraFile) -> Written {
+    let (cameras, frames) = (&rig.cameras, Frames::of_rig(rig));
     let mut out = String::new();
     for (i, camera) in cameras.iter().enumerate() {
         out += &format!("cam{i}:\n");
@@ -204,6 +208,9 @@ fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
             out += &matrix("T_cam_imu", &pose);
         }
         out += &intrinsics(camera, i)?;
+        if let Some(clock) = rig.clocks.iter().find(|c| c.camera == camera.name && c.reference == "imu") {
+            out += &format!("  timeshift_cam_imu: {}\n", number(clock.offset_s));
+        }
     }
     Ok(OutFile::only("camchain.yaml", out))
 }
@@ -214,22 +221,37 @@ fn matrix(key: &str, pose: &Pose) -> String {
 }
 
 fn intrinsics(camera: &NamedCamera, i: usize) -> Result<String, WriteError> {
-    let ImageSize { width_px, height_px } = camera.camera.size.ok_or_else(|| {
-        WriteError(format!("{}: Kalibr needs the image size, which this camera has not", camera.name))
-    })?;
-    let (k, numbers) = lens::numbers_of(&camera.camera)?;
-    let (model, first, distortion, d) = kalibr_names(numbers)?;
-    let mut values = first;
-    values.extend([k.fx_px, k.fy_px, k.cx_px, k.cy_px]);
+    let numbers = numbers("Kalibr", camera)?;
     Ok([
-        format!("  camera_model: {model}\n"),
-        format!("  distortion_coeffs: {}\n", list(&d)),
-        format!("  distortion_model: {distortion}\n"),
-        format!("  intrinsics: {}\n", list(&values)),
-        format!("  resolution: [{width_px}, {height_px}]\n"),
+        format!("  camera_model: {}\n", numbers.model),
+        format!("  distortion_coeffs: {}\n", list(&numbers.coefficients)),
+        format!("  distortion_model: {}\n", numbers.distortion),
+        format!("  intrinsics: {}\n", list(&numbers.intrinsics)),
+        format!("  resolution: [{}, {}]\n", numbers.size.width_px, numbers.size.height_px),
         format!("  rostopic: /cam{i}/image_raw\n"),
     ]
     .concat())
+}
+
+/// A camera in Kalibr's words, which EuRoC shares.
+pub(super) struct KalibrNumbers {
+    pub model: &'static str,
+    pub intrinsics: Vec<f64>,
+    pub distortion: &'static str,
+    pub coefficients: Vec<f64>,
+    pub size: ImageSize,
+}
+
+pub(super) fn numbers(format: &str, camera: &NamedCamera) -> Result<KalibrNumbers, WriteError> {
+    let blamed = |reason: String| WriteError(format!("{}: {reason}", camera.name));
+    let size = camera
+        .camera
+        .size
+        .ok_or_else(|| blamed(format!("{format} needs the image size, which this camera has not")))?;
+    let (k, lens) = lens::numbers_of(&camera.camera)?;
+    let (model, mut intrinsics, distortion, coefficients) = kalibr_names(lens).map_err(|e| blamed(e.0))?;
+    intrinsics.extend([k.fx_px, k.fy_px, k.cx_px, k.cy_px]);
+    Ok(KalibrNumbers { model, intrinsics, distortion, coefficients, size })
 }
 
 type Names = (&'static str, Vec<f64>, &'static str, Vec<f64>);

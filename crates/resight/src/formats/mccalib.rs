@@ -10,8 +10,8 @@ use super::entry::Entry;
 use super::lens::{self, LensNumbers};
 use super::placed::{placed, size_of};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, checks,
-    opencv,
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    checks, opencv,
 };
 use crate::core::Camera;
 use crate::core::camera::ImageSize;
@@ -84,9 +84,9 @@ fn one_camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, F
 }
 
 /// All cameras in one group; MC-Calib calls them by number, so that other names are kept in a comment.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(cameras, relations, "MC-Calib")?;
-    let mut out = format!("%YAML:1.0\n---\nnb_camera: {}\n", cameras.len());
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let rig = placed(file, "MC-Calib")?;
+    let mut out = format!("%YAML:1.0\n---\nnb_camera: {}\n", file.cameras.len());
     for (i, c) in rig.cameras.iter().enumerate() {
         let name = &c.camera.name;
         if *name != format!("camera_{i}") {

@@ -7,7 +7,8 @@ use super::entry::Entry;
 use super::lens::{self, LensNumbers};
 use super::placed::{file_per_camera, placed, size_of};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, checks,
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    checks,
 };
 use crate::core::Pose;
 use crate::core::camera::CameraMatrix;
@@ -81,14 +82,14 @@ fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
 }
 
 /// One file a camera, all with the same reference frame; without a pose the camera is its own reference.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(cameras, relations, "a set of mrcal models")?;
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let rig = placed(file, "a set of mrcal models")?;
     let pose_of = |camera: &NamedCamera| {
         let found = rig.cameras.iter().find(|c| c.camera.name == camera.name);
         found.map_or_else(Pose::identity, |c| c.cam_from_root)
     };
     let reference = rig.root.replace(char::is_control, " ");
-    file_per_camera(cameras, "cameramodel", |camera| {
+    file_per_camera(&file.cameras, "cameramodel", |camera| {
         let size = size_of(camera, "mrcal")?;
         let (k, numbers) = lens::numbers_of(&camera.camera)?;
         let (model, d) = model_of(numbers).map_err(|e| WriteError(format!("{}: {e}", camera.name)))?;

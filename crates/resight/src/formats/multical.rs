@@ -10,7 +10,8 @@ use super::lens::{self, LensNumbers};
 use super::opencv::{brown_conrady, matrix_rows};
 use super::placed::{PlacedRig, placed, size_of};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, checks,
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    checks,
 };
 use crate::core::Pose;
 
@@ -86,10 +87,11 @@ fn frames_of(cameras: &[NamedCamera], key: &str) -> Option<(String, String)> {
 }
 
 /// Poses by name alone in the rig's frame, or `NAME_to_MASTER` where that frame is a camera's.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let cameras = &file.cameras;
     let entries = cameras.iter().map(camera_text).collect::<Result<Vec<String>, WriteError>>()?;
-    let posed = cameras.iter().any(|c| c.placement.is_some()) || !relations.is_empty();
-    let poses = if posed { poses_text(&placed(cameras, relations, "multical")?) } else { String::new() };
+    let posed = cameras.iter().any(|c| c.placement.is_some()) || !file.relations.is_empty();
+    let poses = if posed { poses_text(&placed(file, "multical")?) } else { String::new() };
     let text = format!("{{\n  \"cameras\": {{\n{}\n  }}{poses}\n}}\n", entries.join(",\n"));
     Ok(OutFile::only("calibration.json", text))
 }

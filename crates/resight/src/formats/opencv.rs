@@ -1,20 +1,13 @@
 //! OpenCV FileStorage (YAML 1.0 and 1.2, XML, JSON), in the spellings its samples and its users have for K and D.
 //!
 //! Stereo files: R, T with x_2 = R x_1 + T, in the unit of the calibration board, which the file does not state.
-//! The emitter is ours because OpenCV's YAML reader is particular about layout.
 
 use super::document::{Document, Fault};
-use super::emit::list;
 use super::entry::Entry;
-use super::frames::Frames;
 use super::lens::{self, LensNumbers};
-use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
-    checks,
-};
+use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, Writer, checks, opencv_write};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::{Camera, Pose};
-use std::fmt::Write;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::OpenCv,
@@ -24,7 +17,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
         read,
         together: None,
     }),
-    write: Some(Writer::Rig(write)),
+    write: Some(Writer::Rig(opencv_write::write_yaml)),
     traps: &[
         "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
             not the second camera's place, that is -Rᵀ T.",
@@ -224,111 +217,7 @@ fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
     Ok(())
 }
 
-/// One camera (`camera_matrix`, …) or two (`M1 D1 M2 D2 R T`).
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
-    let mut out = String::from("%YAML:1.0\n---\n");
-    match cameras {
-        [only] => {
-            write_name_and_size(&mut out, "", only)?;
-            write_intrinsics(&mut out, only, "camera_matrix", "distortion_coefficients")?;
-        }
-        [first, second] => write_pair(&mut out, first, second, &Frames::of(cameras, relations))?,
-        many => {
-            return Err(WriteError(format!(
-                "an OpenCV file holds one or two cameras, not {}; write kalibr or resight",
-                many.len()
-            )));
-        }
-    }
-    Ok(OutFile::only(if cameras.len() == 1 { "camera.yml" } else { "stereo.yml" }, out))
-}
-
-fn write_pair(
-    out: &mut String,
-    first: &NamedCamera,
-    second: &NamedCamera,
-    frames: &Frames<'_>,
-) -> Result<(), WriteError> {
-    if first.camera.size != second.camera.size {
-        return Err(WriteError("an OpenCV stereo file has one image size; write one file per camera".into()));
-    }
-    write_name_and_size(out, "1", first)?;
-    put(out, format_args!("camera_name2: \"{}\"\n", plain_name(&second.name)?));
-    write_intrinsics(out, first, "M1", "D1")?;
-    write_intrinsics(out, second, "M2", "D2")?;
-    if let Some(pose) = frames.between(&second.name, &first.name) {
-        let r: Vec<f64> = pose.rotation.transpose().iter().copied().collect();
-        write_matrix(out, "R", 3, 3, &r);
-        write_matrix(out, "T", 3, 1, pose.translation.as_slice());
-    }
-    Ok(())
-}
-
-fn put(out: &mut String, text: std::fmt::Arguments<'_>) {
-    // Writing to a String cannot fail.
-    let _ = out.write_fmt(text);
-}
-
-fn plain_name(name: &str) -> Result<&str, WriteError> {
-    let plain = name.chars().all(|c| c.is_alphanumeric() || "_-. ".contains(c));
-    if plain {
-        Ok(name)
-    } else {
-        Err(WriteError(format!("camera name `{name}`: only letters, digits, _, - and . can be written")))
-    }
-}
-
-fn write_name_and_size(out: &mut String, number: &str, camera: &NamedCamera) -> Result<(), WriteError> {
-    put(out, format_args!("camera_name{number}: \"{}\"\n", plain_name(&camera.name)?));
-    if let Some(size) = camera.camera.size {
-        put(out, format_args!("image_width: {}\nimage_height: {}\n", size.width_px, size.height_px));
-    }
-    Ok(())
-}
-
-fn write_intrinsics(
-    out: &mut String,
-    camera: &NamedCamera,
-    matrix: &str,
-    distortion: &str,
-) -> Result<(), WriteError> {
-    let (k, numbers) = lens::numbers_of(&camera.camera)?;
-    let (model, d) = match numbers {
-        LensNumbers::Pinhole => ("plumb_bob", vec![0.0; 5]),
-        LensNumbers::BrownConrady(d) if d.len() <= 5 => ("plumb_bob", d),
-        LensNumbers::BrownConrady(d) => ("rational_polynomial", d),
-        LensNumbers::KannalaBrandt(d) => ("fisheye", d.to_vec()),
-        other => {
-            return Err(WriteError(format!(
-                "OpenCV has no {} model; write resight or kalibr",
-                other.model()
-            )));
-        }
-    };
-    if !out.contains("distortion_model") {
-        put(out, format_args!("distortion_model: \"{model}\"\n"));
-    } else if out.contains("\"fisheye\"") != (model == "fisheye") {
-        return Err(WriteError(
-            "a fisheye and an ordinary lens do not fit one OpenCV file; write one file per camera".into(),
-        ));
-    }
-    write_matrix(out, matrix, 3, 3, &matrix_rows(&k));
-    let (rows, columns) = if model == "fisheye" { (d.len(), 1) } else { (1, d.len()) };
-    write_matrix(out, distortion, rows, columns, &d);
-    Ok(())
-}
-
 /// [fx 0 cx; 0 fy cy; 0 0 1], row by row.
 pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
     [k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0]
-}
-
-fn write_matrix(out: &mut String, key: &str, rows: usize, columns: usize, data: &[f64]) {
-    put(
-        out,
-        format_args!(
-            "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {}\n",
-            list(data)
-        ),
-    );
 }

@@ -21,8 +21,8 @@ use super::emit::{list, number, quoted};
 use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
 use super::{
-    CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer, Written,
-    checks,
+    CameraFile, CameraFormat, ClockOffset, Contents, Format, NamedCamera, OutFile, Placement, Reads,
+    WriteError, Writer, Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::{Camera, Lens, Matrix6};
@@ -45,7 +45,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 
 const MODELS: [&str; 8] =
     ["pinhole", "brown_conrady", "kannala_brandt", "photogrammetric", "omni", "double_sphere", "eucm", "fov"];
-const COMMON: [&str; 3] = ["name", "model", "placement"];
+const COMMON: [&str; 4] = ["name", "model", "placement", "clock"];
 const MATRIX: [&str; 6] = ["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"];
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -53,12 +53,15 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let mut contents = Contents::default();
     let Some(cameras) = root.get("camera") else {
         let camera = one_camera(&root, Some(document.stem()), &mut contents.warnings)?;
+        contents.clocks.extend(root.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
         contents.cameras.push(camera);
         return Ok(contents);
     };
     root.only(&["camera", "relation"])?;
     for entry in cameras.items()? {
-        contents.cameras.push(one_camera(&entry, None, &mut contents.warnings)?);
+        let camera = one_camera(&entry, None, &mut contents.warnings)?;
+        contents.clocks.extend(entry.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
+        contents.cameras.push(camera);
     }
     if let Some(relations) = root.get("relation") {
         contents.relations = relations.items()?.iter().map(placement).collect::<Result<_, _>>()?;
@@ -195,6 +198,16 @@ fn placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
     Ok(Placement { b, a, b_from_a, covariance })
 }
 
+/// `{ reference, offset_s }`: time of the reference = the camera's time stamp + offset.
+fn clock(entry: &Entry<'_>, camera: &str) -> Result<ClockOffset, Fault> {
+    entry.only(&["reference", "offset_s"])?;
+    Ok(ClockOffset {
+        camera: camera.to_owned(),
+        reference: entry.need("reference")?.text()?.to_owned(),
+        offset_s: entry.need("offset_s")?.number()?,
+    })
+}
+
 /// Six rows of six numbers, `[rotation_rad; translation_m]`, frame b.
 fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
     let rows = entry.items()?;
@@ -214,22 +227,26 @@ fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
 }
 
 /// Every model and every pose.
-fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Written {
+fn write(rig: &CameraFile) -> Written {
     let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
         down, z forward.\n";
-    if let ([only], []) = (cameras, relations)
+    if let ([only], [], []) = (&rig.cameras[..], &rig.relations[..], &rig.clocks[..])
         && only.placement.is_none()
     {
         return Ok(OutFile::only("camera.toml", format!("{header}{}", camera_text(only)?)));
     }
     let mut out = header.to_owned();
-    for camera in cameras {
+    for camera in &rig.cameras {
         out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
+        if let Some(clock) = rig.clocks.iter().find(|c| c.camera == camera.name) {
+            let (reference, offset_s) = (quoted(&clock.reference), number(clock.offset_s));
+            out += &format!("clock = {{ reference = {reference}, offset_s = {offset_s} }}\n");
+        }
         if let Some(p) = &camera.placement {
             out += &format!("[camera.placement] # x_in_b = b_from_a · x_in_a\n{}", placement_text(p));
         }
     }
-    for relation in relations {
+    for relation in &rig.relations {
         out += &format!("\n[[relation]] # x_in_b = b_from_a · x_in_a\n{}", placement_text(relation));
     }
     Ok(OutFile::only("rig.toml", out))

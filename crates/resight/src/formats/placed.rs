@@ -1,7 +1,7 @@
 //! Cameras in one common frame, whichever way their poses were stated: what most foreign files want.
 
 use super::frames::Frames;
-use super::{NamedCamera, OutFile, Placement, WriteError};
+use super::{CameraFile, NamedCamera, OutFile, WriteError};
 use crate::core::Pose;
 use crate::core::camera::ImageSize;
 use nalgebra::{Matrix3, Vector3};
@@ -24,13 +24,10 @@ pub(super) struct PlacedRig<'a> {
 /// Every camera in one frame: the first frame among their poses that is not a camera, else the first camera.
 ///
 /// Errors, naming them, when cameras are not joined to the first by any chain of poses; `format` is who asks.
-pub(super) fn placed<'a>(
-    cameras: &'a [NamedCamera],
-    relations: &[Placement],
-    format: &str,
-) -> Result<PlacedRig<'a>, WriteError> {
+pub(super) fn placed<'a>(file: &'a CameraFile, format: &str) -> Result<PlacedRig<'a>, WriteError> {
+    let cameras = &file.cameras;
     let root = root_of(cameras);
-    let reached = Frames::of(cameras, relations).reached_from(&root);
+    let reached = Frames::of(cameras, &file.relations).reached_from(&root);
     let pose_of = |name: &str| reached.iter().find(|(frame, _)| frame == name).map(|(_, pose)| *pose);
     let mut found = Vec::with_capacity(cameras.len());
     let mut lost = Vec::new();
@@ -92,21 +89,17 @@ pub(super) fn the_only<'a>(cameras: &'a [NamedCamera], format: &str) -> Result<&
     }
 }
 
-/// One file a camera, named after it; refuses names that are no file names or differ only in their case.
+/// One file a camera, named after it; refuses names that are no file names.
 pub(super) fn file_per_camera(
     cameras: &[NamedCamera],
     extension: &str,
     text: impl Fn(&NamedCamera) -> Result<String, WriteError>,
 ) -> Result<Vec<OutFile>, WriteError> {
-    let mut files: Vec<OutFile> = Vec::with_capacity(cameras.len());
-    for camera in cameras {
+    let file = |camera: &NamedCamera| {
         let name = format!("{}.{extension}", file_stem(&camera.name)?);
-        if files.iter().any(|f| f.name.eq_ignore_ascii_case(&name)) {
-            return Err(WriteError(format!("two cameras would be written to {name}; rename one")));
-        }
-        files.push(OutFile { name, text: text(camera)? });
-    }
-    Ok(files)
+        Ok(OutFile { name, text: text(camera)? })
+    };
+    cameras.iter().map(file).collect()
 }
 
 /// A camera's name as a file name on any system.

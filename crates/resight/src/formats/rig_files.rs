@@ -40,8 +40,7 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
         add(&mut rig, contents).map_err(|reason| FileError::new(path, reason))?;
     }
     join(&mut rig);
-    let Contents { cameras, relations, warnings, .. } = rig;
-    Ok(CameraFile { format, cameras, relations, warnings })
+    Ok(rig.into_file(format))
 }
 
 /// Every file below a folder that a camera format recognises, in the order of their paths.
@@ -116,6 +115,7 @@ fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
         rig.cameras.push(camera);
     }
     rig.relations.extend(more.relations);
+    rig.clocks.extend(more.clocks);
     rig.notes.extend(more.notes);
     rig.warnings.extend(more.warnings);
     Ok(())

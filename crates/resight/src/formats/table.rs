@@ -4,9 +4,9 @@
 
 use super::document::{Document, Fault};
 use super::{
-    Contents, Format, NamedCamera, OutFile, Placement, WriteError, basalt, blender, caliscope,
-    caliscope_target, colmap, euroc, fspy, gltf, kalibr, kalibr_target, mccalib, mrcal, multical, opencv,
-    own_camera, own_target, photonvision, ros, wpilib,
+    CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, blender, caliscope,
+    caliscope_target, colmap, euroc, fspy, gltf, handeye, kalibr, kalibr_target, kitti, mccalib, mrcal,
+    multical, nuscenes, opencv, opencv_write, own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
 };
 use crate::FileError;
 use crate::core::Target;
@@ -38,17 +38,17 @@ pub(super) type Written = Result<Vec<OutFile>, WriteError>;
 /// How a format is written; at least one camera is given.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
-    /// Has a place for cameras and their poses only.
+    /// Takes the cameras and their placements only.
     Cameras(fn(&[NamedCamera]) -> Written),
-    /// Has a place for poses between other frames too.
-    Rig(fn(&[NamedCamera], &[Placement]) -> Written),
+    /// Also looks at the poses between other frames, or the clocks.
+    Rig(fn(&CameraFile) -> Written),
 }
 
 impl Writer {
-    pub fn run(self, cameras: &[NamedCamera], relations: &[Placement]) -> Written {
+    pub fn run(self, rig: &CameraFile) -> Written {
         match self {
-            Writer::Cameras(write) => write(cameras),
-            Writer::Rig(write) => write(cameras, relations),
+            Writer::Cameras(write) => write(&rig.cameras),
+            Writer::Rig(write) => write(rig),
         }
     }
 }
@@ -76,9 +76,18 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     euroc::FORMAT,
     kalibr::FORMAT,
     photonvision::FORMAT,
+    tf::FORMAT,
+    tf::YAML,
+    urdf::FORMAT,
+    kitti::FORMAT,
+    kitti::ODOMETRY,
+    nuscenes::FORMAT,
     ros::FORMAT,
     opencv::FORMAT,
+    opencv_write::XML,
     photonvision::OLD_FORMAT,
+    handeye::ON_BASE,
+    handeye::ON_HAND,
     fspy::FORMAT,
     blender::FORMAT,
     gltf::FORMAT,

@@ -8,12 +8,13 @@ use crate::core::camera::CameraMatrix;
 use crate::formats::emit::number;
 use crate::formats::lens::{self, LensNumbers};
 use crate::formats::placed::{PlacedRig, placed, size_of};
-use crate::formats::{NamedCamera, OutFile, Placement, WriteError};
+use crate::formats::{CameraFile, NamedCamera, OutFile, WriteError};
 
 /// `cameras.txt` alone where no camera has a pose; the whole model otherwise.
-pub(super) fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<Vec<OutFile>, WriteError> {
-    let mut files = vec![file("cameras.txt", cameras_text(cameras)?)];
-    if 1 < cameras.len() && cameras.iter().all(|c| c.placement.is_none()) && relations.is_empty() {
+pub(in crate::formats) fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let cameras = &file.cameras;
+    let mut files = vec![table("cameras.txt", cameras_text(cameras)?)];
+    if 1 < cameras.len() && cameras.iter().all(|c| c.placement.is_none()) && file.relations.is_empty() {
         return Ok(files);
     }
     if let Some(odd) = cameras.iter().find(|c| c.name.is_empty() || c.name.contains(char::is_whitespace)) {
@@ -22,16 +23,16 @@ pub(super) fn write(cameras: &[NamedCamera], relations: &[Placement]) -> Result<
             odd.name
         )));
     }
-    let rig = placed(cameras, relations, "a COLMAP model")?;
-    files.push(file("rigs.txt", rigs_text(&rig)));
-    files.push(file("frames.txt", frames_text(&rig)));
-    files.push(file("images.txt", images_text(&rig)));
+    let rig = placed(file, "a COLMAP model")?;
+    files.push(table("rigs.txt", rigs_text(&rig)));
+    files.push(table("frames.txt", frames_text(&rig)));
+    files.push(table("images.txt", images_text(&rig)));
     let points = "# 3D point list with one line of data per point: none\n".to_owned();
-    files.push(file("points3D.txt", points));
+    files.push(table("points3D.txt", points));
     Ok(files)
 }
 
-fn file(name: &str, text: String) -> OutFile {
+fn table(name: &str, text: String) -> OutFile {
     OutFile { name: name.into(), text }
 }
 
