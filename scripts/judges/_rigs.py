@@ -60,5 +60,5 @@ def opencv_pixel(matrix, distortion, rotation, translation, x, fisheye=False):
     where = np.asarray(x, float).reshape(1, 1, 3)
     t = np.asarray(translation, float).reshape(3, 1)
     k, d = np.asarray(matrix, float).reshape(3, 3), np.asarray(distortion, float).ravel()
-    out = model(where, rvec.reshape(3, 1), t, k, d)[0]
+    out = model(where, np.ascontiguousarray(rvec.reshape(3, 1)), np.ascontiguousarray(t), k, d)[0]
     return out.ravel()

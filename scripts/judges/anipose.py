@@ -10,28 +10,35 @@ import numpy as np
 
 from _rigs import folder, judge, opencv_pixel
 
-path = folder() / "aniposelib" / "calibration.toml"
 try:
     from aniposelib.cameras import CameraGroup
+except ImportError:
+    CameraGroup = None
 
+
+def loaded(path):
+    """Names in the order of loading, and a projection."""
     group = CameraGroup.load(str(path))
     cameras = {camera.get_name(): camera for camera in group.cameras}
-    names = [camera.get_name() for camera in group.cameras]
-    program = "aniposelib"
+    return list(cameras), lambda camera, x: cameras[camera].project(np.array([x])).ravel()
 
-    def pixel(camera, x):
-        return cameras[camera].project(np.array([x])).ravel()
 
-except ImportError:
+def restated(path):
     tables = tomllib.loads(path.read_text())
     cameras = {tables[key]["name"]: tables[key] for key in sorted(tables) if key != "metadata"}
-    names = list(cameras)
-    program = "aniposelib's loader, restated"
 
     def pixel(camera, x):
         c = cameras[camera]
-        return opencv_pixel(c["matrix"], c["distortions"], c["rotation"], c["translation"], x)
+        return opencv_pixel(c["matrix"], c["distortions"], c["rotation"], c["translation"], x, c.get("fisheye", False))
+
+    return list(cameras), pixel
 
 
-assert names == ["left", "right", "tele"], names
-judge(program, "placed_rig", pixel)
+load, program = (loaded, "aniposelib") if CameraGroup else (restated, "aniposelib's loader, restated")
+for name, rig, order in (
+    ("aniposelib", "placed_rig", ["left", "right", "tele"]),
+    ("aniposelib_wide", "placed_wide", ["front", "plain"]),
+):
+    names, pixel = load(folder() / name / "calibration.toml")
+    assert names == order, names
+    judge(f"{program}, {name}", rig, pixel, cameras=order)

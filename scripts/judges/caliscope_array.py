@@ -4,27 +4,32 @@ import tomllib
 
 from _rigs import folder, judge, opencv_pixel
 
-path = folder() / "caliscope" / "camera_array.toml"
-names = ["left", "right", "tele"]
 try:
     from caliscope.cameras.camera_array import CameraArray
-
-    array = CameraArray.from_toml(path)
-    cameras = {names[n]: array.cameras[n] for n in array.cameras}
-    program = "Caliscope"
-
-    def pixel(camera, x):
-        c = cameras[camera]
-        return opencv_pixel(c.matrix, c.distortions, c.rotation, c.translation, x, c.fisheye)
-
 except ImportError:
+    CameraArray = None
+
+
+def loaded(path):
+    cameras = CameraArray.from_toml(path).cameras
+    return {n: (c.matrix, c.distortions, c.rotation, c.translation, c.fisheye) for n, c in cameras.items()}
+
+
+def restated(path):
     tables = tomllib.loads(path.read_text())["cameras"]
-    cameras = {names[int(key)]: table for key, table in tables.items()}
-    program = "Caliscope's loader, restated"
+    keys = ("matrix", "distortions", "rotation", "translation", "fisheye")
+    return {int(n): tuple(table[key] for key in keys) for n, table in tables.items()}
+
+
+load, program = (loaded, "Caliscope") if CameraArray else (restated, "Caliscope's loader, restated")
+for name, rig, names in (
+    ("caliscope", "placed_rig", ["left", "right", "tele"]),
+    ("caliscope_wide", "placed_wide", ["front", "plain"]),
+):
+    cameras = load(folder() / name / "camera_array.toml")
 
     def pixel(camera, x):
-        c = cameras[camera]
-        return opencv_pixel(c["matrix"], c["distortions"], c["rotation"], c["translation"], x, c["fisheye"])
+        *numbers, fisheye = cameras[names.index(camera)]
+        return opencv_pixel(*numbers, x, fisheye)
 
-
-judge(program, "placed_rig", pixel)
+    judge(f"{program}, {name}", rig, pixel, cameras=names)

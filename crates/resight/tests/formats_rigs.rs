@@ -27,7 +27,6 @@ fn golden(folder: &str) -> PathBuf {
 fn assert_golden(folder: &str, files: &[OutFile]) {
     let folder = golden(folder);
     if std::env::var_os("RESIGHT_BLESS").is_some() {
-        let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).unwrap();
         for file in files {
             std::fs::write(folder.join(&file.name), &file.text).unwrap();
@@ -305,6 +304,24 @@ fn caliscope_round_trips() {
     let back = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes()).unwrap();
     assert_same_rig(&back.cameras, &array, &[]);
     assert_says(&refusal("placed_wide.toml", Format::Caliscope), &["back", "no fov model"]);
+}
+
+/// A fisheye beside an ordinary lens.
+#[test]
+fn fisheyes_round_trip_where_the_format_has_them() {
+    let all = cameras("placed_wide.toml");
+    let mut pair = vec![all[0].clone(), all[3].clone()];
+    let p = pair[1].placement.as_mut().unwrap();
+    (p.a, p.b_from_a) = ("world".into(), between(&all, "plain", "world"));
+    let numbers = [("front", "camera_0"), ("plain", "camera_1")];
+    for (format, folder, names) in [
+        (Format::Caliscope, "caliscope_wide", &[][..]),
+        (Format::Aniposelib, "aniposelib_wide", &[]),
+        (Format::McCalib, "mccalib_wide", &numbers),
+    ] {
+        assert_golden(folder, &write_cameras(&pair, format).unwrap());
+        assert_same_rig(&read_back(folder).cameras, &pair, names);
+    }
 }
 
 #[test]
