@@ -70,7 +70,7 @@ impl<'a> Frames<'a> {
     }
 
     /// Every frame b that poses join to `a`, nearest first, with `b_from_a`; `a` itself is the first.
-    fn reached_from(&self, a: &str) -> Vec<(String, Pose)> {
+    pub fn reached_from(&self, a: &str) -> Vec<(String, Pose)> {
         let mut reached = vec![(a.to_owned(), Pose::identity())];
         let mut next = 0;
         while let Some((frame, frame_from_a)) = reached.get(next).cloned() {
