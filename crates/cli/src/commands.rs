@@ -1,5 +1,6 @@
 //! One file per command; what several share is here.
 
+pub mod convert;
 pub mod demo;
 pub mod detect;
 pub mod explain;
@@ -22,6 +23,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Locate(args) => locate::run(&args),
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Explain(args) => explain::run(&args),
     }
 }

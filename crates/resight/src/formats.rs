@@ -61,10 +61,14 @@ mod explain;
 mod atomic;
 mod table;
 mod rig_files;
+mod scene;
+mod convert;
 
 pub use atomic::write_atomically;
+pub use convert::{Conversion, convert};
 pub use explain::{explain, explain_from_bytes};
 pub use rig_files::read_rig;
+pub use scene::{Scene, Station, scene};
 pub use wpilib::{Field, read_field, write_field_layout};
 
 use crate::FileError;
@@ -275,7 +279,7 @@ pub struct TargetFile {
 pub struct WriteError(pub String);
 
 /// What a camera format found: cameras, poses between other frames, remarks.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,

@@ -88,7 +88,7 @@ impl<'a> Frames<'a> {
 }
 
 /// The frame at the far end of every camera's placement, when it is one and the same.
-fn shared_end(cameras: &[NamedCamera]) -> Option<String> {
+pub(super) fn shared_end(cameras: &[NamedCamera]) -> Option<String> {
     let ends: Vec<&String> = cameras
         .iter()
         .filter_map(|c| c.placement.as_ref().map(|p| if p.b == c.name { &p.a } else { &p.b }))
