@@ -7,8 +7,8 @@ mod rigs_support;
 
 use resight::core::Target;
 use resight::formats::{
-    Field, Format, NamedCamera, OutFile, read_cameras, read_cameras_from_bytes, read_field, read_rig,
-    read_target, read_target_from_bytes, write_cameras, write_field_layout,
+    Field, Format, NamedCamera, OutFile, convert, read_cameras, read_cameras_from_bytes, read_field,
+    read_rig, read_target, read_target_from_bytes, write_cameras, write_field_layout,
 };
 use rigs_support::{
     assert_golden, assert_same_rig, assert_says, between, cameras, example, golden, read_back, refusal,
@@ -33,6 +33,32 @@ fn pixels_for_the_judges() {
         }
     }
     assert_golden("pixels", &[OutFile { name: "pixels.csv".into(), text }]);
+}
+
+/// Every format that reads what it wrote keeps lenses and poses; what it has no place for is said.
+#[test]
+fn converted_and_read_back() {
+    let mut rig = read_cameras(&example("placed_rig.toml")).unwrap();
+    rig.cameras.truncate(2);
+    for (format, words) in [
+        (Format::Colmap, &[][..]),
+        (Format::Mrcal, &["frame `world`, which is `reference`"]),
+        (Format::Aniposelib, &[]),
+        (Format::Caliscope, &[]),
+        (Format::Multical, &["frame `world`, which is `rig`"]),
+        (Format::McCalib, &["name of camera `left`, which is `camera_0`"]),
+        (Format::PhotonVision, &["pose"]),
+        (Format::PhotonVisionOld, &["pose"]),
+    ] {
+        let conversion = convert(&rig, format, None).unwrap_or_else(|e| panic!("{format:?}: {e}"));
+        assert!(conversion.checked, "{format:?}");
+        let lost = conversion.lost.join("; ");
+        assert_eq!(lost.is_empty(), words.is_empty(), "{format:?}: {lost}");
+        assert_says(&lost, words);
+    }
+    for format in [Format::Blender, Format::Gltf] {
+        assert!(!convert(&rig, format, Some("right")).unwrap().checked);
+    }
 }
 
 /// `explain` says which way each file's poses go.
@@ -83,6 +109,10 @@ fn aniposelib_round_trips_in_order() {
     let file = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes()).unwrap();
     assert_eq!(file.format, Format::Aniposelib);
     assert_eq!(file.cameras[10].name, "c10");
+    assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+    let unpadded = text.replace("[cam_0", "[cam_");
+    let file = read_cameras_from_bytes(Path::new("x"), unpadded.into_bytes()).unwrap();
+    assert_says(&file.warnings.join(" "), &["cam_0, cam_1, cam_10, cam_2", "not the order of the file"]);
 }
 
 #[test]
