@@ -37,7 +37,7 @@ pub fn convert(rig: &CameraFile, to: Format, reference: Option<&str>) -> Result<
         read_back(&files).map_err(|e| WriteError(format!("what was written cannot be read again: {e}")))?;
     match &back {
         Some(back) => compare(rig, back, &mut lost)?,
-        None => lost.extend(covariances(rig)),
+        None => lost.extend(covariances(certain(&rig.cameras, &rig.relations))),
     }
     Ok(Conversion { files, lost, checked: back.is_some() })
 }
@@ -102,9 +102,8 @@ fn compare(rig: &CameraFile, back: &Contents, lost: &mut Vec<String>) -> Result<
     }
     let frames = Frames::of(&back.cameras, &back.relations);
     same_poses(rig, &Back { frames, names: &names }, lost)?;
-    if back.cameras.iter().filter_map(|c| c.placement.as_ref()).all(|p| p.covariance.is_none()) {
-        lost.extend(covariances(rig));
-    }
+    let kept = certain(&back.cameras, &back.relations);
+    lost.extend(covariances(certain(&rig.cameras, &rig.relations).saturating_sub(kept)));
     for clock in &rig.clocks {
         let i = rig.cameras.iter().position(|c| c.name == clock.camera);
         let kept = i.is_some_and(|i| back.clocks.iter().any(|c| names.get(i) == Some(&c.camera.as_str())));
@@ -115,10 +114,15 @@ fn compare(rig: &CameraFile, back: &Contents, lost: &mut Vec<String>) -> Result<
     Ok(())
 }
 
-fn covariances(rig: &CameraFile) -> Option<String> {
-    let placements = rig.cameras.iter().filter_map(|c| c.placement.as_ref()).chain(&rig.relations);
-    let n = placements.filter(|p| p.covariance.is_some()).count();
-    (0 < n).then(|| format!("the covariances of {n} poses; only resight files hold them"))
+/// How many poses have a covariance.
+fn certain(cameras: &[NamedCamera], relations: &[Placement]) -> usize {
+    let placements = cameras.iter().filter_map(|c| c.placement.as_ref()).chain(relations);
+    placements.filter(|p| p.covariance.is_some()).count()
+}
+
+fn covariances(n: usize) -> Option<String> {
+    let poses = if n == 1 { "one pose".to_owned() } else { format!("{n} poses") };
+    (0 < n).then(|| format!("the covariance of {poses}; only resight files hold it"))
 }
 
 /// Names in the written files, in the order of the rig.

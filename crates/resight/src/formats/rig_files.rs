@@ -12,7 +12,8 @@ const MAX_FILES: usize = 2000;
 /// Folders below a folder: `mav0/cam0/sensor.yaml` needs two.
 const MAX_DEPTH: usize = 4;
 /// Endings of files that a folder is searched for.
-const ENDINGS: [&str; 9] = ["toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch"];
+const ENDINGS: [&str; 11] =
+    ["toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch", "py", "sh"];
 /// Two statements of one pose that agree this well are one: files are printed with six decimals or so.
 const SAME_ANGLE_RAD: f64 = 1e-3;
 /// As `SAME_ANGLE_RAD`, share of the distance, and metres.

@@ -1,6 +1,6 @@
 //! Where the cameras of a rig stand and look, in numbers and as a small sketch of letters.
 
-use super::frames::{Frames, shared_end};
+use super::frames::Frames;
 use super::{CameraFile, WriteError};
 use crate::core::Pose;
 use nalgebra::Vector3;
@@ -25,7 +25,8 @@ pub struct Scene {
     pub stations: Vec<Station>,
 }
 
-/// The rig in frame `reference`; without one, in the frame its cameras share, else in the first camera's.
+/// The rig in frame `reference`; without one, in the frame its cameras share, else the only one
+/// that is no camera, else the first camera.
 ///
 /// Errors when there is no frame of that name; the names there are, are listed.
 pub fn scene(rig: &CameraFile, reference: Option<&str>) -> Result<Scene, WriteError> {
@@ -38,9 +39,7 @@ pub fn scene(rig: &CameraFile, reference: Option<&str>) -> Result<Scene, WriteEr
             names.extend(frames.names().into_iter().filter(|n| !is_camera(n)));
             return Err(WriteError(format!("no frame `{name}`; there are {}", names.join(", "))));
         }
-        None => shared_end(&rig.cameras)
-            .or_else(|| rig.cameras.first().map(|c| c.name.clone()))
-            .ok_or_else(|| WriteError("no camera".into()))?,
+        None => frames.natural(&rig.cameras).ok_or_else(|| WriteError("no camera".into()))?,
     };
     let station =
         |name: &String| Station { name: name.clone(), reference_from_cam: frames.between(&reference, name) };
