@@ -39,7 +39,8 @@ derivations() {
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
-    "$target/check-venv/bin/python" scripts/check_opencv_reads.py
+    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check -r scripts/judges/requirements.txt
+    "$target/check-venv/bin/python" scripts/judges/run.py
 }
 
 frames() { # the recorded videos as pictures, once
@@ -48,7 +49,7 @@ frames() { # the recorded videos as pictures, once
 
 step "python environment" python_environment
 step "derivations (SymPy, 50 digits)" derivations
-step "files read by OpenCV and PyYAML" foreign_readers
+step "files read by other programs" foreign_readers
 if [ -n "${RESIGHT_DATA:-}" ]; then
     RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames

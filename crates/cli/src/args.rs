@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{compare, demo, detect, explain, locate, rig, solve};
+use crate::commands::{compare, convert, demo, detect, explain, locate, rig, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -34,6 +34,8 @@ pub enum Command {
     Rig(rig::Rig),
     /// What moved between two rigs or poses, by how much, and how sure that is.
     Compare(compare::Compare),
+    /// Writes camera files in another program's format, with the poses of other files merged in.
+    Convert(convert::Convert),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
 }

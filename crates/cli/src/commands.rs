@@ -1,6 +1,7 @@
 //! One file per command; what several share is here.
 
 pub mod compare;
+pub mod convert;
 pub mod demo;
 pub mod detect;
 pub mod explain;
@@ -26,6 +27,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Solve(args) => solve::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Explain(args) => explain::run(&args),
     }
 }

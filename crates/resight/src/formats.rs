@@ -11,11 +11,15 @@
 //! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
 //! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
 //! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | |
-//! | COLMAP cameras.txt | `colmap.rs` | 13 models | none (images.txt) | |
-//! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | |
-//! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 5, 8; fisheye | none | |
+//! | COLMAP text model | `colmap.rs` | 13 models | cam_from_world, cam_from_rig | yes |
+//! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | yes |
+//! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 4, 5, 8, 12; fisheye | none | both shapes |
 //! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | |
-//! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | |
+//! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | both dialects |
+//! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
+//! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
+//! | easy_handeye | `handeye.rs` | none | robot_from_cam | yes |
+//! | fSpy, Blender, glTF | `fspy.rs`, `blender.rs`, `gltf.rs` | pinhole; Brown–Conrady; all models in pixels | world_from_cam | only |
 //! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 
 mod syntax;
@@ -24,6 +28,7 @@ mod entry;
 mod checks;
 mod lens;
 mod frames;
+mod placed;
 mod emit;
 mod own_camera;
 mod own_target;
@@ -38,6 +43,12 @@ mod mrcal;
 mod photonvision;
 mod basalt;
 mod caliscope;
+mod multical;
+mod mccalib;
+mod handeye;
+mod fspy;
+mod blender;
+mod gltf;
 mod caliscope_target;
 mod euler;
 mod tf_launch;
@@ -50,10 +61,15 @@ mod explain;
 mod atomic;
 mod table;
 mod rig_files;
+mod scene;
+mod convert;
 
 pub use atomic::write_atomically;
+pub use convert::{Conversion, convert};
 pub use explain::{explain, explain_from_bytes};
 pub use rig_files::read_rig;
+pub use scene::{Scene, Station, scene};
+pub use wpilib::{Field, read_field, write_field_layout};
 
 use crate::FileError;
 use crate::core::camera::ImageSize;
@@ -79,7 +95,7 @@ pub enum Format {
     Kalibr,
     /// EuRoC / ASL `sensor.yaml`.
     Euroc,
-    /// COLMAP `cameras.txt`.
+    /// COLMAP text model: `cameras.txt`, `images.txt`, `rigs.txt`, `frames.txt`.
     Colmap,
     /// mrcal `.cameramodel`.
     Mrcal,
@@ -87,8 +103,26 @@ pub enum Format {
     PhotonVision,
     /// Basalt calibration JSON.
     Basalt,
-    /// Caliscope `camera_array.toml` and aniposelib's TOML.
+    /// Caliscope `camera_array.toml`.
     Caliscope,
+    /// aniposelib `calibration.toml`.
+    Aniposelib,
+    /// multical `calibration.json`.
+    Multical,
+    /// MC-Calib `calibrated_cameras_data.yml`.
+    McCalib,
+    /// PhotonVision before 2024 and Limelight, written; `PhotonVision` reads both shapes.
+    PhotonVisionOld,
+    /// easy_handeye's YAML, the camera on the robot's base when written; both are read as this.
+    EasyHandeyeOnBase,
+    /// The same with the camera on the robot's hand.
+    EasyHandeyeOnHand,
+    /// fSpy's camera parameters, written only.
+    FSpy,
+    /// A Python script for Blender, written only.
+    Blender,
+    /// glTF 2.0, written only.
+    Gltf,
     /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
     StaticTransforms,
     /// The same as a YAML list; recognised as `StaticTransforms`.
@@ -122,11 +156,20 @@ impl Format {
             Format::RosCameraInfo => "ROS camera_info",
             Format::Kalibr => "Kalibr camera chain",
             Format::Euroc => "EuRoC sensor.yaml",
-            Format::Colmap => "COLMAP cameras.txt",
+            Format::Colmap => "COLMAP text model",
             Format::Mrcal => "mrcal .cameramodel",
             Format::PhotonVision => "PhotonVision / Limelight calibration",
             Format::Basalt => "Basalt calibration",
-            Format::Caliscope => "Caliscope / aniposelib camera array",
+            Format::Caliscope => "Caliscope camera array",
+            Format::Aniposelib => "aniposelib camera group",
+            Format::Multical => "multical calibration",
+            Format::McCalib => "MC-Calib cameras",
+            Format::PhotonVisionOld => "PhotonVision / Limelight calibration before 2024",
+            Format::EasyHandeyeOnBase => "easy_handeye calibration",
+            Format::EasyHandeyeOnHand => "easy_handeye calibration (camera on the hand)",
+            Format::FSpy => "fSpy camera parameters",
+            Format::Blender => "Blender script",
+            Format::Gltf => "glTF scene",
             Format::StaticTransforms => "ROS static transforms",
             Format::StaticTransformsYaml => "ROS static transforms (YAML)",
             Format::Urdf => "URDF",
@@ -236,7 +279,7 @@ pub struct TargetFile {
 pub struct WriteError(pub String);
 
 /// What a camera format found: cameras, poses between other frames, remarks.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,

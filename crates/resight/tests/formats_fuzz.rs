@@ -9,7 +9,10 @@ use std::path::{Path, PathBuf};
 
 fn examples() -> Vec<(PathBuf, Vec<u8>)> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats");
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    let below =
+        |folder: PathBuf| std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect::<Vec<_>>();
+    let mut paths = below(folder.clone());
+    paths.extend(below(folder.join("golden/rigs")).into_iter().flat_map(below));
     paths.retain(|p| p.is_file());
     paths.sort();
     paths.into_iter().map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
@@ -21,6 +24,7 @@ fn read_both(path: &Path, bytes: &[u8]) {
         let said = explain_from_bytes(path, bytes.to_vec()).unwrap();
         assert!(!said.contains("NaN"), "{said}");
         write_all(&file.cameras);
+        write_pictures(&file.cameras);
         for camera in file.cameras {
             assert!(camera.camera.parameters().iter().all(|(_, x)| x.is_finite()));
             assert!(
@@ -35,7 +39,18 @@ fn read_both(path: &Path, bytes: &[u8]) {
 
 /// What one of our writers accepts, our reader reads: the same lenses, in the same order.
 fn write_all(cameras: &[NamedCamera]) {
-    for format in [Format::Own, Format::OpenCv, Format::RosCameraInfo, Format::Kalibr] {
+    for format in [
+        Format::Own,
+        Format::OpenCv,
+        Format::RosCameraInfo,
+        Format::Kalibr,
+        Format::Caliscope,
+        Format::Aniposelib,
+        Format::Multical,
+        Format::McCalib,
+        Format::Mrcal,
+        Format::PhotonVision,
+    ] {
         let Ok(files) = write_cameras(cameras, format) else { continue };
         let [OutFile { text, .. }] = files.as_slice() else { continue };
         let back = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes());
@@ -45,6 +60,15 @@ fn write_all(cameras: &[NamedCamera]) {
         for (a, b) in back.cameras.iter().zip(cameras) {
             assert_eq!(a.camera.size, b.camera.size);
             assert!(format != Format::Own || (a.name == b.name && a.camera == b.camera), "{text}");
+        }
+    }
+}
+
+/// What is only written must not panic either.
+fn write_pictures(cameras: &[NamedCamera]) {
+    for format in [Format::Colmap, Format::FSpy, Format::Blender, Format::Gltf, Format::EasyHandeyeOnHand] {
+        if let Ok(files) = write_cameras(cameras, format) {
+            assert!(files.iter().all(|f| !f.text.contains("NaN") && !f.text.contains("inf")), "{files:?}");
         }
     }
 }

@@ -242,7 +242,7 @@ fn other_camera_files_that_cannot_be_right() {
         "cam7/sensor.yaml",
         "sensor_type: camera",
         "sensor_type: imu",
-        &["`imu`; only cameras"],
+        &["poses only, no intrinsics"],
     );
 }
 

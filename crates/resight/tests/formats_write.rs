@@ -150,7 +150,7 @@ fn nothing_is_dropped_silently() {
         assert!(reason.contains(words), "{reason}");
     };
     refused("opencv_stereo.yml", Format::Kalibr, "image size");
-    refused("opencv_single.yml", Format::Mrcal, "read, not written");
+    refused("opencv_single.yml", Format::KalibrTarget, "read, not written");
     refused("kalibr_camchain.yaml", Format::RosCameraInfo, "cam2: camera_info has no omni model");
     refused("kalibr_camchain.yaml", Format::OpenCv, "one or two cameras, not 6");
     refused("own_photogrammetric.toml", Format::OpenCv, "own unit");

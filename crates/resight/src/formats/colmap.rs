@@ -1,22 +1,31 @@
-//! COLMAP `cameras.txt`: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[].
+//! COLMAP's text tables. `cameras.txt`: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]; the others are `colmap/model.rs`'s.
 //!
 //! COLMAP's pixel (0, 0) is the top-left corner of the image, ours the centre of its first pixel: ours = theirs − 0.5.
+
+mod model;
+mod write;
 
 use super::document::{Document, Fault, Node, Syntax, Value};
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Reads};
+use super::{CameraFormat, Contents, Format, NamedCamera, Reads, Writer};
 use crate::core::camera::{CameraMatrix, ImageSize};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Colmap,
-    words: &[],
-    reads: Some(Reads { recognises: |document| document.syntax == Syntax::Lines, read, together: None }),
-    write: None,
+    words: &["colmap"],
+    reads: Some(Reads {
+        recognises: |document| document.syntax == Syntax::Lines && table_of(&document.text).is_some(),
+        read,
+        together: Some(model::read),
+    }),
+    write: Some(Writer::Rig(write::write)),
     traps: &[
         "COLMAP counts pixels from the image's top-left corner; 0.5 px was subtracted from cx and cy.",
         "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the \
             camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
+        "rigs.txt holds sensor_from_rig, frames.txt rig_from_world; the rig's frame is its reference sensor's.",
+        "Several images may share a CAMERA_ID: one lens, not one place.",
     ],
 };
 
@@ -36,17 +45,79 @@ const MODELS: [(&str, &str); 13] = [
     ("FOV", "fx fy cx cy omega"),
     ("EUCM", "fx fy cx cy alpha beta"),
 ];
-const REFUSED: [&str; 4] =
-    ["THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION"];
+const REFUSED: [&str; 5] =
+    ["THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION", "EQUIRECTANGULAR"];
+
+/// The tables of a text model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Table {
+    Cameras,
+    Images,
+    Rigs,
+    Frames,
+    Points,
+}
+
+/// By the first line that is no comment; points by the comment above them, because their lines are numbers only.
+fn table_of(text: &str) -> Option<Table> {
+    if is_points_table(text) {
+        return Some(Table::Points);
+    }
+    lines(text).next().and_then(|(_, words)| table_of_line(&words))
+}
+
+/// `points3D.txt`: no part of a calibration.
+pub(super) fn is_points_table(text: &str) -> bool {
+    text.starts_with("# 3D point list")
+}
+
+fn table_of_line(words: &[&str]) -> Option<Table> {
+    let whole =
+        |i: usize| words.get(i).is_some_and(|w| !w.is_empty() && w.bytes().all(|b| b.is_ascii_digit()));
+    let numbers = |from: usize, to: usize| {
+        words.get(from..to).is_some_and(|all| all.iter().all(|w| w.parse::<f64>().is_ok()))
+    };
+    let sensor = |i: usize| words.get(i).is_some_and(|w| matches!(*w, "CAMERA" | "IMU"));
+    let capital = |w: &&str| {
+        w.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_')
+            && w.bytes().any(|b| b.is_ascii_uppercase())
+    };
+    if !whole(0) {
+        None
+    } else if words.get(1).is_some_and(capital) && whole(2) {
+        Some(Table::Cameras)
+    } else if whole(1) && sensor(2) && whole(3) {
+        Some(Table::Rigs)
+    } else if whole(1) && numbers(2, 9) && whole(9) && sensor(10) {
+        Some(Table::Frames)
+    } else if numbers(1, 8) && whole(8) && 10 <= words.len() && words[9].parse::<f64>().is_err() {
+        Some(Table::Images)
+    } else {
+        None
+    }
+}
+
+/// Does this line open one of the tables?
+pub(super) fn is_table_line(line: &str) -> bool {
+    table_of_line(&line.split_whitespace().collect::<Vec<_>>()).is_some()
+}
+
+/// Lines that are neither blank nor comments, with their numbers, as words.
+fn lines<'a>(text: &'a str) -> impl Iterator<Item = (usize, Vec<&'a str>)> {
+    let words = |(i, line): (usize, &'a str)| (i + 1, line.split_whitespace().collect::<Vec<_>>());
+    text.lines()
+        .enumerate()
+        .map(words)
+        .filter(|(_, words)| words.first().is_some_and(|w| !w.starts_with('#')))
+}
 
 fn read(document: &Document) -> Result<Contents, Fault> {
+    if table_of(&document.text) != Some(Table::Cameras) {
+        return model::read_alone(document);
+    }
     let mut contents = Contents::default();
-    for (i, line) in document.text.lines().enumerate() {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        if words.is_empty() || words[0].starts_with('#') {
-            continue;
-        }
-        contents.cameras.push(camera_line(i + 1, &words, &mut contents.warnings)?);
+    for (line, words) in lines(&document.text) {
+        contents.cameras.push(camera_line(line, &words, &mut contents.warnings)?);
     }
     Ok(contents)
 }

@@ -3,16 +3,16 @@
 //! Every format reads the same tree through `Entry`, so each refusal names file, line and key in one way.
 
 use super::entry::Entry;
-use super::{syntax, tf_launch};
+use super::{colmap, syntax, tf_launch};
 use crate::FileError;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Deepest nesting accepted; calibration files need about eight.
 pub(super) const MAX_DEPTH: usize = 48;
-/// Largest text accepted where the parser allocates much more than it reads (YAML, TOML, XML, lines).
+/// Largest text accepted where the parser allocates much more than it reads (YAML, TOML, XML).
 const MAX_TEXT_BYTES: u64 = 1 << 20;
-/// Largest JSON or Python literal: PhotonVision and mrcal store every observation of the calibration.
+/// Largest JSON, Python literal or table: PhotonVision, mrcal and COLMAP store every observation.
 const MAX_LITERAL_BYTES: u64 = 16 << 20;
 
 /// What is wrong, and on which line (from 1); the path is added when it leaves the module.
@@ -52,6 +52,9 @@ pub(super) enum Syntax {
 impl Syntax {
     /// By content: the first line that is neither blank nor a comment decides.
     pub fn of(text: &str) -> Self {
+        if colmap::is_points_table(text) {
+            return Syntax::Lines;
+        }
         let significant = |line: &&str| !line.is_empty() && !line.starts_with('#');
         let first = text.lines().map(str::trim).find(significant).unwrap_or_default();
         match first.chars().next() {
@@ -62,7 +65,7 @@ impl Syntax {
             Some('[') if text.trim_start()[1..].trim_start().starts_with('{') => Syntax::Json,
             _ if tf_launch::runs_publishers(text) => Syntax::Launch,
             Some('[') => Syntax::Toml,
-            _ if is_colmap_line(first) => Syntax::Lines,
+            _ if colmap::is_table_line(first) => Syntax::Lines,
             _ => match (first.find('='), first.find(':')) {
                 (Some(equals), Some(colon)) if equals < colon => Syntax::Toml,
                 (Some(_), None) => Syntax::Toml,
@@ -77,16 +80,6 @@ impl Syntax {
         let quote = text.split_once('{').and_then(|(_, rest)| rest.chars().find(|c| matches!(c, '\'' | '"')));
         if commented || quote == Some('\'') { Syntax::Python } else { Syntax::Json }
     }
-}
-
-/// `1 OPENCV 640 480 …`: a number, a model in capitals, a number.
-fn is_colmap_line(line: &str) -> bool {
-    let mut words = line.split_whitespace();
-    let number = |word: Option<&str>| word.is_some_and(|w| w.bytes().all(|b| b.is_ascii_digit()));
-    let capitals = |w: &str| w.bytes().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || b == b'_');
-    number(words.next())
-        && words.next().is_some_and(|w| capitals(w) && w.bytes().any(|b| b.is_ascii_uppercase()))
-        && number(words.next())
 }
 
 /// A file, read and parsed.
@@ -115,7 +108,7 @@ impl Document {
         let text = plain_text(bytes)?;
         let syntax = Syntax::of(&text);
         let limit = match syntax {
-            Syntax::Json | Syntax::Python => MAX_LITERAL_BYTES,
+            Syntax::Json | Syntax::Python | Syntax::Lines => MAX_LITERAL_BYTES,
             _ => MAX_TEXT_BYTES,
         };
         if limit < text.len() as u64 {

@@ -2,6 +2,7 @@
 
 use super::document::{Document, Fault};
 use super::emit::{file_stem, list, quoted};
+use super::entry::Entry;
 use super::frames::Frames;
 use super::{
     CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
@@ -30,22 +31,21 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 fn read(document: &Document) -> Result<Contents, Fault> {
     let root = document.entry();
     let mut contents = Contents::default();
-    if let Some(kind) = root.get("sensor_type").filter(|k| k.text().is_ok_and(|k| k != "camera")) {
-        return Err(kind.fault(format!("is `{}`; only cameras are read", kind.text()?)));
+    if root.get("sensor_type").is_some_and(|k| k.text().is_ok_and(|k| k != "camera")) {
+        contents.relations.extend(placement(&root, &name_of(document))?);
+        return Ok(contents);
     }
     let camera = kalibr::camera_of(&root, "distortion_coefficients", &mut contents.warnings)?;
     let name = name_of(document);
-    let placement = match root.get("T_BS") {
-        Some(t) => Some(Placement {
-            b: "body".into(),
-            a: name.clone(),
-            b_from_a: checks::pose4x4(&t)?,
-            covariance: None,
-        }),
-        None => None,
-    };
+    let placement = placement(&root, &name)?;
     contents.cameras.push(NamedCamera { name, camera, placement });
     Ok(contents)
+}
+
+fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
+    let Some(t) = root.get("T_BS") else { return Ok(None) };
+    let (b, a) = ("body".to_owned(), name.to_owned());
+    Ok(Some(Placement { b, a, b_from_a: checks::pose4x4(&t)?, covariance: None }))
 }
 
 /// A folder per camera; the body is the rig's own body or IMU, else the frame its cameras share.

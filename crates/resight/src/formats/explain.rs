@@ -2,9 +2,10 @@
 
 use super::document::{Document, Fault};
 use super::lens::{self, LensNumbers};
+use super::scene::{towards, xyz};
 use super::{
-    ClockOffset, Contents, NamedCamera, Placement, camera_format, contents_of, not_a_camera, target_format,
-    target_of,
+    ClockOffset, Contents, Format, NamedCamera, Placement, camera_format, contents_of, not_a_camera,
+    target_format, target_of,
 };
 use crate::FileError;
 use crate::core::camera::ImageSize;
@@ -31,7 +32,8 @@ pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileErr
 fn explain_document(document: &Document) -> Result<String, Fault> {
     if let Some((format, reads)) = camera_format(document) {
         let contents = contents_of(document, reads)?;
-        let text = cameras_text(document, format.format.name(), &contents);
+        let text =
+            cameras_text(document, format.format.name(), &contents) + &sketch(format.format, &contents);
         let remarks = [&contents.notes[..], &owned(format.traps)[..]].concat();
         return Ok(text + &bullets("Often misread:", &remarks) + &bullets("Warnings:", &contents.warnings));
     }
@@ -43,6 +45,16 @@ fn explain_document(document: &Document) -> Result<String, Fault> {
         + &body
         + &bullets("Often misread:", &owned(format.traps))
         + &bullets("Warnings:", &file.warnings))
+}
+
+/// Where several cameras stand and look, seen together.
+fn sketch(format: Format, contents: &Contents) -> String {
+    let placed = contents.cameras.iter().filter(|c| c.placement.is_some()).count();
+    let scene = super::scene(&contents.clone().into_file(format), None);
+    match scene {
+        Ok(scene) if 1 < contents.cameras.len() && 0 < placed => format!("\n{}", scene.text()),
+        _ => String::new(),
+    }
 }
 
 fn owned(texts: &[&str]) -> Vec<String> {
@@ -218,19 +230,6 @@ fn placement_text(p: &Placement, camera: Option<&str>) -> String {
         xyz(&axis),
         towards(&axis)
     )
-}
-
-fn xyz(v: &Vector3<f64>) -> String {
-    // Adding 0 turns −0 into 0.
-    let part = |x: f64| format!("{:.4}", (x * 1e4).round() / 1e4 + 0.0);
-    format!("({}, {}, {})", part(v.x), part(v.y), part(v.z))
-}
-
-fn towards(axis: &Vector3<f64>) -> String {
-    let i = axis.iamax();
-    let sign = if axis[i] < 0.0 { '−' } else { '+' };
-    let off = axis[i].abs().clamp(0.0, 1.0).acos().to_degrees();
-    format!("{off:.1}° off that frame's {sign}{} axis", ['x', 'y', 'z'][i])
 }
 
 fn target_text(target: &Target) -> String {

@@ -24,8 +24,7 @@ impl<'a> Frames<'a> {
         self.reached_from(a).into_iter().find(|(frame, _)| frame == b).map(|(_, b_from_a)| b_from_a)
     }
 
-    /// The frame that all cameras are placed in: the first of `preferred` that the rig has, else the one that all
-    /// placements share, else the first camera. Errors name the camera that nothing joins to it.
+    /// The frame that all cameras are placed in: the first of `preferred` that the rig has, else the natural one. Errors name the camera that nothing joins to it.
     pub fn common(
         &self,
         cameras: &[NamedCamera],
@@ -33,7 +32,7 @@ impl<'a> Frames<'a> {
         format: Format,
     ) -> Result<String, WriteError> {
         let wanted = preferred.iter().find(|name| self.has(name)).map(|name| (*name).to_owned());
-        let reference = wanted.or_else(|| shared_end(cameras)).unwrap_or_else(|| cameras[0].name.clone());
+        let reference = wanted.or_else(|| self.natural(cameras)).unwrap_or_else(|| cameras[0].name.clone());
         let reached = self.reached_from(&reference);
         match cameras.iter().find(|c| reached.iter().all(|(frame, _)| *frame != c.name)) {
             None => Ok(reference),
@@ -44,6 +43,15 @@ impl<'a> Frames<'a> {
                 format.name()
             ))),
         }
+    }
+
+    /// The frame a person would place the cameras in: the one that all placements share, else the only one that is no
+    /// camera, else the first camera.
+    pub fn natural(&self, cameras: &[NamedCamera]) -> Option<String> {
+        let others: Vec<&str> =
+            self.names().into_iter().filter(|name| cameras.iter().all(|c| c.name != *name)).collect();
+        let only = || (others.len() == 1).then(|| others[0].to_owned());
+        shared_end(cameras).or_else(only).or_else(|| cameras.first().map(|c| c.name.clone()))
     }
 
     /// Every frame that poses join to `a`, with `a_from_frame`, in the order in which the rig names them; not `a` itself.
@@ -70,7 +78,7 @@ impl<'a> Frames<'a> {
     }
 
     /// Every frame b that poses join to `a`, nearest first, with `b_from_a`; `a` itself is the first.
-    fn reached_from(&self, a: &str) -> Vec<(String, Pose)> {
+    pub fn reached_from(&self, a: &str) -> Vec<(String, Pose)> {
         let mut reached = vec![(a.to_owned(), Pose::identity())];
         let mut next = 0;
         while let Some((frame, frame_from_a)) = reached.get(next).cloned() {

@@ -8,6 +8,7 @@ use super::emit::{list, number};
 use super::entry::Entry;
 use super::frames::Frames;
 use super::lens::{self, LensNumbers};
+use super::scene::xyz;
 use super::{
     CameraFile, CameraFormat, ClockOffset, Contents, Format, NamedCamera, OutFile, Placement, Reads,
     WriteError, Writer, Written, checks,
@@ -65,6 +66,9 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             }
             (None, None) => None,
         };
+        if let Some(cam_from_imu) = from_imu.filter(|_| entry.has("T_cam_imu")) {
+            contents.notes.push(other_reading(&name, &cam_from_imu));
+        }
         previous = Some((name.clone(), from_imu));
         if let Some(shift) = entry.get("timeshift_cam_imu") {
             let (camera, offset_s) = (name.clone(), shift.number()?);
@@ -82,6 +86,16 @@ fn imu_pose(entry: &Entry<'_>) -> Result<Option<Pose>, Fault> {
         (None, Some(t)) => Ok(Some(checks::pose4x4(&t)?.inverse())),
         (None, None) => Ok(None),
     }
+}
+
+/// Numbers to tell the two apart by, for a person who knows the device.
+fn other_reading(name: &str, cam_from_imu: &Pose) -> String {
+    format!(
+        "T_cam_imu puts {name} at {} m in the IMU's frame; were its numbers those of an OpenVINS T_imu_cam, {name} would \
+            stand at {} m. Measure on the device which is true.",
+        xyz(&cam_from_imu.origin()),
+        xyz(&cam_from_imu.translation)
+    )
 }
 
 /// The chain and the IMU poses say the same thing twice; when only the inverses agree, a key lies.

@@ -127,3 +127,34 @@ pub(super) fn numbers_of(camera: &Camera) -> Result<(CameraMatrix, LensNumbers),
     };
     Ok((matrix, numbers))
 }
+
+/// Brown–Conrady coefficients in one of the `counts` (rising) that a format has: their own count where it is listed,
+/// else the next one with zeros added; none when a coefficient beyond the last count is not zero.
+pub(super) fn in_counts(d: &[f64], counts: &[usize]) -> Option<Vec<f64>> {
+    if counts.contains(&d.len()) {
+        return Some(d.to_vec());
+    }
+    let used = d.iter().rposition(|x| *x != 0.0).map_or(0, |last| last + 1);
+    let count = counts.iter().find(|n| used <= **n && (d.len() <= **n || Some(*n) == counts.last()))?;
+    let mut sized = d.to_vec();
+    sized.resize(*count, 0.0);
+    Some(sized)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_counts;
+
+    #[test]
+    fn coefficients_keep_their_count_or_are_padded_and_never_lose_a_value() {
+        let counts = [4, 5, 8];
+        assert_eq!(in_counts(&[1.0; 5], &counts), Some(vec![1.0; 5]));
+        assert_eq!(in_counts(&[1.0; 8], &[5]), None);
+        assert_eq!(in_counts(&[1.0; 4], &[5]), Some(vec![1.0, 1.0, 1.0, 1.0, 0.0]));
+        let mut padded = vec![1.0; 8];
+        padded.resize(12, 0.0);
+        assert_eq!(in_counts(&padded, &counts), Some(vec![1.0; 8]));
+        padded[11] = 0.5;
+        assert_eq!(in_counts(&padded, &counts), None);
+    }
+}

@@ -1,17 +1,22 @@
-//! mrcal `.cameramodel`: a Python dictionary. `extrinsics` = rt_cam_ref: Rodrigues vector and translation (metres),
-//! x_cam = R x_ref + t. Pixel origin as ours.
+//! mrcal `.cameramodel`: a Python dictionary, one file a camera. `extrinsics` = rt_cam_ref: Rodrigues vector and
+//! translation (metres), x_cam = R x_ref + t. Pixel origin as ours.
 
 use super::document::{Document, Fault};
+use super::emit::list;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
-use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, checks};
+use super::placed::{file_per_camera, placed, size_of};
+use super::{
+    CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
+    checks,
+};
 use crate::core::Pose;
 use crate::core::camera::CameraMatrix;
 use nalgebra::Vector3;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Mrcal,
-    words: &[],
+    words: &["mrcal", "cameramodel"],
     reads: Some(Reads {
         recognises: |document| {
             document.root.get("lensmodel").is_some() && document.root.get("intrinsics").is_some()
@@ -19,9 +24,11 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
         read,
         together: None,
     }),
-    write: None,
+    write: Some(Writer::Rig(write)),
     traps: &[
         "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t.",
+        "The reference frame is whatever the calibration chose (often the first camera); only files of one \
+            calibration share it.",
     ],
 };
 
@@ -72,4 +79,56 @@ fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
     let rotation = checks::rodrigues(&rt, Vector3::new(n[0], n[1], n[2]))?;
     let b_from_a = Pose::new(rotation, Vector3::new(n[3], n[4], n[5]));
     Ok(Some(Placement { b: name.to_owned(), a: "reference".into(), b_from_a, covariance: None }))
+}
+
+/// One file a camera, all with the same reference frame; without a pose the camera is its own reference.
+fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
+    let rig = placed(file, "a set of mrcal models")?;
+    let pose_of = |camera: &NamedCamera| {
+        let found = rig.cameras.iter().find(|c| c.camera.name == camera.name);
+        found.map_or_else(Pose::identity, |c| c.cam_from_root)
+    };
+    let reference = rig.root.replace(char::is_control, " ");
+    file_per_camera(&file.cameras, "cameramodel", |camera| {
+        let size = size_of(camera, "mrcal")?;
+        let (k, numbers) = lens::numbers_of(&camera.camera)?;
+        let (model, d) = model_of(numbers).map_err(|e| WriteError(format!("{}: {e}", camera.name)))?;
+        let intrinsics = [&[k.fx_px, k.fy_px, k.cx_px, k.cy_px], &d[..]].concat();
+        let (w, h) = (size.width_px, size.height_px);
+        Ok([
+            format!("# The reference frame of the extrinsics (rt_cam_ref) is {reference}\n{{\n"),
+            format!("    'lensmodel':  '{model}',\n    'intrinsics': {},\n", list(&intrinsics)),
+            format!(
+                "    'valid_intrinsics_region': [],\n    'extrinsics': {},\n",
+                list(&rt(&pose_of(camera)))
+            ),
+            format!("    'imagersize': [{w}, {h}],\n}}\n"),
+        ]
+        .concat())
+    })
+}
+
+fn model_of(numbers: LensNumbers) -> Result<(&'static str, Vec<f64>), String> {
+    match numbers {
+        LensNumbers::Pinhole => Ok(("LENSMODEL_PINHOLE", vec![])),
+        LensNumbers::BrownConrady(d) => {
+            let d = lens::in_counts(&d, &[4, 5, 8, 12])
+                .ok_or("mrcal has no tilt terms; write opencv or resight")?;
+            let model = match d.len() {
+                4 => "LENSMODEL_OPENCV4",
+                5 => "LENSMODEL_OPENCV5",
+                8 => "LENSMODEL_OPENCV8",
+                _ => "LENSMODEL_OPENCV12",
+            };
+            Ok((model, d))
+        }
+        other => Err(format!("mrcal has no {} model; write resight or kalibr", other.model())),
+    }
+}
+
+/// Rodrigues vector and translation; not the logarithm of the pose, whose translation part is another.
+pub(super) fn rt(b_from_a: &Pose) -> [f64; 6] {
+    let w = Pose::new(b_from_a.rotation, Vector3::zeros()).log();
+    let t = b_from_a.translation;
+    [w[0], w[1], w[2], t.x, t.y, t.z]
 }

@@ -3,7 +3,7 @@
 use super::document::Document;
 use super::frames::Frames;
 use super::table::{CameraFormat, Reads, camera_format};
-use super::{CameraFile, Contents, Format, NamedCamera, Placement, contents_of, not_a_camera};
+use super::{CameraFile, Contents, Format, NamedCamera, Placement, contents_of, not_a_camera, split_spec};
 use crate::FileError;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,8 @@ const MAX_FILES: usize = 2000;
 /// Folders below a folder: `mav0/cam0/sensor.yaml` needs two.
 const MAX_DEPTH: usize = 4;
 /// Endings of files that a folder is searched for.
-const ENDINGS: [&str; 9] = ["toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch"];
+const ENDINGS: [&str; 11] =
+    ["toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch", "py", "sh"];
 /// Two statements of one pose that agree this well are one: files are printed with six decimals or so.
 const SAME_ANGLE_RAD: f64 = 1e-3;
 /// As `SAME_ANGLE_RAD`, share of the distance, and metres.
@@ -20,15 +21,20 @@ const SAME_DISTANCE: f64 = 1e-3;
 
 /// Reads the cameras of several files and folders into one, with the poses that any of them states.
 ///
-/// A folder stands for the camera files in it. A camera without a pose gets the one that another file states for the
+/// A folder stands for the camera files in it, `FILE#NAME` for one camera of a file. A camera without a pose gets the one that another file states for the
 /// frame of its name, or of its name with `_optical_frame` or `_optical` behind it; poses between other frames become
 /// `relations`. Errors as `read_cameras`, besides: a camera in two files, no camera in any.
 pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
     let first = paths.first().ok_or_else(|| FileError::new("", "no file given"))?;
     let mut read: Vec<(PathBuf, Format, Contents)> = Vec::new();
     for path in paths {
+        let (path, picked) = spec(path);
         let documents = if path.is_dir() { folder(path)? } else { vec![Document::read(path)?] };
-        read.extend(contents(path, &documents)?);
+        let mut found = contents(path, &documents)?;
+        if let Some(name) = picked {
+            keep(&mut found, name).map_err(|reason| FileError::new(path, reason))?;
+        }
+        read.extend(found);
     }
     let format = read.iter().find(|(_, _, c)| !c.cameras.is_empty()).map(|(_, format, _)| *format);
     let Some(format) = format else {
@@ -41,6 +47,27 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
     }
     join(&mut rig);
     Ok(rig.into_file(format))
+}
+
+/// `FILE#NAME` is one camera of a file.
+fn spec(path: &Path) -> (&Path, Option<&str>) {
+    match path.to_str().map(split_spec) {
+        Some((file, name @ Some(_))) => (Path::new(file), name),
+        _ => (path, None),
+    }
+}
+
+fn keep(read: &mut [(PathBuf, Format, Contents)], name: &str) -> Result<(), String> {
+    let names: Vec<String> = read.iter().flat_map(|(_, _, c)| &c.cameras).map(|c| c.name.clone()).collect();
+    if !names.iter().any(|n| n == name) {
+        return Err(format!("no camera `{name}`; there are {}", names.join(", ")));
+    }
+    for (_, _, contents) in read {
+        let left_out = contents.cameras.extract_if(.., |c| c.name != name);
+        contents.relations.extend(left_out.filter_map(|c| c.placement));
+        contents.clocks.retain(|c| c.camera == name);
+    }
+    Ok(())
 }
 
 /// Every file below a folder that a camera format recognises, in the order of their paths.
@@ -82,7 +109,10 @@ fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), 
 }
 
 /// Each document by its format; those of a format that reads several together, together.
-fn contents(path: &Path, documents: &[Document]) -> Result<Vec<(PathBuf, Format, Contents)>, FileError> {
+pub(super) fn contents(
+    path: &Path,
+    documents: &[Document],
+) -> Result<Vec<(PathBuf, Format, Contents)>, FileError> {
     let mut out: Vec<(PathBuf, Format, Contents)> = Vec::new();
     for document in documents {
         let (row, reads) =
@@ -107,7 +137,8 @@ fn one(document: &Document, reads: &Reads) -> Result<Contents, FileError> {
     contents_of(document, reads).map_err(|fault| fault.in_file(&document.path))
 }
 
-fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
+/// Names of cameras must differ.
+pub(super) fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
     for camera in more.cameras {
         if rig.cameras.iter().any(|c| c.name == camera.name) {
             return Err(format!("camera `{}` is in an earlier file too; names must differ", camera.name));
@@ -142,7 +173,7 @@ fn join(rig: &mut Contents) {
     }
 }
 
-fn is_frame_of(frame: &str, camera: &str) -> bool {
+pub(super) fn is_frame_of(frame: &str, camera: &str) -> bool {
     frame.strip_prefix(camera).is_some_and(|rest| matches!(rest, "" | "_optical_frame" | "_optical"))
 }
 

@@ -4,9 +4,9 @@
 
 use super::document::{Document, Fault};
 use super::{
-    CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, caliscope, caliscope_target,
-    colmap, euroc, kalibr, kalibr_target, kitti, mrcal, nuscenes, opencv, opencv_write, own_camera,
-    own_target, photonvision, ros, tf, urdf, wpilib,
+    CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, blender, caliscope,
+    caliscope_target, colmap, euroc, fspy, gltf, handeye, kalibr, kalibr_target, kitti, mccalib, mrcal,
+    multical, nuscenes, opencv, opencv_write, own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
 };
 use crate::FileError;
 use crate::core::Target;
@@ -70,6 +70,9 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     mrcal::FORMAT,
     basalt::FORMAT,
     caliscope::FORMAT,
+    caliscope::ANIPOSELIB,
+    multical::FORMAT,
+    mccalib::FORMAT,
     euroc::FORMAT,
     kalibr::FORMAT,
     photonvision::FORMAT,
@@ -82,6 +85,12 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     ros::FORMAT,
     opencv::FORMAT,
     opencv_write::XML,
+    photonvision::OLD_FORMAT,
+    handeye::ON_BASE,
+    handeye::ON_HAND,
+    fspy::FORMAT,
+    blender::FORMAT,
+    gltf::FORMAT,
 ];
 
 pub(super) const TARGET_FORMATS: &[TargetFormat] =

@@ -40,10 +40,10 @@ fn xml_commands(element: &Entry<'_>) -> Result<Vec<Command>, Fault> {
     if is_publisher {
         let args = element.need("@args").map_err(|_| element.fault("the attribute `args` is missing"))?;
         let command = Command { line: args.node.line, words: words(args.text()?) };
-        match command.words.iter().find(|w| w.contains('$')) {
-            Some(w) => return Err(command.fault(format!("`{w}` is a substitution; write the value out"))),
-            None => found.push(command),
+        if args.text()?.contains('$') {
+            return Err(command.fault("its args hold a substitution, $(…); write the values out"));
         }
+        found.push(command);
     }
     for child in element.need("children")?.items()? {
         found.extend(xml_commands(&child)?);

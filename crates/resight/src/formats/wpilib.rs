@@ -5,8 +5,10 @@
 //! stays as it is and is the map's world (origin in the blue alliance's right corner, metres).
 
 use super::document::{Document, Fault};
+use super::emit::{number, quoted};
 use super::entry::Entry;
-use super::{Format, TargetFormat, checks};
+use super::{Format, OutFile, TargetFormat, WriteError, checks};
+use crate::FileError;
 use crate::core::target::{MapTag, TagMap};
 use crate::core::{Pose, Target};
 use nalgebra::{Matrix3, Vector3};
@@ -26,6 +28,31 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
 };
 
 const SIZE_M: f64 = 0.1651;
+const FAMILY: &str = "tag36h11";
+
+/// The field's outline and which of the two spellings a layout has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Field {
+    /// Along x, from the blue alliance's wall to the red one's.
+    pub length_m: f64,
+    /// Along y.
+    pub width_m: f64,
+    /// `field-tags` and `field-dimensions` instead of `tags` and `field`.
+    pub keys_of_2027: bool,
+}
+
+/// The field of a WPILib layout file; its tags are read by `read_target`.
+pub fn read_field(path: &std::path::Path) -> Result<Field, FileError> {
+    let document = Document::read(path)?;
+    field(&document.entry()).map_err(|fault| fault.in_file(path))
+}
+
+fn field(root: &Entry<'_>) -> Result<Field, Fault> {
+    let keys_of_2027 = root.has("field-tags");
+    let size = root.need(if keys_of_2027 { "field-dimensions" } else { "field" })?;
+    let (length_m, width_m) = (size.need("length")?.number()?, size.need("width")?.number()?);
+    Ok(Field { length_m, width_m, keys_of_2027 })
+}
 
 fn layout<'a>(root: &Entry<'a>) -> Option<Entry<'a>> {
     root.get("field-tags").or_else(|| root.get("tags").filter(|_| root.has("field")))
@@ -34,7 +61,7 @@ fn layout<'a>(root: &Entry<'a>) -> Option<Entry<'a>> {
 fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     let root = document.entry();
     let list = layout(&root).ok_or_else(|| root.fault("the key `tags` is missing"))?;
-    let family = root.get("family").map_or(Ok("tag36h11"), |f| f.text())?.to_owned();
+    let family = root.get("family").map_or(Ok(FAMILY), |f| f.text())?.to_owned();
     let size_m = root.get("size_m").map_or(Ok(SIZE_M), |s| s.number())?;
     let mut tags: Vec<MapTag> = Vec::new();
     for entry in list.items()? {
@@ -66,4 +93,61 @@ fn field_from_wpilib_tag(pose: &Entry<'_>) -> Result<Pose, Fault> {
 /// Columns: our x, y, z in WPILib's tag frame.
 fn wpilib_tag_from_tag() -> Pose {
     Pose::new(Matrix3::new(0.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0), Vector3::zeros())
+}
+
+/// A tag map as a WPILib field layout. Family and size, for which a layout has no place, follow under keys of our own
+/// where they are not those of the seasons since 2024; WPILib reads past them.
+///
+/// Errors for other targets, tags of different sizes, and fields without an extent.
+pub fn write_field_layout(target: &Target, field: &Field) -> Result<OutFile, WriteError> {
+    let Target::TagMap(map) = target else {
+        let kind = target.kind();
+        return Err(WriteError(format!("a WPILib layout holds a tag_map, not a target of kind `{kind}`")));
+    };
+    if !(0.0 < field.length_m
+        && field.length_m.is_finite()
+        && 0.0 < field.width_m
+        && field.width_m.is_finite())
+    {
+        let (l, w) = (field.length_m, field.width_m);
+        return Err(WriteError(format!("the field is {l} m by {w} m; both sides must be positive")));
+    }
+    let size_m = map.tags.first().map_or(SIZE_M, |tag| tag.size_m);
+    if let Some(odd) = map.tags.iter().find(|tag| tag.size_m != size_m) {
+        let (id, other) = (odd.id, odd.size_m);
+        return Err(WriteError(format!(
+            "tag {id} is {other} m wide, the first {size_m} m; a WPILib layout has tags of one size"
+        )));
+    }
+    let (tags, outline) =
+        if field.keys_of_2027 { ("field-tags", "field-dimensions") } else { ("tags", "field") };
+    let list: Vec<String> = map.tags.iter().map(tag_text).collect();
+    let (length, width) = (number(field.length_m), number(field.width_m));
+    let text = format!(
+        "{{\n  {}: [\n{}\n  ],\n  {}: {{ \"length\": {length}, \"width\": {width} }}{}\n}}\n",
+        quoted(tags),
+        list.join(",\n"),
+        quoted(outline),
+        family_text(&map.family, size_m)
+    );
+    Ok(OutFile { name: "field_layout.json".into(), text })
+}
+
+fn family_text(family: &str, size_m: f64) -> String {
+    if family == FAMILY && size_m == SIZE_M {
+        return String::new();
+    }
+    format!(",\n  \"family\": {},\n  \"size_m\": {}", quoted(family), number(size_m))
+}
+
+fn tag_text(tag: &MapTag) -> String {
+    let field_from_wpilib_tag = tag.world_from_tag * wpilib_tag_from_tag().inverse();
+    let t = field_from_wpilib_tag.translation;
+    let [w, x, y, z] = field_from_wpilib_tag.quaternion_wxyz().map(number);
+    let [tx, ty, tz] = [t.x, t.y, t.z].map(number);
+    format!(
+        "    {{ \"ID\": {}, \"pose\": {{\n      \"translation\": {{ \"x\": {tx}, \"y\": {ty}, \"z\": {tz} }},\n      \
+            \"rotation\": {{ \"quaternion\": {{ \"W\": {w}, \"X\": {x}, \"Y\": {y}, \"Z\": {z} }} }} }} }}",
+        tag.id
+    )
 }
