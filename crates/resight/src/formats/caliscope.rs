@@ -71,12 +71,26 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         }
         contents.cameras.push(NamedCamera { name, camera, placement });
     }
+    contents.warnings.extend(another_order(&document.entry()));
     contents.notes.push(
         "translation is in the unit of the calibration board, which the file does not \
         state; metres are assumed."
             .into(),
     );
     Ok(contents)
+}
+
+/// aniposelib goes by sorted names, a file or a program that counts may not.
+fn another_order(root: &Entry<'_>) -> Option<String> {
+    let names: Vec<String> = tables(root).iter().map(|e| e.name().to_owned()).collect();
+    let mut sorted = names.clone();
+    sorted.sort();
+    (!root.has("cameras") && sorted != names).then(|| {
+        format!(
+            "aniposelib loads these cameras as {}, which is not the order of the file: go by name, not by position",
+            sorted.join(", ")
+        )
+    })
 }
 
 fn one_camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Fault> {

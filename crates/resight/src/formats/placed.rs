@@ -83,7 +83,7 @@ pub(super) fn the_only<'a>(cameras: &'a [NamedCamera], format: &str) -> Result<&
     match cameras {
         [camera] => Ok(camera),
         many => Err(WriteError(format!(
-            "a {format} file holds one camera, not {}; pick one with FILE#NAME",
+            "a file of {format} holds one camera, not {}; pick one with FILE#NAME",
             many.len()
         ))),
     }

@@ -9,6 +9,7 @@ use crate::core::{Point, Pose};
 use crate::formats::document::{Document, Fault, Node, Value};
 use crate::formats::entry::Entry;
 use crate::formats::{Contents, NamedCamera, Placement, checks};
+use std::collections::BTreeMap;
 
 /// Two poses of one image agree when they are nearer than this, rad and parts of the distance.
 const AGREE: f64 = 1e-6;
@@ -119,8 +120,10 @@ impl Model {
     /// Poses of images from rig and frame, as COLMAP takes them; one sentence when `images.txt` says otherwise.
     fn use_frames(&mut self) -> Option<String> {
         let mut contradicted = Vec::new();
+        let frames: BTreeMap<&str, &Frame> =
+            self.frames.iter().flat_map(|f| f.image_ids.iter().map(move |id| (id.as_str(), f))).collect();
         for image in &mut self.images {
-            let Some(frame) = self.frames.iter().find(|f| f.image_ids.contains(&image.id)) else { continue };
+            let Some(frame) = frames.get(image.id.as_str()) else { continue };
             let mut sensors = self.sensors.iter();
             let of_image = |s: &&Sensor| s.rig_id == frame.rig_id && s.id == image.camera_id && s.is_camera();
             let Some(sensor_from_rig) = sensors.find(of_image).and_then(|s| s.sensor_from_rig) else {
