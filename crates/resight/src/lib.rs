@@ -10,6 +10,7 @@ pub mod formats;
 pub mod overlay;
 pub mod render;
 pub mod report;
+pub mod advise;
 pub mod rig;
 
 pub use self::image::GrayImage;
