@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{demo, detect, explain, locate, solve};
+use crate::commands::{advise, demo, detect, explain, locate, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -32,6 +32,8 @@ pub enum Command {
     Solve(solve::Solve),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
+    /// Where to put the next point, target or board for the smallest uncertainty.
+    Advise(advise::Advise),
 }
 
 /// How answers leave the program.

@@ -1,5 +1,6 @@
 //! One file per command; what several share is here.
 
+pub mod advise;
 pub mod demo;
 pub mod detect;
 pub mod explain;
@@ -23,6 +24,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Advise(args) => advise::run(&args),
     }
 }
 

@@ -104,7 +104,10 @@ const TEXT: f64 = 11.0;
 pub fn draw(map: &HeatMap) -> Canvas {
     let (width, height) = map.size();
     let below = 66.0 + 22.0 * map.notes.len() as f64;
-    let canvas = Canvas::blank((LEFT + width + RIGHT) as u32, (TOP + height + below) as u32, BACKGROUND);
+    let text =
+        map.notes.iter().map(|note| font::width(note, TEXT)).fold(font::width(&map.title, 13.0), f64::max);
+    let across = LEFT + (width + RIGHT).max(text + 20.0);
+    let canvas = Canvas::blank(across as u32, (TOP + height + below) as u32, BACKGROUND);
     let mut sheet = Sheet { map, canvas, width, height, range: map.range(), labels: Vec::new() };
     sheet.colours();
     sheet.contours();
@@ -118,7 +121,9 @@ impl HeatMap {
     /// Its least corner and extent, in its own coordinates.
     fn extent(&self) -> ([f64; 2], [f64; 2]) {
         match self.under {
-            Under::Image { width_px, height_px } => ([-0.5, -0.5], [f64::from(width_px), f64::from(height_px)]),
+            Under::Image { width_px, height_px } => {
+                ([-0.5, -0.5], [f64::from(width_px), f64::from(height_px)])
+            }
             Under::Plan { least_m, greatest_m, .. } => {
                 (least_m, [greatest_m[0] - least_m[0], greatest_m[1] - least_m[1]])
             }
@@ -133,7 +138,8 @@ impl HeatMap {
 
     /// The numbers between which the colours run: the least, and what one cell in twenty exceeds.
     fn range(&self) -> Option<[f64; 2]> {
-        let mut all: Vec<f64> = self.values.iter().flatten().copied().filter(|v| 0.0 < *v && v.is_finite()).collect();
+        let mut all: Vec<f64> =
+            self.values.iter().flatten().copied().filter(|v| 0.0 < *v && v.is_finite()).collect();
         all.sort_by(f64::total_cmp);
         let (least, most) = (*all.first()?, all[(all.len() - 1) * 19 / 20]);
         Some([least, most.max(least * 1.05)])
@@ -219,6 +225,9 @@ impl Sheet<'_> {
     }
 
     fn contours(&mut self) {
+        // Marks and their names stay readable.
+        self.labels =
+            self.map.marks.iter().map(|mark| self.place(mark.at) + Vector2::new(20.0, 0.0)).collect();
         for level in self.levels() {
             let found = self.grid().contour(level);
             let segments: Vec<Path> =
@@ -232,7 +241,10 @@ impl Sheet<'_> {
     fn label_contour(&mut self, segments: &[Path], text: &str) {
         let width = font::width(text, TEXT);
         let inside = |p: &Vector2<f64>| {
-            LEFT + width < p.x && p.x < LEFT + self.width - width && TOP + 20.0 < p.y && p.y < TOP + self.height - 20.0
+            LEFT + width < p.x
+                && p.x < LEFT + self.width - width
+                && TOP + 20.0 < p.y
+                && p.y < TOP + self.height - 20.0
         };
         let room = |p: &Vector2<f64>| self.labels.iter().map(|l| (l - p).norm()).fold(600.0, f64::min);
         let middles = segments.iter().map(|s| (s[0] + s[1]) * 0.5).filter(inside);
@@ -277,7 +289,8 @@ impl Sheet<'_> {
     /// Title, notes, border, ticks with numbers.
     fn frame(&mut self) {
         let corner = |dx: f64, dy: f64| Vector2::new(LEFT + dx * self.width, TOP + dy * self.height);
-        let border = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0), corner(0.0, 0.0)];
+        let border =
+            vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0), corner(0.0, 0.0)];
         self.canvas.stroke(&[border], Pen { color: DIM, width: 1.0, opacity: 1.0 });
         self.write(&self.map.title, Vector2::new(LEFT, 28.0), 13.0, PAPER);
         let ([x0, y0], [w, h]) = self.map.extent();
@@ -300,7 +313,7 @@ impl Sheet<'_> {
         };
         let end = LEFT + self.width - font::width(across, TEXT);
         self.write(across, Vector2::new(end, bottom + 44.0), TEXT, PAPER);
-        self.write(up, Vector2::new(10.0, TOP + 12.0), TEXT, PAPER);
+        self.write(up, Vector2::new(LEFT - 16.0 - font::width(up, TEXT), 28.0), TEXT, PAPER);
         for (i, note) in self.map.notes.iter().enumerate() {
             self.write(note, Vector2::new(LEFT, bottom + 62.0 + 22.0 * i as f64), TEXT, DIM);
         }
@@ -329,7 +342,12 @@ impl Sheet<'_> {
             // Numbers that would stand on each other are left out.
             if 16.0 < last - y {
                 self.tick(Vector2::new(left + bar, y), Vector2::new(5.0, 0.0));
-                self.write(&self.map.words(value), Vector2::new(left + bar + 9.0, y + 0.5 * TEXT), TEXT, PAPER);
+                self.write(
+                    &self.map.words(value),
+                    Vector2::new(left + bar + 9.0, y + 0.5 * TEXT),
+                    TEXT,
+                    PAPER,
+                );
                 last = y;
             }
         }
@@ -371,7 +389,11 @@ fn camera_sign(at: Vector2<f64>, towards: Option<Vector2<f64>>) -> Vec<Path> {
 fn ticks(from: f64, to: f64) -> Vec<f64> {
     let step = crate::overlay::round_down_125((to - from) / 4.0);
     let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
-    if 50 < last.saturating_sub(first) { Vec::new() } else { (first..=last).map(|i| i as f64 * step).collect() }
+    if 50 < last.saturating_sub(first) {
+        Vec::new()
+    } else {
+        (first..=last).map(|i| i as f64 * step).collect()
+    }
 }
 
 /// Without zeros that say nothing.

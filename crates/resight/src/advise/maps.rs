@@ -104,7 +104,14 @@ impl FurtherPoint<'_> {
         let at = |c: &[f64; 2]| self.seen_at(c).and_then(|x| self.place_value(&x, covariance));
         let values = centres.iter().map(at).collect();
         let title = "2σ of the ground under this pixel, the best next point added".to_string();
-        Some(self.map(title, vec!["worst direction; hatched: sky".into()], Figure::Length, under, columns, values))
+        Some(self.map(
+            title,
+            vec!["worst direction; hatched: sky".into()],
+            Figure::Length,
+            under,
+            columns,
+            values,
+        ))
     }
 
     fn place_value(&self, x: &Point, covariance: &Matrix6) -> Option<f64> {
@@ -187,6 +194,9 @@ fn is_inside(under: &Under, [x, y]: &[f64; 2]) -> bool {
     (x0..=x1).contains(x) && (y0..=y1).contains(y)
 }
 
+/// Bent more than this a view has no one error bar: frontal, about where two tilts part.
+const MOST_BENT: f64 = 1.5;
+
 /// A target whose camera may stand anywhere.
 pub struct TargetMaps<'a> {
     /// The target.
@@ -200,11 +210,17 @@ pub struct TargetMaps<'a> {
 }
 
 impl TargetMaps<'_> {
-    /// 2σ of the camera's place; none out of sight or where answers will be ambiguous.
+    /// 2σ of the camera's place; none out of sight, where answers will be ambiguous, or where the likelihood is badly bent.
     fn value(&self, cam_from_target: Pose) -> Option<f64> {
-        let view = View { camera: self.camera, cam_from_target, points: &self.shape.points, sigma_px: self.sigma_px };
+        let view = View {
+            camera: self.camera,
+            cam_from_target,
+            points: &self.shape.points,
+            sigma_px: self.sigma_px,
+        };
         let e = expect(&view).ok()?;
-        (NEEDED_SEPARATION_SIGMA <= e.separation_sigma).then(|| 2.0 * worst_sigmas(&e.stated_covariance).1)
+        let is_clear = NEEDED_SEPARATION_SIGMA <= e.separation_sigma && e.bend_ratio < MOST_BENT;
+        is_clear.then(|| 2.0 * worst_sigmas(&e.stated_covariance).1)
     }
 
     fn middle(range: [f64; 2]) -> f64 {
@@ -222,8 +238,20 @@ impl TargetMaps<'_> {
         };
         let values = centres.iter().map(at).collect();
         let title = "2σ of the camera's place with the target's centre at this pixel".to_string();
-        let note = format!("{distance_m:.2} m away, tilted by {:.0}°; hatched: not whole in the image, or ambiguous", tilt.to_degrees());
-        Some(HeatMap { title, notes: vec![note], figure: Figure::Length, under, columns, values, marks: Vec::new(), lines: Vec::new() })
+        let note = format!(
+            "{distance_m:.2} m away, tilted by {:.0}°; hatched: not whole in the image, ambiguous, or too nearly frontal",
+            tilt.to_degrees()
+        );
+        Some(HeatMap {
+            title,
+            notes: vec![note],
+            figure: Figure::Length,
+            under,
+            columns,
+            values,
+            marks: Vec::new(),
+            lines: Vec::new(),
+        })
     }
 
     /// Seen along the target's plane: the camera stands in the plane of the target's front normal (up in the picture) and its x
@@ -242,16 +270,25 @@ impl TargetMaps<'_> {
                 (false, minus) => std::f64::consts::FRAC_PI_2 * if minus { -1.0 } else { 1.0 },
             };
             let is_meant = near < distance_m && distance_m <= far && tilt < 80f64.to_radians();
-            is_meant.then(|| self.value(self.shape.cam_from_target(&(Vector3::z() * distance_m), tilt, direction, 0.0)))?
+            is_meant.then(|| {
+                self.value(self.shape.cam_from_target(&(Vector3::z() * distance_m), tilt, direction, 0.0))
+            })?
         };
         let values = centres.iter().map(at).collect();
         let axis = if along_x { "x" } else { "y" };
         let marks = self.outline(along_x);
         HeatMap {
             title: format!("2σ of the camera's place if it stands here, over the target's {axis} axis"),
-            notes: vec![format!("up: along the front normal; looking at the target's centre; hatched: out of sight or ambiguous")],
+            notes: vec![
+                "up: along the front normal, looking at the target's centre".into(),
+                "hatched: out of sight, ambiguous, or too nearly frontal".into(),
+            ],
             figure: Figure::Length,
-            under: Under::Plan { least_m, greatest_m, axes: [if along_x { "x m" } else { "y m" }, "front m"] },
+            under: Under::Plan {
+                least_m,
+                greatest_m,
+                axes: [if along_x { "x m" } else { "y m" }, "front m"],
+            },
             columns,
             values,
             marks: Vec::new(),
@@ -312,7 +349,8 @@ impl BoardMaps<'_> {
             [c.origin(), c.origin() + ahead * far]
         });
         let all: Vec<Point> = reach.chain(centres.iter().copied()).collect();
-        let bound = |k: usize, pick: fn(f64, f64) -> f64, from: f64| all.iter().map(|p| p[k]).fold(from, pick);
+        let bound =
+            |k: usize, pick: fn(f64, f64) -> f64, from: f64| all.iter().map(|p| p[k]).fold(from, pick);
         let (inf, none) = (f64::INFINITY, f64::NEG_INFINITY);
         let margin = 0.15 * far;
         let least_m = [bound(0, f64::min, inf) - margin, bound(2, f64::min, inf) - margin];
@@ -325,15 +363,28 @@ impl BoardMaps<'_> {
             .boards
             .iter()
             .enumerate()
-            .map(|(i, b)| Mark { at: flat(&self.centre(b)), name: format!("seen {}", i + 1), kind: MarkKind::Known, towards: None })
+            .map(|(i, b)| Mark {
+                at: flat(&self.centre(b)),
+                name: format!("seen {}", i + 1),
+                kind: MarkKind::Known,
+                towards: None,
+            })
             .collect();
         marks.extend(cameras.iter().zip(self.names).map(|(c, name)| {
             let ahead = c.origin() + c.rotation.tr_mul(&Vector3::z());
-            Mark { at: flat(&c.origin()), name: name.clone(), kind: MarkKind::Camera, towards: Some(flat(&ahead)) }
+            Mark {
+                at: flat(&c.origin()),
+                name: name.clone(),
+                kind: MarkKind::Camera,
+                towards: Some(flat(&ahead)),
+            }
         }));
         marks.extend(self.best_marks(|p| Some(flat(p))));
         let notes = vec![
-            format!("board at y {y:.2} m, {:.0}° off facing the cameras; best boards may be higher or lower", BOARD_TILT_RAD.to_degrees()),
+            format!(
+                "board at y {y:.2} m, {:.0}° off facing the cameras; best boards may be higher or lower",
+                BOARD_TILT_RAD.to_degrees()
+            ),
             "hatched: fewer than two cameras see it, or a camera stays unknown".into(),
         ];
         HeatMap {
@@ -363,9 +414,23 @@ impl BoardMaps<'_> {
             let at: [f64; 2] = own.camera.project(&(own.cam_from_rig * *p))?.into();
             is_inside(&under, &at).then_some(at)
         });
-        let title = format!("2σ of the worst camera's place with the next board here, image of {}", self.names.get(camera)?);
-        let notes = vec![format!("board {distance_m:.2} m away; hatched: fewer than two cameras see it, or a camera stays unknown")];
-        Some(HeatMap { title, notes, figure: Figure::Length, under, columns, values, marks, lines: Vec::new() })
+        let title = format!(
+            "2σ of the worst camera's place with the next board here, image of {}",
+            self.names.get(camera)?
+        );
+        let notes = vec![format!(
+            "board {distance_m:.2} m away; hatched: fewer than two cameras see it, or a camera stays unknown"
+        )];
+        Some(HeatMap {
+            title,
+            notes,
+            figure: Figure::Length,
+            under,
+            columns,
+            values,
+            marks,
+            lines: Vec::new(),
+        })
     }
 
     fn best_marks(&self, place: impl Fn(&Point) -> Option<[f64; 2]>) -> Vec<Mark> {
