@@ -3,7 +3,6 @@
 use super::contour::{Grid, levels};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::font;
-use crate::report::words::{degrees, length};
 use nalgebra::Vector2;
 
 /// What the numbers of a map are.
@@ -145,11 +144,18 @@ impl HeatMap {
         Some([least, most.max(least * 1.05)])
     }
 
+    /// Three figures: a scale from 12.1 to 12.9 mm must not read 12, 12, 13.
     fn words(&self, value: f64) -> String {
-        match self.figure {
-            Figure::Length => length(value),
-            Figure::Angle => degrees(value),
-        }
+        let (value, unit) = match self.figure {
+            Figure::Angle => (value.to_degrees(), "°"),
+            Figure::Length if value < 1e-3 => (value * 1e6, " µm"),
+            Figure::Length if value < 1.0 => (value * 1e3, " mm"),
+            Figure::Length => (value, " m"),
+        };
+        let whole = if 0.0 < value && value.is_finite() { value.log10().floor() as i32 } else { 0 };
+        let text = format!("{value:.*}", (2 - whole).clamp(0, 6) as usize);
+        let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+        format!("{text}{unit}")
     }
 }
 
@@ -448,6 +454,12 @@ mod tests {
     fn ticks_are_round_and_few() {
         assert_eq!(ticks(0.3, 8.4), [2.0, 4.0, 6.0, 8.0]);
         assert!(ticks(-0.5, 639.5).len() < 10 && ticks(0.0, f64::INFINITY).is_empty());
+        let read = |figure, value: f64| HeatMap { figure, ..map() }.words(value);
+        assert_eq!(
+            [0.01212, 0.02, 1.5, 3e-4].map(|x| read(Figure::Length, x)),
+            ["12.1 mm", "20 mm", "1.5 m", "300 µm"]
+        );
+        assert_eq!(read(Figure::Angle, 0.5f64.to_radians()), "0.5°");
         assert_eq!([number(-0.0), number(0.5), number(10.0)], ["0", "0.5", "10"]);
     }
 }

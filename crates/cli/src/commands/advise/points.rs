@@ -125,7 +125,6 @@ impl Question<'_> {
     fn answer(&self) -> Result<Outcome> {
         let view = self.view(&self.marks);
         let next = NextPoint::new(view).context("the marks so far")?;
-        self.say_now(&view)?;
         let (candidates, names, region_m) = self.candidates()?;
         let ranked = next.ranked(&candidates, &self.aim.0);
         if ranked.is_empty() {
@@ -134,6 +133,7 @@ impl Question<'_> {
                 candidates.len()
             );
         }
+        self.say_now(&view)?;
         let is_grid = self.args.candidates.is_none();
         let diagonal = (region_m[2] - region_m[0]).hypot(region_m[3] - region_m[1]);
         let (apart_m, most) = if is_grid { (0.15 * diagonal, ADVISED) } else { (0.0, 20) };
