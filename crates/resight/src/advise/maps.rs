@@ -1,7 +1,10 @@
 //! The maps: which figure stands in which cell.
 
+mod boards;
+
+pub use boards::BoardMaps;
+
 use super::heat::{Figure, HeatMap, Mark, MarkKind, Under};
-use crate::core::advise::board::{RigInformation, RigPlan};
 use crate::core::advise::expect::{NEEDED_SEPARATION_SIGMA, View, expect, worst_sigmas};
 use crate::core::advise::ground::Plane;
 use crate::core::advise::point::{Aim, NextPoint};
@@ -303,141 +306,5 @@ impl TargetMaps<'_> {
         let along = || self.shape.points.iter().map(|p| p.position[k] - centre);
         let (low, high) = (along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max));
         vec![[[low, 0.0], [high, 0.0]]]
-    }
-}
-
-/// A rig whose next board is sought.
-pub struct BoardMaps<'a> {
-    /// The rig.
-    pub plan: &'a RigPlan<'a>,
-    /// What its views so far say.
-    pub so_far: &'a RigInformation,
-    /// Names of its cameras.
-    pub names: &'a [String],
-    /// Boards seen already.
-    pub boards: &'a [Pose],
-    /// Boards advised, best first.
-    pub best: &'a [Pose],
-    /// How far from the cameras boards are held.
-    pub distance_m: [f64; 2],
-}
-
-/// How boards are held in the maps.
-const BOARD_TILT_RAD: f64 = 0.5;
-
-impl BoardMaps<'_> {
-    /// 2σ of the place of the camera known worst, with a board centred there; none where two cameras do not see it.
-    fn value(&self, centre_in_rig: &Point) -> Option<f64> {
-        let board = self.plan.rig_from_board_at(centre_in_rig, BOARD_TILT_RAD, 0.8, 0.3);
-        let (information, _) = self.plan.with(self.so_far, &board)?;
-        let cameras = information.cameras()?;
-        let all_known = cameras.iter().all(|c| c.is_determined);
-        all_known.then(|| 2.0 * cameras.iter().map(|c| c.place_m).fold(0.0, f64::max))
-    }
-
-    fn centre(&self, board: &Pose) -> Point {
-        board * &self.plan.board.centre()
-    }
-
-    /// From above: x to the right and z forward of the rig, at the height of the best board.
-    pub fn from_above(&self) -> HeatMap {
-        let cameras: Vec<Pose> = self.plan.cameras.iter().map(|c| c.cam_from_rig).collect();
-        let centres: Vec<Point> = self.best.iter().chain(self.boards).map(|b| self.centre(b)).collect();
-        let far = self.distance_m[1];
-        let reach = cameras.iter().flat_map(|c| {
-            let ahead = c.rotation.tr_mul(&Vector3::z());
-            [c.origin(), c.origin() + ahead * far]
-        });
-        let all: Vec<Point> = reach.chain(centres.iter().copied()).collect();
-        let bound =
-            |k: usize, pick: fn(f64, f64) -> f64, from: f64| all.iter().map(|p| p[k]).fold(from, pick);
-        let (inf, none) = (f64::INFINITY, f64::NEG_INFINITY);
-        let margin = 0.15 * far;
-        let least_m = [bound(0, f64::min, inf) - margin, bound(2, f64::min, inf) - margin];
-        let greatest_m = [bound(0, f64::max, none) + margin, bound(2, f64::max, none) + margin];
-        let y = centres.first().map_or(0.0, |c| c.y);
-        let (columns, grid) = cells(least_m, greatest_m);
-        let values = grid.iter().map(|c| self.value(&Point::new(c[0], y, c[1]))).collect();
-        let flat = |p: &Point| [p.x, p.z];
-        let mut marks: Vec<Mark> = self
-            .boards
-            .iter()
-            .enumerate()
-            .map(|(i, b)| Mark {
-                at: flat(&self.centre(b)),
-                name: format!("seen {}", i + 1),
-                kind: MarkKind::Known,
-                towards: None,
-            })
-            .collect();
-        marks.extend(cameras.iter().zip(self.names).map(|(c, name)| {
-            let ahead = c.origin() + c.rotation.tr_mul(&Vector3::z());
-            Mark {
-                at: flat(&c.origin()),
-                name: name.clone(),
-                kind: MarkKind::Camera,
-                towards: Some(flat(&ahead)),
-            }
-        }));
-        marks.extend(self.best_marks(|p| Some(flat(p))));
-        let notes = vec![
-            format!(
-                "board at y {y:.2} m, {:.0}° off facing the cameras; best boards may be higher or lower",
-                BOARD_TILT_RAD.to_degrees()
-            ),
-            "hatched: fewer than two cameras see it, or a camera stays unknown".into(),
-        ];
-        HeatMap {
-            title: "2σ of the worst camera's place with the next board here".into(),
-            notes,
-            figure: Figure::Length,
-            under: Under::Plan { least_m, greatest_m, axes: ["x m", "z m"] },
-            columns,
-            values,
-            marks,
-            lines: Vec::new(),
-        }
-    }
-
-    /// Over the image of one camera: the board's centre at the pixel, at the middle distance.
-    pub fn over_image(&self, camera: usize) -> Option<HeatMap> {
-        let own = self.plan.cameras.get(camera)?;
-        let (columns, centres, under) = image_cells(own.camera)?;
-        let distance_m = 0.5 * (self.distance_m[0] + self.distance_m[1]);
-        let rig_from_cam = own.cam_from_rig.inverse();
-        let at = |c: &[f64; 2]| {
-            let ray = own.camera.bearing(&Pixel::new(c[0], c[1])).ok()?.into_inner();
-            self.value(&(rig_from_cam * (ray * distance_m)))
-        };
-        let values = centres.iter().map(at).collect();
-        let marks = self.best_marks(|p| {
-            let at: [f64; 2] = own.camera.project(&(own.cam_from_rig * *p))?.into();
-            is_inside(&under, &at).then_some(at)
-        });
-        let title = format!(
-            "2σ of the worst camera's place with the next board here, image of {}",
-            self.names.get(camera)?
-        );
-        let notes = vec![format!(
-            "board {distance_m:.2} m away; hatched: fewer than two cameras see it, or a camera stays unknown"
-        )];
-        Some(HeatMap {
-            title,
-            notes,
-            figure: Figure::Length,
-            under,
-            columns,
-            values,
-            marks,
-            lines: Vec::new(),
-        })
-    }
-
-    fn best_marks(&self, place: impl Fn(&Point) -> Option<[f64; 2]>) -> Vec<Mark> {
-        let mark = |(i, b): (usize, &Pose)| {
-            let at = place(&self.centre(b))?;
-            Some(Mark { at, name: format!("{}", i + 1), kind: MarkKind::Best, towards: None })
-        };
-        self.best.iter().enumerate().rev().filter_map(mark).collect()
     }
 }
