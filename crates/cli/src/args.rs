@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{compare, convert, demo, detect, explain, locate, rig, solve};
+use crate::commands::{advise, compare, convert, demo, detect, explain, locate, rig, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -38,6 +38,8 @@ pub enum Command {
     Convert(convert::Convert),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
+    /// Where to put the next point, target or board for the smallest uncertainty.
+    Advise(advise::Advise),
 }
 
 /// How answers leave the program.

@@ -1,5 +1,6 @@
 //! One file per command; what several share is here.
 
+pub mod advise;
 pub mod compare;
 pub mod convert;
 pub mod demo;
@@ -29,6 +30,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Advise(args) => advise::run(&args),
     }
 }
 

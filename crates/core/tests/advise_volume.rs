@@ -137,7 +137,7 @@ fn the_fourth_dot_belongs_away_from_the_middle() {
     let views = poses(&shape, &camera, &volume, 600);
     let now = outlook(&shape, &camera, SIGMA_PX, &views);
     println!("now: cost {:.4}, ambiguous {:.3}", cost(&now), now.ambiguous);
-    let all = tried(&target, &camera, SIGMA_PX, &views);
+    let all = tried(&target, &camera, SIGMA_PX, &volume, 600);
     for t in &all {
         let (c, ambiguous) = (&t.change, t.outlook.ambiguous);
         println!(

@@ -288,6 +288,12 @@ fn pick(mut cameras: Vec<NamedCamera>, name: Option<&str>) -> Result<NamedCamera
     }
 }
 
+/// `b_from_a` between two frames of a file (cameras, or what they are placed in), through any chain of its placements; none where
+/// nothing joins them.
+pub fn pose_between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose> {
+    frames::between(cameras, b, a)
+}
+
 /// Reads a target file, recognising the format by its content.
 ///
 /// A `line_plus_one` target whose fourth point stands over the middle of the line comes with a warning.

@@ -13,6 +13,7 @@ pub mod rig;
 pub mod source;
 pub mod scene;
 pub mod report;
+pub mod advise;
 
 pub use self::image::GrayImage;
 pub use error::FileError;

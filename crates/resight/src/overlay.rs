@@ -4,7 +4,7 @@
 //! ends where the lens model's valid field ends. Whatever is magnified says by how much in the caption.
 
 pub mod canvas;
-mod font;
+pub mod font;
 mod geometry;
 #[cfg(test)]
 mod tests;
@@ -17,6 +17,7 @@ use crate::core::{Camera, Point, Pose, Target};
 use crate::report::verdict::figures;
 use crate::report::words::{distance_with_sigma_m, length, with_sigma};
 use canvas::{Canvas, Color, Path, Pen};
+pub(crate) use geometry::round_down_125;
 use nalgebra::Vector2;
 
 /// Everything one picture shows.

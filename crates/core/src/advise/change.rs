@@ -1,8 +1,8 @@
 //! Other dimensions of a target, one change at a time: which would help?
 
-use super::volume::{Outlook, Shape, outlook};
+use super::volume::{Outlook, Shape, Volume, outlook, poses};
+use crate::Camera;
 use crate::target::{LinePlusOne, Target};
-use crate::{Camera, Pose};
 
 /// One dimension of a target changed; keys as in target.toml.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,19 +93,15 @@ fn line_changes(t: &LinePlusOne) -> Vec<Change> {
 pub struct Tried {
     /// The change.
     pub change: Change,
-    /// Over the same views as the target itself, its centre put where that of the target was.
+    /// Over views of the same volume, drawn towards the image's middle as far as the changed target needs.
     pub outlook: Outlook,
 }
 
-/// Every change over the same views, the best first by [`cost`].
-pub fn tried(target: &Target, camera: &Camera, sigma_px: f64, views: &[Option<Pose>]) -> Vec<Tried> {
-    let centre = Shape::of(target).centre();
+/// Every change over `n` views of the volume, the best first by [`cost`].
+pub fn tried(target: &Target, camera: &Camera, sigma_px: f64, volume: &Volume, n: usize) -> Vec<Tried> {
     let one = |change: Change| {
         let shape = Shape::of(&change.target);
-        let shift = centre - shape.centre();
-        let moved = |pose: &Pose| Pose::new(pose.rotation, pose.translation + pose.rotation * shift);
-        let views: Vec<Option<Pose>> = views.iter().map(|v| v.as_ref().map(moved)).collect();
-        Tried { outlook: outlook(&shape, camera, sigma_px, &views), change }
+        Tried { outlook: outlook(&shape, camera, sigma_px, &poses(&shape, camera, volume, n)), change }
     };
     let mut all: Vec<Tried> = changes(target).into_iter().map(one).collect();
     all.sort_by(|a, b| cost(&a.outlook).total_cmp(&cost(&b.outlook)));

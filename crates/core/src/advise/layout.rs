@@ -1,6 +1,6 @@
 //! What is wrong with a choice of points, in numbers a person can act on: docs/math/advise.md eqs. (11)–(13).
 
-use super::expect::{Doubt, Expectation, NEEDED_SEPARATION_SIGMA, View, sight};
+use super::expect::{Expectation, NEEDED_SEPARATION_SIGMA, View, sight};
 use crate::Correspondence;
 use crate::solve::configuration::{Configuration, survey};
 use crate::solve::line_plus_one::Weakness;
@@ -139,15 +139,4 @@ fn tilt_rad(view: &View, seen: &[Correspondence]) -> Option<f64> {
     let normal: Vector3<f64> = view.cam_from_target.rotation * axes.eigenvectors.column(thin);
     let sight = (view.cam_from_target * crate::refine::centroid(seen)).try_normalize(0.0)?;
     is_flat.then(|| normal.dot(&sight).abs().min(1.0).acos())
-}
-
-impl Concern {
-    /// Whether a doubt is what this fault explains.
-    pub fn explains(&self, doubt: &Doubt) -> bool {
-        match (self, doubt) {
-            (Concern::NearCollinear { .. }, _) => false,
-            (Concern::Weak(_), Doubt::Bent { .. }) => false,
-            _ => true,
-        }
-    }
 }

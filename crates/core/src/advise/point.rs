@@ -1,6 +1,6 @@
 //! Where should the next point go? Points already measured, one more tried anywhere: docs/math/advise.md eqs. (1), (2), (7).
 
-use super::expect::{View, sight, sight_of, worst_sigmas};
+use super::expect::{NEEDED_SEPARATION_SIGMA, View, sight, sight_of, worst_sigmas};
 use super::ground::GroundLength;
 use crate::choose::{Minimum, TWIN_SIGMAS};
 use crate::least_squares::PivotedPose;
@@ -89,6 +89,16 @@ impl<'a> NextPoint<'a> {
         Some(Gain { covariance, separation_sigma: least.max(0.0).sqrt() })
     }
 
+    /// Candidates that the camera sees, by number, the best first: those that leave the pose ambiguous come last.
+    pub fn ranked(&self, candidates: &[KnownPoint], aim: &Aim) -> Vec<(usize, Gain)> {
+        let gains = candidates.iter().enumerate().filter_map(|(i, c)| Some((i, self.with(c)?)));
+        let mut keyed: Vec<(bool, f64, usize, Gain)> = gains
+            .map(|(i, g)| (g.separation_sigma < NEEDED_SEPARATION_SIGMA, aim.sigma(&g.covariance), i, g))
+            .collect();
+        keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        keyed.into_iter().map(|(_, _, i, gain)| (i, gain)).collect()
+    }
+
     /// The covariance of left motions from the information about the pivot: docs/math/refine.md eq. (7).
     fn at_camera(&self, information: &Matrix6) -> Option<Matrix6> {
         let about_pivot = information.cholesky()?.inverse();
@@ -113,4 +123,16 @@ impl<'a> NextPoint<'a> {
         let spread = own + by_motion * rival.covariance * by_motion.transpose();
         spread.try_inverse().map_or(0.0, |inverse| rival.chi2 + d.dot(&(inverse * d)))
     }
+}
+
+/// The first of a ranked list and those after it that stand at least `apart_m` from all taken before; at most `n`.
+pub fn spread_out(candidates: &[KnownPoint], ranked: &[(usize, Gain)], apart_m: f64, n: usize) -> Vec<usize> {
+    let mut taken: Vec<usize> = Vec::new();
+    for (i, _) in ranked {
+        let is_apart = |j: &usize| apart_m <= (candidates[*i].position - candidates[*j].position).norm();
+        if taken.len() < n && taken.iter().all(is_apart) {
+            taken.push(*i);
+        }
+    }
+    taken
 }

@@ -56,6 +56,21 @@ impl Canvas {
         Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
     }
 
+    /// One colour everywhere.
+    pub fn blank(width: u32, height: u32, color: Color) -> Self {
+        let n = width as usize * height as usize;
+        let rgb = color.iter().copied().cycle().take(3 * n).collect();
+        Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
+    }
+
+    /// Gives one pixel a colour; outside the picture nothing happens.
+    pub fn set(&mut self, x: u32, y: u32, color: Color) {
+        if x < self.width && y < self.height {
+            let i = 3 * (y as usize * self.width as usize + x as usize);
+            self.rgb[i..i + 3].copy_from_slice(&color);
+        }
+    }
+
     /// Draws paths with one pen; a path of one point is a dot.
     pub fn stroke(&mut self, paths: &[Path], pen: Pen) {
         for path in paths {

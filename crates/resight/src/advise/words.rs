@@ -1,0 +1,101 @@
+//! Doubts, faults and changes in sentences: the number seen, the number needed, what to do.
+
+use crate::core::advise::Doubt;
+use crate::core::advise::change::Change;
+use crate::core::advise::layout::Concern;
+use crate::core::solve::line_plus_one::Weakness;
+use crate::report::words::{degrees, length};
+
+/// Why the figures of a view are not to be trusted.
+pub fn doubt(doubt: &Doubt) -> String {
+    match doubt {
+        Doubt::Bent { ratio, allowed } => format!(
+            "the first-order figure does not hold: the likelihood is bent and the error bar will be up to {ratio:.2} times as long (at most {allowed:.2} for the figure to hold); tilt the target or come closer"
+        ),
+        Doubt::Ambiguous { separation_sigma, needed_sigma } => format!(
+            "a second pose shows the points only {separation_sigma:.1} σ apart (need {needed_sigma:.0}): many answers will be ambiguous; add a point away from the others"
+        ),
+        other => format!("{other:?}"),
+    }
+}
+
+/// What is wrong with a layout.
+pub fn concern(concern: &Concern) -> String {
+    match concern {
+        Concern::NearCollinear { width_ratio, needed } => format!(
+            "nearly collinear: width over length {width_ratio:.3}, need {needed:.1}; the turn about their line is known {:.0} times worse than the rest; put a point to one side",
+            1.0 / width_ratio.max(1e-9)
+        ),
+        Concern::FarClustered { span_rad, needed_rad } => format!(
+            "clustered for the distance: the points span {}, need {}; spread them or come closer",
+            degrees(*span_rad),
+            degrees(*needed_rad)
+        ),
+        Concern::Frontal { tilt_rad, needed_rad } => format!(
+            "frontal: the plane of the points is {} off facing the camera, need {}; look from the side or leave the plane with a point",
+            tilt(*tilt_rad),
+            tilt(*needed_rad)
+        ),
+        Concern::EqualRange { spread, needed } => format!(
+            "equal ranges: the points differ in distance by {:.2} %, need {:.2} %; put a point nearer or farther",
+            100.0 * spread,
+            100.0 * needed
+        ),
+        Concern::Weak(Weakness::CriticalPlane { separation_sigma, needed_sigma }) => format!(
+            "critical plane: the camera stands where the fourth point's ray is square to the line, two poses {separation_sigma:.1} σ apart (need {needed_sigma:.0}); move the fourth point along the line"
+        ),
+        Concern::Weak(Weakness::LineEndOn { length_sigma, needed_sigma }) => format!(
+            "line end on: its image is {length_sigma:.1} σ long (need {needed_sigma:.0}); turn the line across the sight"
+        ),
+        other => format!("{other:?}"),
+    }
+}
+
+fn tilt(angle_rad: f64) -> String {
+    format!("{:.1}°", angle_rad.to_degrees())
+}
+
+/// `off_m[0] 0.1 → 0`: a change as the target file would show it.
+pub fn change(change: &Change) -> String {
+    let number = |x: f64| {
+        let text = format!("{x:.4}");
+        let text = text.trim_end_matches('0').trim_end_matches('.').to_string();
+        if text == "-0" { "0".to_string() } else { text }
+    };
+    let larger = if change.grows { "  (larger)" } else { "" };
+    format!("{} {} → {}{larger}", change.key, number(change.from), number(change.to))
+}
+
+/// A standard deviation as a length or an angle; unbounded where it says nothing.
+pub fn sigma_m(x_m: f64) -> String {
+    if x_m < 1e3 { length(x_m) } else { "unknown".into() }
+}
+
+/// As `sigma_m`, for a rotation.
+pub fn sigma_rad(angle_rad: f64) -> String {
+    if angle_rad < std::f64::consts::FRAC_PI_2 { degrees(angle_rad) } else { "unknown".into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::target::{Tag, Target};
+
+    #[test]
+    fn sentences_have_the_number_seen_and_the_number_needed() {
+        let frontal = concern(&Concern::Frontal { tilt_rad: 0.02, needed_rad: 0.2 });
+        assert!(frontal.contains("1.1°") && frontal.contains("need 11.5°"), "{frontal}");
+        let critical = Weakness::CriticalPlane { separation_sigma: 0.4, needed_sigma: 6.0 };
+        assert!(concern(&Concern::Weak(critical)).contains("0.4 σ apart (need 6)"));
+        let two = doubt(&Doubt::Ambiguous { separation_sigma: 2.34, needed_sigma: 6.0 });
+        assert!(two.contains("2.3 σ") && two.contains("need 6"), "{two}");
+    }
+
+    #[test]
+    fn a_change_reads_as_the_file_does() {
+        let target = Target::Tag(Tag { family: "tag36h11".into(), id: 0, size_m: 0.3 });
+        let made = Change { key: "size_m", from: 0.2, to: 0.3, target, grows: true };
+        assert_eq!(change(&made), "size_m 0.2 → 0.3  (larger)");
+        assert_eq!([sigma_m(1e4), sigma_rad(9.0), sigma_m(0.02)], ["unknown", "unknown", "20 mm"]);
+    }
+}
