@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{demo, detect, explain, locate, solve};
+use crate::commands::{demo, detect, explain, locate, rig, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -30,6 +30,8 @@ pub enum Command {
     Detect(detect::Detect),
     /// The pose from points you already have, in a CSV file.
     Solve(solve::Solve),
+    /// Where several cameras sit relative to each other, from targets they see together.
+    Rig(rig::Rig),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
 }

@@ -4,6 +4,7 @@ pub mod demo;
 pub mod detect;
 pub mod explain;
 pub mod locate;
+pub mod rig;
 pub mod solve;
 
 use crate::args::Command;
@@ -11,7 +12,7 @@ use crate::output::Outcome;
 use anyhow::Result;
 use rayon::prelude::*;
 use resight::core::{Camera, Target};
-use resight::detect::{DetectError, Detector};
+use resight::detect::DetectError;
 use resight::formats;
 use std::path::Path;
 
@@ -22,6 +23,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Locate(args) => locate::run(&args),
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Rig(args) => rig::run(&args),
         Command::Explain(args) => explain::run(&args),
     }
 }
@@ -52,15 +54,15 @@ fn in_order<T: Sync, R: Send>(
     in_blocks(inputs, 1024, |block| Ok(block.par_iter().map(&work).collect()), done)
 }
 
-/// As `in_order`, each thread with a detector of its own: the C library keeps state in it.
-fn detect_in_order<T: Sync, R: Send>(
+/// As `in_order`, each thread with a detector (or several) of its own: the C library keeps state in it.
+fn detect_in_order<T: Sync, D, R: Send>(
     inputs: &[T],
-    detector: impl Fn() -> Result<Detector, DetectError> + Sync,
-    work: impl Fn(&mut Detector, &T) -> R + Sync,
+    detector: impl Fn() -> Result<D, DetectError> + Sync,
+    work: impl Fn(&mut D, &T) -> R + Sync,
     done: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     detector()?; // Says now what is wrong with the target, once.
-    let look = |detector: &mut Result<Detector, DetectError>, input: &T| match detector {
+    let look = |detector: &mut Result<D, DetectError>, input: &T| match detector {
         Ok(detector) => Ok(work(detector, input)),
         Err(reason) => Err(anyhow::anyhow!("{reason}")),
     };

@@ -9,6 +9,7 @@ mod intrinsics;
 mod output;
 mod points;
 mod robust;
+mod table;
 mod text;
 mod commands;
 

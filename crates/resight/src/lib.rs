@@ -12,6 +12,7 @@ pub mod render;
 pub mod rig;
 pub mod scene;
 pub mod report;
+pub mod source;
 
 pub use self::image::GrayImage;
 pub use error::FileError;

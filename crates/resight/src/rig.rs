@@ -1,8 +1,17 @@
 //! A rig with names: what commands, files and reports say about cameras, views and targets.
 
+pub mod digest;
+pub mod gather;
+pub mod names;
+pub mod relative;
+pub mod synchronise;
+
 use crate::core::rig::{RigProblem, RigSolution, Sighting};
 use crate::core::{Camera, Target};
-use crate::formats::NamedCamera;
+use crate::formats::{NamedCamera, Placement};
+
+/// The frame that cameras of a rig are placed in, as files call it: that of the reference camera.
+pub const RIG_FRAME: &str = "rig";
 
 /// A target as the user gave it.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +51,11 @@ impl NamedRig {
             sightings: &self.sightings,
         }
     }
+
+    /// The camera of this name, index.
+    pub fn camera(&self, name: &str) -> Option<usize> {
+        self.cameras.iter().position(|camera| camera.name == name)
+    }
 }
 
 /// A file that an answer rests on.
@@ -64,4 +78,21 @@ pub struct RigRun {
     pub inputs: Vec<InputFile>,
     /// The exact command line.
     pub command: String,
+}
+
+impl RigRun {
+    /// The cameras with their places, as `formats::write_cameras` takes them: `cam_from_rig` with its covariance, frame b named
+    /// after the camera, frame a [`RIG_FRAME`].
+    pub fn placed_cameras(&self) -> Vec<NamedCamera> {
+        let placed = |(camera, found): (&NamedCamera, &crate::core::rig::CameraInRig)| {
+            let placement = Placement {
+                b: camera.name.clone(),
+                a: RIG_FRAME.to_string(),
+                b_from_a: found.cam_from_rig,
+                covariance: Some(found.covariance),
+            };
+            NamedCamera { placement: Some(placement), ..camera.clone() }
+        };
+        self.rig.cameras.iter().zip(&self.solution.cameras).map(placed).collect()
+    }
 }

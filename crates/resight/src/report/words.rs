@@ -4,7 +4,7 @@
 
 use crate::core::locate::PoseEstimate;
 use crate::core::observability::{Axis, Observability};
-use crate::core::{Point, Pose};
+use crate::core::{Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Distance from the camera to the target's origin and its standard deviation, metres.
@@ -20,10 +20,15 @@ pub fn distance_with_sigma_m(estimate: &PoseEstimate) -> (f64, f64) {
 
 /// Where the camera is in the target frame and the standard deviation along each axis of that frame, metres.
 pub fn place_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
-    let r = &estimate.cam_from_target.rotation;
-    let translation: Matrix3<f64> = estimate.covariance.fixed_view::<3, 3>(3, 3).into();
-    let in_target = r.transpose() * translation * r;
-    (estimate.cam_from_target.origin(), in_target.diagonal().map(|x| x.max(0.0).sqrt()))
+    let sigma_m = place_sigma_m(&estimate.cam_from_target, &estimate.covariance);
+    (estimate.cam_from_target.origin(), sigma_m)
+}
+
+/// Standard deviation of the camera's place along each axis of frame a, metres, of `cam_from_a` and its covariance.
+pub fn place_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> Vector3<f64> {
+    let r = &cam_from_a.rotation;
+    let translation: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into();
+    (r.transpose() * translation * r).diagonal().map(|x| x.max(0.0).sqrt())
 }
 
 /// Yaw, pitch, roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
@@ -199,7 +204,7 @@ mod tests {
     #[test]
     fn place_and_distance_sigmas_match_small_motions() {
         use crate::core::locate::{Config, locate};
-        use crate::core::{Camera, Correspondence, Matrix6};
+        use crate::core::{Camera, Correspondence};
         let pose = Pose::exp(&Vector6::new(0.7, 0.1, -0.4, 0.3, 0.2, 2.0));
         let camera = Camera::normalized();
         let corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.1), (0.0, 0.4, 0.0), (0.5, 0.5, 0.3), (0.2, 0.1, 0.6)];

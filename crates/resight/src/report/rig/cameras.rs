@@ -65,7 +65,7 @@ fn place(placed: &CameraInRig) -> Vec<String> {
 
 /// Angles with the decimals that the standard deviations warrant.
 fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
-    let decimals = words::decimals(sigmas_rad.into_iter().fold(f64::INFINITY, f64::min).to_degrees());
+    let decimals = words::decimals(sigmas_rad.into_iter().fold(0.0, f64::max).to_degrees());
     let angle = |x: f64| format!("{:+.decimals$}°", x.to_degrees());
     words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
 }
@@ -75,8 +75,8 @@ pub(super) fn legend(run: &RigRun) -> String {
     let scale = run.solution.noise_scale;
     let noise = if 1.0 < scale {
         format!(
-            "The residuals are larger than the stated standard deviations of the points say: every covariance was widened by the factor {}.",
-            number(scale, 2)
+            "The residuals are {} times what the stated standard deviations of the points say: every ± here was widened by as much.",
+            number(scale.sqrt(), 2)
         )
     } else {
         "The residuals are as large as the stated standard deviations of the points say.".into()

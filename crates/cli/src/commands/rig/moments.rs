@@ -1,0 +1,77 @@
+//! Which frames were taken at the same time: by name, or by time stamp.
+
+use super::Frame;
+use anyhow::{Result, bail};
+use resight::rig::synchronise::{TimedFrame, by_time};
+
+/// How it went.
+pub struct Moments {
+    /// Frames that no other camera has a counterpart of.
+    pub n_alone: usize,
+    /// What to say about it.
+    pub remarks: Vec<String>,
+}
+
+/// Gives the frames of one view one name: with a tolerance that of their time, else the name they have.
+pub fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Result<Moments> {
+    let n_timed = frames.iter().filter(|frame| frame.t_s.is_some()).count();
+    let mut remarks = Vec::new();
+    match tolerance_s {
+        Some(_) if n_timed == 0 => {
+            bail!(
+                "--sync-tolerance-ms needs time stamps: a column t_s in the detections, or --timestamps FILE.csv"
+            )
+        }
+        Some(tolerance_s) => remarks.extend(by_time_stamps(frames, tolerance_s)?),
+        None if n_timed == 0 => {}
+        None => remarks.push(
+            "times are given but no --sync-tolerance-ms, so frames of one name are one view".to_string(),
+        ),
+    }
+    let n_alone = n_alone(frames);
+    if 0 < n_alone {
+        let (n, frames) = (frames.len(), if n_alone == 1 { "frame has" } else { "frames have" });
+        remarks.push(format!("{n_alone} of {n} {frames} no counterpart of another camera"));
+    }
+    Ok(Moments { n_alone, remarks })
+}
+
+fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<Vec<String>> {
+    let mut timed = Vec::with_capacity(frames.len());
+    for frame in frames.iter() {
+        let Some(t_s) = frame.t_s else {
+            bail!(
+                "frame {} has no time stamp; give every frame its time, or leave --sync-tolerance-ms out",
+                frame.name
+            );
+        };
+        timed.push(TimedFrame { camera: frame.camera, t_s });
+    }
+    let views = by_time(&timed, tolerance_s);
+    let n_views = views.iter().max().map_or(0, |last| last + 1);
+    let mut first_s = vec![f64::INFINITY; n_views];
+    let mut last_s = vec![f64::NEG_INFINITY; n_views];
+    for (frame, view) in timed.iter().zip(&views) {
+        first_s[*view] = first_s[*view].min(frame.t_s);
+        last_s[*view] = last_s[*view].max(frame.t_s);
+    }
+    for (frame, view) in frames.iter_mut().zip(&views) {
+        frame.name = format!("{:.6} s", first_s[*view]);
+    }
+    let widest_s = first_s.iter().zip(&last_s).map(|(first, last)| last - first).fold(0.0, f64::max);
+    Ok(vec![format!(
+        "{} frames in {n_views} views by time, at most {:.1} ms apart (tolerance {:.1} ms)",
+        frames.len(),
+        1e3 * widest_s,
+        1e3 * tolerance_s
+    )])
+}
+
+fn n_alone(frames: &[Frame]) -> usize {
+    let mut cameras: std::collections::HashMap<&str, (usize, bool)> = std::collections::HashMap::new();
+    for frame in frames {
+        let (camera, is_shared) = cameras.entry(&frame.name).or_insert((frame.camera, false));
+        *is_shared |= *camera != frame.camera;
+    }
+    frames.iter().filter(|frame| !cameras[frame.name.as_str()].1).count()
+}

@@ -1,0 +1,248 @@
+//! A rig in words and tables.
+
+use super::solving::{Solved, rejection};
+use crate::text::line;
+use resight::core::rig::{TargetScale, shared_views as shared};
+use resight::report::verdict::figures;
+use resight::report::words::{coordinate, degrees, length, place_sigma_m, sigmas};
+use resight::rig::gather::Gathered;
+use resight::rig::relative::between;
+use std::collections::BTreeMap;
+
+/// What was left out is named up to here; the JSON names all.
+const MAX_NAMED: usize = 8;
+/// More pairs than this are counted; the JSON names all.
+const MAX_PAIRS: usize = 28;
+
+/// The table of shared views, cameras × cameras; the diagonal holds the views of each.
+pub fn shared_views(gathered: &Gathered) -> String {
+    let names: Vec<&str> = gathered.rig.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let counts = shared(&gathered.rig.problem()).counts;
+    let mut table = vec![std::iter::once(String::new()).chain(names.iter().map(|n| n.to_string())).collect()];
+    for (name, row) in names.iter().zip(&counts) {
+        let cells = row.iter().map(|n| if *n == 0 { "-".to_string() } else { n.to_string() });
+        table.push(std::iter::once(name.to_string()).chain(cells).collect());
+    }
+    format!(
+        "shared views ({} views in all; on the diagonal those of each camera)\n{}",
+        gathered.rig.views.len(),
+        columns(&table)
+    )
+}
+
+/// Rows of cells, the first column to the left, the others to the right.
+fn columns(table: &[Vec<String>]) -> String {
+    let n = table.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |i: usize| table.iter().filter_map(|row| row.get(i)).map(|c| c.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..n).map(width).collect();
+    let mut out = String::new();
+    for row in table {
+        let cells = row.iter().zip(&widths).enumerate().map(|(i, (cell, width))| match i {
+            0 => format!("  {cell:<width$}"),
+            _ => format!("   {cell:>width$}"),
+        });
+        out.push_str(cells.collect::<String>().trim_end());
+        out.push('\n');
+    }
+    out
+}
+
+/// One line: how many cameras, views and points, and how well they fit.
+pub fn headline(solved: &Solved) -> String {
+    let s = &solved.run.solution;
+    let noise = match s.noise_scale {
+        scale if 1.0 < scale => format!(
+            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
+            figures(scale.sqrt())
+        ),
+        _ => String::new(),
+    };
+    format!(
+        "{} cameras, {} views, {} of {} points used, rms {} px{noise}",
+        s.cameras.len(),
+        solved.run.rig.views.len(),
+        s.n_used,
+        s.n_seen,
+        figures(s.rms_px)
+    )
+}
+
+/// The whole answer.
+pub fn describe(solved: &Solved) -> String {
+    let mut out = format!("RIG   {}\n\n", headline(solved));
+    out.push_str(&cameras(solved));
+    out.push('\n');
+    out.push_str(&pairs(solved));
+    out.push('\n');
+    world(solved, &mut out);
+    weakest(solved, &mut out);
+    line(&mut out, "scale", &sentence(&scale(solved)));
+    left_out(solved, &mut out);
+    out
+}
+
+fn sentence(text: &str) -> String {
+    format!("{text}.")
+}
+
+fn name(solved: &Solved, camera: usize) -> &str {
+    &solved.run.rig.cameras[camera].name
+}
+
+/// Where each camera is in the rig, with the standard deviation along the rig's axes, and how sure its direction is.
+fn cameras(solved: &Solved) -> String {
+    let s = &solved.run.solution;
+    let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "seen", "used", "rms px"];
+    let mut table = vec![head.map(str::to_string).to_vec()];
+    for (i, camera) in s.cameras.iter().enumerate() {
+        let place = camera.cam_from_rig.origin();
+        let sigma_m = place_sigma_m(&camera.cam_from_rig, &camera.covariance);
+        let (turn, _) = sigmas(&camera.covariance);
+        let xi = camera.cam_from_rig.log();
+        let turned = [0, 1, 2].map(|k| format!("{:+.3}°", xi[k].to_degrees())).join(" ");
+        let coordinates = [0, 1, 2].map(|k| match i == s.reference {
+            true => "0".to_string(),
+            false => coordinate(place[k], sigma_m[k]),
+        });
+        let turn = turn.iter().copied().fold(0.0, f64::max);
+        let (turned, turn) = match i == s.reference {
+            true => ("reference".to_string(), String::new()),
+            false => (turned, degrees(turn)),
+        };
+        let counts = [camera.n_seen.to_string(), camera.n_used.to_string(), figures(camera.rms_px)];
+        let cells = std::iter::once(name(solved, i).to_string()).chain(coordinates).chain([turned, turn]);
+        table.push(cells.chain(counts).collect());
+    }
+    let frame = name(solved, s.reference);
+    format!(
+        "place in the frame of {frame} (x right, y down, z forward), rotation vector of cam_from_rig\n{}",
+        columns(&table)
+    )
+}
+
+fn pairs(solved: &Solved) -> String {
+    let s = &solved.run.solution;
+    let n = s.cameras.len();
+    let shares = |(a, b): &(usize, usize)| 0 < s.shared.counts[*a][*b];
+    let pairs: Vec<(usize, usize)> =
+        (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).filter(shares).collect();
+    let mut table = vec![["pair", "shared views", "apart", "±", "turned", "±"].map(str::to_string).to_vec()];
+    for (a, b) in pairs.iter().take(MAX_PAIRS) {
+        let Some(pose) = between(s, *a, *b) else { continue };
+        let (turn, shift) = sigmas(&pose.covariance);
+        let largest = |sigmas: [f64; 3]| sigmas.into_iter().fold(0.0, f64::max);
+        table.push(vec![
+            format!("{} – {}", name(solved, *a), name(solved, *b)),
+            s.shared.counts[*a][*b].to_string(),
+            format!("{:.1} mm", 1e3 * pose.b_from_a.translation.norm()),
+            length(largest(shift)),
+            format!("{:.3}°", pose.b_from_a.angle_to_rad(&resight::core::Pose::identity()).to_degrees()),
+            degrees(largest(turn)),
+        ]);
+    }
+    let more = pairs.len().saturating_sub(MAX_PAIRS);
+    let more = if 0 < more { format!("  … and {more} more pairs, see --json\n") } else { String::new() };
+    columns(&table) + &more
+}
+
+fn world(solved: &Solved, out: &mut String) {
+    let (Some(world), Some(target)) = (&solved.in_world, &solved.world_target) else { return };
+    for (i, pose) in world.world_from_cam.iter().enumerate() {
+        let place = pose.b_from_a.translation;
+        let sigma_m = place_sigma_m(&pose.inverse().b_from_a, &pose.inverse().covariance);
+        let coordinates: Vec<String> = ["x", "y", "z"]
+            .iter()
+            .enumerate()
+            .map(|(k, axis)| format!("{axis} {}", coordinate(place[k], sigma_m[k])))
+            .collect();
+        let text = format!("{} at {}   (frame of {target})", name(solved, i), coordinates.join("   "));
+        line(out, if i == 0 { "world" } else { "" }, &text);
+    }
+}
+
+fn weakest(solved: &Solved, out: &mut String) {
+    let Some(link) = &solved.run.solution.weakest_link else { return };
+    let views = if link.n_shared_views == 1 { "view" } else { "views" };
+    let text = format!(
+        "{} hangs on {} by {} shared {views}: ± {}, ± {}; more views of these two together help most.",
+        name(solved, link.camera),
+        name(solved, link.with),
+        link.n_shared_views,
+        length(link.sigma_m),
+        degrees(link.sigma_rad)
+    );
+    line(out, "weakest", &text);
+}
+
+/// What is known about the targets' sizes, on which every length rests.
+pub fn scale(solved: &Solved) -> String {
+    let scales = solved.run.rig.targets.iter().zip(&solved.run.solution.scales);
+    let said: Vec<String> = scales
+        .filter(|(_, scale)| scale.sigma.is_finite())
+        .map(|(target, scale)| scale_of(&target.name, scale))
+        .collect();
+    match said.is_empty() {
+        true => {
+            "nothing to compare the target's size with: 1 % error of it is 1 % of every distance".to_string()
+        }
+        false => said.join("; "),
+    }
+}
+
+/// Two standard deviations tell a wrong size from noise.
+fn scale_of(name: &str, scale: &TargetScale) -> String {
+    let (off, sigma) = (scale.ratio - 1.0, scale.sigma);
+    let percent = |x: f64| format!("{} %", figures(100.0 * x.abs()));
+    if off.abs() < 2.0 * sigma {
+        return format!("{name} has the size stated to within ± {}", percent(sigma));
+    }
+    let way = if 0.0 < off { "small" } else { "large" };
+    format!(
+        "{name} is stated {} too {way} (± {}): {} of {}",
+        percent(off),
+        percent(sigma),
+        length(off.abs() * scale.extent_m),
+        length(scale.extent_m)
+    )
+}
+
+fn left_out(solved: &Solved, out: &mut String) {
+    let mut reasons: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for left_out in &solved.left_out {
+        let place = format!("{} {}", left_out.camera, left_out.view);
+        let what = if left_out.what == "frame" { place } else { format!("{place} {}", left_out.what) };
+        reasons.entry(&left_out.reason).or_default().push(what);
+    }
+    for (reason, places) in reasons {
+        let named = places.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join(", ");
+        let more = if MAX_NAMED < places.len() {
+            format!(" and {} more", places.len() - MAX_NAMED)
+        } else {
+            String::new()
+        };
+        line(out, "left out", &format!("{named}{more}: {reason}"));
+    }
+    let results = solved.run.solution.sightings.iter().enumerate();
+    let rejected: Vec<(usize, String)> =
+        results.filter_map(|(i, r)| r.rejected.as_ref().map(|reason| (i, rejection(reason)))).collect();
+    for (i, reason) in rejected.iter().take(MAX_NAMED) {
+        let sighting = &solved.run.rig.sightings[*i];
+        let target = &solved.run.rig.targets[sighting.target].name;
+        let text = format!("{} {}, {target}: {reason}", name(solved, sighting.camera), solved.taken_in[*i]);
+        line(out, "rejected", &text);
+    }
+    if MAX_NAMED < rejected.len() {
+        line(out, "rejected", &format!("and {} more sightings, see --json", rejected.len() - MAX_NAMED));
+    }
+    let single = solved.run.solution.sightings.iter().filter(|r| r.rejected.is_none());
+    let n_points: usize =
+        single.map(|r| r.residuals_px.iter().filter(|p| !matches!(p, Some((_, true)))).count()).sum();
+    if 0 < n_points {
+        line(
+            out,
+            "rejected",
+            &format!("{n_points} single points farther off than their sigma allows; --json names them"),
+        );
+    }
+}

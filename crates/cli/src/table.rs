@@ -1,0 +1,134 @@
+//! CSV files with a header line: columns by name in any order, every complaint with its line.
+
+use anyhow::{Context, Result, bail};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Rows accepted in one file; more is a job for a batch tool.
+const MAX_ROWS: usize = 5_000_000;
+
+/// A file whose header has been read.
+pub struct Table {
+    path: PathBuf,
+    header: Vec<String>,
+    reader: csv::Reader<File>,
+}
+
+/// One row below the header.
+pub struct TableRow<'a> {
+    /// Line in the file, counted from 1.
+    pub line: u64,
+    path: &'a Path,
+    header: &'a [String],
+    record: csv::StringRecord,
+}
+
+impl Table {
+    /// Opens a file; `wanted` is the beginning of a header, for the complaint about an empty file.
+    pub fn open(path: &Path, wanted: &str) -> Result<Self> {
+        let file = File::open(path).with_context(|| path.display().to_string())?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+        let header = reader.headers().map_err(|e| complaint(path, &e))?;
+        if header.is_empty() {
+            bail!("{}: the file is empty; a header line {wanted},… is needed", path.display());
+        }
+        let header = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_string()).collect();
+        let table = Table { path: path.to_path_buf(), header, reader };
+        table.check_header(wanted)?;
+        Ok(table)
+    }
+
+    fn check_header(&self, wanted: &str) -> Result<()> {
+        if let [only] = &self.header[..]
+            && let Some(mark) = [';', '\t'].into_iter().find(|mark| only.contains(*mark))
+        {
+            let mark = if mark == ';' { "semicolons" } else { "tabs" };
+            bail!(
+                "{}:1: the cells are separated by {mark}; write commas between cells and points in numbers ({wanted},… and 0.5)",
+                self.path.display()
+            );
+        }
+        let is_twin = |(i, name): &(usize, &String)| !name.is_empty() && self.header[..*i].contains(name);
+        match self.header.iter().enumerate().find(is_twin) {
+            Some((_, name)) => bail!("{}:1: column `{name}` appears twice", self.path.display()),
+            None => Ok(()),
+        }
+    }
+
+    /// Where a column is.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.header.iter().position(|column| column == name)
+    }
+
+    /// Where a column is that must be there. `hint` says more about a missing one; else a column of a similar name is offered.
+    pub fn need(&self, name: &str, hint: Option<&str>) -> Result<usize> {
+        self.find(name).with_context(|| {
+            let similar = || {
+                let nearest = crate::files::nearest(name, self.header.iter().cloned());
+                nearest.map(|n| format!("; did you mean `{n}` to be `{name}`?")).unwrap_or_default()
+            };
+            let hint = hint.map_or_else(similar, |hint| format!(" ({hint})"));
+            let (path, columns) = (self.path.display(), self.header.join(","));
+            format!("{path}:1: no column `{name}`; the columns are {columns}{hint}")
+        })
+    }
+
+    /// Hands every row on. Fails on a torn row, and where there is none or too many.
+    pub fn each(mut self, mut done: impl FnMut(TableRow<'_>) -> Result<()>) -> Result<()> {
+        let (path, mut n) = (self.path.as_path(), 0);
+        for record in self.reader.records() {
+            let record = record.map_err(|e| complaint(path, &e))?;
+            if MAX_ROWS <= n {
+                bail!("{}: more than {MAX_ROWS} rows; split the file", path.display());
+            }
+            n += 1;
+            let line = record.position().map_or(0, |p| p.line());
+            done(TableRow { line, path, header: &self.header, record })?;
+        }
+        if n == 0 {
+            bail!("{}: no rows below the header", path.display());
+        }
+        Ok(())
+    }
+}
+
+impl TableRow<'_> {
+    /// The cell's text; none where it is empty.
+    pub fn text(&self, column: usize) -> Option<&str> {
+        self.record.get(column).filter(|text| !text.is_empty())
+    }
+
+    /// The cell's number.
+    pub fn number(&self, column: usize) -> Result<f64> {
+        let text = self.record.get(column).unwrap_or("");
+        let shown: String = text.chars().take(40).collect();
+        text.parse().ok().with_context(|| match text {
+            "" => self.complaint(column, "is empty; a number is needed"),
+            _ => self.complaint(column, &format!("is `{shown}`, which is not a number")),
+        })
+    }
+
+    /// The same where the column is there and the cell is filled.
+    pub fn optional_number(&self, column: Option<usize>) -> Result<Option<f64>> {
+        column.filter(|i| self.text(*i).is_some()).map(|i| self.number(i)).transpose()
+    }
+
+    /// `FILE:LINE: column `c` …`.
+    pub fn complaint(&self, column: usize, what: &str) -> String {
+        let name = self.header.get(column).map_or("", String::as_str);
+        format!("{}:{}: column `{name}` {what}", self.path.display(), self.line)
+    }
+}
+
+/// A CSV error as `FILE:LINE: reason`.
+fn complaint(path: &Path, error: &csv::Error) -> anyhow::Error {
+    let line = error.position().map(|p| format!(":{}", p.line())).unwrap_or_default();
+    let reason = match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} cells where the header has {expected_len}")
+        }
+        csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".to_string(),
+        _ => error.to_string(),
+    };
+    anyhow::anyhow!("{}{line}: {reason}", path.display())
+}

@@ -1,0 +1,248 @@
+//! What was seen, put into the canonical order of a [`NamedRig`].
+
+use super::names::natural;
+use super::{NamedRig, NamedTarget};
+use crate::core::Correspondence;
+use crate::core::rig::Sighting;
+use crate::formats::NamedCamera;
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+/// What one frame of one camera shows of one target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Glimpse {
+    /// Which camera, index into the cameras given.
+    pub camera: usize,
+    /// Name of its view.
+    pub view: String,
+    /// Which target, index into the targets given.
+    pub target: usize,
+    /// Its points by name, in any order.
+    pub points: Vec<(String, Correspondence)>,
+}
+
+/// A rig, and what its numbers are called.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gathered {
+    /// Ready for the solver.
+    pub rig: NamedRig,
+    /// For each sighting the view it was taken in (that of a target at rest is not the rig's view of it).
+    pub taken_in: Vec<String>,
+    /// For each sighting the names of its points.
+    pub points: Vec<Vec<String>>,
+    /// The view that holds all sightings of the target at rest.
+    pub world_view: Option<usize>,
+}
+
+/// A sighting on its way: whose it is by the new numbers, and its points.
+struct Found {
+    view: usize,
+    camera: usize,
+    target: usize,
+    taken_in: String,
+    points: Vec<(String, Correspondence)>,
+}
+
+/// Everything by name: the same rig, to the bit, whatever order cameras, targets, glimpses and points come in.
+///
+/// Glimpses of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
+/// the cameras, so all its sightings belong to one moment: a view of its own, after all others.
+pub fn gather(
+    cameras: Vec<NamedCamera>,
+    targets: Vec<NamedTarget>,
+    glimpses: Vec<Glimpse>,
+    world: Option<usize>,
+) -> Gathered {
+    let (cameras, camera_numbers) = sorted(cameras, |camera| &camera.name);
+    let (targets, target_numbers) = sorted(targets, |target| &target.name);
+    let targets = bodies_in_order(targets);
+    let seen: Vec<Glimpse> = glimpses.into_iter().filter(|glimpse| !glimpse.points.is_empty()).collect();
+    let (mut views, numbers) = view_numbers(&seen, world);
+    let world_view = seen.iter().any(|g| Some(g.target) == world).then_some(views.len());
+    if world_view.is_some() {
+        views.push(unused_name(&views));
+    }
+    let number = |glimpse: Glimpse| Found {
+        view: match world_view {
+            Some(view) if Some(glimpse.target) == world => view,
+            _ => numbers[&glimpse.view],
+        },
+        camera: camera_numbers[glimpse.camera],
+        target: target_numbers[glimpse.target],
+        taken_in: glimpse.view,
+        points: glimpse.points,
+    };
+    let found = in_order(seen.into_iter().map(number).collect());
+    let mut gathered = Gathered {
+        rig: NamedRig {
+            lenses: cameras.iter().map(|c| c.camera.clone()).collect(),
+            body_of_target: targets.iter().map(|t| t.body).collect(),
+            cameras,
+            views,
+            targets,
+            sightings: Vec::with_capacity(found.len()),
+        },
+        taken_in: Vec::with_capacity(found.len()),
+        points: Vec::with_capacity(found.len()),
+        world_view,
+    };
+    found.into_iter().for_each(|sighting| gathered.push(sighting));
+    gathered
+}
+
+impl Gathered {
+    fn push(&mut self, found: Found) {
+        let Found { view, camera, target, taken_in, points } = found;
+        let (names, seen) = points.into_iter().unzip();
+        self.rig.sightings.push(Sighting { camera, view, target, seen });
+        self.points.push(names);
+        self.taken_in.push(taken_in);
+    }
+}
+
+/// Sorted by name, and the new number of each old one.
+fn sorted<T>(items: Vec<T>, name: impl Fn(&T) -> &str) -> (Vec<T>, Vec<usize>) {
+    let mut numbered: Vec<(usize, T)> = items.into_iter().enumerate().collect();
+    numbered.sort_by(|a, b| natural(name(&a.1), name(&b.1)));
+    let mut numbers = vec![0; numbered.len()];
+    numbered.iter().enumerate().for_each(|(new, (old, _))| numbers[*old] = new);
+    (numbered.into_iter().map(|(_, item)| item).collect(), numbers)
+}
+
+/// Bodies numbered as their first targets come.
+fn bodies_in_order(targets: Vec<NamedTarget>) -> Vec<NamedTarget> {
+    let mut numbers = BTreeMap::new();
+    let renumbered = targets.into_iter().map(|target| {
+        let n = numbers.len();
+        let body = *numbers.entry(target.body).or_insert(n);
+        NamedTarget { body, ..target }
+    });
+    renumbered.collect()
+}
+
+/// Views in order, and the number of each name; sightings of the target at rest need none.
+fn view_numbers(seen: &[Glimpse], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
+    let moving = seen.iter().filter(|glimpse| Some(glimpse.target) != world);
+    let mut views: Vec<String> = moving.map(|glimpse| glimpse.view.clone()).collect();
+    views.sort_by(|a, b| natural(a, b));
+    views.dedup();
+    let numbers = views.iter().cloned().zip(0..).collect();
+    (views, numbers)
+}
+
+/// `world`, or as near to it as the other views leave free.
+fn unused_name(views: &[String]) -> String {
+    let mut name = "world".to_string();
+    while views.contains(&name) {
+        name.push('\'');
+    }
+    name
+}
+
+/// By view, camera, target and frame; the points of one frame joined and in order.
+fn in_order(mut found: Vec<Found>) -> Vec<Found> {
+    let key = |f: &Found| (f.view, f.camera, f.target);
+    found.sort_by(|a, b| key(a).cmp(&key(b)).then_with(|| natural(&a.taken_in, &b.taken_in)));
+    let mut joined: Vec<Found> = Vec::with_capacity(found.len());
+    for next in found {
+        match joined.last_mut() {
+            Some(last) if key(last) == key(&next) && last.taken_in == next.taken_in => {
+                last.points.extend(next.points);
+            }
+            _ => joined.push(next),
+        }
+    }
+    joined.iter_mut().for_each(|sighting| sighting.points.sort_by(by_name_then_place));
+    joined
+}
+
+fn by_name_then_place(a: &(String, Correspondence), b: &(String, Correspondence)) -> Ordering {
+    let numbers =
+        |c: &Correspondence| [c.pixel.x, c.pixel.y, c.x_in_target.x, c.x_in_target.y, c.x_in_target.z];
+    let pairs = numbers(&a.1).into_iter().zip(numbers(&b.1));
+    pairs.fold(natural(&a.0, &b.0), |order, (x, y)| order.then(x.total_cmp(&y)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::{Camera, Pixel, Point};
+
+    fn camera(name: &str) -> NamedCamera {
+        NamedCamera { name: name.into(), camera: Camera::normalized(), placement: None }
+    }
+
+    fn target(name: &str, body: usize) -> NamedTarget {
+        NamedTarget { name: name.into(), target: None, body }
+    }
+
+    fn point(name: &str, u: f64) -> (String, Correspondence) {
+        let place = Point::new(u, 0.0, 0.0);
+        let seen = Correspondence::new(&Camera::normalized(), place, Pixel::new(u, 0.1), 0.5);
+        (name.to_string(), seen.unwrap())
+    }
+
+    fn glimpse(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> Glimpse {
+        let points = points.iter().map(|(name, u)| point(name, *u)).collect();
+        Glimpse { camera, view: view.into(), target, points }
+    }
+
+    #[test]
+    fn any_order_gives_the_same_rig() {
+        let straight = gather(
+            vec![camera("a"), camera("b"), camera("b10")],
+            vec![target("x", 0), target("y", 1)],
+            vec![
+                glimpse(0, "2", 0, &[("0", 0.1), ("1", 0.2)]),
+                glimpse(1, "2", 0, &[("0", 0.3)]),
+                glimpse(2, "10", 1, &[("10", 0.3), ("9", 0.2)]),
+                glimpse(2, "10", 1, &[]),
+            ],
+            None,
+        );
+        let shuffled = gather(
+            vec![camera("b10"), camera("b"), camera("a")],
+            vec![target("y", 4), target("x", 2)],
+            vec![
+                glimpse(1, "2", 1, &[("0", 0.3)]),
+                glimpse(0, "10", 0, &[("9", 0.2)]),
+                glimpse(2, "2", 1, &[("1", 0.2)]),
+                glimpse(0, "10", 0, &[("10", 0.3)]),
+                glimpse(2, "2", 1, &[("0", 0.1)]),
+            ],
+            None,
+        );
+        assert_eq!(straight, shuffled);
+        assert_eq!(straight.rig.views, ["2", "10"]);
+        assert_eq!(straight.points[2], ["9", "10"]);
+        assert_eq!(straight.rig.body_of_target, [0, 1]);
+    }
+
+    /// Two targets of one body keep it; the world's sightings stay apart but share a view.
+    #[test]
+    fn the_world_is_one_view() {
+        let gathered = gather(
+            vec![camera("a")],
+            vec![target("w", 7), target("p", 3), target("q", 3)],
+            vec![
+                glimpse(0, "1", 0, &[("0", 0.1)]),
+                glimpse(0, "2", 0, &[("0", 0.2)]),
+                glimpse(0, "2", 1, &[("0", 0.2)]),
+                glimpse(0, "world", 2, &[("0", 0.2)]),
+            ],
+            Some(0),
+        );
+        assert_eq!(gathered.rig.views, ["2", "world", "world'"]);
+        assert_eq!(gathered.world_view, Some(2));
+        assert_eq!(gathered.rig.body_of_target, [0, 0, 1]);
+        let of_world: Vec<&str> = gathered
+            .rig
+            .sightings
+            .iter()
+            .zip(&gathered.taken_in)
+            .filter(|(s, _)| s.view == 2)
+            .map(|(_, v)| v.as_str())
+            .collect();
+        assert_eq!(of_world, ["1", "2"]);
+    }
+}

@@ -1,0 +1,3 @@
+//! Where pictures come from, besides single files.
+
+pub mod video;
