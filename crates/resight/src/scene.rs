@@ -161,7 +161,7 @@ fn target_shapes(run: &RigRun, view: usize, in_view: &[TargetInView], points: &[
         let label = format!("{} · {}", run.rig.targets[t.target].name, run.rig.views[view]);
         all.texts.push(shapes::text(&t.rig_from_target.translation, &label, GREY));
         for (camera, place) in geometry::cameras_that_saw(run, view, t.target) {
-            let ends = [place, t.rig_from_target.translation];
+            let ends = [place, t.rig_from_target * geometry::mean(points)];
             all.lines.push(shapes::line(Join::Pairs, &Pose::identity(), &ends, color_of(camera, 0.5)));
         }
     }

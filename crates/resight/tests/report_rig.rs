@@ -4,6 +4,7 @@ mod report_support;
 
 use report_support::page::{Parsed, parse};
 use report_support::simulated;
+use resight::core::rig::{RigConfig, solve_rig};
 use resight::report::rig_page;
 use resight::rig::RigRun;
 use std::path::PathBuf;
@@ -15,8 +16,12 @@ fn parsed(run: &RigRun) -> Parsed {
 
 /// Written below target/, to be looked at.
 fn kept(name: &str, html: &str) -> PathBuf {
+    kept_bytes(name, html.as_bytes())
+}
+
+fn kept_bytes(name: &str, bytes: &[u8]) -> PathBuf {
     let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    std::fs::write(&file, html).unwrap();
+    std::fs::write(&file, bytes).unwrap();
     file
 }
 
@@ -204,6 +209,33 @@ fn poor_runs_are_reported_too() {
     run.rig.sightings.clear();
     run.solution.sightings.clear();
     no_numbers(&run);
+}
+
+/// A rig that the solver solved, from the pixels on: page and scene say what it found, which is the truth within its error bars.
+#[test]
+fn a_solved_rig_is_reported() {
+    let (rig, _) = report_support::question(4, 25, 9);
+    let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
+    let solution = solve_rig(&rig.problem(), &config).unwrap();
+    for (i, camera) in solution.cameras.iter().enumerate().skip(1) {
+        let truth = report_support::cam_from_rig(i, 4);
+        // Of places with an honest covariance one in 10⁶ is farther off than χ² = 40 with six degrees of freedom.
+        let xi = (camera.cam_from_rig * truth.inverse()).log();
+        assert!(xi.dot(&(camera.covariance.try_inverse().unwrap() * xi)) < 40.0);
+    }
+    let run = RigRun { rig, solution, ..simulated(4, 1, 9) };
+    let html = rig_page(&run);
+    kept("solved.html", &html);
+    let page = parse(&html).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!page.text.contains("–%") && !html.contains("NaN"));
+    let sentence = resight::report::rig::weakest_link_sentence(&run).unwrap();
+    assert!(page.text.contains(&sentence), "{sentence}");
+    assert!(page.text.contains("1 % in every distance"));
+    let outliers = run.solution.n_seen - run.solution.n_used;
+    // One point in forty was moved by 12 px times a normal; the gate lies at 1.3 px.
+    assert!((run.solution.n_seen / 60..run.solution.n_seen / 30).contains(&outliers), "{outliers}");
+    assert!(page.text.contains(&format!("{outliers} of ")), "{outliers}");
+    kept_bytes("solved.mcap", &resight::scene::rig_scene(&run));
 }
 
 fn node() -> bool {

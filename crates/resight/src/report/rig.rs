@@ -78,11 +78,11 @@ fn summary(run: &RigRun) -> String {
     let share = 100.0 * s.n_used as f64 / s.n_seen.max(1) as f64;
     let per_dof = s.chi2 / s.degrees_of_freedom.max(1) as f64;
     let cards = [
-        ("reprojection error, rms", format!("{} px", pieces::number(s.rms_px, 3))),
+        ("reprojection error, rms", format!("{} px", pieces::fixed(s.rms_px, 3))),
         ("points used", format!("{} of {} ({share:.1} %)", grouped(s.n_used), grouped(s.n_seen))),
         ("views", grouped(run.rig.views.len())),
-        ("χ² per degree of freedom", pieces::number(per_dof, 2)),
-        ("covariances widened by", format!("× {}", pieces::number(s.noise_scale, 2))),
+        ("χ² per degree of freedom", pieces::fixed(per_dof, 2)),
+        ("every ± widened by", format!("× {}", pieces::fixed(s.noise_scale.sqrt(), 2))),
         ("frame of the rig", run.rig.cameras.get(s.reference).map_or(String::new(), |c| c.name.clone())),
     ];
     let card =

@@ -232,7 +232,8 @@ fn middle_of_box(points: &[Point]) -> Point {
     (least + greatest) * 0.5
 }
 
-fn mean(points: &[Point]) -> Point {
+/// Mean of places; the origin for none.
+pub(crate) fn mean(points: &[Point]) -> Point {
     points.iter().sum::<Point>() / points.len().max(1) as f64
 }
 
@@ -335,6 +336,19 @@ mod tests {
         assert!((sum / n as f64 - expected).norm() < 0.0225 * expected.norm());
         // A share of 0.95 over n draws has σ = 0.07 %; five of them.
         assert!((inside as f64 / n as f64 - 0.95).abs() < 0.0035, "{inside}");
+    }
+
+    /// A Aᵀ is the covariance scaled, the columns at right angles, the longest first.
+    #[test]
+    fn half_axes_make_up_the_covariance() {
+        let root = Matrix3::new(1.0, 0.2, -0.4, 0.0, 0.3, 0.7, 0.5, 0.0, 0.1);
+        let axes = half_axes(&(root * root.transpose()), 2.0);
+        assert!((axes * axes.transpose() - root * root.transpose() * 4.0).norm() < 1e-12);
+        let lengths = [0, 1, 2].map(|i| axes.column(i).norm());
+        assert!(lengths[1] <= lengths[0] && lengths[2] <= lengths[1]);
+        assert!(
+            (axes.tr_mul(&axes) - Matrix3::from_diagonal(&(axes.tr_mul(&axes)).diagonal())).norm() < 1e-12
+        );
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The table of cameras: place, turn, how sure, what was used.
 
-use super::pieces::{color_class, number, row, tabular};
+use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
 use crate::core::rig::CameraInRig;
 use crate::report::html::escaped;
@@ -8,9 +8,8 @@ use crate::report::words;
 use crate::rig::RigRun;
 use crate::scene::geometry;
 
-const HEAD: [&str; 11] = [
+const HEAD: [&str; 10] = [
     "camera",
-    "lens",
     "place x",
     "y",
     "z (rig frame)",
@@ -31,16 +30,19 @@ pub(super) fn table(run: &RigRun) -> String {
 fn cells(run: &RigRun, camera: usize) -> Vec<String> {
     let placed = &run.solution.cameras[camera];
     let name = escaped(&run.rig.cameras[camera].name);
-    let swatch = format!("<span class=\"swatch {}\"></span>{name}", color_class(camera));
-    let mut cells = vec![swatch, escaped(run.rig.lenses[camera].model_name())];
+    let lens = escaped(run.rig.lenses[camera].model_name());
+    let mut cells = vec![format!(
+        "<span class=\"swatch {}\"></span>{name}<br><small>{lens}</small>",
+        color_class(camera)
+    )];
     cells.extend(if camera == run.solution.reference { reference() } else { place(placed) });
     let left_out = placed.n_seen.saturating_sub(placed.n_used);
     let share = 100.0 * left_out as f64 / placed.n_seen.max(1) as f64;
     cells.extend([
         super::grouped(placed.n_views),
         format!("{} / {}", super::grouped(placed.n_used), super::grouped(placed.n_seen)),
-        format!("{} ({} %)", super::grouped(left_out), number(share, 1)),
-        number(placed.rms_px, 3),
+        format!("{} ({} %)", super::grouped(left_out), fixed(share, 1)),
+        fixed(placed.rms_px, 3),
     ]);
     cells
 }
@@ -65,7 +67,7 @@ fn place(placed: &CameraInRig) -> Vec<String> {
 
 /// Angles with the decimals that the standard deviations warrant.
 fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
-    let decimals = words::decimals(sigmas_rad.into_iter().fold(f64::INFINITY, f64::min).to_degrees());
+    let decimals = words::decimals(sigmas_rad.into_iter().fold(0.0, f64::max).to_degrees());
     let angle = |x: f64| format!("{:+.decimals$}°", x.to_degrees());
     words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
 }
@@ -75,8 +77,8 @@ pub(super) fn legend(run: &RigRun) -> String {
     let scale = run.solution.noise_scale;
     let noise = if 1.0 < scale {
         format!(
-            "The residuals are larger than the stated standard deviations of the points say: every covariance was widened by the factor {}.",
-            number(scale, 2)
+            "The residuals are {} times what the stated standard deviations of the points say: every ± here was widened by as much.",
+            fixed(scale.sqrt(), 2)
         )
     } else {
         "The residuals are as large as the stated standard deviations of the points say.".into()

@@ -5,6 +5,7 @@ use crate::core::{Matrix6, Pose};
 use crate::report::html::escaped;
 use crate::report::words;
 use crate::rig::RigRun;
+use crate::rig::relative::between;
 use crate::scene::geometry;
 
 /// Rows that are shown; the pairs with the most shared views come first.
@@ -75,24 +76,18 @@ fn cells(run: &RigRun, a: usize, b: usize) -> Vec<String> {
     cells
 }
 
-/// `cam_b_from_cam_a` and its covariance in frame b, where what was computed determines it.
-///
-/// With B = b_from_rig and A = a_from_rig, small left motions ξ_b and ξ_a give Exp(ξ_b) B A⁻¹ Exp(−ξ_a), so ξ = ξ_b − Ad ξ_a with
-/// Ad that of B A⁻¹, and Σ = Σ_bb + Ad Σ_aa Adᵀ − Σ_ba Adᵀ − Ad Σ_ab. The reference camera has none, which leaves one term.
+/// `cam_b_from_cam_a` and its covariance in frame b, where what was computed determines it: the covariance of all cameras together, or
+/// without it, for the reference camera, which has none of its own.
 pub(super) fn relative(run: &RigRun, a: usize, b: usize) -> (Pose, Option<Matrix6>) {
     let s = &run.solution;
     let b_from_a = s.cameras[b].cam_from_rig * s.cameras[a].cam_from_rig.inverse();
-    let ad = b_from_a.adjoint();
-    let (own, other) = (s.cameras[b].covariance, ad * s.cameras[a].covariance * ad.transpose());
-    let covariance = match &s.joint_covariance {
-        _ if a == s.reference => Some(own),
-        _ if b == s.reference => Some(other),
-        Some(joint) if joint.nrows() == 6 * s.cameras.len() => {
-            let ba: Matrix6 = joint.fixed_view::<6, 6>(6 * b, 6 * a).into();
-            let crossed = ba * ad.transpose();
-            Some(own + other - crossed - crossed.transpose())
+    let covariance = match between(s, a, b) {
+        Some(both) => Some(both.covariance),
+        None if a == s.reference => Some(s.cameras[b].covariance),
+        None if b == s.reference => {
+            Some(s.cameras[a].cam_from_rig.inverse_covariance(&s.cameras[a].covariance))
         }
-        _ => None,
+        None => None,
     };
     (b_from_a, covariance)
 }
@@ -174,8 +169,13 @@ mod tests {
 
     #[test]
     fn without_the_joint_covariance_only_pairs_with_the_reference_have_one() {
-        let cameras = vec![camera([0.0; 6], Matrix6::zeros()); 3];
-        let run = run(cameras, None);
-        assert!(relative(&run, 0, 1).1.is_some() && relative(&run, 1, 2).1.is_none());
+        let covariance = Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0));
+        let other = camera([0.3, -0.2, 0.1, 0.5, 0.1, -0.4], covariance);
+        let run = run(vec![camera([0.0; 6], Matrix6::zeros()), other.clone(), other.clone()], None);
+        assert_eq!(relative(&run, 0, 1).1, Some(covariance));
+        let back = relative(&run, 1, 0);
+        assert!((back.0 * other.cam_from_rig).log().norm() < 1e-12);
+        assert_eq!(back.1, Some(other.cam_from_rig.inverse_covariance(&covariance)));
+        assert!(relative(&run, 1, 2).1.is_none());
     }
 }

@@ -13,6 +13,11 @@ pub(super) fn number(x: f64, decimals: usize) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
+/// Rounded to `decimals`, all of them shown; a dash for what is no number.
+pub(super) fn fixed(x: f64, decimals: usize) -> String {
+    if x.is_finite() { format!("{x:.decimals$}") } else { "–".into() }
+}
+
 /// `M x y L x y …` of points of a drawing, to a tenth of its unit; `Z` closes it. Empty where a point is none.
 pub(super) fn path(points: &[[f64; 2]], is_closed: bool) -> String {
     let mut text = String::new();

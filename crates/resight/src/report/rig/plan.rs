@@ -56,7 +56,7 @@ fn plan(drawn: &Drawn, plane: Plane) -> String {
     let bar_m = geometry::magnification(1.0, drawn.extent.radius_m / 2.0);
     let bar = bar_m * plane.scale(drawn);
     let caption = format!(
-        "{} ({}); ellipses hold 95 % of each place in this plane, magnified {} ×; grey: origins of the targets",
+        "{} ({}); ellipses hold 95 % of each place in this plane, magnified {}\u{a0}×; grey: origins of the targets",
         plane.name,
         plane.axes,
         number(drawn.ellipse_magnification, 6)
@@ -108,4 +108,30 @@ fn label([x, y]: [f64; 2], name: &str) -> String {
     let (side, anchor) = if x < 0.75 * SIDE { (7.0, "start") } else { (-7.0, "end") };
     let [x, y] = [number(x + side, 1), number(y - 7.0, 1)];
     format!("<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\">{name}</text>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::Vector6;
+
+    /// A place that is uncertain along one line of the rig alone has an ellipse that lies along the drawing of that line.
+    #[test]
+    fn ellipses_lie_along_what_is_uncertain() {
+        let cam_from_rig = Pose::exp(&Vector6::new(0.3, -0.7, 0.2, 0.1, 0.5, -0.4));
+        for direction in [Point::new(1.0, 0.4, 0.7), Point::new(-0.3, 0.9, 0.2)] {
+            let in_cam = cam_from_rig.rotation * direction;
+            let mut covariance = Matrix6::zeros();
+            covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&(in_cam * in_cam.transpose()));
+            for plane in [ABOVE, BEHIND] {
+                let (long, short, along_rad) =
+                    geometry::ellipse(&plane.covariance(&cam_from_rig, &covariance), 1.0);
+                // Drawings' y runs down: `up` is drawn as −sign.
+                let drawn = [direction[plane.across], -plane.sign * direction[plane.up]];
+                let crossed = drawn[0] * along_rad.sin() - drawn[1] * along_rad.cos();
+                assert!(crossed.abs() < 1e-9 && short < 1e-6, "{crossed} {short}");
+                assert!((long - drawn[0].hypot(drawn[1])).abs() < 1e-9);
+            }
+        }
+    }
 }

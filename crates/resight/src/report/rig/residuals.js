@@ -68,7 +68,7 @@ function sayField(canvas, camera, counts) {
   const lost = counts[1] ? ", " + counts[1] + " left out (dashed, cut at a tenth of the width)" : "";
   const drawn = counts[0] + " points used" + lost;
   const caption = canvas.parentElement.querySelector("figcaption");
-  caption.textContent = name + ", " + view + ": " + drawn + "; residuals in " + unit + " magnified " + magnification + " ×";
+  caption.textContent = name + ", " + view + ": " + drawn + "; residuals in " + unit + " magnified " + magnification + "\u00a0×";
   canvas.setAttribute("aria-label", caption.textContent);
 }
 

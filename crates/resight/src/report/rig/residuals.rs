@@ -133,7 +133,7 @@ fn explained(packed: &Packed) -> String {
     format!(
         "Residuals are observed − predicted, drawn at the observed point. Without scripts each drawing shows the mean of the points used in \
          each of {} × {} cells ({LEAST_IN_CELL} or more); with scripts, every point, rounded to {} px or finer.{thinned} What a lens model gets \
-         wrong shows as a pattern, noise does not.",
+         wrong shows as a pattern, noise does not. Points that are predicted nowhere in the image are counted as left out and not drawn.",
         CELLS[0],
         CELLS[1],
         number(coarsest, 3)
@@ -153,14 +153,14 @@ fn figure(drawn: &Drawn, camera: usize, means: &[(Pixel, Vector2<f64>)]) -> Stri
     let factor = geometry::magnification(longest, area.width() / CELLS[0] as f64);
     let arrows: String = means.iter().map(|mean| arrow(mean, &area, height, factor)).collect();
     let caption = format!(
-        "{name}: cell means magnified {} ×, the longest {} {unit}; rms of single points {} {unit}",
+        "{name}: cell means magnified {}\u{a0}×, the longest {} {unit}; rms of single points {} {unit}",
         number(factor, 6),
         number(longest, 3),
         number(drawn.run.solution.cameras[camera].rms_px, 3)
     );
     format!(
         "<figure><svg class=\"field {}\" viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{caption}\">{arrows}</svg>\
-         <canvas data-camera=\"{camera}\" hidden></canvas><figcaption>{caption}</figcaption></figure>\n",
+         <canvas data-camera=\"{camera}\" role=\"img\" hidden></canvas><figcaption>{caption}</figcaption></figure>\n",
         color_class(camera),
         number(height, 1)
     )

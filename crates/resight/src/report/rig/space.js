@@ -17,7 +17,11 @@ const cameras = data.cameras.map((camera) => {
   const border = triples(camera.border).map(([x, y, z]) => moved(rigFromCam, x * data.depth_m, y * data.depth_m, z * data.depth_m));
   return { name: camera.name, place: rigFromCam.t, border, axes: triples(camera.axes) };
 });
-const targets = data.targets.map(({ name, points, outline }) => ({ name, points: triples(points), outline }));
+const targets = data.targets.map(({ name, points, outline }) => {
+  const all = triples(points);
+  const middle = [0, 1, 2].map((i) => all.reduce((sum, x) => sum + x[i], 0) / Math.max(1, all.length));
+  return { name, points: all, outline, middle };
+});
 const placed = [];
 for (let i = 0; i < data.placed.length; i += 9) {
   placed.push({ view: data.placed[i], target: data.placed[i + 1], rigFromTarget: poseAt(data.placed, i + 2) });
@@ -102,7 +106,7 @@ function drawSights(pen, project) {
     stroke(pen, colorOf(i), 0.8, 0.5, () => {
       for (const p of shown) {
         const seeing = sightOf.get(p.view + "," + p.target) || [];
-        if (seeing.includes(i)) line(pen, [from, project(p.rigFromTarget.t)], false);
+        if (seeing.includes(i)) line(pen, [from, project(moved(p.rigFromTarget, ...targets[p.target].middle))], false);
       }
     });
   });

@@ -40,7 +40,7 @@ pub(super) fn figure(drawn: &Drawn) -> String {
     format!(
         "<figure class=\"space\">{}<svg id=\"space-still\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{caption}\">\
          <g class=\"target\">{targets}</g>{ellipsoids}{cameras}{}</svg>\
-         <canvas id=\"space\" tabindex=\"0\" hidden aria-label=\"the rig in space: drag or arrow keys turn, plus and minus come nearer and go away\"></canvas>\
+         <canvas id=\"space\" tabindex=\"0\" role=\"application\" hidden aria-label=\"the rig in space: drag or arrow keys turn, plus and minus come nearer and go away\"></canvas>\
          <figcaption>{caption}<span data-script hidden>. Drag, one finger or arrow keys turn; wheel (after a click), two fingers or + and − come nearer and go \
          away; right button, two fingers or shift and arrow keys shift; 0 starts over.</span></figcaption></figure>",
         choices(),
@@ -77,7 +77,7 @@ fn caption(drawn: &Drawn) -> String {
     let drawn_of =
         if n_drawn < n_placed { format!(" ({n_drawn} of them in the still picture)") } else { String::new() };
     format!(
-        "{} cameras and {n_placed} placed targets{drawn_of}; ellipsoids hold 95 % of each place, magnified {} ×; axes of the rig are {} long \
+        "{} cameras and {n_placed} placed targets{drawn_of}; ellipsoids hold 95 % of each place, magnified {}\u{a0}×; axes of the rig are {} long \
          (x red, y green, z blue)",
         drawn.run.rig.cameras.len(),
         number(drawn.ellipse_magnification, 6),

@@ -1,6 +1,6 @@
 //! Views × cameras: how much of what was seen was used; and what was left out whole.
 
-use super::pieces::{number, row, tabular};
+use super::pieces::{fixed, row, tabular};
 use crate::core::rig::RejectedSighting;
 use crate::report::html::escaped;
 use crate::rig::RigRun;
@@ -130,7 +130,7 @@ fn view_row(run: &RigRun, view: usize, cells: &BTreeMap<(usize, usize), Cell>) -
     };
     let all = whole(view, cells);
     let columns: String = (0..run.rig.cameras.len()).map(cell).collect();
-    let rms = if all.n_used == 0 { "–".into() } else { number(all.rms(), 3) };
+    let rms = if all.n_used == 0 { "–".into() } else { fixed(all.rms(), 3) };
     format!(
         "<tr data-view=\"{view}\"><th scope=\"row\">{name}</th>{columns}<td>{}/{}</td><td>{rms}</td></tr>\n",
         all.n_used, all.n_seen
@@ -143,7 +143,7 @@ fn percent(cell: &Cell) -> String {
 }
 
 fn counts(cell: &Cell) -> String {
-    let rms = if cell.n_used == 0 { String::new() } else { format!(", rms {} px", number(cell.rms(), 2)) };
+    let rms = if cell.n_used == 0 { String::new() } else { format!(", rms {} px", fixed(cell.rms(), 2)) };
     let rejected = if cell.is_rejected { "; a sighting left out whole" } else { "" };
     format!("{} of {} points{rms}{rejected}", cell.n_used, cell.n_seen)
 }
@@ -194,7 +194,7 @@ fn why(reason: &RejectedSighting) -> String {
         }
         RejectedSighting::Contradicts { rms_px } => format!(
             "it contradicts the other sightings by {} px rms: wrong labels, a target that moved, or another view",
-            number(*rms_px, 1)
+            fixed(*rms_px, 1)
         ),
         _ => "it took no part".into(),
     }
