@@ -291,7 +291,7 @@ fn pick(mut cameras: Vec<NamedCamera>, name: Option<&str>) -> Result<NamedCamera
 /// `b_from_a` between two frames of a file (cameras, or what they are placed in), through any chain of its placements; none where
 /// nothing joins them.
 pub fn pose_between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose> {
-    frames::between(cameras, b, a)
+    frames::Frames::of(cameras, &[]).between(b, a)
 }
 
 /// Reads a target file, recognising the format by its content.
@@ -333,6 +333,11 @@ fn target_of(document: &Document) -> Result<TargetFile, Fault> {
 pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<Vec<OutFile>, WriteError> {
     let rig = Contents { cameras: cameras.to_vec(), ..Contents::default() };
     write_rig(&rig.into_file(format), format)
+}
+
+/// Our own camera file, which is always one text.
+pub fn own_file(cameras: &[NamedCamera]) -> Result<String, WriteError> {
+    Ok(write_cameras(cameras, Format::Own)?.into_iter().map(|file| file.text).collect())
 }
 
 /// As `write_cameras`, with poses between other frames and clocks for the formats that have a place for them; the

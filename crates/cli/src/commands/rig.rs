@@ -17,8 +17,9 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use moments::Moments;
+use resight::core::rig::KnownDistance;
 use resight::core::{Correspondence, Pose};
-use resight::formats::{Format, write_atomically, write_cameras};
+use resight::formats::{own_file, write_atomically};
 use resight::rig::gather::{Gathered, Glimpse, gather};
 use resight::rig::{InputFile, NamedTarget, digest};
 use solving::Solved;
@@ -214,9 +215,7 @@ fn on_hand(
 /// Prints and writes what was found.
 fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Outcome> {
     if let Some(path) = &args.output {
-        let own: String =
-            write_cameras(&solved.run.placed_cameras(), Format::Own)?.into_iter().map(|f| f.text).collect();
-        write_atomically(path, own.as_bytes())?;
+        write_atomically(path, own_file(&solved.run.placed_cameras())?.as_bytes())?;
     }
     match args.json {
         true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,

@@ -13,7 +13,7 @@ use resight::core::pose_graph::{
     solve_pose_graph,
 };
 use resight::core::{Matrix6, Pose};
-use resight::formats::{Format, NamedCamera, Placement, write_atomically, write_cameras};
+use resight::formats::{NamedCamera, Placement, own_file, write_atomically};
 use resight::report::words::{degrees, length};
 use resight::rig::RIG_FRAME;
 use resight::rig::pairs::{PairFile, read_pairs};
@@ -276,7 +276,7 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
         }
     };
     let all: Vec<NamedCamera> = file.cameras.iter().enumerate().map(placed).collect::<Result<_>>()?;
-    Ok(write_cameras(&all, Format::Own)?)
+    Ok(own_file(&all)?)
 }
 
 /// `[[placement]]` tables: no lens is known.
