@@ -59,9 +59,24 @@ fn detections_give_the_true_rig_with_every_key_of_the_contract() {
     let rms_px = answer["rms_px"].as_f64().unwrap();
     assert!((rms_px / (2f64.sqrt() * SIGMA_PX) - 1.0).abs() < 0.1, "{rms_px}");
     pairs_are_relative_poses(answer);
+    let from_middle =
+        rig(&cameras, &["--detections", &points, "--sigma-px", "0.2", "--reference", "middle", "--json"]);
+    covariances_are_equal(
+        &answer["pairs"][2]["covariance"],
+        &json_lines(&from_middle)[0]["cameras"]["right"]["covariance"],
+    );
     assert_eq!(answer["joint_covariance"]["matrix"].as_array().map(Vec::len), Some(18));
     assert_eq!(answer["views"].as_array().map(Vec::len), Some(12));
     written_cameras_are_read_again(&out, answer);
+}
+
+/// To a thousandth of the product of the standard deviations.
+fn covariances_are_equal(a: &Value, b: &Value) {
+    let at = |m: &Value, i: usize, j: usize| m[i][j].as_f64().unwrap();
+    for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+        let scale = (at(b, i, i) * at(b, j, j)).sqrt();
+        assert!((at(a, i, j) - at(b, i, j)).abs() < 1e-3 * scale, "{i} {j}: {} {}", at(a, i, j), at(b, i, j));
+    }
 }
 
 fn pairs_are_relative_poses(answer: &Value) {
@@ -277,6 +292,11 @@ fn a_target_at_rest_is_the_world() {
         let distance2 = distance2(&pose_of(found), &truth, &found["covariance"]);
         assert!(distance2 < CHI2_6, "{name}: {distance2}");
     }
+    // Seen from the right camera the rig's frame is its own: the same covariance by another way.
+    let from_right =
+        ["--detections", &points, "--world", "hall", "--sigma-px", "0.2", "--json", "--reference", "right"];
+    let other_way = &json_lines(&rig(&cameras, &from_right))[0]["world"]["world_from_rig"]["covariance"];
+    covariances_are_equal(&answer["cameras"]["right"]["world_from_cam"]["covariance"], other_way);
     let words = rig(&cameras, &["--detections", &points, "--world", "hall"]).stdout;
     assert!(words.contains("(frame of hall)"), "{words}");
 }
