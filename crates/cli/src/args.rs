@@ -21,6 +21,7 @@ pub struct Arguments {
 
 /// The commands, each in its own file.
 #[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant)] // One command a run.
 pub enum Command {
     /// The whole path on shipped pictures with known truth: detection, poses, relative extrinsics, a report.
     Demo(demo::Demo),

@@ -31,6 +31,7 @@ pub struct RelativePose {
 
 /// How sure a pair is; one kind for all pairs of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A few hundred pairs: copying is simpler than a box each.
 pub enum PairNoise {
     /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]` of `b_from_a`, frame b.
     Covariance(Matrix6),
@@ -159,7 +160,7 @@ pub fn groups(graph: &PoseGraph) -> Vec<Vec<usize>> {
 pub fn solve_pose_graph(graph: &PoseGraph, config: &PoseGraphConfig) -> Result<PoseGraphSolution, Error> {
     check(graph, config.anchor)?;
     let start = chain(graph, config.anchor)?;
-    let poses = start.cameras.iter().map(|camera| camera.cam_from_rig).collect();
+    let poses: Vec<Pose> = start.cameras.iter().map(|camera| camera.cam_from_rig).collect();
     let noise = noise::Noise::of(graph, config.median_sigma, &poses)?;
     let settled = snooping::settle(graph, config.anchor, poses, noise)?;
     Ok(answer(graph, config.anchor, settled))

@@ -26,7 +26,7 @@ pub(super) enum Noise {
 
 impl Noise {
     /// As the graph states it; sigmas to be estimated begin with what the start leaves.
-    pub fn of(graph: &PoseGraph, stated: Option<PairSigma>, start: &Vec<Pose>) -> Result<Self, Error> {
+    pub fn of(graph: &PoseGraph, stated: Option<PairSigma>, start: &[Pose]) -> Result<Self, Error> {
         let mut errors = Vec::new();
         let mut covariances = Vec::new();
         for pair in graph.pairs {

@@ -238,7 +238,7 @@ fn stereo_pair(key: &str, value: serde_json::Value) -> Result<Row, String> {
 /// `stereo_1_10`; names with underscores come in two halves of as many words.
 fn names(key: &str) -> Option<(String, String)> {
     let words: Vec<&str> = key.strip_prefix("stereo_")?.split('_').collect();
-    let (a, b) = words.split_at_checked(words.len() / 2).filter(|_| words.len() % 2 == 0)?;
+    let (a, b) = words.split_at_checked(words.len() / 2).filter(|_| words.len().is_multiple_of(2))?;
     Some((a.join("_"), b.join("_")))
 }
 
