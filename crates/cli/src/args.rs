@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{demo, detect, explain, locate, solve};
+use crate::commands::{demo, detect, explain, locate, measure, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -30,6 +30,8 @@ pub enum Command {
     Detect(detect::Detect),
     /// The pose from points you already have, in a CSV file.
     Solve(solve::Solve),
+    /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
+    Measure(measure::Measure),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
 }

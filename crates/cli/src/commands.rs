@@ -4,6 +4,7 @@ pub mod demo;
 pub mod detect;
 pub mod explain;
 pub mod locate;
+pub mod measure;
 pub mod solve;
 
 use crate::args::Command;
@@ -22,6 +23,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Locate(args) => locate::run(&args),
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Measure(args) => measure::run(&args),
         Command::Explain(args) => explain::run(&args),
     }
 }

@@ -11,6 +11,7 @@ pub mod overlay;
 pub mod render;
 pub mod report;
 pub mod rig;
+pub mod measure;
 
 pub use self::image::GrayImage;
 pub use error::FileError;

@@ -4,8 +4,8 @@
 //! ends where the lens model's valid field ends. Whatever is magnified says by how much in the caption.
 
 pub mod canvas;
-mod font;
-mod geometry;
+pub(crate) mod font;
+pub(crate) mod geometry;
 #[cfg(test)]
 mod tests;
 
