@@ -136,7 +136,11 @@ fn equations(x_in_world: &Point, sights: &[Sight], weights: &[Matrix2<f64>]) -> 
     Some(sum)
 }
 
-fn conclude(found: &PointSolution, sights: &[Sight], parallax: &Parallax) -> Result<TriangulatedPoint, Error> {
+fn conclude(
+    found: &PointSolution,
+    sights: &[Sight],
+    parallax: &Parallax,
+) -> Result<TriangulatedPoint, Error> {
     let lost = Error::NoSolution { n_points: 1 };
     let x_in_world = found.place;
     for (view, sight) in sights.iter().enumerate() {
@@ -182,7 +186,8 @@ fn conclude(found: &PointSolution, sights: &[Sight], parallax: &Parallax) -> Res
 /// them apart. docs/math/triangulate.md eq. (11).
 fn worst(seen: &[(Vector2<f64>, Matrix2<f64>, Matrix2x3<f64>)], covariance_m2: &Matrix3<f64>) -> usize {
     let statistic = |(residual, v, by_point): &(Vector2<f64>, Matrix2<f64>, Matrix2x3<f64>)| {
-        let left = if 2 < seen.len() { by_point * covariance_m2 * by_point.transpose() } else { Matrix2::zeros() };
+        let left =
+            if 2 < seen.len() { by_point * covariance_m2 * by_point.transpose() } else { Matrix2::zeros() };
         (v - left).try_inverse().map_or(0.0, |weight| residual.dot(&(weight * residual)))
     };
     let statistics: Vec<f64> = seen.iter().map(statistic).collect();
@@ -286,7 +291,8 @@ impl Parallax {
 
     fn check(&self, pair: (usize, usize)) -> Result<(), Error> {
         let needed = LEAST_PARALLAX_SIGMAS;
-        let small = Error::ParallaxTooSmall { parallax_rad: self.angle_rad, sigma_rad: self.sigma_rad, needed };
+        let small =
+            Error::ParallaxTooSmall { parallax_rad: self.angle_rad, sigma_rad: self.sigma_rad, needed };
         let is_large = needed * self.sigma_rad < self.angle_rad.abs();
         match self.depths_m {
             _ if !is_large => Err(small),
@@ -346,9 +352,11 @@ fn check(index: usize, view: &PointView) -> Result<(), Error> {
     }
     let n = view.camera.parameters().len();
     match view.intrinsics_covariance {
-        Some(c) if c.len() != n * n => {
-            refuse("the number of entries of the intrinsics covariance", c.len() as f64, "it must be n × n, n the number of parameters")
-        }
+        Some(c) if c.len() != n * n => refuse(
+            "the number of entries of the intrinsics covariance",
+            c.len() as f64,
+            "it must be n × n, n the number of parameters",
+        ),
         Some(c) if !c.iter().all(|x| x.is_finite()) => {
             refuse("the intrinsics covariance", f64::NAN, "it must be finite")
         }

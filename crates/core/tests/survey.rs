@@ -63,7 +63,9 @@ fn every_query_gives_its_quantity() {
     let adjusted = solve(&scene, &scene.facts).expect("places");
     let x = |p: usize| scene.points[p];
     let polyline = (x(0) - x(1)).norm() + (x(1) - x(7)).norm() + (x(7) - x(8)).norm();
-    assert!((measured(&scene, &adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5);
+    assert!(
+        (measured(&scene, &adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5
+    );
     let angle = (x(1) - x(0)).angle(&(x(7) - x(0)));
     assert!((measured(&scene, &adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
     // Shoelace formula of the marks' plan.
@@ -182,6 +184,23 @@ fn a_free_turn_is_held() {
     assert!((held / marks - 1.0).abs() < 1e-6, "{held} {marks}");
 }
 
+/// What a click more would give is what it gives: a road point clicked once adds nothing to the rest. The plane's flatness for it, 10 µm,
+/// is all that differs.
+#[test]
+fn one_more_click_is_foreseen() {
+    let mut scene = by_distances();
+    scene.intrinsics = Some(common::accident::intrinsics([6.0, 6.0, 4.0, 4.0]));
+    scene.facts.retain(|f| f.points()[0] != Some(5));
+    let before = solve(&scene, &scene.facts).expect("places");
+    scene.click(1, 5, 0.5);
+    scene.on_plane(&[5], 1e-5);
+    let after = solve(&scene, &scene.facts).expect("places");
+    let x = after.point(5).expect("placed");
+    let foreseen = before.click_on_plane_covariance_m2(1, 0, &x, 0.5).expect("a covariance");
+    let found = after.point_covariance_m2(5).expect("a covariance");
+    assert!((foreseen - found).norm() < 1e-3 * found.norm(), "{foreseen}{found}");
+}
+
 /// One wrong click, one wrong distance: each is named, with the size of its error.
 #[test]
 fn the_worst_fact_is_named() {
@@ -202,7 +221,11 @@ fn the_worst_fact_is_named() {
         };
         match solve(&scene, &facts) {
             Ok(adjusted) => {
-                assert!(adjusted.is_inconsistent, "{wrong}: {} {} {:?} {:?}", adjusted.chi2, adjusted.degrees_of_freedom, adjusted.undetermined, adjusted.suspects);
+                assert!(
+                    adjusted.is_inconsistent,
+                    "{wrong}: {} {} {:?} {:?}",
+                    adjusted.chi2, adjusted.degrees_of_freedom, adjusted.undetermined, adjusted.suspects
+                );
                 let worst = adjusted.suspects.first().expect("a suspect");
                 // Of two clicks of one point either may be the wrong one.
                 assert_eq!(facts[worst.fact].points(), facts[wrong].points(), "{:?}", adjusted.suspects);
@@ -262,8 +285,22 @@ fn points_without_parallax_are_undetermined() {
 fn impossible_facts_are_refused() {
     let scene = by_distances();
     let damages: [fn(&mut Vec<Fact>); 5] = [
-        |f| f[0] = Fact::Click { photo: 9, point: 0, pixel: Default::default(), covariance_px2: resight_core::triangulate::isotropic(1.0) },
-        |f| f[0] = Fact::Click { photo: 0, point: 99, pixel: Default::default(), covariance_px2: resight_core::triangulate::isotropic(1.0) },
+        |f| {
+            f[0] = Fact::Click {
+                photo: 9,
+                point: 0,
+                pixel: Default::default(),
+                covariance_px2: resight_core::triangulate::isotropic(1.0),
+            }
+        },
+        |f| {
+            f[0] = Fact::Click {
+                photo: 0,
+                point: 99,
+                pixel: Default::default(),
+                covariance_px2: resight_core::triangulate::isotropic(1.0),
+            }
+        },
         |f| f[0] = Fact::Distance { a: 0, b: 1, distance_m: f64::NAN, sigma_m: 0.1 },
         |f| f[0] = Fact::Distance { a: 0, b: 0, distance_m: 1.0, sigma_m: 0.1 },
         |f| f[0] = Fact::OnPlane { plane: 0, point: 1, sigma_m: 0.0 },

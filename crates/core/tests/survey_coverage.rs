@@ -86,16 +86,23 @@ fn two_photographs_with_known_distances() {
         scene.distance(a, b, 0.01);
     }
     scene.on_plane(&[0, 1, 2, 3, 4, 5, 6], 0.01);
-    run("two photographs", &scene, 51, vec![
-        count("distance on the road", Query::Distance { a: 4, b: 5 }, |x| length(x, 4, 5)),
-        count("distance road to vehicle", Query::Distance { a: 6, b: 7 }, |x| length(x, 6, 7)),
-        count("distance on the vehicle", Query::Distance { a: 7, b: 8 }, |x| length(x, 7, 8)),
-        count("polyline", Query::Polyline { points: vec![4, 6, 5, 7] }, |x| {
-            length(x, 4, 6) + length(x, 6, 5) + length(x, 5, 7)
-        }),
-        count("angle", Query::Angle { a: 4, vertex: 6, b: 7 }, |x| (x[4] - x[6]).angle(&(x[7] - x[6]))),
-        count("area", Query::Area { points: vec![4, 6, 5] }, |x| (x[6] - x[4]).cross(&(x[5] - x[4])).norm() / 2.0),
-    ]);
+    run(
+        "two photographs",
+        &scene,
+        51,
+        vec![
+            count("distance on the road", Query::Distance { a: 4, b: 5 }, |x| length(x, 4, 5)),
+            count("distance road to vehicle", Query::Distance { a: 6, b: 7 }, |x| length(x, 6, 7)),
+            count("distance on the vehicle", Query::Distance { a: 7, b: 8 }, |x| length(x, 7, 8)),
+            count("polyline", Query::Polyline { points: vec![4, 6, 5, 7] }, |x| {
+                length(x, 4, 6) + length(x, 6, 5) + length(x, 5, 7)
+            }),
+            count("angle", Query::Angle { a: 4, vertex: 6, b: 7 }, |x| (x[4] - x[6]).angle(&(x[7] - x[6]))),
+            count("area", Query::Area { points: vec![4, 6, 5] }, |x| {
+                (x[6] - x[4]).cross(&(x[5] - x[4])).norm() / 2.0
+            }),
+        ],
+    );
 }
 
 /// One photograph, road points by their rays at grazing angles up to 12 m away, the height of a post.
@@ -108,14 +115,21 @@ fn one_photograph_on_a_known_plane() {
     (0..4).for_each(|p| scene.place(p, 0.01));
     scene.on_plane(&[4, 5, 6], 0.01);
     scene.facts.push(Fact::Upright { plane: 0, foot: 4, top: 9, sigma_rad: 0.02 });
-    run("one photograph", &scene, 52, vec![
-        count("distance", Query::Distance { a: 4, b: 5 }, |x| length(x, 4, 5)),
-        count("distance to a mark", Query::Distance { a: 6, b: 0 }, |x| length(x, 6, 0)),
-        count("area", Query::Area { points: vec![4, 6, 5] }, |x| (x[6] - x[4]).cross(&(x[5] - x[4])).norm() / 2.0),
-        count("position x", Query::Coordinate { point: 4, axis: 0 }, |x| x[4].x),
-        count("position y", Query::Coordinate { point: 4, axis: 1 }, |x| x[4].y),
-        count("height", Query::Height { plane: 0, point: 9 }, |x| x[9].z),
-    ]);
+    run(
+        "one photograph",
+        &scene,
+        52,
+        vec![
+            count("distance", Query::Distance { a: 4, b: 5 }, |x| length(x, 4, 5)),
+            count("distance to a mark", Query::Distance { a: 6, b: 0 }, |x| length(x, 6, 0)),
+            count("area", Query::Area { points: vec![4, 6, 5] }, |x| {
+                (x[6] - x[4]).cross(&(x[5] - x[4])).norm() / 2.0
+            }),
+            count("position x", Query::Coordinate { point: 4, axis: 0 }, |x| x[4].x),
+            count("position y", Query::Coordinate { point: 4, axis: 1 }, |x| x[4].y),
+            count("height", Query::Height { plane: 0, point: 9 }, |x| x[9].z),
+        ],
+    );
 }
 
 /// A far point on the road, seen under 3°: its distance is known to a fifth, and the interval is bent.
@@ -127,8 +141,15 @@ fn bent_intervals_cover_too() {
     scene.click_all(&[0, 1, 2, 3, 4, 6], 4.0);
     (0..4).for_each(|p| scene.place(p, 0.01));
     scene.on_plane(&[4, 6], 0.01);
-    run("far point", &scene, 53, vec![
-        count("distance", Query::Distance { a: 4, b: 0 }, |x| length(x, 4, 0)),
-        count("area", Query::Area { points: vec![4, 6, 0] }, |x| (x[6] - x[4]).cross(&(x[0] - x[4])).norm() / 2.0),
-    ]);
+    run(
+        "far point",
+        &scene,
+        53,
+        vec![
+            count("distance", Query::Distance { a: 4, b: 0 }, |x| length(x, 4, 0)),
+            count("area", Query::Area { points: vec![4, 6, 0] }, |x| {
+                (x[6] - x[4]).cross(&(x[0] - x[4])).norm() / 2.0
+            }),
+        ],
+    );
 }

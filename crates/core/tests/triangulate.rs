@@ -52,8 +52,12 @@ impl Made {
         let mut lens = self.camera.clone();
         if let Some(c) = &self.intrinsics {
             let n = lens.parameters().len();
-            let values: Vec<f64> =
-                lens.parameters().iter().enumerate().map(|(i, p)| p.1 + c[i * n + i].sqrt() * rng.normal()).collect();
+            let values: Vec<f64> = lens
+                .parameters()
+                .iter()
+                .enumerate()
+                .map(|(i, p)| p.1 + c[i * n + i].sqrt() * rng.normal())
+                .collect();
             lens = lens.with_parameters(&values).expect("a camera");
         }
         made.pixel = lens.project(&(self.cam_from_world * *x)).expect("in the field")
@@ -106,9 +110,15 @@ fn best_of_all_planes(made: &[Made]) -> f64 {
     let line = |m: &Made, normal: &Vector3<f64>| {
         let k = m.camera.matrix().expect("pinhole");
         let inverse = Matrix3::new(
-            1.0 / k.fx_px, 0.0, -k.cx_px / k.fx_px,
-            0.0, 1.0 / k.fy_px, -k.cy_px / k.fy_px,
-            0.0, 0.0, 1.0,
+            1.0 / k.fx_px,
+            0.0,
+            -k.cx_px / k.fx_px,
+            0.0,
+            1.0 / k.fy_px,
+            -k.cy_px / k.fy_px,
+            0.0,
+            0.0,
+            1.0,
         );
         let l = inverse.transpose() * (m.cam_from_world.rotation * normal);
         let distance = (l.x * m.pixel.x + l.y * m.pixel.y + l.z) / l.x.hypot(l.y);
@@ -169,10 +179,12 @@ fn bound(made: &[Made], x: &Point) -> Matrix3<f64> {
     const STEP: f64 = 6e-6;
     let mut information = Matrix3::zeros();
     for m in made {
-        let at = |pose: &Pose, camera: &Camera, x: &Point| camera.project(&(*pose * *x)).expect("in the field");
+        let at =
+            |pose: &Pose, camera: &Camera, x: &Point| camera.project(&(*pose * *x)).expect("in the field");
         let by_point: [Vector2<f64>; 3] = std::array::from_fn(|i| {
             let h = Vector3::ith(i, STEP);
-            (at(&m.cam_from_world, &m.camera, &(x + h)) - at(&m.cam_from_world, &m.camera, &(x - h))) / (2.0 * STEP)
+            (at(&m.cam_from_world, &m.camera, &(x + h)) - at(&m.cam_from_world, &m.camera, &(x - h)))
+                / (2.0 * STEP)
         });
         let mut v = Matrix2::identity() * m.sigma_px * m.sigma_px;
         if let Some(c) = m.covariance {
@@ -211,7 +223,9 @@ fn covariance_matches_monte_carlo() {
     const DRAWS: usize = 3_000;
     const QUANTILE: f64 = 7.8147; // χ²₃ at 95 %
     for (row, (n, with_places, with_lens)) in
-        [(2, false, false), (2, true, false), (2, true, true), (4, false, false), (4, true, true)].into_iter().enumerate()
+        [(2, false, false), (2, true, false), (2, true, true), (4, false, false), (4, true, true)]
+            .into_iter()
+            .enumerate()
     {
         let mut rng = Rng::new(30 + row as u64);
         let (x, mut made) = scene(&mut rng, n, 0.5);
@@ -237,7 +251,9 @@ fn covariance_matches_monte_carlo() {
             chi2 += found.chi2 / (found.degrees_of_freedom as f64 * DRAWS as f64);
         }
         let coverage = covered as f64 / DRAWS as f64;
-        println!("{n} views, places {with_places}, lens {with_lens}: NEES {nees:.3}, 95 % covers {coverage:.4}, MSE/CRB {efficiency:.3}, χ²/dof {chi2:.3}");
+        println!(
+            "{n} views, places {with_places}, lens {with_lens}: NEES {nees:.3}, 95 % covers {coverage:.4}, MSE/CRB {efficiency:.3}, χ²/dof {chi2:.3}"
+        );
         assert!((nees - 3.0).abs() < 0.22, "{row}: {nees}");
         assert!((coverage - 0.95).abs() < 0.016, "{row}: {coverage}");
         assert!((efficiency - 1.0).abs() < 0.075, "{row}: {efficiency}");
@@ -335,9 +351,8 @@ fn at(centre: Point) -> Pose {
 #[test]
 fn refusals_name_what_is_wrong() {
     let camera = pinhole(1000.0);
-    let two = |a: Point, b: Point, x: Point| {
-        [a, b].map(|c| Made::new(&camera, at(c), &x, 0.5).expect("in front"))
-    };
+    let two =
+        |a: Point, b: Point, x: Point| [a, b].map(|c| Made::new(&camera, at(c), &x, 0.5).expect("in front"));
     let (left, right) = (Point::zeros(), Point::new(0.2, 0.0, 0.0));
     // 0.2 m of baseline: at 80 m the parallax is 2.5 mrad ± 0.7, at 120 m less than 3 standard deviations.
     assert!(solve(&two(left, right, Point::new(0.0, 0.0, 80.0))).is_ok());

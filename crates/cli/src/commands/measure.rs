@@ -88,7 +88,9 @@ fn in_words(scene: &NamedScene, answers: &Answers) -> String {
         let said = match &a.result {
             Ok(values) if values.len() == 3 => {
                 let axes = ["x", "y", "z"].iter().zip(values);
-                axes.map(|(axis, m)| format!("{axis} {}", words::value(a.query.kind, m))).collect::<Vec<_>>().join("   ")
+                axes.map(|(axis, m)| format!("{axis} {}", words::value(a.query.kind, m)))
+                    .collect::<Vec<_>>()
+                    .join("   ")
             }
             Ok(values) => values.iter().map(|m| words::value(a.query.kind, m)).collect(),
             Err(reason) => format!("no value: {reason}"),
@@ -197,7 +199,8 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> AnswerObject {
                 ("high_95", one_or_three(|m| m.high)),
             ];
             let values_of = entries.map(|(key, value)| (format!("{key}_{suffix}"), value));
-            let message = values.iter().map(|m| words::value(answer.query.kind, m)).collect::<Vec<_>>().join(", ");
+            let message =
+                values.iter().map(|m| words::value(answer.query.kind, m)).collect::<Vec<_>>().join(", ");
             AnswerObject { status: "ok", values: values_of.into_iter().collect(), message, ..base }
         }
         Err(reason) => AnswerObject { status: "undetermined", message: reason.clone(), ..base },
@@ -209,13 +212,17 @@ fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
     let photo = |(i, photo): (usize, &resight::measure::ScenePhoto)| PhotoObject {
         name: photo.name.clone(),
         cam_from_world: adjusted.cam_from_world(i).map(crate::answer::TransformObject::from),
-        covariance: adjusted.photo_covariance(i).map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+        covariance: adjusted
+            .photo_covariance(i)
+            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
     };
     let point = |(i, name): (usize, &String)| PointObject {
         name: name.clone(),
         is_mark: scene.is_mark[i],
         position_m: adjusted.point(i).map(|x| (x + scene.origin_m).into()),
-        covariance_m2: adjusted.point_covariance_m2(i).map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+        covariance_m2: adjusted
+            .point_covariance_m2(i)
+            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
     };
     let status = match (&adjusted.suspects.first(), adjusted.is_inconsistent) {
         (None, false) => "ok",

@@ -68,7 +68,15 @@ impl Scene {
     pub fn new(photos: Vec<Pose>) -> Self {
         let camera_of_photo = vec![0; photos.len()];
         let (points, planes) = (points(), vec![Plane::Unknown]);
-        Scene { camera: camera(), intrinsics: None, points, photos, planes, facts: Vec::new(), camera_of_photo }
+        Scene {
+            camera: camera(),
+            intrinsics: None,
+            points,
+            photos,
+            planes,
+            facts: Vec::new(),
+            camera_of_photo,
+        }
     }
 
     pub fn click(&mut self, photo: usize, point: usize, sigma_px: f64) {

@@ -35,7 +35,12 @@ pub fn measure(scene: &NamedScene) -> Result<Answers, String> {
     let answer = |query: &NamedQuery| {
         let values = scene.core_queries(query).into_iter().enumerate().map(|(axis, q)| {
             let shift = if query.kind == super::QueryKind::Position { scene.origin_m[axis] } else { 0.0 };
-            let moved = |m: Measured| Measured { value: m.value + shift, low: m.low + shift, high: m.high + shift, ..m };
+            let moved = |m: Measured| Measured {
+                value: m.value + shift,
+                low: m.low + shift,
+                high: m.high + shift,
+                ..m
+            };
             adjusted.measure(&survey, &q).map(moved).map_err(|e| words::error(scene, &e))
         });
         QueryAnswer { query: query.clone(), result: values.collect() }
@@ -52,9 +57,14 @@ const TIED: f64 = 0.01;
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = Vec::new();
-    let named: Vec<String> = adjusted.suspects.iter().take(MOST_SUSPECTS).map(|s| words::suspect(scene, s)).collect();
+    let named: Vec<String> =
+        adjusted.suspects.iter().take(MOST_SUSPECTS).map(|s| words::suspect(scene, s)).collect();
     if let Some((first, rest)) = adjusted.suspects.split_first() {
-        let tied = rest.iter().take(MOST_SUSPECTS - 1).take_while(|s| first.sigmas * (1.0 - TIED) < s.sigmas).count();
+        let tied = rest
+            .iter()
+            .take(MOST_SUSPECTS - 1)
+            .take_while(|s| first.sigmas * (1.0 - TIED) < s.sigmas)
+            .count();
         let which = named[..=tied].join(", or ");
         remarks.push(format!("inconsistent: {which}; check it, correct or remove it, and measure again"));
     } else if adjusted.is_inconsistent {
@@ -72,14 +82,19 @@ fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
         ));
     }
     if adjusted.degrees_of_freedom == 0 {
-        remarks.push("nothing is left over to check anything with: no wrong click could be noticed".to_string());
+        remarks
+            .push("nothing is left over to check anything with: no wrong click could be noticed".to_string());
     }
     if adjusted.frame == Frame::Held {
         remarks.push("coordinates leave a turn or a shift free: lengths, angles, areas and heights are right, positions only relative to each other".to_string());
     }
     remarks.extend(adjusted.undetermined.iter().map(|(item, reason)| {
         let (name, reason) = (words::item(scene, *item), words::error(scene, reason));
-        if reason.starts_with(&name) { format!("left out: {reason}") } else { format!("left out: {name}: {reason}") }
+        if reason.starts_with(&name) {
+            format!("left out: {reason}")
+        } else {
+            format!("left out: {name}: {reason}")
+        }
     }));
     remarks
 }

@@ -2,17 +2,17 @@
 //!
 //! Each pixel of the picture is a place on the plane, sent through pose and lens to the photograph and read there. Hatched is where one
 //! pixel of the photograph covers more ground than a stated size, and where a click would be off by more than a stated length (95 %, by
-//! the click's sigma and the uncertainty of the photograph's place).
+//! the click's sigma and what is not known of photograph, lens and plane).
 
 use super::answers::Answers;
 use super::drawing::{Anchor, strokes};
 use super::scene::NamedScene;
 use crate::GrayImage;
-use crate::core::survey::Fact;
-use crate::core::{Camera, Matrix6, Pixel, Pose};
+use crate::core::survey::{Adjusted, Fact};
+use crate::core::{Camera, Pixel, Pose};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::geometry::round_down_125;
-use nalgebra::{Matrix2, Matrix2x6, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 const BACKGROUND: Color = [24, 26, 30];
 const PAPER: Color = [238, 238, 238];
@@ -30,7 +30,7 @@ const RIM: f64 = 0.35;
 /// The limits are computed at every so many pixels.
 const CELL_PX: usize = 6;
 /// Pixels between hatch lines.
-const HATCH_PX: usize = 15;
+const HATCH_PX: usize = 26;
 const CAPTION_PX: u32 = 62;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
@@ -49,7 +49,8 @@ struct Source<'a> {
     image: &'a GrayImage,
     camera: &'a Camera,
     cam_from_world: Pose,
-    covariance: Matrix6,
+    adjusted: &'a Adjusted,
+    photo: usize,
     sigma_px: f64,
 }
 
@@ -69,13 +70,15 @@ pub fn birdseye(scene: &NamedScene, answers: &Answers, photo: usize, image: &Gra
         image,
         camera: adjusted.camera(scene.camera_of_photo[photo])?,
         cam_from_world: adjusted.cam_from_world(photo)?,
-        covariance: adjusted.photo_covariance(photo)?,
+        adjusted,
+        photo,
         sigma_px: scene.sigma_px,
     };
     let ground = ground(scene, answers, &source)?;
     let size = ground.size_m * ground.px_per_m;
     let (width, height) = (size.x.ceil() as u32, size.y.ceil() as u32);
-    let mut canvas = Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, CAPTION_PX, BACKGROUND);
+    let mut canvas =
+        Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, CAPTION_PX, BACKGROUND);
     canvas.open_rows = height;
     let worth = Field::new(&ground, &source, width, height);
     limits(&mut canvas, &worth, scene);
@@ -116,7 +119,8 @@ impl Ground {
 
     /// Place of a pixel of the picture.
     fn at(&self, x: f64, y: f64) -> Vector3<f64> {
-        let flat = Vector2::new(x, -y) / self.px_per_m + Vector2::new(self.least.x, self.least.y + self.size_m.y);
+        let flat =
+            Vector2::new(x, -y) / self.px_per_m + Vector2::new(self.least.x, self.least.y + self.size_m.y);
         self.place(&flat)
     }
 
@@ -138,15 +142,11 @@ impl Ground {
         let (_, by_point) = source.camera.project_with_jacobian(&x)?;
         let by_ground: Matrix2<f64> = by_point * source.cam_from_world.rotation * self.axes;
         let inverse = by_ground.try_inverse()?;
-        let mut by_motion = Matrix2x6::zeros();
-        by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&(by_point * -x.cross_matrix()));
-        by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&by_point);
-        let v = Matrix2::identity() * source.sigma_px * source.sigma_px
-            + by_motion * source.covariance * by_motion.transpose();
+        let full = source.adjusted.click_on_plane_covariance_m2(source.photo, 0, place, source.sigma_px)?;
         let largest = |m: Matrix2<f64>| m.symmetric_eigenvalues().max().max(0.0).sqrt();
         Some(Worth {
             pixel_m: largest(inverse * inverse.transpose()),
-            error_m: SIGMAS_95 * largest(inverse * v * inverse.transpose()),
+            error_m: SIGMAS_95 * largest(self.axes.transpose() * full * self.axes),
         })
     }
 }
@@ -190,7 +190,11 @@ impl Field {
     }
 
     fn at(&self, column: usize, row: usize) -> Option<Worth> {
-        if self.columns <= column || self.rows <= row { None } else { self.worth[row * self.columns + column] }
+        if self.columns <= column || self.rows <= row {
+            None
+        } else {
+            self.worth[row * self.columns + column]
+        }
     }
 
     /// Where a quantity crosses a limit, as short lines (marching squares).
@@ -204,7 +208,8 @@ impl Field {
                 for k in 0..4 {
                     let (Some(a), Some(b)) = (values[k], values[(k + 1) % 4]) else { continue };
                     if (a < 0.0) != (b < 0.0) {
-                        let place = |(c, r): (usize, usize)| Vector2::new(c as f64, r as f64) * CELL_PX as f64;
+                        let place =
+                            |(c, r): (usize, usize)| Vector2::new(c as f64, r as f64) * CELL_PX as f64;
                         crossings.push(place(corners[k]).lerp(&place(corners[(k + 1) % 4]), a / (a - b)));
                     }
                 }
@@ -250,18 +255,29 @@ fn segment(a: (usize, usize), b: (usize, usize)) -> Path {
 fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
     let pixel = |w: &Worth| w.pixel_m;
     let error = |w: &Worth| w.error_m;
-    let thin = |color| Pen { color, width: 1.2, opacity: 0.6 };
+    let thin = |color| Pen { color, width: 1.0, opacity: 0.5 };
     canvas.stroke(&field.hatch(pixel, scene.pixel_limit_m, false), thin(COARSE));
     canvas.stroke(&field.hatch(error, scene.error_limit_m, true), thin(UNSURE));
     let thick = |color| Pen { color, width: 2.2, opacity: 1.0 };
     for (lines, color, text, part) in [
-        (field.contour(pixel, scene.pixel_limit_m), COARSE, format!("1 px = {}", centimetres(scene.pixel_limit_m)), 3),
-        (field.contour(error, scene.error_limit_m), UNSURE, format!("± {}", centimetres(scene.error_limit_m)), 2),
+        (
+            field.contour(pixel, scene.pixel_limit_m),
+            COARSE,
+            format!("1 px = {}", centimetres(scene.pixel_limit_m)),
+            3,
+        ),
+        (
+            field.contour(error, scene.error_limit_m),
+            UNSURE,
+            format!("± {}", centimetres(scene.error_limit_m)),
+            2,
+        ),
     ] {
         canvas.stroke_with_rim(&lines, thick(color));
         if let Some(at) = lines.get(lines.len() / part).and_then(|line| line.first()) {
             let (w, h) = (f64::from(canvas.width), f64::from(canvas.open_rows));
-            let at = Vector2::new(at.x.clamp(60.0, (w - 60.0).max(60.0)), at.y.clamp(20.0, (h - 8.0).max(20.0)));
+            let at =
+                Vector2::new(at.x.clamp(60.0, (w - 60.0).max(60.0)), at.y.clamp(20.0, (h - 8.0).max(20.0)));
             write(canvas, &text, at - Vector2::new(0.0, 8.0), 12.0, color, Anchor::Middle);
         }
     }
@@ -284,7 +300,8 @@ fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, he
     let pen = Pen { color: GRID, width: 1.0, opacity: 0.55 };
     let (w, h) = (f64::from(width), f64::from(height));
     let lines = |axis: usize| {
-        let (low, high) = (ground.least[axis] + shift[axis], ground.least[axis] + ground.size_m[axis] + shift[axis]);
+        let (low, high) =
+            (ground.least[axis] + shift[axis], ground.least[axis] + ground.size_m[axis] + shift[axis]);
         ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
     };
     for x in lines(0) {

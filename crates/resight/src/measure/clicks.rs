@@ -33,8 +33,9 @@ pub fn read_clicks(path: &Path) -> Result<Vec<Click>, FileError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let is_row = |(_, line): &(usize, &str)| !line.trim().is_empty() && !line.trim_start().starts_with('#');
     let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(is_row);
-    let (number, header) =
-        lines.next().ok_or_else(|| FileError::new(path, "is empty; a header line photo,point,u_px,v_px is needed"))?;
+    let (number, header) = lines
+        .next()
+        .ok_or_else(|| FileError::new(path, "is empty; a header line photo,point,u_px,v_px is needed"))?;
     let header = cells(header);
     let column = |name: &str| header.iter().position(|cell| cell == name);
     let missing: Vec<&str> = NEEDED.into_iter().filter(|name| column(name).is_none()).collect();

@@ -99,7 +99,10 @@ impl Drawing {
         for item in &self.items {
             match item {
                 Item::Line { path, color, width } => {
-                    canvas.stroke(std::slice::from_ref(path), Pen { color: *color, width: *width, opacity: 1.0 });
+                    canvas.stroke(
+                        std::slice::from_ref(path),
+                        Pen { color: *color, width: *width, opacity: 1.0 },
+                    );
                 }
                 Item::Text { text, at, height, color, anchor, turn_rad } => {
                     let strokes = strokes(text, *at, *height, *anchor, *turn_rad);
@@ -129,7 +132,9 @@ impl Drawing {
                         hex(*color)
                     )
                 }
-                Item::Text { text, at, height, color, anchor, turn_rad } => svg_text(text, *at, *height, *color, *anchor, *turn_rad),
+                Item::Text { text, at, height, color, anchor, turn_rad } => {
+                    svg_text(text, *at, *height, *color, *anchor, *turn_rad)
+                }
             };
         }
         out + "</svg>\n"
@@ -139,7 +144,14 @@ impl Drawing {
 /// A capital is about 0.72 of the font size in the common sans-serif fonts.
 const CAPITAL_OVER_SIZE: f64 = 0.72;
 
-fn svg_text(text: &str, at: Vector2<f64>, height: f64, color: Color, anchor: Anchor, turn_rad: f64) -> String {
+fn svg_text(
+    text: &str,
+    at: Vector2<f64>,
+    height: f64,
+    color: Color,
+    anchor: Anchor,
+    turn_rad: f64,
+) -> String {
     let anchor = match anchor {
         Anchor::Start => "start",
         Anchor::Middle => "middle",

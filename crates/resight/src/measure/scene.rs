@@ -306,7 +306,8 @@ pub fn rig_scene(rig: &Path, clicks: &Path, sigma_px: Option<f64>) -> Result<Nam
     for click in &read {
         let known: Vec<&str> = builder.scene.photos.iter().map(|p| p.name.as_str()).collect();
         if !known.contains(&click.photo.as_str()) {
-            let reason = format!("camera `{}` is not in {}; it has {}", click.photo, rig.display(), known.join(", "));
+            let reason =
+                format!("camera `{}` is not in {}; it has {}", click.photo, rig.display(), known.join(", "));
             return Err(FileError::new(clicks, reason));
         }
         builder.click(click)?;
@@ -342,7 +343,10 @@ fn check_one_frame(rig: &Path, cameras: &[formats::NamedCamera]) -> Result<(), F
     match lost {
         Some(camera) => Err(FileError::new(
             rig,
-            format!("camera `{}` has no place in frame `{first}` as the others have; write all places relative to one frame", camera.name),
+            format!(
+                "camera `{}` has no place in frame `{first}` as the others have; write all places relative to one frame",
+                camera.name
+            ),
         )),
         None => Ok(()),
     }
@@ -420,7 +424,9 @@ impl Builder {
         let mut used: Vec<(String, Option<(u32, u32)>, &BTreeMap<String, f64>)> = Vec::new();
         for (index, photo) in file.photo.iter().enumerate() {
             if file.photo[..index].iter().any(|other| other.name == photo.name) {
-                return Err(self.fault(format!("two photographs are called `{}`; names must differ", photo.name)));
+                return Err(
+                    self.fault(format!("two photographs are called `{}`; names must differ", photo.name))
+                );
             }
             let picture = photo.file.as_ref().map(|f| self.folder.join(f));
             let size = picture.as_deref().map(picture_size).transpose()?;
@@ -477,7 +483,10 @@ impl Builder {
         for (name, sigma) in sigmas {
             let Some(i) = parameters.iter().position(|p| p.0 == name) else {
                 let known: Vec<&str> = parameters.iter().map(|p| p.0).collect();
-                return Err(self.fault(format!("intrinsics_sigma: no parameter `{name}`; the camera has {}", known.join(", "))));
+                return Err(self.fault(format!(
+                    "intrinsics_sigma: no parameter `{name}`; the camera has {}",
+                    known.join(", ")
+                )));
             };
             if !(0.0 <= *sigma && sigma.is_finite()) {
                 return Err(self.fault(format!("intrinsics_sigma: {name} is {sigma}; 0 or more is needed")));
@@ -491,9 +500,12 @@ impl Builder {
     fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Fact, FileError> {
         let length = pose.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
         if !((length - 1.0).abs() < 1e-3) {
-            return Err(self.fault(format!("pose: rotation_wxyz has length {length:.4}; a rotation has length 1")));
+            return Err(
+                self.fault(format!("pose: rotation_wxyz has length {length:.4}; a rotation has length 1"))
+            );
         }
-        let cam_from_world = Pose::from_quaternion_wxyz(pose.rotation_wxyz, Vector3::from(pose.translation_m));
+        let cam_from_world =
+            Pose::from_quaternion_wxyz(pose.rotation_wxyz, Vector3::from(pose.translation_m));
         let covariance = pose.covariance.map(|rows| with_floor(&Matrix6::from_fn(|i, j| rows[i][j])));
         Ok(Fact::Pose { photo, cam_from_world, covariance: covariance.filter(|c| 0.0 < c.amax()) })
     }
@@ -542,11 +554,14 @@ impl Builder {
         }
         let gravity = self.gravity(file)?;
         for upright in &file.upright {
-            let plane = match gravity {
-                Some(level) => level,
-                None if self.scene.has_ground => 0,
-                None => return Err(self.fault("[[upright]] needs a [plane], or down_in_cam in a [[photo]], to know what upright is")),
-            };
+            let plane =
+                match gravity {
+                    Some(level) => level,
+                    None if self.scene.has_ground => 0,
+                    None => return Err(self.fault(
+                        "[[upright]] needs a [plane], or down_in_cam in a [[photo]], to know what upright is",
+                    )),
+                };
             let sigma_rad = upright.sigma_rad.unwrap_or(DEFAULT_LEAN_RAD);
             self.positive("sigma_rad of an upright", sigma_rad)?;
             let (foot, top) = (self.point(&upright.foot), self.point(&upright.top));
@@ -593,7 +608,11 @@ impl Builder {
     fn click(&mut self, click: &Click) -> Result<(), FileError> {
         let Some(photo) = self.scene.photos.iter().position(|p| p.name == click.photo) else {
             let known: Vec<&str> = self.scene.photos.iter().map(|p| p.name.as_str()).collect();
-            return Err(self.fault(format!("a click names photo `{}`; the photos are {}", click.photo, known.join(", "))));
+            return Err(self.fault(format!(
+                "a click names photo `{}`; the photos are {}",
+                click.photo,
+                known.join(", ")
+            )));
         };
         let sigma_px = click.sigma_px.unwrap_or(self.scene.sigma_px);
         self.positive(&format!("sigma_px of {} in {}", click.point, click.photo), sigma_px)?;
@@ -624,7 +643,9 @@ impl Builder {
             };
             if !(least..=most).contains(&points.len()) {
                 let needed = if least == most { format!("{least}") } else { format!("{least} or more") };
-                return Err(self.fault(format!("query {kind}: {} points given, {needed} needed", points.len())));
+                return Err(
+                    self.fault(format!("query {kind}: {} points given, {needed} needed", points.len()))
+                );
             }
             if query.kind == QueryKind::Height && !self.scene.has_ground {
                 return Err(self.fault("query height: there is no [plane] to measure heights from"));
@@ -652,7 +673,10 @@ impl Builder {
         ] {
             if let Some(value) = value {
                 if !(0.0 < value && value.is_finite()) {
-                    return Err(FileError::new(&self.path, format!("{key} is {value}; a positive number is needed")));
+                    return Err(FileError::new(
+                        &self.path,
+                        format!("{key} is {value}; a positive number is needed"),
+                    ));
                 }
                 *at = value;
             }
@@ -682,5 +706,6 @@ impl Builder {
 }
 
 fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
-    ::image::image_dimensions(path).map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
+    ::image::image_dimensions(path)
+        .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
 }

@@ -18,7 +18,9 @@ pub fn item(scene: &NamedScene, item: Item) -> String {
 pub fn fact(scene: &NamedScene, fact: &Fact) -> String {
     let point = |p: usize| scene.points[p].as_str();
     match fact {
-        Fact::Click { photo, point: p, .. } => format!("the click of {} in {}", point(*p), scene.photos[*photo].name),
+        Fact::Click { photo, point: p, .. } => {
+            format!("the click of {} in {}", point(*p), scene.photos[*photo].name)
+        }
         Fact::Place { point: p, .. } => format!("the coordinates of {}", point(*p)),
         Fact::Distance { a, b, distance_m, .. } => {
             format!("the distance {}–{} of {distance_m} m", point(*a), point(*b))
@@ -85,7 +87,13 @@ pub fn unit(kind: QueryKind) -> &'static str {
 /// Value, low and high in the printed unit.
 pub fn printed(kind: QueryKind, m: &Measured) -> Measured {
     let scale = if kind == QueryKind::Angle { 180.0 / std::f64::consts::PI } else { 1.0 };
-    Measured { value: m.value * scale, sigma: m.sigma * scale, low: m.low * scale, high: m.high * scale, ..*m }
+    Measured {
+        value: m.value * scale,
+        sigma: m.sigma * scale,
+        low: m.low * scale,
+        high: m.high * scale,
+        ..*m
+    }
 }
 
 /// `5.023 ± 0.031 m`; where the interval is lopsided by more than a tenth, `22.4 m (20.1 … 25.6)`. 95 % either way.
