@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{advise, compare, convert, demo, detect, explain, locate, rig, solve};
+use crate::commands::{advise, compare, convert, demo, detect, explain, locate, measure, rig, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -37,6 +37,8 @@ pub enum Command {
     Compare(compare::Compare),
     /// Writes camera files in another program's format, with the poses of other files merged in.
     Convert(convert::Convert),
+    /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
+    Measure(measure::Measure),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
     /// Where to put the next point, target or board for the smallest uncertainty.

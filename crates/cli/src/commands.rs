@@ -8,6 +8,7 @@ pub mod detect;
 pub mod explain;
 pub mod locate;
 pub mod rig;
+pub mod measure;
 pub mod solve;
 
 use crate::args::Command;
@@ -29,6 +30,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Rig(args) => rig::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
+        Command::Measure(args) => measure::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Advise(args) => advise::run(&args),
     }

@@ -8,12 +8,13 @@
 mod state;
 mod rows;
 mod trilaterate;
-mod starts;
 mod gauge;
+mod starts;
 mod snoop;
 mod solve;
 mod query;
 mod interval;
+mod ground;
 
 use crate::correspondence::PixelCovariance;
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
@@ -288,7 +289,11 @@ impl Survey<'_> {
             return refuse("plane", fact.plane().unwrap_or(0) as f64, "it must be one of planes");
         }
         if points[0].is_some() && points[0] == points[1] {
-            return refuse("the second point", points[0].unwrap_or(0) as f64, "it must differ from the first");
+            return refuse(
+                "the second point",
+                points[0].unwrap_or(0) as f64,
+                "it must differ from the first",
+            );
         }
         let sigma_ok = |s: f64| 0.0 < s && (s * s).is_normal() && (s * s).recip().is_normal();
         let positive = "a standard deviation must be positive and finite";
@@ -303,13 +308,15 @@ impl Survey<'_> {
                     Ok(())
                 }
             }
-            Fact::Place { x_in_world, sigma_m, .. } => match sigma_m.iter().find(|s| **s != 0.0 && !sigma_ok(**s)) {
-                Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
-                None if !x_in_world.sum().is_finite() => {
-                    refuse("x_in_world", x_in_world.sum(), "it must be finite")
+            Fact::Place { x_in_world, sigma_m, .. } => {
+                match sigma_m.iter().find(|s| **s != 0.0 && !sigma_ok(**s)) {
+                    Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
+                    None if !x_in_world.sum().is_finite() => {
+                        refuse("x_in_world", x_in_world.sum(), "it must be finite")
+                    }
+                    None => Ok(()),
                 }
-                None => Ok(()),
-            },
+            }
             Fact::Distance { distance_m, .. } if !(0.0 < *distance_m && distance_m.is_finite()) => {
                 refuse("distance_m", *distance_m, "a distance must be positive and finite")
             }
@@ -328,7 +335,9 @@ impl Survey<'_> {
                 prior.check(index)
             }
             Fact::Pose { cam_from_world, .. } => {
-                let off = (cam_from_world.rotation * cam_from_world.rotation.transpose() - Matrix3::identity()).amax();
+                let off = (cam_from_world.rotation * cam_from_world.rotation.transpose()
+                    - Matrix3::identity())
+                .amax();
                 match off <= 1e-6 && cam_from_world.translation.sum().is_finite() {
                     true => Ok(()),
                     false => refuse("cam_from_world", off, "R Rᵀ must be the identity, t finite"),
@@ -379,7 +388,9 @@ impl Fact {
     /// The plane it speaks of.
     pub fn plane(&self) -> Option<usize> {
         match *self {
-            Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } | Fact::Gravity { plane, .. } => Some(plane),
+            Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } | Fact::Gravity { plane, .. } => {
+                Some(plane)
+            }
             _ => None,
         }
     }

@@ -136,7 +136,11 @@ fn equations(x_in_world: &Point, sights: &[Sight], weights: &[Matrix2<f64>]) -> 
     Some(sum)
 }
 
-fn conclude(found: &PointSolution, sights: &[Sight], parallax: &Parallax) -> Result<TriangulatedPoint, Error> {
+fn conclude(
+    found: &PointSolution,
+    sights: &[Sight],
+    parallax: &Parallax,
+) -> Result<TriangulatedPoint, Error> {
     let lost = Error::NoSolution { n_points: 1 };
     let x_in_world = found.place;
     for (view, sight) in sights.iter().enumerate() {
@@ -145,22 +149,20 @@ fn conclude(found: &PointSolution, sights: &[Sight], parallax: &Parallax) -> Res
             return Err(Error::BehindView { view, depth_m });
         }
     }
-    let (mut chi2, mut worst, mut worst_view) = (0.0, -1.0, 0);
-    let mut residuals_px = Vec::with_capacity(sights.len());
-    let mut information = Matrix3::zeros();
-    for (view, sight) in sights.iter().enumerate() {
+    let (mut chi2, mut information) = (0.0, Matrix3::zeros());
+    let mut seen = Vec::with_capacity(sights.len());
+    for sight in sights {
         let (pixel, by_point) = sight.predict(&x_in_world).ok_or(lost.clone())?;
         let residual = sight.view.pixel - pixel;
-        let weight = sight.covariance_at(&x_in_world).and_then(|v| v.try_inverse()).ok_or(lost.clone())?;
-        let squared = residual.dot(&(weight * residual));
-        if worst < squared {
-            (worst, worst_view) = (squared, view);
-        }
-        chi2 += squared;
+        let v = sight.covariance_at(&x_in_world).ok_or(lost.clone())?;
+        let weight = v.try_inverse().ok_or(lost.clone())?;
+        chi2 += residual.dot(&(weight * residual));
         information += by_point.tr_mul(&(weight * by_point));
-        residuals_px.push(residual);
+        seen.push((residual, v, by_point));
     }
     let covariance_m2 = information.cholesky().ok_or(lost.clone())?.inverse();
+    let worst_view = worst(&seen, &covariance_m2);
+    let residuals_px: Vec<Vector2<f64>> = seen.iter().map(|s| s.0).collect();
     let degrees_of_freedom = 2 * sights.len() - 3;
     let squares: f64 = residuals_px.iter().map(|r| r.norm_squared()).sum();
     if !(x_in_world.sum() + covariance_m2.sum() + chi2).is_finite() {
@@ -178,6 +180,18 @@ fn conclude(found: &PointSolution, sights: &[Sight], parallax: &Parallax) -> Res
         parallax_rad: parallax.angle_rad,
         parallax_sigma_rad: parallax.sigma_rad,
     })
+}
+
+/// The view with the largest residual against what it should scatter by, V − J C Jᵀ; against V where two views leave nothing to tell
+/// them apart. docs/math/triangulate.md eq. (11).
+fn worst(seen: &[(Vector2<f64>, Matrix2<f64>, Matrix2x3<f64>)], covariance_m2: &Matrix3<f64>) -> usize {
+    let statistic = |(residual, v, by_point): &(Vector2<f64>, Matrix2<f64>, Matrix2x3<f64>)| {
+        let left =
+            if 2 < seen.len() { by_point * covariance_m2 * by_point.transpose() } else { Matrix2::zeros() };
+        (v - left).try_inverse().map_or(0.0, |weight| residual.dot(&(weight * residual)))
+    };
+    let statistics: Vec<f64> = seen.iter().map(statistic).collect();
+    (0..statistics.len()).max_by(|a, b| statistics[*a].total_cmp(&statistics[*b])).unwrap_or(0)
 }
 
 impl<'a> Sight<'a> {
@@ -277,7 +291,8 @@ impl Parallax {
 
     fn check(&self, pair: (usize, usize)) -> Result<(), Error> {
         let needed = LEAST_PARALLAX_SIGMAS;
-        let small = Error::ParallaxTooSmall { parallax_rad: self.angle_rad, sigma_rad: self.sigma_rad, needed };
+        let small =
+            Error::ParallaxTooSmall { parallax_rad: self.angle_rad, sigma_rad: self.sigma_rad, needed };
         let is_large = needed * self.sigma_rad < self.angle_rad.abs();
         match self.depths_m {
             _ if !is_large => Err(small),
@@ -337,9 +352,11 @@ fn check(index: usize, view: &PointView) -> Result<(), Error> {
     }
     let n = view.camera.parameters().len();
     match view.intrinsics_covariance {
-        Some(c) if c.len() != n * n => {
-            refuse("the number of entries of the intrinsics covariance", c.len() as f64, "it must be n × n, n the number of parameters")
-        }
+        Some(c) if c.len() != n * n => refuse(
+            "the number of entries of the intrinsics covariance",
+            c.len() as f64,
+            "it must be n × n, n the number of parameters",
+        ),
         Some(c) if !c.iter().all(|x| x.is_finite()) => {
             refuse("the intrinsics covariance", f64::NAN, "it must be finite")
         }

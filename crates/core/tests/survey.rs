@@ -184,6 +184,23 @@ fn a_free_turn_is_held() {
     assert!((held / marks - 1.0).abs() < 1e-6, "{held} {marks}");
 }
 
+/// What a click more would give is what it gives: a road point clicked once adds nothing to the rest. The plane's flatness for it, 10 µm,
+/// is all that differs.
+#[test]
+fn one_more_click_is_foreseen() {
+    let mut scene = by_distances();
+    scene.intrinsics = Some(common::accident::intrinsics([6.0, 6.0, 4.0, 4.0]));
+    scene.facts.retain(|f| f.points()[0] != Some(5));
+    let before = solve(&scene, &scene.facts).expect("places");
+    scene.click(1, 5, 0.5);
+    scene.on_plane(&[5], 1e-5);
+    let after = solve(&scene, &scene.facts).expect("places");
+    let x = after.point(5).expect("placed");
+    let foreseen = before.click_on_plane_covariance_m2(1, 0, &x, 0.5).expect("a covariance");
+    let found = after.point_covariance_m2(5).expect("a covariance");
+    assert!((foreseen - found).norm() < 1e-3 * found.norm(), "{foreseen}{found}");
+}
+
 /// One wrong click, one wrong distance: each is named, with the size of its error.
 #[test]
 fn the_worst_fact_is_named() {

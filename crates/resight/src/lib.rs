@@ -14,6 +14,7 @@ pub mod source;
 pub mod scene;
 pub mod report;
 pub mod advise;
+pub mod measure;
 
 pub use self::image::GrayImage;
 pub use error::FileError;

@@ -5,7 +5,7 @@
 
 pub mod canvas;
 pub mod font;
-mod geometry;
+pub(crate) mod geometry;
 #[cfg(test)]
 mod tests;
 

@@ -35,7 +35,12 @@ pub(super) fn is_given(survey: &Survey) -> bool {
 }
 
 /// The layout of the unknowns in the frame, and its name.
-pub(super) fn layout(survey: &Survey, state: &State, dropped: &[Item], marks: Option<[usize; 3]>) -> (Layout, Frame) {
+pub(super) fn layout(
+    survey: &Survey,
+    state: &State,
+    dropped: &[Item],
+    marks: Option<[usize; 3]>,
+) -> (Layout, Frame) {
     let mut held = exact_coordinates(survey);
     if let (Some([a, b, c]), false) = (marks, is_given(survey)) {
         held.extend([(a, 0), (a, 1), (a, 2), (b, 1), (b, 2), (c, 2)]);
@@ -71,7 +76,8 @@ fn free_motions(survey: &Survey, state: &State, layout: &Layout) -> Vec<DVector<
     let generators = DMatrix::from_columns(&[0, 1, 2, 3, 4, 5].map(|k| {
         let unit = Vector3::ith(k % 3, 1.0);
         // Turns about the middle, as large as a shift of one at the rim.
-        let (turn, shift) = if k < 3 { (unit / size, centre.cross(&unit) / size) } else { (Vector3::zeros(), unit) };
+        let (turn, shift) =
+            if k < 3 { (unit / size, centre.cross(&unit) / size) } else { (Vector3::zeros(), unit) };
         generator(state, layout, &Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z))
     }));
     let resisted = Matrix6::from_fn(|i, j| {
@@ -106,15 +112,17 @@ fn resistance_of_exact(state: &State, exact: &[(usize, usize)], centre: &Point, 
 }
 
 fn middle(state: &State, layout: &Layout) -> (Point, f64) {
-    let points: Vec<Point> = (0..state.points.len()).filter(|p| layout.has_point(*p)).map(|p| state.points[p]).collect();
+    let points: Vec<Point> =
+        (0..state.points.len()).filter(|p| layout.has_point(*p)).map(|p| state.points[p]).collect();
     let centre = points.iter().sum::<Point>() / points.len().max(1) as f64;
     let size = points.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
     (centre, if 0.0 < size { size } else { 1.0 })
 }
 
-/// How the unknowns change when everything moves by ξ in the world frame: docs/math/survey.md eq. (10).
+/// How the unknowns change when everything moves by ξ in the world frame: docs/math/survey.md eq. (11).
 fn generator(state: &State, layout: &Layout, motion: &Vector6) -> DVector<f64> {
-    let (turn, shift) = (Vector3::new(motion[0], motion[1], motion[2]), Vector3::new(motion[3], motion[4], motion[5]));
+    let (turn, shift) =
+        (Vector3::new(motion[0], motion[1], motion[2]), Vector3::new(motion[3], motion[4], motion[5]));
     let mut change = DVector::zeros(layout.n);
     for (pose, at) in state.photos.iter().zip(&layout.photo) {
         if let Some(at) = at {

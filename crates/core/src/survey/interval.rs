@@ -1,5 +1,5 @@
 //! 95 % intervals by profile likelihood: the values of a quantity for which all that is known can still be met at a χ² not more than
-//! 3.84 above the least. Unlike value ± 1.96 σ they bend with the quantity: docs/math/survey.md eqs. (11)–(13).
+//! 3.84 above the least. Unlike value ± 1.96 σ they bend with the quantity: docs/math/survey.md eqs. (12)–(14).
 
 use super::query::Query;
 use super::rows::equations;
@@ -48,17 +48,28 @@ impl Adjusted {
         let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
         let is_profile = low.is_some() && high.is_some();
         let linear = |side: f64| value + side * NORMAL_95 * sigma;
-        Ok(Measured { value, sigma, low: low.unwrap_or(linear(-1.0)), high: high.unwrap_or(linear(1.0)), is_profile })
+        Ok(Measured {
+            value,
+            sigma,
+            low: low.unwrap_or(linear(-1.0)),
+            high: high.unwrap_or(linear(1.0)),
+            is_profile,
+        })
     }
 
     fn check(&self, query: &Query) -> Result<(), Error> {
         let points = query.points();
         if points.len() < query.least_points() {
             let needed = "a polyline needs two points and an area three";
-            return Err(Error::InvalidSetting { setting: "points of the query", seen: points.len() as f64, needed });
+            return Err(Error::InvalidSetting {
+                setting: "points of the query",
+                seen: points.len() as f64,
+                needed,
+            });
         }
         let needed = "it must be one of the survey's";
-        let unknown = |setting, index: usize| Err(Error::InvalidSetting { setting, seen: index as f64, needed });
+        let unknown =
+            |setting, index: usize| Err(Error::InvalidSetting { setting, seen: index as f64, needed });
         let why = |item: Item| self.undetermined.iter().find(|u| u.0 == item).map(|u| u.1.clone());
         for point in points {
             if self.layout.point.len() <= point {
@@ -67,7 +78,9 @@ impl Adjusted {
             why(Item::Point(point)).map_or(Ok(()), Err)?;
         }
         match query {
-            Query::Height { plane, .. } if self.state.planes.len() <= *plane => unknown("plane of the query", *plane),
+            Query::Height { plane, .. } if self.state.planes.len() <= *plane => {
+                unknown("plane of the query", *plane)
+            }
             Query::Height { plane, .. } => why(Item::Plane(*plane)).map_or(Ok(()), Err),
             Query::Coordinate { axis, .. } if 2 < *axis => unknown("axis of the query", *axis),
             _ => Ok(()),
@@ -75,7 +88,15 @@ impl Adjusted {
     }
 
     /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
-    fn end(&self, survey: &Survey, query: &Query, value: f64, sigma: f64, by: &DVector<f64>, side: f64) -> Option<f64> {
+    fn end(
+        &self,
+        survey: &Survey,
+        query: &Query,
+        value: f64,
+        sigma: f64,
+        by: &DVector<f64>,
+        side: f64,
+    ) -> Option<f64> {
         let mut state = self.state.clone();
         let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
         let mut reached = 0.0;

@@ -1,4 +1,4 @@
-//! What can be asked about places: lengths, angles, areas, heights, coordinates, each with its gradient. docs/math/survey.md, section 5.
+//! What can be asked about places: lengths, angles, areas, heights, coordinates, each with its gradient. docs/math/survey.md eqs. (16)–(17).
 
 use super::state::{Layout, State};
 use crate::Point;
@@ -125,7 +125,11 @@ fn length(points: &[usize], at: &impl Fn(usize) -> Point, by: &mut impl FnMut(us
 }
 
 /// Moving an end across its arm by δ turns the arm by δ over its length.
-fn angle([a, vertex, b]: [usize; 3], at: &impl Fn(usize) -> Point, by: &mut impl FnMut(usize, Vector3<f64>)) -> f64 {
+fn angle(
+    [a, vertex, b]: [usize; 3],
+    at: &impl Fn(usize) -> Point,
+    by: &mut impl FnMut(usize, Vector3<f64>),
+) -> f64 {
     let (p, q) = (at(a) - at(vertex), at(b) - at(vertex));
     let (u, v) = (direction(p), direction(q));
     let by_a = -direction(v - u * u.dot(&v)) / p.norm().max(f64::MIN_POSITIVE);

@@ -114,7 +114,8 @@ fn click(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Row>> {
         whitening * Matrix2xX::from_columns(&columns) * &lens.root
     };
     let row = |i: usize| {
-        let motion: [f64; 6] = core::array::from_fn(|k| if k < 3 { by_turn[(i, k)] } else { by_x[(i, k - 3)] });
+        let motion: [f64; 6] =
+            core::array::from_fn(|k| if k < 3 { by_turn[(i, k)] } else { by_x[(i, k - 3)] });
         let by_lens: Vec<f64> = by_z.row(i).iter().copied().collect();
         Row::new(residual[i])
             .by(layout.photo[*photo], &motion)

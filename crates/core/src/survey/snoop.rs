@@ -1,4 +1,4 @@
-//! Which fact contradicts the others? Each fact's residual against what the others leave it to scatter, docs/math/survey.md eq. (14).
+//! Which fact contradicts the others? Each fact's residual against what the others leave it to scatter, docs/math/survey.md eq. (15).
 
 use super::Fact;
 use super::rows::rows;
@@ -64,7 +64,12 @@ fn unit(fact: &Fact) -> f64 {
 }
 
 /// The suspects, worst first. `covariance` is that of the unknowns by the facts as stated.
-pub(super) fn suspects(facts: &[Fact], state: &State, layout: &Layout, covariance: &DMatrix<f64>) -> Vec<Suspect> {
+pub(super) fn suspects(
+    facts: &[Fact],
+    state: &State,
+    layout: &Layout,
+    covariance: &DMatrix<f64>,
+) -> Vec<Suspect> {
     let tested: Vec<(usize, f64, f64)> = facts
         .iter()
         .enumerate()

@@ -2,7 +2,7 @@
 
 use super::rows::{equations, n_rows};
 use super::starts::{Draft, draft, lengths, plane_of, undetermined};
-use super::state::{LensAt, Layout, State};
+use super::state::{Layout, LensAt, State};
 use super::trilaterate::Places;
 use super::{Adjusted, Fact, Frame, Item, Survey, gauge, snoop};
 use crate::consistency::{is_unlikely, noise_scale};
@@ -30,7 +30,8 @@ pub(super) fn best_of(survey: &Survey, arrangements: &[Places]) -> Result<Adjust
         // Where photographs join in, the whole network says better which distance is wrong.
         refusal = refusal.or(check_distances(survey, marks).err());
         let first = draft(survey, marks, &[]);
-        let alternatives: Vec<(usize, Pose)> = first.alternatives.iter().take(MOST_ALTERNATIVES).copied().collect();
+        let alternatives: Vec<(usize, Pose)> =
+            first.alternatives.iter().take(MOST_ALTERNATIVES).copied().collect();
         match settle(survey, first) {
             Ok(adjusted) => found.push(adjusted),
             Err(reason) => refusal = refusal.or(Some(reason)),
@@ -43,7 +44,13 @@ pub(super) fn best_of(survey: &Survey, arrangements: &[Places]) -> Result<Adjust
     found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let mut found = found.into_iter();
     let Some(mut best) = found.next() else {
-        let nothing = undetermined("photo", 0, "no photograph has a place; click at least four marks in each", 0.0, 3.0);
+        let nothing = undetermined(
+            "photo",
+            0,
+            "no photograph has a place; click at least four marks in each",
+            0.0,
+            3.0,
+        );
         return Err(refusal.unwrap_or(nothing));
     };
     let rival = found.find(|a| a.undetermined.len() == best.undetermined.len() && !is_same(a, &best));
@@ -67,9 +74,11 @@ fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
             return Err(dropped.into_iter().next().map_or(Error::NoLength, |d| d.1));
         }
         let (layout, frame) = gauge::layout(survey, &state, &items, draft.marks);
-        let solved = minimize_dense(&state, |s| equations(survey.facts, s, &layout), |s, by| s.moved(&layout, by));
+        let solved =
+            minimize_dense(&state, |s| equations(survey.facts, s, &layout), |s, by| s.moved(&layout, by));
         let Some(solved) = solved else {
-            let (item, reason) = out_of_field(survey, &state, &items).ok_or(Error::NoSolution { n_points: survey.n_points })?;
+            let (item, reason) = out_of_field(survey, &state, &items)
+                .ok_or(Error::NoSolution { n_points: survey.n_points })?;
             dropped.push((item, reason));
             continue;
         };
@@ -153,7 +162,11 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
         let all: Vec<Option<usize>> = (0..6).map(|k| at.map(|at| at + k)).collect();
         (part(&all), Item::Photo(i))
     });
-    let tilts = layout.tilt.iter().enumerate().map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
+    let tilts = layout
+        .tilt
+        .iter()
+        .enumerate()
+        .map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
     let (share, item) = points.chain(photos).chain(tilts).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let reason = "the facts leave a direction of it free; click it in another photograph, or add a distance or coordinates";
     let why = match item {
@@ -189,7 +202,8 @@ fn weakest(
     let all = (0..survey.n_points).filter(|p| layout.has_point(*p));
     let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let reason = "its standard deviation is too large a part of its distance from the camera; click it in a photograph from farther aside";
-    (LARGEST_SIGMA < worst).then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
+    (LARGEST_SIGMA < worst)
+        .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
 }
 
 /// A point outside the field of a photograph that shows it.
@@ -201,15 +215,20 @@ fn out_of_field(survey: &Survey, state: &State, dropped: &[Item]) -> Option<(Ite
         }
         let x = state.photos[*photo] * state.points[*point];
         let camera = &state.lenses[state.camera_of_photo[*photo]].camera;
-        let reason = "its place lies behind a photograph that shows it, or outside its lens; check its clicks";
-        camera.project(&x).is_none().then(|| (Item::Point(*point), undetermined("point", *point, reason, x.z, 0.0)))
+        let reason =
+            "its place lies behind a photograph that shows it, or outside its lens; check its clicks";
+        camera
+            .project(&x)
+            .is_none()
+            .then(|| (Item::Point(*point), undetermined("point", *point, reason, x.z, 0.0)))
     })
 }
 
 /// Whether the mutual distances alone agree, before any photograph is looked at.
 fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
     let is_laid = |p: usize| marks[p].is_some();
-    let used: Vec<usize> = lengths(survey).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();
+    let used: Vec<usize> =
+        lengths(survey).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();
     if gauge::is_given(survey) || used.is_empty() {
         return Ok(());
     }
@@ -238,9 +257,11 @@ fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
     }
     let Ok(covariance) = inverse(&solved.equations.information) else { return Ok(()) };
     match snoop::suspects(&facts, &solved.state, &layout, &covariance).first() {
-        Some(worst) => {
-            Err(Error::InconsistentDistances { fact: used[worst.fact], off_m: worst.off, sigmas: worst.sigmas })
-        }
+        Some(worst) => Err(Error::InconsistentDistances {
+            fact: used[worst.fact],
+            off_m: worst.off,
+            sigmas: worst.sigmas,
+        }),
         None => Ok(()),
     }
 }
@@ -253,4 +274,3 @@ fn in_frame(marks: &Places, [a, b, c]: [usize; 3]) -> Vec<Point> {
     let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
     (0..marks.len()).map(|p| rotation * (at(p) - at(a))).collect()
 }
-

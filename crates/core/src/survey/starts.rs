@@ -52,7 +52,9 @@ pub(super) fn marks(survey: &Survey) -> Result<Vec<Places>, Error> {
     let planes = plane_of(survey);
     let network = Network { lengths: &lengths, plane_of: &planes };
     let given = gauge::is_given(survey);
-    if !places.iter().any(Option::is_some) && let Some(laid) = network.triangle() {
+    if !places.iter().any(Option::is_some)
+        && let Some(laid) = network.triangle()
+    {
         let on_known = known_plane_of(survey, &planes, &laid);
         places = on_known.map_or_else(|| laid.clone(), |plane| onto(&laid, &plane));
     } else if !given {
@@ -110,7 +112,8 @@ const LEAST_WIDTH: f64 = 1e-3;
 
 /// The plane nearest to the placed points that lie on it; none below three or where they lie on a line.
 fn fitted(index: usize, plane_of: &[Option<usize>], places: &Places) -> Option<PlaneAt> {
-    let on_it: Vec<Point> = (0..places.len()).filter(|p| plane_of[*p] == Some(index)).filter_map(|p| places[p]).collect();
+    let on_it: Vec<Point> =
+        (0..places.len()).filter(|p| plane_of[*p] == Some(index)).filter_map(|p| places[p]).collect();
     if on_it.len() < 3 {
         return None;
     }
@@ -171,20 +174,25 @@ pub(super) fn draft(survey: &Survey, marks: &Places, forced: &[(usize, Pose)]) -
 
 impl Building<'_> {
     fn n_placed(&self) -> usize {
-        self.points.iter().flatten().count() + self.photos.iter().flatten().count() + self.planes.iter().flatten().count()
+        self.points.iter().flatten().count()
+            + self.photos.iter().flatten().count()
+            + self.planes.iter().flatten().count()
     }
 
     fn place_planes(&mut self) {
         for (index, plane) in self.survey.planes.iter().enumerate() {
             self.planes[index] = self.planes[index].or_else(|| match plane {
-                Plane::Known { normal_in_world, offset_m } => Some(PlaneAt::known(normal_in_world, *offset_m)),
+                Plane::Known { normal_in_world, offset_m } => {
+                    Some(PlaneAt::known(normal_in_world, *offset_m))
+                }
                 Plane::Unknown => fitted(index, &self.plane_of, &self.points).or_else(|| self.level(index)),
             });
             if self.planes[index].is_none() {
                 let on_it = |p: &usize| self.plane_of[*p] == Some(index) && self.points[*p].is_some();
                 let seen = (0..self.points.len()).filter(on_it).count();
                 let reason = "fewer than three points off one line lie on it; put more points on it, or give its normal";
-                self.reasons.push((Item::Plane(index), undetermined("plane", index, reason, seen as f64, 3.0)));
+                self.reasons
+                    .push((Item::Plane(index), undetermined("plane", index, reason, seen as f64, 3.0)));
             }
         }
         self.face_cameras();
@@ -238,7 +246,8 @@ impl Building<'_> {
             let seen = self.clicks(|p, point| p == photo && self.points[point].is_some()).len();
             let reason = "too few points of known place were clicked in it; click at least four marks";
             if !self.reasons.iter().any(|r| r.0 == Item::Photo(photo)) {
-                self.reasons.push((Item::Photo(photo), undetermined("photo", photo, reason, seen as f64, 3.0)));
+                self.reasons
+                    .push((Item::Photo(photo), undetermined("photo", photo, reason, seen as f64, 3.0)));
             }
         }
     }
@@ -284,7 +293,9 @@ impl Building<'_> {
                 let n = clicks.len();
                 let reason = match (n, self.plane_of[point]) {
                     (0, _) => "no photograph that has a place shows it",
-                    (_, None) => "it was seen once and lies on no plane; click it in a second photograph, or put it on a plane",
+                    (_, None) => {
+                        "it was seen once and lies on no plane; click it in a second photograph, or put it on a plane"
+                    }
                     (_, Some(_)) => "its ray does not meet its plane in front of the camera",
                 };
                 let why = match found {
@@ -395,6 +406,12 @@ impl Building<'_> {
     }
 }
 
-pub(super) fn undetermined(what: &'static str, index: usize, reason: &'static str, metric: f64, needed: f64) -> Error {
+pub(super) fn undetermined(
+    what: &'static str,
+    index: usize,
+    reason: &'static str,
+    metric: f64,
+    needed: f64,
+) -> Error {
     Error::Undetermined { what, index, reason, metric, needed }
 }

@@ -163,7 +163,8 @@ impl Layout {
         }
         for (index, plane) in survey.planes.iter().enumerate() {
             let free = *plane == Plane::Unknown && !dropped.contains(&Item::Plane(index));
-            let has_points = layout.uses(survey, |f| matches!(f, Fact::OnPlane { plane, .. } if *plane == index));
+            let has_points =
+                layout.uses(survey, |f| matches!(f, Fact::OnPlane { plane, .. } if *plane == index));
             layout.tilt.push(free.then(|| take(2)));
             layout.height.push((free && has_points).then(|| take(1)));
         }

@@ -1,4 +1,4 @@
-//! Places of marks of which only mutual distances are known: docs/math/survey.md eqs. (9)–(11).
+//! Places of marks of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
 //!
 //! A triangle is laid down; each further mark stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
 //! are followed: the photographs decide.
@@ -94,7 +94,8 @@ impl Network<'_> {
     /// The unplaced point with the most distances to placed ones, and where it may stand, best first.
     fn next(&self, places: &Places, normals: &[Option<Vector3<f64>>]) -> Option<(usize, Vec<Point>)> {
         let known = |p: usize| self.from(p).filter(|(q, _)| places[*q].is_some()).count();
-        let mut order: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_none() && 2 <= known(*p)).collect();
+        let mut order: Vec<usize> =
+            (0..places.len()).filter(|p| places[*p].is_none() && 2 <= known(*p)).collect();
         order.sort_by_key(|p| core::cmp::Reverse(known(*p)));
         order.into_iter().find_map(|p| {
             let found = self.candidates(p, places, normals);
@@ -105,14 +106,16 @@ impl Network<'_> {
     fn candidates(&self, point: usize, places: &Places, normals: &[Option<Vector3<f64>>]) -> Vec<Point> {
         let ends: Vec<(Point, Length, usize)> =
             self.from(point).filter_map(|(q, l)| Some((places[q]?, l, q))).collect();
-        let flat = self.plane_of[point].filter(|plane| {
-            ends.iter().filter(|(_, _, q)| self.plane_of[*q] == Some(*plane)).count() >= 2
-        });
+        let flat = self.plane_of[point]
+            .filter(|plane| ends.iter().filter(|(_, _, q)| self.plane_of[*q] == Some(*plane)).count() >= 2);
         let normal = flat.and_then(|plane| normals[plane]);
         let mut found = match normal {
             Some(normal) => {
-                let on_it: Vec<_> =
-                    ends.iter().filter(|(_, _, q)| self.plane_of[*q] == flat).map(|(x, l, _)| (*x, *l)).collect();
+                let on_it: Vec<_> = ends
+                    .iter()
+                    .filter(|(_, _, q)| self.plane_of[*q] == flat)
+                    .map(|(x, l, _)| (*x, *l))
+                    .collect();
                 circles(&on_it, &normal)
             }
             None => spheres(&ends.iter().map(|(x, l, _)| (*x, *l)).collect::<Vec<_>>()),

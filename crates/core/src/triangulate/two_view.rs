@@ -119,8 +119,7 @@ impl Chart {
     fn of(sight: &Sight) -> Option<Self> {
         let rotation = sight.view.cam_from_world.rotation;
         let bearing = sight.bearing.into_inner();
-        let (e1, e2) =
-            if OBLIQUE < bearing.z { (Vector3::x(), Vector3::y()) } else { tangents(&bearing) };
+        let (e1, e2) = if OBLIQUE < bearing.z { (Vector3::x(), Vector3::y()) } else { tangents(&bearing) };
         let (_, by_point) = sight.view.camera.project_with_jacobian(&bearing)?;
         let metric = Matrix2::from_columns(&[by_point * e1, by_point * e2]).try_inverse()?;
         Some(Chart {

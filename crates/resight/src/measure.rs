@@ -1,0 +1,15 @@
+//! Measuring in photographs: a scene file in, a table, a plan and rectified grounds out. The mathematics is `core::survey`'s.
+//!
+//! scene file → named scene → survey → answers → table, drawing, bird's-eye pictures. Each arrow is one file.
+
+pub mod scene;
+pub mod clicks;
+pub mod answers;
+pub mod words;
+pub mod table;
+pub mod drawing;
+pub mod plan;
+pub mod birdseye;
+
+pub use answers::{Answers, QueryAnswer, measure};
+pub use scene::{NamedQuery, NamedScene, QueryKind, ScenePhoto, read_scene, rig_scene};

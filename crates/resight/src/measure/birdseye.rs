@@ -1,0 +1,351 @@
+//! The ground as seen from straight above: a photograph rectified onto the plane, with a metric grid and its own limits.
+//!
+//! Each pixel of the picture is a place on the plane, sent through pose and lens to the photograph and read there. Hatched is where one
+//! pixel of the photograph covers more ground than a stated size, and where a click would be off by more than a stated length (95 %, by
+//! the click's sigma and what is not known of photograph, lens and plane).
+
+use super::answers::Answers;
+use super::drawing::{Anchor, strokes};
+use super::scene::NamedScene;
+use crate::GrayImage;
+use crate::core::survey::{Adjusted, Fact};
+use crate::core::{Camera, Pixel, Pose};
+use crate::overlay::canvas::{Canvas, Color, Path, Pen};
+use crate::overlay::geometry::round_down_125;
+use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+
+const BACKGROUND: Color = [24, 26, 30];
+const PAPER: Color = [238, 238, 238];
+const GRID: Color = [90, 215, 255];
+const MARK: Color = [255, 90, 80];
+const POINT: Color = [255, 225, 90];
+const COARSE: Color = [255, 150, 40];
+const UNSURE: Color = [240, 110, 255];
+/// Longer side of the rectified ground, px.
+const LONGER_SIDE_PX: f64 = 1300.0;
+/// Grey where the photograph does not reach.
+const UNSEEN: u8 = 52;
+/// Ground shown beyond the outermost points, as a part of their extent.
+const RIM: f64 = 0.35;
+/// The limits are computed at every so many pixels.
+const CELL_PX: usize = 6;
+/// Pixels between hatch lines.
+const HATCH_PX: usize = 26;
+const CAPTION_PX: u32 = 62;
+/// √χ² of two degrees of freedom at 95 %.
+const SIGMAS_95: f64 = 2.447_746_830_680_816;
+
+/// The plane as a sheet: place = origin + s · right + t · ahead, t upwards in the picture.
+struct Ground {
+    origin: Vector3<f64>,
+    axes: Matrix3x2<f64>,
+    least: Vector2<f64>,
+    size_m: Vector2<f64>,
+    px_per_m: f64,
+}
+
+/// The photograph that is rectified.
+struct Source<'a> {
+    image: &'a GrayImage,
+    camera: &'a Camera,
+    cam_from_world: Pose,
+    adjusted: &'a Adjusted,
+    photo: usize,
+    sigma_px: f64,
+}
+
+/// What one place of the ground is worth.
+#[derive(Clone, Copy)]
+struct Worth {
+    /// Ground that one pixel covers along its longer side, m.
+    pixel_m: f64,
+    /// 95 % error of a click, m.
+    error_m: f64,
+}
+
+/// The rectified ground of a photograph; none where the plane or the photograph has no place, or fewer than three points lie on the plane.
+pub fn birdseye(scene: &NamedScene, answers: &Answers, photo: usize, image: &GrayImage) -> Option<Canvas> {
+    let adjusted = &answers.adjusted;
+    let source = Source {
+        image,
+        camera: adjusted.camera(scene.camera_of_photo[photo])?,
+        cam_from_world: adjusted.cam_from_world(photo)?,
+        adjusted,
+        photo,
+        sigma_px: scene.sigma_px,
+    };
+    let ground = ground(scene, answers, &source)?;
+    let size = ground.size_m * ground.px_per_m;
+    let (width, height) = (size.x.ceil() as u32, size.y.ceil() as u32);
+    let mut canvas =
+        Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, CAPTION_PX, BACKGROUND);
+    canvas.open_rows = height;
+    let worth = Field::new(&ground, &source, width, height);
+    limits(&mut canvas, &worth, scene);
+    let step = grid(&mut canvas, &ground, scene, width, height);
+    points(&mut canvas, &ground, scene, answers);
+    canvas.open_rows = canvas.height;
+    caption(&mut canvas, scene, photo, step, height);
+    Some(canvas)
+}
+
+fn ground(scene: &NamedScene, answers: &Answers, source: &Source) -> Option<Ground> {
+    let adjusted = &answers.adjusted;
+    let (normal, offset_m) = adjusted.plane(0).filter(|_| scene.has_ground)?;
+    // World x runs to the right, as in the plan, unless the plane stands across it.
+    let x = Vector3::x() - normal * normal.x;
+    let right = if 0.1 < x.norm() { x.normalize() } else { (Vector3::y() - normal * normal.y).normalize() };
+    let axes = Matrix3x2::from_columns(&[right, normal.cross(&right)]);
+    let origin = normal * offset_m;
+    let on_it = scene.facts.iter().filter_map(|f| match f {
+        Fact::OnPlane { plane: 0, point, .. } => adjusted.point(*point),
+        _ => None,
+    });
+    let flat: Vec<Vector2<f64>> = on_it.map(|x| axes.tr_mul(&(x - origin))).collect();
+    let first = *flat.first().filter(|_| 3 <= flat.len())?;
+    let (least, most) = flat.iter().fold((first, first), |(a, b), p| (a.inf(p), b.sup(p)));
+    let rim = RIM * (most - least).max();
+    let (least, most) = (least - Vector2::repeat(rim), most + Vector2::repeat(rim));
+    let size_m = most - least;
+    let ground = Ground { origin, axes, least, size_m, px_per_m: LONGER_SIDE_PX / size_m.max() };
+    let seen = flat.iter().any(|p| ground.project(source, &ground.place(p)).is_some());
+    (seen && ground.px_per_m.is_finite()).then_some(ground)
+}
+
+impl Ground {
+    fn place(&self, flat: &Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.axes * flat
+    }
+
+    /// Place of a pixel of the picture.
+    fn at(&self, x: f64, y: f64) -> Vector3<f64> {
+        let flat =
+            Vector2::new(x, -y) / self.px_per_m + Vector2::new(self.least.x, self.least.y + self.size_m.y);
+        self.place(&flat)
+    }
+
+    /// Pixel of the picture of a place on the plane.
+    fn px(&self, flat: &Vector2<f64>) -> Vector2<f64> {
+        let p = (flat - self.least) * self.px_per_m;
+        Vector2::new(p.x, self.size_m.y * self.px_per_m - p.y)
+    }
+
+    fn project(&self, source: &Source, place: &Vector3<f64>) -> Option<Pixel> {
+        let pixel = source.camera.project(&(source.cam_from_world * *place))?;
+        let inside = |x: f64, n: u32| 0.0 <= x && x <= f64::from(n) - 1.0;
+        (inside(pixel.x, source.image.width_px) && inside(pixel.y, source.image.height_px)).then_some(pixel)
+    }
+
+    fn worth(&self, source: &Source, place: &Vector3<f64>) -> Option<Worth> {
+        self.project(source, place)?;
+        let x = source.cam_from_world * *place;
+        let (_, by_point) = source.camera.project_with_jacobian(&x)?;
+        let by_ground: Matrix2<f64> = by_point * source.cam_from_world.rotation * self.axes;
+        let inverse = by_ground.try_inverse()?;
+        let full = source.adjusted.click_on_plane_covariance_m2(source.photo, 0, place, source.sigma_px)?;
+        let largest = |m: Matrix2<f64>| m.symmetric_eigenvalues().max().max(0.0).sqrt();
+        Some(Worth {
+            pixel_m: largest(inverse * inverse.transpose()),
+            error_m: SIGMAS_95 * largest(self.axes.transpose() * full * self.axes),
+        })
+    }
+}
+
+fn rectified(ground: &Ground, source: &Source, width: u32, height: u32) -> GrayImage {
+    let mut image = GrayImage::filled(width, height, UNSEEN);
+    for y in 0..height {
+        for x in 0..width {
+            if let Some(p) = ground.project(source, &ground.at(f64::from(x), f64::from(y))) {
+                image.data[(y * width + x) as usize] = bilinear(source.image, &p);
+            }
+        }
+    }
+    image
+}
+
+fn bilinear(image: &GrayImage, p: &Pixel) -> u8 {
+    let (u, v) = (p.x.floor(), p.y.floor());
+    let (a, b) = (p.x - u, p.y - v);
+    let at = |du: u32, dv: u32| {
+        f64::from(image.at((u as u32 + du).min(image.width_px - 1), (v as u32 + dv).min(image.height_px - 1)))
+    };
+    let top = at(0, 0) * (1.0 - a) + at(1, 0) * a;
+    let bottom = at(0, 1) * (1.0 - a) + at(1, 1) * a;
+    (top * (1.0 - b) + bottom * b).round() as u8
+}
+
+/// The worth of the ground on a coarse grid.
+struct Field {
+    columns: usize,
+    rows: usize,
+    worth: Vec<Option<Worth>>,
+}
+
+impl Field {
+    fn new(ground: &Ground, source: &Source, width: u32, height: u32) -> Self {
+        let (columns, rows) = (width as usize / CELL_PX + 1, height as usize / CELL_PX + 1);
+        let at = |i: usize| ground.at(((i % columns) * CELL_PX) as f64, ((i / columns) * CELL_PX) as f64);
+        let worth = (0..columns * rows).map(|i| ground.worth(source, &at(i))).collect();
+        Field { columns, rows, worth }
+    }
+
+    fn at(&self, column: usize, row: usize) -> Option<Worth> {
+        if self.columns <= column || self.rows <= row {
+            None
+        } else {
+            self.worth[row * self.columns + column]
+        }
+    }
+
+    /// Where a quantity crosses a limit, as short lines (marching squares).
+    fn contour(&self, of: impl Fn(&Worth) -> f64, limit: f64) -> Vec<Path> {
+        let mut lines = Vec::new();
+        for row in 0..self.rows.saturating_sub(1) {
+            for column in 0..self.columns.saturating_sub(1) {
+                let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| (column + i, row + j));
+                let values = corners.map(|(c, r)| self.at(c, r).map(|w| of(&w) - limit));
+                let mut crossings = Path::new();
+                for k in 0..4 {
+                    let (Some(a), Some(b)) = (values[k], values[(k + 1) % 4]) else { continue };
+                    if (a < 0.0) != (b < 0.0) {
+                        let place =
+                            |(c, r): (usize, usize)| Vector2::new(c as f64, r as f64) * CELL_PX as f64;
+                        crossings.push(place(corners[k]).lerp(&place(corners[(k + 1) % 4]), a / (a - b)));
+                    }
+                }
+                if crossings.len() == 2 {
+                    lines.push(crossings);
+                }
+            }
+        }
+        lines
+    }
+
+    /// Diagonal lines over the part beyond a limit; `falling` to the right, or rising.
+    fn hatch(&self, of: impl Fn(&Worth) -> f64, limit: f64, falling: bool) -> Vec<Path> {
+        let (width, height) = ((self.columns - 1) * CELL_PX, (self.rows - 1) * CELL_PX);
+        let beyond = |x: usize, y: usize| {
+            self.at((x + CELL_PX / 2) / CELL_PX, (y + CELL_PX / 2) / CELL_PX).is_some_and(|w| limit < of(&w))
+        };
+        let mut lines = Vec::new();
+        for start in (0..width + height).step_by(HATCH_PX) {
+            let mut run: Option<(usize, usize)> = None;
+            let mut last = (0, 0);
+            for y in 0..height {
+                let x = if falling { (start + y).checked_sub(height) } else { start.checked_sub(y) };
+                let Some(x) = x.filter(|x| *x < width) else { continue };
+                if beyond(x, y) {
+                    run = run.or(Some((x, y)));
+                    last = (x, y);
+                } else if let Some(first) = run.take() {
+                    lines.push(segment(first, last));
+                }
+            }
+            lines.extend(run.map(|first| segment(first, last)));
+        }
+        lines
+    }
+}
+
+fn segment(a: (usize, usize), b: (usize, usize)) -> Path {
+    [a, b].iter().map(|(x, y)| Vector2::new(*x as f64, *y as f64)).collect()
+}
+
+/// Hatching and outlines of both limits, each outline with its value.
+fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
+    let pixel = |w: &Worth| w.pixel_m;
+    let error = |w: &Worth| w.error_m;
+    let thin = |color| Pen { color, width: 1.0, opacity: 0.5 };
+    canvas.stroke(&field.hatch(pixel, scene.pixel_limit_m, false), thin(COARSE));
+    canvas.stroke(&field.hatch(error, scene.error_limit_m, true), thin(UNSURE));
+    let thick = |color| Pen { color, width: 2.2, opacity: 1.0 };
+    for (lines, color, text, part) in [
+        (
+            field.contour(pixel, scene.pixel_limit_m),
+            COARSE,
+            format!("1 px = {}", centimetres(scene.pixel_limit_m)),
+            3,
+        ),
+        (
+            field.contour(error, scene.error_limit_m),
+            UNSURE,
+            format!("± {}", centimetres(scene.error_limit_m)),
+            2,
+        ),
+    ] {
+        canvas.stroke_with_rim(&lines, thick(color));
+        if let Some(at) = lines.get(lines.len() / part).and_then(|line| line.first()) {
+            let (w, h) = (f64::from(canvas.width), f64::from(canvas.open_rows));
+            let at =
+                Vector2::new(at.x.clamp(60.0, (w - 60.0).max(60.0)), at.y.clamp(20.0, (h - 8.0).max(20.0)));
+            write(canvas, &text, at - Vector2::new(0.0, 8.0), 12.0, color, Anchor::Middle);
+        }
+    }
+}
+
+fn centimetres(x_m: f64) -> String {
+    if x_m < 1.0 { format!("{} cm", (x_m * 1000.0).round() / 10.0) } else { format!("{x_m} m") }
+}
+
+fn write(canvas: &mut Canvas, text: &str, at: Vector2<f64>, height: f64, color: Color, anchor: Anchor) {
+    let pen = Pen { color, width: (0.14 * height).max(1.2), opacity: 1.0 };
+    canvas.stroke_with_rim(&strokes(text, at, height, anchor, 0.0), pen);
+}
+
+/// Lines of a round step, labelled in the scene's coordinates along the plane; the step.
+fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, height: u32) -> f64 {
+    let step = round_down_125(130.0 / ground.px_per_m);
+    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    let shift = ground.axes.tr_mul(&(ground.origin + scene.origin_m));
+    let pen = Pen { color: GRID, width: 1.0, opacity: 0.55 };
+    let (w, h) = (f64::from(width), f64::from(height));
+    let lines = |axis: usize| {
+        let (low, high) =
+            (ground.least[axis] + shift[axis], ground.least[axis] + ground.size_m[axis] + shift[axis]);
+        ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
+    };
+    for x in lines(0) {
+        let u = ground.px(&Vector2::new(x - shift.x, 0.0)).x;
+        canvas.stroke(&[vec![Vector2::new(u, 0.0), Vector2::new(u, h)]], pen);
+        write(canvas, &format!("{x:.decimals$}"), Vector2::new(u + 3.0, h - 5.0), 9.0, GRID, Anchor::Start);
+    }
+    for y in lines(1) {
+        let v = ground.px(&Vector2::new(0.0, y - shift.y)).y;
+        canvas.stroke(&[vec![Vector2::new(0.0, v), Vector2::new(w, v)]], pen);
+        write(canvas, &format!("{y:.decimals$}"), Vector2::new(4.0, v - 4.0), 9.0, GRID, Anchor::Start);
+    }
+    step
+}
+
+fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &Answers) {
+    for fact in &scene.facts {
+        let Fact::OnPlane { plane: 0, point, .. } = fact else { continue };
+        let Some(x) = answers.adjusted.point(*point) else { continue };
+        let at = ground.px(&ground.axes.tr_mul(&(x - ground.origin)));
+        let color = if scene.is_mark[*point] { MARK } else { POINT };
+        let circle: Path = (0..=24)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
+                at + Vector2::new(cos, sin) * 7.0
+            })
+            .collect();
+        canvas.stroke_with_rim(&[circle], Pen { color, width: 1.8, opacity: 1.0 });
+        write(canvas, &scene.points[*point], at + Vector2::new(11.0, -8.0), 12.0, color, Anchor::Start);
+    }
+}
+
+fn caption(canvas: &mut Canvas, scene: &NamedScene, photo: usize, step: f64, height: u32) {
+    let name = &scene.photos[photo].name;
+    let first = format!("ground of photo {name} from above; grid {step} m; grey: not in the photograph");
+    let second = format!(
+        "hatched / : one pixel covers more than {}; hatched \\ : 95 % error of a click (σ {} px) above {}",
+        centimetres(scene.pixel_limit_m),
+        scene.sigma_px,
+        centimetres(scene.error_limit_m)
+    );
+    for (i, text) in [first, second].iter().enumerate() {
+        let at = Vector2::new(10.0, f64::from(height) + 22.0 + 24.0 * i as f64);
+        let pen = Pen { color: PAPER, width: 1.4, opacity: 1.0 };
+        canvas.stroke(&strokes(text, at, 10.0, Anchor::Start, 0.0), pen);
+    }
+}

@@ -1,0 +1,711 @@
+//! The scene file (TOML): photographs, marks, distances, planes, uprights, questions; by name, every key with its unit.
+//!
+//! The keys are listed in docs/measuring.md. Unknown keys are refused, so that a slip is no silent default.
+
+use super::clicks::{Click, read_clicks};
+use crate::FileError;
+use crate::core::camera::Parameters;
+use crate::core::survey::{Fact, Plane, Query, Survey, SurveyCamera};
+use crate::core::triangulate::isotropic;
+use crate::core::{Camera, Matrix6, Pixel, Point, Pose};
+use crate::formats;
+use nalgebra::Vector3;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Standard deviation of a click where the scene states none, px: a careful person on a full-size display.
+pub const DEFAULT_SIGMA_PX: f64 = 1.0;
+/// How flat a plane is where the scene does not say, m.
+const DEFAULT_FLATNESS_M: f64 = 0.01;
+/// How upright an object is where the scene does not say, rad (½°).
+const DEFAULT_LEAN_RAD: f64 = 0.01;
+/// Coordinates farther from zero than this are moved near it for the computation, m.
+const FAR_M: f64 = 10_000.0;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    clicks: Option<PathBuf>,
+    sigma_px: Option<f64>,
+    #[serde(default)]
+    photo: Vec<PhotoEntry>,
+    #[serde(default)]
+    mark: Vec<MarkEntry>,
+    #[serde(default)]
+    known_distance: Vec<DistanceEntry>,
+    plane: Option<PlaneEntry>,
+    #[serde(default)]
+    upright: Vec<UprightEntry>,
+    #[serde(default)]
+    query: Vec<QueryEntry>,
+    birdseye: Option<BirdseyeEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhotoEntry {
+    name: String,
+    file: Option<PathBuf>,
+    camera: String,
+    #[serde(default)]
+    intrinsics_sigma: BTreeMap<String, f64>,
+    #[serde(default)]
+    clicks: Vec<ClickEntry>,
+    pose: Option<PoseEntry>,
+    down_in_cam: Option<[f64; 3]>,
+    down_sigma_rad: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ClickEntry {
+    point: String,
+    u_px: f64,
+    v_px: f64,
+    sigma_px: Option<f64>,
+}
+
+/// x_in_cam = cam_from_world · x_in_world.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseEntry {
+    rotation_wxyz: [f64; 4],
+    translation_m: [f64; 3],
+    covariance: Option<[[f64; 6]; 6]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MarkEntry {
+    name: String,
+    x_m: f64,
+    y_m: f64,
+    #[serde(default)]
+    z_m: f64,
+    #[serde(default)]
+    sigma_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DistanceEntry {
+    a: String,
+    b: String,
+    distance_m: f64,
+    sigma_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaneEntry {
+    points: Vec<String>,
+    sigma_m: Option<f64>,
+    z_m: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UprightEntry {
+    foot: String,
+    top: String,
+    sigma_rad: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct QueryEntry {
+    kind: QueryKind,
+    points: Vec<String>,
+    name: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BirdseyeEntry {
+    pixel_limit_m: Option<f64>,
+    error_limit_m: Option<f64>,
+}
+
+/// What can be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QueryKind {
+    /// Between two points.
+    Distance,
+    /// Along points.
+    Polyline,
+    /// At the second of three points.
+    Angle,
+    /// Of a polygon.
+    Area,
+    /// Of points above the plane.
+    Height,
+    /// Coordinates.
+    Position,
+}
+
+impl QueryKind {
+    /// As in the scene file.
+    pub fn name(self) -> &'static str {
+        match self {
+            QueryKind::Distance => "distance",
+            QueryKind::Polyline => "polyline",
+            QueryKind::Angle => "angle",
+            QueryKind::Area => "area",
+            QueryKind::Height => "height",
+            QueryKind::Position => "position",
+        }
+    }
+}
+
+/// A question with names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedQuery {
+    /// What it is called in the table.
+    pub name: String,
+    /// What is asked.
+    pub kind: QueryKind,
+    /// Indices of its points.
+    pub points: Vec<usize>,
+}
+
+/// A photograph of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScenePhoto {
+    /// Its name.
+    pub name: String,
+    /// The picture, where one was given.
+    pub file: Option<PathBuf>,
+    /// Index into `NamedScene::cameras`.
+    pub camera: usize,
+}
+
+/// A camera of a scene; photographs of one camera file share it and its errors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneCamera {
+    /// The lens.
+    pub camera: Camera,
+    /// Covariance of its parameters, row by row; none where exact.
+    pub intrinsics_covariance: Option<Vec<f64>>,
+}
+
+/// A scene as the solver takes it, with the names that people use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedScene {
+    /// Cameras.
+    pub cameras: Vec<SceneCamera>,
+    /// Photographs in file order.
+    pub photos: Vec<ScenePhoto>,
+    /// Camera of each photograph: what `Survey` takes.
+    pub camera_of_photo: Vec<usize>,
+    /// Names of the points, in the order they first appear: marks, distances, planes, uprights, clicks.
+    pub points: Vec<String>,
+    /// Which points are marks: known by coordinates or mutual distances.
+    pub is_mark: Vec<bool>,
+    /// The ground plane, if any, is plane 0; a level plane that gravity gives, the last.
+    pub planes: Vec<Plane>,
+    /// Whether plane 0 is a ground plane with points on it.
+    pub has_ground: bool,
+    /// What is known.
+    pub facts: Vec<Fact>,
+    /// What is asked.
+    pub queries: Vec<NamedQuery>,
+    /// Added to every coordinate shown: large coordinates are moved near zero for the computation, m.
+    pub origin_m: Point,
+    /// Standard deviation of clicks where none is stated, px.
+    pub sigma_px: f64,
+    /// Bird's-eye pictures: size on the ground of one pixel beyond which they are hatched, m.
+    pub pixel_limit_m: f64,
+    /// Bird's-eye pictures: 95 % position error beyond which they are hatched, m.
+    pub error_limit_m: f64,
+    /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
+    pub is_camera_frame: bool,
+}
+
+impl NamedScene {
+    /// The cameras as the solver takes them.
+    pub fn survey_cameras(&self) -> Vec<SurveyCamera<'_>> {
+        let mut cameras = Vec::with_capacity(self.cameras.len());
+        for SceneCamera { camera, intrinsics_covariance } in &self.cameras {
+            cameras.push(SurveyCamera { camera, intrinsics_covariance: intrinsics_covariance.as_deref() });
+        }
+        cameras
+    }
+
+    /// What the solver takes.
+    pub fn survey<'a>(&'a self, cameras: &'a [SurveyCamera<'a>]) -> Survey<'a> {
+        Survey {
+            cameras,
+            camera_of_photo: &self.camera_of_photo,
+            n_points: self.points.len(),
+            planes: &self.planes,
+            facts: &self.facts,
+        }
+    }
+
+    /// The core's questions behind one of ours; `position` is three.
+    pub fn core_queries(&self, query: &NamedQuery) -> Vec<Query> {
+        let p = &query.points;
+        match query.kind {
+            QueryKind::Distance => vec![Query::Distance { a: p[0], b: p[1] }],
+            QueryKind::Polyline => vec![Query::Polyline { points: p.clone() }],
+            QueryKind::Angle => vec![Query::Angle { a: p[0], vertex: p[1], b: p[2] }],
+            QueryKind::Area => vec![Query::Area { points: p.clone() }],
+            QueryKind::Height => vec![Query::Height { plane: 0, point: p[0] }],
+            QueryKind::Position => (0..3).map(|axis| Query::Coordinate { point: p[0], axis }).collect(),
+        }
+    }
+}
+
+/// Reads a scene file, its clicks and its cameras; paths in it are relative to its folder.
+///
+/// # Errors
+/// Unreadable or wrong files with their line, names that nothing has, numbers that cannot be right.
+pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
+    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e.to_string()))?;
+    let file: SceneFile = toml::from_str(&text).map_err(|e| {
+        let line = e.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
+        FileError { path: path.into(), line, reason: e.message().to_string() }
+    })?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    let mut builder = Builder::new(path, folder, file.sigma_px)?;
+    builder.photos(&file)?;
+    builder.marks(&file)?;
+    builder.ground(&file)?;
+    builder.clicks(&file)?;
+    builder.queries(&file.query)?;
+    builder.limits(file.birdseye)?;
+    builder.moved_near_zero();
+    Ok(builder.scene)
+}
+
+/// A scene of the cameras of a rig file with their places, and clicks whose photographs are those cameras; positions of all points are
+/// asked for.
+///
+/// # Errors
+/// Those of the files; cameras without a place in the rig.
+pub fn rig_scene(rig: &Path, clicks: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
+    let file = formats::read_cameras(rig)?;
+    let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
+    builder.scene.is_camera_frame = true;
+    check_one_frame(rig, &file.cameras)?;
+    for (index, named) in file.cameras.iter().enumerate() {
+        builder.scene.cameras.push(SceneCamera { camera: named.camera.clone(), intrinsics_covariance: None });
+        builder.scene.camera_of_photo.push(index);
+        builder.scene.photos.push(ScenePhoto { name: named.name.clone(), file: None, camera: index });
+        let (cam_from_world, covariance) = match &named.placement {
+            None => (Pose::identity(), None),
+            Some(p) if p.b == named.name => (p.b_from_a, p.covariance),
+            Some(p) => (p.b_from_a.inverse(), p.covariance.map(|c| p.b_from_a.inverse_covariance(&c))),
+        };
+        let covariance = covariance.filter(|c| 0.0 < c.amax()).map(|c| with_floor(&c));
+        builder.scene.facts.push(Fact::Pose { photo: index, cam_from_world, covariance });
+    }
+    let read = read_clicks(clicks)?;
+    for click in &read {
+        let known: Vec<&str> = builder.scene.photos.iter().map(|p| p.name.as_str()).collect();
+        if !known.contains(&click.photo.as_str()) {
+            let reason =
+                format!("camera `{}` is not in {}; it has {}", click.photo, rig.display(), known.join(", "));
+            return Err(FileError::new(clicks, reason));
+        }
+        builder.click(click)?;
+    }
+    let n = builder.scene.points.len();
+    let position = |p: usize| NamedQuery {
+        name: builder.scene.points[p].clone(),
+        kind: QueryKind::Position,
+        points: vec![p],
+    };
+    let mut queries: Vec<NamedQuery> = (0..n).map(position).collect();
+    queries.extend((1..n).map(|p| NamedQuery {
+        name: format!("{}–{}", builder.scene.points[p - 1], builder.scene.points[p]),
+        kind: QueryKind::Distance,
+        points: vec![p - 1, p],
+    }));
+    builder.scene.queries = queries;
+    Ok(builder.scene)
+}
+
+/// Places of a rig must all be from one frame.
+fn check_one_frame(rig: &Path, cameras: &[formats::NamedCamera]) -> Result<(), FileError> {
+    let base = |c: &formats::NamedCamera| match &c.placement {
+        Some(p) if p.b == c.name => Some(p.a.clone()),
+        Some(p) if p.a == c.name => Some(p.b.clone()),
+        _ => None,
+    };
+    let frames: Vec<String> = cameras.iter().filter_map(base).collect();
+    let first = frames.first().cloned().ok_or_else(|| {
+        FileError::new(rig, "no camera has a place; give a rig file with [camera.placement]")
+    })?;
+    let lost = cameras.iter().find(|c| base(c).as_ref() != Some(&first) && c.name != first);
+    match lost {
+        Some(camera) => Err(FileError::new(
+            rig,
+            format!(
+                "camera `{}` has no place in frame `{first}` as the others have; write all places relative to one frame",
+                camera.name
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// A covariance that knows a direction exactly (a hinge) has no inverse: 1e-6 of its largest variances, and (1 µrad)² and (1 µm)²,
+/// change no number that anyone sees.
+fn with_floor(covariance: &Matrix6) -> Matrix6 {
+    let most = |first: usize| covariance.diagonal().rows(first, 3).max().max(0.0);
+    let (turn, shift) = (1e-6 * most(0) + 1e-12, 1e-6 * most(3) + 1e-12);
+    covariance + Matrix6::from_diagonal(&crate::core::Vector6::new(turn, turn, turn, shift, shift, shift))
+}
+
+/// A scene in the making.
+struct Builder {
+    path: PathBuf,
+    folder: PathBuf,
+    scene: NamedScene,
+}
+
+impl Builder {
+    fn new(path: &Path, folder: PathBuf, sigma_px: Option<f64>) -> Result<Self, FileError> {
+        let sigma_px = sigma_px.unwrap_or(DEFAULT_SIGMA_PX);
+        let scene = NamedScene {
+            cameras: Vec::new(),
+            photos: Vec::new(),
+            camera_of_photo: Vec::new(),
+            points: Vec::new(),
+            is_mark: Vec::new(),
+            planes: Vec::new(),
+            has_ground: false,
+            facts: Vec::new(),
+            queries: Vec::new(),
+            origin_m: Point::zeros(),
+            sigma_px,
+            pixel_limit_m: 0.05,
+            error_limit_m: 0.10,
+            is_camera_frame: false,
+        };
+        let builder = Builder { path: path.into(), folder, scene };
+        builder.positive("sigma_px", sigma_px)?;
+        Ok(builder)
+    }
+
+    fn fault(&self, reason: impl Into<String>) -> FileError {
+        FileError::new(&self.path, reason)
+    }
+
+    fn positive(&self, key: &str, value: f64) -> Result<(), FileError> {
+        match 0.0 < value && value.is_finite() {
+            true => Ok(()),
+            false => Err(self.fault(format!("{key} is {value}; a positive number is needed"))),
+        }
+    }
+
+    /// Index of a point; new names are added.
+    fn point(&mut self, name: &str) -> usize {
+        self.scene.points.iter().position(|p| p == name).unwrap_or_else(|| {
+            self.scene.points.push(name.to_string());
+            self.scene.is_mark.push(false);
+            self.scene.points.len() - 1
+        })
+    }
+
+    fn known_point(&self, what: &str, name: &str) -> Result<usize, FileError> {
+        self.scene.points.iter().position(|p| p == name).ok_or_else(|| {
+            self.fault(format!("{what}: no point `{name}`; the points are {}", self.scene.points.join(", ")))
+        })
+    }
+
+    fn photos(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        if file.photo.is_empty() {
+            return Err(self.fault("no [[photo]]; give at least one with name, camera and clicks"));
+        }
+        let mut used: Vec<(String, Option<(u32, u32)>, &BTreeMap<String, f64>)> = Vec::new();
+        for (index, photo) in file.photo.iter().enumerate() {
+            if file.photo[..index].iter().any(|other| other.name == photo.name) {
+                return Err(
+                    self.fault(format!("two photographs are called `{}`; names must differ", photo.name))
+                );
+            }
+            let picture = photo.file.as_ref().map(|f| self.folder.join(f));
+            let size = picture.as_deref().map(picture_size).transpose()?;
+            let known = used.iter().position(|(camera, s, _)| *camera == photo.camera && *s == size);
+            let camera = match known {
+                Some(known) if *used[known].2 != photo.intrinsics_sigma => {
+                    return Err(self.fault(format!(
+                        "photo `{}`: intrinsics_sigma differs from that of another photo with camera {}; one camera has one",
+                        photo.name, photo.camera
+                    )));
+                }
+                Some(known) => known,
+                None => {
+                    used.push((photo.camera.clone(), size, &photo.intrinsics_sigma));
+                    let camera = self.camera(photo, size)?;
+                    self.scene.cameras.push(camera);
+                    self.scene.cameras.len() - 1
+                }
+            };
+            self.scene.camera_of_photo.push(camera);
+            self.scene.photos.push(ScenePhoto { name: photo.name.clone(), file: picture, camera });
+            if let Some(pose) = &photo.pose {
+                let fact = self.pose(index, pose)?;
+                self.scene.facts.push(fact);
+            }
+        }
+        Ok(())
+    }
+
+    fn camera(&self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
+        let spec = self.folder.join(&photo.camera).display().to_string();
+        let stated = formats::read_camera(&spec)?.camera;
+        let camera = match size {
+            Some((width, height)) => formats::check_image_size(&stated, width, height)
+                .map_err(|reason| self.fault(format!("photo `{}`: {reason}", photo.name)))?,
+            None => stated.clone(),
+        };
+        let scale = match (stated.matrix(), camera.matrix()) {
+            (Some(stated), Some(scaled)) => scaled.fx_px / stated.fx_px,
+            _ => 1.0,
+        };
+        let covariance = self.covariance(&photo.intrinsics_sigma, &camera.parameters(), scale)?;
+        Ok(SceneCamera { camera, intrinsics_covariance: covariance })
+    }
+
+    fn covariance(
+        &self,
+        sigmas: &BTreeMap<String, f64>,
+        parameters: &Parameters,
+        scale: f64,
+    ) -> Result<Option<Vec<f64>>, FileError> {
+        let n = parameters.len();
+        let mut covariance = vec![0.0; n * n];
+        for (name, sigma) in sigmas {
+            let Some(i) = parameters.iter().position(|p| p.0 == name) else {
+                let known: Vec<&str> = parameters.iter().map(|p| p.0).collect();
+                return Err(self.fault(format!(
+                    "intrinsics_sigma: no parameter `{name}`; the camera has {}",
+                    known.join(", ")
+                )));
+            };
+            if !(0.0 <= *sigma && sigma.is_finite()) {
+                return Err(self.fault(format!("intrinsics_sigma: {name} is {sigma}; 0 or more is needed")));
+            }
+            let unit = if name.ends_with("_px") { scale } else { 1.0 };
+            covariance[i * n + i] = (sigma * unit).powi(2);
+        }
+        Ok((!sigmas.is_empty()).then_some(covariance))
+    }
+
+    fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Fact, FileError> {
+        let length = pose.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
+        if !((length - 1.0).abs() < 1e-3) {
+            return Err(
+                self.fault(format!("pose: rotation_wxyz has length {length:.4}; a rotation has length 1"))
+            );
+        }
+        let cam_from_world =
+            Pose::from_quaternion_wxyz(pose.rotation_wxyz, Vector3::from(pose.translation_m));
+        let covariance = pose.covariance.map(|rows| with_floor(&Matrix6::from_fn(|i, j| rows[i][j])));
+        Ok(Fact::Pose { photo, cam_from_world, covariance: covariance.filter(|c| 0.0 < c.amax()) })
+    }
+
+    fn marks(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        for mark in &file.mark {
+            if self.scene.points.contains(&mark.name) {
+                return Err(self.fault(format!("two marks are called `{}`; names must differ", mark.name)));
+            }
+            let point = self.point(&mark.name);
+            self.scene.is_mark[point] = true;
+            let x_in_world = Point::new(mark.x_m, mark.y_m, mark.z_m);
+            let sigma_m = Vector3::repeat(mark.sigma_m);
+            self.scene.facts.push(Fact::Place { point, x_in_world, sigma_m });
+        }
+        for d in &file.known_distance {
+            self.positive("distance_m", d.distance_m)?;
+            self.positive("sigma_m of a known_distance", d.sigma_m)?;
+            if d.a == d.b {
+                return Err(self.fault(format!("known_distance from `{}` to itself", d.a)));
+            }
+            let (a, b) = (self.point(&d.a), self.point(&d.b));
+            self.scene.is_mark[a] = true;
+            self.scene.is_mark[b] = true;
+            self.scene.facts.push(Fact::Distance { a, b, distance_m: d.distance_m, sigma_m: d.sigma_m });
+        }
+        Ok(())
+    }
+
+    fn ground(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        if let Some(plane) = &file.plane {
+            let sigma_m = plane.sigma_m.unwrap_or(DEFAULT_FLATNESS_M);
+            self.positive("sigma_m of the plane", sigma_m)?;
+            self.scene.planes.push(match plane.z_m {
+                Some(z) if !file.mark.is_empty() || file.photo.iter().any(|p| p.pose.is_some()) => {
+                    Plane::Known { normal_in_world: Vector3::z(), offset_m: z }
+                }
+                Some(_) => return Err(self.fault("[plane] z_m needs [[mark]] coordinates or poses to say where z = 0 is; leave it out: the plane is found from its points")),
+                None => Plane::Unknown,
+            });
+            self.scene.has_ground = true;
+            for name in &plane.points {
+                let point = self.point(name);
+                self.scene.facts.push(Fact::OnPlane { plane: 0, point, sigma_m });
+            }
+        }
+        let gravity = self.gravity(file)?;
+        for upright in &file.upright {
+            let plane =
+                match gravity {
+                    Some(level) => level,
+                    None if self.scene.has_ground => 0,
+                    None => return Err(self.fault(
+                        "[[upright]] needs a [plane], or down_in_cam in a [[photo]], to know what upright is",
+                    )),
+                };
+            let sigma_rad = upright.sigma_rad.unwrap_or(DEFAULT_LEAN_RAD);
+            self.positive("sigma_rad of an upright", sigma_rad)?;
+            let (foot, top) = (self.point(&upright.foot), self.point(&upright.top));
+            if foot == top {
+                return Err(self.fault(format!("[[upright]] from `{}` to itself", upright.foot)));
+            }
+            self.scene.facts.push(Fact::Upright { plane, foot, top, sigma_rad });
+        }
+        Ok(())
+    }
+
+    /// The level plane, where a photograph knows which way is down.
+    fn gravity(&mut self, file: &SceneFile) -> Result<Option<usize>, FileError> {
+        let mut level = None;
+        for (photo, entry) in file.photo.iter().enumerate() {
+            let Some(down) = entry.down_in_cam else { continue };
+            let (down, sigma_rad) = (Vector3::from(down), entry.down_sigma_rad.unwrap_or(DEFAULT_LEAN_RAD));
+            self.positive("the length of down_in_cam", down.norm())?;
+            self.positive("down_sigma_rad", sigma_rad)?;
+            let plane = *level.get_or_insert_with(|| {
+                self.scene.planes.push(Plane::Unknown);
+                self.scene.planes.len() - 1
+            });
+            self.scene.facts.push(Fact::Gravity { plane, photo, down_in_cam: down.normalize(), sigma_rad });
+        }
+        Ok(level)
+    }
+
+    fn clicks(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        for photo in &file.photo {
+            for c in &photo.clicks {
+                let (photo, point) = (photo.name.clone(), c.point.clone());
+                self.click(&Click { photo, point, u_px: c.u_px, v_px: c.v_px, sigma_px: c.sigma_px })?;
+            }
+        }
+        if let Some(path) = &file.clicks {
+            for click in read_clicks(&self.folder.join(path))? {
+                self.click(&click)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn click(&mut self, click: &Click) -> Result<(), FileError> {
+        let Some(photo) = self.scene.photos.iter().position(|p| p.name == click.photo) else {
+            let known: Vec<&str> = self.scene.photos.iter().map(|p| p.name.as_str()).collect();
+            return Err(self.fault(format!(
+                "a click names photo `{}`; the photos are {}",
+                click.photo,
+                known.join(", ")
+            )));
+        };
+        let sigma_px = click.sigma_px.unwrap_or(self.scene.sigma_px);
+        self.positive(&format!("sigma_px of {} in {}", click.point, click.photo), sigma_px)?;
+        let pixel = Pixel::new(click.u_px, click.v_px);
+        let camera = &self.scene.cameras[self.scene.camera_of_photo[photo]].camera;
+        if !camera.contains(&pixel) {
+            return Err(self.fault(format!(
+                "{} in {} was clicked at ({}, {}), outside the picture; check the columns u_px and v_px",
+                click.point, click.photo, click.u_px, click.v_px
+            )));
+        }
+        let point = self.point(&click.point);
+        self.scene.facts.push(Fact::Click { photo, point, pixel, covariance_px2: isotropic(sigma_px) });
+        Ok(())
+    }
+
+    fn queries(&mut self, queries: &[QueryEntry]) -> Result<(), FileError> {
+        for query in queries {
+            let kind = query.kind.name();
+            let points =
+                query.points.iter().map(|p| self.known_point(kind, p)).collect::<Result<Vec<_>, _>>()?;
+            let (least, most) = match query.kind {
+                QueryKind::Distance => (2, 2),
+                QueryKind::Angle => (3, 3),
+                QueryKind::Height | QueryKind::Position => (1, 1),
+                QueryKind::Polyline => (2, usize::MAX),
+                QueryKind::Area => (3, usize::MAX),
+            };
+            if !(least..=most).contains(&points.len()) {
+                let needed = if least == most { format!("{least}") } else { format!("{least} or more") };
+                return Err(
+                    self.fault(format!("query {kind}: {} points given, {needed} needed", points.len()))
+                );
+            }
+            if query.kind == QueryKind::Height && !self.scene.has_ground {
+                return Err(self.fault("query height: there is no [plane] to measure heights from"));
+            }
+            let name = query.name.clone().unwrap_or_else(|| query.points.join("–"));
+            self.scene.queries.push(NamedQuery { name, kind: query.kind, points });
+        }
+        if queries.is_empty() {
+            // Nothing asked: where everything is.
+            let all = (0..self.scene.points.len()).map(|p| NamedQuery {
+                name: self.scene.points[p].clone(),
+                kind: QueryKind::Position,
+                points: vec![p],
+            });
+            self.scene.queries = all.collect();
+        }
+        Ok(())
+    }
+
+    fn limits(&mut self, entry: Option<BirdseyeEntry>) -> Result<(), FileError> {
+        let Some(entry) = entry else { return Ok(()) };
+        for (key, value, at) in [
+            ("pixel_limit_m", entry.pixel_limit_m, &mut self.scene.pixel_limit_m),
+            ("error_limit_m", entry.error_limit_m, &mut self.scene.error_limit_m),
+        ] {
+            if let Some(value) = value {
+                if !(0.0 < value && value.is_finite()) {
+                    return Err(FileError::new(
+                        &self.path,
+                        format!("{key} is {value}; a positive number is needed"),
+                    ));
+                }
+                *at = value;
+            }
+        }
+        Ok(())
+    }
+
+    /// National grid coordinates have millions of metres: the computation goes on near zero.
+    fn moved_near_zero(&mut self) {
+        let has_pose = self.scene.facts.iter().any(|f| matches!(f, Fact::Pose { .. }));
+        let places = self.scene.facts.iter().filter_map(|f| match f {
+            Fact::Place { x_in_world, .. } => Some(*x_in_world),
+            _ => None,
+        });
+        let Some(first) = places.clone().next() else { return };
+        if has_pose || first.amax() < FAR_M {
+            return;
+        }
+        let origin = Point::new(first.x.floor(), first.y.floor(), 0.0);
+        self.scene.origin_m = origin;
+        for fact in &mut self.scene.facts {
+            if let Fact::Place { x_in_world, .. } = fact {
+                *x_in_world -= origin;
+            }
+        }
+    }
+}
+
+fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
+    ::image::image_dimensions(path)
+        .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
+}

@@ -1,0 +1,32 @@
+//! The answers as a table for spreadsheets.
+
+use super::answers::Answers;
+use super::words;
+
+/// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark; one line a value.
+pub fn csv(answers: &Answers) -> String {
+    let mut out = String::from("name,kind,axis,value,unit,sigma,low_95,high_95,remark\n");
+    for answer in &answers.answers {
+        let (name, kind) = (quoted(&answer.query.name), answer.query.kind.name());
+        let unit = words::unit(answer.query.kind);
+        match &answer.result {
+            Ok(values) => {
+                for (axis, m) in values.iter().enumerate() {
+                    let axis = if values.len() == 3 { ["x", "y", "z"][axis] } else { "" };
+                    let m = words::printed(answer.query.kind, m);
+                    let (v, s, l, h) = (m.value, m.sigma, m.low, m.high);
+                    out += &format!("{name},{kind},{axis},{v:.6},{unit},{s:.6},{l:.6},{h:.6},\n");
+                }
+            }
+            Err(reason) => out += &format!("{name},{kind},,,{unit},,,,{}\n", quoted(reason)),
+        }
+    }
+    out
+}
+
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_string(),
+    }
+}

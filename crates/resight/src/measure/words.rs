@@ -1,0 +1,114 @@
+//! What the solver says by index, said with the names of the scene; numbers with the digits that their intervals warrant.
+
+use super::scene::{NamedScene, QueryKind};
+use crate::core::Error;
+use crate::core::survey::{Fact, Item, Measured, Suspect};
+
+/// `point P`, `photo north`, `the plane`.
+pub fn item(scene: &NamedScene, item: Item) -> String {
+    match item {
+        Item::Photo(i) => format!("photo {}", scene.photos[i].name),
+        Item::Point(i) => format!("point {}", scene.points[i]),
+        Item::Plane(0) if scene.has_ground => "the plane".to_string(),
+        Item::Plane(_) => "the level plane".to_string(),
+    }
+}
+
+/// `the click of P in north`, `the distance A–B`.
+pub fn fact(scene: &NamedScene, fact: &Fact) -> String {
+    let point = |p: usize| scene.points[p].as_str();
+    match fact {
+        Fact::Click { photo, point: p, .. } => {
+            format!("the click of {} in {}", point(*p), scene.photos[*photo].name)
+        }
+        Fact::Place { point: p, .. } => format!("the coordinates of {}", point(*p)),
+        Fact::Distance { a, b, distance_m, .. } => {
+            format!("the distance {}–{} of {distance_m} m", point(*a), point(*b))
+        }
+        Fact::OnPlane { point: p, .. } => format!("{} lying on the plane", point(*p)),
+        Fact::Upright { foot, top, .. } => format!("{} standing above {}", point(*top), point(*foot)),
+        Fact::Gravity { photo, .. } => format!("down_in_cam of {}", scene.photos[*photo].name),
+        Fact::Pose { photo, .. } => format!("the pose of {}", scene.photos[*photo].name),
+    }
+}
+
+/// `the click of P in north is off by about 12.3 px (9.1 σ)`.
+pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
+    let named = &scene.facts[suspect.fact];
+    let off = match named {
+        Fact::Click { .. } => format!("{:.1} px", suspect.off),
+        Fact::Upright { .. } | Fact::Gravity { .. } => format!("{:.1}°", suspect.off.to_degrees()),
+        Fact::Pose { .. } => format!("{:.1} of its standard deviations", suspect.off),
+        _ => format!("{:.3} m", suspect.off),
+    };
+    format!("{} is off by about {off} ({:.1} σ)", fact(scene, named), suspect.sigmas)
+}
+
+/// An error of the solver with names instead of indices.
+pub fn error(scene: &NamedScene, error: &Error) -> String {
+    match error {
+        Error::Undetermined { what, index, reason, .. } => {
+            let name = match *what {
+                "point" => item(scene, Item::Point(*index)),
+                "photo" => item(scene, Item::Photo(*index)),
+                "plane" => item(scene, Item::Plane(*index)),
+                _ => return reason.to_string(),
+            };
+            format!("{name} is undetermined: {reason}")
+        }
+        Error::InconsistentDistances { fact: index, off_m, sigmas } => format!(
+            "the known distances contradict each other; worst is {}, off by about {off_m:.3} m ({sigmas:.1} σ): measure it again, or give it a larger sigma_m",
+            fact(scene, &scene.facts[*index])
+        ),
+        Error::InvalidFact { fact: index, what, seen, needed } => {
+            format!("{}: {what} is {seen}; {needed}", fact(scene, &scene.facts[*index]))
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Decimals that show two figures of an uncertainty.
+fn decimals(uncertainty: f64) -> usize {
+    match uncertainty {
+        u if 0.0 < u && u.is_finite() => (1.0 - u.log10().floor()).clamp(0.0, 6.0) as usize,
+        _ => 4,
+    }
+}
+
+/// Unit of a kind of query as printed.
+pub fn unit(kind: QueryKind) -> &'static str {
+    match kind {
+        QueryKind::Angle => "°",
+        QueryKind::Area => "m²",
+        _ => "m",
+    }
+}
+
+/// Value, low and high in the printed unit.
+pub fn printed(kind: QueryKind, m: &Measured) -> Measured {
+    let scale = if kind == QueryKind::Angle { 180.0 / std::f64::consts::PI } else { 1.0 };
+    Measured {
+        value: m.value * scale,
+        sigma: m.sigma * scale,
+        low: m.low * scale,
+        high: m.high * scale,
+        ..*m
+    }
+}
+
+/// `5.023 ± 0.031 m`; where the interval is lopsided by more than a tenth, `22.4 m (20.1 … 25.6)`. 95 % either way.
+pub fn value(kind: QueryKind, measured: &Measured) -> String {
+    let m = printed(kind, measured);
+    let (below, above) = (m.value - m.low, m.high - m.value);
+    let half = 0.5 * (below + above);
+    let places = decimals(half);
+    let unit = match unit(kind) {
+        "°" => "°".to_string(),
+        unit => format!(" {unit}"),
+    };
+    if (above - below).abs() <= 0.2 * half {
+        format!("{:.places$} ± {half:.places$}{unit}", m.value)
+    } else {
+        format!("{:.places$}{unit} ({:.places$} … {:.places$})", m.value, m.low, m.high)
+    }
+}
