@@ -6,15 +6,19 @@
 //!
 //! | format | file | cameras | poses as stated there | written |
 //! | --- | --- | --- | --- | --- |
-//! | own TOML | `own_camera.rs` | all models | any `b_from_a` | yes |
-//! | OpenCV YAML, XML, JSON | `opencv.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML |
+//! | own TOML | `own_camera.rs` | all models | any `b_from_a`, clocks | yes |
+//! | OpenCV YAML, XML, JSON | `opencv.rs`, `opencv_write.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML, XML |
 //! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
 //! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
-//! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | |
+//! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | yes |
+//! | ROS static transforms | `tf.rs`, `tf_launch.rs` | none | parent_from_child | yes |
+//! | URDF | `urdf.rs` | none | parent_from_child | yes |
+//! | KITTI | `kitti.rs` | pinhole | cam_from_rect (P), rect_from_velo, … | yes |
+//! | nuScenes | `nuscenes.rs` | pinhole | ego_from_sensor | yes |
 //! | COLMAP text model | `colmap.rs` | 13 models | cam_from_world, cam_from_rig | yes |
 //! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | yes |
 //! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 4, 5, 8, 12; fisheye | none | both shapes |
-//! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | |
+//! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | yes |
 //! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | both dialects |
 //! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
 //! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
@@ -22,6 +26,7 @@
 //! | fSpy, Blender, glTF | `fspy.rs`, `blender.rs`, `gltf.rs` | pinhole; Brown–Conrady; all models in pixels | world_from_cam | only |
 //! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 
+mod format;
 mod syntax;
 mod document;
 mod entry;
@@ -67,6 +72,7 @@ mod convert;
 pub use atomic::write_atomically;
 pub use convert::{Conversion, convert};
 pub use explain::{explain, explain_from_bytes};
+pub use format::Format;
 pub use rig_files::read_rig;
 pub use scene::{Scene, Station, scene};
 pub use wpilib::{Field, read_field, write_field_layout};
@@ -80,121 +86,6 @@ use table::{
     CAMERA_FORMATS, CameraFormat, Reads, TargetFormat, Writer, Written, camera_format, target_format,
     writer_of,
 };
-
-/// The file formats Resight knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Format {
-    /// Our own camera file (TOML), one camera or several with poses.
-    Own,
-    /// OpenCV FileStorage, YAML, XML or JSON.
-    OpenCv,
-    /// ROS `sensor_msgs/CameraInfo`, as `camera_calibration` saves it or `ros2 topic echo` prints it.
-    RosCameraInfo,
-    /// Kalibr camera chain.
-    Kalibr,
-    /// EuRoC / ASL `sensor.yaml`.
-    Euroc,
-    /// COLMAP text model: `cameras.txt`, `images.txt`, `rigs.txt`, `frames.txt`.
-    Colmap,
-    /// mrcal `.cameramodel`.
-    Mrcal,
-    /// PhotonVision or Limelight calibration JSON.
-    PhotonVision,
-    /// Basalt calibration JSON.
-    Basalt,
-    /// Caliscope `camera_array.toml`.
-    Caliscope,
-    /// aniposelib `calibration.toml`.
-    Aniposelib,
-    /// multical `calibration.json`.
-    Multical,
-    /// MC-Calib `calibrated_cameras_data.yml`.
-    McCalib,
-    /// PhotonVision before 2024 and Limelight, written; `PhotonVision` reads both shapes.
-    PhotonVisionOld,
-    /// easy_handeye's YAML, the camera on the robot's base when written; both are read as this.
-    EasyHandeyeOnBase,
-    /// The same with the camera on the robot's hand.
-    EasyHandeyeOnHand,
-    /// fSpy's camera parameters, written only.
-    FSpy,
-    /// A Python script for Blender, written only.
-    Blender,
-    /// glTF 2.0, written only.
-    Gltf,
-    /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
-    StaticTransforms,
-    /// The same as a YAML list; recognised as `StaticTransforms`.
-    StaticTransformsYaml,
-    /// URDF, fixed joints.
-    Urdf,
-    /// KITTI `calib.txt` and the raw data's files. Written as the object benchmark has it.
-    Kitti,
-    /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
-    KittiOdometry,
-    /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
-    NuScenes,
-    /// OpenCV FileStorage as XML; recognised as `OpenCv`.
-    OpenCvXml,
-    /// Our own target file (TOML).
-    OwnTarget,
-    /// Kalibr target YAML, or Basalt's JSON twin.
-    KalibrTarget,
-    /// WPILib field layout JSON.
-    WpilibLayout,
-    /// Caliscope `charuco.toml`.
-    CaliscopeCharuco,
-}
-
-impl Format {
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Format::Own => "Resight camera file (TOML)",
-            Format::OpenCv => "OpenCV FileStorage",
-            Format::RosCameraInfo => "ROS camera_info",
-            Format::Kalibr => "Kalibr camera chain",
-            Format::Euroc => "EuRoC sensor.yaml",
-            Format::Colmap => "COLMAP text model",
-            Format::Mrcal => "mrcal .cameramodel",
-            Format::PhotonVision => "PhotonVision / Limelight calibration",
-            Format::Basalt => "Basalt calibration",
-            Format::Caliscope => "Caliscope camera array",
-            Format::Aniposelib => "aniposelib camera group",
-            Format::Multical => "multical calibration",
-            Format::McCalib => "MC-Calib cameras",
-            Format::PhotonVisionOld => "PhotonVision / Limelight calibration before 2024",
-            Format::EasyHandeyeOnBase => "easy_handeye calibration",
-            Format::EasyHandeyeOnHand => "easy_handeye calibration (camera on the hand)",
-            Format::FSpy => "fSpy camera parameters",
-            Format::Blender => "Blender script",
-            Format::Gltf => "glTF scene",
-            Format::StaticTransforms => "ROS static transforms",
-            Format::StaticTransformsYaml => "ROS static transforms (YAML)",
-            Format::Urdf => "URDF",
-            Format::Kitti => "KITTI calibration",
-            Format::KittiOdometry => "KITTI odometry calibration",
-            Format::NuScenes => "nuScenes calibrated_sensor",
-            Format::OpenCvXml => "OpenCV FileStorage (XML)",
-            Format::OwnTarget => "Resight target file (TOML)",
-            Format::KalibrTarget => "Kalibr target",
-            Format::WpilibLayout => "WPILib field layout",
-            Format::CaliscopeCharuco => "Caliscope charuco board",
-        }
-    }
-
-    /// The format that `--to WORD` means; none for formats that are only read.
-    pub fn to_write(word: &str) -> Option<Self> {
-        let row = CAMERA_FORMATS.iter().find(|f| f.write.is_some() && f.words.contains(&word));
-        row.map(|f| f.format)
-    }
-
-    /// Every format that can be written, with the words that mean it, the shortest first.
-    pub fn writable() -> impl Iterator<Item = (Format, &'static [&'static str])> {
-        CAMERA_FORMATS.iter().filter(|f| f.write.is_some()).map(|f| (f.format, f.words))
-    }
-}
 
 /// Where a frame is: x_in_b = b_from_a · x_in_a.
 #[derive(Debug, Clone, PartialEq)]

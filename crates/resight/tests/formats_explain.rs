@@ -94,6 +94,48 @@ fn each_format_names_its_trap() {
     assert_explains("own_photogrammetric.toml", &["photogrammetric: f = 3.54144878", "paper's W"]);
 }
 
+/// Read as T_cam_imu, cam0 stands at −Rᵀ t = (0.02, −0.01, −0.03); as OpenVINS's T_imu_cam at t. Both are printed, for a ruler.
+#[test]
+fn a_camchain_says_where_the_camera_were_if_it_were_openvins() {
+    let both = "T_cam_imu puts cam0 at (0.0200, -0.0100, -0.0300) m in the IMU's frame; were its numbers those of an \
+        OpenVINS T_imu_cam, cam0 would stand at (0.0100, 0.0200, 0.0300) m";
+    assert_explains("kalibr_imucam.yaml", &[both, "time of `imu` = time stamp of cam0 + 1.000 ms"]);
+}
+
+#[test]
+fn poses_of_robots_and_data_sets_are_explained() {
+    assert_explains(
+        "static_transforms.launch.py",
+        &[
+            "poses only",
+            "x_base_link = R x_left_optical_frame + t",
+            "line 17: six positional numbers",
+            "w comes last",
+        ],
+    );
+    assert_explains(
+        "robot.urdf",
+        &["x_mast = R x_left_optical_frame + t", "rpy is roll, pitch, yaw", "joint wheel is"],
+    );
+    assert_explains(
+        "kitti_object.txt",
+        &[
+            "Centre of cam1 in frame `rect`: (0.5400, 0.0000, 0.0000) m",
+            "x_cam0_unrectified = R x_velo + t",
+            "P[0][3] is not a length",
+            "Sketch: x to the right, z up",
+        ],
+    );
+    assert_explains(
+        "nuscenes/calibrated_sensor.json",
+        &[
+            "x_ego = R x_47fcd48f71d75e0da5c8c1704a9bfe0a + t",
+            "(1.7000, 0.0000, 1.5000) m",
+            "sensor.json beside this file",
+        ],
+    );
+}
+
 #[test]
 fn targets_say_points_frame_and_critical_plane() {
     assert_explains(

@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use resight::formats::{
-    Format, NamedCamera, OutFile, explain_from_bytes, read_cameras_from_bytes, read_target_from_bytes,
-    write_cameras,
+    CameraFile, Format, NamedCamera, OutFile, convert, explain_from_bytes, read_cameras_from_bytes,
+    read_target_from_bytes, write_cameras,
 };
 use std::path::{Path, PathBuf};
 
@@ -20,11 +20,14 @@ fn examples() -> Vec<(PathBuf, Vec<u8>)> {
 
 /// Both readers; whatever is accepted must be usable without a surprise.
 fn read_both(path: &Path, bytes: &[u8]) {
+    // Files of poses alone are explained too.
+    let _ = explain_from_bytes(path, bytes.to_vec());
     if let Ok(file) = read_cameras_from_bytes(path, bytes.to_vec()) {
         let said = explain_from_bytes(path, bytes.to_vec()).unwrap();
         assert!(!said.contains("NaN"), "{said}");
         write_all(&file.cameras);
         write_pictures(&file.cameras);
+        convert_all(&file);
         for camera in file.cameras {
             assert!(camera.camera.parameters().iter().all(|(_, x)| x.is_finite()));
             assert!(
@@ -60,6 +63,27 @@ fn write_all(cameras: &[NamedCamera]) {
         for (a, b) in back.cameras.iter().zip(cameras) {
             assert_eq!(a.camera.size, b.camera.size);
             assert!(format != Format::Own || (a.name == b.name && a.camera == b.camera), "{text}");
+        }
+    }
+}
+
+/// The formats of robots and data sets: what is accepted reads back the same, in the same places.
+fn convert_all(rig: &CameraFile) {
+    for format in [
+        Format::Euroc,
+        Format::Basalt,
+        Format::Kitti,
+        Format::KittiOdometry,
+        Format::NuScenes,
+        Format::StaticTransforms,
+        Format::StaticTransformsYaml,
+        Format::Urdf,
+        Format::OpenCvXml,
+    ] {
+        if let Err(reason) = convert(rig, format, None) {
+            let reason = reason.to_string();
+            let ours = reason.contains("read again") || reason.contains("reads back");
+            assert!(!ours, "{format:?}: {reason}\n{rig:?}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `convert`: camera files from one format to another, poses of other files merged in.
 
 use crate::output::{Outcome, print};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::Pose;
 use resight::formats::{self, CameraFile, Conversion, Format, Scene};
@@ -60,9 +60,12 @@ pub fn run(args: &Convert) -> Result<Outcome> {
     let rig = read(args)?;
     let reference = args.reference.as_deref();
     let scene = formats::scene(&rig, reference)?;
-    let conversion =
-        formats::convert(&rig, args.to, reference).with_context(|| format!("--to {}", args.to.name()))?;
+    let conversion = match formats::convert(&rig, args.to, reference) {
+        Ok(conversion) => conversion,
+        Err(reason) => return refused(args, &reason.to_string()),
+    };
     let paths = paths(&args.output, &conversion)?;
+    spare_inputs(args, &paths)?;
     for (path, file) in paths.iter().zip(&conversion.files) {
         formats::write_atomically(path, file.text.as_bytes())?;
     }
@@ -76,6 +79,15 @@ pub fn run(args: &Convert) -> Result<Outcome> {
         words(args, &scene, &conversion, &paths)
     })?;
     Ok(Outcome::Answered)
+}
+
+/// The files were read, but the format cannot hold them.
+fn refused(args: &Convert, reason: &str) -> Result<Outcome> {
+    eprintln!("error: {} cannot hold this: {reason}", args.to.name());
+    if args.json {
+        print(&format!("{}\n", serde_json::json!({ "error": reason })))?;
+    }
+    Ok(Outcome::SomeUnanswered)
 }
 
 fn read(args: &Convert) -> Result<CameraFile> {
@@ -110,6 +122,17 @@ fn paths(out: &Path, conversion: &Conversion) -> Result<Vec<PathBuf>> {
         bail!("-o: {} is a folder, and a file of this name is to be written", taken.display());
     }
     Ok(paths)
+}
+
+/// A file that was read is never replaced: what a format cannot hold would be gone.
+fn spare_inputs(args: &Convert, paths: &[PathBuf]) -> Result<()> {
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    match paths.iter().find(|path| args.files.iter().any(|input| same(input, path))) {
+        Some(path) => {
+            bail!("-o {}: this would replace the file it is made from; write elsewhere", path.display())
+        }
+        None => Ok(()),
+    }
 }
 
 fn words(args: &Convert, scene: &Scene, conversion: &Conversion, paths: &[PathBuf]) -> String {
