@@ -220,8 +220,7 @@ fn small_motions_in_large_rigs_are_found() {
     for _ in 0..n_trials {
         let place = |pose: &Pose, rng: &mut Rng| pose.moved(&motion(rng, 1e-3, 1e-3));
         let before: Vec<Pose> = truth.iter().map(|p| place(p, &mut rng)).collect();
-        let after: Vec<Pose> =
-            with_moved(&truth, &[4], &push).iter().map(|p| place(p, &mut rng)).collect();
+        let after: Vec<Pose> = with_moved(&truth, &[4], &push).iter().map(|p| place(p, &mut rng)).collect();
         let places = |cam_from_rig: Vec<Pose>| RigPlaces { cam_from_rig, covariance: cov.clone() };
         let found = compare_rigs(&places(before), &places(after), 1e-3).unwrap();
         found_n += usize::from(found.moved.len() == 1 && found.moved[0].camera == 4);
