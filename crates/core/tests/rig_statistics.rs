@@ -23,8 +23,7 @@ fn bound(room: &Room) -> DMatrix<f64> {
                 let pixel = |h: f64| {
                     let motion = Pose::exp(&Vector6::ith(i, h));
                     let (camera, place) = (room.cam_from_rig[s.camera], room.bodies[body].2);
-                    let (camera, place) =
-                        if is_camera { (motion * camera, place) } else { (camera, motion * place) };
+                    let (camera, place) = if is_camera { (motion * camera, place) } else { (camera, motion * place) };
                     room.cameras[s.camera].project(&(camera * place * c.x_in_target)).expect("in the field")
                 };
                 let slope = (pixel(STEP) - pixel(-STEP)) / (2.0 * STEP * c.sigma_px);
@@ -56,11 +55,7 @@ fn covariances_are_the_cramer_rao_bound() {
     let n = 6 * 3;
     let (truth, found) = (bound.view((0, 0), (n, n)).into_owned(), joint.view((6, 6), (n, n)).into_owned());
     // What leaving out one good point in ten thousand costs is in the answer, not in the bound: 1.0009. The rest is the differences'.
-    assert!(
-        (&found / 1.0009 - &truth).norm() < 1e-4 * truth.norm(),
-        "{}",
-        (&found - &truth).norm() / truth.norm()
-    );
+    assert!((&found / 1.0009 - &truth).norm() < 1e-4 * truth.norm(), "{}", (&found - &truth).norm() / truth.norm());
     for (i, body) in solution.bodies.iter().enumerate() {
         let at = n + 6 * i;
         let truth: Matrix6 = bound.fixed_view::<6, 6>(at, at).into();

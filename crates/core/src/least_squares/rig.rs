@@ -6,9 +6,7 @@
 //!
 //!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
 
-use super::{
-    Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE,
-};
+use super::{Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
@@ -154,19 +152,14 @@ impl RigPlaces {
         let arm = body.rotation * (target.pivot_in_cam - graph.pivot_in_body[link.body]);
         let pivot_in_cam = *camera * (body.pivot_in_cam + arm);
         let body_rotation = camera.rotation * body.rotation;
-        Chain {
-            place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam },
-            body_rotation,
-            arm,
-        }
+        Chain { place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam }, body_rotation, arm }
     }
 
     fn moved(&self, step: &RigStep, graph: &RigGraph) -> Self {
         let change = |block: usize| -> Vector6 { step.change.fixed_rows::<6>(6 * block).into() };
         let camera = |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |b| pose.moved(&change(b)));
-        let target = |(place, block): (&PivotedPose, &Option<usize>)| {
-            block.map_or(*place, |b| place.moved(&change(b)))
-        };
+        let target =
+            |(place, block): (&PivotedPose, &Option<usize>)| block.map_or(*place, |b| place.moved(&change(b)));
         RigPlaces {
             cam_from_rig: self.cam_from_rig.iter().zip(&graph.block_of_camera).map(camera).collect(),
             body_from_target: self.body_from_target.iter().zip(&graph.block_of_target).map(target).collect(),
@@ -203,13 +196,7 @@ impl RigEquations {
             sums.open_bodies_to(link.body);
             if graph.is_active[link.body] {
                 let chain = places.chain(link, graph);
-                sums.add(
-                    link,
-                    graph,
-                    &chain,
-                    &places.cam_from_rig[link.camera].rotation,
-                    &normal(i, &chain.place)?,
-                );
+                sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal(i, &chain.place)?);
             }
         }
         sums.open_bodies_to(places.rig_from_body.len().saturating_sub(1));

@@ -2,12 +2,12 @@
 //!
 //! docs/math/rig.md section 5.
 
-use super::RigConfig;
 use super::classify::{Parts, Residuals, all_parts, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, Sighted};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
+use super::RigConfig;
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
@@ -98,14 +98,7 @@ impl<'a> Adjustment<'a> {
                 continue;
             }
             let present = Some(self.places.rig_from_body[body].pose(pivot));
-            let best = best_of_body(
-                range,
-                layout,
-                self.sighted,
-                &self.places.cam_from_rig,
-                &body_from_target,
-                present,
-            );
+            let best = best_of_body(range, layout, self.sighted, &self.places.cam_from_rig, &body_from_target, present);
             if let Some(best) = best {
                 self.places.rig_from_body[body] = PivotedPose::new(&best, pivot);
             }
@@ -124,8 +117,7 @@ impl<'a> Adjustment<'a> {
 
     /// The minimum over the points that take part, until those that fit it are the same.
     fn settle(mut self) -> Result<Adjusted, Error> {
-        let loss =
-            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let loss = if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
         let mut residuals = self.residuals();
         let variance = robust_variance(&residuals).max(1.0);
         let mut parts = self.parts(&residuals, variance);
@@ -146,13 +138,7 @@ impl<'a> Adjustment<'a> {
         Err(Error::NotConverged { steps: self.steps })
     }
 
-    fn adjusted(
-        self,
-        equations: RigEquations,
-        parts: Parts,
-        residuals: Vec<Residuals>,
-        variance: f64,
-    ) -> Adjusted {
+    fn adjusted(self, equations: RigEquations, parts: Parts, residuals: Vec<Residuals>, variance: f64) -> Adjusted {
         let Adjustment { graph, places, steps, .. } = self;
         Adjusted { places, equations, graph, parts, residuals, variance, steps }
     }
@@ -203,13 +189,7 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     Some(sums)
 }
 
-fn alone(
-    c: &Correspondence,
-    camera: &Camera,
-    loss: Loss,
-    place: &PivotedPose,
-    pivot: &Point,
-) -> Option<NormalEquations> {
+fn alone(c: &Correspondence, camera: &Camera, loss: Loss, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
     let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
     normal_equations(place, pivot, &problem)
 }

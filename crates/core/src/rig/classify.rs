@@ -37,8 +37,7 @@ pub(super) fn residuals(layout: &Layout, places: &RigPlaces, is_active: &[bool])
         let cam_from_target = places.of_link(link, &layout.graph).pose(pivot);
         let seen = &layout.sightings[i].seen;
         let point = |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map(|(_, e, s)| (e, s));
-        let points =
-            if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
+        let points = if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
         Residuals { points }
     };
     layout.graph.links.iter().enumerate().map(of_link).collect()
@@ -51,12 +50,7 @@ pub(super) fn robust_variance(residuals: &[Residuals]) -> f64 {
 }
 
 /// Everything that projects takes part, whatever its residual.
-pub(super) fn all_parts(
-    residuals: &[Residuals],
-    layout: &Layout,
-    sighted: &Sighted,
-    is_active: &[bool],
-) -> Parts {
+pub(super) fn all_parts(residuals: &[Residuals], layout: &Layout, sighted: &Sighted, is_active: &[bool]) -> Parts {
     parts(residuals, f64::INFINITY, layout, sighted, is_active)
 }
 
@@ -89,8 +83,7 @@ pub(super) fn parts(
 
 /// Over the points that project.
 pub(super) fn rms_px(residuals: &Residuals) -> f64 {
-    let (sum, n) =
-        residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
+    let (sum, n) = residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
     (sum / f64::max(n, 1.0)).sqrt()
 }
 

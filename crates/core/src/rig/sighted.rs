@@ -43,10 +43,7 @@ fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Er
     let found = locate(seen, camera, &Config::default());
     let is_clean = matches!(&found, Ok(f) if !is_unlikely(f.chi2, f.degrees_of_freedom));
     let plain: Vec<Hypothesis> = match &found {
-        Ok(f) => f
-            .minima()
-            .filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight))
-            .collect(),
+        Ok(f) => f.minima().filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight)).collect(),
         Err(_) => Vec::new(),
     };
     let poses = match found {
@@ -111,16 +108,13 @@ fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64
     }
     let spread = variance(&pose, seen, camera)?;
     let sigmas = CAUCHY_SIGMAS * spread.max(1.0).sqrt();
-    let found =
-        refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) })
-            .ok()?;
+    let found = refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) }).ok()?;
     Some((spread, hypothesis(found.cam_from_target, found.covariance * spread.max(1.0), 1.0)?))
 }
 
 /// Variance in units of the stated one, from the median of the squared residuals, six numbers being taken by the pose.
 fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<f64> {
-    let squared =
-        |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
+    let squared = |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
     let mut all: Vec<f64> = seen.iter().map(squared).collect();
     let n = all.len() as f64;
     let free = n / (n - 3.0).max(1.0);

@@ -74,16 +74,7 @@ impl Room {
     pub fn new(cameras: Vec<Camera>, cam_from_rig: Vec<Pose>) -> Self {
         let (points, body_of_target, body_from_target) = (Vec::new(), Vec::new(), Vec::new());
         let (sightings, bodies) = (Vec::new(), Vec::new());
-        Room {
-            cameras,
-            cam_from_rig,
-            points,
-            body_of_target,
-            body_from_target,
-            n_views: 0,
-            sightings,
-            bodies,
-        }
+        Room { cameras, cam_from_rig, points, body_of_target, body_from_target, n_views: 0, sightings, bodies }
     }
 
     /// A target on a body.
@@ -100,8 +91,7 @@ impl Room {
         self.bodies.push((view, body, rig_from_body));
         for camera in 0..self.cameras.len() {
             for target in (0..self.points.len()).filter(|t| self.body_of_target[*t] == body) {
-                let cam_from_target =
-                    self.cam_from_rig[camera] * rig_from_body * self.body_from_target[target];
+                let cam_from_target = self.cam_from_rig[camera] * rig_from_body * self.body_from_target[target];
                 let seen = self.seen(camera, target, &cam_from_target, sigma_px);
                 if seen.len() == self.points[target].len() {
                     self.sightings.push(Sighting { camera, view, target, seen });
@@ -111,13 +101,7 @@ impl Room {
     }
 
     /// Points in the image; none of a target seen from behind or at less than 15° (the front is where z points away from the camera).
-    fn seen(
-        &self,
-        camera: usize,
-        target: usize,
-        cam_from_target: &Pose,
-        sigma_px: f64,
-    ) -> Vec<Correspondence> {
+    fn seen(&self, camera: usize, target: usize, cam_from_target: &Pose, sigma_px: f64) -> Vec<Correspondence> {
         let towards = cam_from_target.translation.normalize();
         if cam_from_target.rotation.column(2).dot(&towards) < 0.26 {
             return Vec::new();
@@ -135,14 +119,9 @@ impl Room {
         let moved = |s: &Sighting, c: &Correspondence, rng: &mut Rng| {
             let pixel = c.pixel + Vector2::new(rng.normal(), rng.normal()) * c.sigma_px;
             let seen = Correspondence::new(&self.cameras[s.camera], c.x_in_target, pixel, c.sigma_px);
-            Correspondence {
-                sigma_m: c.sigma_m,
-                covariance_px2: c.covariance_px2,
-                ..seen.expect("in the field")
-            }
+            Correspondence { sigma_m: c.sigma_m, covariance_px2: c.covariance_px2, ..seen.expect("in the field") }
         };
-        let noisy =
-            |s: &Sighting| Sighting { seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(), ..s.clone() };
+        let noisy = |s: &Sighting| Sighting { seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(), ..s.clone() };
         self.sightings.iter().map(noisy).collect()
     }
 
@@ -180,13 +159,7 @@ pub fn somewhere(rng: &mut Rng, around: Point, reach_m: f64, facing: Vector3<f64
 }
 
 /// A ring of cameras and a board carried through its middle, `n_views` times.
-pub fn ring_with_board(
-    rng: &mut Rng,
-    cameras: Vec<Camera>,
-    points: Vec<Point>,
-    n_views: usize,
-    sigma_px: f64,
-) -> Room {
+pub fn ring_with_board(rng: &mut Rng, cameras: Vec<Camera>, points: Vec<Point>, n_views: usize, sigma_px: f64) -> Room {
     let poses = ring(cameras.len(), 3.0);
     let rig_from_world = views::looking_at(Vector3::new(3.0, 0.4, 0.0), Point::new(0.1, 0.0, -0.1));
     let mut room = Room::new(cameras, poses).with_target(points, 0, Pose::identity());
