@@ -39,7 +39,7 @@ derivations() {
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
-    "$target/check-venv/bin/python" scripts/check_opencv_reads.py && "$target/check-venv/bin/python" scripts/judges/mcap_scene.py
+    "$target/check-venv/bin/python" scripts/check_opencv_reads.py
 }
 
 frames() { # the recorded videos as pictures, once
@@ -48,7 +48,7 @@ frames() { # the recorded videos as pictures, once
 
 step "python environment" python_environment
 step "derivations (SymPy, 50 digits)" derivations
-step "files read by OpenCV, PyYAML and mcap" foreign_readers
+step "files read by OpenCV and PyYAML" foreign_readers
 if [ -n "${RESIGHT_DATA:-}" ]; then
     RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
