@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{demo, detect, explain, locate, rig, solve};
+use crate::commands::{compare, demo, detect, explain, locate, rig, solve};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -32,6 +32,8 @@ pub enum Command {
     Solve(solve::Solve),
     /// Where several cameras sit relative to each other, from targets they see together.
     Rig(rig::Rig),
+    /// What moved between two rigs or poses, by how much, and how sure that is.
+    Compare(compare::Compare),
     /// Says in sentences what a camera or target file means.
     Explain(explain::Explain),
 }

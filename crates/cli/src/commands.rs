@@ -1,5 +1,6 @@
 //! One file per command; what several share is here.
 
+pub mod compare;
 pub mod demo;
 pub mod detect;
 pub mod explain;
@@ -24,6 +25,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Explain(args) => explain::run(&args),
     }
 }

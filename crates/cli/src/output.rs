@@ -14,6 +14,8 @@ pub enum Outcome {
     Answered,
     /// Some input could not be answered; each said why.
     SomeUnanswered,
+    /// Something moved.
+    Moved,
 }
 
 impl From<Outcome> for ExitCode {
@@ -21,6 +23,7 @@ impl From<Outcome> for ExitCode {
         match outcome {
             Outcome::Answered => ExitCode::SUCCESS,
             Outcome::SomeUnanswered => ExitCode::from(1),
+            Outcome::Moved => ExitCode::from(3),
         }
     }
 }

@@ -46,6 +46,8 @@ pub mod rig_pose;
 pub mod robust;
 #[cfg(feature = "std")]
 pub mod rig;
+#[cfg(feature = "std")]
+pub mod compare;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

@@ -66,6 +66,7 @@ impl Moments {
 }
 
 /// What a loss makes of the inverse of its own information, good points alone: E[ρ′] E[ψψᵀ] / E[∂ψ/∂r]², docs/math/refine.md eq. (20).
+#[cfg(feature = "std")]
 pub(crate) fn widening(loss: Loss) -> f64 {
     if loss == Loss::Squared {
         return 1.0;

@@ -27,7 +27,8 @@ fn with_outliers(rng: &mut Rng, room: &Room, sightings: &mut [Sighting]) -> usiz
         for c in &mut s.seen {
             if rng.uniform(0.0, 1.0) < 0.05 {
                 let pixel = outliers::any_pixel(rng);
-                *c = Correspondence::new(&room.cameras[s.camera], c.x_in_target, pixel, c.sigma_px).expect("in the field");
+                *c = Correspondence::new(&room.cameras[s.camera], c.x_in_target, pixel, c.sigma_px)
+                    .expect("in the field");
                 n += 1;
             }
         }
@@ -54,8 +55,10 @@ fn what_is_wrong_does_not_move_the_answer() {
         let turned = boards[rng.index(boards.len())];
         turn_labels(&mut sightings[turned]);
         let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
-        let of_view = |i: usize| sightings.iter().filter(|s| s.target == 0 && s.view == sightings[i].view).count();
-        let contradicts = |i: usize| matches!(solution.sightings[i].rejected, Some(RejectedSighting::Contradicts { .. }));
+        let of_view =
+            |i: usize| sightings.iter().filter(|s| s.target == 0 && s.view == sightings[i].view).count();
+        let contradicts =
+            |i: usize| matches!(solution.sightings[i].rejected, Some(RejectedSighting::Contradicts { .. }));
         if 2 < of_view(turned) {
             assert!(contradicts(turned), "trial {trial}: {:?}", solution.sightings[turned].rejected);
         }
@@ -86,7 +89,8 @@ fn points_used_are_those_within_the_gate() {
         let body = solution.bodies.iter().find(|b| (b.view, b.body) == (s.view, s.target)).expect("a body");
         for (c, residual) in s.seen.iter().zip(&result.residuals_px) {
             let cam_from_target = solution.cameras[s.camera].cam_from_rig * body.rig_from_body;
-            let expected = c.pixel - room.cameras[s.camera].project(&(cam_from_target * c.x_in_target)).expect("in front");
+            let expected = c.pixel
+                - room.cameras[s.camera].project(&(cam_from_target * c.x_in_target)).expect("in front");
             let (found, used) = residual.expect("in front");
             assert!((found - expected).norm() < 1e-9, "{found}");
             let fits = found.norm() <= GATE_SIGMAS * c.sigma_px;
@@ -117,10 +121,12 @@ fn a_moved_target_is_said() {
     let camera = sightings[moved].camera;
     for c in &mut sightings[moved].seen {
         let pixel = c.pixel + Vector2::new(25.0, -10.0);
-        *c = Correspondence::new(&room.cameras[camera], c.x_in_target, pixel, c.sigma_px).expect("in the field");
+        *c = Correspondence::new(&room.cameras[camera], c.x_in_target, pixel, c.sigma_px)
+            .expect("in the field");
     }
     let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
-    let rejected: Vec<usize> = (0..sightings.len()).filter(|i| solution.sightings[*i].rejected.is_some()).collect();
+    let rejected: Vec<usize> =
+        (0..sightings.len()).filter(|i| solution.sightings[*i].rejected.is_some()).collect();
     assert!(rejected.len() == 1 && sightings[rejected[0]].view == view, "{rejected:?}");
     for c in 1..4 {
         assert!(room.error(&solution, c).1 < 33.0);
@@ -131,7 +137,12 @@ fn a_moved_target_is_said() {
 #[test]
 fn losses_cost_what_they_are_known_to() {
     use resight_core::loss::Loss;
-    let losses = [Loss::Squared, Loss::Huber { sigmas: 1.5 }, Loss::Cauchy { sigmas: 3.0 }, Loss::Truncated { sigmas: 3.0 }];
+    let losses = [
+        Loss::Squared,
+        Loss::Huber { sigmas: 1.5 },
+        Loss::Cauchy { sigmas: 3.0 },
+        Loss::Truncated { sigmas: 3.0 },
+    ];
     for loss in losses {
         let mut mean = 0.0;
         const TRIALS: usize = 30;

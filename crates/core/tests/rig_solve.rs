@@ -21,7 +21,8 @@ fn worst_body(room: &Room, solution: &RigSolution) -> f64 {
 #[test]
 fn exact_pixels_give_the_exact_rig() {
     let mut rng = Rng::new(1);
-    let cameras = (0..5).map(|i| if i % 2 == 0 { rooms::pinhole(900.0) } else { rooms::barrel(900.0) }).collect();
+    let cameras =
+        (0..5).map(|i| if i % 2 == 0 { rooms::pinhole(900.0) } else { rooms::barrel(900.0) }).collect();
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(6, 5, 0.08), 20, 0.3);
     for reference in [0, 3] {
         let config = RigConfig { reference, ..RigConfig::default() };
@@ -74,7 +75,8 @@ fn targets_of_a_body_are_placed_with_the_cameras() {
 /// Table II of the paper, its geometry at full precision (cm): R = R_Z R_Y R_X of the printed angles.
 fn table_two() -> Room {
     let camera = |f: f64| {
-        let parameters = PhotogrammetricParameters { f, xp: 0.0, yp: 0.0, k: [0.0; 3], p: [0.0; 2], a: [0.0; 2] };
+        let parameters =
+            PhotogrammetricParameters { f, xp: 0.0, yp: 0.0, k: [0.0; 3], p: [0.0; 2], a: [0.0; 2] };
         Camera { lens: Lens::Photogrammetric(Photogrammetric::new(parameters).expect("a lens")), size: None }
     };
     let about = |axis: Vector3<f64>, degrees: f64| {
@@ -85,7 +87,12 @@ fn table_two() -> Room {
         let rotation = about(Vector3::z(), z) * about(Vector3::y(), y) * about(Vector3::x(), x);
         Pose::new(rotation, Point::from(p))
     };
-    let points = [[0.0, 0.0, 0.0], [10.00328485, 0.0, 0.0], [15.01261553, 0.0, 0.0], [0.04118167, 14.92639496, -0.07460399]];
+    let points = [
+        [0.0, 0.0, 0.0],
+        [10.00328485, 0.0, 0.0],
+        [15.01261553, 0.0, 0.0],
+        [0.04118167, 14.92639496, -0.07460399],
+    ];
     let cam1_from_target = pose([45.0, 30.0, 60.0], [20.0, 10.0, 300.0]);
     let cam2_from_target = pose([53.0, 37.0, 81.0], [25.0, 15.0, 250.0]);
     let cameras = vec![camera(3.54144878), camera(2.01646963)];

@@ -3,6 +3,7 @@
 pub mod digest;
 pub mod gather;
 pub mod names;
+pub mod places;
 pub mod relative;
 pub mod synchronise;
 

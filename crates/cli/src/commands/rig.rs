@@ -85,6 +85,10 @@ struct SolvingArgs {
     /// The camera whose frame is the rig's [default: the first by name]
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
+    /// A distance between the centres of two cameras, measured otherwise, and its standard deviation, metres: it joins the
+    /// adjustment, and with it the target's size can be checked.
+    #[arg(long, value_name = "A,B,METRES,SIGMA")]
+    known_distance_m: Vec<String>,
     /// Adds the covariance of all cameras together to the JSON, as `compare` uses it.
     #[arg(long)]
     joint_covariance: bool,
@@ -151,14 +155,15 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     let Collected { cameras, targets, frames, left_out, remarks, .. } = collected;
     let gathered = gather(cameras, targets, glimpses(frames), world);
     let reference = reference(&args.solving, &gathered)?;
+    let distances = solving::known_distances(&args.solving.known_distance_m, &gathered)?;
     let remark = |text: &str| {
         if !args.output.quiet {
             eprintln!("{text}");
         }
     };
     remarks.iter().for_each(|text| remark(text));
-    remark(&words::shared_views(&gathered));
-    match solving::solve(gathered, reference, inputs) {
+    remark(words::shared_views(&gathered).trim_end());
+    match solving::solve(gathered, reference, &distances, inputs) {
         Ok(mut solved) => {
             (solved.left_out, solved.n_alone) = (left_out, n_alone);
             answer(&args.output, &solved, args.solving.joint_covariance)

@@ -2,15 +2,20 @@
 
 /// Where erfc changes from the series of erf (which loses what 1 − erf cancels) to its continued fraction.
 const SERIES_UP_TO: f64 = 2.5;
+/// From here on e^{-y} nears the least positive number.
+const LOGARITHMS_FROM: f64 = 600.0;
 /// Terms of the continued fraction: at z = 2.5 the 60th changes nothing.
 const FRACTION_TERMS: usize = 60;
 
 /// Chance that χ² with `degrees_of_freedom` exceeds `statistic`; 1 without degrees of freedom.
-pub(super) fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
+pub(crate) fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
     if degrees_of_freedom == 0 || !(0.0 < statistic) {
         return 1.0;
     }
     let y = 0.5 * statistic;
+    if LOGARITHMS_FROM < y {
+        return tail_by_logarithms(degrees_of_freedom, y);
+    }
     let is_odd = degrees_of_freedom % 2 == 1;
     // The terms y^a e^{-y}/Γ(a + 1), a = 0, 1, … or ½, 3/2, …
     let (mut sum, mut a, mut term) = match is_odd {
@@ -21,6 +26,22 @@ pub(super) fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
         sum += term;
         a += 1.0;
         term *= y / a;
+    }
+    sum.clamp(0.0, 1.0)
+}
+
+/// The same sum where e^{-y} leaves the range of numbers although the terms that count do not: each term by its logarithm. What is
+/// lost are erfc √y and the digits that y takes of its logarithm's sixteen.
+fn tail_by_logarithms(degrees_of_freedom: usize, y: f64) -> f64 {
+    let (mut a, mut logarithm) = match degrees_of_freedom % 2 {
+        1 => (0.5, 0.5 * y.ln() - y + core::f64::consts::FRAC_2_SQRT_PI.ln()),
+        _ => (0.0, -y),
+    };
+    let mut sum = 0.0;
+    for _ in 0..degrees_of_freedom / 2 {
+        sum += logarithm.exp();
+        a += 1.0;
+        logarithm += (y / a).ln();
     }
     sum.clamp(0.0, 1.0)
 }
@@ -67,5 +88,23 @@ mod tests {
         for (k, x, expected) in table {
             assert!((tail(k, x) / expected - 1.0).abs() < 1e-11, "{k} {x}: {}", tail(k, x));
         }
+    }
+
+    /// Many degrees of freedom, where e^{-y} is no number any more: docs/math/check/compare.py.
+    #[test]
+    fn many_degrees_of_freedom() {
+        let table: [(usize, f64, f64); 5] = [
+            (1194, 1300.0, 0.0169343242542367),
+            (1195, 1300.0, 0.0178004519015729),
+            (6000, 6200.0, 0.0350000136990462),
+            (1000, 1201.0, 1.12228399787059e-05),
+            (999, 1199.0, 1.21546976833932e-05),
+        ];
+        for (k, x, expected) in table {
+            assert!((tail(k, x) / expected - 1.0).abs() < 1e-10, "{k} {x}: {}", tail(k, x));
+        }
+        let (below, above) = (tail(1100, 1200.0 - 1e-9), tail(1100, 1200.0 + 1e-9));
+        assert!((below / above - 1.0).abs() < 1e-9, "{below} {above}");
+        assert!(tail(6, 1e5) == 0.0 && (tail(5000, 1e3) - 1.0).abs() < 1e-12);
     }
 }

@@ -6,48 +6,15 @@
 //!
 //!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
 
-use super::{Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
-use crate::{Matrix6, Point, Pose, Vector6};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+mod places;
 
-/// Where everything is.
-#[derive(Debug, Clone)]
-pub struct RigPlaces {
-    /// One a camera.
-    pub cam_from_rig: Vec<Pose>,
-    /// One a target, held by the target's pivot.
-    pub body_from_target: Vec<PivotedPose>,
-    /// One a body in a view, held by the body's pivot.
-    pub rig_from_body: Vec<PivotedPose>,
-}
-
-/// Which sighting touches what.
-#[derive(Debug, Clone)]
-pub struct RigGraph {
-    /// The sightings, those of one body in one view side by side and in the order of `RigPlaces::rig_from_body`.
-    pub links: Vec<RigLink>,
-    /// Block of unknowns of each camera; none for the reference.
-    pub block_of_camera: Vec<Option<usize>>,
-    /// Block of unknowns of each target; none where it carries its body's frame.
-    pub block_of_target: Vec<Option<usize>>,
-    /// How many blocks of six unknowns are shared by all views.
-    pub n_blocks: usize,
-    /// Pivot of each body in a view, body frame.
-    pub pivot_in_body: Vec<Point>,
-    /// Bodies in views that take part.
-    pub is_active: Vec<bool>,
-}
-
-/// One sighting.
-#[derive(Debug, Clone, Copy)]
-pub struct RigLink {
-    /// Which camera.
-    pub camera: usize,
-    /// Which target.
-    pub target: usize,
-    /// Which body in which view.
-    pub body: usize,
-}
+use super::{
+    Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE,
+};
+use crate::{Matrix6, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3};
+use places::Chain;
+pub use places::{RigGraph, RigLink, RigPlaces};
 
 /// Gauss–Newton's view of the whole cost.
 #[derive(Debug, Clone)]
@@ -103,7 +70,7 @@ pub fn minimize_rig(
     let mut damping = Damping::NONE;
     for steps in 1..=MAX_STEPS {
         if let Some(step) = equations.step(damping.value) {
-            let trial = places.moved(&step, graph);
+            let trial = places.moved(&step.motions, &step.change, graph);
             let tolerance = TOLERANCE_CHI2 + tolerance_relative.max(TOLERANCE_RELATIVE) * equations.chi2;
             if step.promised <= tolerance {
                 return Some(RigMinimum { places: trial, equations, steps, converged: true });
@@ -131,52 +98,6 @@ pub struct RigStep {
     promised: f64,
 }
 
-/// A pose held by a pivot and the pose itself, unrolled: how a sighting's points hang on all three places.
-struct Chain {
-    place: PivotedPose,
-    /// Body to camera.
-    body_rotation: Matrix3<f64>,
-    /// From the body's pivot to the target's, rig frame.
-    arm: Vector3<f64>,
-}
-
-impl RigPlaces {
-    /// cam_from_target of a sighting, held by the target's pivot.
-    pub fn of_link(&self, link: &RigLink, graph: &RigGraph) -> PivotedPose {
-        self.chain(link, graph).place
-    }
-
-    fn chain(&self, link: &RigLink, graph: &RigGraph) -> Chain {
-        let (camera, body) = (&self.cam_from_rig[link.camera], &self.rig_from_body[link.body]);
-        let target = &self.body_from_target[link.target];
-        let arm = body.rotation * (target.pivot_in_cam - graph.pivot_in_body[link.body]);
-        let pivot_in_cam = *camera * (body.pivot_in_cam + arm);
-        let body_rotation = camera.rotation * body.rotation;
-        Chain { place: PivotedPose { rotation: body_rotation * target.rotation, pivot_in_cam }, body_rotation, arm }
-    }
-
-    fn moved(&self, step: &RigStep, graph: &RigGraph) -> Self {
-        let change = |block: usize| -> Vector6 { step.change.fixed_rows::<6>(6 * block).into() };
-        let camera = |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |b| pose.moved(&change(b)));
-        let target =
-            |(place, block): (&PivotedPose, &Option<usize>)| block.map_or(*place, |b| place.moved(&change(b)));
-        RigPlaces {
-            cam_from_rig: self.cam_from_rig.iter().zip(&graph.block_of_camera).map(camera).collect(),
-            body_from_target: self.body_from_target.iter().zip(&graph.block_of_target).map(target).collect(),
-            rig_from_body: self.rig_from_body.iter().zip(&step.motions).map(|(p, m)| p.moved(m)).collect(),
-        }
-    }
-}
-
-/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eq. (4).
-fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&(rotation * -arm.cross_matrix()));
-    m
-}
-
 impl RigEquations {
     /// The sums of all sightings at `places`; `normal` gives those of one sighting about its target's pivot.
     pub fn new(
@@ -196,7 +117,13 @@ impl RigEquations {
             sums.open_bodies_to(link.body);
             if graph.is_active[link.body] {
                 let chain = places.chain(link, graph);
-                sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal(i, &chain.place)?);
+                sums.add(
+                    link,
+                    graph,
+                    &chain,
+                    &places.cam_from_rig[link.camera].rotation,
+                    &normal(i, &chain.place)?,
+                );
             }
         }
         sums.open_bodies_to(places.rig_from_body.len().saturating_sub(1));
@@ -266,9 +193,14 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the sightings of a body in a view determine its place, cameras and targets held.
+    /// Whether the sightings of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
+    /// rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
-        inverse_of(&self.bodies[body].information, 0.0).is_some()
+        const ROUNDING: f64 = 1e-10;
+        let information = &self.bodies[body].information;
+        let is_left =
+            |factor: &Matrix6, i: usize| ROUNDING * information[(i, i)] < factor[(i, i)] * factor[(i, i)];
+        information.cholesky().is_some_and(|c| (0..6).all(|i| is_left(c.l_dirty(), i)))
     }
 
     /// The step and its promise; none where the damped equations are not positive.
@@ -372,21 +304,6 @@ impl Common {
             let mut rows = self.shared.fixed_rows_mut::<6>(6 * block);
             rows += by.tr_mul(by_motion);
         }
-    }
-}
-
-impl Chain {
-    /// The sighting's motion by that of each of its places, docs/math/rig.md eqs. (5)–(7).
-    fn by_camera(&self) -> Matrix6 {
-        carried(&Matrix3::identity(), &self.place.pivot_in_cam)
-    }
-
-    fn by_body(&self, cam_rotation: &Matrix3<f64>) -> Matrix6 {
-        carried(cam_rotation, &self.arm)
-    }
-
-    fn by_target(&self) -> Matrix6 {
-        carried(&self.body_rotation, &Vector3::zeros())
     }
 }
 

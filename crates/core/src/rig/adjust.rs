@@ -2,12 +2,12 @@
 //!
 //! docs/math/rig.md section 5.
 
-use super::classify::{Parts, Residuals, all_parts, parts, residuals, robust_variance};
+use super::RigConfig;
+use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, Sighted};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
-use super::RigConfig;
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
@@ -42,6 +42,8 @@ struct Adjustment<'a> {
     config: &'a RigConfig<'a>,
     graph: RigGraph,
     places: RigPlaces,
+    /// At `places`.
+    residuals: Vec<Residuals>,
     steps: usize,
 }
 
@@ -57,30 +59,39 @@ pub(super) fn adjust(
     for (body, range) in layout.ranges().into_iter().enumerate() {
         graph.is_active[body] = range.into_iter().any(|i| sighted[i].is_ok());
     }
-    let mut adjustment = Adjustment { layout, sighted, config, graph, places, steps: 0 };
+    let residuals = residuals(layout, &places, &graph.is_active);
+    let mut adjustment = Adjustment { layout, sighted, config, graph, places, residuals, steps: 0 };
     adjustment.approach()?;
     adjustment.look_around();
     adjustment.settle()
 }
 
 impl<'a> Adjustment<'a> {
-    fn residuals(&self) -> Vec<Residuals> {
-        residuals(self.layout, &self.places, &self.graph.is_active)
+    fn move_to(&mut self, places: RigPlaces) {
+        self.places = places;
+        self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
+    }
+
+    /// Of the inner half of the points, in units of the stated one; never less than that.
+    fn variance(&self) -> f64 {
+        let n_active = self.graph.is_active.iter().filter(|a| **a).count();
+        let unknown = 6 * (self.graph.n_blocks + n_active);
+        robust_variance(&self.residuals, unknown).max(1.0)
     }
 
     /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows.
     fn approach(&mut self) -> Result<(), Error> {
         let mut sigmas = f64::INFINITY;
         for _ in 0..MAX_ROUNDS {
-            let variance = robust_variance(&self.residuals()).max(1.0);
-            let next = CAUCHY_SIGMAS * variance.sqrt();
+            let next = CAUCHY_SIGMAS * self.variance().sqrt();
             if 0.8 * sigmas < next {
                 break;
             }
             sigmas = next;
             let active: Active = self.layout.sightings.iter().map(|s| Cow::Borrowed(&s.seen[..])).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
-            self.places = found.places;
+            // A valley too flat to end in is start enough.
+            self.move_to(found.places);
         }
         Ok(())
     }
@@ -90,56 +101,81 @@ impl<'a> Adjustment<'a> {
         let layout = self.layout;
         let targets = self.places.body_from_target.iter().zip(&layout.pivot_in_target);
         let body_from_target: Vec<Pose> = targets.map(|(place, pivot)| place.pose(pivot)).collect();
-        let variance = robust_variance(&self.residuals()).max(1.0);
-        let judged = self.parts(&self.residuals(), variance);
+        let judged = self.parts(self.variance());
+        let mut places = self.places.clone();
+        let mut is_moved = false;
         for (body, range) in layout.ranges().into_iter().enumerate() {
             let pivot = &layout.graph.pivot_in_body[body];
             if !range.clone().any(|i| judged.rejected[i].is_some()) || !self.graph.is_active[body] {
                 continue;
             }
-            let present = Some(self.places.rig_from_body[body].pose(pivot));
-            let best = best_of_body(range, layout, self.sighted, &self.places.cam_from_rig, &body_from_target, present);
-            if let Some(best) = best {
-                self.places.rig_from_body[body] = PivotedPose::new(&best, pivot);
+            let present = self.places.rig_from_body[body].pose(pivot);
+            let cam_from_rig = &self.places.cam_from_rig;
+            let best =
+                best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
+            if let Some(best) = best.filter(|b| *b != present) {
+                places.rig_from_body[body] = PivotedPose::new(&best, pivot);
+                is_moved = true;
             }
+        }
+        if is_moved {
+            self.move_to(places);
         }
     }
 
     /// What the configured loss lets take part.
-    fn parts(&self, residuals: &[Residuals], variance: f64) -> Parts {
-        match self.config.loss {
-            Loss::Truncated { sigmas } => {
-                parts(residuals, sigmas * sigmas * variance, self.layout, self.sighted, &self.graph.is_active)
-            }
-            _ => all_parts(residuals, self.layout, self.sighted, &self.graph.is_active),
-        }
+    fn parts(&self, variance: f64) -> Parts {
+        let gate_chi2 = match self.config.loss {
+            Loss::Truncated { sigmas } => sigmas * sigmas * variance,
+            _ => f64::INFINITY,
+        };
+        parts(&self.residuals, gate_chi2, self.layout, self.sighted, &self.graph.is_active)
     }
 
     /// The minimum over the points that take part, until those that fit it are the same.
     fn settle(mut self) -> Result<Adjusted, Error> {
-        let loss = if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
-        let mut residuals = self.residuals();
-        let variance = robust_variance(&residuals).max(1.0);
-        let mut parts = self.parts(&residuals, variance);
+        let loss =
+            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let variance = self.variance();
+        let mut parts = self.parts(variance);
         for _ in 0..MAX_ROUNDS {
             self.graph.is_active.clone_from(&parts.is_active);
             check_joined(self.layout, |i| 0 < parts.n_used(i))?;
-            let active = active(self.layout, &parts);
-            let found = self.minimize(&active, loss, 0.0)?;
-            self.places = found.places;
-            residuals = self.residuals();
-            let next = self.parts(&residuals, variance);
-            let is_settled = next.is_used == parts.is_used && self.config.loss != Loss::Squared;
+            let found = self.minimize(&active(self.layout, &parts), loss, 0.0)?;
+            if self.drop_undetermined(&found.equations, &mut parts) {
+                continue;
+            }
+            if !found.converged {
+                break;
+            }
+            self.move_to(found.places);
+            let next = self.parts(variance);
+            let is_settled = next.is_used == parts.is_used;
             parts = next;
-            if is_settled || self.config.loss == Loss::Squared {
-                return Ok(self.adjusted(found.equations, parts, residuals, variance));
+            if is_settled {
+                return Ok(self.adjusted(found.equations, parts, variance));
             }
         }
         Err(Error::NotConverged { steps: self.steps })
     }
 
-    fn adjusted(self, equations: RigEquations, parts: Parts, residuals: Vec<Residuals>, variance: f64) -> Adjusted {
-        let Adjustment { graph, places, steps, .. } = self;
+    /// Takes out bodies in views whose place the points left do not determine: three on a line, say. Whether there were any.
+    fn drop_undetermined(&self, equations: &RigEquations, parts: &mut Parts) -> bool {
+        let undetermined = |body: &usize| parts.is_active[*body] && !equations.determines(*body);
+        let bodies: Vec<usize> = (0..parts.is_active.len()).filter(undetermined).collect();
+        if bodies.is_empty() {
+            return false;
+        }
+        let ranges = self.layout.ranges();
+        for body in bodies {
+            parts.is_active[body] = false;
+            parts.drop_body(ranges[body].clone(), self.sighted);
+        }
+        true
+    }
+
+    fn adjusted(self, equations: RigEquations, parts: Parts, variance: f64) -> Adjusted {
+        let Adjustment { graph, places, residuals, steps, .. } = self;
         Adjusted { places, equations, graph, parts, residuals, variance, steps }
     }
 
@@ -157,7 +193,7 @@ impl<'a> Adjustment<'a> {
         let found = minimize_rig(self.places.clone(), graph, tolerance, evaluate);
         let found = found.ok_or(Error::NoSolution { n_points: active.iter().map(|a| a.len()).sum() })?;
         self.steps += found.steps;
-        if found.converged { Ok(found) } else { Err(Error::NotConverged { steps: self.steps }) }
+        Ok(found)
     }
 }
 
@@ -189,7 +225,13 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     Some(sums)
 }
 
-fn alone(c: &Correspondence, camera: &Camera, loss: Loss, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
+fn alone(
+    c: &Correspondence,
+    camera: &Camera,
+    loss: Loss,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<NormalEquations> {
     let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
     normal_equations(place, pivot, &problem)
 }

@@ -5,7 +5,9 @@ use super::classify::rms_px;
 use super::layout::Layout;
 use super::scale::scales;
 use super::views::{Groups, shared_views};
-use super::{BodyInView, CameraInRig, RigConfig, RigSolution, SharedViews, SightingResult, TargetOnBody, WeakestLink};
+use super::{
+    BodyInView, CameraInRig, RigConfig, RigSolution, SharedViews, SightingResult, TargetOnBody, WeakestLink,
+};
 use crate::consistency::noise_scale;
 use crate::least_squares::PivotedPose;
 use crate::loss::Loss;
@@ -22,11 +24,7 @@ struct Tally {
     chi2: f64,
 }
 
-pub(super) fn answer(
-    layout: &Layout,
-    adjusted: Adjusted,
-    config: &RigConfig,
-) -> Result<RigSolution, Error> {
+pub(super) fn answer(layout: &Layout, adjusted: Adjusted, config: &RigConfig) -> Result<RigSolution, Error> {
     let undetermined = || Error::NotConverged { steps: adjusted.steps };
     let eliminated = adjusted.equations.eliminated(0.0).ok_or_else(undetermined)?;
     let tallies = tallies(&adjusted);
@@ -102,9 +100,11 @@ fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: 
         return (total.chi2, scale_of(total.chi2, degrees_of_freedom));
     }
     let gate_chi2 = super::GATE_SIGMAS * super::GATE_SIGMAS * adjusted.variance;
-    let (good, n_wrong) = adjusted.residuals.iter().flat_map(|r| r.points.iter().flatten()).fold((0.0, 0), |s, p| {
-        if p.1 <= gate_chi2 { (s.0 + p.1, s.1) } else { (s.0, s.1 + 1) }
-    });
+    let (good, n_wrong) = adjusted
+        .residuals
+        .iter()
+        .flat_map(|r| r.points.iter().flatten())
+        .fold((0.0, 0), |s, p| if p.1 <= gate_chi2 { (s.0 + p.1, s.1) } else { (s.0, s.1 + 1) });
     (total.chi2, noise_scale(good, degrees_of_freedom.saturating_sub(2 * n_wrong)))
 }
 
@@ -135,14 +135,20 @@ fn about_origin(covariance: &Matrix6, pivot_in_b: &Point) -> Matrix6 {
     symmetric(&(transport * covariance * transport.transpose()))
 }
 
-fn cameras(layout: &Layout, adjusted: &Adjusted, tallies: &[Tally], shared: &DMatrix<f64>) -> Vec<CameraInRig> {
+fn cameras(
+    layout: &Layout,
+    adjusted: &Adjusted,
+    tallies: &[Tally],
+    shared: &DMatrix<f64>,
+) -> Vec<CameraInRig> {
     let camera = |c: usize| {
         let own = || (0..tallies.len()).filter(move |i| layout.sightings[*i].camera == c);
         let total = sum(own().map(|i| &tallies[i]));
         let mut views: Vec<usize> =
             own().filter(|i| 0 < tallies[*i].n_used).map(|i| layout.sightings[i].view).collect();
         views.dedup();
-        let covariance = layout.graph.block_of_camera[c].map_or(Matrix6::zeros(), |b| symmetric(&block(shared, b, b)));
+        let covariance =
+            layout.graph.block_of_camera[c].map_or(Matrix6::zeros(), |b| symmetric(&block(shared, b, b)));
         CameraInRig {
             cam_from_rig: adjusted.places.cam_from_rig[c],
             covariance,
@@ -226,7 +232,8 @@ pub(super) fn relative(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, 
     let cam_b_from_cam_a = cameras[b].cam_from_rig * cameras[a].cam_from_rig.inverse();
     let ad = cam_b_from_cam_a.adjoint();
     let cross = block(joint, b, a) * ad.transpose();
-    let covariance = block(joint, b, b) - cross - cross.transpose() + ad * block(joint, a, a) * ad.transpose();
+    let covariance =
+        block(joint, b, b) - cross - cross.transpose() + ad * block(joint, a, a) * ad.transpose();
     (cam_b_from_cam_a, symmetric(&covariance))
 }
 
@@ -255,9 +262,12 @@ fn weakest_link(
         if a != b {
             let size = |root: usize, groups: &mut Groups| (0..n).filter(|c| groups.root(*c) == root).count();
             // The smaller side is the one that hangs; of equal ones that without the reference.
-            let key = |root: usize, groups: &mut Groups| (size(root, groups), groups.root(layout.reference) == root);
+            let key = |root: usize, groups: &mut Groups| {
+                (size(root, groups), groups.root(layout.reference) == root)
+            };
             let first_hangs = key(a, &mut groups) < key(b, &mut groups);
-            let (camera, with) = if first_hangs { (link.camera, link.with) } else { (link.with, link.camera) };
+            let (camera, with) =
+                if first_hangs { (link.camera, link.with) } else { (link.with, link.camera) };
             weakest = Some(WeakestLink { camera, with, ..link });
             groups.join(a, b);
         }
@@ -266,7 +276,13 @@ fn weakest_link(
 }
 
 /// The link of two cameras, ranked by how far a point as far off as they are apart (or 1 m) is in doubt.
-fn link(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, b: usize, n_shared_views: usize) -> (f64, WeakestLink) {
+fn link(
+    cameras: &[CameraInRig],
+    joint: &DMatrix<f64>,
+    a: usize,
+    b: usize,
+    n_shared_views: usize,
+) -> (f64, WeakestLink) {
     let (cam_b_from_cam_a, covariance) = relative(cameras, joint, a, b);
     let largest = |at: usize| {
         let part: Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into();

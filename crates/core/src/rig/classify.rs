@@ -27,9 +27,6 @@ pub(super) struct Parts {
     pub(super) is_active: Vec<bool>,
 }
 
-/// A sighting of which not even half of the points fit is taken for wrong as a whole.
-const LEAST_SHARE: f64 = 0.5;
-
 /// Residuals of every point at `places`; of none where the body takes no part.
 pub(super) fn residuals(layout: &Layout, places: &RigPlaces, is_active: &[bool]) -> Vec<Residuals> {
     let of_link = |(i, link): (usize, &crate::least_squares::rig::RigLink)| {
@@ -37,21 +34,19 @@ pub(super) fn residuals(layout: &Layout, places: &RigPlaces, is_active: &[bool])
         let cam_from_target = places.of_link(link, &layout.graph).pose(pivot);
         let seen = &layout.sightings[i].seen;
         let point = |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map(|(_, e, s)| (e, s));
-        let points = if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
+        let points =
+            if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
         Residuals { points }
     };
     layout.graph.links.iter().enumerate().map(of_link).collect()
 }
 
-/// Variance in units of the stated one, from the median over all points that project.
-pub(super) fn robust_variance(residuals: &[Residuals]) -> f64 {
+/// Variance in units of the stated one, from the median over all points that project, of whose numbers the unknowns take some.
+pub(super) fn robust_variance(residuals: &[Residuals], unknown: usize) -> f64 {
     let mut all: Vec<f64> = residuals.iter().flat_map(|r| r.points.iter().flatten().map(|p| p.1)).collect();
-    median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2)
-}
-
-/// Everything that projects takes part, whatever its residual.
-pub(super) fn all_parts(residuals: &[Residuals], layout: &Layout, sighted: &Sighted, is_active: &[bool]) -> Parts {
-    parts(residuals, f64::INFINITY, layout, sighted, is_active)
+    let rows = 2.0 * all.len() as f64;
+    let free = rows / (rows - unknown as f64).max(0.25 * rows);
+    median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2 * free)
 }
 
 /// What lies within the gate, a squared residual.
@@ -70,7 +65,8 @@ pub(super) fn parts(
     for (i, r) in residuals.iter().enumerate() {
         let used: Vec<bool> = r.points.iter().map(|p| p.is_some_and(|p| p.1 <= gate_chi2)).collect();
         let n_used = used.iter().filter(|u| **u).count();
-        if (n_used as f64) < LEAST_SHARE * used.len() as f64 && is_active[layout.graph.links[i].body] {
+        let is_judged = gate_chi2 < f64::INFINITY && is_active[layout.graph.links[i].body];
+        if is_judged && 2 * n_used <= used.len() {
             parts.rejected[i] = Some(RejectedSighting::Contradicts { rms_px: rms_px(r) });
             parts.is_used.push(vec![false; used.len()]);
         } else {
@@ -83,7 +79,8 @@ pub(super) fn parts(
 
 /// Over the points that project.
 pub(super) fn rms_px(residuals: &Residuals) -> f64 {
-    let (sum, n) = residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
+    let (sum, n) =
+        residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
     (sum / f64::max(n, 1.0)).sqrt()
 }
 

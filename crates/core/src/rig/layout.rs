@@ -122,7 +122,8 @@ fn in_order<'a>(problem: &'a RigProblem<'a>) -> (Vec<&'a Sighting>, Vec<usize>) 
         let s = &problem.sightings[i];
         (s.view, problem.body_of_target[s.target], s.camera, s.target)
     };
-    let by_contents = |a: usize, b: usize| contents(&problem.sightings[a]).cmp(contents(&problem.sightings[b]));
+    let by_contents =
+        |a: usize, b: usize| contents(&problem.sightings[a]).cmp(contents(&problem.sightings[b]));
     order.sort_by(|a, b| key(*a).cmp(&key(*b)).then_with(|| by_contents(*a, *b)));
     (order.iter().map(|i| &problem.sightings[*i]).collect(), order)
 }

@@ -2,9 +2,9 @@
 //!
 //! docs/math/rig.md eqs. (10)–(11).
 
+use super::TargetScale;
 use super::adjust::Adjusted;
 use super::layout::Layout;
-use super::TargetScale;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::rig::{Common, Eliminated};
 use crate::refine::whitening;
@@ -21,11 +21,22 @@ struct Sums {
     pull: f64,
 }
 
-pub(super) fn scales(layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated, noise_scale: f64) -> Vec<TargetScale> {
+pub(super) fn scales(
+    layout: &Layout,
+    adjusted: &Adjusted,
+    eliminated: &Eliminated,
+    noise_scale: f64,
+) -> Vec<TargetScale> {
     (0..layout.first_target.len()).map(|t| scale(t, layout, adjusted, eliminated, noise_scale)).collect()
 }
 
-fn scale(target: usize, layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated, noise_scale: f64) -> TargetScale {
+fn scale(
+    target: usize,
+    layout: &Layout,
+    adjusted: &Adjusted,
+    eliminated: &Eliminated,
+    noise_scale: f64,
+) -> TargetScale {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let mut common = Common::new(graph);
     let (mut own, mut pull) = (0.0, 0.0);
@@ -33,8 +44,14 @@ fn scale(target: usize, layout: &Layout, adjusted: &Adjusted, eliminated: &Elimi
         if link.target != target || !graph.is_active[link.body] {
             continue;
         }
-        let used = layout.sightings[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, u)| **u).map(|(c, _)| c);
-        let sums = sums(used, &places.of_link(link, graph), &layout.pivot_in_target[target], layout.camera(i));
+        let used = layout.sightings[i]
+            .seen
+            .iter()
+            .zip(&adjusted.parts.is_used[i])
+            .filter(|(_, u)| **u)
+            .map(|(c, _)| c);
+        let sums =
+            sums(used, &places.of_link(link, graph), &layout.pivot_in_target[target], layout.camera(i));
         common.add(places, graph, link, &sums.by_motion);
         own += sums.own;
         pull += sums.pull;
@@ -58,7 +75,9 @@ fn sums<'a>(
     for c in used {
         // What grows with the scale is the arm from the pivot.
         let y = place.rotation * (c.x_in_target - pivot);
-        let Some((pixel, jacobian)) = camera.project_with_jacobian(&(y + place.pivot_in_cam)) else { continue };
+        let Some((pixel, jacobian)) = camera.project_with_jacobian(&(y + place.pivot_in_cam)) else {
+            continue;
+        };
         let e = c.pixel - pixel;
         let (a, b, d) = whitening(c, &jacobian);
         let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());

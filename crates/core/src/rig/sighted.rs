@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use crate::consistency::is_unlikely;
-use crate::locate::{Config, locate};
+use crate::locate::{Config, PoseEstimate, locate};
 use crate::loss::Loss;
 use crate::problem::Problem;
 use crate::refine::{refine_problem, whitened_residual};
@@ -40,22 +40,47 @@ pub(super) fn poses_of_sightings(layout: &Layout) -> Sighted {
 }
 
 fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Error> {
-    let found = locate(seen, camera, &Config::default());
-    let is_clean = matches!(&found, Ok(f) if !is_unlikely(f.chi2, f.degrees_of_freedom));
-    let plain: Vec<Hypothesis> = match &found {
-        Ok(f) => f.minima().filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight)).collect(),
-        Err(_) => Vec::new(),
-    };
-    let poses = match found {
-        _ if !is_clean && ENOUGH_POINTS <= seen.len() => without_wrong_points(&plain, seen, camera),
-        _ => plain.clone(),
-    };
-    let kept: Vec<Hypothesis> = if poses.is_empty() { plain } else { poses };
-    match found {
-        Err(reason) if kept.is_empty() => Err(reason),
-        _ if kept.is_empty() => Err(crate::refine::UNDETERMINED),
-        _ => Ok(kept.into_iter().filter(|h| LEAST_WEIGHT < h.weight).collect()),
+    if MANY_POINTS < seen.len() {
+        let some = spread(seen);
+        if let Some(found) = locate(&some, camera, &Config::default()).ok().filter(is_clean) {
+            return Ok(minima(&found));
+        }
     }
+    let found = locate(seen, camera, &Config::default());
+    let plain = found.as_ref().map(minima).unwrap_or_default();
+    let poses = match &found {
+        Ok(f) if is_clean(f) => plain,
+        _ if seen.len() < ENOUGH_POINTS => plain,
+        _ => Some(without_wrong_points(&plain, seen, camera)).filter(|p| !p.is_empty()).unwrap_or(plain),
+    };
+    match found {
+        Err(reason) if poses.is_empty() => Err(reason),
+        _ if poses.is_empty() => Err(crate::refine::UNDETERMINED),
+        _ => Ok(poses),
+    }
+}
+
+/// A start needs no more points than these: the joint adjustment takes all.
+const MANY_POINTS: usize = 30;
+
+/// `MANY_POINTS` of them, taken by golden section so that they fall into no row of a board.
+fn spread(seen: &[Correspondence]) -> Vec<Correspondence> {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let mut places: Vec<usize> =
+        (0..MANY_POINTS).map(|i| ((i as f64 * GOLDEN).fract() * seen.len() as f64) as usize).collect();
+    places.sort_unstable();
+    places.dedup();
+    places.into_iter().map(|i| seen[i]).collect()
+}
+
+/// Whether the residuals are as small as stated.
+fn is_clean(found: &PoseEstimate) -> bool {
+    !is_unlikely(found.chi2, found.degrees_of_freedom)
+}
+
+fn minima(found: &PoseEstimate) -> Vec<Hypothesis> {
+    let likely = found.minima().filter(|h| LEAST_WEIGHT < h.weight);
+    likely.filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight)).collect()
 }
 
 fn hypothesis(cam_from_target: Pose, covariance: Matrix6, weight: f64) -> Option<Hypothesis> {
@@ -108,13 +133,16 @@ fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64
     }
     let spread = variance(&pose, seen, camera)?;
     let sigmas = CAUCHY_SIGMAS * spread.max(1.0).sqrt();
-    let found = refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) }).ok()?;
+    let found =
+        refine_problem(&pose, &Problem { loss: Loss::Cauchy { sigmas }, ..Problem::new(seen, camera) })
+            .ok()?;
     Some((spread, hypothesis(found.cam_from_target, found.covariance * spread.max(1.0), 1.0)?))
 }
 
 /// Variance in units of the stated one, from the median of the squared residuals, six numbers being taken by the pose.
 fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<f64> {
-    let squared = |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
+    let squared =
+        |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
     let mut all: Vec<f64> = seen.iter().map(squared).collect();
     let n = all.len() as f64;
     let free = n / (n - 3.0).max(1.0);

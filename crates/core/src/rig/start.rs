@@ -71,7 +71,9 @@ pub(super) fn check_joined(layout: &Layout, takes_part: impl Fn(usize) -> bool) 
     for range in layout.ranges() {
         let parts: Vec<usize> = range.clone().filter(|i| takes_part(*i)).collect();
         n_rejected += range.len() - parts.len();
-        parts.windows(2).for_each(|w| groups.join(layout.sightings[w[0]].camera, layout.sightings[w[1]].camera));
+        parts
+            .windows(2)
+            .for_each(|w| groups.join(layout.sightings[w[0]].camera, layout.sightings[w[1]].camera));
     }
     let root = groups.root(layout.reference);
     let (first, second): (Vec<usize>, Vec<usize>) = (0..n).partition(|c| groups.root(*c) == root);
@@ -82,8 +84,7 @@ pub(super) fn check_joined(layout: &Layout, takes_part: impl Fn(usize) -> bool) 
 }
 
 const SHARED_VIEW: &str = "add a view in which a camera of each group sees the same body at the same time";
-const SHARED_TARGETS: &str =
-    "they see different targets of a body; add a view in which one camera sees two of these targets at the same time";
+const SHARED_TARGETS: &str = "they see different targets of a body; add a view in which one camera sees two of these targets at the same time";
 
 impl Grown {
     fn new(layout: &Layout) -> Self {
@@ -100,10 +101,15 @@ impl Grown {
             counts[s.target] += usize::from(self.cam_from_rig[s.camera].is_some() && sighted[i].is_ok());
         }
         for first in 0..counts.len() {
-            let own: Vec<usize> = (first..counts.len()).filter(|t| layout.first_target[*t] == first).collect();
+            let own: Vec<usize> =
+                (first..counts.len()).filter(|t| layout.first_target[*t] == first).collect();
             if own.iter().all(|t| self.anchor_from_target[*t].is_none()) {
                 // The lowest of the most seen.
-                let most = own.iter().copied().filter(|t| 0 < counts[*t]).min_by_key(|t| (usize::MAX - counts[*t], *t));
+                let most = own
+                    .iter()
+                    .copied()
+                    .filter(|t| 0 < counts[*t])
+                    .min_by_key(|t| (usize::MAX - counts[*t], *t));
                 most.into_iter().for_each(|t| self.anchor_from_target[t] = Some(Pose::identity()));
             }
         }
@@ -123,7 +129,9 @@ impl Grown {
         let mut of_camera = vec![0.0; self.cam_from_rig.len()];
         let mut of_target = vec![0.0; self.anchor_from_target.len()];
         for (i, s) in layout.sightings.iter().enumerate() {
-            let Some(known) = self.known[layout.graph.links[i].body].and_then(|k| first(sighted, k)) else { continue };
+            let Some(known) = self.known[layout.graph.links[i].body].and_then(|k| first(sighted, k)) else {
+                continue;
+            };
             let Some(own) = first(sighted, i) else { continue };
             // |Σ₁ + Σ₂|^(1/6) is about the sum of both: the information of a link, per number.
             let size = |h: &Hypothesis| (-merit(h) / 3.0).exp();
@@ -136,9 +144,9 @@ impl Grown {
         }
         let cameras = of_camera.into_iter().enumerate().map(|(c, gain)| (gain, Node::Camera(c)));
         let targets = of_target.into_iter().enumerate().map(|(t, gain)| (gain, Node::Target(t)));
-        let best = cameras.chain(targets).fold((0.0, None), |best, (gain, node)| {
-            if best.0 < gain { (gain, Some(node)) } else { best }
-        });
+        let best = cameras
+            .chain(targets)
+            .fold((0.0, None), |best, (gain, node)| if best.0 < gain { (gain, Some(node)) } else { best });
         best.1
     }
 
@@ -157,18 +165,20 @@ impl Grown {
             };
             for (h, seen) in known.iter().flat_map(|h| own.iter().map(move |seen| (h, seen))) {
                 let anchor_from_known_cam = anchor_from_known * h.cam_from_target.inverse();
-                let (b_from_a, of_own, of_known) = match (node, self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
-                    (Node::Camera(c), None, Some(anchor_from_target)) if c == s.camera => {
-                        let cam_from_anchor = seen.cam_from_target * anchor_from_target.inverse();
-                        let cam_from_known_cam = cam_from_anchor * anchor_from_known_cam;
-                        (cam_from_known_cam * known_cam_from_rig, Pose::identity(), cam_from_known_cam)
-                    }
-                    (Node::Target(t), Some(cam_from_rig), None) if t == s.target => {
-                        let anchor_from_cam = anchor_from_known_cam * known_cam_from_rig * cam_from_rig.inverse();
-                        (anchor_from_cam * seen.cam_from_target, anchor_from_cam, anchor_from_known_cam)
-                    }
-                    _ => continue,
-                };
+                let (b_from_a, of_own, of_known) =
+                    match (node, self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
+                        (Node::Camera(c), None, Some(anchor_from_target)) if c == s.camera => {
+                            let cam_from_anchor = seen.cam_from_target * anchor_from_target.inverse();
+                            let cam_from_known_cam = cam_from_anchor * anchor_from_known_cam;
+                            (cam_from_known_cam * known_cam_from_rig, Pose::identity(), cam_from_known_cam)
+                        }
+                        (Node::Target(t), Some(cam_from_rig), None) if t == s.target => {
+                            let anchor_from_cam =
+                                anchor_from_known_cam * known_cam_from_rig * cam_from_rig.inverse();
+                            (anchor_from_cam * seen.cam_from_target, anchor_from_cam, anchor_from_known_cam)
+                        }
+                        _ => continue,
+                    };
                 let carried = of_own.product_covariance(&nalgebra::Matrix6::zeros(), &seen.covariance);
                 let covariance = of_known.product_covariance(&carried, &h.covariance);
                 votes.push(Vote { group, b_from_a, covariance, weight: h.weight * seen.weight });
@@ -184,7 +194,8 @@ impl Grown {
             let n_rejected = sighted.iter().filter(|s| s.is_err()).count();
             return Err(Error::CamerasUnconnected { first, second, n_rejected, needed: SHARED_TARGETS });
         }
-        let is_several = |t: usize| layout.first_target.iter().filter(|f| **f == layout.first_target[t]).count() > 1;
+        let is_several =
+            |t: usize| layout.first_target.iter().filter(|f| **f == layout.first_target[t]).count() > 1;
         let is_seen = |t: usize| layout.sightings.iter().any(|s| s.target == t);
         for target in 0..self.anchor_from_target.len() {
             if self.anchor_from_target[target].is_none() && is_several(target) && is_seen(target) {
@@ -196,7 +207,8 @@ impl Grown {
 
     /// All poses, bodies in the frame of their first target; in each view the pose of a body that fits all its sightings best.
     fn places(&self, layout: &Layout, sighted: &Sighted) -> RigPlaces {
-        let cam_from_rig: Vec<Pose> = self.cam_from_rig.iter().map(|p| p.unwrap_or_else(Pose::identity)).collect();
+        let cam_from_rig: Vec<Pose> =
+            self.cam_from_rig.iter().map(|p| p.unwrap_or_else(Pose::identity)).collect();
         let anchor = |t: usize| self.anchor_from_target[t].unwrap_or_else(Pose::identity);
         let body_from_target: Vec<Pose> = (0..layout.first_target.len())
             .map(|t| match layout.first_target[t] {
@@ -211,7 +223,8 @@ impl Grown {
         });
         let rig_from_body = rig_from_body.collect();
         let pivots = layout.pivot_in_target.iter();
-        let body_from_target = body_from_target.iter().zip(pivots).map(|(p, x)| PivotedPose::new(p, x)).collect();
+        let body_from_target =
+            body_from_target.iter().zip(pivots).map(|(p, x)| PivotedPose::new(p, x)).collect();
         RigPlaces { cam_from_rig, body_from_target, rig_from_body }
     }
 }
@@ -256,7 +269,8 @@ pub(super) fn best_of_body(
             let cam_from_target = cam_from_rig[s.camera] * *rig_from_body * body_from_target[s.target];
             let stride = s.seen.len().div_ceil(COMPARED_POINTS);
             let points = s.seen.iter().step_by(stride);
-            let squared = |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map_or(UNSEEN_CHI2, |r| r.2);
+            let squared =
+                |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map_or(UNSEEN_CHI2, |r| r.2);
             points.map(|c| COMPARED_LOSS.at(squared(c).min(UNSEEN_CHI2)).0).sum()
         };
         range.clone().map(of_sighting).sum()

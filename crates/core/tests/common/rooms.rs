@@ -48,7 +48,7 @@ pub fn line_plus_one() -> Vec<Point> {
 pub fn ring(n: usize, radius_m: f64) -> Vec<Pose> {
     let cam_from_world = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / n as f64;
-        let height = if i % 2 == 0 { 0.4 } else { -0.3 };
+        let height = if i.is_multiple_of(2) { 0.4 } else { -0.3 };
         let centre = Vector3::new(radius_m * angle.cos(), height, radius_m * angle.sin());
         views::looking_at(centre, Point::new(0.1, 0.0, -0.1))
     };
@@ -74,7 +74,16 @@ impl Room {
     pub fn new(cameras: Vec<Camera>, cam_from_rig: Vec<Pose>) -> Self {
         let (points, body_of_target, body_from_target) = (Vec::new(), Vec::new(), Vec::new());
         let (sightings, bodies) = (Vec::new(), Vec::new());
-        Room { cameras, cam_from_rig, points, body_of_target, body_from_target, n_views: 0, sightings, bodies }
+        Room {
+            cameras,
+            cam_from_rig,
+            points,
+            body_of_target,
+            body_from_target,
+            n_views: 0,
+            sightings,
+            bodies,
+        }
     }
 
     /// A target on a body.
@@ -91,7 +100,8 @@ impl Room {
         self.bodies.push((view, body, rig_from_body));
         for camera in 0..self.cameras.len() {
             for target in (0..self.points.len()).filter(|t| self.body_of_target[*t] == body) {
-                let cam_from_target = self.cam_from_rig[camera] * rig_from_body * self.body_from_target[target];
+                let cam_from_target =
+                    self.cam_from_rig[camera] * rig_from_body * self.body_from_target[target];
                 let seen = self.seen(camera, target, &cam_from_target, sigma_px);
                 if seen.len() == self.points[target].len() {
                     self.sightings.push(Sighting { camera, view, target, seen });
@@ -101,7 +111,13 @@ impl Room {
     }
 
     /// Points in the image; none of a target seen from behind or at less than 15° (the front is where z points away from the camera).
-    fn seen(&self, camera: usize, target: usize, cam_from_target: &Pose, sigma_px: f64) -> Vec<Correspondence> {
+    fn seen(
+        &self,
+        camera: usize,
+        target: usize,
+        cam_from_target: &Pose,
+        sigma_px: f64,
+    ) -> Vec<Correspondence> {
         let towards = cam_from_target.translation.normalize();
         if cam_from_target.rotation.column(2).dot(&towards) < 0.26 {
             return Vec::new();
@@ -119,9 +135,14 @@ impl Room {
         let moved = |s: &Sighting, c: &Correspondence, rng: &mut Rng| {
             let pixel = c.pixel + Vector2::new(rng.normal(), rng.normal()) * c.sigma_px;
             let seen = Correspondence::new(&self.cameras[s.camera], c.x_in_target, pixel, c.sigma_px);
-            Correspondence { sigma_m: c.sigma_m, covariance_px2: c.covariance_px2, ..seen.expect("in the field") }
+            Correspondence {
+                sigma_m: c.sigma_m,
+                covariance_px2: c.covariance_px2,
+                ..seen.expect("in the field")
+            }
         };
-        let noisy = |s: &Sighting| Sighting { seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(), ..s.clone() };
+        let noisy =
+            |s: &Sighting| Sighting { seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(), ..s.clone() };
         self.sightings.iter().map(noisy).collect()
     }
 
@@ -159,7 +180,13 @@ pub fn somewhere(rng: &mut Rng, around: Point, reach_m: f64, facing: Vector3<f64
 }
 
 /// A ring of cameras and a board carried through its middle, `n_views` times.
-pub fn ring_with_board(rng: &mut Rng, cameras: Vec<Camera>, points: Vec<Point>, n_views: usize, sigma_px: f64) -> Room {
+pub fn ring_with_board(
+    rng: &mut Rng,
+    cameras: Vec<Camera>,
+    points: Vec<Point>,
+    n_views: usize,
+    sigma_px: f64,
+) -> Room {
     let poses = ring(cameras.len(), 3.0);
     let rig_from_world = views::looking_at(Vector3::new(3.0, 0.4, 0.0), Point::new(0.1, 0.0, -0.1));
     let mut room = Room::new(cameras, poses).with_target(points, 0, Pose::identity());
@@ -184,6 +211,44 @@ pub fn pair_with(rng: &mut Rng, points: Vec<Point>, n_views: usize, sigma_px: f6
         if trial.sightings.len() == room.sightings.len() + 2 {
             room = trial;
         }
+    }
+    room
+}
+
+/// Cameras 0.8 m apart in a row, all looking the same way, and a board of twelve points carried along them: each view is seen by about four.
+pub fn row(rng: &mut Rng, n_cameras: usize, n_views: usize, sigma_px: f64) -> Room {
+    let place = |i: usize| Pose::new(nalgebra::Matrix3::identity(), Vector3::new(-0.8 * i as f64, 0.0, 0.0));
+    let cameras = (0..n_cameras).map(|_| pinhole(900.0)).collect();
+    let mut room = Room::new(cameras, (0..n_cameras).map(place).collect()).with_target(
+        board(4, 3, 0.15),
+        0,
+        Pose::identity(),
+    );
+    for view in 0..n_views {
+        // From one end to the other and back, so that every neighbour shares views whatever their number.
+        let x = 0.8 * (n_cameras as f64 - 1.0) * view as f64 / (n_views as f64 - 1.0).max(1.0);
+        let around = Point::new(x, 0.0, 2.5);
+        room.see(view, 0, somewhere(rng, around, 0.4, Vector3::z(), 0.8), sigma_px);
+    }
+    room
+}
+
+/// As many views of a board of 100 points as asked for, each seen whole by nearly all of eight cameras in an arc.
+pub fn arc(rng: &mut Rng, n_views: usize, sigma_px: f64) -> Room {
+    let cam_from_world = |i: usize| {
+        let angle = -0.6 + 1.2 * i as f64 / 7.0;
+        views::looking_at(Point::new(2.0 * angle.sin(), 0.2, -2.0 * angle.cos()), Point::new(0.02, 0.0, 0.03))
+    };
+    let rig_from_world = cam_from_world(0);
+    let poses = (0..8).map(|i| cam_from_world(i) * rig_from_world.inverse()).collect();
+    let mut room = Room::new((0..8).map(|_| barrel(1100.0)).collect(), poses).with_target(
+        board(10, 10, 0.06),
+        0,
+        Pose::identity(),
+    );
+    for view in 0..n_views {
+        let world_from_body = somewhere(rng, Point::zeros(), 0.35, Vector3::z(), 0.6);
+        room.see(view, 0, rig_from_world * world_from_body, sigma_px);
     }
     room
 }

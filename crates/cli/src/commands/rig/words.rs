@@ -11,6 +11,8 @@ use std::collections::BTreeMap;
 
 /// What was left out is named up to here; the JSON names all.
 const MAX_NAMED: usize = 8;
+/// A target's size known worse than this is as good as not known.
+const MAX_SCALE_SIGMA: f64 = 0.1;
 /// More pairs than this are counted; the JSON names all.
 const MAX_PAIRS: usize = 28;
 
@@ -179,7 +181,7 @@ fn weakest(solved: &Solved, out: &mut String) {
 pub fn scale(solved: &Solved) -> String {
     let scales = solved.run.rig.targets.iter().zip(&solved.run.solution.scales);
     let said: Vec<String> = scales
-        .filter(|(_, scale)| scale.sigma.is_finite())
+        .filter(|(_, scale)| scale.sigma < MAX_SCALE_SIGMA)
         .map(|(target, scale)| scale_of(&target.name, scale))
         .collect();
     match said.is_empty() {

@@ -1,0 +1,89 @@
+//! A motion in words: how far, which way, about which axis, and how sure.
+
+use resight::core::compare::Moved;
+use resight::report::verdict::figures;
+use resight::report::words::{decimals, degrees, length};
+
+/// Lengths and angles of a motion with their standard deviations.
+pub struct Figures {
+    /// How far, m.
+    pub moved_m: f64,
+    /// Along that way, m.
+    pub moved_sigma_m: f64,
+    /// By how much it turned, rad.
+    pub turned_rad: f64,
+    /// About that axis, rad.
+    pub turned_sigma_rad: f64,
+    /// About which, in its own old frame; none where it turned by less than twice its standard deviation.
+    pub axis: Option<[f64; 3]>,
+}
+
+impl Figures {
+    /// Of a motion.
+    pub fn of(moved: &Moved) -> Self {
+        let xi = moved.old_from_new.log();
+        let turn = [xi[0], xi[1], xi[2]];
+        let shift: [f64; 3] = moved.old_from_new.translation.into();
+        let (turned_rad, turned_sigma_rad) = along(turn, moved, 0);
+        let (moved_m, moved_sigma_m) = along(shift, moved, 3);
+        let axis = (2.0 * turned_sigma_rad < turned_rad).then(|| turn.map(|x| x / turned_rad));
+        Figures { moved_m, moved_sigma_m, turned_rad, turned_sigma_rad, axis }
+    }
+}
+
+/// Length of a vector and its standard deviation along itself; across all where it is nothing.
+fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
+    let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let c = |i: usize, j: usize| moved.covariance[(first + i, first + j)];
+    let variance = match 0.0 < norm {
+        true => {
+            (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| v[i] * v[j] * c(i, j)).sum::<f64>()
+                / (norm * norm)
+        }
+        false => (0..3).map(|i| c(i, i)).fold(0.0, f64::max),
+    };
+    (norm, variance.max(0.0).sqrt())
+}
+
+/// `moved by 12.3 mm ± 200 µm (…), turned by 0.42° ± 0.01° (…); χ² 812 …`.
+pub fn motion_sentence(f: &Figures, moved: &Moved) -> String {
+    let [x, y, z]: [f64; 3] = moved.old_from_new.translation.into();
+    let digits = decimals(1e3 * f.moved_sigma_m);
+    // What rounds to nothing has no direction.
+    let way = |x: f64, plus: &str, minus: &str| {
+        let shown = format!("{:.digits$}", 1e3 * x.abs());
+        let is_nothing = shown.chars().all(|c| c == '0' || c == '.');
+        format!("{} {shown}", if x < 0.0 && !is_nothing { minus } else { plus })
+    };
+    let places = [way(x, "right", "left"), way(y, "down", "up"), way(z, "forward", "back")].join(", ");
+    let axis = f.axis.map(|axis| format!(" ({})", turn_words(axis))).unwrap_or_default();
+    format!(
+        "moved by {} ± {} ({places} mm in its own old view), turned by {} ± {}{axis}; {}",
+        length(f.moved_m),
+        length(f.moved_sigma_m),
+        degrees(f.turned_rad),
+        degrees(f.turned_sigma_rad),
+        headline(moved.chi2, 6, moved.probability)
+    )
+}
+
+/// The sense of the turn about the camera's axis nearest to its own: a camera's x points right, y down, z forward.
+fn turn_words(axis: [f64; 3]) -> String {
+    let i = (0..3).fold(0, |best, i| if axis[best].abs() < axis[i].abs() { i } else { best });
+    let senses = [["upwards", "downwards"], ["to the right", "to the left"], ["clockwise", "anticlockwise"]];
+    let sense = senses[i][usize::from(axis[i] < 0.0)];
+    let nearly = if axis[i].abs() < 0.95 { "mostly " } else { "" };
+    // Adding zero takes the sign from a rounded −0.
+    let [x, y, z] = axis.map(|a| (100.0 * a).round() / 100.0 + 0.0);
+    format!("{nearly}{sense}, axis {x:+.2} {y:+.2} {z:+.2}")
+}
+
+/// `χ² 20.1 for 18 degrees of freedom, chance 0.33 if nothing moved`.
+pub fn headline(chi2: f64, dof: usize, p: f64) -> String {
+    let chance = match p {
+        p if p < 1e-12 => "below 1e-12".to_string(),
+        p if p < 1e-3 => format!("{p:.1e}"),
+        p => figures(p),
+    };
+    format!("χ² {} for {dof} degrees of freedom, chance {chance} if nothing moved", figures(chi2))
+}

@@ -1,0 +1,259 @@
+//! `compare` on simulated rigs of which something was knocked, and on poses.
+
+mod rig_support;
+mod support;
+
+use resight::core::{Pose, Vector6};
+use rig_support::*;
+use serde_json::Value;
+use std::path::Path;
+use support::{Run, data, folder, json_lines, resight, same};
+
+fn compare(a: &str, b: &str, extra: &[&str]) -> Run {
+    resight(&[&["compare", a, b], extra].concat())
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+/// A camera as our own file writes it; 1 mm and 0.5 mrad unless it is the reference.
+fn camera_text(name: &str, cam_from_rig: &Pose, is_reference: bool, is_sure: bool) -> String {
+    let variance = |i: usize| {
+        if is_reference {
+            0.0
+        } else if i < 3 {
+            2.5e-7
+        } else {
+            1e-6
+        }
+    };
+    let cell = |i: usize, j: usize| {
+        if i == j { format!("{:e}", variance(i)).replace('e', ".0e") } else { "0.0".into() }
+    };
+    let row = |i: usize| format!("[{}]", (0..6).map(|j| cell(i, j)).collect::<Vec<_>>().join(", "));
+    let rows: Vec<String> = (0..6).map(row).collect();
+    let covariance = if is_sure {
+        format!("covariance = [{}]\n", rows.join(", ")).replace("2.5.0e", "2.5e")
+    } else {
+        String::new()
+    };
+    format!(
+        "[[camera]]\nname = \"{name}\"\nmodel = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 600.0\nfy_px = 600.0\ncx_px = 319.5\ncy_px = 239.5\n[camera.placement]\nb = \"{name}\"\na = \"rig\"\nrotation_wxyz = {:?}\ntranslation_m = {:?}\n{covariance}\n",
+        cam_from_rig.quaternion_wxyz(),
+        <[f64; 3]>::from(cam_from_rig.translation)
+    )
+}
+
+/// The rig of the simulation, one camera knocked, expressed in the frame of `reference`.
+fn rig_text(knocked: Option<&str>, reference: &str, is_sure: bool) -> String {
+    // 12 mm to its right and 0.5° about its y axis.
+    let old_from_new = Pose::exp(&Vector6::new(0.0, 0.5f64.to_radians(), 0.0, 0.012, 0.0, 0.0));
+    let place = |(name, pose): (&'static str, Pose)| match Some(name) == knocked {
+        true => (name, old_from_new.inverse() * pose),
+        false => (name, pose),
+    };
+    let places: Vec<(&str, Pose)> = cameras().into_iter().map(place).collect();
+    let rig_from_old = places.iter().find(|(name, _)| *name == reference).unwrap().1.inverse();
+    places
+        .iter()
+        .map(|(name, pose)| camera_text(name, &(*pose * rig_from_old), *name == reference, is_sure))
+        .collect()
+}
+
+#[test]
+fn whichever_camera_was_knocked_is_named() {
+    let folder = folder("compare_knocked");
+    let before = write(&folder, "before.toml", &rig_text(None, "left", true));
+    for knocked in ["left", "middle", "right"] {
+        let after = write(&folder, "after.toml", &rig_text(Some(knocked), "left", true));
+        let run = compare(&before, &after, &["--json"]);
+        let answer = &json_lines(&run)[0];
+        assert_eq!((run.code, &answer["verdict"], &answer["kind"]), (3, &"moved".into(), &"rigs".into()));
+        let moved = answer["moved"].as_array().unwrap();
+        assert_eq!((moved.len(), &moved[0]["camera"]), (1, &knocked.into()), "{answer}");
+        // To three of the standard deviations stated.
+        let near = |key: &str, sigma: &str, truth: f64| {
+            let off = (moved[0][key].as_f64().unwrap() - truth).abs();
+            assert!(off < 3.0 * moved[0][sigma].as_f64().unwrap(), "{key}: {}", moved[0]);
+        };
+        near("moved_m", "moved_sigma_m", 0.012);
+        near("turned_rad", "turned_sigma_rad", 0.5f64.to_radians());
+        assert!(moved[0]["p"].as_f64().unwrap() < 1e-3 && moved[0]["dof"] == 6);
+        let words = compare(&before, &after, &[]).stdout;
+        let said = [
+            &format!("MOVED   3 cameras compared"),
+            &format!("{knocked} moved"),
+            "right 12",
+            "to the right",
+            "stayed",
+        ];
+        assert!(said.iter().all(|text| words.contains(*text)), "{words}");
+    }
+}
+
+/// The same rig in the frame of another camera has not moved.
+#[test]
+fn another_reference_is_no_motion() {
+    let folder = folder("compare_gauge");
+    let a = write(&folder, "a.toml", &rig_text(None, "left", true));
+    let b = write(&folder, "b.toml", &rig_text(None, "right", true));
+    let run = compare(&a, &b, &["--json"]);
+    assert_eq!((run.code, &json_lines(&run)[0]["verdict"]), (0, &"unmoved".into()));
+    assert!(compare(&a, &b, &[]).stdout.contains("Nothing moved"));
+}
+
+#[test]
+fn of_two_cameras_nobody_can_say_which() {
+    let folder = folder("compare_two");
+    let without_middle = |text: String| -> String {
+        text.split("[[camera]]").filter(|t| !t.contains("middle")).collect::<Vec<_>>().join("[[camera]]")
+    };
+    let a = write(&folder, "a.toml", &without_middle(rig_text(None, "left", true)));
+    let b = write(&folder, "b.toml", &without_middle(rig_text(Some("right"), "left", true)));
+    let run = compare(&a, &b, &["--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!((run.code, &answer["verdict"]), (3, &"undecided".into()));
+    assert!(answer["message"].as_str().unwrap().contains("which is not decided"), "{answer}");
+    let three = write(&folder, "c.toml", &rig_text(None, "left", true));
+    let answer = &json_lines(&compare(&a, &three, &["--json"]))[0];
+    assert_eq!(
+        (&answer["verdict"], &answer["only_in_b"]),
+        (&"unmoved".into(), &serde_json::json!(["middle"]))
+    );
+}
+
+#[test]
+fn files_without_covariance_ask_for_sigmas() {
+    let folder = folder("compare_unsure");
+    let a = write(&folder, "a.toml", &rig_text(None, "left", false));
+    let b = write(&folder, "b.toml", &rig_text(Some("left"), "left", false));
+    let run = compare(&a, &b, &[]);
+    assert!(run.code == 2 && run.stderr.contains("--sigma-mm 0.5 --sigma-deg 0.02"), "{}", run.stderr);
+    assert_eq!(compare(&a, &b, &["--sigma-mm", "1"]).code, 2, "one without the other");
+    let sure = compare(&a, &b, &["--sigma-mm", "0.5", "--sigma-deg", "0.03", "--json"]);
+    assert_eq!((sure.code, &json_lines(&sure)[0]["moved"][0]["camera"]), (3, &"left".into()));
+    assert_eq!(compare(&a, &b, &["--sigma-mm", "50", "--sigma-deg", "3"]).code, 0);
+}
+
+/// From points to verdict: two recordings, the reference knocked in between, with the covariance of all cameras together.
+#[test]
+fn two_recordings_say_that_the_reference_was_knocked() {
+    let folder = folder("compare_recordings");
+    let arguments = camera_arguments(&folder);
+    let solved = |name: &str, seed: u64, knock: Option<Pose>| {
+        let mut rows = recording(seed);
+        if let Some(old_from_new) = knock {
+            // What the left camera saw, seen from its new place.
+            let place = |s: &Seen| old_from_new.inverse() * lens_point(s, seed);
+            rows.iter_mut()
+                .filter(|s| s.camera == "left")
+                .for_each(|s| s.pixel = lens().project(&place(s)).unwrap());
+        }
+        let points = write(&folder, &format!("{name}.csv"), &csv(&rows));
+        let mut all =
+            vec!["rig", "--detections", &points, "--sigma-px", "0.2", "--json", "--joint-covariance", "-q"];
+        all.extend(arguments.iter().map(String::as_str));
+        write(&folder, &format!("{name}.json"), &resight(&all).stdout)
+    };
+    let monday = solved("monday", 31, None);
+    let same = compare(&monday, &solved("tuesday", 32, None), &["--json"]);
+    assert_eq!((same.code, &json_lines(&same)[0]["joint_covariance"]), (0, &true.into()), "{}", same.stdout);
+    let knock = Pose::exp(&Vector6::new(0.0, 0.0, 0.01, 0.0, 0.005, 0.0));
+    let answer = compare(&monday, &solved("wednesday", 33, Some(knock)), &["--json"]);
+    let moved = &json_lines(&answer)[0]["moved"];
+    assert_eq!(
+        (answer.code, moved[0]["camera"].as_str(), moved[1].is_null()),
+        (3, Some("left"), true),
+        "{moved}"
+    );
+    let found = pose_of(&moved[0]["old_from_new"]);
+    assert!(distance2(&found, &knock, &moved[0]["covariance"]) < 27.9, "{moved}");
+}
+
+/// The true place of a point in the left camera, from the seed of its recording.
+fn lens_point(seen: &Seen, seed: u64) -> resight::core::Point {
+    let mut chance = Chance(seed);
+    for view in 0.. {
+        let rig_from_target = rig_from_board(view, &mut chance);
+        if view == seen.view {
+            return rig_from_target * seen.x;
+        }
+        // Two normal numbers a point and camera, two uniform ones each.
+        (0..4 * board().len() * cameras().len()).for_each(|_| {
+            chance.uniform();
+        });
+    }
+    unreachable!()
+}
+
+#[test]
+fn poses_of_a_view_are_compared() {
+    let folder = folder("compare_poses");
+    let run = resight(&["solve", &data("points.csv"), "--camera", &data("camera.toml"), "--json"]);
+    let before = write(&folder, "before.jsonl", &run.stdout);
+    let run = compare(&before, &before, &["--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(
+        json_lines(&run).iter().all(|a| a["verdict"] == "unmoved" && a["chi2"].as_f64().unwrap() < 1e-12)
+    );
+    // The first view's camera 0.2 m to the side.
+    let mut lines =
+        json_lines(&resight(&["solve", &data("points.csv"), "--camera", &data("camera.toml"), "--json"]));
+    for pose in [&mut lines[0]] {
+        let x = pose["cam_from_target"]["translation_m"][0].as_f64().unwrap();
+        pose["cam_from_target"]["translation_m"][0] = Value::from(x + 0.2);
+    }
+    let text: String = lines.iter().map(|l| format!("{l}\n")).collect();
+    let after = write(&folder, "after.jsonl", &text);
+    let run = compare(&before, &after, &["--json"]);
+    let answers = json_lines(&run);
+    assert_eq!((run.code, answers.len()), (3, lines.len()));
+    assert_eq!((&answers[0]["verdict"], &answers[1]["verdict"]), (&"moved".into(), &"unmoved".into()));
+    assert!((answers[0]["moved_m"].as_f64().unwrap() - 0.2).abs() < 1e-9);
+}
+
+#[test]
+fn what_is_no_pair_is_refused() {
+    let folder = folder("compare_refused");
+    let rig = write(&folder, "rig.toml", &rig_text(None, "left", true));
+    let solved = resight(&["solve", &data("points.csv"), "--camera", &data("camera.toml"), "--json"]);
+    let poses = write(&folder, "poses.jsonl", &solved.stdout);
+    let other = write(&folder, "other.jsonl", &solved.stdout.replace("\"view\":\"", "\"view\":\"x"));
+    let refused =
+        write(&folder, "refused.json", "{\"status\":\"not_connected\",\"message\":\"nothing connects\"}\n");
+    let renamed = write(
+        &folder,
+        "renamed.toml",
+        &rig_text(None, "left", true).replace("left", "port").replace("right", "starboard"),
+    );
+    for (a, b, extra, wanted) in [
+        (&rig, &poses, vec![], "compare two of a kind"),
+        (&poses, &other, vec![], "views are matched by name"),
+        (&rig, &refused, vec![], "holds no rig and no poses: nothing connects"),
+        (&rig, &renamed, vec![], "the files share 1 camera(s)"),
+        (&rig, &data("camera.toml"), vec![], "states no poses, only intrinsics"),
+        (&rig, &rig, vec!["--alpha", "2"], "a chance between 0 and 1"),
+        (&rig, &"rig.tml".to_string(), vec![], "no such file"),
+    ] {
+        let run = compare(a, b, &extra);
+        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{wanted}: {}", run.stderr);
+        assert!(run.stderr.contains(wanted), "{wanted}: {}", run.stderr);
+    }
+    assert!(resight(&["compare", "--help"]).stdout.contains("Examples:"));
+}
+
+/// The page shows what the program says.
+#[test]
+fn the_page_shows_a_real_answer() {
+    let folder = folder("compare_page");
+    let before = write(&folder, "before.toml", &rig_text(None, "left", true));
+    let after = write(&folder, "after.toml", &rig_text(Some("right"), "left", true));
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/compare.md")).unwrap();
+    let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    let said = compare(&before, &after, &[]).stdout;
+    assert!(same(&said, shown), "said\n{said}\nshown\n{shown}");
+}

@@ -1,0 +1,319 @@
+//! What moved between two calibrations: cameras of a rig relative to each other, or one pose; how far, and how sure that is.
+//!
+//! Derivation: docs/math/compare.md. Notation: A_i, B_i are cam_from_rig of camera i before and after; S is a set of cameras that
+//! did not move relative to each other, b its first; M_i = A_i A_b⁻¹ (B_i B_b⁻¹)⁻¹ is old_from_new of camera i if b stayed;
+//! e_i = Log M_i, E the covariance of all e_i.
+
+use crate::frames::chi_square::tail;
+use crate::{Error, Matrix6, Pose, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// The cameras of a rig as one calibration places them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigPlaces {
+    /// x_in_cam = cam_from_rig · x_in_rig, one entry a camera. The rig's frame may be any: it need not be the same twice.
+    pub cam_from_rig: Vec<Pose>,
+    /// Covariance of all cameras together, 6 rows a camera, left motions `[rotation_rad; translation_m]`, camera frames. Zero
+    /// for the camera whose frame is the rig's.
+    pub covariance: DMatrix<f64>,
+}
+
+/// How a camera (or a target) moved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// Which camera.
+    pub camera: usize,
+    /// x_in_old = old_from_new · x_in_new: where the camera now is, in its own old frame.
+    pub old_from_new: Pose,
+    /// 6×6 covariance of its small left motion, old camera frame.
+    pub covariance: Matrix6,
+    /// χ² of "it did not move", 6 degrees of freedom.
+    pub chi2: f64,
+    /// Chance of such a χ² or a larger one, had it not moved.
+    pub probability: f64,
+}
+
+/// What moved in a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigComparison {
+    /// χ² of "no camera moved relative to the others".
+    pub chi2: f64,
+    /// 6 (cameras − 1).
+    pub degrees_of_freedom: usize,
+    /// Chance of such a χ² or a larger one, had nothing moved.
+    pub probability: f64,
+    /// The largest set of cameras whose relative poses agree; all of them when nothing moved.
+    pub unmoved: Vec<usize>,
+    /// The others, with their motion relative to that set.
+    pub moved: Vec<Moved>,
+    /// Other sets as large that explain the poses about as well: when there are any, which cameras moved is not decided.
+    pub rivals: Vec<Vec<usize>>,
+}
+
+/// Sets of cameras looked at exhaustively; beyond, the camera that fits worst is left out, one after the other.
+const MAX_SETS: usize = 20_000;
+
+/// What moved between two calibrations of a rig, one camera after the other in the same order. `false_alarm` is the chance of saying
+/// that something moved when nothing did, docs/math/compare.md eq. (7).
+///
+/// # Errors
+/// `CountMismatch` for lists of different lengths, `TooFewCameras`-like `InvalidSetting` for fewer than two cameras, a chance outside
+/// (0, 1), numbers that are none, or a covariance that is not positive definite once the rig's frame is divided out.
+pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<RigComparison, Error> {
+    check(before, after, false_alarm)?;
+    let differences = Differences { before, after };
+    let n = before.cam_from_rig.len();
+    let all: Vec<usize> = (0..n).collect();
+    let (chi2, degrees_of_freedom) = (differences.chi2(&all)?, 6 * (n - 1));
+    let (unmoved, rivals) = differences.largest_agreeing(all, false_alarm)?;
+    let moved = (0..n)
+        .filter(|camera| !unmoved.contains(camera))
+        .map(|camera| differences.motion(camera, &unmoved))
+        .collect::<Result<_, Error>>()?;
+    let probability = tail(degrees_of_freedom, chi2);
+    Ok(RigComparison { chi2, degrees_of_freedom, probability, unmoved, moved, rivals })
+}
+
+/// How far two estimates of one pose b_from_a are apart: `old_from_new` of frame b, `camera` 0.
+///
+/// # Errors
+/// `InvalidSetting` for numbers that are none, or a covariance that is not positive definite.
+pub fn compare_poses(before: (&Pose, &Matrix6), after: (&Pose, &Matrix6)) -> Result<Moved, Error> {
+    let old_from_new = *before.0 * after.0.inverse();
+    let covariance = old_from_new.product_covariance(before.1, after.1);
+    let e = old_from_new.log();
+    if !e.iter().chain(covariance.iter()).all(|x| x.is_finite()) {
+        return Err(not_a_number());
+    }
+    let chi2 = e.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&e));
+    Ok(Moved { camera: 0, old_from_new, covariance, chi2, probability: tail(6, chi2) })
+}
+
+fn check(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<(), Error> {
+    let n = before.cam_from_rig.len();
+    if after.cam_from_rig.len() != n {
+        return Err(Error::CountMismatch { what: "cameras", seen: after.cam_from_rig.len(), needed: n });
+    }
+    let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
+    if n < 2 {
+        return invalid(
+            "number of cameras",
+            n as f64,
+            "one camera alone cannot move relative to others; give two or more",
+        );
+    }
+    if !(0.0 < false_alarm && false_alarm < 1.0) {
+        return invalid("false_alarm", false_alarm, "it is a chance, between 0 and 1");
+    }
+    for places in [before, after] {
+        if places.covariance.shape() != (6 * n, 6 * n) {
+            return invalid(
+                "rows of the covariance",
+                places.covariance.nrows() as f64,
+                "there must be 6 a camera",
+            );
+        }
+        let poses = places.cam_from_rig.iter().flat_map(|p| p.rotation.iter().chain(p.translation.iter()));
+        if !poses.chain(places.covariance.iter()).all(|x| x.is_finite()) {
+            return Err(not_a_number());
+        }
+    }
+    Ok(())
+}
+
+fn not_a_number() -> Error {
+    Error::InvalidSetting {
+        setting: "a pose or covariance",
+        seen: f64::NAN,
+        needed: "every number must be finite",
+    }
+}
+
+fn not_positive() -> Error {
+    let needed =
+        "the covariance of the poses' differences must be positive definite; state how well they are known";
+    Error::InvalidSetting { setting: "covariance", seen: 0.0, needed }
+}
+
+/// Two calibrations of the same cameras.
+struct Differences<'a> {
+    before: &'a RigPlaces,
+    after: &'a RigPlaces,
+}
+
+/// e and E of some cameras, as seen from a camera that is taken to have stayed: eqs. (2)–(4).
+struct SeenFrom {
+    e: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Differences<'_> {
+    /// M_i, eq. (2).
+    fn old_from_new(&self, camera: usize, base: usize) -> Pose {
+        let cam_from_base = |rig: &RigPlaces| rig.cam_from_rig[camera] * rig.cam_from_rig[base].inverse();
+        cam_from_base(self.before) * cam_from_base(self.after).inverse()
+    }
+
+    fn seen_from(&self, base: usize, cameras: &[usize]) -> SeenFrom {
+        let n = self.before.cam_from_rig.len();
+        let mut e = DVector::zeros(6 * cameras.len());
+        let mut by_before = DMatrix::zeros(6 * cameras.len(), 6 * n);
+        let mut by_after = by_before.clone();
+        for (row, &camera) in cameras.iter().enumerate() {
+            let moved = self.old_from_new(camera, base);
+            e.fixed_rows_mut::<6>(6 * row).copy_from(&moved.log());
+            let from_base =
+                (self.before.cam_from_rig[camera] * self.before.cam_from_rig[base].inverse()).adjoint();
+            let put = |matrix: &mut DMatrix<f64>, camera: usize, block: Matrix6| {
+                matrix.fixed_view_mut::<6, 6>(6 * row, 6 * camera).copy_from(&block);
+            };
+            put(&mut by_before, camera, Matrix6::identity());
+            put(&mut by_before, base, -from_base);
+            put(&mut by_after, camera, -moved.adjoint());
+            put(&mut by_after, base, from_base);
+        }
+        let covariance = &by_before * &self.before.covariance * by_before.transpose()
+            + &by_after * &self.after.covariance * by_after.transpose();
+        SeenFrom { e, covariance: (&covariance + covariance.transpose()) * 0.5 }
+    }
+
+    /// χ² of "these did not move relative to each other", eq. (5).
+    fn chi2(&self, cameras: &[usize]) -> Result<f64, Error> {
+        let [base, others @ ..] = cameras else { return Ok(0.0) };
+        if others.is_empty() {
+            return Ok(0.0);
+        }
+        let SeenFrom { e, covariance } = self.seen_from(*base, others);
+        Ok(e.dot(&factor(covariance)?.solve(&e)))
+    }
+
+    /// Motion of a camera relative to a set that stayed: what the set's own differences say about its first camera is taken
+    /// out, eq. (6).
+    fn motion(&self, camera: usize, unmoved: &[usize]) -> Result<Moved, Error> {
+        let (base, others) = (unmoved[0], &unmoved[1..]);
+        let cameras: Vec<usize> = others.iter().copied().chain([camera]).collect();
+        let SeenFrom { e, covariance } = self.seen_from(base, &cameras);
+        let k = 6 * others.len();
+        let own: Matrix6 = covariance.fixed_view::<6, 6>(k, k).into();
+        let (mut expected, mut shrunk) = (Vector6::zeros(), own);
+        if 0 < k {
+            let solver = factor(covariance.view((0, 0), (k, k)).into_owned())?;
+            let gain = solver.solve(&covariance.view((0, k), (k, 6)).into_owned()).transpose();
+            expected.copy_from(&(&gain * e.rows(0, k)));
+            shrunk -= gain * covariance.view((0, k), (k, 6));
+        }
+        let old_from_new = Pose::exp(&-expected) * self.old_from_new(camera, base);
+        let covariance = (shrunk + shrunk.transpose()) * 0.5;
+        let delta = old_from_new.log();
+        let chi2 = delta.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&delta));
+        Ok(Moved { camera, old_from_new, covariance, chi2, probability: tail(6, chi2) })
+    }
+
+    /// Whether these cameras stayed as they were: eq. (7).
+    fn agree(&self, cameras: &[usize], chi2: f64, false_alarm: f64) -> Result<bool, Error> {
+        let n = cameras.len();
+        let whole = tail(6 * n.saturating_sub(1), chi2);
+        if n < 3 {
+            return Ok(false_alarm <= whole);
+        }
+        if whole < 0.5 * false_alarm {
+            return Ok(false);
+        }
+        let limit = 0.5 * false_alarm / n as f64;
+        for i in 0..n {
+            let drop = chi2 - self.chi2(&without(cameras, i))?;
+            if tail(6, drop) < limit {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The largest set that agrees, the likeliest of its size, and its rivals.
+    fn largest_agreeing(
+        &self,
+        all: Vec<usize>,
+        false_alarm: f64,
+    ) -> Result<(Vec<usize>, Vec<Vec<usize>>), Error> {
+        let n = all.len();
+        let mut sets = vec![all];
+        loop {
+            let mut agreeing = Vec::new();
+            for set in &sets {
+                let chi2 = self.chi2(set)?;
+                if self.agree(set, chi2, false_alarm)? {
+                    agreeing.push((chi2, set.clone()));
+                }
+            }
+            agreeing.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+            if let Some((least, _)) = agreeing.first() {
+                let limit = least - 2.0 * false_alarm.ln();
+                let mut found = agreeing.into_iter().filter(|(chi2, _)| *chi2 < limit).map(|(_, set)| set);
+                let best = found.next().unwrap_or_default();
+                return Ok((best, found.collect()));
+            }
+            sets = self.smaller(&sets, n)?;
+        }
+    }
+
+    /// All sets of one camera less; where they are too many, those that the best of the present ones leaves.
+    fn smaller(&self, sets: &[Vec<usize>], n: usize) -> Result<Vec<Vec<usize>>, Error> {
+        let size = sets[0].len() - 1;
+        if binomial(n, size) <= MAX_SETS {
+            return Ok(subsets(n, size));
+        }
+        let mut best: Option<(f64, &Vec<usize>)> = None;
+        for set in sets {
+            let chi2 = self.chi2(set)?;
+            if best.is_none_or(|(least, _)| chi2 < least) {
+                best = Some((chi2, set));
+            }
+        }
+        let set = best.map_or(&sets[0], |(_, set)| set);
+        Ok((0..set.len()).map(|i| without(set, i)).collect())
+    }
+}
+
+fn factor(covariance: DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, Error> {
+    covariance.cholesky().ok_or_else(not_positive)
+}
+
+fn without(cameras: &[usize], i: usize) -> Vec<usize> {
+    [&cameras[..i], &cameras[i + 1..]].concat()
+}
+
+/// Saturates far above `MAX_SETS`.
+fn binomial(n: usize, k: usize) -> usize {
+    (0..k.min(n - k)).fold(1usize, |c, i| c.saturating_mul(n - i) / (i + 1))
+}
+
+/// All sets of `k` of the numbers 0…n−1, in lexicographic order.
+fn subsets(n: usize, k: usize) -> Vec<Vec<usize>> {
+    let mut found = vec![Vec::new()];
+    for place in 0..k {
+        let longer = |set: Vec<usize>| {
+            let first = set.last().map_or(0, |last| last + 1);
+            (first..=n - (k - place)).map(move |next| [&set[..], &[next]].concat())
+        };
+        found = found.into_iter().flat_map(longer).collect();
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn subsets_are_all_and_counted() {
+        for n in 1..8 {
+            for k in 0..=n {
+                let sets = subsets(n, k);
+                assert_eq!(sets.len(), binomial(n, k), "{n} over {k}");
+                assert!(sets.windows(2).all(|pair| pair[0] < pair[1]));
+                assert!(sets.iter().all(|set| set.len() == k && set.windows(2).all(|p| p[0] < p[1])));
+            }
+        }
+        assert!(MAX_SETS < binomial(200, 100));
+    }
+}

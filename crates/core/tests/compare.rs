@@ -1,0 +1,273 @@
+//! What moved: rates, gauge, sets and motions, on simulated calibrations whose noise is what their covariances say.
+
+mod common;
+
+use common::Rng;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use resight_core::compare::{RigPlaces, compare_poses, compare_rigs};
+use resight_core::{Error, Matrix6, Pose, Vector6};
+
+fn motion(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Vector6 {
+    Vector6::from_fn(|i, _| rng.normal() * if i < 3 { sigma_rad } else { sigma_m })
+}
+
+/// Cameras on a ring of 1 m that look inwards.
+fn ring(n: usize) -> Vec<Pose> {
+    let camera = |i: usize| {
+        let turn = std::f64::consts::TAU * i as f64 / n as f64;
+        let facing = Pose::exp(&Vector6::new(0.0, turn, 0.0, 0.0, 0.0, 0.0));
+        let away = Pose::exp(&Vector6::new(0.1, 0.0, 0.05 * i as f64, 0.0, 0.02, 1.0));
+        away * facing
+    };
+    (0..n).map(camera).collect()
+}
+
+/// A covariance with correlations between all cameras but the reference, which has none: turns of about 0.5 mrad, places of 1 mm.
+fn covariance(n: usize, reference: usize, rng: &mut Rng) -> DMatrix<f64> {
+    let scale = |i: usize| if i % 6 < 3 { 5e-4 } else { 1e-3 };
+    let mix = DMatrix::from_fn(6 * n, 6 * n, |i, j| {
+        let own = if i == j { 1.0 } else { 0.0 };
+        scale(i) * (own + 0.15 * rng.normal())
+    });
+    let mut covariance = &mix * mix.transpose();
+    for i in 6 * reference..6 * reference + 6 {
+        covariance.row_mut(i).fill(0.0);
+        covariance.column_mut(i).fill(0.0);
+    }
+    covariance
+}
+
+/// The true places as a calibration with this covariance finds them.
+fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: &mut Rng) -> RigPlaces {
+    // In the frame of the reference, as such calibrations are.
+    let to_reference = truth[reference].inverse();
+    let lifted = covariance + DMatrix::identity(covariance.nrows(), covariance.nrows()) * 1e-18;
+    let root = Cholesky::new(lifted).unwrap().l();
+    let noise = root * DVector::from_fn(covariance.nrows(), |_, _| rng.normal());
+    let noisy = |(i, pose): (usize, &Pose)| {
+        let motion = Vector6::from_iterator(noise.rows(6 * i, 6).iter().copied());
+        if i == reference { Pose::identity() } else { (*pose * to_reference).moved(&motion) }
+    };
+    RigPlaces { cam_from_rig: truth.iter().enumerate().map(noisy).collect(), covariance: covariance.clone() }
+}
+
+/// The same places seen from another frame: nothing physical changes.
+fn in_other_frame(places: &RigPlaces, rig_from_other: &Pose) -> RigPlaces {
+    let cam_from_rig = places.cam_from_rig.iter().map(|p| *p * *rig_from_other).collect();
+    RigPlaces { cam_from_rig, covariance: places.covariance.clone() }
+}
+
+/// The truth with some cameras moved by a motion in their own frames.
+fn with_moved(truth: &[Pose], cameras: &[usize], new_from_old: &Pose) -> Vec<Pose> {
+    let moved = |(i, pose): (usize, &Pose)| if cameras.contains(&i) { *new_from_old * *pose } else { *pose };
+    truth.iter().enumerate().map(moved).collect()
+}
+
+/// At 5 % the rule, which splits the chance between two tests that overlap, must alarm in 2.5 to 5 % of calibrations without motion:
+/// 4000 trials give it to ± 0.35 % (one standard deviation).
+#[test]
+fn false_alarm_rate_is_as_stated() {
+    let (n_trials, level) = (4000, 0.05);
+    for n in [2, 4] {
+        let mut rng = Rng::new(7 + n as u64);
+        let truth = ring(n);
+        let covariances = [covariance(n, 0, &mut rng), covariance(n, n - 1, &mut rng)];
+        let mut alarms = 0;
+        for _ in 0..n_trials {
+            let before = calibrated(&truth, &covariances[0], 0, &mut rng);
+            let after = calibrated(&truth, &covariances[1], n - 1, &mut rng);
+            alarms += usize::from(!compare_rigs(&before, &after, level).unwrap().moved.is_empty());
+        }
+        let rate = alarms as f64 / n_trials as f64;
+        println!("{n} cameras: {alarms} false alarms in {n_trials} at {level}");
+        let least = if n == 2 { 0.05 } else { 0.025 };
+        assert!(least - 0.011 < rate && rate < 0.05 + 0.011, "{n}: {rate}");
+    }
+}
+
+/// χ² of unmoved rigs is χ² distributed: its mean over 2000 trials is the degrees of freedom, to five standard deviations.
+#[test]
+fn chi2_has_its_mean() {
+    let n = 5;
+    let mut rng = Rng::new(99);
+    let truth = ring(n);
+    let (first, second) = (covariance(n, 0, &mut rng), covariance(n, 2, &mut rng));
+    let n_trials = 2000;
+    let mut sum = 0.0;
+    for _ in 0..n_trials {
+        let before = calibrated(&truth, &first, 0, &mut rng);
+        let after = calibrated(&truth, &second, 2, &mut rng);
+        sum += compare_rigs(&before, &after, 1e-3).unwrap().chi2;
+    }
+    let (mean, dof) = (sum / n_trials as f64, 6.0 * (n - 1) as f64);
+    println!("mean χ² {mean:.2} for {dof}");
+    assert!((mean - dof).abs() < 5.0 * (2.0 * dof / n_trials as f64).sqrt(), "{mean}");
+}
+
+/// Whose frame the rig's is says nothing about who moved: the reference camera knocked is found as such.
+#[test]
+fn a_knocked_reference_is_named() {
+    let n = 4;
+    let mut rng = Rng::new(3);
+    let truth = ring(n);
+    let knock = Pose::exp(&Vector6::new(0.0, 0.01, 0.0, 0.02, 0.0, 0.0));
+    for knocked in 0..n {
+        let cov = covariance(n, 0, &mut rng);
+        let before = calibrated(&truth, &cov, 0, &mut rng);
+        let after = calibrated(&with_moved(&truth, &[knocked], &knock), &cov, 0, &mut rng);
+        let found = compare_rigs(&before, &after, 1e-3).unwrap();
+        assert_eq!(found.moved.iter().map(|m| m.camera).collect::<Vec<_>>(), [knocked]);
+        assert!(found.rivals.is_empty() && found.moved[0].probability < 1e-3);
+    }
+}
+
+/// Nothing depends on the frames that the two calibrations use, nor on the order of the cameras.
+#[test]
+fn frame_and_order_do_not_matter() {
+    let n = 4;
+    let mut rng = Rng::new(11);
+    let truth = ring(n);
+    let cov = covariance(n, 1, &mut rng);
+    let before = calibrated(&truth, &cov, 1, &mut rng);
+    let knock = Pose::exp(&Vector6::new(0.01, 0.0, 0.0, 0.0, 0.0, 0.02));
+    let after = calibrated(&with_moved(&truth, &[2], &knock), &cov, 1, &mut rng);
+    let plain = compare_rigs(&before, &after, 1e-3).unwrap();
+    let frame = Pose::exp(&Vector6::new(1.0, -0.4, 2.0, 3.0, 0.0, -5.0));
+    let turned = compare_rigs(&in_other_frame(&before, &frame), &after, 1e-3).unwrap();
+    assert_eq!(plain.unmoved, turned.unmoved);
+    assert!((plain.chi2 / turned.chi2 - 1.0).abs() < 1e-8);
+    let reversed = |places: &RigPlaces| RigPlaces {
+        cam_from_rig: places.cam_from_rig.iter().rev().copied().collect(),
+        covariance: DMatrix::from_fn(6 * n, 6 * n, |i, j| {
+            let at = |k: usize| 6 * (n - 1 - k / 6) + k % 6;
+            places.covariance[(at(i), at(j))]
+        }),
+    };
+    let backwards = compare_rigs(&reversed(&before), &reversed(&after), 1e-3).unwrap();
+    assert_eq!(backwards.moved[0].camera, n - 1 - 2);
+    // χ² of the unmoved set does not depend on its first camera to first order; noise and covariance are about 1e-3.
+    let (a, b) = (&plain.moved[0], &backwards.moved[0]);
+    assert!((a.chi2 / b.chi2 - 1.0).abs() < 0.02, "{} {}", a.chi2, b.chi2);
+    assert!((a.old_from_new.translation - b.old_from_new.translation).norm() < 1e-4);
+}
+
+/// Two cameras on one bar that moved together are both named; with two against two, or with two cameras in all, nobody can say.
+#[test]
+fn groups_that_move_together() {
+    let mut rng = Rng::new(21);
+    // A turn of the rig's frame by which several cameras move as one body.
+    let bar = Pose::exp(&Vector6::new(0.0, 0.02, 0.0, 0.03, 0.0, 0.0));
+    for (n, group, decided) in [(5, vec![1, 3], true), (4, vec![0, 1], false), (2, vec![1], false)] {
+        let truth = ring(n);
+        let cov = covariance(n, 0, &mut rng);
+        let before = calibrated(&truth, &cov, 0, &mut rng);
+        let moved: Vec<Pose> =
+            truth.iter().enumerate().map(|(i, p)| if group.contains(&i) { *p * bar } else { *p }).collect();
+        let after = calibrated(&moved, &cov, 0, &mut rng);
+        let found = compare_rigs(&before, &after, 1e-3).unwrap();
+        let named: Vec<usize> = found.moved.iter().map(|m| m.camera).collect();
+        if decided {
+            assert_eq!((named, found.rivals.len()), (group, 0));
+        } else {
+            assert_eq!(found.rivals.len(), 1, "{found:?}");
+            assert_eq!(
+                [named, found.rivals[0].clone()].map(|mut s| {
+                    s.sort_unstable();
+                    s
+                })[0]
+                    .len(),
+                n / 2
+            );
+        }
+    }
+}
+
+/// The motion found, less the true one, is as large as its covariance says: mean of 600 squared Mahalanobis distances 6 ± 5 · 0.14.
+#[test]
+fn the_motion_found_has_its_covariance() {
+    // At the usual level one of a thousand trials would suspect a second camera.
+    const LEVEL: f64 = 1e-9;
+    let n = 4;
+    let mut rng = Rng::new(5);
+    let truth = ring(n);
+    let new_from_old = Pose::exp(&Vector6::new(0.005, 0.02, -0.01, 0.03, 0.0, 0.01));
+    let cov = covariance(n, 0, &mut rng);
+    let moved = with_moved(&truth, &[0], &new_from_old);
+    let (mut sum, n_trials) = (0.0, 600);
+    for _ in 0..n_trials {
+        let before = calibrated(&truth, &cov, 0, &mut rng);
+        let after = calibrated(&moved, &cov, 0, &mut rng);
+        let found = compare_rigs(&before, &after, LEVEL).unwrap();
+        assert_eq!(found.moved.len(), 1);
+        let m = &found.moved[0];
+        let error = (m.old_from_new * new_from_old).log();
+        sum += error.dot(&m.covariance.cholesky().unwrap().solve(&error));
+    }
+    let nees = sum / n_trials as f64;
+    println!("NEES of the motion {nees:.2}");
+    assert!((nees - 6.0).abs() < 5.0 * (12.0 / n_trials as f64).sqrt(), "{nees}");
+}
+
+/// Twelve cameras of which one moved by five standard deviations: the test of single cameras finds what the whole χ² drowns.
+#[test]
+fn small_motions_in_large_rigs_are_found() {
+    let n = 12;
+    let truth = ring(n);
+    let cov = DMatrix::from_diagonal_element(6 * n, 6 * n, 1e-6);
+    let (mut found_n, n_trials) = (0, 40);
+    let mut rng = Rng::new(17);
+    let push = Pose::exp(&Vector6::new(0.0, 0.0, 0.0, 8e-3, 0.0, 0.0));
+    for _ in 0..n_trials {
+        let place = |pose: &Pose, rng: &mut Rng| pose.moved(&motion(rng, 1e-3, 1e-3));
+        let before: Vec<Pose> = truth.iter().map(|p| place(p, &mut rng)).collect();
+        let after: Vec<Pose> =
+            with_moved(&truth, &[4], &push).iter().map(|p| place(p, &mut rng)).collect();
+        let places = |cam_from_rig: Vec<Pose>| RigPlaces { cam_from_rig, covariance: cov.clone() };
+        let found = compare_rigs(&places(before), &places(after), 1e-3).unwrap();
+        found_n += usize::from(found.moved.len() == 1 && found.moved[0].camera == 4);
+    }
+    println!("a push of 5.4 σ is found in {found_n} of {n_trials}");
+    assert!(20 <= found_n, "{found_n}");
+}
+
+#[test]
+fn one_pose_and_another() {
+    let pose = Pose::exp(&Vector6::new(0.3, -0.2, 0.1, 0.5, 0.0, 2.0));
+    let covariance = Matrix6::from_diagonal_element(1e-6);
+    let same = compare_poses((&pose, &covariance), (&pose, &covariance)).unwrap();
+    assert!(same.chi2 < 1e-20 && same.probability == 1.0);
+    let (mut rng, n_trials, mut sum) = (Rng::new(1), 2000, 0.0);
+    for _ in 0..n_trials {
+        let noisy = |rng: &mut Rng| pose.moved(&motion(rng, 1e-3, 1e-3));
+        let found = compare_poses((&noisy(&mut rng), &covariance), (&noisy(&mut rng), &covariance));
+        sum += found.unwrap().chi2;
+    }
+    let mean = sum / n_trials as f64;
+    assert!((mean - 6.0).abs() < 5.0 * (12.0 / n_trials as f64).sqrt(), "{mean}");
+    let motion = Vector6::new(0.02, 0.0, 0.0, 0.0, 0.01, 0.0);
+    let old_from_new = compare_poses((&pose, &covariance), (&(Pose::exp(&-motion) * pose), &covariance));
+    assert!((old_from_new.unwrap().old_from_new.log() - motion).norm() < 1e-12);
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let places = |n: usize, sigma: f64| RigPlaces {
+        cam_from_rig: ring(n),
+        covariance: DMatrix::from_diagonal_element(6 * n, 6 * n, sigma * sigma),
+    };
+    let good = places(3, 1e-3);
+    let message = |after: &RigPlaces, level: f64| compare_rigs(&good, after, level).unwrap_err().to_string();
+    assert!(message(&places(2, 1e-3), 1e-3).contains("2 cameras given for 3"));
+    assert!(message(&good, 0.0).contains("false_alarm is 0"));
+    assert!(
+        message(&RigPlaces { covariance: DMatrix::zeros(6, 6), ..good.clone() }, 1e-3).contains("6 a camera")
+    );
+    let mut torn = good.clone();
+    torn.cam_from_rig[1].translation.x = f64::NAN;
+    assert!(message(&torn, 1e-3).contains("finite"));
+    let exact = RigPlaces { covariance: DMatrix::zeros(18, 18), ..good.clone() };
+    let refused = compare_rigs(&exact, &exact, 1e-3);
+    assert!(matches!(refused, Err(Error::InvalidSetting { setting: "covariance", .. })), "{refused:?}");
+    let one = places(1, 1e-3);
+    assert!(compare_rigs(&one, &one, 1e-3).unwrap_err().to_string().contains("two or more"));
+}

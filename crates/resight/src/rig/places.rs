@@ -1,0 +1,178 @@
+//! Where a file's cameras are, all in one frame, however the file chains their poses.
+
+use crate::core::compare::RigPlaces;
+use crate::core::{Matrix6, Pose};
+use crate::formats::{NamedCamera, Placement};
+use nalgebra::DMatrix;
+
+/// A camera's place in the frame that a file's cameras have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedCamera {
+    /// Its name.
+    pub name: String,
+    /// x_in_cam = cam_from_rig · x_in_rig.
+    pub cam_from_rig: Pose,
+    /// 6×6 covariance of its small left motion, camera frame; zero where the camera's frame is the common one; none where the
+    /// file states none for a pose on the way.
+    pub covariance: Option<Matrix6>,
+}
+
+/// Cameras in one frame, as one calibration has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedRig {
+    /// Their places.
+    pub cameras: Vec<PlacedCamera>,
+    /// Covariance of all together, 6 rows a camera in their order, where it is known.
+    pub joint: Option<DMatrix<f64>>,
+}
+
+impl PlacedRig {
+    /// With the covariance of all cameras together: `rows` of `names` in their own order.
+    ///
+    /// # Errors
+    /// A sentence, when a camera is missing in `names` or the rows are not six numbers a camera, all finite.
+    pub fn with_joint(
+        cameras: Vec<PlacedCamera>,
+        names: &[String],
+        rows: &[Vec<f64>],
+    ) -> Result<Self, String> {
+        let at = |camera: &PlacedCamera| {
+            let found = names.iter().position(|name| *name == camera.name);
+            found.ok_or_else(|| format!("the joint covariance lacks camera {}", camera.name))
+        };
+        let order: Vec<usize> = cameras.iter().map(at).collect::<Result<_, String>>()?;
+        let n = 6 * names.len();
+        let is_whole =
+            rows.len() == n && rows.iter().all(|row| row.len() == n && row.iter().all(|x| x.is_finite()));
+        if !is_whole {
+            return Err(format!(
+                "the joint covariance of {} cameras must be {n} rows of {n} numbers",
+                names.len()
+            ));
+        }
+        let index = |i: usize| 6 * order[i / 6] + i % 6;
+        let joint = DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| rows[index(i)][index(j)]);
+        Ok(PlacedRig { cameras, joint: Some(joint) })
+    }
+
+    /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance cameras count as independent of each
+    /// other; one without a covariance of its own gets `stated`. None where neither is there, or a camera of that name.
+    pub fn places(&self, names: &[String], stated: Option<&Matrix6>) -> Option<RigPlaces> {
+        let at = |name: &String| self.cameras.iter().position(|camera| camera.name == *name);
+        let order: Vec<usize> = names.iter().map(at).collect::<Option<_>>()?;
+        let is_exact = order.iter().all(|i| self.cameras[*i].covariance == Some(Matrix6::zeros()));
+        let mut covariance = DMatrix::zeros(6 * order.len(), 6 * order.len());
+        for (row, &i) in order.iter().enumerate() {
+            let own = self.cameras[i].covariance.filter(|_| !is_exact && self.is_sure());
+            covariance.fixed_view_mut::<6, 6>(6 * row, 6 * row).copy_from(&own.or(stated.copied())?);
+        }
+        if let Some(joint) = &self.joint {
+            let index = |i: usize| 6 * order[i / 6] + i % 6;
+            covariance =
+                DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| joint[(index(i), index(j))]);
+        }
+        let cam_from_rig = order.iter().map(|i| self.cameras[*i].cam_from_rig).collect();
+        Some(RigPlaces { cam_from_rig, covariance })
+    }
+
+    /// Whether every camera has a covariance: a file that gives it for some only says nothing about the others.
+    pub fn is_sure(&self) -> bool {
+        self.cameras.iter().all(|camera| camera.covariance.is_some())
+    }
+}
+
+/// A frame that has been reached: frame_from_rig, and its covariance.
+type Reached = (String, Pose, Option<Matrix6>);
+
+/// The cameras' places in the frame that the first placement maps from. Poses of a chain count as independent.
+///
+/// # Errors
+/// A sentence, when no pose is stated or a camera is joined to the others by none.
+pub fn placed(cameras: &[NamedCamera]) -> Result<Vec<PlacedCamera>, String> {
+    let placements: Vec<&Placement> = cameras.iter().filter_map(|camera| camera.placement.as_ref()).collect();
+    let Some(first) = placements.first() else {
+        return Err("states no poses, only intrinsics; give a file that says where its cameras are".into());
+    };
+    let reached = reach(&first.a, &placements);
+    let place = |camera: &NamedCamera| {
+        let found = reached.iter().find(|(frame, ..)| *frame == camera.name);
+        let (_, cam_from_rig, covariance) = found.ok_or_else(|| {
+            format!("says nothing about where camera {} is relative to the others", camera.name)
+        })?;
+        let (name, cam_from_rig, covariance) = (camera.name.clone(), *cam_from_rig, *covariance);
+        Ok(PlacedCamera { name, cam_from_rig, covariance })
+    };
+    cameras.iter().map(place).collect()
+}
+
+/// Every frame that placements join to the root, nearest first.
+fn reach(root: &str, placements: &[&Placement]) -> Vec<Reached> {
+    let mut reached = vec![(root.to_owned(), Pose::identity(), Some(Matrix6::zeros()))];
+    let mut next = 0;
+    while let Some((frame, frame_from_rig, covariance)) = reached.get(next).cloned() {
+        for p in placements {
+            let (to, to_from_frame, step) = match (p.a == frame, p.b == frame) {
+                (true, _) => (&p.b, p.b_from_a, p.covariance),
+                (_, true) => {
+                    let inverse = p.covariance.map(|covariance| p.b_from_a.inverse_covariance(&covariance));
+                    (&p.a, p.b_from_a.inverse(), inverse)
+                }
+                _ => continue,
+            };
+            if reached.iter().all(|(seen, ..)| seen != to) {
+                let both = step.zip(covariance);
+                let sum = both.map(|(step, before)| to_from_frame.product_covariance(&step, &before));
+                reached.push((to.clone(), to_from_frame * frame_from_rig, sum));
+            }
+        }
+        next += 1;
+    }
+    reached
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::{Camera, Vector6};
+
+    fn camera(name: &str, placement: Option<(&str, &str, f64, bool)>) -> NamedCamera {
+        let placement = placement.map(|(b, a, x, is_sure)| Placement {
+            b: b.into(),
+            a: a.into(),
+            b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
+            covariance: is_sure.then(|| Matrix6::from_diagonal_element(1e-6)),
+        });
+        NamedCamera { name: name.into(), camera: Camera::normalized(), placement }
+    }
+
+    /// A chain (Kalibr), a first camera without a pose (OpenCV), and a pose stated the other way round (EuRoC).
+    #[test]
+    fn chains_first_cameras_and_inverses() {
+        let chain = [
+            camera("c0", None),
+            camera("c1", Some(("c1", "c0", 0.1, true))),
+            camera("c2", Some(("c1", "c2", 0.3, true))),
+        ];
+        let found = placed(&chain).unwrap();
+        let p = |i: usize| chain[i].placement.as_ref().unwrap().b_from_a;
+        assert_eq!((found[0].cam_from_rig, found[0].covariance), (Pose::identity(), Some(Matrix6::zeros())));
+        assert_eq!(found[1].cam_from_rig, p(1));
+        let expected = p(2).inverse() * p(1);
+        assert!((found[2].cam_from_rig.translation - expected.translation).norm() < 1e-14);
+        let covariance = p(2).inverse_covariance(&Matrix6::from_diagonal_element(1e-6));
+        let covariance =
+            p(2).inverse().product_covariance(&covariance, &Matrix6::from_diagonal_element(1e-6));
+        assert!((found[2].covariance.unwrap() - covariance).norm() < 1e-18);
+    }
+
+    #[test]
+    fn what_is_not_said_is_none_or_named() {
+        let cameras =
+            [camera("a", Some(("a", "rig", 0.1, false))), camera("b", Some(("b", "rig", 0.2, true)))];
+        let found = placed(&cameras).unwrap();
+        assert!(found[0].covariance.is_none() && found[1].covariance.is_some());
+        let lost = [camera("a", Some(("a", "rig", 0.1, true))), camera("b", Some(("b", "other", 0.1, true)))];
+        assert!(placed(&lost).unwrap_err().contains("camera b"));
+        assert!(placed(&[camera("a", None)]).unwrap_err().contains("no poses"));
+    }
+}
