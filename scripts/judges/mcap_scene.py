@@ -1,6 +1,8 @@
 """Foxglove's own Python packages as judges of the scene file that Resight writes.
 
-    python scripts/judges/mcap_scene.py [FILE.mcap]        (default: testdata/rig/scene.mcap, byte for byte what the writer writes)
+    python scripts/judges/mcap_scene.py [FILE.mcap]
+
+Without a file (or with a folder, as judges of camera files are given) it is testdata/rig/scene.mcap, byte for byte what the writer writes.
 
 Both readers of the package `mcap` (seeking by the indexes, and front to back) must find the same messages with every checksum right;
 every message must decode by the schema in the file; every field of every schema in the file must have the name, number, type and label
@@ -80,7 +82,8 @@ def check_messages(messages):
 
 
 def main():
-    path = pathlib.Path(sys.argv[1]) if 1 < len(sys.argv) else DEFAULT
+    given = pathlib.Path(sys.argv[1]) if 1 < len(sys.argv) else DEFAULT
+    path = DEFAULT if given.is_dir() else given
     with path.open("rb") as seeking, path.open("rb") as plain:
         reader = SeekingReader(seeking, validate_crcs=True, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()

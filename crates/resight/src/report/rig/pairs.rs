@@ -57,7 +57,7 @@ fn cells(run: &RigRun, a: usize, b: usize) -> Vec<String> {
     let name = |i: usize| escaped(&run.rig.cameras[i].name);
     let place = b_from_a.origin();
     let mut cells = vec![name(a), name(b), super::grouped(run.solution.shared.counts[a][b])];
-    let turned = words::degrees(b_from_a.angle_to_rad(&Pose::identity()));
+    let turned_deg = b_from_a.angle_to_rad(&Pose::identity()).to_degrees();
     match covariance {
         Some(covariance) => {
             let of_place = geometry::place_covariance(&b_from_a, &covariance);
@@ -65,12 +65,14 @@ fn cells(run: &RigRun, a: usize, b: usize) -> Vec<String> {
             let distance = (along.transpose() * of_place * along)[(0, 0)].max(0.0).sqrt();
             cells.push(words::coordinate(place.norm(), distance).trim_start_matches('+').into());
             cells.extend((0..3).map(|i| words::coordinate(place[i], of_place[(i, i)].max(0.0).sqrt())));
-            cells.extend([turned, words::sigmas(&covariance).0.map(words::degrees).join(" ")]);
+            let turns = words::sigmas(&covariance).0;
+            let decimals = words::decimals(turns.into_iter().fold(0.0, f64::max).to_degrees());
+            cells.extend([format!("{turned_deg:.decimals$}°"), turns.map(words::degrees).join(" ")]);
         }
         None => {
             cells.push(words::length(place.norm()));
             cells.extend((0..3).map(|i| format!("{} mm", number(place[i] * 1e3, 1))));
-            cells.extend([turned, "–".into()]);
+            cells.extend([format!("{turned_deg:.2}°"), "–".into()]);
         }
     }
     cells

@@ -8,6 +8,8 @@ use crate::rig::RigRun;
 
 /// A size that differs by more than this many standard deviations is said to be off: chance does so once in 370 times.
 const CLEARLY_SIGMAS: f64 = 3.0;
+/// Who knows a size only to half of it knows nothing: no target is built that badly.
+const WORTHLESS_SIGMA: f64 = 0.5;
 
 /// Which joint of the rig is the weakest, and what would strengthen it; none for a single camera.
 pub fn weakest_link_sentence(run: &RigRun) -> Option<String> {
@@ -33,7 +35,7 @@ pub fn scale_sentences(run: &RigRun) -> Vec<String> {
 
 fn of_scale(name: &str, scale: &TargetScale) -> String {
     let (off, sigma) = (scale.ratio - 1.0, scale.sigma);
-    if !(sigma.is_finite() && off.is_finite()) {
+    if !(sigma < WORTHLESS_SIGMA && off.is_finite()) {
         return format!(
             "{name}: nothing else here has a length to compare its size with; an error of 1 % in it is an error of 1 % in every distance."
         );
@@ -69,6 +71,8 @@ mod tests {
         );
         assert!(say(0.996, 0.0005).contains("too large"));
         assert!(say(1.001, 0.0005).contains("agrees"));
-        assert!(say(1.0, f64::INFINITY).contains("1 % in every distance"));
+        for sigma in [f64::INFINITY, 1.49, f64::NAN] {
+            assert!(say(1.0, sigma).contains("1 % in every distance"));
+        }
     }
 }
