@@ -281,3 +281,27 @@ fn understated_sigmas_widen_the_answer() {
         assert!((0.85..1.15).contains(&(b.covariance.trace() / a.covariance.trace())));
     }
 }
+
+/// A distance known better than the pixels tell it is met, whichever camera is named first, and the covariance knows it.
+#[test]
+fn a_known_distance_is_met() {
+    let mut rng = Rng::new(41);
+    let room = rooms::row(&mut rng, 3, 8, 0.5);
+    let sightings = room.disturbed(&mut rng);
+    let truth_m = (room.cam_from_rig[1].origin() - room.cam_from_rig[2].origin()).norm();
+    let apart = |config: &RigConfig| {
+        let solution = room.solve(&sightings, config).expect("a rig");
+        let (relative, covariance) = solution.cam_b_from_cam_a(2, 1).expect("joint");
+        let along = relative.translation.normalize();
+        let variance = (covariance.fixed_view::<3, 3>(3, 3) * along).dot(&along);
+        (relative.translation.norm() - truth_m, variance.sqrt())
+    };
+    let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
+    let (_, free_sigma_m) = apart(&config);
+    assert!(1e-4 < free_sigma_m, "{free_sigma_m}");
+    for (a, b) in [(1, 2), (2, 1)] {
+        let known = [KnownDistance { a, b, distance_m: truth_m, sigma_m: 1e-6 }];
+        let (error_m, sigma_m) = apart(&RigConfig { known_distances: &known, ..config });
+        assert!(error_m.abs() < 4e-6 && sigma_m < 1.1e-6, "{error_m} {sigma_m}");
+    }
+}

@@ -17,8 +17,8 @@ pub(super) struct Hypothesis {
     pub(super) covariance: Matrix6,
     /// Probability among the minima of the sighting.
     pub(super) weight: f64,
-    /// −½ ln |Σ|: how well it is known, in no unit.
-    pub(super) sharpness: f64,
+    /// |Σ|^(1/6), larger for a less probable pose: how badly it is known.
+    pub(super) size: f64,
 }
 
 /// The poses that each sighting, in canonical order, may have, the most probable first; or why it has none.
@@ -84,8 +84,8 @@ fn minima(found: &PoseEstimate) -> Vec<Hypothesis> {
 }
 
 fn hypothesis(cam_from_target: Pose, covariance: Matrix6, weight: f64) -> Option<Hypothesis> {
-    let sharpness = sharpness(&covariance)?;
-    Some(Hypothesis { cam_from_target, covariance, weight, sharpness })
+    let size = (-(sharpness(&covariance)? + weight.ln()) / 3.0).exp();
+    Some(Hypothesis { cam_from_target, covariance, weight, size })
 }
 
 /// −½ ln |Σ|; none where Σ is no covariance.

@@ -12,7 +12,7 @@ use crate::least_squares::PivotedPose;
 use crate::least_squares::rig::RigPlaces;
 use crate::loss::Loss;
 use crate::refine::whitened_residual;
-use crate::{Error, Pose};
+use crate::{Error, Matrix6, Pose};
 
 /// Poses found so far; those of a body's targets in the frame of the target found first.
 struct Grown {
@@ -118,7 +118,7 @@ impl Grown {
             let placed = self.cam_from_rig[s.camera].is_some() && self.anchor_from_target[s.target].is_some();
             let (true, Some(h)) = (placed, first(sighted, i)) else { continue };
             let best = self.known[body].and_then(|k| first(sighted, k));
-            if best.is_none_or(|b| merit(b) < merit(h)) {
+            if best.is_none_or(|b| h.size < b.size) {
                 self.known[body] = Some(i);
             }
         }
@@ -134,8 +134,7 @@ impl Grown {
             };
             let Some(own) = first(sighted, i) else { continue };
             // |Σ₁ + Σ₂|^(1/6) is about the sum of both: the information of a link, per number.
-            let size = |h: &Hypothesis| (-merit(h) / 3.0).exp();
-            let gain = 1.0 / (size(known) + size(own));
+            let gain = 1.0 / (known.size + own.size);
             match (self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
                 (None, Some(_)) => of_camera[s.camera] += gain,
                 (Some(_), None) => of_target[s.target] += gain,
@@ -152,39 +151,50 @@ impl Grown {
 
     /// What each view says where a new camera or target is.
     fn votes(&self, node: Node, layout: &Layout, sighted: &Sighted) -> Vec<Vote> {
+        let is_of_node = |i: usize| match node {
+            Node::Camera(c) => c == layout.sightings[i].camera,
+            Node::Target(t) => t == layout.sightings[i].target,
+        };
         let mut votes = Vec::new();
-        for (i, s) in layout.sightings.iter().enumerate() {
+        for i in (0..layout.sightings.len()).filter(|i| is_of_node(*i)) {
             let group = layout.graph.links[i].body;
-            let (Some(k), Ok(own)) = (self.known[group], &sighted[i]) else { continue };
-            let (Some(known_cam_from_rig), Some(anchor_from_known), Ok(known)) = (
-                self.cam_from_rig[layout.sightings[k].camera],
-                self.anchor_from_target[layout.sightings[k].target],
-                &sighted[k],
-            ) else {
-                continue;
-            };
-            for (h, seen) in known.iter().flat_map(|h| own.iter().map(move |seen| (h, seen))) {
-                let anchor_from_known_cam = anchor_from_known * h.cam_from_target.inverse();
-                let (b_from_a, of_own, of_known) =
-                    match (node, self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
-                        (Node::Camera(c), None, Some(anchor_from_target)) if c == s.camera => {
-                            let cam_from_anchor = seen.cam_from_target * anchor_from_target.inverse();
-                            let cam_from_known_cam = cam_from_anchor * anchor_from_known_cam;
-                            (cam_from_known_cam * known_cam_from_rig, Pose::identity(), cam_from_known_cam)
-                        }
-                        (Node::Target(t), Some(cam_from_rig), None) if t == s.target => {
-                            let anchor_from_cam =
-                                anchor_from_known_cam * known_cam_from_rig * cam_from_rig.inverse();
-                            (anchor_from_cam * seen.cam_from_target, anchor_from_cam, anchor_from_known_cam)
-                        }
-                        _ => continue,
-                    };
-                let carried = of_own.product_covariance(&nalgebra::Matrix6::zeros(), &seen.covariance);
-                let covariance = of_known.product_covariance(&carried, &h.covariance);
-                votes.push(Vote { group, b_from_a, covariance, weight: h.weight * seen.weight });
-            }
+            let Some(k) = self.known[group].filter(|k| *k != i) else { continue };
+            let (Ok(known), Ok(own)) = (&sighted[k], &sighted[i]) else { continue };
+            let pairs = known.iter().flat_map(|known| own.iter().map(move |own| (known, own)));
+            votes.extend(pairs.filter_map(|(known, own)| self.vote(group, [k, i], [known, own], layout)));
         }
         votes
+    }
+
+    /// Of a known sighting and one of a new camera or target, each with one of its poses.
+    fn vote(
+        &self,
+        group: usize,
+        [k, i]: [usize; 2],
+        [known, own]: [&Hypothesis; 2],
+        layout: &Layout,
+    ) -> Option<Vote> {
+        let (placed, new) = (layout.sightings[k], layout.sightings[i]);
+        let placed_cam_from_rig = self.cam_from_rig[placed.camera]?;
+        let anchor_from_placed_cam =
+            self.anchor_from_target[placed.target]? * known.cam_from_target.inverse();
+        let (b_from_a, b_from_own, b_from_known) =
+            match (self.cam_from_rig[new.camera], self.anchor_from_target[new.target]) {
+                (None, Some(anchor_from_target)) => {
+                    let cam_from_anchor = own.cam_from_target * anchor_from_target.inverse();
+                    let cam_from_placed_cam = cam_from_anchor * anchor_from_placed_cam;
+                    (cam_from_placed_cam * placed_cam_from_rig, Pose::identity(), cam_from_placed_cam)
+                }
+                (Some(cam_from_rig), None) => {
+                    let anchor_from_cam =
+                        anchor_from_placed_cam * placed_cam_from_rig * cam_from_rig.inverse();
+                    (anchor_from_cam * own.cam_from_target, anchor_from_cam, anchor_from_placed_cam)
+                }
+                _ => return None,
+            };
+        let of_own = b_from_own.product_covariance(&Matrix6::zeros(), &own.covariance);
+        let covariance = b_from_known.product_covariance(&of_own, &known.covariance);
+        Some(Vote { group, b_from_a, covariance, weight: known.weight * own.weight })
     }
 
     fn check_complete(&self, layout: &Layout, sighted: &Sighted) -> Result<(), Error> {
@@ -232,10 +242,6 @@ impl Grown {
 /// The most probable pose of a sighting.
 fn first(sighted: &Sighted, i: usize) -> Option<&Hypothesis> {
     sighted[i].as_ref().ok()?.first()
-}
-
-fn merit(h: &Hypothesis) -> f64 {
-    h.sharpness + h.weight.ln()
 }
 
 /// Points of each sighting by which the poses of a body are compared.
