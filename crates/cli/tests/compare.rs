@@ -84,7 +84,7 @@ fn whichever_camera_was_knocked_is_named() {
         assert!(moved[0]["p"].as_f64().unwrap() < 1e-3 && moved[0]["dof"] == 6);
         let words = compare(&before, &after, &[]).stdout;
         let said = [
-            &format!("MOVED   3 cameras compared"),
+            &"MOVED   3 cameras compared".to_string(),
             &format!("{knocked} moved"),
             "right 12",
             "to the right",
@@ -202,10 +202,8 @@ fn poses_of_a_view_are_compared() {
     // The first view's camera 0.2 m to the side.
     let mut lines =
         json_lines(&resight(&["solve", &data("points.csv"), "--camera", &data("camera.toml"), "--json"]));
-    for pose in [&mut lines[0]] {
-        let x = pose["cam_from_target"]["translation_m"][0].as_f64().unwrap();
-        pose["cam_from_target"]["translation_m"][0] = Value::from(x + 0.2);
-    }
+    let translation = &mut lines[0]["cam_from_target"]["translation_m"];
+    translation[0] = Value::from(translation[0].as_f64().unwrap() + 0.2);
     let text: String = lines.iter().map(|l| format!("{l}\n")).collect();
     let after = write(&folder, "after.jsonl", &text);
     let run = compare(&before, &after, &["--json"]);

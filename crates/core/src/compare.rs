@@ -57,8 +57,8 @@ const MAX_SETS: usize = 20_000;
 /// that something moved when nothing did, docs/math/compare.md eq. (7).
 ///
 /// # Errors
-/// `CountMismatch` for lists of different lengths, `TooFewCameras`-like `InvalidSetting` for fewer than two cameras, a chance outside
-/// (0, 1), numbers that are none, or a covariance that is not positive definite once the rig's frame is divided out.
+/// `CountMismatch` for lists of different lengths; `InvalidSetting` for fewer than two cameras, a chance outside (0, 1), numbers that
+/// are none, or a covariance that is not positive definite once the rig's frame is divided out.
 pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<RigComparison, Error> {
     check(before, after, false_alarm)?;
     let differences = Differences { before, after };
