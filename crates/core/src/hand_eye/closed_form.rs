@@ -192,3 +192,70 @@ fn mean_holder(stations: &[Station], cam_from_carrier: &Pose) -> Option<Pose> {
     let translation = all.iter().map(|pose| pose.translation).sum::<Vector3<f64>>() / all.len() as f64;
     Some(Pose::new(rotation, translation))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vector6;
+
+    fn poses() -> Poses {
+        Poses {
+            cam_from_carrier: Pose::exp(&Vector6::new(0.7, -1.1, 0.4, 0.2, -0.1, 0.3)),
+            holder_from_target: Pose::exp(&Vector6::new(-0.3, 0.5, 1.9, 1.0, 2.0, -0.5)),
+        }
+    }
+
+    fn station(carrier_from_holder: Pose) -> Station {
+        let Poses { cam_from_carrier, holder_from_target } = poses();
+        Station {
+            cam_from_target: cam_from_carrier * carrier_from_holder * holder_from_target,
+            carrier_from_holder,
+        }
+    }
+
+    fn off(found: &Poses) -> f64 {
+        let x = (found.cam_from_carrier * poses().cam_from_carrier.inverse()).log().amax();
+        x.max((found.holder_from_target * poses().holder_from_target.inverse()).log().amax())
+    }
+
+    /// Three stations with turns about different axes; no adjustment follows that could hide a slip.
+    #[test]
+    fn exact_stations_give_the_exact_poses() {
+        let stations = [
+            Vector6::new(0.1, 0.2, -0.3, 0.5, 0.1, 0.2),
+            Vector6::new(-0.6, 0.3, 0.2, -0.4, 0.3, 0.7),
+            Vector6::new(0.2, -0.9, 0.5, 0.1, -0.8, 0.3),
+        ]
+        .map(|xi| station(Pose::exp(&xi)));
+        let found = closed_forms(&stations, None);
+        assert!(found.len() == 1 && off(&found[0]) < 1e-12, "{:?}", found.first().map(off));
+    }
+
+    /// A turn of π about z between the first two: among the signs tried is the right one.
+    #[test]
+    fn a_half_turn_is_tried_with_both_signs() {
+        let stations = [
+            Vector6::zeros(),
+            Vector6::new(0.0, 0.0, core::f64::consts::PI, 0.4, 0.3, 0.7),
+            Vector6::new(0.2, -0.9, 0.5, 0.1, -0.8, 0.3),
+        ]
+        .map(|xi| station(Pose::exp(&xi)));
+        let found = closed_forms(&stations, None);
+        assert!(2 <= found.len() && found.iter().any(|poses| off(poses) < 1e-12));
+    }
+
+    /// Turns about the carrier's z only, the camera's height along it known.
+    #[test]
+    fn parallel_axes_and_a_height_give_the_exact_poses() {
+        let stations = [
+            Vector6::new(0.0, 0.0, -0.3, 0.5, 0.1, 0.0),
+            Vector6::new(0.0, 0.0, 0.8, -0.4, 0.3, 0.0),
+            Vector6::new(0.0, 0.0, 0.2, 0.1, -0.8, 0.0),
+        ]
+        .map(|xi| station(Pose::exp(&xi)));
+        let height_m = poses().cam_from_carrier.origin().z;
+        let height = Height { direction_in_carrier: Vector3::z() * 2.0, height_m, sigma_m: 1.0 };
+        let found = closed_forms(&stations, Some(&Parallel { height }));
+        assert!(found.len() == 1 && off(&found[0]) < 1e-12, "{:?}", found.first().map(off));
+    }
+}
