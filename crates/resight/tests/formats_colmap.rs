@@ -159,7 +159,7 @@ fn colmap_alone_and_without_poses() {
     assert_eq!(files.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), ["cameras.txt"]);
     unplaced[0].placement = cameras("placed_rig.toml")[0].placement.clone();
     let WriteError(reason) = write_cameras(&unplaced, Format::Colmap).unwrap_err();
-    assert_says(&reason, &["no pose joins `right`, `tele` to `world`"]);
+    assert_says(&reason, &["no pose joins camera `right` to `world`"]);
     let mut blank = cameras("placed_rig.toml");
     blank[1].name = "front right".into();
     blank[1].placement.as_mut().unwrap().b = "front right".into();

@@ -26,7 +26,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 const SENSOR_MM: f64 = 36.0;
 
 fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(file, "a Blender script")?;
+    let rig = placed(file, Format::Blender)?;
     let rows = rig.cameras.iter().map(camera_text).collect::<Result<Vec<String>, WriteError>>()?;
     let turn = if rig.root_is_camera { upright_from_cam() } else { Pose::identity() };
     let values = format!(

@@ -128,7 +128,7 @@ fn placement(entry: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> 
 fn write_caliscope(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
     let cameras = &file.cameras;
     let numbered = cameras.iter().all(|c| c.name.parse::<u32>().is_ok_and(|n| n.to_string() == c.name));
-    let poses = poses_of(file)?;
+    let poses = poses_of(file, Format::Caliscope)?;
     let mut text =
         String::from("# rotation (Rodrigues, rad) and translation map world points into the camera.\n");
     for (i, (camera, cam_from_root)) in cameras.iter().zip(poses).enumerate() {
@@ -147,7 +147,7 @@ fn write_caliscope(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
 fn write_aniposelib(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
     let cameras = &file.cameras;
     let digits = cameras.len().saturating_sub(1).to_string().len();
-    let poses = poses_of(file)?;
+    let poses = poses_of(file, Format::Aniposelib)?;
     let mut text =
         String::from("# rotation (Rodrigues, rad) and translation map world points into the camera.\n");
     for (i, (camera, cam_from_root)) in cameras.iter().zip(poses).enumerate() {
@@ -161,12 +161,12 @@ fn write_aniposelib(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
 }
 
 /// Poses in one frame; a camera alone stands in its own, and cameras that have none stay without.
-fn poses_of(file: &CameraFile) -> Result<Vec<Option<Pose>>, WriteError> {
+fn poses_of(file: &CameraFile, format: Format) -> Result<Vec<Option<Pose>>, WriteError> {
     let cameras = &file.cameras;
     if 1 < cameras.len() && cameras.iter().all(|c| c.placement.is_none()) && file.relations.is_empty() {
         return Ok(vec![None; cameras.len()]);
     }
-    let rig = placed(file, "a camera array")?;
+    let rig = placed(file, format)?;
     Ok(rig.cameras.iter().map(|c| Some(c.cam_from_root)).collect())
 }
 

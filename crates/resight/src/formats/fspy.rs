@@ -44,7 +44,7 @@ fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
             camera.name, k.fx_px, k.fy_px
         )));
     }
-    let rig = placed(file, "fSpy")?;
+    let rig = placed(file, Format::FSpy)?;
     let world_from_cam = rig.cameras[0].root_from_gl_cam();
     Ok(OutFile::only("fspy.json", text(&k, size, &world_from_cam)))
 }

@@ -37,7 +37,7 @@ struct Wires {
 }
 
 fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(file, "a glTF scene")?;
+    let rig = placed(file, Format::Gltf)?;
     let depth_m = depth_of(&rig);
     let mut wires = Vec::with_capacity(file.cameras.len());
     for camera in &file.cameras {

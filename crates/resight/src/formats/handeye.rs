@@ -70,7 +70,7 @@ fn frame(parameters: &Entry<'_>, keys: &[&str]) -> Result<String, Fault> {
 /// One camera; the keys stand both at the top, where older versions look, and below `parameters`.
 fn write(file: &CameraFile, on_hand: bool) -> Result<Vec<OutFile>, WriteError> {
     let camera = the_only(&file.cameras, "easy_handeye")?;
-    let rig = placed(file, "easy_handeye")?;
+    let rig = placed(file, Format::EasyHandeyeOnBase)?;
     if rig.root_is_camera {
         return Err(WriteError(format!(
             "{}: easy_handeye holds the pose of a camera on a robot, and no pose of this one is known",

@@ -85,7 +85,7 @@ fn one_camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, F
 
 /// All cameras in one group; MC-Calib calls them by number, so that other names are kept in a comment.
 fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(file, "MC-Calib")?;
+    let rig = placed(file, Format::McCalib)?;
     let mut out = format!("%YAML:1.0\n---\nnb_camera: {}\n", file.cameras.len());
     for (i, c) in rig.cameras.iter().enumerate() {
         let name = &c.camera.name;

@@ -83,7 +83,7 @@ fn placement(root: &Entry<'_>, name: &str) -> Result<Option<Placement>, Fault> {
 
 /// One file a camera, all with the same reference frame; without a pose the camera is its own reference.
 fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
-    let rig = placed(file, "a set of mrcal models")?;
+    let rig = placed(file, Format::Mrcal)?;
     let pose_of = |camera: &NamedCamera| {
         let found = rig.cameras.iter().find(|c| c.camera.name == camera.name);
         found.map_or_else(Pose::identity, |c| c.cam_from_root)

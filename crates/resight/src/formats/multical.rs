@@ -91,7 +91,7 @@ fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
     let cameras = &file.cameras;
     let entries = cameras.iter().map(camera_text).collect::<Result<Vec<String>, WriteError>>()?;
     let posed = cameras.iter().any(|c| c.placement.is_some()) || !file.relations.is_empty();
-    let poses = if posed { poses_text(&placed(file, "multical")?) } else { String::new() };
+    let poses = if posed { poses_text(&placed(file, Format::Multical)?) } else { String::new() };
     let text = format!("{{\n  \"cameras\": {{\n{}\n  }}{poses}\n}}\n", entries.join(",\n"));
     Ok(OutFile::only("calibration.json", text))
 }

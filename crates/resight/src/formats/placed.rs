@@ -1,7 +1,7 @@
 //! Cameras in one common frame, whichever way their poses were stated: what most foreign files want.
 
 use super::frames::Frames;
-use super::{CameraFile, NamedCamera, OutFile, WriteError};
+use super::{CameraFile, Format, NamedCamera, OutFile, WriteError};
 use crate::core::Pose;
 use crate::core::camera::ImageSize;
 use nalgebra::{Matrix3, Vector3};
@@ -21,37 +21,18 @@ pub(super) struct PlacedRig<'a> {
     pub cameras: Vec<Placed<'a>>,
 }
 
-/// Every camera in one frame: the first frame among their poses that is not a camera, else the first camera.
-///
-/// Errors, naming them, when cameras are not joined to the first by any chain of poses; `format` is who asks.
-pub(super) fn placed<'a>(file: &'a CameraFile, format: &str) -> Result<PlacedRig<'a>, WriteError> {
+/// Every camera in the rig's natural frame (`Frames::natural`); errors when no pose joins one to it.
+pub(super) fn placed(file: &CameraFile, format: Format) -> Result<PlacedRig<'_>, WriteError> {
     let cameras = &file.cameras;
-    let root = root_of(cameras);
-    let reached = Frames::of(cameras, &file.relations).reached_from(&root);
-    let pose_of = |name: &str| reached.iter().find(|(frame, _)| frame == name).map(|(_, pose)| *pose);
-    let mut found = Vec::with_capacity(cameras.len());
-    let mut lost = Vec::new();
-    for camera in cameras {
-        match pose_of(&camera.name) {
-            Some(cam_from_root) => found.push(Placed { camera, cam_from_root }),
-            None => lost.push(format!("`{}`", camera.name)),
-        }
-    }
-    if !lost.is_empty() {
-        return Err(WriteError(format!(
-            "{format} holds cameras in one frame, but no pose joins {} to `{root}`; give the file with the \
-                missing poses too, or write these cameras apart",
-            lost.join(", ")
-        )));
-    }
+    let frames = Frames::of_rig(file);
+    let root = frames.common(cameras, &[], format)?;
+    let reached = frames.reached_from(&root);
+    let pose_of = |camera: &NamedCamera| reached.iter().find(|(frame, _)| *frame == camera.name);
+    let place =
+        |camera| pose_of(camera).map(|(_, cam_from_root)| Placed { camera, cam_from_root: *cam_from_root });
+    let placed = cameras.iter().filter_map(place).collect();
     let root_is_camera = cameras.iter().any(|c| c.name == root);
-    Ok(PlacedRig { root, root_is_camera, cameras: found })
-}
-
-fn root_of(cameras: &[NamedCamera]) -> String {
-    let frames = cameras.iter().filter_map(|c| c.placement.as_ref()).flat_map(|p| [&p.a, &p.b]);
-    let other = |frame: &&String| cameras.iter().all(|c| c.name != **frame);
-    frames.into_iter().find(other).or(cameras.first().map(|c| &c.name)).cloned().unwrap_or_default()
+    Ok(PlacedRig { root, root_is_camera, cameras: placed })
 }
 
 impl Placed<'_> {

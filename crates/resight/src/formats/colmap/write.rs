@@ -8,7 +8,7 @@ use crate::core::camera::CameraMatrix;
 use crate::formats::emit::number;
 use crate::formats::lens::{self, LensNumbers};
 use crate::formats::placed::{PlacedRig, placed, size_of};
-use crate::formats::{CameraFile, NamedCamera, OutFile, WriteError};
+use crate::formats::{CameraFile, Format, NamedCamera, OutFile, WriteError};
 
 /// `cameras.txt` alone where no camera has a pose; the whole model otherwise.
 pub(in crate::formats) fn write(file: &CameraFile) -> Result<Vec<OutFile>, WriteError> {
@@ -23,7 +23,7 @@ pub(in crate::formats) fn write(file: &CameraFile) -> Result<Vec<OutFile>, Write
             odd.name
         )));
     }
-    let rig = placed(file, "a COLMAP model")?;
+    let rig = placed(file, Format::Colmap)?;
     files.push(table("rigs.txt", rigs_text(&rig)));
     files.push(table("frames.txt", frames_text(&rig)));
     files.push(table("images.txt", images_text(&rig)));
