@@ -205,13 +205,16 @@ fn positional_angles_are_yaw_pitch_roll() {
     assert_close(&(map_from_base * Point::new(1.0, 0.0, 0.0)), [0.28, 0.96, 1.0]);
 }
 
-/// The mast tilts by 0.1 rad about y; both cameras hang 0.12 m apart across it.
+/// The mast is turned by rpy = (0.05, 0.1, 0.2): its x and y axes by the columns of R_z R_y R_x, written out. The cameras
+/// hang 0.06 m to either side of it and look along its x.
 #[test]
 fn urdf_chains_joints() {
     let rig = rig_of(&["own_pinhole.toml", "robot.urdf"]);
     let base_from_left = between(&rig, "base_link", "left_optical_frame");
-    assert_close(&base_from_left.translation, [0.1, 0.06, 1.2]);
-    assert_close(&(base_from_left.rotation * Point::z()), [0.1_f64.cos(), 0.0, -(0.1_f64.sin())]);
+    let ((sr, cr), (sp, cp), (sy, cy)) = (0.05_f64.sin_cos(), 0.1_f64.sin_cos(), 0.2_f64.sin_cos());
+    let y = [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr];
+    assert_close(&base_from_left.translation, [0.1 + 0.06 * y[0], 0.06 * y[1], 1.2 + 0.06 * y[2]]);
+    assert_close(&(base_from_left.rotation * Point::z()), [cy * cp, sy * cp, -sp]);
     let left_from_right = between(&rig, "left_optical_frame", "right_optical_frame");
     assert_close(&left_from_right.translation, [0.12, 0.0, 0.0]);
     assert!(rig.warnings.iter().any(|w| w.contains("joint wheel is continuous")), "{:?}", rig.warnings);
@@ -295,7 +298,7 @@ fn poses_join_lenses_by_name() {
     let rig = read_rig(&both).unwrap();
     let said = rig.warnings.iter().filter(|w| w.contains("two files place")).collect::<Vec<_>>();
     assert_eq!(said.len(), 2, "{said:?}");
-    assert!(said[0].contains("0.0 mm and 5.73° apart"), "{said:?}");
+    assert!(said[0].contains("12.0 mm and 13.00° apart"), "{said:?}");
     assert_eq!(rig.cameras[0].placement.as_ref().unwrap().b, "mast");
 
     let refused = |paths: &[PathBuf], words: &str| {

@@ -122,21 +122,23 @@ fn positional_placement(command: &Command) -> Result<Placement, Fault> {
     }
 }
 
+/// Every flag takes one value.
+const FLAGS: [&str; 12] = [
+    "--x",
+    "--y",
+    "--z",
+    "--qx",
+    "--qy",
+    "--qz",
+    "--qw",
+    "--roll",
+    "--pitch",
+    "--yaw",
+    "--frame-id",
+    "--child-frame-id",
+];
+
 fn named_placement(command: &Command) -> Result<Placement, Fault> {
-    const FLAGS: [&str; 12] = [
-        "--x",
-        "--y",
-        "--z",
-        "--qx",
-        "--qy",
-        "--qz",
-        "--qw",
-        "--roll",
-        "--pitch",
-        "--yaw",
-        "--frame-id",
-        "--child-frame-id",
-    ];
     let words: Vec<&str> =
         command.words.iter().map(String::as_str).take_while(|w| *w != "--ros-args").collect();
     let pairs: Vec<&[&str]> = words.chunks(2).collect();
