@@ -198,15 +198,15 @@ pub struct RigSolution {
 /// The weakest joint of the camera graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeakestLink {
-    /// The camera known least relative to the rest.
+    /// Its end in the smaller of the two groups that hang on it.
     pub camera: usize,
-    /// The camera it shares most views with.
+    /// Its other end.
     pub with: usize,
     /// How many views they share.
     pub n_shared_views: usize,
-    /// Its largest standard deviation of rotation, rad.
+    /// Largest standard deviation of the rotation between them, rad.
     pub sigma_rad: f64,
-    /// Its largest standard deviation of place, m.
+    /// Largest standard deviation of the place of one seen from the other, m.
     pub sigma_m: f64,
 }
 
