@@ -91,11 +91,11 @@ fn chi2_has_its_mean() {
     let n = 5;
     let mut rng = Rng::new(99);
     let truth = ring(n);
-    let (first, second) = (covariance(n, 0, &mut rng), covariance(n, 2, &mut rng));
+    let (first, second) = (covariance(n, 3, &mut rng), covariance(n, 2, &mut rng));
     let n_trials = 2000;
     let mut sum = 0.0;
     for _ in 0..n_trials {
-        let before = calibrated(&truth, &first, 0, &mut rng);
+        let before = calibrated(&truth, &first, 3, &mut rng);
         let after = calibrated(&truth, &second, 2, &mut rng);
         sum += compare_rigs(&before, &after, 1e-3).unwrap().chi2;
     }
@@ -184,12 +184,12 @@ fn the_motion_found_has_its_covariance() {
     let mut rng = Rng::new(5);
     let truth = ring(n);
     let new_from_old = Pose::exp(&Vector6::new(0.005, 0.02, -0.01, 0.03, 0.0, 0.01));
-    let cov = covariance(n, 0, &mut rng);
-    let moved = with_moved(&truth, &[0], &new_from_old);
+    let cov = covariance(n, 1, &mut rng);
+    let moved = with_moved(&truth, &[3], &new_from_old);
     let (mut sum, n_trials) = (0.0, 600);
     for _ in 0..n_trials {
-        let before = calibrated(&truth, &cov, 0, &mut rng);
-        let after = calibrated(&moved, &cov, 0, &mut rng);
+        let before = calibrated(&truth, &cov, 1, &mut rng);
+        let after = calibrated(&moved, &cov, 1, &mut rng);
         let found = compare_rigs(&before, &after, LEVEL).unwrap();
         assert_eq!(found.moved.len(), 1);
         let m = &found.moved[0];

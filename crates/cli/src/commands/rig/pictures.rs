@@ -19,6 +19,9 @@ use views::Picture;
 /// When each frame of each camera was taken, s.
 type Times = HashMap<(usize, String), f64>;
 
+/// A camera and its video file.
+type CameraVideo = (usize, PathBuf);
+
 /// A frame to look at.
 struct Job {
     camera: usize,
@@ -74,8 +77,8 @@ pub fn look(args: &SeenArgs, collected: &mut Collected) -> Result<()> {
 }
 
 /// Images and videos of each `NAME=GLOB`; a video belongs to one camera.
-fn sources(arguments: &[String], collected: &mut Collected) -> Result<(Vec<Picture>, Vec<(usize, PathBuf)>)> {
-    let (mut pictures, mut videos): (Vec<Picture>, Vec<(usize, PathBuf)>) = Default::default();
+fn sources(arguments: &[String], collected: &mut Collected) -> Result<(Vec<Picture>, Vec<CameraVideo>)> {
+    let (mut pictures, mut videos): (Vec<Picture>, Vec<CameraVideo>) = Default::default();
     let names: Vec<String> = collected.cameras.iter().map(|camera| camera.name.clone()).collect();
     for argument in arguments {
         let (Some(name), pattern) = named::split(argument) else {
