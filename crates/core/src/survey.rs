@@ -49,6 +49,7 @@ pub enum Plane {
 
 /// Something known about the scene. Points, photographs and planes are named by their index.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A survey has hundreds of facts, not millions; a box each would buy nothing.
 pub enum Fact {
     /// A point was seen at a pixel of a photograph.
     Click {

@@ -20,8 +20,10 @@ use moments::Moments;
 use resight::core::rig::KnownDistance;
 use resight::core::{Correspondence, Pose};
 use resight::formats::{own_file, write_atomically};
+use resight::report::rig_page;
 use resight::rig::gather::{Gathered, Glimpse, gather};
 use resight::rig::{InputFile, NamedTarget, digest};
+use resight::scene::rig_scene;
 use solving::Solved;
 use std::path::{Path, PathBuf};
 
@@ -34,7 +36,7 @@ use std::path::{Path, PathBuf};
   resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\
       --images left='left*.jpg' --images right='right*.jpg' -o rig.toml
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
-      --timestamps times.csv --sync-tolerance-ms 20 -o rig.toml
+      --timestamps times.csv --sync-tolerance-ms 20 -o rig.toml --report rig.html --scene rig.mcap
   resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json
   resight rig --pairs pairs.csv --anchor cam1 -o rig.toml
   resight rig --hand-eye motions.csv --camera cam.yaml --target board.toml --images cam='*.jpg' --json")]
@@ -117,6 +119,12 @@ struct RigOutputArgs {
     /// Writes the cameras with their places and covariances to FILE (TOML), which --camera and `compare` read.
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Writes one self-contained page to FILE (HTML): the rig to turn, residuals, views, pairs, input hashes.
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["pairs", "hand_eye"])]
+    report: Option<PathBuf>,
+    /// Writes cameras, targets and frames to FILE (MCAP) for Foxglove and Rerun.
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["pairs", "hand_eye"])]
+    scene: Option<PathBuf>,
 }
 
 /// What one frame shows.
@@ -153,7 +161,7 @@ struct Collected {
 
 /// See `Rig`.
 pub fn run(args: &Rig) -> Result<Outcome> {
-    if let Some(path) = &args.output.output {
+    for path in [&args.output.output, &args.output.report, &args.output.scene].into_iter().flatten() {
         crate::files::must_be_writable(path)?;
     }
     if let Some(path) = &args.pairs.pairs {
@@ -216,6 +224,12 @@ fn on_hand(
 fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Outcome> {
     if let Some(path) = &args.output {
         write_atomically(path, own_file(&solved.run.placed_cameras())?.as_bytes())?;
+    }
+    if let Some(path) = &args.report {
+        write_atomically(path, rig_page(&solved.run).as_bytes())?;
+    }
+    if let Some(path) = &args.scene {
+        write_atomically(path, &rig_scene(&solved.run))?;
     }
     match args.json {
         true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,

@@ -42,7 +42,7 @@ pub struct HandEyeArgs {
     hand_sigma_mm: Option<f64>,
     /// The camera's place along --height-axis, m from the hand's origin (from the base's with --target-on-hand): needed where the
     /// hand turns about parallel axes only, as vehicles do.
-    #[arg(long, value_name = "M", requires = "hand_eye", allow_negative_numbers = true)]
+    #[arg(long = "height-known-m", value_name = "M", requires = "hand_eye", allow_negative_numbers = true)]
     height_known: Option<f64>,
     /// Standard deviation of that height.
     #[arg(long, value_name = "MM", requires = "height_known", default_value = "1", value_parser = positive)]

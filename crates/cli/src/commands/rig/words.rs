@@ -2,7 +2,8 @@
 
 use super::solving::{Solved, rejection};
 use crate::text::line;
-use resight::core::rig::{TargetScale, shared_views as shared};
+use resight::core::rig::shared_views as shared;
+use resight::report::rig::{scale_sentences, weakest_link_sentence};
 use resight::report::verdict::figures;
 use resight::report::words::{coordinate, degrees, length, place_sigma_m, sigmas};
 use resight::rig::gather::Gathered;
@@ -11,8 +12,6 @@ use std::collections::BTreeMap;
 
 /// What was left out is named up to here; the JSON names all.
 const MAX_NAMED: usize = 8;
-/// A target's size known worse than this is as good as not known.
-const MAX_SCALE_SIGMA: f64 = 0.1;
 /// More pairs than this are counted; the JSON names all.
 const MAX_PAIRS: usize = 28;
 
@@ -79,13 +78,9 @@ pub fn describe(solved: &Solved) -> String {
     out.push('\n');
     world(solved, &mut out);
     weakest(solved, &mut out);
-    line(&mut out, "scale", &sentence(&scale(solved)));
+    line(&mut out, "scale", &scale(solved));
     left_out(solved, &mut out);
     out
-}
-
-fn sentence(text: &str) -> String {
-    format!("{text}.")
 }
 
 fn name(solved: &Solved, camera: usize) -> &str {
@@ -164,49 +159,14 @@ fn world(solved: &Solved, out: &mut String) {
 }
 
 fn weakest(solved: &Solved, out: &mut String) {
-    let Some(link) = &solved.run.solution.weakest_link else { return };
-    let views = if link.n_shared_views == 1 { "view" } else { "views" };
-    let text = format!(
-        "{} hangs on {} by {} shared {views}: ± {}, ± {}; more views of these two together help most.",
-        name(solved, link.camera),
-        name(solved, link.with),
-        link.n_shared_views,
-        length(link.sigma_m),
-        degrees(link.sigma_rad)
-    );
-    line(out, "weakest", &text);
+    if let Some(text) = weakest_link_sentence(&solved.run) {
+        line(out, "weakest", &text);
+    }
 }
 
 /// What is known about the targets' sizes, on which every length rests.
 pub fn scale(solved: &Solved) -> String {
-    let scales = solved.run.rig.targets.iter().zip(&solved.run.solution.scales);
-    let said: Vec<String> = scales
-        .filter(|(_, scale)| scale.sigma < MAX_SCALE_SIGMA)
-        .map(|(target, scale)| scale_of(&target.name, scale))
-        .collect();
-    match said.is_empty() {
-        true => {
-            "nothing to compare the target's size with: 1 % error of it is 1 % of every distance".to_string()
-        }
-        false => said.join("; "),
-    }
-}
-
-/// Two standard deviations tell a wrong size from noise.
-fn scale_of(name: &str, scale: &TargetScale) -> String {
-    let (off, sigma) = (scale.ratio - 1.0, scale.sigma);
-    let percent = |x: f64| format!("{} %", figures(100.0 * x.abs()));
-    if off.abs() < 2.0 * sigma {
-        return format!("{name} has the size stated to within ± {}", percent(sigma));
-    }
-    let way = if 0.0 < off { "small" } else { "large" };
-    format!(
-        "{name} is stated {} too {way} (± {}): {} of {}",
-        percent(off),
-        percent(sigma),
-        length(off.abs() * scale.extent_m),
-        length(scale.extent_m)
-    )
+    scale_sentences(&solved.run).join(" ")
 }
 
 fn left_out(solved: &Solved, out: &mut String) {
