@@ -63,27 +63,27 @@ pub(crate) fn rows(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Ro
         Fact::Upright { plane, foot, top, sigma_rad } => {
             upright(&state.planes[*plane], [*foot, *top], *sigma_rad, layout.tilt[*plane], state, layout)
         }
-        Fact::Gravity { plane, photo, down_in_cam, sigma_rad } => {
-            let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
-            let prior = Prior::Gravity {
-                down_in_target: -at.normal,
-                down_in_cam: *down_in_cam,
-                sigma_rad: *sigma_rad,
-            };
-            let predicted = -(pose.rotation * at.normal);
-            // A turn of the plane's normal moves the predicted direction as this turn of the camera would.
-            let turns = at.tangents().map(|b| predicted.cross(&-(pose.rotation * b)));
-            let with_tilt = |f: &Factor| {
-                let tilts = turns.map(|turn| f.by_rotation.dot(&turn));
-                by_motion(f, layout.photo[*photo]).by(layout.tilt[*plane], &tilts)
-            };
-            factors(&prior, pose).iter().map(with_tilt).collect()
-        }
+        Fact::Gravity { .. } => gravity(fact, state, layout),
         Fact::Pose { photo, cam_from_world, covariance: Some(covariance) } => {
             of_pose(&state.photos[*photo], cam_from_world, covariance, layout.photo[*photo])
         }
         Fact::Pose { covariance: None, .. } => Vec::new(),
     })
+}
+
+/// The direction down as a camera measures it; a turn of the plane's normal moves the predicted direction as a turn of the camera would.
+fn gravity(fact: &Fact, state: &State, layout: &Layout) -> Vec<Row> {
+    let Fact::Gravity { plane, photo, down_in_cam, sigma_rad } = fact else { return Vec::new() };
+    let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
+    let prior =
+        Prior::Gravity { down_in_target: -at.normal, down_in_cam: *down_in_cam, sigma_rad: *sigma_rad };
+    let predicted = -(pose.rotation * at.normal);
+    let turns = at.tangents().map(|b| predicted.cross(&-(pose.rotation * b)));
+    let with_tilt = |f: &Factor| {
+        let tilts = turns.map(|turn| f.by_rotation.dot(&turn));
+        by_motion(f, layout.photo[*photo]).by(layout.tilt[*plane], &tilts)
+    };
+    factors(&prior, pose).iter().map(with_tilt).collect()
 }
 
 fn by_motion(f: &Factor, at: Option<usize>) -> Row {
