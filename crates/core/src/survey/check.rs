@@ -1,8 +1,8 @@
 //! Refuses numbers that cannot be right, naming the fact.
 
 use super::{Fact, Plane, Survey, SurveyCamera};
-use crate::Error;
 use crate::prior::Prior;
+use crate::{Error, Pose};
 use nalgebra::Matrix3;
 
 /// A standard deviation: its variance and the inverse of it must be numbers too.
@@ -16,6 +16,14 @@ const LEAST_VARIANCE_PX2: f64 = 1e-24;
 /// A unit vector given in decimals is one to this.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
+fn check_pose(index: usize, cam_from_world: &Pose) -> Result<(), Error> {
+    let r = cam_from_world.rotation;
+    let off = (r * r.transpose() - Matrix3::identity()).amax();
+    let is_right = off <= UNIT_TOLERANCE && cam_from_world.translation.sum().is_finite();
+    let (what, needed) = ("cam_from_world", "R Rᵀ must be the identity, t finite");
+    if is_right { Ok(()) } else { Err(Error::InvalidFact { fact: index, what, seen: off, needed }) }
+}
+
 impl Fact {
     fn check_numbers(&self, index: usize) -> Result<(), Error> {
         let refuse = |what, seen, needed| Err(Error::InvalidFact { fact: index, what, seen, needed });
@@ -24,13 +32,12 @@ impl Fact {
             Fact::Click { pixel, .. } if !pixel.sum().is_finite() => refuse("pixel", pixel.sum(), finite),
             Fact::Click { covariance_px2, .. } => {
                 let least = covariance_px2.least_variance_px2();
-                match LEAST_VARIANCE_PX2 < least && least.is_finite() {
-                    true => Ok(()),
-                    false => refuse(
-                        "the least variance of the pixel, px²,",
-                        least,
-                        "it must be positive and finite",
-                    ),
+                let is_right = LEAST_VARIANCE_PX2 < least && least.is_finite();
+                let needed = "it must be positive and finite";
+                if is_right {
+                    Ok(())
+                } else {
+                    refuse("the least variance of the pixel, px²,", least, needed)
                 }
             }
             Fact::Place { x_in_world, .. } if !x_in_world.sum().is_finite() => {
@@ -55,14 +62,7 @@ impl Fact {
             Fact::Pose { cam_from_world, covariance: Some(covariance), .. } => {
                 Prior::Pose { cam_from_target: *cam_from_world, covariance: *covariance }.check(index)
             }
-            Fact::Pose { cam_from_world, .. } => {
-                let r = cam_from_world.rotation;
-                let off = (r * r.transpose() - Matrix3::identity()).amax();
-                match off <= UNIT_TOLERANCE && cam_from_world.translation.sum().is_finite() {
-                    true => Ok(()),
-                    false => refuse("cam_from_world", off, "R Rᵀ must be the identity, t finite"),
-                }
-            }
+            Fact::Pose { cam_from_world, .. } => check_pose(index, cam_from_world),
             _ => Ok(()),
         }
     }
