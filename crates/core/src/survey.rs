@@ -50,6 +50,7 @@ pub enum Plane {
 
 /// Something known about the scene. Points, photographs and planes are named by their index.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A survey has a few hundred facts; a box would take away Copy.
 pub enum Fact {
     /// A point was seen at a pixel of a photograph.
     Click {
