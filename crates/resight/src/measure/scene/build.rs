@@ -23,6 +23,9 @@ const DEFAULT_LEAN_RAD: f64 = 0.01;
 /// Coordinates farther from zero than this are moved near it for the computation, m.
 const FAR_M: f64 = 10_000.0;
 
+/// What tells one camera from another: its file, the size of its pictures; and its stated sigmas.
+type CameraUse<'a> = (String, Option<(u32, u32)>, &'a BTreeMap<String, f64>);
+
 /// A scene in the making.
 pub(super) struct Builder {
     path: PathBuf,
@@ -84,7 +87,7 @@ impl Builder {
         if file.photo.is_empty() {
             return Err(self.fault("no [[photo]]; give at least one with name, camera and clicks"));
         }
-        let mut used: Vec<(String, Option<(u32, u32)>, &BTreeMap<String, f64>)> = Vec::new();
+        let mut used: Vec<CameraUse> = Vec::new();
         for (index, photo) in file.photo.iter().enumerate() {
             if file.photo[..index].iter().any(|other| other.name == photo.name) {
                 return Err(
