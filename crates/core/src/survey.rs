@@ -5,6 +5,7 @@
 //!
 //! starts → adjust → drop what is undetermined → check. Each step is one file.
 
+mod check;
 mod state;
 mod rows;
 mod trilaterate;
@@ -49,7 +50,7 @@ pub enum Plane {
 
 /// Something known about the scene. Points, photographs and planes are named by their index.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(clippy::large_enum_variant)] // A survey has hundreds of facts, not millions; a box each would buy nothing.
+#[allow(clippy::large_enum_variant)] // A survey has a few hundred facts; a box would take away Copy.
 pub enum Fact {
     /// A point was seen at a pixel of a photograph.
     Click {
@@ -251,117 +252,6 @@ impl Adjusted {
         let Fact::Click { photo, point, pixel, .. } = self.facts.get(fact)? else { return None };
         let x_in_cam = self.cam_from_world(*photo)? * self.point(*point)?;
         Some(pixel - self.state.lenses[self.state.camera_of_photo[*photo]].camera.project(&x_in_cam)?)
-    }
-}
-
-impl Survey<'_> {
-    fn check(&self) -> Result<(), Error> {
-        for (index, camera) in self.camera_of_photo.iter().enumerate() {
-            if self.cameras.len() <= *camera {
-                let needed = "each photograph needs a camera of the list";
-                return Err(Error::InvalidSetting { setting: "camera_of_photo", seen: index as f64, needed });
-            }
-        }
-        for camera in self.cameras {
-            camera.check()?;
-        }
-        for plane in self.planes {
-            if let Plane::Known { normal_in_world, offset_m } = plane {
-                let length = normal_in_world.norm();
-                if !((length - 1.0).abs() < 1e-6 && offset_m.is_finite()) {
-                    let needed = "a plane has a unit normal and a finite offset";
-                    return Err(Error::InvalidSetting { setting: "normal_in_world", seen: length, needed });
-                }
-            }
-        }
-        self.facts.iter().enumerate().try_for_each(|(index, fact)| self.check_fact(index, fact))
-    }
-
-    fn check_fact(&self, index: usize, fact: &Fact) -> Result<(), Error> {
-        let refuse = |what, seen, needed| Err(Error::InvalidFact { fact: index, what, seen, needed });
-        let points = fact.points();
-        if let Some(p) = points.iter().flatten().find(|p| self.n_points <= **p) {
-            return refuse("point", *p as f64, "it must be below n_points");
-        }
-        if fact.photo().is_some_and(|photo| self.camera_of_photo.len() <= photo) {
-            return refuse("photo", fact.photo().unwrap_or(0) as f64, "it must be one of camera_of_photo");
-        }
-        if fact.plane().is_some_and(|plane| self.planes.len() <= plane) {
-            return refuse("plane", fact.plane().unwrap_or(0) as f64, "it must be one of planes");
-        }
-        if points[0].is_some() && points[0] == points[1] {
-            return refuse(
-                "the second point",
-                points[0].unwrap_or(0) as f64,
-                "it must differ from the first",
-            );
-        }
-        let sigma_ok = |s: f64| 0.0 < s && (s * s).is_normal() && (s * s).recip().is_normal();
-        let positive = "a standard deviation must be positive and finite";
-        match fact {
-            Fact::Click { pixel, covariance_px2, .. } => {
-                let least = covariance_px2.least_variance_px2();
-                if !pixel.sum().is_finite() {
-                    refuse("pixel", pixel.sum(), "it must be finite")
-                } else if !(1e-24 < least && least.is_finite()) {
-                    refuse("the least variance of the pixel, px²,", least, "it must be positive and finite")
-                } else {
-                    Ok(())
-                }
-            }
-            Fact::Place { x_in_world, sigma_m, .. } => {
-                match sigma_m.iter().find(|s| **s != 0.0 && !sigma_ok(**s)) {
-                    Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
-                    None if !x_in_world.sum().is_finite() => {
-                        refuse("x_in_world", x_in_world.sum(), "it must be finite")
-                    }
-                    None => Ok(()),
-                }
-            }
-            Fact::Distance { distance_m, .. } if !(0.0 < *distance_m && distance_m.is_finite()) => {
-                refuse("distance_m", *distance_m, "a distance must be positive and finite")
-            }
-            Fact::Distance { sigma_m, .. } | Fact::OnPlane { sigma_m, .. } if !sigma_ok(*sigma_m) => {
-                refuse("sigma_m", *sigma_m, positive)
-            }
-            Fact::Upright { sigma_rad, .. } | Fact::Gravity { sigma_rad, .. } if !sigma_ok(*sigma_rad) => {
-                refuse("sigma_rad", *sigma_rad, positive)
-            }
-            Fact::Gravity { down_in_cam, .. } if !((down_in_cam.norm() - 1.0).abs() < 1e-6) => {
-                refuse("down_in_cam", down_in_cam.norm(), "a direction must be a unit vector")
-            }
-            Fact::Pose { cam_from_world, covariance: Some(covariance), .. } => {
-                let prior =
-                    crate::prior::Prior::Pose { cam_from_target: *cam_from_world, covariance: *covariance };
-                prior.check(index)
-            }
-            Fact::Pose { cam_from_world, .. } => {
-                let off = (cam_from_world.rotation * cam_from_world.rotation.transpose()
-                    - Matrix3::identity())
-                .amax();
-                match off <= 1e-6 && cam_from_world.translation.sum().is_finite() {
-                    true => Ok(()),
-                    false => refuse("cam_from_world", off, "R Rᵀ must be the identity, t finite"),
-                }
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-impl SurveyCamera<'_> {
-    fn check(&self) -> Result<(), Error> {
-        let Some(covariance) = self.intrinsics_covariance else { return Ok(()) };
-        let n = self.camera.parameters().len();
-        let refuse = |parameter, seen, needed| Err(Error::InvalidCamera { parameter, seen, needed });
-        if covariance.len() != n * n {
-            let needed = "give its n × n covariance, n the number of parameters";
-            return refuse("intrinsics covariance size", covariance.len() as f64, needed);
-        }
-        match covariance.iter().enumerate().find(|(i, x)| !x.is_finite() || (i % (n + 1) == 0 && **x < 0.0)) {
-            Some((_, seen)) => refuse("intrinsics covariance", *seen, "finite numbers, no variance negative"),
-            None => Ok(()),
-        }
     }
 }
 

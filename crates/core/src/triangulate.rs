@@ -143,12 +143,7 @@ fn conclude(
 ) -> Result<TriangulatedPoint, Error> {
     let lost = Error::NoSolution { n_points: 1 };
     let x_in_world = found.place;
-    for (view, sight) in sights.iter().enumerate() {
-        let depth_m = (x_in_world - sight.centre_in_world).dot(&sight.bearing_in_world);
-        if !(0.0 < depth_m) {
-            return Err(Error::BehindView { view, depth_m });
-        }
-    }
+    check_in_front(&x_in_world, sights)?;
     let (mut chi2, mut information) = (0.0, Matrix3::zeros());
     let mut seen = Vec::with_capacity(sights.len());
     for sight in sights {
@@ -180,6 +175,16 @@ fn conclude(
         parallax_rad: parallax.angle_rad,
         parallax_sigma_rad: parallax.sigma_rad,
     })
+}
+
+fn check_in_front(x_in_world: &Point, sights: &[Sight]) -> Result<(), Error> {
+    for (view, sight) in sights.iter().enumerate() {
+        let depth_m = (x_in_world - sight.centre_in_world).dot(&sight.bearing_in_world);
+        if !(0.0 < depth_m) {
+            return Err(Error::BehindView { view, depth_m });
+        }
+    }
+    Ok(())
 }
 
 /// The view with the largest residual against what it should scatter by, V − J C Jᵀ; against V where two views leave nothing to tell

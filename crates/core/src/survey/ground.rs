@@ -38,13 +38,7 @@ impl Adjusted {
                 (0..by_z.ncols()).map(|k| (first + k, Vector3::new(by_z[(0, k)], by_z[(1, k)], 0.0))),
             );
         }
-        if let Some(first) = self.layout.tilt[plane] {
-            let off = x_in_world - at.pivot;
-            unknowns.extend(
-                at.tangents().iter().enumerate().map(|(k, b)| (first + k, Vector3::z() * b.dot(&off))),
-            );
-        }
-        unknowns.extend(self.layout.height[plane].map(|at| (at, -Vector3::z())));
+        unknowns.extend(self.by_plane(plane, x_in_world));
         let mut v = Matrix3::from_diagonal(&Vector3::new(sigma_px * sigma_px, sigma_px * sigma_px, 0.0));
         for (i, by_i) in &unknowns {
             for (j, by_j) in &unknowns {
@@ -53,5 +47,15 @@ impl Adjusted {
         }
         let covariance = inverse * v * inverse.transpose();
         covariance.sum().is_finite().then_some(covariance)
+    }
+
+    /// Distance of the point from the plane, by the plane's unknowns.
+    fn by_plane(&self, plane: usize, x_in_world: &Point) -> Vec<(usize, Vector3<f64>)> {
+        let at = &self.state.planes[plane];
+        let off = x_in_world - at.pivot;
+        let tilts =
+            self.layout.tilt[plane].map(|first| [0, 1].map(|k| (first + k, at.tangents()[k].dot(&off))));
+        let height = self.layout.height[plane].map(|at| (at, -1.0));
+        tilts.into_iter().flatten().chain(height).map(|(i, by)| (i, Vector3::z() * by)).collect()
     }
 }

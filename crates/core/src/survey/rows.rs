@@ -63,27 +63,27 @@ pub(crate) fn rows(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Ro
         Fact::Upright { plane, foot, top, sigma_rad } => {
             upright(&state.planes[*plane], [*foot, *top], *sigma_rad, layout.tilt[*plane], state, layout)
         }
-        Fact::Gravity { plane, photo, down_in_cam, sigma_rad } => {
-            let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
-            let prior = Prior::Gravity {
-                down_in_target: -at.normal,
-                down_in_cam: *down_in_cam,
-                sigma_rad: *sigma_rad,
-            };
-            let predicted = -(pose.rotation * at.normal);
-            // A turn of the plane's normal moves the predicted direction as this turn of the camera would.
-            let turns = at.tangents().map(|b| predicted.cross(&-(pose.rotation * b)));
-            let with_tilt = |f: &Factor| {
-                let tilts = turns.map(|turn| f.by_rotation.dot(&turn));
-                by_motion(f, layout.photo[*photo]).by(layout.tilt[*plane], &tilts)
-            };
-            factors(&prior, pose).iter().map(with_tilt).collect()
-        }
+        Fact::Gravity { .. } => gravity(fact, state, layout),
         Fact::Pose { photo, cam_from_world, covariance: Some(covariance) } => {
             of_pose(&state.photos[*photo], cam_from_world, covariance, layout.photo[*photo])
         }
         Fact::Pose { covariance: None, .. } => Vec::new(),
     })
+}
+
+/// The direction down as a camera measures it; a turn of the plane's normal moves the predicted direction as a turn of the camera would.
+fn gravity(fact: &Fact, state: &State, layout: &Layout) -> Vec<Row> {
+    let Fact::Gravity { plane, photo, down_in_cam, sigma_rad } = fact else { return Vec::new() };
+    let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
+    let prior =
+        Prior::Gravity { down_in_target: -at.normal, down_in_cam: *down_in_cam, sigma_rad: *sigma_rad };
+    let predicted = -(pose.rotation * at.normal);
+    let turns = at.tangents().map(|b| predicted.cross(&-(pose.rotation * b)));
+    let with_tilt = |f: &Factor| {
+        let tilts = turns.map(|turn| f.by_rotation.dot(&turn));
+        by_motion(f, layout.photo[*photo]).by(layout.tilt[*plane], &tilts)
+    };
+    factors(&prior, pose).iter().map(with_tilt).collect()
 }
 
 fn by_motion(f: &Factor, at: Option<usize>) -> Row {
@@ -180,4 +180,111 @@ pub(crate) fn equations(facts: &[Fact], state: &State, layout: &Layout) -> Optio
 pub(crate) fn n_rows(facts: &[Fact], state: &State, layout: &Layout) -> usize {
     let of_facts = facts.iter().filter(|f| layout.has(f)).filter_map(|f| rows(f, state, layout));
     of_facts.map(|rows| rows.len()).sum::<usize>() + lens_rows(state, layout).len() + layout.pins.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::state::LensAt;
+    use super::super::{Plane, Query, Survey};
+    use super::*;
+    use crate::camera::BrownConrady;
+    use crate::triangulate::isotropic;
+    use crate::{Camera, CameraMatrix, Vector6};
+    use nalgebra::DVector;
+
+    /// A state in which nothing is met exactly, and one fact of each kind.
+    fn made() -> (State, Layout, Vec<Fact>) {
+        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 910.0, cx_px: 320.0, cy_px: 240.0 };
+        let lens = BrownConrady::new(matrix, &[-0.2, 0.05, 1e-3, -1e-3]).unwrap();
+        let camera = Camera { lens: lens.into(), size: None };
+        let covariance: Vec<f64> = (0..64)
+            .map(|i| if i % 9 == 0 { [9.0, 8.0, 4.0, 4.0, 1e-4, 1e-4, 1e-6, 1e-6][i / 9] } else { 0.0 })
+            .collect();
+        let pose = Pose::exp(&Vector6::new(0.2, -0.3, 0.1, 0.3, -0.2, 6.0));
+        let normal = Vector3::new(0.1, 0.3, 1.0).normalize();
+        let plane = PlaneAt { normal, pivot: Point::new(0.3, 0.1, 0.2), height_m: 0.05 };
+        let points = vec![Point::new(0.2, -0.3, 0.4), Point::new(-0.8, 0.5, 0.9), Point::new(0.7, 0.6, -0.5)];
+        let lens = LensAt::new(&camera, Some(&covariance));
+        let state = State {
+            photos: vec![pose],
+            points,
+            planes: vec![plane],
+            lenses: vec![lens],
+            camera_of_photo: vec![0],
+        };
+        let down_in_cam = -(pose.rotation * Vector3::new(0.2, 0.1, 1.0)).normalize();
+        let off = Pose::exp(&Vector6::new(0.02, 0.01, -0.03, 0.1, 0.05, -0.1));
+        let facts = vec![
+            Fact::Click {
+                photo: 0,
+                point: 0,
+                pixel: crate::Pixel::new(300.0, 250.0),
+                covariance_px2: crate::correspondence::PixelCovariance { uv_px2: 0.1, ..isotropic(0.7) },
+            },
+            Fact::Place { point: 1, x_in_world: Point::zeros(), sigma_m: Vector3::new(0.1, 0.2, 0.3) },
+            Fact::Distance { a: 0, b: 2, distance_m: 1.0, sigma_m: 0.03 },
+            Fact::OnPlane { plane: 0, point: 1, sigma_m: 0.02 },
+            Fact::Upright { plane: 0, foot: 0, top: 1, sigma_rad: 0.05 },
+            Fact::Gravity { plane: 0, photo: 0, down_in_cam, sigma_rad: 0.05 },
+            Fact::Pose { photo: 0, cam_from_world: off * pose, covariance: Some(Matrix6::identity() * 0.04) },
+        ];
+        let survey = Survey {
+            cameras: &[],
+            camera_of_photo: &[0],
+            n_points: 3,
+            planes: &[Plane::Unknown],
+            facts: &facts,
+        };
+        let layout = Layout::new(&survey, &state, &[], &[]);
+        (state, layout, facts)
+    }
+
+    /// Central differences err by h² and ε/h; residuals here are up to 100 standard deviations. The upright's tangents turn with the
+    /// normal, so its rows are compared through their sum of squares, whose derivative is −2 rᵀJ.
+    #[test]
+    fn rows_match_central_differences() {
+        const STEP: f64 = 1e-6;
+        let (state, layout, facts) = made();
+        for fact in &facts {
+            let found = rows(fact, &state, &layout).unwrap();
+            for k in 0..layout.n {
+                let at = |by: f64| {
+                    let mut change = DVector::zeros(layout.n);
+                    change[k] = by;
+                    let moved = rows(fact, &state.moved(&layout, &change).unwrap(), &layout).unwrap();
+                    moved.iter().map(|r| r.residual * r.residual).sum::<f64>()
+                };
+                let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+                let by = |r: &Row| r.entries.iter().filter(|e| e.0 == k).map(|e| e.1).sum::<f64>();
+                let exact: f64 = found.iter().map(|r| -2.0 * r.residual * by(r)).sum();
+                let size = found.iter().map(|r| r.residual.abs() * (1.0 + by(r).abs())).sum::<f64>();
+                assert!((numeric - exact).abs() < 1e-5 * (1.0 + size), "{fact:?} by {k}: {numeric} {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_of_queries_match_central_differences() {
+        const STEP: f64 = 1e-6;
+        let (state, layout, _) = made();
+        for query in [
+            Query::Distance { a: 0, b: 1 },
+            Query::Polyline { points: vec![0, 1, 2] },
+            Query::Angle { a: 0, vertex: 1, b: 2 },
+            Query::Area { points: vec![0, 1, 2] },
+            Query::Height { plane: 0, point: 2 },
+            Query::Coordinate { point: 1, axis: 2 },
+        ] {
+            let (_, gradient) = query.value(&state, &layout);
+            for k in 0..layout.n {
+                let at = |by: f64| {
+                    let mut change = DVector::zeros(layout.n);
+                    change[k] = by;
+                    query.value(&state.moved(&layout, &change).unwrap(), &layout).0
+                };
+                let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+                assert!((numeric - gradient[k]).abs() < 1e-8, "{query:?} by {k}: {numeric} {}", gradient[k]);
+            }
+        }
+    }
 }

@@ -181,3 +181,60 @@ fn spheres(known: &[(Point, Length)]) -> Vec<Point> {
     let foot = a + u * x + v * y;
     if z == 0.0 { vec![foot] } else { vec![foot + w * z, foot - w * z] }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn known(centres: &[Point], target: &Point) -> Vec<(Point, Length)> {
+        let length = |(i, c): (usize, &Point)| {
+            (*c, Length { ends: [i, 9], length_m: (c - target).norm(), sigma_m: 0.01 })
+        };
+        centres.iter().enumerate().map(length).collect()
+    }
+
+    const CENTRES: [[f64; 3]; 4] = [[0.3, -0.2, 0.1], [4.0, 0.5, 0.3], [1.2, 3.0, -0.4], [2.5, 2.0, 1.0]];
+
+    /// Before any refinement: one of two places is the true one, to rounding.
+    #[test]
+    fn spheres_meet_at_the_point() {
+        let centres = CENTRES.map(Point::from);
+        for target in [Point::new(1.0, 1.0, 2.0), Point::new(-2.0, 0.5, -1.0), Point::new(3.0, -4.0, 0.7)] {
+            let found = spheres(&known(&centres, &target));
+            assert!(
+                found.len() == 2 && found.iter().any(|x| (x - target).norm() < 1e-9),
+                "{found:?} {target}"
+            );
+        }
+    }
+
+    #[test]
+    fn circles_meet_at_the_point() {
+        let centres = CENTRES.map(|[x, y, _]| Point::new(x, y, 0.0));
+        for target in [Point::new(1.0, 1.0, 0.0), Point::new(-2.0, 0.5, 0.0), Point::new(3.0, -4.0, 0.0)] {
+            let found = circles(&known(&centres, &target), &Vector3::z());
+            assert!(
+                found.len() == 2 && found.iter().any(|x| (x - target).norm() < 1e-9),
+                "{found:?} {target}"
+            );
+        }
+    }
+
+    /// Four sides and both diagonals: one arrangement, the square; without a diagonal its mirrored fourth corner as well.
+    #[test]
+    fn arrangements_are_as_many_as_the_distances_allow() {
+        let corners = [[0.0, 0.0], [5.0, 0.0], [5.5, 4.0], [-0.5, 4.5]].map(|[x, y]| Point::new(x, y, 0.0));
+        let pairs = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]];
+        let lengths = pairs.map(|ends| {
+            let length_m = (corners[ends[0]] - corners[ends[1]]).norm();
+            Length { ends, length_m, sigma_m: 0.01 }
+        });
+        for (n, expected) in [(6, 1), (5, 2)] {
+            let network = Network { lengths: &lengths[..n], plane_of: &[Some(0); 4] };
+            let laid = network.triangle().unwrap();
+            let found = network.grow(laid, &[Some(Vector3::z())]);
+            assert_eq!(found.len(), expected, "{n} distances: {found:?}");
+            assert!(found.iter().all(|places| places.iter().all(Option::is_some)));
+        }
+    }
+}

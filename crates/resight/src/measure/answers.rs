@@ -2,7 +2,7 @@
 
 use super::scene::{NamedQuery, NamedScene};
 use super::words;
-use crate::core::survey::{Adjusted, Frame, Measured, RIVAL_GATE_CHI2, adjust};
+use crate::core::survey::{Adjusted, Frame, Measured, RIVAL_GATE_CHI2, Suspect, adjust};
 
 /// One question answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,24 +55,23 @@ const MOST_SUSPECTS: usize = 3;
 /// Two statistics that differ by less than this part cannot be told apart.
 const TIED: f64 = 0.01;
 
+/// What contradicts what, where anything does.
+fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
+    let Some((first, rest)) = adjusted.suspects.split_first() else {
+        let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
+        return adjusted.is_inconsistent.then(|| format!(
+            "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single fact explains it; the sigmas are too small, or the intrinsics wrong"
+        ));
+    };
+    let is_tied = |s: &&Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
+    let tied = rest.iter().take(MOST_SUSPECTS - 1).take_while(is_tied);
+    let which: Vec<String> = std::iter::once(first).chain(tied).map(|s| words::suspect(scene, s)).collect();
+    Some(format!("inconsistent: {}; check it, correct or remove it, and measure again", which.join(", or ")))
+}
+
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = Vec::new();
-    let named: Vec<String> =
-        adjusted.suspects.iter().take(MOST_SUSPECTS).map(|s| words::suspect(scene, s)).collect();
-    if let Some((first, rest)) = adjusted.suspects.split_first() {
-        let tied = rest
-            .iter()
-            .take(MOST_SUSPECTS - 1)
-            .take_while(|s| first.sigmas * (1.0 - TIED) < s.sigmas)
-            .count();
-        let which = named[..=tied].join(", or ");
-        remarks.push(format!("inconsistent: {which}; check it, correct or remove it, and measure again"));
-    } else if adjusted.is_inconsistent {
-        remarks.push(format!(
-            "inconsistent: χ² {:.1} for {} degrees of freedom, and no single fact explains it; the sigmas are too small, or the intrinsics wrong",
-            adjusted.chi2, adjusted.degrees_of_freedom
-        ));
-    }
+    remarks.extend(contradiction(scene, adjusted));
     if 1.0 < adjusted.noise_scale {
         remarks.push(format!("every interval was widened by {:.2} for that", adjusted.noise_scale.sqrt()));
     }

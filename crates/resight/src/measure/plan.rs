@@ -61,7 +61,7 @@ pub fn plan(scene: &NamedScene, answers: &Answers, title: &str) -> Option<Drawin
     let sheet = sheet(scene, &answers.adjusted)?;
     let (w, h) = (sheet.width_px + 2.0 * MARGIN_PX, sheet.height_px + 2.0 * MARGIN_PX + CAPTION_PX);
     let mut drawing = Drawing::new(w.ceil() as u32, h.ceil() as u32);
-    let mut labels = Labels::default();
+    let mut labels = Labels { sheet: Vector2::new(w, h), taken: Vec::new() };
     grid(&mut drawing, &sheet, scene);
     photos(&mut drawing, &mut labels, &sheet, scene, &answers.adjusted);
     let magnified = ellipses(&mut drawing, &sheet, scene, &answers.adjusted);
@@ -146,8 +146,9 @@ fn axes(drawing: &mut Drawing, sheet: &Sheet) {
 }
 
 /// Where text already stands, so that no two stand on each other: the middle lines of texts, as points with a radius.
-#[derive(Default)]
 struct Labels {
+    /// Width and height of the sheet, px.
+    sheet: Vector2<f64>,
     taken: Vec<(Vector2<f64>, f64)>,
 }
 
@@ -172,7 +173,10 @@ impl Labels {
     }
 
     fn is_free(&self, beads: &[Vector2<f64>], height: f64) -> bool {
-        beads.iter().all(|b| self.taken.iter().all(|(at, radius)| 0.85 * height + radius < (b - at).norm()))
+        let inside = |b: &Vector2<f64>| height < b.x.min(b.y) && height < (self.sheet - b).min();
+        let clear =
+            |b: &Vector2<f64>| self.taken.iter().all(|(at, radius)| 0.85 * height + radius < (b - at).norm());
+        beads.iter().all(|b| inside(b) && clear(b))
     }
 
     /// Writes a text at the first free spot; at the first of all where none is free.
@@ -320,7 +324,7 @@ fn lengths(
         QueryKind::Angle => {
             (said, around(path[1] + (0.5 * (arms(&path)[0] + arms(&path)[1]) - path[1]) * 0.6))
         }
-        QueryKind::Height => (format!("height {said}"), around(path[0])),
+        QueryKind::Height => (format!("{}: height {said}", answer.query.name), around(path[0])),
         QueryKind::Position => return,
     };
     labels.write(drawing, &text, TEXT_PX, LENGTH, &spots);

@@ -1,0 +1,377 @@
+//! From the scene file's tables to a survey: names to indices, defaults filled in, every number checked.
+
+use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
+use super::rig::with_floor;
+use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
+use crate::FileError;
+use crate::core::camera::Parameters;
+use crate::core::survey::{Fact, Plane};
+use crate::core::triangulate::isotropic;
+use crate::core::{Matrix6, Pixel, Point, Pose};
+use crate::formats;
+use crate::measure::clicks::{Click, read_clicks};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Standard deviation of a click where the scene states none, px: a careful person on a full-size display.
+pub const DEFAULT_SIGMA_PX: f64 = 1.0;
+/// How flat a plane is where the scene does not say, m.
+const DEFAULT_FLATNESS_M: f64 = 0.01;
+/// How upright an object is where the scene does not say, rad (½°).
+const DEFAULT_LEAN_RAD: f64 = 0.01;
+/// Coordinates farther from zero than this are moved near it for the computation, m.
+const FAR_M: f64 = 10_000.0;
+
+/// What tells one camera from another: its file, the size of its pictures; and its stated sigmas.
+type CameraUse<'a> = (String, Option<(u32, u32)>, &'a BTreeMap<String, f64>);
+
+/// A scene in the making.
+pub(super) struct Builder {
+    path: PathBuf,
+    folder: PathBuf,
+    pub(super) scene: NamedScene,
+}
+
+impl Builder {
+    pub(super) fn new(path: &Path, folder: PathBuf, sigma_px: Option<f64>) -> Result<Self, FileError> {
+        let sigma_px = sigma_px.unwrap_or(DEFAULT_SIGMA_PX);
+        let scene = NamedScene {
+            cameras: Vec::new(),
+            photos: Vec::new(),
+            camera_of_photo: Vec::new(),
+            points: Vec::new(),
+            is_mark: Vec::new(),
+            planes: Vec::new(),
+            has_ground: false,
+            facts: Vec::new(),
+            queries: Vec::new(),
+            origin_m: Point::zeros(),
+            sigma_px,
+            pixel_limit_m: 0.05,
+            error_limit_m: 0.10,
+            is_camera_frame: false,
+        };
+        let builder = Builder { path: path.into(), folder, scene };
+        builder.positive("sigma_px", sigma_px)?;
+        Ok(builder)
+    }
+
+    fn fault(&self, reason: impl Into<String>) -> FileError {
+        FileError::new(&self.path, reason)
+    }
+
+    fn positive(&self, key: &str, value: f64) -> Result<(), FileError> {
+        match 0.0 < value && value.is_finite() {
+            true => Ok(()),
+            false => Err(self.fault(format!("{key} is {value}; a positive number is needed"))),
+        }
+    }
+
+    /// Index of a point; new names are added.
+    fn point(&mut self, name: &str) -> usize {
+        self.scene.points.iter().position(|p| p == name).unwrap_or_else(|| {
+            self.scene.points.push(name.to_string());
+            self.scene.is_mark.push(false);
+            self.scene.points.len() - 1
+        })
+    }
+
+    fn known_point(&self, what: &str, name: &str) -> Result<usize, FileError> {
+        self.scene.points.iter().position(|p| p == name).ok_or_else(|| {
+            self.fault(format!("{what}: no point `{name}`; the points are {}", self.scene.points.join(", ")))
+        })
+    }
+
+    pub(super) fn photos(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        if file.photo.is_empty() {
+            return Err(self.fault("no [[photo]]; give at least one with name, camera and clicks"));
+        }
+        let mut used: Vec<CameraUse> = Vec::new();
+        for (index, photo) in file.photo.iter().enumerate() {
+            if file.photo[..index].iter().any(|other| other.name == photo.name) {
+                return Err(
+                    self.fault(format!("two photographs are called `{}`; names must differ", photo.name))
+                );
+            }
+            let picture = photo.file.as_ref().map(|f| self.folder.join(f));
+            let size = picture.as_deref().map(picture_size).transpose()?;
+            let known = used.iter().position(|(camera, s, _)| *camera == photo.camera && *s == size);
+            let camera = match known {
+                Some(known) if *used[known].2 != photo.intrinsics_sigma => {
+                    return Err(self.fault(format!(
+                        "photo `{}`: intrinsics_sigma differs from that of another photo with camera {}; one camera has one",
+                        photo.name, photo.camera
+                    )));
+                }
+                Some(known) => known,
+                None => {
+                    used.push((photo.camera.clone(), size, &photo.intrinsics_sigma));
+                    let camera = self.camera(photo, size)?;
+                    self.scene.cameras.push(camera);
+                    self.scene.cameras.len() - 1
+                }
+            };
+            self.scene.camera_of_photo.push(camera);
+            self.scene.photos.push(ScenePhoto { name: photo.name.clone(), file: picture, camera });
+            if let Some(pose) = &photo.pose {
+                let fact = self.pose(index, pose)?;
+                self.scene.facts.push(fact);
+            }
+        }
+        Ok(())
+    }
+
+    fn camera(&self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
+        let spec = self.folder.join(&photo.camera).display().to_string();
+        let stated = formats::read_camera(&spec)?.camera;
+        let camera = match size {
+            Some((width, height)) => formats::check_image_size(&stated, width, height)
+                .map_err(|reason| self.fault(format!("photo `{}`: {reason}", photo.name)))?,
+            None => stated.clone(),
+        };
+        let scale = match (stated.matrix(), camera.matrix()) {
+            (Some(stated), Some(scaled)) => scaled.fx_px / stated.fx_px,
+            _ => 1.0,
+        };
+        let covariance = self.covariance(&photo.intrinsics_sigma, &camera.parameters(), scale)?;
+        Ok(SceneCamera { camera, intrinsics_covariance: covariance })
+    }
+
+    fn covariance(
+        &self,
+        sigmas: &BTreeMap<String, f64>,
+        parameters: &Parameters,
+        scale: f64,
+    ) -> Result<Option<Vec<f64>>, FileError> {
+        let n = parameters.len();
+        let mut covariance = vec![0.0; n * n];
+        for (name, sigma) in sigmas {
+            let Some(i) = parameters.iter().position(|p| p.0 == name) else {
+                let known: Vec<&str> = parameters.iter().map(|p| p.0).collect();
+                return Err(self.fault(format!(
+                    "intrinsics_sigma: no parameter `{name}`; the camera has {}",
+                    known.join(", ")
+                )));
+            };
+            if !(0.0 <= *sigma && sigma.is_finite()) {
+                return Err(self.fault(format!("intrinsics_sigma: {name} is {sigma}; 0 or more is needed")));
+            }
+            let unit = if name.ends_with("_px") { scale } else { 1.0 };
+            covariance[i * n + i] = (sigma * unit).powi(2);
+        }
+        Ok((!sigmas.is_empty()).then_some(covariance))
+    }
+
+    fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Fact, FileError> {
+        let length = pose.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
+        if !((length - 1.0).abs() < 1e-3) {
+            return Err(
+                self.fault(format!("pose: rotation_wxyz has length {length:.4}; a rotation has length 1"))
+            );
+        }
+        let cam_from_world =
+            Pose::from_quaternion_wxyz(pose.rotation_wxyz, Vector3::from(pose.translation_m));
+        let covariance = pose.covariance.map(|rows| with_floor(&Matrix6::from_fn(|i, j| rows[i][j])));
+        Ok(Fact::Pose { photo, cam_from_world, covariance: covariance.filter(|c| 0.0 < c.amax()) })
+    }
+
+    pub(super) fn marks(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        for mark in &file.mark {
+            if self.scene.points.contains(&mark.name) {
+                return Err(self.fault(format!("two marks are called `{}`; names must differ", mark.name)));
+            }
+            let point = self.point(&mark.name);
+            self.scene.is_mark[point] = true;
+            let x_in_world = Point::new(mark.x_m, mark.y_m, mark.z_m);
+            let sigma_m = Vector3::repeat(mark.sigma_m);
+            self.scene.facts.push(Fact::Place { point, x_in_world, sigma_m });
+        }
+        for d in &file.known_distance {
+            self.positive("distance_m", d.distance_m)?;
+            self.positive("sigma_m of a known_distance", d.sigma_m)?;
+            if d.a == d.b {
+                return Err(self.fault(format!("known_distance from `{}` to itself", d.a)));
+            }
+            let (a, b) = (self.point(&d.a), self.point(&d.b));
+            self.scene.is_mark[a] = true;
+            self.scene.is_mark[b] = true;
+            self.scene.facts.push(Fact::Distance { a, b, distance_m: d.distance_m, sigma_m: d.sigma_m });
+        }
+        Ok(())
+    }
+
+    pub(super) fn ground(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        if let Some(plane) = &file.plane {
+            let sigma_m = plane.sigma_m.unwrap_or(DEFAULT_FLATNESS_M);
+            self.positive("sigma_m of the plane", sigma_m)?;
+            self.scene.planes.push(match plane.z_m {
+                Some(z) if !file.mark.is_empty() || file.photo.iter().any(|p| p.pose.is_some()) => {
+                    Plane::Known { normal_in_world: Vector3::z(), offset_m: z }
+                }
+                Some(_) => return Err(self.fault("[plane] z_m needs [[mark]] coordinates or poses to say where z = 0 is; leave it out: the plane is found from its points")),
+                None => Plane::Unknown,
+            });
+            self.scene.has_ground = true;
+            for name in &plane.points {
+                let point = self.point(name);
+                self.scene.facts.push(Fact::OnPlane { plane: 0, point, sigma_m });
+            }
+        }
+        let gravity = self.gravity(file)?;
+        for upright in &file.upright {
+            let plane =
+                match gravity {
+                    Some(level) => level,
+                    None if self.scene.has_ground => 0,
+                    None => return Err(self.fault(
+                        "[[upright]] needs a [plane], or down_in_cam in a [[photo]], to know what upright is",
+                    )),
+                };
+            let sigma_rad = upright.sigma_rad.unwrap_or(DEFAULT_LEAN_RAD);
+            self.positive("sigma_rad of an upright", sigma_rad)?;
+            let (foot, top) = (self.point(&upright.foot), self.point(&upright.top));
+            if foot == top {
+                return Err(self.fault(format!("[[upright]] from `{}` to itself", upright.foot)));
+            }
+            self.scene.facts.push(Fact::Upright { plane, foot, top, sigma_rad });
+        }
+        Ok(())
+    }
+
+    /// The level plane, where a photograph knows which way is down.
+    fn gravity(&mut self, file: &SceneFile) -> Result<Option<usize>, FileError> {
+        let mut level = None;
+        for (photo, entry) in file.photo.iter().enumerate() {
+            let Some(down) = entry.down_in_cam else { continue };
+            let (down, sigma_rad) = (Vector3::from(down), entry.down_sigma_rad.unwrap_or(DEFAULT_LEAN_RAD));
+            self.positive("the length of down_in_cam", down.norm())?;
+            self.positive("down_sigma_rad", sigma_rad)?;
+            let plane = *level.get_or_insert_with(|| {
+                self.scene.planes.push(Plane::Unknown);
+                self.scene.planes.len() - 1
+            });
+            self.scene.facts.push(Fact::Gravity { plane, photo, down_in_cam: down.normalize(), sigma_rad });
+        }
+        Ok(level)
+    }
+
+    pub(super) fn clicks(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        for photo in &file.photo {
+            for c in &photo.clicks {
+                let (photo, point) = (photo.name.clone(), c.point.clone());
+                self.click(&Click { photo, point, u_px: c.u_px, v_px: c.v_px, sigma_px: c.sigma_px })?;
+            }
+        }
+        if let Some(path) = &file.clicks {
+            for click in read_clicks(&self.folder.join(path))? {
+                self.click(&click)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn click(&mut self, click: &Click) -> Result<(), FileError> {
+        let Some(photo) = self.scene.photos.iter().position(|p| p.name == click.photo) else {
+            let known: Vec<&str> = self.scene.photos.iter().map(|p| p.name.as_str()).collect();
+            return Err(self.fault(format!(
+                "a click names photo `{}`; the photos are {}",
+                click.photo,
+                known.join(", ")
+            )));
+        };
+        let sigma_px = click.sigma_px.unwrap_or(self.scene.sigma_px);
+        self.positive(&format!("sigma_px of {} in {}", click.point, click.photo), sigma_px)?;
+        let pixel = Pixel::new(click.u_px, click.v_px);
+        let camera = &self.scene.cameras[self.scene.camera_of_photo[photo]].camera;
+        if !camera.contains(&pixel) {
+            return Err(self.fault(format!(
+                "{} in {} was clicked at ({}, {}), outside the picture; check the columns u_px and v_px",
+                click.point, click.photo, click.u_px, click.v_px
+            )));
+        }
+        let point = self.point(&click.point);
+        self.scene.facts.push(Fact::Click { photo, point, pixel, covariance_px2: isotropic(sigma_px) });
+        Ok(())
+    }
+
+    pub(super) fn queries(&mut self, queries: &[QueryEntry]) -> Result<(), FileError> {
+        for query in queries {
+            let kind = query.kind.name();
+            let points =
+                query.points.iter().map(|p| self.known_point(kind, p)).collect::<Result<Vec<_>, _>>()?;
+            let (least, most) = match query.kind {
+                QueryKind::Distance => (2, 2),
+                QueryKind::Angle => (3, 3),
+                QueryKind::Height | QueryKind::Position => (1, 1),
+                QueryKind::Polyline => (2, usize::MAX),
+                QueryKind::Area => (3, usize::MAX),
+            };
+            if !(least..=most).contains(&points.len()) {
+                let needed = if least == most { format!("{least}") } else { format!("{least} or more") };
+                return Err(
+                    self.fault(format!("query {kind}: {} points given, {needed} needed", points.len()))
+                );
+            }
+            if query.kind == QueryKind::Height && !self.scene.has_ground {
+                return Err(self.fault("query height: there is no [plane] to measure heights from"));
+            }
+            let name = query.name.clone().unwrap_or_else(|| query.points.join("–"));
+            self.scene.queries.push(NamedQuery { name, kind: query.kind, points });
+        }
+        if queries.is_empty() {
+            // Nothing asked: where everything is.
+            let all = (0..self.scene.points.len()).map(|p| NamedQuery {
+                name: self.scene.points[p].clone(),
+                kind: QueryKind::Position,
+                points: vec![p],
+            });
+            self.scene.queries = all.collect();
+        }
+        Ok(())
+    }
+
+    pub(super) fn limits(&mut self, entry: Option<BirdseyeEntry>) -> Result<(), FileError> {
+        let Some(entry) = entry else { return Ok(()) };
+        for (key, value, at) in [
+            ("pixel_limit_m", entry.pixel_limit_m, &mut self.scene.pixel_limit_m),
+            ("error_limit_m", entry.error_limit_m, &mut self.scene.error_limit_m),
+        ] {
+            if let Some(value) = value {
+                if !(0.0 < value && value.is_finite()) {
+                    return Err(FileError::new(
+                        &self.path,
+                        format!("{key} is {value}; a positive number is needed"),
+                    ));
+                }
+                *at = value;
+            }
+        }
+        Ok(())
+    }
+
+    /// National grid coordinates have millions of metres: the computation goes on near zero.
+    pub(super) fn moved_near_zero(&mut self) {
+        let has_pose = self.scene.facts.iter().any(|f| matches!(f, Fact::Pose { .. }));
+        let places = self.scene.facts.iter().filter_map(|f| match f {
+            Fact::Place { x_in_world, .. } => Some(*x_in_world),
+            _ => None,
+        });
+        let Some(first) = places.clone().next() else { return };
+        if has_pose || first.amax() < FAR_M {
+            return;
+        }
+        let origin = Point::new(first.x.floor(), first.y.floor(), 0.0);
+        self.scene.origin_m = origin;
+        for fact in &mut self.scene.facts {
+            if let Fact::Place { x_in_world, .. } = fact {
+                *x_in_world -= origin;
+            }
+        }
+    }
+}
+
+fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
+    ::image::image_dimensions(path)
+        .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
+}

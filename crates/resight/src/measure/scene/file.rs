@@ -1,0 +1,110 @@
+//! The scene file as it is written: mirrors of its tables, and nothing else.
+
+use super::QueryKind;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub(super) clicks: Option<PathBuf>,
+    pub(super) sigma_px: Option<f64>,
+    #[serde(default)]
+    pub(super) photo: Vec<PhotoEntry>,
+    #[serde(default)]
+    pub(super) mark: Vec<MarkEntry>,
+    #[serde(default)]
+    pub(super) known_distance: Vec<DistanceEntry>,
+    pub(super) plane: Option<PlaneEntry>,
+    #[serde(default)]
+    pub(super) upright: Vec<UprightEntry>,
+    #[serde(default)]
+    pub(super) query: Vec<QueryEntry>,
+    pub(super) birdseye: Option<BirdseyeEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PhotoEntry {
+    pub(super) name: String,
+    pub(super) file: Option<PathBuf>,
+    pub(super) camera: String,
+    #[serde(default)]
+    pub(super) intrinsics_sigma: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub(super) clicks: Vec<ClickEntry>,
+    pub(super) pose: Option<PoseEntry>,
+    pub(super) down_in_cam: Option<[f64; 3]>,
+    pub(super) down_sigma_rad: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClickEntry {
+    pub(super) point: String,
+    pub(super) u_px: f64,
+    pub(super) v_px: f64,
+    pub(super) sigma_px: Option<f64>,
+}
+
+/// x_in_cam = cam_from_world · x_in_world.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PoseEntry {
+    pub(super) rotation_wxyz: [f64; 4],
+    pub(super) translation_m: [f64; 3],
+    pub(super) covariance: Option<[[f64; 6]; 6]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MarkEntry {
+    pub(super) name: String,
+    pub(super) x_m: f64,
+    pub(super) y_m: f64,
+    #[serde(default)]
+    pub(super) z_m: f64,
+    #[serde(default)]
+    pub(super) sigma_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DistanceEntry {
+    pub(super) a: String,
+    pub(super) b: String,
+    pub(super) distance_m: f64,
+    pub(super) sigma_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlaneEntry {
+    pub(super) points: Vec<String>,
+    pub(super) sigma_m: Option<f64>,
+    pub(super) z_m: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct UprightEntry {
+    pub(super) foot: String,
+    pub(super) top: String,
+    pub(super) sigma_rad: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct QueryEntry {
+    pub(super) kind: QueryKind,
+    pub(super) points: Vec<String>,
+    pub(super) name: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BirdseyeEntry {
+    pub(super) pixel_limit_m: Option<f64>,
+    pub(super) error_limit_m: Option<f64>,
+}

@@ -1,0 +1,94 @@
+//! A scene of the cameras of a rig file with their places.
+
+use super::build::Builder;
+use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
+use crate::FileError;
+use crate::core::survey::Fact;
+use crate::core::{Matrix6, Pose};
+use crate::formats;
+use crate::measure::clicks::read_clicks;
+use std::path::{Path, PathBuf};
+
+/// A scene of the cameras of a rig file with their places, and clicks whose photographs are those cameras; positions of all points are
+/// asked for.
+///
+/// # Errors
+/// Those of the files; cameras without a place in the rig.
+pub fn rig_scene(rig: &Path, clicks: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
+    let file = formats::read_cameras(rig)?;
+    let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
+    builder.scene.is_camera_frame = true;
+    check_one_frame(rig, &file.cameras)?;
+    file.cameras.iter().for_each(|named| add_camera(&mut builder, named));
+    let read = read_clicks(clicks)?;
+    for click in &read {
+        let known: Vec<&str> = builder.scene.photos.iter().map(|p| p.name.as_str()).collect();
+        if !known.contains(&click.photo.as_str()) {
+            let reason =
+                format!("camera `{}` is not in {}; it has {}", click.photo, rig.display(), known.join(", "));
+            return Err(FileError::new(clicks, reason));
+        }
+        builder.click(click)?;
+    }
+    builder.scene.queries = all_positions(&builder.scene.points);
+    Ok(builder.scene)
+}
+
+/// A camera of the rig as a photograph whose place is known.
+fn add_camera(builder: &mut Builder, named: &formats::NamedCamera) {
+    let photo = builder.scene.photos.len();
+    builder.scene.cameras.push(SceneCamera { camera: named.camera.clone(), intrinsics_covariance: None });
+    builder.scene.camera_of_photo.push(photo);
+    builder.scene.photos.push(ScenePhoto { name: named.name.clone(), file: None, camera: photo });
+    let (cam_from_world, covariance) = match &named.placement {
+        None => (Pose::identity(), None),
+        Some(p) if p.b == named.name => (p.b_from_a, p.covariance),
+        Some(p) => (p.b_from_a.inverse(), p.covariance.map(|c| p.b_from_a.inverse_covariance(&c))),
+    };
+    let covariance = covariance.filter(|c| 0.0 < c.amax()).map(|c| with_floor(&c));
+    builder.scene.facts.push(Fact::Pose { photo, cam_from_world, covariance });
+}
+
+/// Where each point is, and how far from the one before.
+fn all_positions(points: &[String]) -> Vec<NamedQuery> {
+    let position =
+        |p: usize| NamedQuery { name: points[p].clone(), kind: QueryKind::Position, points: vec![p] };
+    let from_the_last = |p: usize| NamedQuery {
+        name: format!("{}–{}", points[p - 1], points[p]),
+        kind: QueryKind::Distance,
+        points: vec![p - 1, p],
+    };
+    (0..points.len()).map(position).chain((1..points.len()).map(from_the_last)).collect()
+}
+
+/// Places of a rig must all be from one frame.
+fn check_one_frame(rig: &Path, cameras: &[formats::NamedCamera]) -> Result<(), FileError> {
+    let base = |c: &formats::NamedCamera| match &c.placement {
+        Some(p) if p.b == c.name => Some(p.a.clone()),
+        Some(p) if p.a == c.name => Some(p.b.clone()),
+        _ => None,
+    };
+    let frames: Vec<String> = cameras.iter().filter_map(base).collect();
+    let first = frames.first().cloned().ok_or_else(|| {
+        FileError::new(rig, "no camera has a place; give a rig file with [camera.placement]")
+    })?;
+    let lost = cameras.iter().find(|c| base(c).as_ref() != Some(&first) && c.name != first);
+    match lost {
+        Some(camera) => Err(FileError::new(
+            rig,
+            format!(
+                "camera `{}` has no place in frame `{first}` as the others have; write all places relative to one frame",
+                camera.name
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// A covariance that knows a direction exactly (a hinge) has no inverse: 1e-6 of its largest variances, and (1 µrad)² and (1 µm)²,
+/// change no number that anyone sees.
+pub(super) fn with_floor(covariance: &Matrix6) -> Matrix6 {
+    let most = |first: usize| covariance.diagonal().rows(first, 3).max().max(0.0);
+    let (turn, shift) = (1e-6 * most(0) + 1e-12, 1e-6 * most(3) + 1e-12);
+    covariance + Matrix6::from_diagonal(&crate::core::Vector6::new(turn, turn, turn, shift, shift, shift))
+}
