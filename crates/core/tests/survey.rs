@@ -69,7 +69,7 @@ fn every_query_gives_its_quantity() {
     let angle = (x(1) - x(0)).angle(&(x(7) - x(0)));
     assert!((measured(&scene, &adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
     // Shoelace formula of the marks' plan.
-    let plan = [0, 1, 2, 3].map(|p| x(p));
+    let plan = [0, 1, 2, 3].map(x);
     let shoelace: f64 =
         (0..4).map(|i| plan[i].x * plan[(i + 1) % 4].y - plan[(i + 1) % 4].x * plan[i].y).sum::<f64>() / 2.0;
     let area = measured(&scene, &adjusted, &Query::Area { points: vec![0, 1, 2, 3] });
