@@ -129,3 +129,31 @@ fn the_sketch_of_a_stereo_pair() {
     assert_eq!((run.code, run.stderr.as_str()), (0, ""));
     matches_golden("convert_stereo.txt", &run.stdout.replace(&out, "stereo.xml"));
 }
+
+/// A field layout in the other spelling and back is the file it was; a map that states no field needs its size.
+#[test]
+fn a_field_layout_changes_its_spelling_and_comes_back() {
+    let folder = folder("convert_layout");
+    let classic = example("golden/rigs/wpilib/field_layout.json");
+    let (new, back) = (folder.join("2027.json"), folder.join("back.json"));
+    for (input, to, out) in [(classic.clone(), "wpilib-2027", &new), (path(&new), "wpilib", &back)] {
+        let run = resight(&["convert", &input, "--to", to, "-o", &path(out)]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+    }
+    assert!(std::fs::read_to_string(&new).unwrap().contains("field-tags"));
+    assert_eq!(std::fs::read_to_string(&back).unwrap(), std::fs::read_to_string(&classic).unwrap());
+    let map = folder.join("map.toml");
+    let pose = "{ rotation_wxyz = [1.0, 0.0, 0.0, 0.0], translation_m = [1.0, 2.0, 0.5] }";
+    let text = format!(
+        "kind = \"tag_map\"\nfamily = \"tag36h11\"\n[[tag]]\nid = 3\nsize_m = 0.1651\nworld_from_tag = {pose}\n"
+    );
+    std::fs::write(&map, text).unwrap();
+    let out = path(&folder.join("map.json"));
+    refused(&resight(&["convert", &path(&map), "--to", "wpilib", "-o", &out]), 2, "--field-size-m");
+    let run = resight(&["convert", &path(&map), "--to", "wpilib", "--field-size-m", "16.5x8", "-o", &out]);
+    assert!(run.code == 0 && std::fs::read_to_string(&out).unwrap().contains("16.5"), "{}", run.stderr);
+}
+
+fn path(path: &Path) -> String {
+    path.display().to_string()
+}

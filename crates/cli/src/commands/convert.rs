@@ -1,5 +1,7 @@
 //! `convert`: camera files from one format to another, poses of other files merged in.
 
+mod layout;
+
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -13,14 +15,15 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  resight convert camchain.yaml --to opencv -o stereo.yml\n  \
     resight convert left.yaml right.yaml robot.urdf --to kalibr -o camchain.yaml\n  \
-    resight convert rig.toml --to tf --reference base_link -o cameras.launch.py")]
+    resight convert rig.toml --to tf --reference base_link -o cameras.launch.py\n  \
+    resight convert tags.toml --to wpilib --field-size-m 16.541x8.069 -o field.json")]
 pub struct Convert {
-    /// Camera files, or folders of them; FILE#NAME is one camera. Poses of one file join the cameras of another by name.
+    /// Camera files, or folders of them (a tag map for `--to wpilib`); FILE#NAME is one camera. Poses of one file join the cameras of another by name.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// The format to write.
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
-    to: Format,
+    to: To,
     /// The file to write, or a folder where the format takes several files.
     #[arg(long, short, value_name = "OUT")]
     output: PathBuf,
@@ -30,6 +33,9 @@ pub struct Convert {
     /// Image size of the cameras whose files state none, in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     image_size_px: Option<(u32, u32)>,
+    /// Length and width of the field, for `--to wpilib` and `--to wpilib-2027` [default: those of the layout read]
+    #[arg(long, value_name = "LENGTHxWIDTH", value_parser = layout::parse_field_size)]
+    field_size_m: Option<(f64, f64)>,
     /// One JSON object on stdout: {"reference", "cameras", "files", "lost", "warnings", "checked"}.
     #[arg(long)]
     json: bool,
@@ -38,14 +44,35 @@ pub struct Convert {
     quiet: bool,
 }
 
-fn parse_format(word: &str) -> Result<Format, String> {
-    Format::to_write(word).ok_or_else(|| {
+/// What is written.
+#[derive(Debug, Clone, Copy)]
+enum To {
+    /// Cameras and their poses.
+    Cameras(Format),
+    /// A map of tags as a WPILib field layout.
+    Layout { keys_of_2027: bool },
+}
+
+impl To {
+    fn name(self) -> &'static str {
+        match self {
+            To::Cameras(format) => format.name(),
+            To::Layout { .. } => Format::WpilibLayout.name(),
+        }
+    }
+}
+
+fn parse_format(word: &str) -> Result<To, String> {
+    if let Some(keys_of_2027) = layout::keys_of_2027(word) {
+        return Ok(To::Layout { keys_of_2027 });
+    }
+    Format::to_write(word).map(To::Cameras).ok_or_else(|| {
         let words = || Format::writable().flat_map(|(_, words)| words.iter().map(|w| (*w).to_owned()));
         let hint =
             crate::files::nearest(word, words()).map(|w| format!("did you mean `{w}`? ")).unwrap_or_default();
         let first = |(_, words): (_, &[&'static str])| words.first().copied();
         let list: Vec<&str> = Format::writable().filter_map(first).collect();
-        format!("no such format; {hint}There are {}", list.join(", "))
+        format!("no such format; {hint}There are {}, and wpilib, wpilib-2027 for tag maps", list.join(", "))
     })
 }
 
@@ -57,10 +84,17 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
 
 /// See `Convert`.
 pub fn run(args: &Convert) -> Result<Outcome> {
+    match args.to {
+        To::Cameras(format) => cameras(args, format),
+        To::Layout { keys_of_2027 } => layout::run(args, keys_of_2027),
+    }
+}
+
+fn cameras(args: &Convert, to: Format) -> Result<Outcome> {
     let rig = read(args)?;
     let reference = args.reference.as_deref();
     let scene = formats::scene(&rig, reference)?;
-    let conversion = match formats::convert(&rig, args.to, reference) {
+    let conversion = match formats::convert(&rig, to, reference) {
         Ok(conversion) => conversion,
         Err(reason) => return refused(args, &reason.to_string()),
     };

@@ -395,11 +395,8 @@ fn camera_sign(at: Vector2<f64>, towards: Option<Vector2<f64>>) -> Vec<Path> {
 fn ticks(from: f64, to: f64) -> Vec<f64> {
     let step = crate::overlay::round_down_125((to - from) / 4.0);
     let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
-    if 50 < last.saturating_sub(first) {
-        Vec::new()
-    } else {
-        (first..=last).map(|i| i as f64 * step).collect()
-    }
+    let is_range = step.is_normal() && from.is_finite() && last.saturating_sub(first) <= 50;
+    if is_range { (first..=last).map(|i| i as f64 * step).collect() } else { Vec::new() }
 }
 
 /// Without zeros that say nothing.
