@@ -15,8 +15,8 @@ def grid(columns, rows, spacing_m):
 
 
 def wang():
-    """The paper's layout: three points on a line, a fourth beside its end; metres."""
-    return np.array([[0, 0, 0], [0.1, 0, 0], [0.15, 0, 0], [0, 0.15, 0]])
+    """The paper's layout: three points on a line, a fourth beside its end; metres, the target of `four_points.py`."""
+    return np.array([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [0, 1.0, 0]])
 
 
 def project(camera, x):

@@ -1,4 +1,5 @@
-//! Times `solve_rig` in one process, for `benches/peers`: `bench_rig SCENE.csv ROUNDS`.
+//! Times `solve_rig` in one process, for `benches/peers`: `bench_rig SCENE.csv ROUNDS [squared]`;
+//! `squared` takes every point as it is.
 //!
 //! The file is that of `rig_scenes.py`: the noise, a row `c` a camera (size, matrix, Brown distortion), a row `s` a point (camera,
 //! view, point in the target, pixel). Prints one JSON object: the fastest round, every camera's pose as rows of `[R | t]`, its largest
@@ -6,6 +7,7 @@
 
 use nalgebra::Vector2;
 use resight_core::camera::{BrownConrady, CameraMatrix, ImageSize};
+use resight_core::loss::Loss;
 use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight_core::{Camera, Correspondence, Lens, Point};
 use std::collections::BTreeMap;
@@ -21,9 +23,12 @@ struct Scene {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [path, rounds] = arguments.as_slice() else {
-        return Err("usage: bench_rig SCENE.csv ROUNDS".into());
+    let (path, rounds, loss) = match arguments.as_slice() {
+        [path, rounds] => (path, rounds, RigConfig::default().loss),
+        [path, rounds, word] if word == "squared" => (path, rounds, Loss::Squared),
+        _ => return Err("usage: bench_rig SCENE.csv ROUNDS [squared]".into()),
     };
+    let config = RigConfig { loss, ..RigConfig::default() };
     let scene = read(&std::fs::read_to_string(path)?)?;
     let problem = RigProblem {
         cameras: &scene.cameras,
@@ -34,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut best_s, mut answer) = (f64::INFINITY, None);
     for _ in 0..rounds.parse::<usize>()?.max(1) {
         let start = Instant::now();
-        let solution = solve_rig(black_box(&problem), &RigConfig::default())?;
+        let solution = solve_rig(black_box(&problem), &config)?;
         best_s = start.elapsed().as_secs_f64().min(best_s);
         answer = Some(solution);
     }
