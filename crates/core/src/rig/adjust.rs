@@ -6,7 +6,7 @@ use super::RigConfig;
 use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
-use super::sighted::{CAUCHY_SIGMAS, Sighted};
+use super::sighted::{CAUCHY_SIGMAS, Sighted, enough};
 use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
 use crate::accumulate::normal_equations;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
@@ -79,7 +79,8 @@ impl<'a> Adjustment<'a> {
         robust_variance(&self.residuals, unknown).max(1.0)
     }
 
-    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows.
+    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows. Some points of a large sighting do:
+    /// what they leave open the rest closes in a step.
     fn approach(&mut self) -> Result<(), Error> {
         let mut sigmas = f64::INFINITY;
         for _ in 0..MAX_ROUNDS {
@@ -88,7 +89,7 @@ impl<'a> Adjustment<'a> {
                 break;
             }
             sigmas = next;
-            let active: Active = self.layout.sightings.iter().map(|s| Cow::Borrowed(&s.seen[..])).collect();
+            let active: Active = self.layout.sightings.iter().map(|s| enough(&s.seen)).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
             // A valley too flat to end in is start enough.
             self.move_to(found.places);

@@ -8,6 +8,7 @@ use crate::problem::Problem;
 use crate::refine::{refine_problem, whitened_residual};
 use crate::robust::{self, consensus};
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+use std::borrow::Cow;
 
 /// A pose that a sighting may have.
 #[derive(Debug, Clone, Copy)]
@@ -62,6 +63,11 @@ fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Er
 
 /// A start needs no more points than these: the joint adjustment takes all.
 const MANY_POINTS: usize = 30;
+
+/// All of a small sighting, some of a large one.
+pub(super) fn enough(seen: &[Correspondence]) -> Cow<'_, [Correspondence]> {
+    if MANY_POINTS < seen.len() { Cow::Owned(spread(seen)) } else { Cow::Borrowed(seen) }
+}
 
 /// `MANY_POINTS` of them, taken by golden section so that they fall into no row of a board.
 fn spread(seen: &[Correspondence]) -> Vec<Correspondence> {
