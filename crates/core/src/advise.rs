@@ -5,7 +5,7 @@
 //!
 //! | question | file |
 //! | --- | --- |
-//! | what is one view of known points worth? | [`expect`] |
+//! | what is one view of known points worth? | [`expect()`] |
 //! | what is wrong with a layout, in numbers? | [`layout`] |
 //! | how sure is a place or a length measured on a plane? | [`ground`] |
 //! | where should the next point go? | [`point`] |
