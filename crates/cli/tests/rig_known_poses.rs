@@ -72,7 +72,21 @@ fn pairs_make_a_rig_and_a_wrong_one_is_named() {
         assert_eq!(0.0 < camera["sigma_rad"][0].as_f64().unwrap(), i != 0);
     }
     let written: toml::Table = std::fs::read_to_string(&out).unwrap().parse().unwrap();
-    assert_eq!(written["placement"].as_array().unwrap().len(), 5);
+    assert_eq!(written["relation"].as_array().unwrap().len(), 5);
+    let lens = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 500.0\nfy_px = 500.0\ncx_px = 320.0\ncy_px = 240.0\n";
+    let lenses: Vec<String> = (1..=2)
+        .map(|i| {
+            let path = folder.join(format!("cam{i}.toml"));
+            std::fs::write(&path, lens).unwrap();
+            path.display().to_string()
+        })
+        .collect();
+    let full = folder.join("full.toml").display().to_string();
+    let joined = resight(&["convert", &lenses[0], &lenses[1], &out, "--to", "resight", "-o", &full]);
+    assert_eq!(joined.code, 0, "{}", joined.stderr);
+    let full: toml::Table = std::fs::read_to_string(&full).unwrap().parse().unwrap();
+    let placed = full["camera"].as_array().unwrap().iter().filter(|c| c.get("placement").is_some());
+    assert_eq!(placed.count(), 2);
     let said = resight(&["rig", "--pairs", &file]).stdout;
     assert!(said.contains("pairs that contradict others: cam1-cam4"), "{said}");
 }

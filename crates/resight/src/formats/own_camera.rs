@@ -34,7 +34,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     reads: Some(Reads {
         recognises: |document| {
             let root = document.entry();
-            document.syntax == Syntax::Toml && (root.has("model") || root.has("camera") || root.has("fx_px"))
+            document.syntax == Syntax::Toml
+                && ["model", "camera", "fx_px", "relation"].iter().any(|key| root.has(key))
         },
         read,
         together: None,
@@ -51,14 +52,14 @@ const MATRIX: [&str; 6] = ["width_px", "height_px", "fx_px", "fy_px", "cx_px", "
 fn read(document: &Document) -> Result<Contents, Fault> {
     let root = document.entry();
     let mut contents = Contents::default();
-    let Some(cameras) = root.get("camera") else {
+    if !root.has("camera") && !root.has("relation") {
         let camera = one_camera(&root, Some(document.stem()), &mut contents.warnings)?;
         contents.clocks.extend(root.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
         contents.cameras.push(camera);
         return Ok(contents);
-    };
+    }
     root.only(&["camera", "relation"])?;
-    for entry in cameras.items()? {
+    for entry in root.get("camera").map_or(Ok(Vec::new()), |cameras| cameras.items())? {
         let camera = one_camera(&entry, None, &mut contents.warnings)?;
         contents.clocks.extend(entry.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
         contents.cameras.push(camera);

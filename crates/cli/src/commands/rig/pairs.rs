@@ -266,7 +266,7 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
     };
     if cameras.is_empty() {
         let places = (0..file.cameras.len()).map(|i| PlaceOnly::of(&placement(i))).collect();
-        return Ok(toml::to_string(&PlacesOnly { placement: places })?);
+        return Ok(toml::to_string(&PlacesOnly { relation: places })?);
     }
     let placed = |(i, name): (usize, &String)| match cameras.iter().find(|camera| &camera.name == name) {
         Some(camera) => Ok(NamedCamera { placement: Some(placement(i)), ..camera.clone() }),
@@ -279,10 +279,10 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
     Ok(own_file(&all)?)
 }
 
-/// `[[placement]]` tables: no lens is known.
+/// `[[relation]]` tables of our own file: no lens is known. `convert` joins them with files that have lenses.
 #[derive(Serialize)]
 struct PlacesOnly {
-    placement: Vec<PlaceOnly>,
+    relation: Vec<PlaceOnly>,
 }
 
 /// The keys of `[camera.placement]`.
