@@ -198,6 +198,33 @@ fn points_and_motions_say_where_the_camera_sits() {
     agrees(&json_lines(&run)[0], &cell);
 }
 
+/// With the target on the hand the hand's motions are the other way round: the same pictures, motions inverted.
+#[test]
+fn a_target_on_the_hand_says_where_the_camera_stands() {
+    let folder = folder("eye_to_hand");
+    let cell = cell(0.4);
+    cell_files(&folder, &cell);
+    let mut text = format!("view,{POSE}\n");
+    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
+        writeln!(text, "v{i},{}", cells(&base_from_hand.inverse())).unwrap();
+    }
+    let [camera, motions, points] =
+        ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
+    std::fs::write(&motions, text).unwrap();
+    let named = format!("cam={camera}");
+    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
+    let more = ["--sigma-px", "0.1", "--json", "--target-on-hand"];
+    let run = resight(&[&arguments[..], &more].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(!run.stderr.contains("counterpart"), "{}", run.stderr);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(answer["n_used"], 9, "{answer}");
+    assert!(apart(&read(&answer["cam_from_base"]), &cell.cam_from_hand) < 1e-3, "{answer}");
+    assert!(apart(&read(&answer["hand_from_target"]), &cell.base_from_target) < 1e-3, "{answer}");
+    let other = &json_lines(&resight(&[&arguments[..], &more[..3]].concat()))[0];
+    assert_ne!(other["status"], "ok", "{other}");
+}
+
 /// The same from the poses that `solve` wrote, and with one hand pose that belongs to another view.
 #[test]
 fn poses_of_another_command_serve_as_well() {

@@ -68,6 +68,9 @@ fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<Vec<String>>
 }
 
 fn n_alone(frames: &[Frame]) -> usize {
+    if frames.iter().all(|frame| frame.camera == frames[0].camera) {
+        return 0; // A single camera on a hand needs no counterpart.
+    }
     let mut cameras: std::collections::HashMap<&str, (usize, bool)> = std::collections::HashMap::new();
     for frame in frames {
         let (camera, is_shared) = cameras.entry(&frame.name).or_insert((frame.camera, false));
