@@ -225,6 +225,26 @@ fn a_target_on_the_hand_says_where_the_camera_stands() {
     assert_ne!(other["status"], "ok", "{other}");
 }
 
+/// Parallel axes leave the place along them open; measured with a tape, it is all that was missing.
+#[test]
+fn a_known_height_is_enough_for_parallel_axes() {
+    let folder = folder("hand_eye_height");
+    let cell = cell(0.0);
+    cell_files(&folder, &cell);
+    let hand_from_cam = cell.cam_from_hand.inverse();
+    let axis = hand_from_cam.rotation.column(2).into_owned();
+    let height_m = hand_from_cam.translation.dot(&axis).to_string();
+    let direction = format!("{},{},{}", axis.x, axis.y, axis.z);
+    let [camera, motions, points] =
+        ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
+    let named = format!("cam={camera}");
+    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
+    let known = ["--height-known-m", &height_m, "--height-axis", &direction, "--sigma-px", "0.1", "--json"];
+    let run = resight(&[&arguments[..], &known].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    agrees(&json_lines(&run)[0], &cell);
+}
+
 /// The same from the poses that `solve` wrote, and with one hand pose that belongs to another view.
 #[test]
 fn poses_of_another_command_serve_as_well() {
