@@ -46,7 +46,7 @@ pub(super) fn answer(layout: &Layout, adjusted: Adjusted, config: &RigConfig) ->
         bodies,
         sightings: sightings(layout, &adjusted),
         shared: shared_views,
-        scales: scales(layout, &adjusted, &eliminated, noise_scale),
+        scales: scales(layout, &adjusted, &eliminated, noise_scale, !config.known_distances.is_empty()),
         rms_px: total.rms_px(),
         chi2,
         degrees_of_freedom,

@@ -26,8 +26,24 @@ pub(super) fn scales(
     adjusted: &Adjusted,
     eliminated: &Eliminated,
     noise_scale: f64,
+    has_distances: bool,
 ) -> Vec<TargetScale> {
-    (0..layout.first_target.len()).map(|t| scale(t, layout, adjusted, eliminated, noise_scale)).collect()
+    let takes_part = |target: &usize| {
+        let own = layout.sightings.iter().zip(&adjusted.parts.is_used).filter(|(s, _)| s.target == *target);
+        own.into_iter().any(|(_, used)| used.iter().any(|u| *u))
+    };
+    let targets = 0..layout.first_target.len();
+    // The size of the only one is the gauge itself, whatever rounding leaves of its information.
+    let compares = has_distances || 1 < targets.clone().filter(takes_part).count();
+    let of_target = |target: usize| match compares {
+        true => scale(target, layout, adjusted, eliminated, noise_scale),
+        false => unknown(extent_m(target, layout)),
+    };
+    targets.map(of_target).collect()
+}
+
+fn unknown(extent_m: f64) -> TargetScale {
+    TargetScale { ratio: 1.0, sigma: f64::INFINITY, extent_m }
 }
 
 fn scale(
@@ -61,7 +77,7 @@ fn scale(
     if NOTHING_LEFT * own < left {
         return TargetScale { ratio: 1.0 + pull / left, sigma: (noise_scale / left).sqrt(), extent_m };
     }
-    TargetScale { ratio: 1.0, sigma: f64::INFINITY, extent_m }
+    unknown(extent_m)
 }
 
 /// Over points that all project.
