@@ -82,8 +82,8 @@ fn read(name: &'static str, folder: &Path) -> Set {
         torque_step_n_m: number(&steps["torque_Nm"]),
         hub_angle_step_rad: number(&steps["hub_angle_rad"]),
     };
-    let samples = |file: &str| rows(&folder.join(file)).iter().map(|row| sample(row)).collect::<Vec<_>>();
-    let truth = rows(&folder.join("truth.csv")).iter().map(|row| truth_row(row)).collect();
+    let samples = |file: &str| rows(&folder.join(file)).iter().map(sample).collect::<Vec<_>>();
+    let truth = rows(&folder.join("truth.csv")).iter().map(truth_row).collect();
     Set { name, rod, cell, clean: samples("measured_clean.csv"), noisy: samples("measured_noisy.csv"), truth }
 }
 
