@@ -1,0 +1,42 @@
+//! `whisker`: object profiles by touch, one file per job.
+
+mod input;
+mod picture;
+mod record;
+mod solve;
+mod summary;
+
+use crate::output::Outcome;
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+/// Object profiles by touch: where an elastic whisker meets an object, from the forces and the torque at its hub.
+///
+/// The load cell at the hub and the hub's pose determine the whole bent whisker; where its bending moment vanishes, there it
+/// touches. One reading gives one contact with its covariance, a sweep gives a locus, the locus gives the object: docs/whisker.md.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  resight whisker solve --whisker meta.json hub.csv -o contacts.csv --picture locus.svg
+  resight whisker identify contacts.csv -o object.json --picture object.png
+  resight whisker simulate --whisker meta.json --object object.json --path path.json -o hub.csv
+  resight whisker calibrate --whisker meta.json hub.csv -o calibrated.json
+  load-cell | resight whisker stream --whisker meta.json
+  resight whisker check contacts.csv truth.csv")]
+pub struct Whisker {
+    #[command(subcommand)]
+    job: Job,
+}
+
+#[derive(Debug, Subcommand)]
+#[allow(clippy::large_enum_variant)] // One job a run.
+enum Job {
+    /// The contact of every reading of a record, with its covariance and a verdict.
+    Solve(solve::Solve),
+}
+
+/// See `Whisker`.
+pub fn run(args: &Whisker) -> Result<Outcome> {
+    match &args.job {
+        Job::Solve(args) => solve::run(args),
+    }
+}
