@@ -11,6 +11,7 @@ pub mod hub;
 pub mod contacts;
 pub mod truth;
 pub mod object;
+pub mod score;
 
 pub use contacts::ContactRow;
 pub use hub::{HubFormat, HubRow, read_hub};

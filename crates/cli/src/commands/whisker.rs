@@ -1,5 +1,6 @@
 //! `whisker`: object profiles by touch, one file per job.
 
+mod check;
 mod input;
 mod picture;
 mod record;
@@ -32,11 +33,14 @@ pub struct Whisker {
 enum Job {
     /// The contact of every reading of a record, with its covariance and a verdict.
     Solve(solve::Solve),
+    /// Contacts beside the truth: errors, whether the error bars hold, modes.
+    Check(check::Check),
 }
 
 /// See `Whisker`.
 pub fn run(args: &Whisker) -> Result<Outcome> {
     match &args.job {
         Job::Solve(args) => solve::run(args),
+        Job::Check(args) => check::run(args),
     }
 }

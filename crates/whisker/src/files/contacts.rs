@@ -299,6 +299,19 @@ pub fn write_csv(rows: &[ContactRow]) -> String {
     out
 }
 
+/// Whether a text is a contacts file, told by its first line.
+pub fn is_contacts(text: &str) -> bool {
+    let first = line::lines(text).next().and_then(|(line, text)| {
+        let layout = Layout::of_first_line(line, text).ok()?;
+        Some((layout.clone(), line::read(&layout, line, text).ok()?))
+    });
+    match first {
+        Some((Layout::Csv { header, .. }, _)) => header.iter().any(|name| name == "status"),
+        Some((_, Cells::Object(object))) => object.contains_key("status"),
+        _ => false,
+    }
+}
+
 /// Reads a contacts file, CSV or JSON Lines; columns in any order.
 ///
 /// # Errors

@@ -13,7 +13,14 @@ use std::path::{Path, PathBuf};
 pub struct WhiskerArgs {
     /// Whisker file (JSON): length, stiffness, taper, intrinsic curvature, noise of the instruments, calibration.
     #[arg(long, value_name = "META.json")]
-    pub whisker: PathBuf,
+    whisker: PathBuf,
+    #[command(flatten)]
+    readings: ReadingArgs,
+}
+
+/// How readings are meant where their header does not say.
+#[derive(Debug, Args)]
+pub struct ReadingArgs {
     /// Units of columns whose header states none, e.g. length=mm,angle=deg,moment=Nmm [default: as the whisker file says, else SI]
     #[arg(long, value_name = "QUANTITY=UNIT,…", value_parser = Units::parse)]
     units: Option<Units>,
@@ -41,12 +48,18 @@ enum SignArg {
 impl WhiskerArgs {
     /// Reads the whisker file; flags overrule what it says about readings.
     pub fn read(&self) -> Result<WhiskerFile> {
-        let text = text(&self.whisker)?;
-        let mut file = whisker::read(&text).map_err(|reason| anyhow!("{}: {reason}", self.whisker.display()))?;
-        file.conventions = self.overruled(file.conventions);
-        Ok(file)
+        whisker_file(&self.whisker, &self.readings)
     }
+}
 
+/// Reads a whisker file; flags overrule what it says about readings.
+pub fn whisker_file(path: &Path, flags: &ReadingArgs) -> Result<WhiskerFile> {
+    let mut file = whisker::read(&text(path)?).map_err(|reason| anyhow!("{}: {reason}", path.display()))?;
+    file.conventions = flags.overruled(file.conventions);
+    Ok(file)
+}
+
+impl ReadingArgs {
     fn overruled(&self, said: Conventions) -> Conventions {
         Conventions {
             units: self.units.unwrap_or(said.units),

@@ -20,6 +20,20 @@ fn modes(rows: &[ContactRow]) -> Vec<(&'static str, usize)> {
     counts(&ok, &["mid", "tip"], |row| mode_name(row.mode))
 }
 
+/// `298 ok, 63 no_contact`.
+pub fn statuses_in_words(rows: &[ContactRow]) -> String {
+    list(&statuses(rows))
+}
+
+/// The same as JSON.
+pub fn statuses_object(rows: &[ContactRow]) -> Value {
+    object(statuses(rows))
+}
+
+fn object(counts: Vec<(&'static str, usize)>) -> Value {
+    Value::Object(counts.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect())
+}
+
 fn list(counts: &[(&'static str, usize)]) -> String {
     counts.iter().map(|(name, n)| format!("{n} {name}")).collect::<Vec<_>>().join(", ")
 }
@@ -64,9 +78,6 @@ pub fn words(name: &str, solved: &Solved) -> String {
 
 /// For a program: the last object of `--json`.
 pub fn json(solved: &Solved) -> Value {
-    let object = |counts: Vec<(&'static str, usize)>| {
-        Value::Object(counts.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect())
-    };
     json!({
         "kind": "record",
         "status": if solved.is_consistent { "ok" } else { "inconsistent" },
