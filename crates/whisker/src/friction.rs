@@ -7,6 +7,7 @@
 //!   mid:  G(l) = |F| (sin φ(l) − sin φ_f) = 0      tip:  G(l) = |F| (s(l)/L − 1) = 0      docs/math/whisker_friction.md eqs. (1), (2)
 //! ```
 
+mod mixture;
 pub mod modes;
 pub mod projection;
 pub mod record;

@@ -4,6 +4,7 @@
 //! docs/math/whisker_friction.md. Which way the whisker slides (one way throughout, or both with sticking between) is chosen by the
 //! evidence of the record.
 
+use super::mixture::{NEGLIGIBLE, mixed};
 use super::modes::{log_evidence, posterior};
 use super::{Constraint, FrictionAngle, INCONSISTENT_CHI2, Projection, answer, project, sound};
 use crate::contact::Method;
@@ -272,31 +273,46 @@ impl<'a> Touched<'a> {
         }
     }
 
-    /// The most probable mode, within it the most probable state.
+    /// The mixture of all states by their probabilities; the mode is the more probable one, and fits.
     fn estimate(&self, solved: &Solved, i: usize, tests: &Tests) -> ContactEstimate {
         let (mode, probability) = match tests.tip_probability {
             tip if 0.5 < tip => (Mode::Tip, tip),
             tip => (Mode::Mid, 1.0 - tip),
         };
-        let best = solved.projections[i]
+        let mut states: Vec<(f64, &Projection)> = solved.projections[i]
             .iter()
             .zip(&solved.probabilities[i])
-            .filter_map(|(projection, p)| projection.as_ref().map(|projection| (projection, p)))
-            .filter(|(projection, _)| projection.constraint.mode() == mode)
-            .max_by(|a, b| a.1.total_cmp(b.1));
-        match best {
-            Some((projection, _)) if fit_chi2(self.rod, projection) <= INCONSISTENT_CHI2 => answer(
-                self.rod,
-                &self.cell,
-                &self.samples[i],
-                self.method,
-                &self.raw[i],
-                projection,
-                probability,
-            ),
+            .filter_map(|(projection, p)| Some((*p, projection.as_ref()?)))
+            .filter(|(p, projection)| NEGLIGIBLE < *p && fit_chi2(self.rod, projection) <= INCONSISTENT_CHI2)
+            .collect();
+        // The mode's own most probable state first.
+        states.sort_by(|(p, a), (q, b)| {
+            let of_mode = |x: &Projection| x.constraint.mode() == mode;
+            of_mode(b).cmp(&of_mode(a)).then(q.total_cmp(p))
+        });
+        match states.first() {
+            Some((_, first)) if first.constraint.mode() == mode => self.mixture(i, &states, probability),
             // No constraint holds: what the load says by itself, and the verdict.
             _ => contradicted(&self.raw[i], mode, probability),
         }
+    }
+
+    fn mixture(&self, i: usize, states: &[(f64, &Projection)], probability: f64) -> ContactEstimate {
+        let under = |projection| {
+            answer(self.rod, &self.cell, &self.samples[i], self.method, &self.raw[i], projection, probability)
+        };
+        let total: f64 = states.iter().map(|(p, _)| p).sum();
+        let mut estimate = under(states[0].1);
+        let contacts: Vec<_> = states
+            .iter()
+            .enumerate()
+            .filter_map(|(k, (p, projection))| {
+                let contact = if k == 0 { estimate.contact.clone() } else { under(projection).contact };
+                Some((p / total, contact?))
+            })
+            .collect();
+        estimate.contact = mixed(&contacts).or(estimate.contact);
+        estimate
     }
 }
 
