@@ -1,7 +1,7 @@
 //! `whisker check`: contacts beside the truth.
 
 use super::input::{self, ReadingArgs};
-use super::record::{self, MethodArg, SolveMode};
+use super::record::{self, SolvingArgs};
 use crate::output::{Outcome, print};
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
@@ -26,12 +26,8 @@ pub struct Check {
     /// The truth: columns sweep, sample, contact, x, y, s, theta_c, fx_world, fy_world, friction_angle, mode.
     #[arg(value_name = "TRUTH.csv")]
     truth: PathBuf,
-    /// For hub readings: what is used beyond the reading itself.
-    #[arg(long, value_name = "MODE", value_enum, default_value_t = SolveMode::Constrained)]
-    mode: SolveMode,
-    /// For hub readings: how contacts are found from loads.
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
-    method: MethodArg,
+    #[command(flatten)]
+    solving: SolvingArgs,
     /// One JSON object on stdout.
     #[arg(long)]
     json: bool,
@@ -63,7 +59,7 @@ fn rows(args: &Check) -> Result<Vec<ContactRow>> {
         (false, Some(whisker)) => {
             let file = input::whisker_file(whisker, &args.readings)?;
             let readings = input::readings(&args.measured, file.conventions)?;
-            Ok(record::solve(&file, &readings, args.mode, args.method.into()).rows)
+            Ok(record::solve(&file, &readings, &args.solving)?.rows)
         }
         (false, None) => Err(anyhow!(
             "{}: no contacts (there is no column `status`); to solve hub readings give --whisker META.json",

@@ -1,8 +1,10 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
-use clap::ValueEnum;
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::estimate;
+use resight_whisker::friction::{Mu, solve_record};
 use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
 use resight_whisker::{ContactEstimate, Sample};
 
@@ -60,19 +62,67 @@ pub struct Friction {
     pub is_estimated: bool,
 }
 
-/// Solves a record.
-pub fn solve(file: &WhiskerFile, readings: &[HubRow], mode: SolveMode, method: Method) -> Solved {
-    let complete: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
-    let _ = mode;
-    let estimates: Vec<ContactEstimate> =
-        complete.iter().map(|sample| estimate(&file.rod, &file.cell, sample, method)).collect();
-    Solved {
-        rows: rows(file, readings, &complete, &estimates),
-        samples: readings.iter().map(|row| row.reading.clone().ok()).collect(),
-        friction: None,
-        warnings: file.warnings.clone(),
-        is_consistent: true,
+/// What is known of friction: `auto`, or μ.
+pub fn parse_mu(text: &str) -> Result<Mu, String> {
+    match (text, text.parse::<f64>()) {
+        ("auto", _) => Ok(Mu::Auto),
+        (_, Ok(mu)) if 0.0 <= mu && mu.is_finite() => Ok(Mu::Known(mu)),
+        _ => Err("`auto` or a number not below 0 is needed".to_string()),
     }
+}
+
+/// How a record is solved.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct SolvingArgs {
+    /// What is used beyond the reading itself.
+    #[arg(long, value_name = "MODE", value_enum, default_value_t = SolveMode::Constrained)]
+    pub mode: SolveMode,
+    /// Coulomb's coefficient of friction: `auto` estimates it from the record.
+    #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, value_parser = parse_mu)]
+    pub mu: Mu,
+    /// How contacts are found from loads.
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
+    pub method: MethodArg,
+}
+
+/// Estimates of complete readings, and what was learnt on the way.
+struct Answers {
+    estimates: Vec<ContactEstimate>,
+    friction: Option<Friction>,
+    warnings: Vec<String>,
+    is_consistent: bool,
+}
+
+/// Solves a record.
+pub fn solve(file: &WhiskerFile, readings: &[HubRow], args: &SolvingArgs) -> Result<Solved> {
+    let samples: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
+    let answers = match args.mode {
+        SolveMode::Raw => raw(file, &samples, args.method.into()),
+        SolveMode::Constrained => constrained(file, &samples, args)?,
+        SolveMode::Sweep => bail!("--mode sweep"),
+    };
+    Ok(Solved {
+        rows: rows(file, readings, &samples, &answers.estimates),
+        samples: readings.iter().map(|row| row.reading.clone().ok()).collect(),
+        friction: answers.friction,
+        warnings: file.warnings.iter().cloned().chain(answers.warnings).collect(),
+        is_consistent: answers.is_consistent,
+    })
+}
+
+fn raw(file: &WhiskerFile, samples: &[Sample], method: Method) -> Answers {
+    let estimates = samples.iter().map(|sample| estimate(&file.rod, &file.cell, sample, method)).collect();
+    Answers { estimates, friction: None, warnings: Vec::new(), is_consistent: true }
+}
+
+fn constrained(file: &WhiskerFile, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
+    let record = solve_record(&file.rod, &file.cell, samples, args.mu, args.method.into())?;
+    let friction = Friction {
+        mu: record.mu,
+        mu_sigma: record.mu_sigma,
+        is_estimated: args.mu == Mu::Auto,
+    };
+    Ok(Answers { estimates: record.estimates, friction: Some(friction), warnings: Vec::new(), is_consistent: true })
 }
 
 /// Puts the rows of incomplete readings back in their places.

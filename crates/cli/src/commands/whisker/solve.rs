@@ -1,7 +1,7 @@
 //! `whisker solve`: the contact of every reading of a record.
 
 use super::input::{self, WhiskerArgs};
-use super::record::{self, MethodArg, SolveMode, Solved};
+use super::record::{self, Solved, SolvingArgs};
 use super::{picture, summary};
 use crate::output::{Outcome, print};
 use anyhow::Result;
@@ -24,12 +24,8 @@ pub struct Solve {
     /// Contacts: CSV, or JSON Lines where the name ends in .jsonl; the file is replaced only when complete.
     #[arg(short, long, value_name = "CONTACTS.csv")]
     output: Option<PathBuf>,
-    /// What is used beyond the reading itself.
-    #[arg(long, value_name = "MODE", value_enum, default_value_t = SolveMode::Constrained)]
-    mode: SolveMode,
-    /// How contacts are found from loads.
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
-    method: MethodArg,
+    #[command(flatten)]
+    solving: SolvingArgs,
     /// Picture of the sweeps: whisker shapes, contacts by mode, 2-sigma ellipses; SVG or PNG by its ending.
     #[arg(long, value_name = "OUT.svg|.png", value_parser = picture::path)]
     picture: Option<PathBuf>,
@@ -49,7 +45,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let file = args.whisker.read()?;
     let readings = input::readings(&args.hub, file.conventions)?;
     let object = args.object.as_deref().map(input::object).transpose()?;
-    let solved = record::solve(&file, &readings, args.mode, args.method.into());
+    let solved = record::solve(&file, &readings, &args.solving)?;
     let mut written = Vec::new();
     if let Some(path) = &args.output {
         write_atomically(path, contacts_text(path, &solved).as_bytes())?;
