@@ -5,6 +5,7 @@ mod input;
 mod picture;
 mod record;
 mod solve;
+mod stream;
 mod summary;
 
 use crate::output::Outcome;
@@ -33,6 +34,8 @@ pub struct Whisker {
 enum Job {
     /// The contact of every reading of a record, with its covariance and a verdict.
     Solve(solve::Solve),
+    /// One line in, one line out, before the next arrives.
+    Stream(stream::Stream),
     /// Contacts beside the truth: errors, whether the error bars hold, modes.
     Check(check::Check),
 }
@@ -41,6 +44,7 @@ enum Job {
 pub fn run(args: &Whisker) -> Result<Outcome> {
     match &args.job {
         Job::Solve(args) => solve::run(args),
+        Job::Stream(args) => stream::run(args),
         Job::Check(args) => check::run(args),
     }
 }

@@ -240,10 +240,11 @@ pub fn header() -> String {
 /// A row as JSON: the same keys, null where a cell is empty.
 pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
+    let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
     let values: [Value; 28] = [
-        json!(row.sweep),
-        json!(row.sample),
+        json!(number(row.sweep)),
+        json!(number(row.sample)),
         json!(row.t_s),
         json!(u8::from(row.status.is_touching())),
         json!(of(|f| f.x_in_world.x)),
