@@ -1,5 +1,7 @@
 //! A flat drawing of lines and words, written as SVG and as PNG from the same list.
 
+pub mod chart;
+
 use crate::GrayImage;
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::font;

@@ -97,7 +97,7 @@ impl Answering<'_> {
         }
     }
 
-    fn answer(&mut self, sample: &Sample) -> ContactEstimate {
+    fn answer(&self, sample: &Sample) -> ContactEstimate {
         estimate(&self.file.rod, &self.file.cell, sample, self.args.method.into())
     }
 
