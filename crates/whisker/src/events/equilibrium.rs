@@ -63,6 +63,8 @@ pub struct Problem<'a> {
 const STEPS: usize = 25;
 /// A residual below this share of the whisker's units is zero: next to 1e-12 of the contact itself.
 const ZERO: f64 = 1e-10;
+/// Leaning less than this, radians, is rounding where mid-whisker and tip contact meet.
+const LEAN_RAD: f64 = 1e-6;
 
 impl Problem<'_> {
     /// `[N, N, N·m]` of the whisker: EI/L², EI/L², EI/L.
@@ -86,6 +88,15 @@ impl Problem<'_> {
             load -= step.component_mul(&units) * share;
         }
         None
+    }
+
+    /// Whether the whisker stays out of a convex object: at the tip the force may not lean beyond friction towards the tip, for then
+    /// the whisker before the tip would pass through the outline.
+    pub fn is_admissible(&self, equilibrium: &Equilibrium) -> bool {
+        match self.constraint {
+            Constraint::Friction(_) => true,
+            Constraint::Tip => equilibrium.at.friction_angle_rad <= self.friction_rad + LEAN_RAD,
+        }
     }
 
     /// E and ∂E/∂l, both in the whisker's units.

@@ -53,6 +53,10 @@ pub const HORIZON: f64 = 300.0;
 const PACE: usize = 10;
 /// The fold is approached to this share of a hub step before the last bit is extrapolated.
 const NEAREST: f64 = 1e-3;
+/// Newton may correct Euler's step by this share of it; more, and the stride is halved: another branch may have been met.
+const CORRECTION: f64 = 0.2;
+/// Corrections below this, in the whisker's units, are rounding.
+const EXACT: f64 = 1e-8;
 /// A force below this many standard deviations is let go.
 const GONE: f64 = 2.0;
 
@@ -173,7 +177,11 @@ impl Ahead<'_> {
         }
         let at_tip = problem(Constraint::Tip);
         let steps_to_tip = Some(reached.steps);
-        let Some(now) = at_tip.solve(&self.hub_after(reached.steps), &reached.now.load) else {
+        // Where the determinant changes its sign with the constraint, the branch at the tip leads back: the fold is here, eq. (11).
+        let at_tip_now = at_tip
+            .solve(&self.hub_after(reached.steps), &reached.now.load)
+            .filter(|now| 0.0 < now.determinant() * reached.now.determinant());
+        let Some(now) = at_tip_now else {
             return Some(Path { stability, steps_to_tip, end: Some((reached.steps, End::Fold)) });
         };
         let (_, end) = self.run(&at_tip, Followed { before: None, now, ..reached });
@@ -208,18 +216,23 @@ impl Ahead<'_> {
         (at, None)
     }
 
-    /// The next equilibrium on the same branch: the determinant keeps its sign.
+    /// The next equilibrium on the same branch: the determinant keeps its sign, and the load goes where its derivative points.
     fn advanced(&self, problem: &Problem, at: &Followed, stride: f64) -> Option<Followed> {
         let steps = at.steps + stride;
+        let hub = self.hub_after(steps);
         let load = at.now.load.to_vector();
-        let slope = at.before.map_or(Vector3::zeros(), |(earlier, before)| {
-            (load - before.load.to_vector()) / (at.steps - earlier)
-        });
-        let start = HubLoad::from_vector(&(load + slope * stride));
-        let now = problem
-            .solve(&self.hub_after(steps), &start)
-            .filter(|next| 0.0 < next.determinant() * at.now.determinant())?;
-        Some(Followed { steps, now, before: Some((at.steps, at.now)) })
+        let (off, _) = problem.evaluate(&hub, &load)?;
+        let euler = -at.now.jacobian.lu().solve(&off)?;
+        let start = load + euler.component_mul(&problem.load_units());
+        let now = problem.solve(&hub, &HubLoad::from_vector(&start))?;
+        let corrected = (now.load.to_vector() - start).component_div(&problem.load_units());
+        let follows = corrected.norm() <= CORRECTION * euler.norm() + EXACT;
+        let same_branch = 0.0 < now.determinant() * at.now.determinant();
+        (follows && same_branch && problem.is_admissible(&now)).then_some(Followed {
+            steps,
+            now,
+            before: Some((at.steps, at.now)),
+        })
     }
 
     /// Eq. (13): the spread of the end over the arc's principal axes and the friction angle, each by its standard deviation.
