@@ -17,6 +17,7 @@ pub mod estimate;
 pub mod friction;
 pub mod events;
 pub mod shape;
+pub mod spatial;
 pub mod files;
 
 pub use contact::HubContact;
