@@ -16,6 +16,7 @@ pub mod contact;
 pub mod estimate;
 pub mod friction;
 pub mod events;
+pub mod sweep;
 pub mod shape;
 pub mod spatial;
 pub mod files;
