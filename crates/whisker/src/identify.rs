@@ -4,10 +4,20 @@
 //! The contact's worst error, along the whisker, moves the line along itself (docs/math/whisker_identify.md).
 
 pub mod touch;
+mod row;
+mod outline;
+mod state;
+mod fit;
+mod start;
+mod candidates;
+mod decide;
+mod report;
 
 pub use touch::Touch;
 
-use crate::Shape;
+use crate::{Error, Shape};
+use candidates::{Candidate, Candidates, Evidence};
+use row::Row;
 use nalgebra::{DMatrix, Vector2};
 
 /// What may be called an object's class.
@@ -238,5 +248,103 @@ impl Default for Config {
             fits_chi2_per_dof: 2.5,
             fits_outlier_share: 0.2,
         }
+    }
+}
+
+/// The simplest object that explains the touches, or why none is told.
+///
+/// Fails only on a configuration that asks for nothing; touches of any kind and number have an answer.
+pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Error> {
+    config.check()?;
+    let (rows, mut uses) = prepare(touches, config);
+    let n = rows.len().max(1) as f64;
+    let origin = rows.iter().map(|row| row.x).sum::<Vector2<f64>>() / n;
+    let lines = start::lines(&rows, origin);
+    let evidence = Evidence { rows: &rows, lines: &lines, origin };
+    if rows.len() < decide::NEEDED || lines.is_empty() {
+        return Ok(too_few(&evidence, uses, config));
+    }
+    let candidates = Candidates::of(&evidence, config);
+    let decided = decide::decide(&evidence, &candidates, config);
+    Ok(answer(&evidence, &candidates, decided, &mut uses, config))
+}
+
+impl Config {
+    fn check(&self) -> Result<(), Error> {
+        if self.classes.is_empty() {
+            let way_out = "name at least one of circle, ellipse, square, rectangle, polygon";
+            return Err(Error::TooFew { what: "classes", seen: 0, needed: 1, way_out });
+        }
+        let above_one = self.material_ratio - 1.0;
+        let positive = [
+            ("the BIC difference that decides", self.decided_bic),
+            ("the material ratio less 1", above_one),
+            ("the limit of the standard deviation along the whisker", self.along_sigma_limit_m),
+        ];
+        let wrong = positive.into_iter().find(|(_, seen)| !(0.0 < *seen && seen.is_finite()));
+        wrong.map_or(Ok(()), |(what, seen)| Err(Error::NotPositive { what, seen }))
+    }
+}
+
+fn prepare(touches: &[Touch], config: &Config) -> (Vec<Row>, Vec<Use>) {
+    let made: Vec<_> = touches.iter().enumerate().map(|(i, touch)| Row::new(i, touch, config)).collect();
+    let uses = made.iter().map(|row| row.as_ref().err().copied().unwrap_or(Use::Used)).collect();
+    (made.into_iter().flatten().collect(), uses)
+}
+
+fn too_few(evidence: &Evidence, uses: Vec<Use>, config: &Config) -> Identification {
+    let reason = Reason::TooFewContacts { seen: evidence.rows.len(), needed: decide::NEEDED };
+    let mut coverage = report::coverage(evidence, &vec![true; evidence.rows.len()], None, config);
+    coverage.gated = uses.len() - coverage.used;
+    Identification {
+        verdict: Verdict::InsufficientCoverage,
+        advice: report::advice(&reason, &coverage),
+        reason: Some(reason),
+        shape: None,
+        parameters: Vec::new(),
+        covariance: DMatrix::zeros(0, 0),
+        scores: Vec::new(),
+        coverage,
+        chi2_per_dof: 0.0,
+        fits: false,
+        uses,
+    }
+}
+
+fn answer(
+    evidence: &Evidence,
+    candidates: &Candidates,
+    decided: Result<(Class, &Candidate), Reason>,
+    uses: &mut Vec<Use>,
+    config: &Config,
+) -> Identification {
+    let chosen = decided.as_ref().map_or(&candidates.list[0], |(_, chosen)| chosen);
+    let state = report::natural(&chosen.fit.state);
+    let squared = fit::verdicts(evidence.rows, &state).squared;
+    let is_used: Vec<bool> = squared.iter().map(|squared| *squared < row::OUTLIER_COST).collect();
+    for (row, _) in evidence.rows.iter().zip(&is_used).filter(|(_, used)| !**used) {
+        uses[row.index] = Use::Outlier;
+    }
+    let cornered = match decided {
+        Ok(_) => Some(chosen),
+        Err(_) => candidates.best(|model| !model.is_smooth()),
+    };
+    let mut coverage = report::coverage(evidence, &is_used, cornered, config);
+    coverage.gated = uses.len() - coverage.used;
+    let (parameters, covariance) = report::parameters(evidence, &state, candidates.excess);
+    let verdict = decided.as_ref().map_or(Verdict::InsufficientCoverage, |(class, _)| Verdict::Is(*class));
+    let reason = decided.as_ref().err().cloned();
+    Identification {
+        verdict,
+        advice: reason.as_ref().map_or(String::new(), |reason| report::advice(reason, &coverage)),
+        reason,
+        shape: report::shape(&state),
+        parameters,
+        covariance,
+        scores: candidates.list.iter().map(|candidate| candidate.score.clone()).collect(),
+        coverage,
+        chi2_per_dof: chosen.score.chi2_per_dof,
+        fits: decide::fits(chosen, evidence.rows.len(), config).is_ok(),
+        uses: std::mem::take(uses),
     }
 }
