@@ -1,6 +1,7 @@
 //! Where the whisker touches, from one load: the first arc length at which the bending moment vanishes.
 
 pub mod closed_form;
+pub mod integrate;
 
 use crate::{HubLoad, Rod};
 use nalgebra::{SMatrix, Vector2};

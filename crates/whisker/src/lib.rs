@@ -14,6 +14,7 @@ pub mod rod;
 pub mod elliptic;
 pub mod contact;
 pub mod estimate;
+pub mod friction;
 pub mod shape;
 pub mod identify;
 
