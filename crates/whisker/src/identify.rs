@@ -17,6 +17,7 @@ pub use touch::Touch;
 
 use crate::{Error, Shape};
 use candidates::{Candidate, Candidates, Evidence};
+use fit::Search;
 use row::Row;
 use nalgebra::{DMatrix, Vector2};
 
@@ -221,6 +222,8 @@ pub struct Config {
     pub decided_bic: f64,
     /// Axes or sides of this ratio are different things: "circle" and "square" are said only where it is excluded.
     pub material_ratio: f64,
+    /// Axes or sides that differ by less than this are not different things, whatever their ratio, metres.
+    pub material_difference_m: f64,
     /// Most corners of a polygon.
     pub max_corners: usize,
     /// A contact whose place along the whisker has a larger standard deviation is not used, metres.
@@ -241,6 +244,7 @@ impl Default for Config {
             classes: vec![Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon],
             decided_bic: 10.0,
             material_ratio: 1.15,
+            material_difference_m: 1e-3,
             max_corners: 8,
             along_sigma_limit_m: 0.006,
             gap_rad: 10_f64.to_radians(),
@@ -260,7 +264,7 @@ pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Er
     let n = rows.len().max(1) as f64;
     let origin = rows.iter().map(|row| row.x).sum::<Vector2<f64>>() / n;
     let lines = start::lines(&rows, origin);
-    let evidence = Evidence { rows: &rows, lines: &lines, origin };
+    let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines: &lines, origin };
     if rows.len() < decide::NEEDED || lines.is_empty() {
         return Ok(too_few(&evidence, uses, config));
     }

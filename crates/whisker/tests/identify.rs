@@ -4,20 +4,15 @@ mod real_support;
 
 use real_support::{Set, sets};
 use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Mode, estimate};
+use resight_whisker::friction::record::{Mu, solve_record};
 use resight_whisker::identify::{Config, Touch, identify};
 
 fn touches(set: &Set, sweeps: &[u32]) -> Vec<Touch> {
+    let samples: Vec<_> = set.noisy.iter().filter(|s| sweeps.contains(&s.sweep)).copied().collect();
+    let record = solve_record(&set.rod, &set.cell, &samples, Mu::Auto, Method::Auto).unwrap();
     let mut list = Vec::new();
-    for (sample, truth) in set.noisy.iter().zip(&set.truth) {
-        if !truth.contact || !sweeps.contains(&sample.sweep) || sample.load.force_n().norm() < 0.1 {
-            continue;
-        }
-        let mut e = estimate(&set.rod, &set.cell, sample, Method::Auto);
-        if truth.mode.starts_with("tip") {
-            e.mode = Mode::Tip;
-        }
-        list.extend(Touch::from_estimate(sample.sweep, sample.load.mz_n_m, &e, &set.rod));
+    for (sample, e) in samples.iter().zip(&record.estimates) {
+        list.extend(Touch::from_estimate(sample.sweep, sample.load.mz_n_m, e, &set.rod));
     }
     list
 }

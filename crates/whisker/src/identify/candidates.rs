@@ -1,6 +1,6 @@
 //! The hypotheses, each at its best parameters, and how they compare.
 
-use super::fit::{Fit, best_fit, fit, promising, verdicts};
+use super::fit::{Fit, Search, verdicts};
 use super::row::{OUTLIER_COST, Row};
 use super::start::{self, Line};
 use super::state::State;
@@ -18,6 +18,7 @@ pub(super) struct Candidate {
 /// What the hypotheses are fitted to.
 pub(super) struct Evidence<'a> {
     pub rows: &'a [Row],
+    pub search: Search<'a>,
     pub lines: &'a [Line],
     pub origin: Vector2<f64>,
 }
@@ -72,28 +73,30 @@ fn explains(score: &Score, n_rows: usize) -> bool {
 }
 
 fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
-    let (rows, lines, origin) = (evidence.rows, evidence.lines, evidence.origin);
-    let mut fits = Vec::new();
-    let mut keep = |model: Model, fit: Option<Fit>| fits.extend(fit.map(|fit| (model, fit)));
-    keep(Model::Corner, start::corner(lines, origin).and_then(|start| fit(rows, &start)));
-    let circle = start::circle(lines, origin).and_then(|start| fit(rows, &start));
-    if classes.contains(&Class::Ellipse) {
-        let starts = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
-        keep(Model::Ellipse, best_fit(rows, &starts));
-    }
-    if classes.contains(&Class::Circle) {
-        keep(Model::Circle, circle);
-    }
-    let square = best_fit(rows, &start::squares(lines, origin));
-    if classes.contains(&Class::Rectangle) {
-        let mut starts = start::rectangles(lines, origin);
-        starts.extend(square.iter().map(|square| as_rectangle(&square.state)));
-        keep(Model::Rectangle, best_fit(rows, &starts));
-    }
-    if classes.contains(&Class::Square) {
-        keep(Model::Square, square);
-    }
-    fits
+    let (search, lines, origin) = (&evidence.search, evidence.lines, evidence.origin);
+    let mut best = f64::INFINITY;
+    let mut note = |fit: Option<Fit>| {
+        best = fit.as_ref().map_or(best, |fit| fit.cost.min(best));
+        (fit, best)
+    };
+    let (circle, best_cost) =
+        note(start::circle(lines, origin).and_then(|start| search.fit(&start, f64::INFINITY)));
+    let (square, best_cost) = note(search.best_fit(&start::squares(lines, origin), best_cost));
+    let ellipses = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
+    let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
+    let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
+    rectangles.extend(start::rectangles(lines, origin));
+    let (rectangle, best_cost) = note(search.best_fit(&rectangles, best_cost));
+    let corner = start::corner(lines, origin).and_then(|start| search.fit(&start, best_cost));
+    let all = [
+        (Model::Corner, corner),
+        (Model::Circle, circle),
+        (Model::Ellipse, ellipse),
+        (Model::Square, square),
+        (Model::Rectangle, rectangle),
+    ];
+    let asked = |model: Model| model.class().is_none_or(|class| classes.contains(&class));
+    all.into_iter().filter(|(model, _)| asked(*model)).filter_map(|(model, fit)| Some((model, fit?))).collect()
 }
 
 fn as_rectangle(square: &State) -> State {
@@ -104,7 +107,7 @@ fn as_rectangle(square: &State) -> State {
 fn polygons(evidence: &Evidence, most: usize) -> Vec<(Model, Fit)> {
     let chains = start::chains(evidence.lines, evidence.origin, most);
     let fitted = |start: &State| {
-        let fit = fit(evidence.rows, start)?;
+        let fit = evidence.search.fit(start, f64::INFINITY)?;
         Some((Model::Polygon { corners: fit.state.n_parameters() / 2 }, fit))
     };
     chains.iter().filter_map(fitted).collect()
@@ -145,7 +148,7 @@ fn ranked(rows: &[Row], fits: Vec<(Model, Fit)>) -> Candidates {
 const KEPT: usize = 3;
 
 /// What the best ellipse with axes of this ratio costs.
-pub(super) fn cost_of_axes(rows: &[Row], near: &[&State], ratio: f64) -> f64 {
+pub(super) fn cost_of_axes(search: &Search, near: &[&State], ratio: f64) -> f64 {
     let starts = near.iter().flat_map(|state| {
         let (centre, [a, b], angle) = state.frame();
         let turned = move |k: u32| State::AxesOfRatio {
@@ -156,11 +159,11 @@ pub(super) fn cost_of_axes(rows: &[Row], near: &[&State], ratio: f64) -> f64 {
         };
         (0..4).map(turned)
     });
-    best_fit(rows, &promising(rows, starts.collect(), KEPT)).map_or(f64::INFINITY, |fit| fit.cost)
+    search.best_fit(&search.promising(starts.collect(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 /// What the best rectangle with sides of this ratio, either way, costs.
-pub(super) fn cost_of_sides(rows: &[Row], near: &[&State], ratio: f64) -> f64 {
+pub(super) fn cost_of_sides(search: &Search, near: &[&State], ratio: f64) -> f64 {
     let starts = near.iter().flat_map(|state| {
         let (centre, sides, angle) = state.frame();
         let corners = state.outline().map(corner_list).unwrap_or_default();
@@ -168,7 +171,7 @@ pub(super) fn cost_of_sides(rows: &[Row], near: &[&State], ratio: f64) -> f64 {
             stretched(centre, sides, angle, ratio, &corners)
         })
     });
-    best_fit(rows, &promising(rows, starts.collect(), KEPT)).map_or(f64::INFINITY, |fit| fit.cost)
+    search.best_fit(&search.promising(starts.collect(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 fn corner_list(outline: super::outline::Outline) -> Vec<Vector2<f64>> {

@@ -91,9 +91,10 @@ fn smooth<'a>(
     if general.score.bic + config.decided_bic <= simple.score.bic {
         return Ok((Class::Ellipse, general));
     }
+    let ratio = material_ratio(&simple.fit.state, config);
     let near = [&simple.fit.state, &general.fit.state];
-    let cost = cost_of_axes(evidence.rows, &near, config.material_ratio);
-    ratio_excluded(cost, simple, general, candidates, config)?;
+    let cost = cost_of_axes(&evidence.search, &near, ratio);
+    ratio_excluded((ratio, cost), simple, general, candidates, config)?;
     Ok((Class::Circle, simple))
 }
 
@@ -123,15 +124,22 @@ fn cornered<'a>(
         sides_known(evidence, general, candidates, config)?;
         return Ok((Class::Rectangle, general));
     }
+    let ratio = material_ratio(&simple.fit.state, config);
     let near = [&simple.fit.state, &general.fit.state];
-    let cost = cost_of_sides(evidence.rows, &near, config.material_ratio);
-    ratio_excluded(cost, simple, general, candidates, config)?;
+    let cost = cost_of_sides(&evidence.search, &near, ratio);
+    ratio_excluded((ratio, cost), simple, general, candidates, config)?;
     Ok((Class::Square, simple))
+}
+
+/// The ratio at which axes or sides are materially different: a share of their size, and not less than a length.
+fn material_ratio(simple: &State, config: &Config) -> f64 {
+    let (_, [size, _], _) = simple.frame();
+    config.material_ratio.max(1.0 + config.material_difference_m / size)
 }
 
 /// Shapes of the material ratio must cost more than the best by what decides.
 fn ratio_excluded(
-    cost: f64,
+    (ratio, cost): (f64, f64),
     simple: &Candidate,
     general: &Candidate,
     candidates: &Candidates,
@@ -143,7 +151,7 @@ fn ratio_excluded(
         return Ok(());
     }
     let best = if simple.score.bic <= general.score.bic { simple } else { general };
-    let (ratio, needed) = (config.material_ratio, config.decided_bic);
+    let needed = config.decided_bic;
     Err(Reason::RatioOpen { best: best.score.model, ratio, delta_chi2, needed })
 }
 

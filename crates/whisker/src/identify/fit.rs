@@ -5,6 +5,7 @@ use super::row::{OUTLIER_COST, Row, robust};
 use super::state::State;
 use nalgebra::{DMatrix, DVector};
 use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
+use std::cell::Cell;
 
 /// A hypothesis at its best parameters.
 #[derive(Debug, Clone)]
@@ -48,18 +49,72 @@ fn equations(rows: &[Row], state: &State, outlier_cost: f64) -> Option<DenseEqua
 
 /// A start far off is led by a bound twenty-five times as wide, five standard deviations for one.
 const WIDE: f64 = 25.0;
+/// Evaluations allowed each of the two searches: what needs more zigzags at the edges of a wrong hypothesis.
+const BUDGET: usize = 40;
+/// Rows that lead a start near its minimum; all rows then find it.
+const LEADING: usize = 100;
+/// A hypothesis this much worse per row than the best so far is not brought to its end: nothing could save it.
+const HOPELESS_PER_ROW: f64 = 3.0;
 
-/// The best fit from one start; none where the start is no outline.
-pub(super) fn fit(rows: &[Row], start: &State) -> Option<Fit> {
-    let moved = |state: &State, by: &DVector<f64>| state.moved(by);
-    let wide = minimize_dense(start, |s| equations(rows, s, WIDE * OUTLIER_COST), moved)?;
-    let narrow = minimize_dense(&wide.state, |s| equations(rows, s, OUTLIER_COST), moved)?;
-    narrow.equations.chi2.is_finite().then_some(Fit { cost: narrow.equations.chi2, state: narrow.state })
+/// The rows, and every few of them for the first steps.
+pub(super) struct Search<'a> {
+    rows: &'a [Row],
+    leading: Vec<Row>,
 }
 
-/// The best of several starts.
-pub(super) fn best_fit(rows: &[Row], starts: &[State]) -> Option<Fit> {
-    starts.iter().filter_map(|start| fit(rows, start)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+impl<'a> Search<'a> {
+    pub fn new(rows: &'a [Row]) -> Self {
+        let stride = rows.len().div_ceil(LEADING).max(1);
+        Search { rows, leading: rows.iter().step_by(stride).copied().collect() }
+    }
+
+    /// The best fit from one start, brought to its end unless it is hopeless beside a cost of `best`; none where the start is no
+    /// outline.
+    pub fn fit(&self, start: &State, best: f64) -> Option<Fit> {
+        let wide = minimum(&self.leading, start, WIDE * OUTLIER_COST)?;
+        let cost = equations(self.rows, &wide.state, OUTLIER_COST)?.chi2;
+        if best + HOPELESS_PER_ROW * (self.rows.len() as f64) < cost {
+            return Some(Fit { cost, state: wide.state });
+        }
+        minimum(self.rows, &wide.state, OUTLIER_COST)
+    }
+
+    /// The best of several starts; one that explains the rows ends the search.
+    pub fn best_fit(&self, starts: &[State], best: f64) -> Option<Fit> {
+        let mut found: Option<Fit> = None;
+        for start in starts {
+            let bar = found.as_ref().map_or(best, |fit| fit.cost.min(best));
+            let fit = self.fit(start, bar);
+            found = [found, fit].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
+            if found.as_ref().is_some_and(|fit| fit.cost <= HOPELESS_PER_ROW * self.rows.len() as f64) {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Those starts that cost least as they are.
+    pub fn promising(&self, starts: Vec<State>, kept: usize) -> Vec<State> {
+        let cost = |state: &State| -> f64 {
+            let squared = verdicts(&self.leading, state).squared;
+            let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
+            if squared.is_empty() { f64::INFINITY } else { total }
+        };
+        let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|state| (cost(&state), state)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranked.into_iter().take(kept).map(|(_, state)| state).collect()
+    }
+}
+
+fn minimum(rows: &[Row], start: &State, outlier_cost: f64) -> Option<Fit> {
+    let spent = Cell::new(0);
+    let evaluate = |state: &State| {
+        spent.set(spent.get() + 1);
+        if BUDGET < spent.get() { None } else { equations(rows, state, outlier_cost) }
+    };
+    let solution = minimize_dense(start, evaluate, |state: &State, by: &DVector<f64>| state.moved(by))?;
+    let cost = solution.equations.chi2;
+    cost.is_finite().then_some(Fit { cost, state: solution.state })
 }
 
 /// Covariance of the parameters at a fit; none where something is undetermined.
@@ -79,16 +134,4 @@ pub(super) fn verdicts(rows: &[Row], state: &State) -> Verdicts {
         squared: distances.iter().map(|d| d.e.norm_squared()).collect(),
         places: distances.iter().map(|d| d.place).collect(),
     }
-}
-
-/// Those starts that cost least as they are.
-pub(super) fn promising(rows: &[Row], starts: Vec<State>, kept: usize) -> Vec<State> {
-    let cost = |state: &State| -> f64 {
-        let squared = verdicts(rows, state).squared;
-        let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
-        if squared.is_empty() { f64::INFINITY } else { total }
-    };
-    let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|state| (cost(&state), state)).collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked.into_iter().take(kept).map(|(_, state)| state).collect()
 }

@@ -88,7 +88,7 @@ const LARGEST_TURN: f64 = 0.5;
 
 impl Smooth {
     fn distance(&self, row: &Row) -> Distance {
-        let mut beta = if row.tip { self.normal_through(row.x) } else { row.beta };
+        let mut beta = if row.tip { self.normal_through(row) } else { row.beta };
         let (mut e, mut w) = self.residual(row, beta);
         for _ in 0..8 {
             let step = (w.dot(&e) / w.norm_squared().max(f64::MIN_POSITIVE)).clamp(-LARGEST_TURN, LARGEST_TURN);
@@ -116,11 +116,11 @@ impl Smooth {
         Distance { e: project(e), by, place: Place::Tangent(beta) }
     }
 
-    /// The normal whose contact lies roughly towards a point.
-    fn normal_through(&self, x: Vector2<f64>) -> f64 {
+    /// The normal whose contact lies roughly towards a tip contact; an outline is touched on the side it turns to the whisker.
+    fn normal_through(&self, row: &Row) -> f64 {
         let square = self.root * self.root;
-        let inward = square.try_inverse().unwrap_or_else(Matrix2::identity) * (x - self.centre);
-        inward.y.atan2(inward.x)
+        let outward = square.try_inverse().unwrap_or_else(Matrix2::identity) * (row.x - self.centre);
+        if outward.dot(&row.normal()) <= 0.0 { row.beta } else { outward.y.atan2(outward.x) }
     }
 
     /// W (y − f(β)) and W v.
@@ -171,16 +171,17 @@ impl Corners {
                 best = Some((squared, place, e));
             }
         };
+        let facing = row.normal();
         for k in 0..self.corners.len() {
             if let Some((beta, e)) = self.at_corner(row, k) {
                 offer(Place::Corner(k, beta), e);
             }
-            if let Some(face) = self.faces.get(k) {
+            if let Some(face) = self.faces.get(k).filter(|face| !row.tip || 0.0 < face.normal.dot(&facing)) {
                 let (u, e) = on_face(row, self.corners[k], face);
                 offer(Place::Face(k, u), e);
             }
         }
-        // One corner alone takes every touch; with faces each face does.
+        // One corner alone takes every touch; of a closed outline some face looks any way.
         let (_, place, e) = best.unwrap_or((0.0, Place::Corner(0, row.beta), Vector3::zeros()));
         Distance { e, by: self.derivatives(row, place), place }
     }
