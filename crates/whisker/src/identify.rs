@@ -19,6 +19,7 @@ use crate::{Error, Shape};
 use candidates::{Candidate, Candidates, Evidence};
 use fit::Search;
 use row::Row;
+use start::Lines;
 use nalgebra::{DMatrix, Vector2};
 
 /// What may be called an object's class.
@@ -261,11 +262,13 @@ impl Default for Config {
 pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Error> {
     config.check()?;
     let (rows, mut uses) = prepare(touches, config);
-    let n = rows.len().max(1) as f64;
-    let origin = rows.iter().map(|row| row.x).sum::<Vector2<f64>>() / n;
-    let lines = start::lines(&rows, origin);
-    let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines: &lines, origin };
-    if rows.len() < decide::NEEDED || lines.is_empty() {
+    let origin = Vector2::new(start::median(rows.iter().map(|row| row.x.x)), start::median(rows.iter().map(|row| row.x.y)));
+    let list = start::lines(&rows, origin);
+    let spread = 2.0 * start::median(rows.iter().map(|row| (row.x - origin).norm()));
+    let spread = spread.max(start::SMALLEST_SPREAD_M);
+    let lines = Lines { list: &list, origin, spread };
+    let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines };
+    if rows.len() < decide::NEEDED || list.is_empty() {
         return Ok(too_few(&evidence, uses, config));
     }
     let candidates = Candidates::of(&evidence, config);

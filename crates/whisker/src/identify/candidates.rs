@@ -2,7 +2,7 @@
 
 use super::fit::{Fit, Search, verdicts};
 use super::row::{OUTLIER_COST, Row};
-use super::start::{self, Line};
+use super::start::{self, Lines};
 use super::state::State;
 use super::{Class, Config, Model, Score};
 use nalgebra::Vector2;
@@ -19,8 +19,7 @@ pub(super) struct Candidate {
 pub(super) struct Evidence<'a> {
     pub rows: &'a [Row],
     pub search: Search<'a>,
-    pub lines: &'a [Line],
-    pub origin: Vector2<f64>,
+    pub lines: Lines<'a>,
 }
 
 /// All hypotheses asked for, best first; `excess` is the factor on the noise's variance that the best needs, at least 1.
@@ -73,21 +72,21 @@ fn explains(score: &Score, n_rows: usize) -> bool {
 }
 
 fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
-    let (search, lines, origin) = (&evidence.search, evidence.lines, evidence.origin);
+    let (search, lines) = (&evidence.search, &evidence.lines);
     let mut best = f64::INFINITY;
     let mut note = |fit: Option<Fit>| {
         best = fit.as_ref().map_or(best, |fit| fit.cost.min(best));
         (fit, best)
     };
     let (circle, best_cost) =
-        note(start::circle(lines, origin).and_then(|start| search.fit(&start, f64::INFINITY)));
-    let (square, best_cost) = note(search.best_fit(&start::squares(lines, origin), best_cost));
+        note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
+    let (square, best_cost) = note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
     let ellipses = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
     let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
     let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
-    rectangles.extend(start::rectangles(lines, origin));
+    rectangles.extend(search.promising(&start::rectangles(lines), KEPT));
     let (rectangle, best_cost) = note(search.best_fit(&rectangles, best_cost));
-    let corner = start::corner(lines, origin).and_then(|start| search.fit(&start, best_cost));
+    let corner = start::corner(lines).and_then(|start| search.fit(&start, best_cost));
     let all = [
         (Model::Corner, corner),
         (Model::Circle, circle),
@@ -105,7 +104,7 @@ fn as_rectangle(square: &State) -> State {
 }
 
 fn polygons(evidence: &Evidence, most: usize) -> Vec<(Model, Fit)> {
-    let chains = start::chains(evidence.lines, evidence.origin, most);
+    let chains = start::chains(&evidence.lines, most);
     let fitted = |start: &State| {
         let fit = evidence.search.fit(start, f64::INFINITY)?;
         Some((Model::Polygon { corners: fit.state.n_parameters() / 2 }, fit))
@@ -159,7 +158,7 @@ pub(super) fn cost_of_axes(search: &Search, near: &[&State], ratio: f64) -> f64 
         };
         (0..4).map(turned)
     });
-    search.best_fit(&search.promising(starts.collect(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 /// What the best rectangle with sides of this ratio, either way, costs.
@@ -171,7 +170,7 @@ pub(super) fn cost_of_sides(search: &Search, near: &[&State], ratio: f64) -> f64
             stretched(centre, sides, angle, ratio, &corners)
         })
     });
-    search.best_fit(&search.promising(starts.collect(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 fn corner_list(outline: super::outline::Outline) -> Vec<Vector2<f64>> {

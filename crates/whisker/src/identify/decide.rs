@@ -1,7 +1,9 @@
 //! The verdict: the best hypothesis, if every other that means something different is excluded.
 
 use super::candidates::{Candidate, Candidates, Evidence, cost_of_axes, cost_of_sides};
-use super::fit::covariance;
+use super::fit::{covariance, verdicts};
+use super::row::{OUTLIER_COST, Row};
+use super::start::{arc, lines};
 use super::state::State;
 use super::{Class, Config, Model, Reason};
 use nalgebra::Matrix2;
@@ -177,11 +179,18 @@ fn sides_known(
     Err(Reason::RatioOpen { best: Model::Rectangle, ratio, delta_chi2, needed })
 }
 
-/// A polygon needs normals from enough sides.
+/// A polygon needs normals from enough sides, and all its corners.
 fn closed(evidence: &Evidence, polygon: &Candidate, config: &Config) -> Result<(), Reason> {
-    let seen_rad = super::start::arc(evidence.lines, config.gap_rad).map_or(0.0, |([from, to], _)| to - from);
+    let seen = verdicts(evidence.rows, &polygon.fit.state).squared;
+    let inliers: Vec<Row> =
+        evidence.rows.iter().zip(&seen).filter(|(_, squared)| **squared < OUTLIER_COST).map(|(row, _)| *row).collect();
+    let lines = lines(&inliers, evidence.lines.origin);
+    let seen_rad = arc(&lines, config.gap_rad).map_or(0.0, |([from, to], _)| to - from);
     let is_plate = polygon.fit.state.n_parameters() < 6;
-    if config.polygon_arc_rad <= seen_rad && !is_plate {
+    let limit = config.along_sigma_limit_m.powi(2);
+    let is_known = covariance(evidence.rows, &polygon.fit.state)
+        .is_some_and(|c| c.diagonal().iter().all(|variance| *variance <= limit));
+    if config.polygon_arc_rad <= seen_rad && is_known && !is_plate {
         return Ok(());
     }
     Err(Reason::SidesUnseen { seen_rad, needed_rad: config.polygon_arc_rad })

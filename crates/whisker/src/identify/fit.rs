@@ -93,16 +93,20 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Those starts that cost least as they are.
-    pub fn promising(&self, starts: Vec<State>, kept: usize) -> Vec<State> {
-        let cost = |state: &State| -> f64 {
-            let squared = verdicts(&self.leading, state).squared;
-            let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
-            if squared.is_empty() { f64::INFINITY } else { total }
-        };
-        let mut ranked: Vec<(f64, State)> = starts.into_iter().map(|state| (cost(&state), state)).collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ranked.into_iter().take(kept).map(|(_, state)| state).collect()
+    /// Those starts, of a ring of neighbours, that cost less as they are than the ones beside them: the best `kept`.
+    pub fn promising(&self, ring: &[State], kept: usize) -> Vec<State> {
+        let costs: Vec<f64> = ring.iter().map(|state| self.cost_as_is(state)).collect();
+        let n = ring.len();
+        let beside = |k: usize| costs[(k + 1) % n].min(costs[(k + n - 1) % n]);
+        let mut least: Vec<usize> = (0..n).filter(|k| costs[*k] <= beside(*k)).collect();
+        least.sort_by(|i, j| costs[*i].total_cmp(&costs[*j]));
+        least.into_iter().take(kept).map(|k| ring[k].clone()).collect()
+    }
+
+    fn cost_as_is(&self, state: &State) -> f64 {
+        let squared = verdicts(&self.leading, state).squared;
+        let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
+        if squared.is_empty() { f64::INFINITY } else { total }
     }
 }
 

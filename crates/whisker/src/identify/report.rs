@@ -4,7 +4,7 @@ use super::candidates::{Candidate, Evidence};
 use super::fit::{covariance, verdicts};
 use super::outline::Place;
 use super::row::OUTLIER_COST;
-use super::start::arc;
+use super::start::{arc, lines};
 use super::state::State;
 use super::{Config, Coverage, Parameter, Reason};
 use crate::Shape;
@@ -97,11 +97,12 @@ pub(super) fn coverage(
     config: &Config,
 ) -> Coverage {
     let mut coverage = Coverage::default();
-    if let Some((range, gaps)) = arc(evidence.lines, config.gap_rad) {
+    let used = || evidence.rows.iter().zip(is_used).filter(|(_, used)| **used).map(|(row, _)| row);
+    let lines = lines(&used().copied().collect::<Vec<_>>(), evidence.lines.origin);
+    if let Some((range, gaps)) = arc(&lines, config.gap_rad) {
         coverage.normals_range_rad = Some(range);
         coverage.gaps_rad = gaps;
     }
-    let used = || evidence.rows.iter().zip(is_used).filter(|(_, used)| **used).map(|(row, _)| row);
     coverage.used = used().count();
     coverage.tip_contacts = used().filter(|row| row.tip).count();
     if let Some(candidate) = cornered {

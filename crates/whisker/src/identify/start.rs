@@ -19,6 +19,9 @@ pub(super) struct Line {
     weight: f64,
 }
 
+/// A start is not led by the few lines that claim to be better than a tenth of a millimetre, 1/m².
+const MOST_WEIGHT: f64 = 1e8;
+
 /// The lines of the contacts between clamp and tip, in the order of β beginning after the widest gap; offsets from `origin`.
 pub(super) fn lines(rows: &[Row], origin: Vector2<f64>) -> Vec<Line> {
     let mut lines: Vec<Line> = rows.iter().filter(|row| !row.tip).map(|row| line(row, origin)).collect();
@@ -33,50 +36,76 @@ pub(super) fn lines(rows: &[Row], origin: Vector2<f64>) -> Vec<Line> {
 
 fn line(row: &Row, origin: Vector2<f64>) -> Line {
     let normal = row.normal();
-    Line { normal, beta: positive_angle(row.beta), offset: normal.dot(&(row.x - origin)), weight: row.line_weight }
+    Line { normal, beta: positive_angle(row.beta), offset: normal.dot(&(row.x - origin)), weight: row.line_weight.min(MOST_WEIGHT) }
 }
 
-/// Sizes and places the lines leave open stay near the contacts: a standard deviation, metres.
+/// Places the lines leave open stay near the contacts: a standard deviation, metres.
 const LOOSE_M: f64 = 1.0;
 /// Squared residual, in variances, from which a line counts less: five standard deviations, since faces turn with their noise.
 const FAR: f64 = 25.0;
+/// Contacts that all lie in one place are supposed to spread by this, metres.
+pub(super) const SMALLEST_SPREAD_M: f64 = 1e-3;
+/// Solutions, each with the lines weighted by the one before.
+const PASSES: usize = 5;
 
-/// Weighted linear least squares of n·x = φ(n)ᵀ q, lines far off counted less in the second and third pass; q and what is left.
-fn linear<const P: usize>(
-    lines: &[Line],
-    features: impl Fn(&Line) -> SVector<f64, P>,
-) -> Option<(SVector<f64, P>, f64)> {
-    let mut q = SVector::<f64, P>::zeros();
-    for pass in 0..3 {
-        let mut information = SMatrix::<f64, P, P>::identity() / (LOOSE_M * LOOSE_M);
-        let mut moment = SVector::<f64, P>::zeros();
-        for line in lines {
+/// The lines, and what is supposed where they leave something open.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lines<'a> {
+    /// Sorted, offsets from `origin`.
+    pub list: &'a [Line],
+    /// Near all contacts, metres.
+    pub origin: Vector2<f64>,
+    /// How far the contacts spread about it, metres: a size no line determines is supposed to be this, give or take as much.
+    pub spread: f64,
+}
+
+/// Weighted linear least squares of n·x = φ(n)ᵀ q; q = [place, sizes …]. Lines far off, as the median goes, count less from the
+/// second pass on.
+fn linear<const P: usize>(lines: &Lines, features: impl Fn(&Line) -> SVector<f64, P>) -> Option<SVector<f64, P>> {
+    let supposed = SVector::<f64, P>::from_fn(|i, _| if i < 2 { 0.0 } else { lines.spread });
+    let loose = SVector::<f64, P>::from_fn(|i, _| if i < 2 { LOOSE_M } else { lines.spread });
+    let prior = SMatrix::from_diagonal(&loose.map(|sigma| 1.0 / (sigma * sigma)));
+    let mut q = supposed;
+    let mut squared = vec![0.0; lines.list.len()];
+    for _ in 0..PASSES {
+        let far = FAR.max(4.0 * median(squared.iter().copied()));
+        let mut information = prior;
+        let mut moment = prior * supposed;
+        for (line, squared) in lines.list.iter().zip(&squared) {
             let phi = features(line);
-            let squared = (line.offset - phi.dot(&q)).powi(2) * line.weight;
-            let weight = if pass == 0 { line.weight } else { line.weight / (1.0 + squared / FAR) };
+            let weight = line.weight / (1.0 + squared / far).powi(2);
             information += weight * phi * phi.transpose();
             moment += weight * line.offset * phi;
         }
         q = information.cholesky()?.solve(&moment);
+        for (line, squared) in lines.list.iter().zip(&mut squared) {
+            *squared = (line.offset - features(line).dot(&q)).powi(2) * line.weight;
+        }
     }
-    let left = |line: &Line| ((line.offset - features(line).dot(&q)).powi(2) * line.weight).min(FAR);
-    Some((q, lines.iter().map(left).sum()))
+    Some(q)
+}
+
+/// 0 of none.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    let middle = sorted.len() / 2;
+    if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 fn within(size: f64) -> f64 {
     size.clamp(1e3 * SMALLEST_M, 0.1 * LARGEST_M)
 }
 
-/// The circle through the lines, eq. (9).
-pub(super) fn circle(lines: &[Line], origin: Vector2<f64>) -> Option<State> {
-    let (q, _) = linear(lines, |line| SVector::<f64, 3>::new(line.normal.x, line.normal.y, 1.0))?;
-    Some(State::Circle { centre: origin + Vector2::new(q[0], q[1]), radius: within(q[2]) })
+/// The circle that touches the lines, eq. (9).
+pub(super) fn circle(lines: &Lines) -> Option<State> {
+    let q = linear(lines, |line| SVector::<f64, 3>::new(line.normal.x, line.normal.y, 1.0))?;
+    Some(State::Circle { centre: lines.origin + Vector2::new(q[0], q[1]), radius: within(q[2]) })
 }
 
 /// The corner all lines pass.
-pub(super) fn corner(lines: &[Line], origin: Vector2<f64>) -> Option<State> {
-    let (q, _) = linear(lines, |line| line.normal)?;
-    Some(State::Chain(vec![origin + q]))
+pub(super) fn corner(lines: &Lines) -> Option<State> {
+    let q = linear(lines, |line| line.normal)?;
+    Some(State::Chain(vec![lines.origin + q]))
 }
 
 /// Ellipses around a circle: itself, and drawn out in four directions.
@@ -92,48 +121,39 @@ pub(super) fn ellipses(circle: &State) -> Vec<State> {
 
 /// Directions tried, over a quarter turn.
 const DIRECTIONS: usize = 30;
-/// Best directions kept.
-const KEPT: usize = 2;
 
-/// Rectangles at the directions that leave least, eq. (10).
-pub(super) fn rectangles(lines: &[Line], origin: Vector2<f64>) -> Vec<State> {
+fn directions() -> impl Iterator<Item = f64> {
+    (0..DIRECTIONS).map(|k| k as f64 * FRAC_PI_2 / DIRECTIONS as f64)
+}
+
+/// Rectangles at directions over a quarter turn, eq. (10).
+pub(super) fn rectangles(lines: &Lines) -> Vec<State> {
     let at = |angle: f64| {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
         let features = move |line: &Line| {
             let n = line.normal;
             SVector::<f64, 4>::new(n.x, n.y, n.dot(&u).abs(), n.dot(&v).abs())
         };
-        let (q, left) = linear(lines, features)?;
-        let centre = origin + Vector2::new(q[0], q[1]);
-        Some((State::Rectangle { centre, sides: [within(q[2]), within(q[3])], angle }, left))
+        let q = linear(lines, features)?;
+        let centre = lines.origin + Vector2::new(q[0], q[1]);
+        Some(State::Rectangle { centre, sides: [within(q[2]), within(q[3])], angle })
     };
-    best_directions(at)
+    directions().filter_map(at).collect()
 }
 
 /// Squares likewise.
-pub(super) fn squares(lines: &[Line], origin: Vector2<f64>) -> Vec<State> {
+pub(super) fn squares(lines: &Lines) -> Vec<State> {
     let at = |angle: f64| {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
         let features = move |line: &Line| {
             let n = line.normal;
             SVector::<f64, 3>::new(n.x, n.y, n.dot(&u).abs() + n.dot(&v).abs())
         };
-        let (q, left) = linear(lines, features)?;
-        let centre = origin + Vector2::new(q[0], q[1]);
-        Some((State::RectangleOfRatio { centre, mean: within(q[2]), angle, ratio: 1.0 }, left))
+        let q = linear(lines, features)?;
+        let centre = lines.origin + Vector2::new(q[0], q[1]);
+        Some(State::RectangleOfRatio { centre, mean: within(q[2]), angle, ratio: 1.0 })
     };
-    best_directions(at)
-}
-
-/// The best local minima over a quarter turn.
-fn best_directions(at: impl Fn(f64) -> Option<(State, f64)>) -> Vec<State> {
-    let step = FRAC_PI_2 / DIRECTIONS as f64;
-    let tried: Vec<_> = (0..DIRECTIONS).filter_map(|k| at(k as f64 * step)).collect();
-    let n = tried.len();
-    let is_least = |k: &usize| tried[*k].1 <= tried[(k + 1) % n].1 && tried[*k].1 <= tried[(k + n - 1) % n].1;
-    let mut least: Vec<usize> = (0..n).filter(is_least).collect();
-    least.sort_by(|i, j| tried[*i].1.total_cmp(&tried[*j].1));
-    least.into_iter().take(KEPT).map(|k| tried[k].0.clone()).collect()
+    directions().filter_map(at).collect()
 }
 
 /// Contacts are cut between groups: more groups than this cost time and add nothing.
@@ -179,7 +199,8 @@ impl Sums {
 }
 
 /// Chains of 2 … `most` corners, eq. (11): for each number the cut that leaves least. Fewer where a chain is not convex.
-pub(super) fn chains(lines: &[Line], origin: Vector2<f64>, most: usize) -> Vec<State> {
+pub(super) fn chains(lines: &Lines, most: usize) -> Vec<State> {
+    let (lines, origin) = (lines.list, lines.origin);
     let groups = GROUPS.min(lines.len());
     if groups < 2 {
         return Vec::new();
