@@ -17,6 +17,7 @@ pub mod estimate;
 pub mod friction;
 pub mod shape;
 pub mod identify;
+pub mod simulate;
 
 pub use contact::HubContact;
 pub use error::Error;

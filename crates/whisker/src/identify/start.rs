@@ -68,7 +68,7 @@ fn linear<const P: usize>(lines: &Lines, features: impl Fn(&Line) -> SVector<f64
     let mut q = supposed;
     let mut squared = vec![0.0; lines.list.len()];
     for _ in 0..PASSES {
-        let far = FAR.max(4.0 * median(squared.iter().copied()));
+        let far = FAR.max(4.0 * quantile(squared.iter().copied(), 0.5));
         let mut information = prior;
         let mut moment = prior * supposed;
         for (line, squared) in lines.list.iter().zip(&squared) {
@@ -85,11 +85,11 @@ fn linear<const P: usize>(lines: &Lines, features: impl Fn(&Line) -> SVector<f64
     Some(q)
 }
 
-/// 0 of none.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
+/// The value that a share of all lie below; 0 of none.
+pub(super) fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
-    let middle = sorted.len() / 2;
-    if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    let place = ((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1));
+    if sorted.is_empty() { 0.0 } else { *sorted.select_nth_unstable_by(place, f64::total_cmp).1 }
 }
 
 fn within(size: f64) -> f64 {
