@@ -18,6 +18,7 @@ pub mod friction;
 pub mod events;
 pub mod sweep;
 pub mod shape;
+pub mod identify;
 pub mod simulate;
 pub mod spatial;
 pub mod files;
