@@ -32,4 +32,12 @@ pub enum Error {
         /// What to do.
         way_out: &'static str,
     },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
+    },
 }
