@@ -26,8 +26,8 @@ pub use undetermined::Undetermined;
 use crate::contact::Method;
 use crate::estimate::Mode;
 use crate::{Cell, Error, PlanarPose, Rod, Sample, Shape};
-use constraints::{Posed, Setting, State};
-use fit::{Fitted, Problem};
+use constraints::{Constraint, Plan, Posed, Setting, State};
+use fit::{Fitted, Noise, Problem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, Vector2, Vector3};
 use outline::Outline;
 
@@ -149,7 +149,8 @@ pub fn calibrate(
         options.priors
     };
     let outline = Outline::of(object);
-    let job = Job { rod, samples, options, priors, centre, noise: observed_noise(cell), outline: outline.as_ref() };
+    let (noise, stretches) = (observed_noise(cell), stretches(cell, samples));
+    let job = Job { rod, samples, options, priors, centre, noise, stretches, outline: outline.as_ref() };
     let (fitted, roles) = job.without_object()?;
     let (fitted, roles) = if outline.is_some() { job.with_object(fitted, roles)? } else { (fitted, roles) };
     Ok(job.answer(fitted, roles, object))
@@ -162,7 +163,9 @@ struct Job<'a> {
     options: &'a Options,
     priors: Priors,
     centre: Values,
-    noise: Matrix6<f64>,
+    noise: Noise,
+    /// To which stretch of constant hub angle each sample belongs.
+    stretches: Vec<Option<usize>>,
     outline: Option<&'a Outline>,
 }
 
@@ -177,11 +180,19 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// From `from`, with the equations that `from` makes possible.
     fn fit(&self, outline: Option<&'a Outline>, roles: &[Role], from: &State) -> Result<Fitted, Error> {
+        let seen = roles.iter().filter(|role| **role != Role::Unused).count();
+        if seen < LEAST_SAMPLES {
+            let way_out = "record free air and contacts from touch to tip";
+            let what = "samples that are free or in contact";
+            return Err(Error::TooFew { what, seen, needed: LEAST_SAMPLES, way_out });
+        }
+        let plans = self.plans(outline, roles, from);
         let problem = Problem {
             setting: self.setting(outline),
             samples: self.samples,
-            roles,
+            plans: &plans,
             noise: self.noise,
             priors: &self.priors,
             centre: self.centre,
@@ -192,14 +203,27 @@ impl<'a> Job<'a> {
         })
     }
 
+    fn plans(&self, outline: Option<&'a Outline>, roles: &[Role], state: &State) -> Vec<Plan> {
+        let posed = Posed::new(self.setting(outline), state);
+        let rows = self.samples.iter().zip(roles).zip(&self.stretches);
+        // Without an object no equation depends on the hub, so no sample tells how it was turned.
+        let turns = outline.is_some();
+        rows.map(|((sample, role), stretch)| Plan {
+            role: *role,
+            outlined: posed.outlined(sample, *role),
+            stretch: stretch.filter(|_| turns),
+        })
+        .collect()
+    }
+
     fn roles(&self, state: &State, covariance: &Covariance) -> Vec<Role> {
-        roles::assign(&Posed::new(self.setting(None), state), covariance, &self.noise, self.samples)
+        roles::assign(&Posed::new(self.setting(None), state), covariance, &self.noise.moving, self.samples)
     }
 
     fn without_object(&self) -> Result<(Fitted, Vec<Role>), Error> {
-        let mut state = State { values: self.centre, object: DVector::zeros(0) };
+        let mut state = State::at(self.centre);
         let mut roles = self.roles(&state, &self.priors.covariance());
-        let mut fitted = self.checked_fit(None, &roles, &state)?;
+        let mut fitted = self.fit(None, &roles, &state)?;
         for _ in 0..ROUNDS {
             state = fitted.state.clone();
             let next = self.roles(&state, &fitted.covariance);
@@ -207,32 +231,24 @@ impl<'a> Job<'a> {
                 break;
             }
             roles = next;
-            fitted = self.checked_fit(None, &roles, &state)?;
+            fitted = self.fit(None, &roles, &state)?;
         }
         Ok((fitted, roles))
     }
 
-    fn checked_fit(&self, outline: Option<&'a Outline>, roles: &[Role], from: &State) -> Result<Fitted, Error> {
-        let seen = roles.iter().filter(|role| **role != Role::Unused).count();
-        if seen < LEAST_SAMPLES {
-            let way_out = "record free air and contacts from touch to tip";
-            let what = "samples that are free or in contact";
-            return Err(Error::TooFew { what, seen, needed: LEAST_SAMPLES, way_out });
-        }
-        self.fit(outline, roles, from)
-    }
-
     fn with_object(&self, before: Fitted, mut roles: Vec<Role>) -> Result<(Fitted, Vec<Role>), Error> {
-        let count = self.outline.map_or(0, Outline::count);
-        let state = State { values: before.state.values, object: DVector::zeros(count) };
-        let mut fitted = self.checked_fit(self.outline, &roles, &state)?;
+        let object = DVector::zeros(self.outline.map_or(0, Outline::count));
+        let turns_rad = DVector::zeros(self.stretches.iter().flatten().max().map_or(0, |last| last + 1));
+        let state = State { values: before.state.values, object, turns_rad };
+        let mut fitted = self.fit(self.outline, &roles, &state)?;
         for _ in 0..GATINGS {
             let kept = self.gated(&fitted, &roles);
-            if kept == roles {
+            let is_last = kept == roles;
+            roles = kept;
+            fitted = self.fit(self.outline, &roles, &fitted.state)?;
+            if is_last {
                 break;
             }
-            roles = kept;
-            fitted = self.checked_fit(self.outline, &roles, &fitted.state)?;
         }
         Ok((fitted, roles))
     }
@@ -240,14 +256,17 @@ impl<'a> Job<'a> {
     /// Leaves out contacts whose equations miss by more than the gate of roles does.
     fn gated(&self, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
         let posed = Posed::new(self.setting(self.outline), &fitted.state);
-        let gate = chi_square::quantile(2, chi_square::tail(1, roles::GATE));
-        let keeps = |sample: &Sample, role: Role| {
-            let rows = fit::projected(&posed, sample, role, &self.noise);
-            rows.is_some_and(|rows| rows.iter().map(|row| row.value * row.value).sum::<f64>() <= gate)
+        let plans = self.plans(self.outline, roles, &fitted.state);
+        let probability = chi_square::tail(1, roles::GATE);
+        let gates = [1, 2, 3].map(|equations| chi_square::quantile(equations, probability));
+        let keeps = |sample: &Sample, plan: &Plan| {
+            let rows = fit::projected(&posed, sample, plan, &self.noise).filter(|rows| !rows.is_empty());
+            let chi2 = |rows: &[Constraint]| rows.iter().map(|row| row.value * row.value).sum::<f64>();
+            rows.is_some_and(|rows| chi2(&rows) <= gates[rows.len().min(gates.len()) - 1])
         };
-        let kept = self.samples.iter().zip(roles).map(|(sample, role)| match role {
-            Role::Mid | Role::Tip if !keeps(sample, *role) => Role::Unused,
-            role => *role,
+        let kept = self.samples.iter().zip(&plans).map(|(sample, plan)| match plan.role {
+            Role::Mid | Role::Tip if !keeps(sample, plan) => Role::Unused,
+            role => role,
         });
         kept.collect()
     }
@@ -297,7 +316,7 @@ fn start(rod: &Rod, cell: &Cell, samples: &[Sample], options: &Options) -> Value
 }
 
 fn median_friction(rod: &Rod, cell: &Cell, samples: &[Sample], values: &Values, options: &Options) -> f64 {
-    let state = State { values: *values, object: DVector::zeros(0) };
+    let state = State::at(*values);
     let setting = Setting {
         rod,
         gravity: options.gravity.as_ref(),
@@ -318,11 +337,38 @@ fn median_friction(rod: &Rod, cell: &Cell, samples: &[Sample], values: &Values, 
 }
 
 /// Covariance of `[fx, fy, mz, x, y, angle]`.
-fn observed_noise(cell: &Cell) -> Matrix6<f64> {
-    let mut noise = Matrix6::zeros();
-    noise.fixed_view_mut::<3, 3>(0, 0).copy_from(&cell.load_covariance());
-    noise.fixed_view_mut::<3, 3>(3, 3).copy_from(&cell.hub_covariance());
-    noise
+fn observed_noise(cell: &Cell) -> Noise {
+    let covariance = |cell: &Cell| {
+        let mut noise = Matrix6::zeros();
+        noise.fixed_view_mut::<3, 3>(0, 0).copy_from(&cell.load_covariance());
+        noise.fixed_view_mut::<3, 3>(3, 3).copy_from(&cell.hub_covariance());
+        noise
+    };
+    Noise {
+        moving: covariance(cell),
+        constant: covariance(&Cell { hub_angle_step_rad: 0.0, ..*cell }),
+        rounding_rad: cell.hub_angle_step_rad / 12.0_f64.sqrt(),
+    }
+}
+
+/// Shorter stretches of constant hub angle are taken for chance.
+const LEAST_STRETCH: usize = 4;
+
+/// Stretches of samples at one reading of the hub's angle. Rounding an angle that stands still errs by the same amount every time:
+/// it is an unknown of the stretch, not noise of the sample.
+fn stretches(cell: &Cell, samples: &[Sample]) -> Vec<Option<usize>> {
+    let mut stretches = Vec::with_capacity(samples.len());
+    let mut count = 0;
+    let same = |a: &Sample, b: &Sample| {
+        let apart = (a.world_from_hub.angle_rad - b.world_from_hub.angle_rad).abs();
+        a.sweep == b.sweep && apart < 0.5 * cell.hub_angle_step_rad
+    };
+    for stretch in samples.chunk_by(same) {
+        let is_constant = LEAST_STRETCH <= stretch.len();
+        stretches.extend(stretch.iter().map(|_| is_constant.then_some(count)));
+        count += usize::from(is_constant);
+    }
+    stretches
 }
 
 impl Calibrated {
@@ -425,7 +471,7 @@ impl Calibration {
 
     /// ∂[x, y, θ]/∂parameters of the contact of `sample`, world.
     fn contact_by_parameters(&self, cell: &Cell, sample: &Sample, mode: Mode) -> Option<SMatrix<f64, 3, COUNT>> {
-        let state = State { values: self.values, object: DVector::zeros(0) };
+        let state = State::at(self.values);
         let setting = Setting {
             rod: &self.nominal_rod,
             gravity: self.gravity.as_ref(),

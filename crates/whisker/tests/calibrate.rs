@@ -90,3 +90,87 @@ fn explore() {
     }
     let _ = (Rod::uniform(1.0, 1.0), Vector3::<f64>::zeros());
 }
+
+/// Numerical Recipes' 64-bit generator with Box and Muller's normals: seeded, so that every run draws the same.
+struct Dice(u64);
+
+impl Dice {
+    fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let (a, b) = (self.uniform(), self.uniform());
+        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+}
+
+fn rounded(value: f64, step: f64) -> f64 {
+    if step == 0.0 { value } else { (value / step).round() * step }
+}
+
+fn noisy(dice: &mut Dice, cell: &resight_whisker::Cell, clean: &Sample) -> Sample {
+    let mut s = *clean;
+    let l = &mut s.load;
+    l.fx_n = rounded(l.fx_n + cell.force_sigma_n * dice.normal(), cell.force_step_n);
+    l.fy_n = rounded(l.fy_n + cell.force_sigma_n * dice.normal(), cell.force_step_n);
+    l.mz_n_m = rounded(l.mz_n_m + cell.torque_sigma_n_m * dice.normal(), cell.torque_step_n_m);
+    let h = &mut s.world_from_hub;
+    h.x_m += cell.hub_xy_sigma_m * dice.normal();
+    h.y_m += cell.hub_xy_sigma_m * dice.normal();
+    h.angle_rad = rounded(h.angle_rad, cell.hub_angle_step_rad);
+    s
+}
+
+#[test]
+fn monte() {
+    let Some(sets) = sets() else { return };
+    let name = std::env::var("SET").unwrap_or("f2_square_30".into());
+    let n: u64 = std::env::var("N").ok().and_then(|n| n.parse().ok()).unwrap_or(40);
+    let set = sets.iter().find(|set| set.name == name).unwrap();
+    let mut wrong = Values::zeros();
+    if name.contains("mu03") {
+        wrong[Parameter::FrictionAngle.index()] = 0.3_f64.atan();
+    }
+    for object in [Object::Unknown, Object::Known(object_of(set.name))] {
+        let (mut sum, mut sum2, mut chi, mut dof, mut nees, mut sig) =
+            (Values::zeros(), Values::zeros(), 0.0, 0.0, 0.0, Values::zeros());
+        for seed in 0..n {
+            let mut dice = Dice(0x9E3779B97F4A7C15 ^ (seed + 1) * 7919);
+            let read: Vec<Sample> =
+                set.clean.iter().map(|s| as_read(&wrong, &noisy(&mut dice, &set.cell, s))).collect();
+            let options = Options::of_a_new_rig(&set.cell);
+            let r = calibrate(&set.rod, &set.cell, &read, &object, &options).unwrap();
+            chi += r.chi2;
+            dof += r.degrees_of_freedom as f64;
+            let free: Vec<usize> = r
+                .priors
+                .free()
+                .into_iter()
+                .map(|p| p.index())
+                .filter(|i| object != Object::Unknown || ![7, 8, 9].contains(i))
+                .collect();
+            let e = nalgebra::DVector::from_iterator(free.len(), free.iter().map(|i| r.calibration.values[*i] - wrong[*i]));
+            let c = nalgebra::DMatrix::from_fn(free.len(), free.len(), |i, j| r.calibration.covariance[(free[i], free[j])]);
+            nees += e.dot(&c.cholesky().unwrap().solve(&e)) / free.len() as f64;
+            for i in free {
+                let s = r.calibration.covariance[(i, i)].sqrt();
+                let z = (r.calibration.values[i] - wrong[i]) / s;
+                sum[i] += z;
+                sum2[i] += z * z;
+                sig[i] += s;
+            }
+        }
+        let n = n as f64;
+        println!("{name} chi2/dof {:.4} (dof {:.0}) nees/n {:.3}", chi / dof, dof / n, nees / n);
+        for p in Parameter::ALL {
+            let i = p.index();
+            if sum2[i] > 0.0 {
+                println!("   {:24} mean z {:6.2} rms z {:5.2} sigma {:.2e}", p.name(), sum[i] / n, (sum2[i] / n).sqrt(), sig[i] / n);
+            }
+        }
+    }
+}

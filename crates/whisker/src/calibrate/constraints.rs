@@ -6,11 +6,14 @@
 //! ```
 
 use super::model::{Gravity, Meant, meant, rod_of};
-use super::outline::{Outline, signed_distance, support_and_slope, unit};
+use super::outline::{
+    Outline, face_near, face_normal, is_near_corner, signed_distance, support_and_slope, support_bend, unit,
+};
 use super::parameters::{COUNT, Parameter, Values};
 use crate::contact::{ByLoad, Method, contact_in_hub, contact_with_derivatives};
 use crate::{HubContact, Rod, Sample, Shape};
 use nalgebra::{DVector, RowSVector, RowVector3, SVector, Vector2};
+use std::f64::consts::FRAC_PI_2;
 
 /// The reading and the hub's pose as read: `[fx, fy, mz, x, y, angle]`.
 pub type Observed = SVector<f64, 6>;
@@ -28,6 +31,30 @@ pub enum Role {
     Unused,
 }
 
+/// What a contact says of the object's outline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outlined {
+    /// Nothing: no object, or a tip too near a corner.
+    Not,
+    /// Its tangent supports the outline, and it is where the outline has that normal.
+    Supports,
+    /// It lies on the line of a face, be it on the face itself or at either of its corners.
+    OnFace(usize),
+    /// It lies on the outline.
+    On,
+}
+
+/// Which equations a sample gives: decided before a fit, so that their number stays through it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Plan {
+    /// What it is taken for.
+    pub role: Role,
+    /// What it says of the outline.
+    pub outlined: Outlined,
+    /// The unknown that turns the hub during its sweep, [`super::stretches`].
+    pub stretch: Option<usize>,
+}
+
 /// One scalar equation at one sample.
 #[derive(Debug, Clone)]
 pub struct Constraint {
@@ -41,6 +68,13 @@ pub struct Constraint {
     pub by_object: Vec<f64>,
 }
 
+impl State {
+    /// At `values`, object and encoder as they are said to be.
+    pub fn at(values: Values) -> Self {
+        State { values, object: DVector::zeros(0), turns_rad: DVector::zeros(0) }
+    }
+}
+
 /// Where a fit stands.
 #[derive(Debug, Clone)]
 pub struct State {
@@ -48,6 +82,8 @@ pub struct State {
     pub values: Values,
     /// The object's, from its start.
     pub object: DVector<f64>,
+    /// By how much the encoder's rounding turns the hub during each stretch of constant reading, radians.
+    pub turns_rad: DVector<f64>,
 }
 
 /// What does not change in a fit.
@@ -106,6 +142,15 @@ impl<'a> Posed<'a> {
         Posed { setting, state, rod, bent, shape }
     }
 
+    /// The sample with its hub turned by the encoder's rounding.
+    pub fn turned(&self, sample: &Sample, plan: &Plan) -> Sample {
+        let mut turned = *sample;
+        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch)) {
+            turned.world_from_hub.angle_rad += turn;
+        }
+        turned
+    }
+
     /// What `sample` means here.
     pub fn meant(&self, sample: &Sample) -> Meant {
         meant(&self.state.values, self.setting.gravity, sample)
@@ -145,12 +190,36 @@ impl<'a> Posed<'a> {
             .collect()
     }
 
-    /// What a contact in `role` must fulfil: the constraint of the role, then, with an object, that of the outline.
-    pub fn contact(&self, sample: &Sample, role: Role) -> Option<Vec<Constraint>> {
+    /// What a contact must fulfil: the constraint of its role, then, with an object, those of the outline.
+    pub fn contact(&self, sample: &Sample, plan: &Plan) -> Option<Vec<Constraint>> {
         let touched = self.touched(sample)?;
-        let of_role = if role == Role::Tip { self.at_tip(&touched) } else { self.sliding(&touched) };
-        let on_outline = self.shape.as_ref().map(|shape| self.on_outline(&touched, shape, role));
-        Some([Some(of_role), on_outline].into_iter().flatten().collect())
+        let mut constraints =
+            vec![if plan.role == Role::Tip { self.at_tip(&touched) } else { self.sliding(&touched) }];
+        if let Some(shape) = &self.shape {
+            match plan.outlined {
+                Outlined::Not => {}
+                Outlined::Supports => {
+                    constraints.push(self.supporting(&touched, shape));
+                    constraints.push(self.placed(&touched, shape));
+                }
+                Outlined::OnFace(face) => constraints.push(self.on_face(&touched, shape, face)),
+                Outlined::On => constraints.push(self.on_outline(&touched, shape)),
+            }
+        }
+        Some(constraints)
+    }
+
+    /// What a contact in `role` can say of the outline.
+    pub fn outlined(&self, sample: &Sample, role: Role) -> Outlined {
+        let (Some(shape), Some(touched)) = (&self.shape, self.touched(sample)) else { return Outlined::Not };
+        match role {
+            Role::Mid => match face_near(shape, touched.normal_rad()) {
+                Some(face) => Outlined::OnFace(face),
+                None => Outlined::Supports,
+            },
+            Role::Tip if !is_near_corner(shape, touched.x_in_world()) => Outlined::On,
+            _ => Outlined::Not,
+        }
     }
 
     /// F (sin φ − sin φ_f), newtons.
@@ -175,29 +244,61 @@ impl<'a> Posed<'a> {
         self.chained(touched, value, &by_contact, RowVector3::zeros(), RowVector3::zeros())
     }
 
-    /// n·x − h(n), metres: n across the whisker for a mid contact, across the outline for the tip.
-    fn on_outline(&self, touched: &Touched, shape: &Shape, role: Role) -> Constraint {
+    /// n·x − h(n), metres, n across the whisker: the tangent of a mid contact supports the object.
+    fn supporting(&self, touched: &Touched, shape: &Shape) -> Constraint {
+        let (x, angle) = (touched.x_in_world(), touched.normal_rad());
+        let (h, slope) = support_and_slope(shape, angle);
+        let by_angle = unit(angle + FRAC_PI_2).dot(&x) - slope;
+        self.along(touched, angle, unit(angle).dot(&x) - h, by_angle, |outline, moved| {
+            outline.support_by_parameters(moved, angle)
+        })
+    }
+
+    /// t·x − h′(n), metres: a mid contact is where the outline has its normal.
+    fn placed(&self, touched: &Touched, shape: &Shape) -> Constraint {
+        let (x, angle) = (touched.x_in_world(), touched.normal_rad());
+        let (_, slope) = support_and_slope(shape, angle);
+        let value = unit(angle + FRAC_PI_2).dot(&x) - slope;
+        let by_angle = -unit(angle).dot(&x) - support_bend(shape, angle);
+        self.along(touched, angle + FRAC_PI_2, value, by_angle, |outline, moved| {
+            outline.slope_by_parameters(moved, angle)
+        })
+    }
+
+    /// n·x − h(n), metres, n across a face.
+    fn on_face(&self, touched: &Touched, shape: &Shape, face: usize) -> Constraint {
+        let (x, angle) = (touched.x_in_world(), face_normal(shape, face));
+        let value = unit(angle).dot(&x) - shape.support_m(unit(angle));
+        self.along(touched, angle, value, 0.0, |outline, moved| {
+            outline.face_by_parameters(moved, face, x).into_iter().map(|d| -d).collect()
+        })
+    }
+
+    /// The signed distance of a contact at the tip from the outline, metres.
+    fn on_outline(&self, touched: &Touched, shape: &Shape) -> Constraint {
+        let (distance, angle) = signed_distance(shape, touched.x_in_world());
+        self.along(touched, angle, distance, 0.0, |outline, moved| outline.support_by_parameters(moved, angle))
+    }
+
+    /// A distance along a direction of the world, which also depends on the direction of the whisker.
+    fn along(
+        &self,
+        touched: &Touched,
+        direction_rad: f64,
+        value: f64,
+        by_angle: f64,
+        by_object: impl Fn(&Outline, &[f64]) -> Vec<f64>,
+    ) -> Constraint {
         let hub = &touched.meant.world_from_hub;
-        let (x, theta) = (hub.apply(touched.at.x_in_hub), hub.angle_rad + touched.at.theta_rad);
-        let side = if touched.meant.load.mz_n_m < 0.0 { -1.0 } else { 1.0 };
-        let (angle, value, by_angle) = if role == Role::Tip {
-            let (distance, angle) = signed_distance(shape, x);
-            (angle, distance, 0.0)
-        } else {
-            // n = side · (−sin θ, cos θ) points from the object to the whisker.
-            let angle = theta + side * std::f64::consts::FRAC_PI_2;
-            let (h, slope) = support_and_slope(shape, angle);
-            (angle, unit(angle).dot(&x) - h, unit(angle + std::f64::consts::FRAC_PI_2).dot(&x) - slope)
-        };
-        let normal = unit(angle);
-        let in_hub = hub.turn_back(normal);
+        let direction = unit(direction_rad);
+        let in_hub = hub.turn_back(direction);
         let by_contact = RowSVector::<f64, 5>::new(in_hub.x, in_hub.y, by_angle, 0.0, 0.0);
-        let arm = x - Vector2::new(hub.x_m, hub.y_m);
-        let turn = normal.y * arm.x - normal.x * arm.y + by_angle;
-        let by_hub = RowVector3::new(normal.x, normal.y, turn);
+        let arm = touched.x_in_world() - Vector2::new(hub.x_m, hub.y_m);
+        let turn = direction.y * arm.x - direction.x * arm.y + by_angle;
+        let by_hub = RowVector3::new(direction.x, direction.y, turn);
         let mut constraint = self.chained(touched, value, &by_contact, RowVector3::zeros(), by_hub);
         if let Some(outline) = self.setting.outline {
-            let by = outline.support_by_parameters(self.state.object.as_slice(), normal);
+            let by = by_object(outline, self.state.object.as_slice());
             constraint.by_object = by.into_iter().map(|d| -d).collect();
         }
         constraint
@@ -223,6 +324,19 @@ impl<'a> Posed<'a> {
         by_parameters[Parameter::HubY.index()] += by_hub.y;
         by_parameters[Parameter::HubAngle.index()] += by_hub.z;
         Constraint { value, by_observed, by_parameters, by_object: vec![0.0; self.state.object.len()] }
+    }
+}
+
+impl Touched {
+    /// The contact in the world.
+    fn x_in_world(&self) -> Vector2<f64> {
+        self.meant.world_from_hub.apply(self.at.x_in_hub)
+    }
+
+    /// Direction of the normal from the object to the whisker, n = ±(−sin θ, cos θ), world.
+    fn normal_rad(&self) -> f64 {
+        let side = if self.meant.load.mz_n_m < 0.0 { -1.0 } else { 1.0 };
+        self.meant.world_from_hub.angle_rad + self.at.theta_rad + side * FRAC_PI_2
     }
 }
 

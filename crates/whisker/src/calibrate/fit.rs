@@ -6,7 +6,7 @@
 //!   k = S⁻¹ w, v = −Σ Gᵀ k (to convergence) · cost = Σ wᵀ S⁻¹ w + Σ (θ/σ)²             docs/math/whisker_calibrate.md (11)–(14)
 //! ```
 
-use super::constraints::{Constraint, Observed, Posed, Role, Setting, State, corrected};
+use super::constraints::{Constraint, Observed, Plan, Posed, Role, Setting, State, corrected};
 use super::parameters::{COUNT, Covariance, Parameter, Priors, Values};
 use crate::Sample;
 use nalgebra::{DMatrix, DVector, Matrix6, RowSVector, SMatrix, SVector};
@@ -26,14 +26,32 @@ pub struct Problem<'a> {
     pub setting: Setting<'a>,
     /// All samples.
     pub samples: &'a [Sample],
-    /// What each is taken for.
-    pub roles: &'a [Role],
-    /// Covariance of what is observed.
-    pub noise: Matrix6<f64>,
+    /// Which equations each gives.
+    pub plans: &'a [Plan],
+    /// How exact what is observed is.
+    pub noise: Noise,
     /// How well the parameters are known beforehand, about `centre`.
     pub priors: &'a Priors,
     /// Where the priors are centred.
     pub centre: Values,
+}
+
+/// How exact what is observed is.
+#[derive(Debug, Clone, Copy)]
+pub struct Noise {
+    /// Covariance of what is observed, where the hub's angle changes from sample to sample.
+    pub moving: Matrix6<f64>,
+    /// The same within a stretch of constant angle, where the encoder's rounding does not change: without it.
+    pub constant: Matrix6<f64>,
+    /// The rounding's standard deviation, radians.
+    pub rounding_rad: f64,
+}
+
+impl Noise {
+    /// Covariance of what is observed at a sample.
+    pub fn of(&self, plan: &Plan) -> &Matrix6<f64> {
+        if plan.stretch.is_some() { &self.constant } else { &self.moving }
+    }
 }
 
 /// Where it ends.
@@ -44,94 +62,127 @@ pub struct Fitted {
     pub covariance: Covariance,
     /// Covariance of the object's parameters.
     pub object_covariance: DMatrix<f64>,
-    /// The cost, priors included.
+    /// The squared misfit of the samples.
     pub chi2: f64,
-    /// Equations less the object's parameters: every prior is an equation too, which pays for its parameter.
+    /// Equations less the unknowns that the samples determine: docs/math/whisker_calibrate.md eq. (15).
     pub degrees_of_freedom: usize,
 }
 
 impl Problem<'_> {
     /// The minimum from `start`; none where the equations have no solution.
     pub fn solve(&self, start: &State) -> Option<Fitted> {
-        let free = self.priors.free();
+        let layout = Layout::of(self, start);
         let solution = minimize_dense(
             start,
-            |state| self.equations(state, &free),
-            |state, step| Some(self.moved(state, &free, step)),
+            |state| self.equations(state, &layout),
+            |state, step| Some(layout.moved(state, step)),
         )?;
         let inverse = solution.equations.information.clone().cholesky()?.inverse();
-        Some(self.fitted(solution.state, &free, &inverse, solution.equations.chi2))
+        let of_priors: f64 = layout.offs(&solution.state, &self.centre).iter().map(|off| off * off).sum();
+        Some(self.fitted(solution.state, &layout, &inverse, solution.equations.chi2 - of_priors))
     }
 
-    fn fitted(&self, state: State, free: &[Parameter], inverse: &DMatrix<f64>, chi2: f64) -> Fitted {
+    fn fitted(&self, state: State, layout: &Layout, inverse: &DMatrix<f64>, chi2: f64) -> Fitted {
         let mut covariance = Covariance::zeros();
-        for (i, a) in free.iter().enumerate() {
-            for (j, b) in free.iter().enumerate() {
-                let scale = self.priors.sigma(*a) * self.priors.sigma(*b);
-                covariance[(a.index(), b.index())] = inverse[(i, j)] * scale;
+        for (i, (a, a_scale)) in layout.free.iter().enumerate() {
+            for (j, (b, b_scale)) in layout.free.iter().enumerate() {
+                covariance[(a.index(), b.index())] = inverse[(i, j)] * a_scale * b_scale;
             }
         }
-        let object = state.object.len();
-        let object_covariance = inverse.view((free.len(), free.len()), (object, object)).into_owned();
-        let equations: usize = (0..self.samples.len()).map(|i| self.equations_of(i)).sum();
-        Fitted { state, covariance, object_covariance, chi2, degrees_of_freedom: equations - object.min(equations) }
+        let (from, object) = (layout.free.len(), state.object.len());
+        let object_covariance = inverse.view((from, from), (object, object)) * (OBJECT_SIGMA * OBJECT_SIGMA);
+        let equations = self.equations_at(&state);
+        // Every unknown has unit variance beforehand: what is left of it tells how much of it the samples determined.
+        let determined = (inverse.nrows() as f64 - inverse.trace()).round() as usize;
+        let degrees_of_freedom = equations - determined.min(equations);
+        Fitted { state, covariance, object_covariance, chi2, degrees_of_freedom }
     }
 
-    /// How many equations the i-th sample gives.
-    fn equations_of(&self, i: usize) -> usize {
-        match self.roles[i] {
-            Role::Free => 3,
-            Role::Mid | Role::Tip => 1 + usize::from(self.setting.outline.is_some()),
-            Role::Unused => 0,
-        }
-    }
-
-    /// The unknowns are the free parameters in units of their prior σ, then the object's.
-    fn moved(&self, state: &State, free: &[Parameter], step: &DVector<f64>) -> State {
-        let mut moved = state.clone();
-        for (i, parameter) in free.iter().enumerate() {
-            moved.values[parameter.index()] += step[i] * self.priors.sigma(*parameter);
-        }
-        for i in 0..state.object.len() {
-            moved.object[i] += step[free.len() + i];
-        }
-        moved
-    }
-
-    fn equations(&self, state: &State, free: &[Parameter]) -> Option<DenseEquations> {
+    /// How many equations the samples give at `state`.
+    fn equations_at(&self, state: &State) -> usize {
         let posed = Posed::new(self.setting, state);
-        let mut equations = DenseEquations::new(free.len() + state.object.len());
-        for (i, parameter) in free.iter().enumerate() {
-            let off = state.values[parameter.index()] - self.centre[parameter.index()];
-            equations.add(-off / self.priors.sigma(*parameter), &[(i, 1.0)]);
+        let used = self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused);
+        used.map(|(sample, plan)| constraints(&posed, sample, plan).map_or(0, |rows| rows.len())).sum()
+    }
+
+    fn equations(&self, state: &State, layout: &Layout) -> Option<DenseEquations> {
+        let posed = Posed::new(self.setting, state);
+        let mut equations = DenseEquations::new(layout.count());
+        for (i, off) in layout.offs(state, &self.centre).iter().enumerate() {
+            equations.add(-off, &[(i, 1.0)]);
         }
-        for (i, off) in state.object.iter().enumerate() {
-            equations.add(-off / OBJECT_SIGMA, &[(free.len() + i, 1.0 / OBJECT_SIGMA)]);
-        }
-        for (sample, role) in self.samples.iter().zip(self.roles).filter(|(_, role)| **role != Role::Unused) {
-            for row in projected(&posed, sample, *role, &self.noise)? {
-                let mut entries: Vec<(usize, f64)> = free
-                    .iter()
-                    .enumerate()
-                    .map(|(i, p)| (i, row.by_parameters[p.index()] * self.priors.sigma(*p)))
-                    .collect();
-                entries.extend(row.by_object.iter().enumerate().map(|(i, d)| (free.len() + i, *d)));
-                equations.add(-row.value, &entries);
+        for (sample, plan) in self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused) {
+            for row in projected(&posed, sample, plan, &self.noise)? {
+                equations.add(-row.value, &layout.entries(&row, plan));
             }
         }
         Some(equations)
     }
 }
 
+/// The unknowns, each in units of what it is uncertain by beforehand: free parameters, the object's, the encoder's roundings.
+struct Layout {
+    free: Vec<(Parameter, f64)>,
+    object: usize,
+    turns: usize,
+    turn_scale: f64,
+}
+
+impl Layout {
+    fn of(problem: &Problem, start: &State) -> Self {
+        Layout {
+            free: problem.priors.free().into_iter().map(|p| (p, problem.priors.sigma(p))).collect(),
+            object: start.object.len(),
+            turns: start.turns_rad.len(),
+            turn_scale: problem.noise.rounding_rad,
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.free.len() + self.object + self.turns
+    }
+
+    fn moved(&self, state: &State, step: &DVector<f64>) -> State {
+        let mut moved = state.clone();
+        for (i, (parameter, scale)) in self.free.iter().enumerate() {
+            moved.values[parameter.index()] += step[i] * scale;
+        }
+        let (object, turns) = (self.free.len(), self.free.len() + self.object);
+        moved.object += step.rows(object, self.object) * OBJECT_SIGMA;
+        moved.turns_rad += step.rows(turns, self.turns) * self.turn_scale;
+        moved
+    }
+
+    /// How far every unknown is from where it was expected.
+    fn offs(&self, state: &State, centre: &Values) -> Vec<f64> {
+        let free = self.free.iter().map(|(p, scale)| (state.values[p.index()] - centre[p.index()]) / scale);
+        let object = state.object.iter().map(|off| off / OBJECT_SIGMA);
+        free.chain(object).chain(state.turns_rad.iter().map(|off| off / self.turn_scale)).collect()
+    }
+
+    fn entries(&self, row: &Constraint, plan: &Plan) -> Vec<(usize, f64)> {
+        let free = self.free.iter().map(|(p, scale)| row.by_parameters[p.index()] * scale);
+        let object = row.by_object.iter().map(|by| by * OBJECT_SIGMA);
+        let mut entries: Vec<(usize, f64)> = free.chain(object).enumerate().collect();
+        if let Some(stretch) = plan.stretch {
+            let turn = row.by_parameters[Parameter::HubAngle.index()] * self.turn_scale;
+            entries.push((self.free.len() + self.object + stretch, turn));
+        }
+        entries
+    }
+}
+
 /// The constraints of a sample at its corrected reading, whitened: their values independent and of unit variance where they hold.
 /// None where the sample has no contact.
-pub fn projected(posed: &Posed, sample: &Sample, role: Role, noise: &Matrix6<f64>) -> Option<Vec<Constraint>> {
+pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> Option<Vec<Constraint>> {
+    let noise = noise.of(plan);
+    let sample = &posed.turned(sample, plan);
     let mut correction = Observed::zeros();
-    let mut rows = constraints(posed, sample, role)?;
+    let mut rows = constraints(posed, sample, plan)?;
     for _ in 0..PROJECTIONS {
         let next = correction_of(&rows, &correction, noise)?;
         let moved = next - correction;
-        let Some(there) = constraints(posed, &corrected(sample, &next), role) else { break };
+        let Some(there) = constraints(posed, &corrected(sample, &next), plan) else { break };
         (correction, rows) = (next, there);
         if scaled(&moved, noise) < SETTLED {
             break;
@@ -140,8 +191,8 @@ pub fn projected(posed: &Posed, sample: &Sample, role: Role, noise: &Matrix6<f64
     whitened(rows, &correction, noise)
 }
 
-fn constraints(posed: &Posed, sample: &Sample, role: Role) -> Option<Vec<Constraint>> {
-    if role == Role::Free { Some(posed.free(sample)) } else { posed.contact(sample, role) }
+fn constraints(posed: &Posed, sample: &Sample, plan: &Plan) -> Option<Vec<Constraint>> {
+    if plan.role == Role::Free { Some(posed.free(sample)) } else { posed.contact(sample, plan) }
 }
 
 /// v = −Σ Gᵀ S⁻¹ (g − G v).

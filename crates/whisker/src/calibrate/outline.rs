@@ -6,6 +6,7 @@
 use super::Object;
 use crate::Shape;
 use nalgebra::Vector2;
+use std::f64::consts::FRAC_PI_2;
 
 /// The object in a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,16 +87,33 @@ impl Outline {
         }
     }
 
-    /// ∂h(n)/∂(free parameters).
-    pub fn support_by_parameters(&self, moved: &[f64], normal: Vector2<f64>) -> Vec<f64> {
+    /// ∂h/∂(free parameters) in the direction `angle_rad`.
+    pub fn support_by_parameters(&self, moved: &[f64], angle_rad: f64) -> Vec<f64> {
+        self.by_parameters(moved, STEP, |shape| shape.support_m(unit(angle_rad)))
+    }
+
+    /// ∂h′/∂(free parameters) in the direction `angle_rad`.
+    pub fn slope_by_parameters(&self, moved: &[f64], angle_rad: f64) -> Vec<f64> {
+        self.by_parameters(moved, BEND_STEP, |shape| support_and_slope(shape, angle_rad).1)
+    }
+
+    /// ∂(n·x − h(n))/∂(free parameters), n the normal of face `face`, which turns with the object.
+    pub fn face_by_parameters(&self, moved: &[f64], face: usize, x: Vector2<f64>) -> Vec<f64> {
+        self.by_parameters(moved, STEP, |shape| {
+            let normal = unit(face_normal(shape, face));
+            normal.dot(&x) - shape.support_m(normal)
+        })
+    }
+
+    fn by_parameters(&self, moved: &[f64], step: f64, value: impl Fn(&Shape) -> f64) -> Vec<f64> {
         (0..self.count())
             .map(|i| {
-                let ends = [1.0, -1.0].map(|sign| {
+                let ends = [step, -step].map(|off| {
                     let mut there = moved.to_vec();
-                    there[i] += sign * STEP;
-                    self.shape(&there).support_m(normal)
+                    there[i] += off;
+                    value(&self.shape(&there))
                 });
-                (ends[0] - ends[1]) / (2.0 * STEP)
+                (ends[0] - ends[1]) / (2.0 * step)
             })
             .collect()
     }
@@ -106,6 +124,48 @@ pub fn support_and_slope(shape: &Shape, angle_rad: f64) -> (f64, f64) {
     let h = |angle: f64| shape.support_m(unit(angle));
     (h(angle_rad), (h(angle_rad + STEP) - h(angle_rad - STEP)) / (2.0 * STEP))
 }
+
+/// h″ at the direction `angle_rad`, metres. Where a corner supports, h is its distance along n: h″ = −h.
+pub fn support_bend(shape: &Shape, angle_rad: f64) -> f64 {
+    let at = |off: f64| support_and_slope(shape, angle_rad + off);
+    if shape.corners_m().is_empty() {
+        (at(BEND_STEP).1 - at(-BEND_STEP).1) / (2.0 * BEND_STEP)
+    } else {
+        -at(0.0).0
+    }
+}
+
+/// The slope is good to 10⁻¹⁶/10⁻⁶ m: over this step its difference is good to 10⁻⁷, truncation 10⁻⁶ of it.
+const BEND_STEP: f64 = 1e-3;
+
+/// Directions of the outward normals of a polygon's faces, radians; none of a smooth outline.
+fn face_normals(shape: &Shape) -> Vec<f64> {
+    let corners = shape.corners_m();
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| (b.y - a.y).atan2(b.x - a.x) - FRAC_PI_2).collect()
+}
+
+/// The direction of the normal of face `face`, radians.
+pub fn face_normal(shape: &Shape, face: usize) -> f64 {
+    face_normals(shape).get(face).copied().unwrap_or(0.0)
+}
+
+/// The face whose normal is within [`FACE_MARGIN_RAD`] of the direction `angle_rad`. There h′ jumps from one corner to the next:
+/// which point is touched is not said by the normal.
+pub fn face_near(shape: &Shape, angle_rad: f64) -> Option<usize> {
+    face_normals(shape).iter().position(|normal| (normal - angle_rad).cos() > FACE_MARGIN_RAD.cos())
+}
+
+/// Three σ of half a degree, what a new rig's clamp may be turned by; the noise of a contact's direction is smaller.
+const FACE_MARGIN_RAD: f64 = 0.026;
+
+/// Whether `x` is too near a corner for the distance from the outline to be a smooth function of it: within 1.5 mm, some 5 σ of a
+/// contact at the tip.
+pub fn is_near_corner(shape: &Shape, x: Vector2<f64>) -> bool {
+    shape.corners_m().iter().any(|corner| (corner - x).norm() < CORNER_MARGIN_M)
+}
+
+const CORNER_MARGIN_M: f64 = 1.5e-3;
 
 /// Signed distance of `x` from the outline, positive outside, metres, and the direction of the normal it is measured along.
 pub fn signed_distance(shape: &Shape, x: Vector2<f64>) -> (f64, f64) {
