@@ -83,4 +83,12 @@ pub enum Error {
         /// Which pose, from 0.
         pose: usize,
     },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
+    },
 }

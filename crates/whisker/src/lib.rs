@@ -20,6 +20,7 @@ pub mod sweep;
 pub mod shape;
 pub mod identify;
 pub mod simulate;
+pub mod calibrate;
 pub mod spatial;
 pub mod files;
 
