@@ -6,12 +6,14 @@
 pub mod units;
 pub mod line;
 pub mod node;
-pub mod whisker;
+pub mod object;
+pub mod calibration;
 pub mod hub;
+pub mod whisker;
 pub mod contacts;
 pub mod truth;
-pub mod object;
 pub mod score;
+pub mod identification;
 
 pub use contacts::ContactRow;
 pub use hub::{HubFormat, HubRow, read_hub};

@@ -1,9 +1,12 @@
 //! `whisker`: object profiles by touch, one file per job.
 
+mod calibrate;
 mod check;
+mod identify;
 mod input;
 mod picture;
 mod record;
+mod simulate;
 mod solve;
 mod stream;
 mod summary;
@@ -34,6 +37,12 @@ pub struct Whisker {
 enum Job {
     /// The contact of every reading of a record, with its covariance and a verdict.
     Solve(solve::Solve),
+    /// The object behind the contacts, or what is missing to name it.
+    Identify(identify::Identify),
+    /// Stiffness, zeros, gains, angles and offsets from sweeps.
+    Calibrate(calibrate::Calibrate),
+    /// What the hub would have felt: readings and truth of a whisker swept over an object.
+    Simulate(simulate::Simulate),
     /// One line in, one line out, before the next arrives.
     Stream(stream::Stream),
     /// Contacts beside the truth: errors, whether the error bars hold, modes.
@@ -44,6 +53,9 @@ enum Job {
 pub fn run(args: &Whisker) -> Result<Outcome> {
     match &args.job {
         Job::Solve(args) => solve::run(args),
+        Job::Identify(args) => identify::run(args),
+        Job::Calibrate(args) => calibrate::run(args),
+        Job::Simulate(args) => simulate::run(args),
         Job::Stream(args) => stream::run(args),
         Job::Check(args) => check::run(args),
     }

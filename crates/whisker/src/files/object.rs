@@ -2,6 +2,7 @@
 //! Lengths in metres, angles by their key.
 
 use super::node::Node;
+use crate::simulate::Motion;
 use crate::{PlanarPose, Shape};
 use nalgebra::Vector2;
 use serde_json::{Value, json};
@@ -112,39 +113,8 @@ pub struct SweepPath {
     pub sweep: u32,
     /// The motion.
     pub motion: Motion,
-    /// How many readings, where the file says.
+    /// How many readings at equal times, where the file says; else they are laid around touch and slip-off.
     pub n_samples: Option<usize>,
-}
-
-/// A hub's motion; t runs from 0 to 1.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Motion {
-    /// From one pose to another: coordinates and angle change evenly.
-    Even {
-        /// At t = 0.
-        from: PlanarPose,
-        /// At t = 1.
-        to: PlanarPose,
-    },
-    /// Pose by pose.
-    Poses(Vec<PlanarPose>),
-}
-
-impl Motion {
-    /// The hub at t.
-    pub fn at(&self, t: f64) -> PlanarPose {
-        match self {
-            Motion::Even { from, to } => PlanarPose {
-                x_m: from.x_m + (to.x_m - from.x_m) * t,
-                y_m: from.y_m + (to.y_m - from.y_m) * t,
-                angle_rad: from.angle_rad + (to.angle_rad - from.angle_rad) * t,
-            },
-            Motion::Poses(poses) => {
-                let last = poses.len().saturating_sub(1);
-                poses.get((t * last as f64).round() as usize).copied().unwrap_or_default()
-            }
-        }
-    }
 }
 
 /// Reads the `sweeps` of a path: `translate` (x0, x1, y, psi_deg), `rotate` (hx, hy, psi0_deg, psi1_deg) or `poses` (a list of
@@ -169,14 +139,14 @@ fn sweep(index: usize, node: &Node) -> Result<SweepPath, String> {
             let (angle_rad, y) = (number("psi_deg")?.to_radians(), number("y")?);
             let pose = |x_m: f64, y_m: f64| PlanarPose { x_m, y_m, angle_rad };
             let y1 = node.optional(&["y1"])?.unwrap_or(y);
-            Motion::Even { from: pose(number("x0")?, y), to: pose(number("x1")?, y1) }
+            Motion::Between { from: pose(number("x0")?, y), to: pose(number("x1")?, y1) }
         }
         "rotate" => {
             let (x_m, y_m) = (number("hx")?, number("hy")?);
             let pose = |degrees: f64| PlanarPose { x_m, y_m, angle_rad: degrees.to_radians() };
-            Motion::Even { from: pose(number("psi0_deg")?), to: pose(number("psi1_deg")?) }
+            Motion::Between { from: pose(number("psi0_deg")?), to: pose(number("psi1_deg")?) }
         }
-        "poses" => Motion::Poses(poses(&node.need("poses")?)?),
+        "poses" => Motion::Through { poses: poses(&node.need("poses")?)? },
         _ => return Err(kind.complaint("`translate`, `rotate` or `poses`")),
     };
     let count = |node: Node| match node.positive()? {

@@ -3,9 +3,11 @@
 //! `whisker`: length, stiffness (EI, or Young's modulus and diameters, or a table), intrinsic curvature. `sensor`: noise, rounding, units, force
 //! frame and sign. `calibration`: what `calibrate` found.
 
+use super::calibration;
 use super::hub::{Conventions, ForceFrame, Sign};
 use super::node::Node;
 use super::units::Units;
+use crate::calibrate::Calibration;
 use crate::rod::{IntrinsicCurvature, Stiffness};
 use crate::{Cell, Rod};
 use serde_json::Value;
@@ -19,6 +21,8 @@ pub struct WhiskerFile {
     pub cell: Cell,
     /// How readings are meant unless their header says otherwise.
     pub conventions: Conventions,
+    /// What `calibrate` found; none where it has not been asked.
+    pub calibration: Option<Calibration>,
     /// What is odd or was assumed.
     pub warnings: Vec<String>,
     /// The whole document: what is written back when a calibration is added.
@@ -45,7 +49,8 @@ pub fn read(text: &str) -> Result<WhiskerFile, String> {
     let sensor = root.get("sensor");
     let cell = cell(sensor.as_ref(), &mut warnings)?;
     let conventions = conventions(sensor.as_ref())?;
-    Ok(WhiskerFile { rod, cell, conventions, warnings, document })
+    let calibration = root.get("calibration").map(|section| calibration::read(&section, &rod)).transpose()?;
+    Ok(WhiskerFile { rod, cell, conventions, calibration, warnings, document })
 }
 
 fn rod(whisker: &Node, warnings: &mut Vec<String>) -> Result<Rod, String> {

@@ -59,7 +59,7 @@ fn rows(args: &Check) -> Result<Vec<ContactRow>> {
         (false, Some(whisker)) => {
             let file = input::whisker_file(whisker, &args.readings)?;
             let readings = input::readings(&args.measured, file.conventions)?;
-            Ok(record::solve(&file, &readings, &args.solving)?.rows)
+            Ok(record::solve(&file, &readings, None, &args.solving)?.rows)
         }
         (false, None) => Err(anyhow!(
             "{}: no contacts (there is no column `status`); to solve hub readings give --whisker META.json",

@@ -6,6 +6,8 @@ use resight_whisker::files::hub::{Conventions, ForceFrame, Sign};
 use resight_whisker::files::object::ObjectFile;
 use resight_whisker::files::units::Units;
 use resight_whisker::files::{HubRow, TextError, WhiskerFile, object, read_hub, whisker};
+use resight_whisker::Sample;
+use resight_whisker::calibrate::{self, Tare};
 use std::path::{Path, PathBuf};
 
 /// The whisker and how its readings are meant.
@@ -87,6 +89,13 @@ pub fn text(path: &Path) -> Result<String> {
 /// Hub readings, CSV or JSON Lines.
 pub fn readings(path: &Path, conventions: Conventions) -> Result<Vec<HubRow>> {
     read_hub(&text(path)?, conventions).map_err(|reason| located(path, &reason))
+}
+
+/// Zeros of the load cell from readings of the untouched whisker.
+pub fn tare(path: &Path, file: &WhiskerFile) -> Result<Tare> {
+    let rows = readings(path, file.conventions)?;
+    let free: Vec<Sample> = rows.into_iter().filter_map(|row| row.reading.ok()).collect();
+    calibrate::tare(&file.cell, &free, None).with_context(|| path.display().to_string())
 }
 
 /// An object file.

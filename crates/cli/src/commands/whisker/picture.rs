@@ -54,7 +54,8 @@ pub fn write(path: &Path, drawing: &Drawing) -> Result<()> {
 }
 
 /// Two frames: the sweeps to one scale, the contacts magnified.
-pub fn sweeps(rod: &Rod, solved: &Solved, object: Option<&Shape>) -> Result<Drawing> {
+pub fn sweeps(solved: &Solved, object: Option<&Shape>) -> Result<Drawing> {
+    let rod = &solved.rod;
     let shapes: Vec<Vec<Vector2<f64>>> = drawn(solved).map(|sample| whisker_shape(rod, sample)).collect();
     let hubs: Vec<Vec<Vector2<f64>>> = hub_paths(solved);
     let outline = object.map(outline).unwrap_or_default();

@@ -26,6 +26,9 @@ pub struct Solve {
     output: Option<PathBuf>,
     #[command(flatten)]
     solving: SolvingArgs,
+    /// Readings of the untouched whisker: their mean is taken off; in place of the calibration's zeros.
+    #[arg(long, value_name = "FREE.csv")]
+    tare: Option<PathBuf>,
     /// Picture of the sweeps: whisker shapes, contacts by mode, 2-sigma ellipses; SVG or PNG by its ending.
     #[arg(long, value_name = "OUT.svg|.png", value_parser = picture::path)]
     picture: Option<PathBuf>,
@@ -45,14 +48,15 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let file = args.whisker.read()?;
     let readings = input::readings(&args.hub, file.conventions)?;
     let object = args.object.as_deref().map(input::object).transpose()?;
-    let solved = record::solve(&file, &readings, &args.solving)?;
+    let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
+    let solved = record::solve(&file, &readings, tare.as_ref(), &args.solving)?;
     let mut written = Vec::new();
     if let Some(path) = &args.output {
         write_atomically(path, contacts_text(path, &solved).as_bytes())?;
         written.push(path.display().to_string());
     }
     if let Some(path) = &args.picture {
-        let drawing = picture::sweeps(&file.rod, &solved, object.as_ref().map(|o| &o.shape))?;
+        let drawing = picture::sweeps(&solved, object.as_ref().map(|o| &o.shape))?;
         picture::write(path, &drawing)?;
         written.push(path.display().to_string());
     }
