@@ -13,14 +13,14 @@ use crate::elliptic;
 use nalgebra::Matrix4x3;
 
 /// The first zero of the moment, for bending stiffness `ei_n_m2`, N·m².
-pub fn contact(ei_n_m2: f64, load: &HubLoad) -> Result<HubContact, NoZero> {
+pub fn straight(ei_n_m2: f64, load: &HubLoad) -> Result<HubContact, NoZero> {
     let bent = Bent::of(ei_n_m2, load)?;
     let (u, g) = bent.integrals();
     bent.clamp.contact(&bent.arc(u, g))
 }
 
 /// The first zero of the moment and its derivatives by the load.
-pub fn contact_with_derivatives(ei_n_m2: f64, load: &HubLoad) -> Result<(HubContact, ByLoad), NoZero> {
+pub fn straight_with_derivatives(ei_n_m2: f64, load: &HubLoad) -> Result<(HubContact, ByLoad), NoZero> {
     let bent = Bent::of(ei_n_m2, load)?;
     let (u, g) = bent.integrals();
     let arc = bent.arc(u, g);
