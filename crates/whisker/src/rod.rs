@@ -73,6 +73,7 @@ impl Rod {
     /// Refuses what is no rod.
     pub fn check(&self) -> Result<(), Error> {
         positive("the whisker's length", self.length_m)?;
+        self.diameters_m.iter().try_for_each(|d| not_negative("the whisker's diameter", *d))?;
         match &self.stiffness {
             Stiffness::Uniform { ei_n_m2 } => positive("the whisker's EI", *ei_n_m2)?,
             Stiffness::Taper { ei_base_n_m2, taper } => {
@@ -126,6 +127,12 @@ impl Rod {
         }
     }
 
+    /// Diameter at an arc length, metres: linear from clamp to tip, past the tip that of the tip; 0 of a rod without thickness.
+    pub fn diameter_m_at(&self, s_m: f64) -> f64 {
+        let [base, tip] = self.diameters_m;
+        base + (tip - base) * (s_m / self.length_m).clamp(0.0, 1.0)
+    }
+
     /// EI at the clamp, N·m².
     pub fn ei_base_n_m2(&self) -> f64 {
         match &self.stiffness {
@@ -160,6 +167,10 @@ fn finite(per_m: &[f64]) -> Result<(), Error> {
     } else {
         Err(Error::NotFinite { what: "the whisker's intrinsic curvature" })
     }
+}
+
+fn not_negative(what: &'static str, seen: f64) -> Result<(), Error> {
+    if seen.is_finite() && 0.0 <= seen { Ok(()) } else { Err(Error::Negative { what, seen }) }
 }
 
 /// NaN is not positive either.
