@@ -7,5 +7,5 @@ pub mod equilibrium;
 pub mod slip;
 
 pub use outline::{Label, LocalOutline};
-pub use slip::{Foresight, foresee};
+pub use slip::{End, Ending, Foresight, foresee};
 pub use touch::{Change, TouchDetector};

@@ -45,7 +45,13 @@ fn slip_off_is_foreseen() {
                 );
                 match ahead {
                     Some(a) => println!(
-                        "{} sweep {sweep} at {share}: true {truth:.2}, foreseen {:?} ± {:.2} ({:?}), tip in {:?}, margin {:.1} ± {:.1} mm, stability {:.3}, rho {:.2} ± {:.2} mm, dof {} label {:?}",
+                        "{} {:+.2} | {} sweep {sweep} at {share}: true {truth:.2}, foreseen {:?} ± {:.2} ({:?}), tip in {:?}, margin {:.1} ± {:.1} mm, stability {:.3}, rho {:.2} ± {:.2} mm, dof {} label {:?}",
+                        if (a.steps.unwrap_or(1e9) - truth).abs() < 1.0 + 3.0 * a.steps_sigma {
+                            "ok"
+                        } else {
+                            "BAD"
+                        },
+                        a.steps.unwrap_or(1e9) - truth,
                         set.name,
                         a.steps,
                         a.steps_sigma,
@@ -54,7 +60,7 @@ fn slip_off_is_foreseen() {
                         1e3 * a.margin_m,
                         1e3 * a.margin_sigma_m,
                         a.stability,
-                        1e3 * a.outline.radius_m,
+                        1e3 * a.outline.arc.radius_m,
                         1e3 * a.outline.radius_sigma_m(),
                         a.outline.degrees_of_freedom,
                         a.outline.label()

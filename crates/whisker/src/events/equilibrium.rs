@@ -1,25 +1,16 @@
 //! Equilibria of the whisker on an arc: three equations for the load at a given hub, their Jacobian, their fold.
 //!
 //! ```text
-//!   E₁,₂ = x(l, hub) − c − ρ n(l, hub) = 0      E₃ = G(l) = 0 (friction, or s = L)      ∂E/∂l singular: no equilibrium beyond
+//!   E₁,₂ = x(l, hub) − X(α(l, hub)) = 0, X the outline's point of normal α      E₃ = G(l) = 0 (friction, or s = L)      ∂E/∂l singular: no equilibrium beyond
 //! ```
 //!
 //! docs/math/whisker_events.md eqs. (8)–(10).
 
-use super::outline::{by_load_of, turn_of_force};
+use super::outline::{Arc, by_load_of, turn_of_force};
 use crate::contact::{Method, contact_with_derivatives};
 use crate::friction::Constraint;
 use crate::{HubContact, HubLoad, PlanarPose, Rod};
 use nalgebra::{Matrix3, Vector2, Vector3};
-
-/// What the whisker leans on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Arc {
-    /// c, world, metres.
-    pub centre_m: Vector2<f64>,
-    /// ρ, metres.
-    pub radius_m: f64,
-}
 
 /// An equilibrium.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,10 +97,10 @@ impl Problem<'_> {
         let (at, by_load) = contact_with_derivatives(self.rod, &load, self.method).ok()?;
         let force = hub.turn(load.force_n());
         let angle = force.y.atan2(force.x) + turn_of_force(&load, self.friction_rad);
-        let n = Vector2::new(angle.cos(), angle.sin());
-        let off = hub.apply(at.x_in_hub) - self.arc.centre_m - n * self.arc.radius_m;
+        let (outline_m, radius_m) = self.arc.at(angle);
+        let off = hub.apply(at.x_in_hub) - outline_m;
         let moves = by_load_of(hub, &load, &by_load);
-        let across = Vector2::new(-n.y, n.x) * self.arc.radius_m;
+        let across = Vector2::new(-angle.sin(), angle.cos()) * radius_m;
         let g = self.constraint.gradient(self.rod, &load, &at, &by_load);
         let mut jacobian = Matrix3::zeros();
         for column in 0..3 {

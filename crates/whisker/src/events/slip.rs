@@ -4,8 +4,8 @@
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
 //! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (10)–(13).
 
-use super::equilibrium::{Arc, Equilibrium, Problem};
-use super::outline::{LocalOutline, OutlinePoint};
+use super::equilibrium::{Equilibrium, Problem};
+use super::outline::{Arc, CIRCLE, LocalOutline, OutlinePoint, PRIOR_SLOPE_M_PER_RAD};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status};
 use crate::friction::{Constraint, FrictionAngle, Projection, project, sound};
@@ -21,6 +21,20 @@ pub enum End {
     Release,
 }
 
+/// The end of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ending {
+    /// Which.
+    pub end: End,
+    /// Hub steps until then; one step is the hub's mean motion per sample.
+    pub steps: f64,
+    /// Standard deviation of `steps`: the outline's and the friction angle's covariance, and what a circle and an arc of changing radius
+    /// differ by. What is not touched yet may still be otherwise: a corner, the end of a face.
+    pub steps_sigma: f64,
+    /// Where the hub then is.
+    pub world_from_hub: PlanarPose,
+}
+
 /// What lies ahead of a contact if the hub goes on as it does.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Foresight {
@@ -32,15 +46,8 @@ pub struct Foresight {
     pub stability: f64,
     /// Hub steps until the contact reaches the tip; 0 at the tip, none where it ends or the horizon comes before.
     pub steps_to_tip: Option<f64>,
-    /// Hub steps until the contact ends; one step is the hub's mean motion per sample. None beyond [`HORIZON`].
-    pub steps: Option<f64>,
-    /// Standard deviation of `steps`, from the arc's and the friction angle's covariance. That the outline goes on as the arc under
-    /// the last contacts is taken for granted: what is not touched yet is not known.
-    pub steps_sigma: f64,
-    /// How it ends.
-    pub end: Option<End>,
-    /// Where the hub then is.
-    pub world_from_hub_at_end: Option<PlanarPose>,
+    /// How and when it ends; none beyond [`HORIZON`].
+    pub ending: Option<Ending>,
     /// The arc it is predicted on.
     pub outline: LocalOutline,
 }
@@ -80,22 +87,30 @@ pub fn foresee(
     let touched = projections(rod, &cell, &samples[from..], &estimates[from..], friction, method);
     let points: Vec<_> =
         touched.iter().map(|(sample, p)| OutlinePoint::new(sample, p, friction.rad)).collect();
-    let outline = LocalOutline::of_last(&points, WINDOW)?;
     let (_, now) = touched.last()?;
     let ahead = Ahead { rod, cell, hub: last_sample.world_from_hub, twist: twist(samples)?, method };
     let start = Start { load: now.load, is_tip: last.mode == Mode::Tip };
-    let path = ahead.follow(&arc_of(&outline, &Vector3::zeros()), friction.rad, start)?;
+    let foreseen = ahead.best(&points, friction, start)?;
     Some(Foresight {
         margin_m: rod.length_m - now.at.s_m,
         margin_sigma_m: if start.is_tip { 0.0 } else { now.s_sigma_m() },
-        stability: path.stability,
-        steps_to_tip: path.steps_to_tip,
-        steps: path.end.map(|(steps, _)| steps),
-        steps_sigma: ahead.sigma(&outline, friction, start, &path),
-        end: path.end.map(|(_, end)| end),
-        world_from_hub_at_end: path.end.map(|(steps, _)| ahead.hub_after(steps)),
-        outline,
+        stability: foreseen.path.stability,
+        steps_to_tip: foreseen.path.steps_to_tip,
+        ending: foreseen.path.end.map(|(steps, end)| Ending {
+            end,
+            steps,
+            steps_sigma: foreseen.sigma.min(HORIZON),
+            world_from_hub: ahead.hub_after(steps),
+        }),
+        outline: foreseen.outline,
     })
+}
+
+/// An outline and where it leads.
+struct Foreseen {
+    outline: LocalOutline,
+    path: Path,
+    sigma: f64,
 }
 
 fn projections<'a>(
@@ -116,14 +131,6 @@ fn projections<'a>(
             Some((sample, project(rod, cell, sample, constraint, method).ok()?))
         })
         .collect()
-}
-
-/// The arc, moved by `[cx, cy, ρ]`; an outline is not sharper than a corner.
-fn arc_of(outline: &LocalOutline, moved: &Vector3<f64>) -> Arc {
-    Arc {
-        centre_m: outline.centre_m + moved.fixed_rows::<2>(0),
-        radius_m: (outline.radius_m + moved.z).max(0.0),
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -159,6 +166,36 @@ struct Followed {
 }
 
 impl Ahead<'_> {
+    /// On the outline that explains the contacts: a face, a circle, or an arc of changing radius where that change is beyond doubt. How
+    /// the outline goes on is not known: what circle and arc differ by counts as uncertain, eq. (14).
+    fn best(&self, points: &[OutlinePoint], friction: FrictionAngle, start: Start) -> Option<Foreseen> {
+        let circle = LocalOutline::of_last(points, WINDOW, CIRCLE)?;
+        let face = LocalOutline::flat_of_last(points, WINDOW);
+        if let Some(face) = face.filter(|face| circle.contacts <= face.contacts) {
+            return self.on(face, friction, start);
+        }
+        let circle = self.on(circle, friction, start);
+        let arc = LocalOutline::of_last(points, WINDOW, PRIOR_SLOPE_M_PER_RAD)
+            .and_then(|arc| self.on(arc, friction, start));
+        let (Some(circle), Some(arc)) = (circle, arc) else { return None };
+        let apart = match (circle.path.end, arc.path.end) {
+            (Some((one, _)), Some((other, _))) => one - other,
+            _ => HORIZON,
+        };
+        let slope = (arc.outline.arc.radius_slope_m_per_rad, arc.outline.covariance[(3, 3)].sqrt());
+        if slope.0.abs() < 3.0 * slope.1 {
+            // A change of radius within its noise: the arc only repeats the circle with more freedom.
+            return Some(circle);
+        }
+        Some(Foreseen { sigma: arc.sigma.hypot(apart), ..arc })
+    }
+
+    fn on(&self, outline: LocalOutline, friction: FrictionAngle, start: Start) -> Option<Foreseen> {
+        let path = self.follow(&outline.arc, friction.rad, start)?;
+        let sigma = self.sigma(&outline, friction, start, &path);
+        Some(Foreseen { outline, path, sigma })
+    }
+
     fn hub_after(&self, steps: f64) -> PlanarPose {
         moved(&self.hub, &(self.twist * steps))
     }
@@ -237,7 +274,7 @@ impl Ahead<'_> {
 
     /// Eq. (13): the spread of the end over the arc's principal axes and the friction angle, each by its standard deviation.
     fn sigma(&self, outline: &LocalOutline, friction: FrictionAngle, start: Start, path: &Path) -> f64 {
-        let Some((steps, _)) = path.end else { return f64::MAX };
+        let Some((steps, _)) = path.end else { return HORIZON };
         let end =
             |arc: Arc, rad: f64| self.follow(&arc, rad, start).and_then(|path| path.end).map(|(s, _)| s);
         let spread = |plus: Option<f64>, minus: Option<f64>| match (plus, minus) {
@@ -248,13 +285,12 @@ impl Ahead<'_> {
         };
         let eigen = outline.covariance.symmetric_eigen();
         let mut variance = 0.0;
-        for axis in 0..3 {
+        for axis in 0..4 {
             let by = eigen.eigenvectors.column(axis) * eigen.eigenvalues[axis].max(0.0).sqrt();
-            let [plus, minus] = [by, -by].map(|by| end(arc_of(outline, &by), friction.rad));
+            let [plus, minus] = [by, -by].map(|by| end(outline.arc.moved(&by), friction.rad));
             variance += spread(plus, minus).powi(2);
         }
-        let [plus, minus] = [1.0, -1.0]
-            .map(|k| end(arc_of(outline, &Vector3::zeros()), friction.rad + k * friction.sigma_rad));
+        let [plus, minus] = [1.0, -1.0].map(|k| end(outline.arc, friction.rad + k * friction.sigma_rad));
         (variance + spread(plus, minus).powi(2)).sqrt()
     }
 }

@@ -5,7 +5,7 @@
 //! evidence of the record.
 
 use super::mixture::{NEGLIGIBLE, mixed};
-use super::modes::{log_evidence, posterior};
+use super::modes::{TO_TIP_UNKNOWN, log_evidence, posterior, to_tip};
 use super::{Constraint, FrictionAngle, INCONSISTENT_CHI2, Projection, answer, project, sound};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status, estimate};
@@ -197,12 +197,13 @@ impl<'a> Touched<'a> {
         let mut probabilities = vec![Vec::new(); self.samples.len()];
         let mut ln_evidence = 0.0;
         for run in &self.runs {
-            let mut ln_of_run = Vec::with_capacity(run.len());
+            let (mut ln_of_run, mut to_tip) = (Vec::with_capacity(run.len()), Vec::with_capacity(run.len()));
             for i in run.clone() {
                 projections[i] = states.iter().map(|state| self.project(i, state)).collect();
+                to_tip.push(self.to_tip(&projections[i]));
                 ln_of_run.push(projections[i].iter().map(|p| self.ln_evidence(p.as_ref())).collect());
             }
-            let (run_probabilities, ln) = posterior(&states, &ln_of_run);
+            let (run_probabilities, ln) = posterior(&states, &ln_of_run, &to_tip);
             ln_evidence += ln;
             run.clone().zip(run_probabilities).for_each(|(i, p)| probabilities[i] = p);
         }
@@ -214,6 +215,12 @@ impl<'a> Touched<'a> {
             Constraint::Tip => self.tip[i].clone(),
             friction => project(self.rod, &self.cell, &self.samples[i], *friction, self.method).ok(),
         }
+    }
+
+    /// By the mid-whisker state that fits best.
+    fn to_tip(&self, projections: &[Option<Projection>]) -> f64 {
+        let mids = projections.iter().flatten().filter(|p| p.constraint.mode() == Mode::Mid);
+        mids.min_by(|a, b| a.chi2.total_cmp(&b.chi2)).map_or(TO_TIP_UNKNOWN, |mid| to_tip(self.rod, mid))
     }
 
     fn ln_evidence(&self, projection: Option<&Projection>) -> f64 {
