@@ -143,7 +143,16 @@ fn recorded_sweeps_are_within_a_quarter_millimetre() {
     for set in &sets {
         let sweep = smoothed(set, &set.noisy);
         let errors = Errors::of(&sweep.estimates, &set.truth);
-        println!("{}: mu {:.4} ± {:.4}, jumps {:?}, χ² {:.0}/{}, {} steps", set.name, sweep.mu, sweep.mu_sigma, sweep.jumps, sweep.chi2, 3 * sweep.contacts, sweep.iterations);
+        println!(
+            "{}: mu {:.4} ± {:.4}, jumps {:?}, χ² {:.0}/{}, {} steps",
+            set.name,
+            sweep.mu,
+            sweep.mu_sigma,
+            sweep.jumps,
+            sweep.chi2,
+            3 * sweep.contacts,
+            sweep.iterations
+        );
         println!("    {}", errors.line());
         for number in 0..3 {
             let keep: Vec<usize> = (0..set.truth.len()).filter(|&i| set.noisy[i].sweep == number).collect();
@@ -180,7 +189,10 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
                 pooled.add(Errors::of(&sweep.estimates, &set.truth));
             }
             println!("{} {name}: {}", set.name, pooled.line());
-            println!("    NEES median {:.2} (of χ²₂: 1.39), mu worst {mu_worst:.4}, NEES {mu_nees:.2}, jumps {jumps}", median(&pooled.nees));
+            println!(
+                "    NEES median {:.2} (of χ²₂: 1.39), mu worst {mu_worst:.4}, NEES {mu_nees:.2}, jumps {jumps}",
+                median(&pooled.nees)
+            );
             let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
             assert!(pooled.rms_mm() < bar_mm, "{} {name}: {}", set.name, pooled.line());
             assert!(pooled.median_mm() < 0.12, "{} {name}: {}", set.name, pooled.line());
@@ -200,7 +212,9 @@ fn rows_that_are_no_numbers_are_told_not_dropped() {
     assert_eq!(sweep.estimates.len(), samples.len());
     assert_eq!(sweep.estimates[60].status, Status::Inconsistent);
     let numbers = |e: &ContactEstimate| {
-        e.contact.as_ref().is_none_or(|c| c.covariance.iter().chain(c.x_in_world.iter()).all(|v| v.is_finite()))
+        e.contact
+            .as_ref()
+            .is_none_or(|c| c.covariance.iter().chain(c.x_in_world.iter()).all(|v| v.is_finite()))
     };
     assert!(sweep.estimates.iter().all(numbers));
 }
@@ -214,4 +228,48 @@ fn impossible_instruments_are_refused() {
     assert!(smooth(&rod, &cell, &[], &negative).is_err());
     assert!(smooth(&rod, &Cell::default(), &[], &Options::default()).is_err());
     assert!(smooth(&rod, &cell, &[], &Options::default()).is_ok_and(|sweep| sweep.estimates.is_empty()));
+}
+
+#[test]
+fn diagnose() {
+    let Some(sets) = sets() else { return };
+    for set in sets.iter() {
+        for seed in 0..=20 {
+            let samples = if seed == 0 { set.noisy.clone() } else { noised(&set.clean, &set.cell, seed) };
+            let sweep =
+                smooth(&set.rod, &set.cell, &samples, &Options::default()).expect("a smoothed record");
+            if !sweep.jumps.is_empty() {
+                println!("{} {seed} {:?}", set.name, sweep.jumps);
+            }
+            for (i, (e, t)) in sweep.estimates.iter().zip(&set.truth).enumerate() {
+                if !t.contact || t.force_world_n[0].hypot(t.force_world_n[1]) < 0.1 {
+                    continue;
+                }
+                let c = e.contact.as_ref().expect("contact");
+                let error = c.x_in_world - Vector2::new(t.x_m, t.y_m);
+                let p: Matrix2<f64> = c.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+                let nees = error.dot(&(p.try_inverse().expect("") * error));
+                if nees > 40.0 || error.norm() > 1.5e-3 {
+                    let t2 = Vector2::new(c.theta_rad.cos(), c.theta_rad.sin());
+                    println!(
+                        "{} seed {seed} row {i} truth {} s {:.2} est {:?} s {:.2}±{:.2} p {:.3} F {:.3} along {:.3} normal {:.3} nees {:.0} status {:?} before {} after {}",
+                        set.name,
+                        t.mode,
+                        t.s_m * 1e3,
+                        e.mode,
+                        c.s_m * 1e3,
+                        c.s_sigma_m * 1e3,
+                        e.mode_probability,
+                        c.f_normal_n,
+                        1e3 * error.dot(&t2),
+                        1e3 * (error.y * t2.x - error.x * t2.y),
+                        nees,
+                        e.status,
+                        set.truth[i - 1].mode,
+                        set.truth[i + 1].mode
+                    );
+                }
+            }
+        }
+    }
 }

@@ -11,7 +11,7 @@ const STEPS: usize = 40;
 const SMALL_STEP: f64 = 1e-4;
 /// How far the contact may move along the tangent between touch and first contact, as a share of the length: generous, an
 /// outline of radius L/5 turning by 3°.
-const TOUCH_SLIDE: f64 = 0.01;
+pub const TOUCH_SLIDE: f64 = 0.01;
 
 /// What is known of the friction angle beforehand.
 #[derive(Debug, Clone, Copy)]
@@ -156,27 +156,30 @@ impl Problem<'_> {
     /// Of every envelope condition, its residual over the deviation it should have given all else, eq. (15); 0 where broken.
     pub fn envelope_tests(&self, smoothed: &Smoothed) -> Vec<f64> {
         let sigmas = self.envelope_sigmas(&smoothed.linear);
-        (0..sigmas.len())
-            .map(|i| if self.linked[i] { self.envelope_test(smoothed, i, sigmas[i]) } else { 0.0 })
-            .collect()
+        (0..sigmas.len()).map(|i| self.test(smoothed, i, sigmas[i])).collect()
     }
 
-    fn envelope_test(&self, smoothed: &Smoothed, i: usize, sigma: f64) -> f64 {
+    fn test(&self, smoothed: &Smoothed, i: usize, sigma: f64) -> f64 {
         let pair = Pair::envelope(&smoothed.linear[i], &smoothed.linear[i + 1]);
-        let s = &smoothed.solution;
-        let known = (pair.by[0].transpose() * s.covariances[i] * pair.by[0])[0]
-            + (pair.by[1].transpose() * s.covariances[i + 1] * pair.by[1])[0]
-            + 2.0 * (pair.by[0].transpose() * s.cross[i] * pair.by[1])[0];
-        let shared = pair.by_shared
-            * (2.0 * (pair.by[0].dot(&s.with_shared[i]) + pair.by[1].dot(&s.with_shared[i + 1]))
-                + pair.by_shared * s.shared_variance);
-        // Rounding leaves the difference uncertain to about 1e-9 of σ².
-        let left = (sigma * sigma - known - shared).max(1e-8 * sigma * sigma);
-        pair.residual_m / left.sqrt()
+        if self.linked[i] { envelope_test(&pair, &smoothed.solution, i, sigma) } else { 0.0 }
     }
 }
 
-fn add_pair(chain: &mut Chain, node: usize, pair: &Pair, sigma: f64) {
+/// Eq. (15) for the pair of nodes `i` and `i + 1`.
+pub fn envelope_test(pair: &Pair, s: &Solution, i: usize, sigma: f64) -> f64 {
+    let known = (pair.by[0].transpose() * s.covariances[i] * pair.by[0])[0]
+        + (pair.by[1].transpose() * s.covariances[i + 1] * pair.by[1])[0]
+        + 2.0 * (pair.by[0].transpose() * s.cross[i] * pair.by[1])[0];
+    let shared = pair.by_shared
+        * (2.0 * (pair.by[0].dot(&s.with_shared[i]) + pair.by[1].dot(&s.with_shared[i + 1]))
+            + pair.by_shared * s.shared_variance);
+    // Rounding leaves the difference uncertain to about 1e-9 of σ².
+    let left = (sigma * sigma - known - shared).max(1e-8 * sigma * sigma);
+    pair.residual_m / left.sqrt()
+}
+
+/// Adds a residual between two nodes to the normal equations.
+pub fn add_pair(chain: &mut Chain, node: usize, pair: &Pair, sigma: f64) {
     let by = pair.by.map(|b| b / sigma);
     chain.add_pair(node, pair.residual_m / sigma, [&by[0], &by[1]], pair.by_shared / sigma);
 }
