@@ -19,10 +19,19 @@ pub(super) enum Boundary {
     First,
     /// The last end.
     Last,
+    /// Friction reaches its limit while the whisker sticks, pulling towards the tip.
+    SlideBack,
+    /// The same, pulling towards the hub.
+    SlideOn,
 }
 
 /// Every boundary of a kind of contact with a number that is positive inside: force in EI/L², lengths in L, angles in rad.
-pub(super) fn boundaries(rod: &Rod, outline: &Outline, state: &State) -> ArrayVec<(Boundary, f64), 4> {
+pub(super) fn boundaries(
+    rod: &Rod,
+    outline: &Outline,
+    limit_rad: f64,
+    state: &State,
+) -> ArrayVec<(Boundary, f64), 6> {
     let z = &state.unknowns;
     let length = rod.length_m;
     let force = (z.x - least_force_n(rod)) * length * length / rod.ei_base_n_m2();
@@ -44,6 +53,10 @@ pub(super) fn boundaries(rod: &Rod, outline: &Outline, state: &State) -> ArrayVe
             all.push((Boundary::Last, (outline.lengths_m[i] - z.z) / length));
         }
         Touching::Tangent | Touching::Tip => {}
+    }
+    if state.sticks {
+        all.push((Boundary::SlideBack, limit_rad - state.friction_rad));
+        all.push((Boundary::SlideOn, limit_rad + state.friction_rad));
     }
     all
 }
@@ -72,17 +85,20 @@ pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: 
         ..*state
     };
     let on = |continuous| Neighbours { continuous: Some(continuous), jumps: Vec::new() };
-    let onto_faces = |corner: usize| {
-        let (before, length) = (outline.before(corner), |i: usize| outline.lengths_m[i]);
-        let shares = [0.0, 0.1, 0.3, 0.6];
-        let last = shares.map(|share| as_tip(Touching::TipOnFace(corner), share * length(corner)));
-        let first = shares.map(|share| as_tip(Touching::TipOnFace(before), (1.0 - share) * length(before)));
-        Neighbours { continuous: None, jumps: last.into_iter().chain(first).collect() }
+    // Newton's method finds the landing from one of these places of a face, in shares of it from the corner.
+    let shares = [0.0, 0.1, 0.3, 0.6];
+    let onto = |face: usize, from_last: bool| {
+        let at = move |share: f64| if from_last { 1.0 - share } else { share };
+        shares.map(|share| as_tip(Touching::TipOnFace(face), at(share) * outline.lengths_m[face])).into_iter()
     };
+    let jumps = |jumps: Vec<State>| Neighbours { continuous: None, jumps };
     match (state.touching, boundary) {
+        (_, Boundary::SlideBack | Boundary::SlideOn) => on(State { sticks: false, ..*state }),
         (Touching::Tangent, Boundary::ReachTip) => on(as_tip(Touching::Tip, z.z)),
         (Touching::Face(i), Boundary::ReachTip) => on(as_tip(Touching::TipOnFace(i), z.z)),
-        (Touching::Corner(i), Boundary::ReachTip) => onto_faces(i),
+        (Touching::Corner(i), Boundary::ReachTip) => {
+            jumps(onto(i, false).chain(onto(outline.before(i), true)).collect())
+        }
         (Touching::Tip, Boundary::Flat) => on(as_mid(Touching::Tangent, z.z)),
         (Touching::TipOnFace(i), Boundary::Flat) => on(as_mid(Touching::Face(i), z.z)),
         (Touching::Corner(i), Boundary::First) => {
@@ -92,16 +108,15 @@ pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: 
         (Touching::Corner(i), Boundary::Last) => on(as_mid(Touching::Face(i), 0.0)),
         (Touching::Face(i), Boundary::First) => on(as_mid(Touching::Corner(i), outline.turn_rad(i))),
         (Touching::Face(i), Boundary::Last) => on(as_mid(Touching::Corner(outline.after(i)), 0.0)),
-        (Touching::TipOnFace(i), Boundary::First) => with_corner(onto_faces(i), as_mid(Touching::Corner(i), 0.5)),
+        (Touching::TipOnFace(i), Boundary::First) => {
+            let corner = as_mid(Touching::Corner(i), 0.5 * outline.turn_rad(i));
+            jumps(onto(outline.before(i), true).chain([corner]).collect())
+        }
         (Touching::TipOnFace(i), Boundary::Last) => {
-            let corner = outline.after(i);
-            with_corner(onto_faces(corner), as_mid(Touching::Corner(corner), 0.5))
+            let next = outline.after(i);
+            let corner = as_mid(Touching::Corner(next), 0.5 * outline.turn_rad(next));
+            jumps(onto(next, false).chain([corner]).collect())
         }
         _ => Neighbours::default(),
     }
-}
-
-fn with_corner(mut neighbours: Neighbours, corner: State) -> Neighbours {
-    neighbours.jumps.push(corner);
-    neighbours
 }

@@ -11,8 +11,10 @@ use std::f64::consts::FRAC_PI_2;
 const SEGMENTS: usize = 48;
 /// Cuts no deeper than this part of the length are a touch.
 const GRAZE: f64 = 1e-9;
+/// A cut up to this part of the length may be left at the end of a step, too shallow for a contact: 1e-5 of the force of 1 mm.
+const SHALLOW: f64 = 5e-8;
 /// How near to the outline, in parts of the length, a feature counts as touched when the whisker arrives.
-const NEAR: f64 = 1e-7;
+const NEAR: f64 = 2.0 * SHALLOW;
 
 /// Whether the rod is straight while unloaded.
 pub(super) fn is_straight(rod: &Rod) -> bool {
@@ -69,14 +71,20 @@ pub(super) fn is_blocked(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> bool
     cuts(outline, &free_line(rod, hub), GRAZE * rod.length_m)
 }
 
+/// Whether the unloaded whisker cuts the object so deep that it cannot count as free.
+pub(super) fn is_deep(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> bool {
+    cuts(outline, &free_line(rod, hub), SHALLOW * rod.length_m)
+}
+
 /// Whether a line enters the object by more than `depth_m`.
 pub(super) fn cuts(outline: &Outline, line: &[Vector2<f64>], depth_m: f64) -> bool {
     line.windows(2).any(|pair| outline.shape.is_cut_by(pair[0], pair[1], depth_m))
 }
 
 /// How the contact may begin at a pose where the unloaded whisker touches: mid-whisker first, nearest to the hub first.
-pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose, friction_rad: f64) -> Vec<State> {
-    let start = |touching, side, unknowns| State { touching, side, friction_rad, unknowns };
+pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> Vec<State> {
+    let start =
+        |touching, side, unknowns| State { touching, side, friction_rad: 0.0, sticks: false, unknowns };
     let (tip, theta_rad) = match is_straight(rod) {
         true => (hub.apply(Vector2::new(rod.length_m, 0.0)), hub.angle_rad),
         false => {
@@ -213,6 +221,8 @@ fn touched_by_tip(rod: &Rod, outline: &Outline, tip: Vector2<f64>) -> Vec<(Touch
     };
     (0..outline.count())
         .filter_map(|i| on_face(&i))
-        .map(|(i, along)| (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i])))
+        .map(|(i, along)| {
+            (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i]))
+        })
         .collect()
 }
