@@ -26,7 +26,7 @@ use variation::Variation;
 const REACH: f64 = 32.0;
 
 /// Steps before giving up; a contact within the whisker takes 2 to 5, one more per knot.
-const MOST_STEPS: usize = 20_000;
+const MOST_STEPS: usize = 2000;
 
 /// The first zero of the moment.
 ///
