@@ -72,17 +72,19 @@ pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: 
         ..*state
     };
     let on = |continuous| Neighbours { continuous: Some(continuous), jumps: Vec::new() };
-    let onto_faces = |corner: usize| {
-        let (before, length) = (outline.before(corner), |i: usize| outline.lengths_m[i]);
-        let shares = [0.0, 0.1, 0.3, 0.6];
-        let last = shares.map(|share| as_tip(Touching::TipOnFace(corner), share * length(corner)));
-        let first = shares.map(|share| as_tip(Touching::TipOnFace(before), (1.0 - share) * length(before)));
-        Neighbours { continuous: None, jumps: last.into_iter().chain(first).collect() }
+    // Newton's method finds the landing from one of these places of a face, in shares of it from the corner.
+    let shares = [0.0, 0.1, 0.3, 0.6];
+    let onto = |face: usize, from_last: bool| {
+        let at = move |share: f64| if from_last { 1.0 - share } else { share };
+        shares.map(|share| as_tip(Touching::TipOnFace(face), at(share) * outline.lengths_m[face])).into_iter()
     };
+    let jumps = |jumps: Vec<State>| Neighbours { continuous: None, jumps };
     match (state.touching, boundary) {
         (Touching::Tangent, Boundary::ReachTip) => on(as_tip(Touching::Tip, z.z)),
         (Touching::Face(i), Boundary::ReachTip) => on(as_tip(Touching::TipOnFace(i), z.z)),
-        (Touching::Corner(i), Boundary::ReachTip) => onto_faces(i),
+        (Touching::Corner(i), Boundary::ReachTip) => {
+            jumps(onto(i, false).chain(onto(outline.before(i), true)).collect())
+        }
         (Touching::Tip, Boundary::Flat) => on(as_mid(Touching::Tangent, z.z)),
         (Touching::TipOnFace(i), Boundary::Flat) => on(as_mid(Touching::Face(i), z.z)),
         (Touching::Corner(i), Boundary::First) => {
@@ -92,16 +94,15 @@ pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: 
         (Touching::Corner(i), Boundary::Last) => on(as_mid(Touching::Face(i), 0.0)),
         (Touching::Face(i), Boundary::First) => on(as_mid(Touching::Corner(i), outline.turn_rad(i))),
         (Touching::Face(i), Boundary::Last) => on(as_mid(Touching::Corner(outline.after(i)), 0.0)),
-        (Touching::TipOnFace(i), Boundary::First) => with_corner(onto_faces(i), as_mid(Touching::Corner(i), 0.5)),
+        (Touching::TipOnFace(i), Boundary::First) => {
+            let corner = as_mid(Touching::Corner(i), 0.5 * outline.turn_rad(i));
+            jumps(onto(outline.before(i), true).chain([corner]).collect())
+        }
         (Touching::TipOnFace(i), Boundary::Last) => {
-            let corner = outline.after(i);
-            with_corner(onto_faces(corner), as_mid(Touching::Corner(corner), 0.5))
+            let next = outline.after(i);
+            let corner = as_mid(Touching::Corner(next), 0.5 * outline.turn_rad(next));
+            jumps(onto(next, false).chain([corner]).collect())
         }
         _ => Neighbours::default(),
     }
-}
-
-fn with_corner(mut neighbours: Neighbours, corner: State) -> Neighbours {
-    neighbours.jumps.push(corner);
-    neighbours
 }

@@ -6,7 +6,7 @@
 
 use super::boundary::{Boundary, boundaries, neighbours};
 use super::equilibrium::{Outline, Solved, State, Touching, wrapped};
-use super::free::{cuts, first_contacts, is_blocked, is_straight, loaded_line};
+use super::free::{cuts, first_contacts, is_blocked, is_deep, is_straight, loaded_line};
 use super::{Change, Event};
 use crate::{Error, PlanarPose, Rod};
 use nalgebra::Vector3;
@@ -163,7 +163,7 @@ impl Follower<'_> {
             }
         }
         // A graze: too weak to be a contact before the step ends.
-        if is_blocked(self.rod, self.outline, &step.to) { Err(Error::NoRest { pose: self.pose }) } else { Ok(1.0) }
+        if is_deep(self.rod, self.outline, &step.to) { Err(Error::NoRest { pose: self.pose }) } else { Ok(1.0) }
     }
 
     fn is_valid(&self, solved: &Solved) -> bool {
@@ -236,7 +236,7 @@ impl Follower<'_> {
         &mut self,
         step: &Step,
         (mut low, mut last): (f64, Solved),
-        (mut high, mut beyond): (f64, Solved),
+        (mut high, beyond): (f64, Solved),
         boundary: Boundary,
     ) -> Result<f64, Error> {
         let value = |solved: &Solved| {
@@ -248,19 +248,18 @@ impl Follower<'_> {
         while LOCATED < high - low && 1e-13 < at_low {
             let share = low + (high - low) * (at_low / (at_low - at_high)).clamp(1e-3, 1.0 - 1e-3);
             let guess = state_moved(&last, &step.by(share - low));
-            let Some(found) = guess.solve(self.rod, self.outline, &step.at(share)) else { break };
-            let at = value(&found);
-            if 0.0 <= at {
+            let found = guess.solve(self.rod, self.outline, &step.at(share));
+            let at = found.as_ref().map_or(at_high, value);
+            if let Some(found) = found.filter(|_| 0.0 <= at) {
                 (low, last, at_low) = (share, found, at);
                 at_high *= if kept == 1 { 0.5 } else { 1.0 };
                 kept = 1;
             } else {
-                (high, beyond, at_high) = (share, found, at);
+                (high, at_high) = (share, at);
                 at_low *= if kept == -1 { 0.5 } else { 1.0 };
                 kept = -1;
             }
         }
-        let _ = beyond;
         self.carry_on(step, low, last, boundary)
     }
 

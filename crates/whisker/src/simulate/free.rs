@@ -11,8 +11,10 @@ use std::f64::consts::FRAC_PI_2;
 const SEGMENTS: usize = 48;
 /// Cuts no deeper than this part of the length are a touch.
 const GRAZE: f64 = 1e-9;
+/// A cut up to this part of the length may be left at the end of a step, too shallow for a contact: 1e-5 of the force of 1 mm.
+const SHALLOW: f64 = 5e-8;
 /// How near to the outline, in parts of the length, a feature counts as touched when the whisker arrives.
-const NEAR: f64 = 1e-7;
+const NEAR: f64 = 2.0 * SHALLOW;
 
 /// Whether the rod is straight while unloaded.
 pub(super) fn is_straight(rod: &Rod) -> bool {
@@ -67,6 +69,11 @@ fn march(rod: &Rod, start: [f64; 3], from: f64, to: f64, moment: impl Fn(f64, f6
 /// Whether the unloaded whisker cuts the object.
 pub(super) fn is_blocked(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> bool {
     cuts(outline, &free_line(rod, hub), GRAZE * rod.length_m)
+}
+
+/// Whether the unloaded whisker cuts the object so deep that it cannot count as free.
+pub(super) fn is_deep(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> bool {
+    cuts(outline, &free_line(rod, hub), SHALLOW * rod.length_m)
 }
 
 /// Whether a line enters the object by more than `depth_m`.
