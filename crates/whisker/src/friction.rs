@@ -16,9 +16,8 @@ pub use projection::{Constraint, Projection, project};
 pub use record::{Mu, Record, solve_record};
 
 use crate::contact::{Method, NoZero};
-use crate::estimate::{Mode, Status, estimate};
+use crate::estimate::{Contact, LEAST_FORCE_SIGMAS, MOST_ALONG_SHARE, Mode, Status, estimate};
 use crate::{Cell, ContactEstimate, Rod, Sample};
-use projection::DownDate;
 
 /// The angle from the whisker's normal to the force while the whisker slides: tan φ_f = ± μ, positive where the force pulls towards
 /// the tip, that is where the whisker is drawn towards its hub along the object.
@@ -69,7 +68,7 @@ pub fn constrain(
     let cell = sound(rod, cell);
     let projection = project(rod, &cell, sample, constraint, method)?;
     let raw = estimate(rod, &cell, sample, method);
-    Ok(answer(rod, &cell, sample, method, &raw, &projection, 1.0))
+    Ok(answer(rod, &cell, sample, &raw, &projection, 1.0))
 }
 
 /// The instruments, with no reading taken as better than a millionth of the whisker's stiffness EI/L², EI/L: a record without noise
@@ -88,31 +87,48 @@ pub(crate) fn answer(
     rod: &Rod,
     cell: &Cell,
     sample: &Sample,
-    method: Method,
     raw: &ContactEstimate,
     projection: &Projection,
     probability: f64,
 ) -> ContactEstimate {
-    let moved = Sample { load: projection.load, ..*sample };
-    let mut answer = estimate(rod, cell, &moved, method);
-    if let Some(contact) = answer.contact.as_mut() {
-        DownDate::new(projection, sample).apply(contact);
+    let contact = contact_of(cell, sample, projection);
+    ContactEstimate {
+        status: status(rod, cell, raw, projection, &contact),
+        mode: projection.constraint.mode(),
+        mode_probability: probability,
+        contact: Some(contact),
+        branches: raw.branches.clone(),
     }
-    answer.mode = projection.constraint.mode();
-    answer.mode_probability = probability;
-    answer.status = status(raw, projection);
-    answer
 }
 
-/// The raw verdict stands, save where the constraint itself explains or contradicts the load.
-fn status(raw: &ContactEstimate, projection: &Projection) -> Status {
+/// A projected load's contact; what the constraint fixes has no spread left, of either sign.
+fn contact_of(cell: &Cell, sample: &Sample, projection: &Projection) -> Contact {
+    let Projection { load, covariance, at, by_load, .. } = projection;
+    let contact =
+        Contact::in_world(&sample.world_from_hub, &cell.hub_covariance(), load, covariance, at, by_load);
+    Contact {
+        s_sigma_m: contact.s_sigma_m.max(0.0),
+        friction_angle_sigma_rad: contact.friction_angle_sigma_rad.max(0.0),
+        ..contact
+    }
+}
+
+/// What the constraint explains is ok, however far past the tip or past k = 1 the noise had carried the load; what it contradicts is
+/// `Inconsistent`, or what the load by itself is worse. Light touches stay `LowForce` unless the constraint places them.
+fn status(
+    rod: &Rod,
+    cell: &Cell,
+    raw: &ContactEstimate,
+    projection: &Projection,
+    contact: &Contact,
+) -> Status {
+    let sigma_n = cell.load_covariance()[(0, 0)].sqrt();
+    let is_weak = projection.load.force_n().norm() < LEAST_FORCE_SIGMAS * sigma_n;
     match raw.status {
-        Status::NoContact | Status::LowForce => raw.status,
-        _ if INCONSISTENT_CHI2 < projection.chi2 => match raw.status {
-            Status::Ok => Status::Inconsistent,
-            worse => worse,
-        },
-        // A load the noise carried past k = 1 or past the tip: the constraint brings it back within the noise.
+        Status::NoContact => Status::NoContact,
+        Status::NoZero | Status::BeyondTip if INCONSISTENT_CHI2 < projection.chi2 => raw.status,
+        _ if INCONSISTENT_CHI2 < projection.chi2 => Status::Inconsistent,
+        _ if is_weak || MOST_ALONG_SHARE * rod.length_m < contact.s_sigma_m => Status::LowForce,
         _ => Status::Ok,
     }
 }

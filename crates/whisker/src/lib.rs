@@ -15,6 +15,7 @@ pub mod elliptic;
 pub mod contact;
 pub mod estimate;
 pub mod friction;
+pub mod events;
 pub mod shape;
 pub mod identify;
 pub mod simulate;

@@ -9,7 +9,7 @@
 
 use super::FrictionAngle;
 use crate::contact::{ByLoad, Method, NoZero, contact_with_derivatives};
-use crate::estimate::{Contact, Mode};
+use crate::estimate::Mode;
 use crate::{Cell, HubContact, HubLoad, Rod, Sample};
 use nalgebra::{Matrix3, Vector3};
 
@@ -84,8 +84,6 @@ pub struct Projection {
     pub at: HubContact,
     /// Its derivatives by the load.
     pub by_load: ByLoad,
-    /// Σ g / √S: what the constraint takes from the load's standard deviation, N, N, N·m.
-    pub taken: Vector3<f64>,
 }
 
 impl Projection {
@@ -189,7 +187,6 @@ impl Step {
             innovation_variance_n2: self.innovation_variance_n2,
             at,
             by_load,
-            taken,
         }
     }
 }
@@ -211,35 +208,4 @@ fn towards(
 /// Length of a change of the load in standard deviations (Σ is diagonal).
 fn distance(change: &Vector3<f64>, covariance: &Matrix3<f64>) -> f64 {
     (0..3).map(|i| change[i] * change[i] / covariance[(i, i)]).sum::<f64>().sqrt()
-}
-
-/// Takes from a raw contact's covariance what the constraint has determined: J (Σ g gᵀ Σ / S) Jᵀ, eq. (6). The hub's share stays.
-pub(crate) struct DownDate {
-    in_world: Vector3<f64>,
-    s_m: f64,
-    friction_angle_rad: f64,
-}
-
-impl DownDate {
-    pub(crate) fn new(projection: &Projection, sample: &Sample) -> Self {
-        let taken = projection.by_load * projection.taken;
-        let turned = sample.world_from_hub.turn(taken.fixed_rows::<2>(0).into_owned());
-        DownDate {
-            in_world: Vector3::new(turned.x, turned.y, taken[2]),
-            s_m: taken[3],
-            friction_angle_rad: taken[4],
-        }
-    }
-
-    pub(crate) fn apply(&self, contact: &mut Contact) {
-        contact.covariance -= self.in_world * self.in_world.transpose();
-        contact.s_sigma_m = remaining(contact.s_sigma_m, self.s_m);
-        contact.friction_angle_sigma_rad =
-            remaining(contact.friction_angle_sigma_rad, self.friction_angle_rad);
-    }
-}
-
-/// √(σ² − taken²), where rounding may leave it below zero.
-fn remaining(sigma: f64, taken: f64) -> f64 {
-    (sigma * sigma - taken * taken).max(0.0).sqrt()
 }

@@ -299,7 +299,7 @@ impl<'a> Touched<'a> {
 
     fn mixture(&self, i: usize, states: &[(f64, &Projection)], probability: f64) -> ContactEstimate {
         let under = |projection| {
-            answer(self.rod, &self.cell, &self.samples[i], self.method, &self.raw[i], projection, probability)
+            answer(self.rod, &self.cell, &self.samples[i], &self.raw[i], projection, probability)
         };
         let total: f64 = states.iter().map(|(p, _)| p).sum();
         let mut estimate = under(states[0].1);
