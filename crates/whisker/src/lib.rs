@@ -19,6 +19,7 @@ pub mod events;
 pub mod shape;
 pub mod identify;
 pub mod simulate;
+pub mod spatial;
 
 pub use contact::HubContact;
 pub use error::Error;
