@@ -247,7 +247,7 @@ impl Default for Config {
             material_ratio: 1.15,
             material_difference_m: 1e-3,
             max_corners: 8,
-            along_sigma_limit_m: 0.006,
+            along_sigma_limit_m: 0.02,
             gap_rad: 10_f64.to_radians(),
             polygon_arc_rad: 150_f64.to_radians(),
             fits_chi2_per_dof: 2.5,

@@ -74,3 +74,20 @@ fn trials() {
         }
     }
 }
+
+#[test]
+fn one() {
+    let truth = Shape::Rectangle { centre_m: nalgebra::Vector2::new(-0.006765672421880984, 0.1673500337468745), sides_m: [0.06764345480533362; 2], angle_rad: 1.52789480094437 };
+    for c in truth.corners_m() { println!("corner {:.5} {:.5}", c.x, c.y); }
+    let sweeps = readings(&truth, 0.3).unwrap();
+    let samples: Vec<_> = sweeps.concat();
+    let touches = constrained(&samples, 7);
+    let found = identify(&touches, &Config::default()).unwrap();
+    for (t, u) in touches.iter().zip(&found.uses) {
+        let c = &t.covariance;
+        let tt = nalgebra::Vector2::new(t.theta_rad.cos(), t.theta_rad.sin());
+        let along = (tt.transpose() * c.fixed_view::<2,2>(0,0) * tt)[0].sqrt();
+        println!("{} {:?} {:?} {:?} x {:.5} {:.5} th {:.2} side {} along {:.5} sth {:.5}", t.sweep, u, t.status, t.mode, t.x_in_world.x, t.x_in_world.y, t.theta_rad.to_degrees(), t.side, along, c[(2,2)].sqrt());
+    }
+    println!("{found:#?}");
+}

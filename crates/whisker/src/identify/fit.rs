@@ -51,6 +51,8 @@ fn equations(rows: &[Row], state: &State, outlier_cost: f64) -> Option<DenseEqua
 const WIDE: f64 = 25.0;
 /// Evaluations allowed each of the two searches: what needs more zigzags at the edges of a wrong hypothesis.
 const BUDGET: usize = 40;
+/// Further starts are not tried once a fit costs no more than this per row, less than two free directions cost on average.
+const EXPLAINED_PER_ROW: f64 = 1.5;
 /// Rows that lead a start near its minimum; all rows then find it.
 const LEADING: usize = 100;
 /// A hypothesis this much worse per row than the best so far is not brought to its end: nothing could save it.
@@ -86,7 +88,7 @@ impl<'a> Search<'a> {
             let bar = found.as_ref().map_or(best, |fit| fit.cost.min(best));
             let fit = self.fit(start, bar);
             found = [found, fit].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            if found.as_ref().is_some_and(|fit| fit.cost <= HOPELESS_PER_ROW * self.rows.len() as f64) {
+            if found.as_ref().is_some_and(|fit| fit.cost <= EXPLAINED_PER_ROW * self.rows.len() as f64) {
                 break;
             }
         }

@@ -24,9 +24,10 @@ pub(super) struct Row {
     pub line_weight: f64,
 }
 
-/// The estimate is linear in the load only over a length like the whisker's free part; a place uncertain by σ along the whisker
-/// leaves the tangent by σ²/(2 ℓ), and turns from it by as much per ℓ.
-const BEND_LENGTH_M: f64 = 0.15;
+/// A place uncertain by σ along the whisker stays on the tangent, where the moment is zero, up to σ²/ℓ, and turns by σ/ℓ: where
+/// the noise of the moment, F σ, bends the whisker to a radius ℓ. A steel whisker (1 mm) on a load cell of 1/320 N: 20 m; a softer
+/// one or a coarser cell less.
+const BEND_LENGTH_M: f64 = 5.0;
 /// Errors that no covariance names (stage, clamp, linearity): places, metres.
 const FLOOR_M: f64 = 1e-5;
 /// The same of directions, radians.
@@ -64,9 +65,9 @@ impl Row {
 
 /// Σ, eq. (2); `along` is the larger variance of the place, m².
 fn with_remainder(covariance: &Matrix3<f64>, along: f64) -> Matrix3<f64> {
-    let bend = along / (2.0 * BEND_LENGTH_M);
-    let place = FLOOR_M * FLOOR_M + bend * bend;
-    let turn = FLOOR_RAD * FLOOR_RAD + (bend / BEND_LENGTH_M).powi(2);
+    let (off, turn) = (along / BEND_LENGTH_M, along.sqrt() / BEND_LENGTH_M);
+    let place = FLOOR_M * FLOOR_M + off * off;
+    let turn = FLOOR_RAD * FLOOR_RAD + turn * turn;
     0.5 * (covariance + covariance.transpose())
         + Matrix3::from_diagonal(&nalgebra::Vector3::new(place, place, turn))
 }
