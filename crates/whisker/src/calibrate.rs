@@ -156,6 +156,10 @@ pub fn calibrate(
     Ok(job.answer(fitted, roles, object))
 }
 
+/// Contacts lighter than this many σ of the force say nothing of the outline: their place along the whisker errs by 5 mm and more, and
+/// its correction need not settle (at 8 σ, offsets on a peg came out with twice the scatter they claimed, at 30 σ as claimed).
+const OUTLINE_FORCE_SIGMAS: f64 = 30.0;
+
 /// A calibration under way.
 struct Job<'a> {
     rod: &'a Rod,
@@ -208,9 +212,10 @@ impl<'a> Job<'a> {
         let rows = self.samples.iter().zip(roles).zip(&self.stretches);
         // Without an object no equation depends on the hub, so no sample tells how it was turned.
         let turns = outline.is_some();
+        let least_force_n = OUTLINE_FORCE_SIGMAS * self.noise.moving[(0, 0)].sqrt();
         rows.map(|((sample, role), stretch)| Plan {
             role: *role,
-            outlined: posed.outlined(sample, *role),
+            outlined: posed.outlined(sample, *role, least_force_n),
             stretch: stretch.filter(|_| turns),
         })
         .collect()

@@ -112,7 +112,7 @@ fn rounded(value: f64, step: f64) -> f64 {
     if step == 0.0 { value } else { (value / step).round() * step }
 }
 
-fn noisy(dice: &mut Dice, cell: &resight_whisker::Cell, clean: &Sample) -> Sample {
+fn noisy(dice: &mut Dice, cell: &resight_whisker::Cell, encoder: f64, clean: &Sample) -> Sample {
     let mut s = *clean;
     let l = &mut s.load;
     l.fx_n = rounded(l.fx_n + cell.force_sigma_n * dice.normal(), cell.force_step_n);
@@ -121,7 +121,7 @@ fn noisy(dice: &mut Dice, cell: &resight_whisker::Cell, clean: &Sample) -> Sampl
     let h = &mut s.world_from_hub;
     h.x_m += cell.hub_xy_sigma_m * dice.normal();
     h.y_m += cell.hub_xy_sigma_m * dice.normal();
-    h.angle_rad = rounded(h.angle_rad, cell.hub_angle_step_rad);
+    h.angle_rad = rounded(h.angle_rad + encoder, cell.hub_angle_step_rad) - encoder;
     s
 }
 
@@ -140,10 +140,12 @@ fn monte() {
             (Values::zeros(), Values::zeros(), 0.0, 0.0, 0.0, Values::zeros());
         for seed in 0..n {
             let mut dice = Dice(0x9E3779B97F4A7C15 ^ (seed + 1) * 7919);
+            let encoder = dice.uniform() * set.cell.hub_angle_step_rad;
             let read: Vec<Sample> =
-                set.clean.iter().map(|s| as_read(&wrong, &noisy(&mut dice, &set.cell, s))).collect();
+                set.clean.iter().map(|s| as_read(&wrong, &noisy(&mut dice, &set.cell, encoder, s))).collect();
             let options = Options::of_a_new_rig(&set.cell);
             let r = calibrate(&set.rod, &set.cell, &read, &object, &options).unwrap();
+            if std::env::var("V").is_ok() { println!("seed {seed} chi2 {:.1}/{} {:?} hub_y {:.3e} hub_x {:.3e} ang {:.3e} ei {:.3e} tg {:.3e}", r.chi2, r.degrees_of_freedom, r.counts(), r.calibration.values[9], r.calibration.values[8], r.calibration.values[7], r.calibration.values[0], r.calibration.values[5]); }
             chi += r.chi2;
             dof += r.degrees_of_freedom as f64;
             let free: Vec<usize> = r

@@ -209,10 +209,11 @@ impl<'a> Posed<'a> {
         Some(constraints)
     }
 
-    /// What a contact in `role` can say of the outline.
-    pub fn outlined(&self, sample: &Sample, role: Role) -> Outlined {
+    /// What a contact in `role` can say of the outline; nothing where its force is below `least_force_n`.
+    pub fn outlined(&self, sample: &Sample, role: Role, least_force_n: f64) -> Outlined {
         let (Some(shape), Some(touched)) = (&self.shape, self.touched(sample)) else { return Outlined::Not };
         match role {
+            _ if touched.meant.load.force_n().norm() < least_force_n => Outlined::Not,
             Role::Mid => match face_near(shape, touched.normal_rad()) {
                 Some(face) => Outlined::OnFace(face),
                 None => Outlined::Supports,
