@@ -9,6 +9,7 @@
 
 mod chi_square;
 mod constraints;
+mod drift;
 mod fit;
 mod model;
 mod outline;
@@ -18,6 +19,7 @@ mod tare;
 mod undetermined;
 
 pub use constraints::Role;
+pub use drift::{Change, Drift, DriftMonitor, DriftOptions, Watch, drift};
 pub use model::{Gravity, unit_weight};
 pub use parameters::{COUNT, Covariance, Parameter, Priors, Values};
 pub use tare::{Tare, tare};

@@ -30,6 +30,11 @@ const SURELY_NOT_MID: f64 = 12.0;
 
 const ROLES: [Role; 4] = [Role::Free, Role::Mid, Role::Tip, Role::Unused];
 
+/// Whether a sample in `role` gives equations.
+pub fn is_used(role: Role) -> bool {
+    role != Role::Unused
+}
+
 /// How badly a sample fits each role.
 #[derive(Debug, Clone, Copy)]
 struct Misfit {
