@@ -15,6 +15,7 @@ pub mod elliptic;
 pub mod contact;
 pub mod estimate;
 pub mod shape;
+pub mod simulate;
 pub mod calibrate;
 
 pub use contact::HubContact;
