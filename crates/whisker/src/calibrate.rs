@@ -32,6 +32,7 @@ use constraints::{Constraint, Plan, Posed, Setting, State};
 use fit::{Fitted, Noise, Problem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, Vector2, Vector3};
 use outline::Outline;
+use resight_core::frames::chi_square::tail;
 
 /// What is known of the object that was touched.
 #[derive(Debug, Clone, PartialEq)]
@@ -264,7 +265,7 @@ impl<'a> Job<'a> {
     fn gated(&self, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
         let posed = Posed::new(self.setting(self.outline), &fitted.state);
         let plans = self.plans(self.outline, roles, &fitted.state);
-        let probability = chi_square::tail(1, roles::GATE);
+        let probability = tail(1, roles::GATE);
         let gates = [1, 2, 3].map(|equations| chi_square::quantile(equations, probability));
         let keeps = |sample: &Sample, plan: &Plan| {
             let rows = fit::projected(&posed, sample, plan, &self.noise).filter(|rows| !rows.is_empty());
@@ -279,7 +280,7 @@ impl<'a> Job<'a> {
     }
 
     fn answer(&self, fitted: Fitted, roles: Vec<Role>, object: &Object) -> Calibrated {
-        let p_value = chi_square::tail(fitted.degrees_of_freedom.max(1), fitted.chi2);
+        let p_value = tail(fitted.degrees_of_freedom.max(1), fitted.chi2);
         Calibrated {
             undetermined: undetermined::undetermined(&fitted.covariance, &self.priors, object),
             held: Parameter::ALL.into_iter().filter(|p| self.priors.sigma(*p) == 0.0).collect(),

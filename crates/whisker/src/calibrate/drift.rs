@@ -9,11 +9,12 @@
 use super::constraints::{Posed, Setting, State};
 use super::fit::{Noise, projected};
 use super::parameters::{Covariance, Parameter, Values};
-use super::{Calibrated, Plan, chi_square, observed_noise, roles};
+use super::{Calibrated, Plan, observed_noise, roles};
 use crate::calibrate::constraints::Outlined;
 use crate::contact::Method;
 use crate::{Cell, Error, Sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use resight_core::frames::chi_square::tail;
 
 /// What one parameter would have had to do, to explain the change by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,7 +115,7 @@ fn verdict(
     };
     let weighted = factor.solve(d);
     let chi2 = d.dot(&weighted);
-    let p_value = chi_square::tail(degrees_of_freedom, chi2);
+    let p_value = tail(degrees_of_freedom, chi2);
     let mut changes: Vec<(f64, Change)> = Vec::new();
     for (i, (parameter, scale)) in free.iter().enumerate() {
         let a = basis.row(i).transpose() / *scale;
@@ -126,7 +127,7 @@ fn verdict(
         let score = a.dot(&weighted);
         let rest = (chi2 - score * score / information).max(0.0);
         let p_value_of_rest =
-            if 1 < degrees_of_freedom { chi_square::tail(degrees_of_freedom - 1, rest) } else { 1.0 };
+            if 1 < degrees_of_freedom { tail(degrees_of_freedom - 1, rest) } else { 1.0 };
         let (change, sigma) = (score / information, information.sqrt().recip());
         changes.push((rest, Change { parameter: *parameter, change, sigma, p_value_of_rest }));
     }
