@@ -9,6 +9,7 @@
 
 mod chi_square;
 mod constraints;
+mod drift;
 mod fit;
 mod model;
 mod outline;
@@ -18,6 +19,7 @@ mod tare;
 mod undetermined;
 
 pub use constraints::Role;
+pub use drift::{Change, Drift, DriftMonitor, DriftOptions, Watch, drift};
 pub use model::{Gravity, unit_weight};
 pub use parameters::{COUNT, Covariance, Parameter, Priors, Values};
 pub use tare::{Tare, tare};
@@ -30,6 +32,7 @@ use constraints::{Constraint, Plan, Posed, Setting, State};
 use fit::{Fitted, Noise, Problem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, Vector2, Vector3};
 use outline::Outline;
+use resight_core::frames::chi_square::tail;
 
 /// What is known of the object that was touched.
 #[derive(Debug, Clone, PartialEq)]
@@ -156,6 +159,10 @@ pub fn calibrate(
     Ok(job.answer(fitted, roles, object))
 }
 
+/// Contacts lighter than this many σ of the force say nothing of the outline: their place along the whisker errs by 5 mm and more, and
+/// its correction need not settle (at 8 σ, offsets on a peg came out with twice the scatter they claimed, at 30 σ as claimed).
+const OUTLINE_FORCE_SIGMAS: f64 = 30.0;
+
 /// A calibration under way.
 struct Job<'a> {
     rod: &'a Rod,
@@ -208,9 +215,10 @@ impl<'a> Job<'a> {
         let rows = self.samples.iter().zip(roles).zip(&self.stretches);
         // Without an object no equation depends on the hub, so no sample tells how it was turned.
         let turns = outline.is_some();
+        let least_force_n = OUTLINE_FORCE_SIGMAS * self.noise.moving[(0, 0)].sqrt();
         rows.map(|((sample, role), stretch)| Plan {
             role: *role,
-            outlined: posed.outlined(sample, *role),
+            outlined: posed.outlined(sample, *role, least_force_n),
             stretch: stretch.filter(|_| turns),
         })
         .collect()
@@ -257,7 +265,7 @@ impl<'a> Job<'a> {
     fn gated(&self, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
         let posed = Posed::new(self.setting(self.outline), &fitted.state);
         let plans = self.plans(self.outline, roles, &fitted.state);
-        let probability = chi_square::tail(1, roles::GATE);
+        let probability = tail(1, roles::GATE);
         let gates = [1, 2, 3].map(|equations| chi_square::quantile(equations, probability));
         let keeps = |sample: &Sample, plan: &Plan| {
             let rows = fit::projected(&posed, sample, plan, &self.noise).filter(|rows| !rows.is_empty());
@@ -272,7 +280,7 @@ impl<'a> Job<'a> {
     }
 
     fn answer(&self, fitted: Fitted, roles: Vec<Role>, object: &Object) -> Calibrated {
-        let p_value = chi_square::tail(fitted.degrees_of_freedom.max(1), fitted.chi2);
+        let p_value = tail(fitted.degrees_of_freedom.max(1), fitted.chi2);
         Calibrated {
             undetermined: undetermined::undetermined(&fitted.covariance, &self.priors, object),
             held: Parameter::ALL.into_iter().filter(|p| self.priors.sigma(*p) == 0.0).collect(),

@@ -12,8 +12,8 @@ use crate::Sample;
 use nalgebra::{DMatrix, DVector, Matrix6, RowSVector, SMatrix, SVector};
 use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
 
-/// Corrections of one sample are found anew at most this often; contacts of eight σ and more settle in two or three.
-const PROJECTIONS: usize = 6;
+/// Corrections of one sample are found anew at most this often; those that settle do so in two to four.
+const PROJECTIONS: usize = 10;
 /// … and are settled when they move by less than this part of a σ: the cost then errs by its square.
 const SETTLED: f64 = 1e-5;
 /// How far an object may be from where it was said to be: σ of each of its free parameters, metres or radians. Wide enough to say
