@@ -1,7 +1,6 @@
 //! Does a record agree with itself? Constraints pooled over it, and what a wrong calibration would do to them.
 //!
-//! Rows: the friction and tip residual of every sample; the step from one contact to the next, which must lie along the outline; the
-//! outline of one sweep at the normals of another. Faults: gains, zeros, angles and offsets, each by the score of the rows along its
+//! Rows: the friction and tip residual of every sample; the outline of one sweep where another has the same normals. Faults: gains, zeros, angles and offsets, each by the score of the rows along its
 //! derivative. One fault explains a record better than noise: the record is inconsistent, and so is every contact that the fault
 //! would have moved by more than its own uncertainty. docs/math/whisker_events.md eqs. (15)–(19).
 
@@ -14,7 +13,7 @@ use crate::contact::Method;
 use crate::estimate::{Mode, Status};
 use crate::friction::{Record, sound};
 use crate::{Cell, Rod, Sample};
-use nalgebra::{Cholesky, DVector, Dyn, Vector2};
+use nalgebra::{DVector, Vector2};
 use resight_core::frames::chi_square;
 use rows::Rows;
 
@@ -64,18 +63,17 @@ pub fn consistency(
 ) -> Option<Consistency> {
     let cell = sound(rod, cell);
     let rows = Rows::new(rod, &cell, samples, record, same_object, method)?;
-    let values = rows.values(samples, record.friction.rad)?;
-    let factor = rows.factor()?;
-    let by_friction = rows.by_friction(samples, record.friction.rad)?;
-    let whitened = Whitened::new(&factor, values, by_friction, record.mu_sigma);
+    let values = rows.whitened(rows.values(samples, record.friction.rad)?)?;
+    let by_friction = rows.whitened(rows.by_friction(samples, record.friction.rad)?)?;
+    let whitened = Whitened::new(values, by_friction, record.mu_sigma);
     let chi2 = whitened.chi2();
     let degrees_of_freedom = rows.len().saturating_sub(usize::from(0.0 < record.mu_sigma));
     let p_value = chi_square::tail(degrees_of_freedom, chi2);
     let mut suspicions: Vec<Suspicion> = Fault::ALL
-        .iter()
+        .into_iter()
         .filter_map(|fault| {
-            let by_fault = rows.by_fault(samples, record.friction.rad, fault, &cell)?;
-            whitened.suspicion(&factor, *fault, by_fault)
+            let by_fault = rows.whitened(rows.by_fault(samples, record.friction.rad, fault)?)?;
+            whitened.suspicion(fault, &by_fault)
         })
         .collect();
     suspicions.sort_by(|a, b| b.chi2.total_cmp(&a.chi2));
@@ -130,24 +128,18 @@ struct Whitened {
 }
 
 impl Whitened {
-    fn new(
-        factor: &Cholesky<f64, Dyn>,
-        values: DVector<f64>,
-        by_friction: DVector<f64>,
-        mu_sigma: f64,
-    ) -> Self {
-        let by_friction = Some(whiten(factor, by_friction))
-            .filter(|by| 0.0 < mu_sigma && 0.0 < by.norm())
-            .map(|by| by.normalize());
-        let mut whitened = Whitened { residual: whiten(factor, values), by_friction };
-        whitened.residual = whitened.without_friction(whitened.residual.clone());
+    fn new(values: DVector<f64>, by_friction: DVector<f64>, mu_sigma: f64) -> Self {
+        let is_fitted = 0.0 < mu_sigma && 0.0 < by_friction.norm();
+        let mut whitened =
+            Whitened { residual: values, by_friction: is_fitted.then(|| by_friction.normalize()) };
+        whitened.residual = whitened.without_friction(&whitened.residual);
         whitened
     }
 
-    fn without_friction(&self, rows: DVector<f64>) -> DVector<f64> {
+    fn without_friction(&self, rows: &DVector<f64>) -> DVector<f64> {
         match &self.by_friction {
-            Some(by) => &rows - by * by.dot(&rows),
-            None => rows,
+            Some(by) => rows - by * by.dot(rows),
+            None => rows.clone(),
         }
     }
 
@@ -156,27 +148,15 @@ impl Whitened {
     }
 
     /// Eq. (18): the score along the fault's derivative.
-    fn suspicion(
-        &self,
-        factor: &Cholesky<f64, Dyn>,
-        fault: Fault,
-        by_fault: DVector<f64>,
-    ) -> Option<Suspicion> {
-        let whitened = whiten(factor, by_fault);
-        let by = self.without_friction(whitened.clone());
+    fn suspicion(&self, fault: Fault, by_fault: &DVector<f64>) -> Option<Suspicion> {
+        let by = self.without_friction(by_fault);
         let information = by.norm_squared();
         // What the friction angle mimics to a part in a thousand is not the fault's to show.
-        if !(1e-6 * whitened.norm_squared() < information) || information == 0.0 {
+        if !(1e-6 * by_fault.norm_squared() < information) {
             return None;
         }
         let size = by.dot(&self.residual) / information;
         let sigma = information.powf(-0.5);
         Some(Suspicion { fault, size, sigma, chi2: (size / sigma).powi(2) })
     }
-}
-
-/// L⁻¹ rows, V = L Lᵀ.
-fn whiten(factor: &Cholesky<f64, Dyn>, mut rows: DVector<f64>) -> DVector<f64> {
-    factor.l_dirty().solve_lower_triangular_mut(&mut rows);
-    rows
 }

@@ -9,7 +9,7 @@
 use crate::estimate::Mode;
 use crate::friction::Projection;
 use crate::{Cell, HubLoad, PlanarPose, Sample};
-use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector4};
 use resight_core::frames::chi_square;
 
 /// A contact as the outline sees it.
@@ -226,6 +226,12 @@ impl LocalOutline {
     /// Standard deviation of ρ₀, metres.
     pub fn radius_sigma_m(&self) -> f64 {
         self.covariance[(2, 2)].sqrt()
+    }
+
+    /// Derivative of the support n·x at a normal by `[px, py, ρ₀, ρ₁]`.
+    pub(crate) fn support_by_arc(&self, normal_rad: f64) -> RowVector4<f64> {
+        let n = Vector2::new(normal_rad.cos(), normal_rad.sin());
+        n.transpose() * design(self.arc.normal_rad, turned(normal_rad - self.arc.normal_rad))
     }
 
     /// What mid-whisker contacts on this arc are called, eq. (7).

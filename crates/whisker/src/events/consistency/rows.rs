@@ -3,41 +3,43 @@
 use super::Fault;
 use crate::contact::Method;
 use crate::estimate::{Mode, Status};
-use crate::events::outline::{OutlinePoint, turned};
+use crate::events::outline::{LocalOutline, OutlinePoint, PRIOR_SLOPE_M_PER_RAD, turned};
+use crate::friction::projection::bend;
 use crate::friction::{Constraint, FrictionAngle, Projection, Record, project};
 use crate::{Cell, Rod, Sample};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector2, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RowVector4, Vector2};
+use resight_core::frames::chi_square;
+use std::ops::Range;
 
-/// Contacts tested, at most: more are thinned evenly, for the test's time grows with their cube.
-const MOST_CONTACTS: usize = 400;
+/// Contacts tested, at most: more are thinned evenly.
+const MOST_CONTACTS: usize = 1000;
 /// A mode less sure than this is left out.
 const SURE: f64 = 0.95;
-/// Outline rows whose curvature within the step may count more than this share of their sigma are left out: leaps.
-const CURVED_SHARE: f64 = 0.3;
-/// Neighbouring normals further apart than this do not interpolate an outline, radians.
-const WIDEST_RAD: f64 = 0.06;
+/// Contacts of one arc.
+const PER_ARC: usize = 10;
+/// An arc that fits worse than one right arc in a thousand runs over a kink: it says nothing of the calibration.
+const KINKED: f64 = 1e-3;
+/// Arcs whose normals have less than this in common are not compared, radians.
+const LEAST_OVERLAP_RAD: f64 = 0.02;
 
-/// What must vanish.
+/// Two arcs of different sweeps and a normal that both have: there they must have the same support, eq. (16).
 #[derive(Debug, Clone, Copy)]
-enum Row {
-    /// The constraint of one contact, in its own sigmas.
-    Constraint(usize),
-    /// The way from one contact to the next, across the mean of their normals: eq. (16).
-    Step(usize, usize),
-    /// A contact's distance from another sweep's outline between two of its contacts: eq. (17).
-    Across(usize, [usize; 2]),
+struct Overlap {
+    arcs: [usize; 2],
+    normal_rad: f64,
 }
 
-/// The test's contacts and rows.
+/// The test's contacts and rows: one constraint row per contact, then one per overlap.
 pub(super) struct Rows<'a> {
     rod: &'a Rod,
     cell: &'a Cell,
     method: Method,
     /// Index of the sample, and at the tip or not.
     contacts: Vec<(usize, bool)>,
-    points: Vec<OutlinePoint>,
-    rows: Vec<Row>,
-    gradients: Vec<Vec<(usize, Vector3<f64>)>>,
+    /// Runs of neighbouring mid-whisker contacts of one sweep.
+    windows: Vec<Range<usize>>,
+    arcs: Vec<LocalOutline>,
+    overlaps: Vec<Overlap>,
 }
 
 /// The constraint of a mode.
@@ -55,44 +57,58 @@ impl<'a> Rows<'a> {
         method: Method,
     ) -> Option<Self> {
         let contacts = chosen(samples, record);
-        let mut rows =
-            Rows { rod, cell, method, contacts, points: Vec::new(), rows: Vec::new(), gradients: Vec::new() };
-        let projections = rows.projections(samples, record.friction.rad)?;
-        if projections.len() < 10 {
+        if contacts.len() < 10 {
             return None;
         }
-        rows.points = rows.outline(samples, &projections, record.friction.rad);
-        rows.rows = (0..projections.len()).map(Row::Constraint).collect();
-        rows.add_steps(samples);
+        let (windows, arcs, overlaps) = (Vec::new(), Vec::new(), Vec::new());
+        let mut rows = Rows { rod, cell, method, contacts, windows, arcs, overlaps };
         if same_object {
-            rows.add_across(samples);
+            let projections = rows.projections(samples, record.friction.rad)?;
+            let points = rows.outline(samples, &projections, record.friction.rad);
+            rows.add_overlaps(samples, &points);
         }
-        rows.gradients = rows.rows.iter().map(|row| rows.gradient(row)).collect();
         Some(rows)
     }
 
     pub(super) fn len(&self) -> usize {
-        self.rows.len()
+        self.contacts.len() + self.overlaps.len()
     }
 
-    /// V = L Lᵀ; constraint rows are independent of everything: the contacts' errors are what the constraint has left.
-    pub(super) fn factor(&self) -> Option<Cholesky<f64, Dyn>> {
-        let mut by_contact: Vec<Vec<(usize, Vector3<f64>)>> = vec![Vec::new(); self.points.len()];
-        for (row, entries) in self.gradients.iter().enumerate() {
-            entries.iter().for_each(|(contact, by)| by_contact[*contact].push((row, *by)));
+    /// Rows of unit variance; overlaps that share an arc are correlated, constraint rows are not: a contact's error is what its constraint
+    /// has left.
+    pub(super) fn whitened(&self, mut rows: DVector<f64>) -> Option<DVector<f64>> {
+        if self.overlaps.is_empty() {
+            return Some(rows);
         }
-        let mut covariance = DMatrix::zeros(self.len(), self.len());
-        for (row, _) in self.rows.iter().enumerate().filter(|(_, row)| matches!(row, Row::Constraint(_))) {
-            covariance[(row, row)] = 1.0;
-        }
-        for (point, entries) in self.points.iter().zip(&by_contact) {
-            for (a, by_a) in entries {
-                for (b, by_b) in entries {
-                    covariance[(*a, *b)] += by_a.dot(&(point.covariance * by_b));
+        let factor = self.factor()?;
+        let mut tail = rows.rows_mut(self.contacts.len(), self.overlaps.len());
+        let whitened = factor.l().solve_lower_triangular(&tail)?;
+        tail.copy_from(&whitened);
+        Some(rows)
+    }
+
+    /// L of the overlaps' covariance, L Lᵀ.
+    fn factor(&self) -> Option<Cholesky<f64, Dyn>> {
+        let of = |overlap: &Overlap| -> Vec<(usize, RowVector4<f64>)> {
+            let signs = [1.0, -1.0];
+            let by = |(arc, sign): (&usize, f64)| {
+                (*arc, self.arcs[*arc].support_by_arc(overlap.normal_rad) * sign)
+            };
+            overlap.arcs.iter().zip(signs).map(by).collect()
+        };
+        let entries: Vec<_> = self.overlaps.iter().map(of).collect();
+        let mut covariance = DMatrix::zeros(self.overlaps.len(), self.overlaps.len());
+        for (a, of_a) in entries.iter().enumerate() {
+            for (b, of_b) in entries.iter().enumerate() {
+                for (arc, by_a) in of_a {
+                    let shared = of_b.iter().filter(|(other, _)| other == arc);
+                    covariance[(a, b)] += shared
+                        .map(|(_, by_b)| (by_a * self.arcs[*arc].covariance * by_b.transpose())[0])
+                        .sum::<f64>();
                 }
             }
         }
-        // Rows that repeat each other up to rounding: a millionth of a variance more keeps the factor.
+        // Overlaps that repeat each other up to rounding: a millionth of a variance more keeps the factor.
         (0..covariance.nrows()).for_each(|i| covariance[(i, i)] *= 1.0 + 1e-6);
         Cholesky::new(covariance)
     }
@@ -100,19 +116,23 @@ impl<'a> Rows<'a> {
     /// The rows' values for readings and a friction angle.
     pub(super) fn values(&self, samples: &[Sample], friction_rad: f64) -> Option<DVector<f64>> {
         let projections = self.projections(samples, friction_rad)?;
+        let constraints = projections.iter().map(|p| p.innovation_n / p.innovation_variance_n2.sqrt());
+        if self.overlaps.is_empty() {
+            return Some(DVector::from_iterator(self.len(), constraints));
+        }
         let points = self.outline(samples, &projections, friction_rad);
-        let value = |row: &Row| match row {
-            Row::Constraint(i) => {
-                projections[*i].innovation_n / projections[*i].innovation_variance_n2.sqrt()
-            }
-            row => outline_value(row, &|i| (points[i].x_in_world, points[i].normal_rad)),
-        };
-        Some(DVector::from_iterator(self.len(), self.rows.iter().map(value)))
+        let arcs: Option<Vec<_>> = self.windows.iter().map(|window| arc(&points[window.clone()])).collect();
+        let arcs = arcs?;
+        let apart = self.overlaps.iter().map(|Overlap { arcs: [a, b], normal_rad }| {
+            let n = Vector2::new(normal_rad.cos(), normal_rad.sin());
+            n.dot(&(arcs[*a].arc.at(*normal_rad).0 - arcs[*b].arc.at(*normal_rad).0))
+        });
+        Some(DVector::from_iterator(self.len(), constraints.chain(apart)))
     }
 
     /// Derivative of the rows by the friction angle.
     pub(super) fn by_friction(&self, samples: &[Sample], friction_rad: f64) -> Option<DVector<f64>> {
-        const STEP_RAD: f64 = 1e-5;
+        const STEP_RAD: f64 = 1e-4;
         let [plus, minus] = [STEP_RAD, -STEP_RAD].map(|step| self.values(samples, friction_rad + step));
         Some((plus? - minus?) / (2.0 * STEP_RAD))
     }
@@ -122,10 +142,9 @@ impl<'a> Rows<'a> {
         &self,
         samples: &[Sample],
         friction_rad: f64,
-        fault: &Fault,
-        cell: &Cell,
+        fault: Fault,
     ) -> Option<DVector<f64>> {
-        let step = fault.step(cell);
+        let step = fault.step(self.cell);
         // A fault in the readings does what taking off its opposite does.
         let [plus, minus] = [-step, step].map(|size| {
             let changed: Vec<Sample> = samples.iter().map(|sample| fault.taken_off(sample, size)).collect();
@@ -148,84 +167,60 @@ impl<'a> Rows<'a> {
         projections: &[Projection],
         friction_rad: f64,
     ) -> Vec<OutlinePoint> {
-        let pairs = self.contacts.iter().zip(projections);
-        pairs.map(|((i, _), p)| OutlinePoint::new(self.cell, &samples[*i], p, friction_rad)).collect()
-    }
-
-    fn add_steps(&mut self, samples: &[Sample]) {
-        for i in 1..self.contacts.len() {
-            let same = samples[self.contacts[i - 1].0].sweep == samples[self.contacts[i].0].sweep
-                && self.contacts[i - 1].1 == self.contacts[i].1;
-            let row = Row::Step(i - 1, i);
-            if same && self.is_straight(&row) {
-                self.rows.push(row);
+        let point = |((i, _), projection): (&(usize, bool), &Projection)| {
+            let mut point = OutlinePoint::new(self.cell, &samples[*i], projection, friction_rad);
+            if let Some(bend) = bend(self.rod, projection, self.method) {
+                let bend = samples[*i].world_from_hub.turn(bend.fixed_rows::<2>(0).into_owned());
+                let mut place = point.covariance.fixed_view_mut::<2, 2>(0, 0);
+                place += bend * bend.transpose() * 0.75;
             }
-        }
+            point
+        };
+        self.contacts.iter().zip(projections).map(point).collect()
     }
 
-    /// Whether what the outline may bend within the row is small next to the row's noise.
-    fn is_straight(&self, row: &Row) -> bool {
-        let Row::Step(i, j) = row else { return true };
-        let (a, b) = (&self.points[*i], &self.points[*j]);
-        let turn = turned(b.normal_rad - a.normal_rad).abs();
-        let bent = 0.5 * (b.x_in_world - a.x_in_world).norm() * turn;
-        bent < CURVED_SHARE * self.sigma(row)
-    }
-
-    fn sigma(&self, row: &Row) -> f64 {
-        let gradient = self.gradient(row);
-        gradient.iter().map(|(i, by)| by.dot(&(self.points[*i].covariance * by))).sum::<f64>().sqrt()
-    }
-
-    /// Every mid-whisker contact against each other sweep, where that has neighbours of both sides of its normal.
-    fn add_across(&mut self, samples: &[Sample]) {
+    fn add_overlaps(&mut self, samples: &[Sample], points: &[OutlinePoint]) {
         let sweep = |contact: usize| samples[self.contacts[contact].0].sweep;
-        let mids: Vec<usize> = (0..self.points.len()).filter(|i| !self.contacts[*i].1).collect();
-        let pairs: Vec<[usize; 2]> = mids
-            .windows(2)
-            .filter(|pair| sweep(pair[0]) == sweep(pair[1]))
-            .map(|pair| [pair[0], pair[1]])
-            .collect();
-        let mut found = Vec::new();
-        for i in &mids {
-            let mut met = Vec::new();
-            for pair in &pairs {
-                let other = sweep(pair[0]);
-                // Each pair of sweeps once, each contact once.
-                if sweep(*i) < other && !met.contains(&other) && brackets(&self.points, *i, *pair) {
-                    met.push(other);
-                    found.push(Row::Across(*i, *pair));
+        let is_one = |window: &Range<usize>| {
+            window.clone().all(|i| !self.contacts[i].1 && sweep(i) == sweep(window.start))
+        };
+        let starts = (0..self.contacts.len() / PER_ARC).map(|i| i * PER_ARC);
+        let fits = starts.map(|start| start..start + PER_ARC).filter(is_one).filter_map(|window| {
+            let arc = arc(&points[window.clone()])?;
+            (KINKED < chi_square::tail(arc.degrees_of_freedom, arc.chi2)).then_some((window, arc))
+        });
+        let (windows, arcs): (Vec<_>, Vec<_>) = fits.unzip();
+        for b in 0..windows.len() {
+            for a in (0..b).filter(|a| sweep(windows[*a].start) != sweep(windows[b].start)) {
+                let ranges = [a, b].map(|arc| range(&points[windows[arc].clone()], points[0].normal_rad));
+                if let Some(middle) = middle(ranges) {
+                    let normal_rad = points[0].normal_rad + middle;
+                    self.overlaps.push(Overlap { arcs: [a, b], normal_rad });
                 }
             }
         }
-        self.rows.extend(found);
-    }
-
-    /// By the contacts' `[x, y, normal]`, by differences: a row has three contacts at most.
-    fn gradient(&self, row: &Row) -> Vec<(usize, Vector3<f64>)> {
-        const STEP: f64 = 1e-6;
-        let contacts = match row {
-            Row::Constraint(_) => return Vec::new(),
-            Row::Step(i, j) => vec![*i, *j],
-            Row::Across(i, [j, k]) => vec![*i, *j, *k],
-        };
-        let moved = |contact: usize, by: Vector3<f64>| {
-            outline_value(row, &|i| {
-                let (x, normal) = (self.points[i].x_in_world, self.points[i].normal_rad);
-                if i == contact { (x + by.fixed_rows::<2>(0), normal + by.z) } else { (x, normal) }
-            })
-        };
-        let by = |contact: usize| {
-            Vector3::from_fn(|entry, _| {
-                let step = Vector3::ith(entry, STEP);
-                (moved(contact, step) - moved(contact, -step)) / (2.0 * STEP)
-            })
-        };
-        contacts.into_iter().map(|contact| (contact, by(contact))).collect()
+        (self.windows, self.arcs) = (windows, arcs);
     }
 }
 
-/// The samples whose status is ok and whose mode is sure, thinned evenly to what a dense factorisation bears.
+fn arc(points: &[OutlinePoint]) -> Option<LocalOutline> {
+    LocalOutline::fit(points, PRIOR_SLOPE_M_PER_RAD)
+}
+
+/// Least and greatest normal, from a reference.
+fn range(points: &[OutlinePoint], reference_rad: f64) -> [f64; 2] {
+    let first = turned(points[0].normal_rad - reference_rad);
+    let angles = points.iter().map(|point| first + turned(point.normal_rad - points[0].normal_rad));
+    angles.fold([first, first], |[least, most], angle| [least.min(angle), most.max(angle)])
+}
+
+/// The middle of what two ranges have in common.
+fn middle([a, b]: [[f64; 2]; 2]) -> Option<f64> {
+    let (from, to) = (a[0].max(b[0]), a[1].min(b[1]));
+    (LEAST_OVERLAP_RAD < to - from).then_some(0.5 * (from + to))
+}
+
+/// The samples whose status is ok and whose mode is sure, thinned evenly.
 fn chosen(samples: &[Sample], record: &Record) -> Vec<(usize, bool)> {
     let sure = |i: &usize| {
         let estimate = &record.estimates[*i];
@@ -234,35 +229,4 @@ fn chosen(samples: &[Sample], record: &Record) -> Vec<(usize, bool)> {
     let all: Vec<usize> = (0..samples.len()).filter(sure).collect();
     let every = all.len().div_ceil(MOST_CONTACTS).max(1);
     all.into_iter().step_by(every).map(|i| (i, record.estimates[i].mode == Mode::Tip)).collect()
-}
-
-/// Whether the normal of `i` lies between those of a pair of neighbours, both near.
-fn brackets(points: &[OutlinePoint], i: usize, [j, k]: [usize; 2]) -> bool {
-    let span = turned(points[k].normal_rad - points[j].normal_rad);
-    let at = turned(points[i].normal_rad - points[j].normal_rad);
-    let is_near = span.abs() < WIDEST_RAD;
-    // Normals closer than their noise do not say which is first: 0.001 rad.
-    is_near && 1e-3 < span.abs() && 0.0 <= at / span && at / span <= 1.0
-}
-
-/// An outline row, metres.
-fn outline_value(row: &Row, at: &dyn Fn(usize) -> (Vector2<f64>, f64)) -> f64 {
-    match row {
-        Row::Constraint(_) => 0.0,
-        Row::Step(i, j) => {
-            let ((x_i, normal_i), (x_j, normal_j)) = (at(*i), at(*j));
-            0.5 * (unit(normal_i) + unit(normal_j)).dot(&(x_j - x_i))
-        }
-        Row::Across(i, [j, k]) => {
-            let ((x, normal), (x_j, normal_j), (x_k, normal_k)) = (at(*i), at(*j), at(*k));
-            // n = a n_j + b n_k: then the corner in which both support lines meet has the support a h_j + b h_k.
-            let span = (normal_k - normal_j).sin();
-            let (a, b) = ((normal_k - normal).sin() / span, (normal - normal_j).sin() / span);
-            a * unit(normal_j).dot(&(x - x_j)) + b * unit(normal_k).dot(&(x - x_k))
-        }
-    }
-}
-
-fn unit(angle_rad: f64) -> Vector2<f64> {
-    Vector2::new(angle_rad.cos(), angle_rad.sin())
 }
