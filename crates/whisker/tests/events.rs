@@ -79,7 +79,7 @@ fn slip_off_is_foreseen() {
 
 #[test]
 fn zz_consistency() {
-    use resight_whisker::events::consistency::mark;
+    use resight_whisker::events::consistency::{mark, widen};
     use resight_whisker::events::{Fault, consistency};
     let Some(sets) = sets() else { return };
     for set in &sets {
@@ -120,8 +120,19 @@ fn zz_consistency() {
                 (sum / n, n)
             };
             let before = nees(&record);
-            let marked = mark(&set.rod, &set.cell, &samples, &mut record, &v, Method::Auto);
+            let marked = mark(&set.rod, &set.cell, &samples, &mut record, &v, Mu::Auto, Method::Auto);
             let after = nees(&record);
+            widen(
+                &set.rod,
+                &set.cell,
+                &samples,
+                &mut record,
+                &v,
+                &Fault::ALL.map(|f| f.tolerance(&set.cell)),
+                Method::Auto,
+            );
+            println!("   widened {:?}", nees(&record));
+
             let top: Vec<String> = v
                 .suspicions
                 .iter()

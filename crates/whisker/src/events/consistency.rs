@@ -10,10 +10,10 @@ mod rows;
 pub use fault::Fault;
 
 use crate::contact::Method;
-use crate::estimate::{Mode, Status};
-use crate::friction::{Record, sound};
+use crate::estimate::{Contact, Mode, Status};
+use crate::friction::{Constraint, Mu, Record, project, solve_record, sound};
 use crate::{Cell, Rod, Sample};
-use nalgebra::{DVector, Vector2};
+use nalgebra::{DVector, SMatrix, Vector3};
 use resight_core::frames::chi_square;
 use rows::Rows;
 
@@ -21,6 +21,9 @@ use rows::Rows;
 pub const FALSE_ALARM: f64 = 1e-3;
 /// A contact that the fault would have moved further than this many of its own sigmas is not ok.
 pub const MOVED_SIGMAS: f64 = 1.0;
+
+/// Nine faults by nine.
+pub type FaultMatrix = SMatrix<f64, 9, 9>;
 
 /// One fault against the record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +50,9 @@ pub struct Consistency {
     pub p_value: f64,
     /// Every fault that the record can show, the most likely first.
     pub suspicions: Vec<Suspicion>,
+    /// Information of the record on all faults together, in the order of [`Fault::ALL`], per square of their units, the friction angle
+    /// fitted.
+    pub information: FaultMatrix,
     /// Whether the record contradicts itself: with probability [`FALSE_ALARM`] though it be right.
     pub is_inconsistent: bool,
 }
@@ -69,55 +75,107 @@ pub fn consistency(
     let chi2 = whitened.chi2();
     let degrees_of_freedom = rows.len().saturating_sub(usize::from(0.0 < record.mu_sigma));
     let p_value = chi_square::tail(degrees_of_freedom, chi2);
-    let mut suspicions: Vec<Suspicion> = Fault::ALL
+    let by_faults: Vec<(Fault, DVector<f64>)> = Fault::ALL
         .into_iter()
         .filter_map(|fault| {
             let by_fault = rows.whitened(rows.by_fault(samples, record.friction.rad, fault)?)?;
-            whitened.suspicion(fault, &by_fault)
+            Some((fault, by_fault))
         })
         .collect();
+    let mut suspicions: Vec<Suspicion> =
+        by_faults.iter().filter_map(|(fault, by)| whitened.suspicion(*fault, by)).collect();
     suspicions.sort_by(|a, b| b.chi2.total_cmp(&a.chi2));
     let tests = 1 + suspicions.len();
     let least = suspicions.first().map_or(1.0, |first| chi_square::tail(1, first.chi2)).min(p_value);
     let is_inconsistent = least < FALSE_ALARM / tests as f64;
-    Some(Consistency { chi2, degrees_of_freedom, p_value, suspicions, is_inconsistent })
+    let information = whitened.information(&by_faults);
+    Some(Consistency { chi2, degrees_of_freedom, p_value, suspicions, information, is_inconsistent })
 }
 
-/// Marks what the verdict takes from a record's contacts: where the most likely fault would have moved a contact by more than
-/// [`MOVED_SIGMAS`] of its uncertainty, or where no single fault explains the contradiction, an ok contact becomes `Inconsistent`.
-/// Returns how many did.
+/// Marks what the verdict takes from a record's contacts: where the record, solved again without the most likely fault, has a contact
+/// elsewhere by more than [`MOVED_SIGMAS`] of its uncertainty, or where no single fault explains the contradiction, an ok contact
+/// becomes `Inconsistent`. Returns how many did.
 pub fn mark(
     rod: &Rod,
     cell: &Cell,
     samples: &[Sample],
     record: &mut Record,
     verdict: &Consistency,
+    mu: Mu,
     method: Method,
 ) -> usize {
     if !verdict.is_inconsistent {
         return 0;
     }
-    let cell = sound(rod, cell);
-    let first = verdict.suspicions.first();
-    let explains =
-        first.filter(|first| chi_square::tail(1, first.chi2) < FALSE_ALARM / verdict.suspicions.len() as f64);
+    let gate = FALSE_ALARM / (1 + verdict.suspicions.len()) as f64;
+    let likely = verdict.suspicions.first().filter(|first| chi_square::tail(1, first.chi2) < gate);
+    let right = likely.and_then(|suspicion| {
+        let right: Vec<_> = samples.iter().map(|s| suspicion.fault.taken_off(s, suspicion.size)).collect();
+        solve_record(rod, cell, &right, mu, method).ok()
+    });
     let mut marked = 0;
-    for (sample, estimate) in samples.iter().zip(record.estimates.iter_mut()) {
+    for (i, estimate) in record.estimates.iter_mut().enumerate() {
         let (Status::Ok, Some(contact)) = (estimate.status, &estimate.contact) else { continue };
-        let moved = explains.and_then(|suspicion| {
-            let right = suspicion.fault.taken_off(sample, suspicion.size);
-            let constraint = rows::constraint(estimate.mode == Mode::Tip, record.friction);
-            let at = crate::friction::project(rod, &cell, &right, constraint, method).ok()?;
-            let shift: Vector2<f64> = right.world_from_hub.apply(at.at.x_in_hub) - contact.x_in_world;
-            let weight = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned().try_inverse()?;
-            Some(shift.dot(&(weight * shift)))
-        });
+        let moved =
+            right.as_ref().and_then(|right| moved_chi2(contact, right.estimates[i].contact.as_ref()?));
         if moved.is_none_or(|moved| MOVED_SIGMAS.powi(2) < moved) {
             estimate.status = Status::Inconsistent;
             marked += 1;
         }
     }
     marked
+}
+
+/// Squared distance of a contact from where it was, in its own covariance.
+fn moved_chi2(contact: &Contact, right: &Contact) -> Option<f64> {
+    let shift = right.x_in_world - contact.x_in_world;
+    let weight = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned().try_inverse()?;
+    Some(shift.dot(&(weight * shift)))
+}
+
+/// Widens the contacts' covariances by what the record cannot exclude of faults that are known to lie within `tolerances` (standard
+/// deviations in the order of [`Fault::ALL`]; [`Fault::tolerance`] gives typical ones): their covariance after the record, through the
+/// contacts' derivatives by them, eq. (19). Contacts then are as sure as calibration and record together make them.
+pub fn widen(
+    rod: &Rod,
+    cell: &Cell,
+    samples: &[Sample],
+    record: &mut Record,
+    verdict: &Consistency,
+    tolerances: &[f64; 9],
+    method: Method,
+) {
+    let cell = sound(rod, cell);
+    let known = FaultMatrix::from_fn(|i, j| if i == j { tolerances[i].max(1e-12).powi(-2) } else { 0.0 });
+    let Some(left) = (verdict.information + known).try_inverse() else { return };
+    for (sample, estimate) in samples.iter().zip(record.estimates.iter_mut()) {
+        let constraint = rows::constraint(estimate.mode == Mode::Tip, record.friction);
+        let (Status::Ok, Some(contact)) = (estimate.status, estimate.contact.as_mut()) else { continue };
+        let by_faults = by_faults(rod, &cell, sample, constraint, method);
+        contact.covariance += by_faults * left * by_faults.transpose();
+    }
+}
+
+/// Derivatives of a contact's `[x, y, θ]` by every fault; zero where a neighbour has no contact.
+fn by_faults(
+    rod: &Rod,
+    cell: &Cell,
+    sample: &Sample,
+    constraint: Constraint,
+    method: Method,
+) -> SMatrix<f64, 3, 9> {
+    let place = |fault: Fault, size: f64| -> Option<Vector3<f64>> {
+        let right = fault.taken_off(sample, size);
+        let at = project(rod, cell, &right, constraint, method).ok()?.at;
+        let x = right.world_from_hub.apply(at.x_in_hub);
+        Some(Vector3::new(x.x, x.y, right.world_from_hub.angle_rad + at.theta_rad))
+    };
+    let columns = Fault::ALL.map(|fault| {
+        let step = fault.step(cell);
+        let ends = (place(fault, -step), place(fault, step));
+        ends.0.zip(ends.1).map_or(Vector3::zeros(), |(plus, minus)| (plus - minus) / (2.0 * step))
+    });
+    SMatrix::from_columns(&columns)
 }
 
 /// Rows of unit variance, the friction angle's share taken out where it was fitted.
@@ -145,6 +203,23 @@ impl Whitened {
 
     fn chi2(&self) -> f64 {
         self.residual.norm_squared()
+    }
+
+    fn information(&self, by_faults: &[(Fault, DVector<f64>)]) -> FaultMatrix {
+        let rows: Vec<(usize, DVector<f64>)> = by_faults
+            .iter()
+            .filter_map(|(fault, by)| {
+                let index = Fault::ALL.iter().position(|other| other == fault)?;
+                Some((index, self.without_friction(by)))
+            })
+            .collect();
+        let mut information = FaultMatrix::zeros();
+        for (i, by_i) in &rows {
+            for (j, by_j) in &rows {
+                information[(*i, *j)] = by_i.dot(by_j);
+            }
+        }
+        information
     }
 
     /// Eq. (18): the score along the fault's derivative.

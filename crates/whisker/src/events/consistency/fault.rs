@@ -40,6 +40,18 @@ impl Fault {
         Fault::ZeroMz,
     ];
 
+    /// A careful set-up's standard deviation of it: gains 1 %, angles 0.2°, the clamp half a millimetre, zeros half a sigma of a reading.
+    pub fn tolerance(self, cell: &Cell) -> f64 {
+        let covariance = cell.load_covariance();
+        match self {
+            Fault::ForceGain | Fault::TorqueGain => 0.01,
+            Fault::HubAngle | Fault::CellAngle => 0.2_f64.to_radians(),
+            Fault::HubAhead | Fault::HubAside => 5e-4,
+            Fault::ZeroFx | Fault::ZeroFy => 0.5 * covariance[(0, 0)].sqrt(),
+            Fault::ZeroMz => 0.5 * covariance[(2, 2)].sqrt(),
+        }
+    }
+
     /// The reading without a fault of this size.
     pub fn taken_off(self, sample: &Sample, size: f64) -> Sample {
         let mut right = *sample;
