@@ -5,7 +5,9 @@ pub mod touch;
 pub mod outline;
 pub mod equilibrium;
 pub mod slip;
+pub mod consistency;
 
+pub use consistency::{Consistency, Fault, Suspicion, consistency};
 pub use outline::{Label, LocalOutline};
 pub use slip::{End, Ending, Foresight, foresee};
 pub use touch::{Change, TouchDetector};

@@ -86,7 +86,7 @@ pub fn foresee(
     let from = samples.len().saturating_sub(WINDOW);
     let touched = projections(rod, &cell, &samples[from..], &estimates[from..], friction, method);
     let points: Vec<_> =
-        touched.iter().map(|(sample, p)| OutlinePoint::new(sample, p, friction.rad)).collect();
+        touched.iter().map(|(sample, p)| OutlinePoint::new(&cell, sample, p, friction.rad)).collect();
     let (_, now) = touched.last()?;
     let ahead = Ahead { rod, cell, hub: last_sample.world_from_hub, twist: twist(samples)?, method };
     let start = Start { load: now.load, is_tip: last.mode == Mode::Tip };
