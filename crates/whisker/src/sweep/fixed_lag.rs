@@ -6,13 +6,14 @@
 use super::batch::{Prior, TOUCH_SLIDE, add_pair};
 use super::chain::{Chain, Eliminated, Local, Solution};
 use super::envelope::{self, Pair};
-use super::node::{FRICTION_CONE_RAD, Instrument, Linear, Node, Role};
+use super::node::{Instrument, Linear, Node, Role};
 use super::record;
 use super::roles::{self, Costs};
 use super::start::{self, Goal};
+use super::tip;
 use super::{JUMP, Options, coefficient, estimate, prior, without_contact};
 use crate::estimate::ContactEstimate;
-use crate::{Cell, Error, PlanarPose, Rod, Sample};
+use crate::{Cell, Error, HubContact, PlanarPose, Rod, Sample};
 use nalgebra::{Matrix4, Vector4};
 
 /// Solutions per sample at most.
@@ -27,8 +28,8 @@ const LONGEST_STEP: f64 = 20.0;
 const LONGEST_TURN_RAD: f64 = 0.1;
 /// Levenberg damping, as a share of the measurements' own weight: only against rounding.
 const DAMPING: f64 = 1e-6;
-/// A step that raises the sum of squares by more than this factor is taken back: weights change with it, so some rise is none.
-const WORSE: f64 = 1.5;
+/// A last contact is taken to the tip where that fits better by this much in χ².
+const CLEARLY_TIP: f64 = 4.0;
 /// Friction is told from none, and so one direction of sliding from the other, above this many standard deviations.
 const SLIDING_TOLD: f64 = 4.0;
 
@@ -125,7 +126,6 @@ pub struct FixedLag {
     options: Options,
     window: Vec<Entry>,
     present: Vec<Linear>,
-    saved: Vec<Entry>,
     inherited: Inherited,
     shared_rad: f64,
     shared_variance: f64,
@@ -147,7 +147,6 @@ impl FixedLag {
             options: *options,
             window: Vec::with_capacity(options.lag_samples + 3),
             present: Vec::with_capacity(options.lag_samples + 3),
-            saved: Vec::with_capacity(options.lag_samples + 3),
             inherited: Inherited::of_prior(&prior),
             shared_rad: prior.angle_rad,
             shared_variance: prior.sigma_rad.powi(2),
@@ -190,6 +189,7 @@ impl FixedLag {
     }
 
     fn finish_into(&mut self, settled: &mut Vec<Settled>) {
+        self.end_at_tip();
         for index in 0..self.window.len() {
             self.settle(index, settled);
         }
@@ -212,7 +212,7 @@ impl FixedLag {
             settled.push(Settled { sweep: sample.sweep, sample: sample.sample, estimate: estimate.clone() });
             return estimate;
         }
-        self.solve();
+        self.solve(SETTLED);
         while self.options.lag_samples + 1 < self.window.len() {
             self.settle(0, settled);
             self.let_go();
@@ -224,11 +224,7 @@ impl FixedLag {
     fn enter(&mut self, sample: &Sample) -> bool {
         let seen = record::see(&self.with, 0, sample);
         let costs = roles::costs(&self.with, &seen.raw, self.shared_rad, self.shared_variance);
-        let mut role = self.role(&costs);
-        let light = seen.raw.as_ref().is_none_or(|(_, by)| FRICTION_CONE_RAD < by.row(4).norm());
-        if light && role != Role::Tip {
-            role = Role::Light;
-        }
+        let role = self.role(&costs);
         let weak = start::WEAK * self.with.rod.length_m;
         let clear = seen.raw.as_ref().is_some_and(|(_, by)| by.row(3).norm() < weak);
         let before = self.window.last().and_then(|e| e.linear.contact.as_ref()).map(|(at, _)| at.s_m);
@@ -296,16 +292,46 @@ impl FixedLag {
         chi2
     }
 
-    /// A few steps on the window; derivatives are taken anew only where a node moved.
-    fn solve(&mut self) {
+    /// A few steps on the window, until no node moves by more than `still`; derivatives are taken anew only where one moved.
+    fn solve(&mut self, still: f64) {
         for _ in 0..ROUNDS {
             self.fill();
             self.chain.damp(DAMPING);
             match self.step() {
-                Some(moved) if SETTLED <= moved => {}
+                Some(moved) if still <= moved => {}
                 _ => break,
             }
         }
+    }
+
+    /// A run often ends with a single contact at the tip before the whisker slips off, too short for the costs of roles to
+    /// follow: both are tried, the better is kept.
+    fn end_at_tip(&mut self) {
+        let Some(last) = self.window.last() else { return };
+        let length = self.with.rod.length_m;
+        let near = |at: &HubContact| (at.s_m - length).abs() < tip::NEAR_TIP * length;
+        let mid = !matches!(last.node.role, Role::Tip | Role::Touch { .. });
+        if !(mid && last.linear.contact.as_ref().is_some_and(|(at, _)| near(at))) {
+            return;
+        }
+        let goal = Goal { role: Role::Tip, shared_rad: self.shared_rad, s_m: None };
+        let Some(start) = start::load(&self.with, &last.node.measured, &goal) else { return };
+        let as_is = self.converged();
+        let (window, shared) = (self.window.clone(), (self.shared_rad, self.shared_variance));
+        let index = self.window.len() - 1;
+        (self.window[index].node.role, self.window[index].state) = (Role::Tip, start.push(0.0));
+        self.relinearise(index);
+        if as_is < self.converged() + CLEARLY_TIP {
+            self.window = window;
+            (self.shared_rad, self.shared_variance) = shared;
+            self.converged();
+        }
+    }
+
+    /// The sum of squares at the window's minimum.
+    fn converged(&mut self) -> f64 {
+        self.solve(1e-4);
+        self.fill()
     }
 
     /// One step; the largest move of an unknown, none where the equations are singular.

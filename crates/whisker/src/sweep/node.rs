@@ -13,8 +13,6 @@ use nalgebra::{Matrix2x4, Vector2, Vector3, Vector4};
 
 /// How exactly the friction angle of sliding is held, radians: far below the 0.01 rad a single sample knows it to.
 const FRICTION_TOLERANCE_RAD: f64 = 1e-4;
-/// Friction angles of dry surfaces, standard deviation, radians: μ = 0.36.
-pub const FRICTION_CONE_RAD: f64 = 0.35;
 /// How exactly a tip contact is at the tip: a part in 25 000 of the length, 10 µm of a quarter metre.
 const TIP_TOLERANCE: f64 = 4e-5;
 
@@ -78,8 +76,6 @@ pub enum Role {
     Slides(f64),
     /// Between clamp and tip, friction angle unknown: sticking, or something friction does not explain.
     Sticks,
-    /// Between clamp and tip, too lightly to say anything of friction: any angle of the friction cone.
-    Light,
     /// At the tip, sliding.
     Tip,
     /// The moment of touch: no load yet, the whisker straight, the hub between the pose before and that of the first contact.
@@ -210,7 +206,6 @@ impl Node {
                 (at.friction_angle_rad - sign * shared_rad, 4, -sign, FRICTION_TOLERANCE_RAD)
             }
             Role::Tip => (at.s_m - with.rod.length_m, 3, 0.0, TIP_TOLERANCE * with.rod.length_m),
-            Role::Light => (at.friction_angle_rad, 4, 0.0, FRICTION_CONE_RAD),
             Role::Sticks | Role::Touch { .. } => return None,
         };
         let by = by_load.row(row);

@@ -13,7 +13,7 @@ use std::ops::Range;
 /// By how many samples a border is moved at a time.
 const SHIFTS: [usize; 4] = [1, 2, 4, 8];
 /// A run may end at the tip where its last contact is within this share of the length of it.
-const NEAR_TIP: f64 = 0.02;
+pub const NEAR_TIP: f64 = 0.02;
 /// Contacts this far from a border are judged, and compared with as many again to either side.
 const REACH: usize = 12;
 /// What a contact outside of its neighbours' tangents counts at most: an object that is not convex does that rightly.
