@@ -5,6 +5,7 @@ mod real_support;
 use nalgebra::{Matrix2, Vector2};
 use real_support::{Set, Truth, sets};
 use resight_whisker::estimate::{ContactEstimate, Mode, Status};
+use resight_whisker::sweep::fixed_lag::FixedLag;
 use resight_whisker::sweep::{Friction, Options, Sweep, smooth};
 use resight_whisker::{Cell, Sample};
 
@@ -230,46 +231,35 @@ fn impossible_instruments_are_refused() {
     assert!(smooth(&rod, &cell, &[], &Options::default()).is_ok_and(|sweep| sweep.estimates.is_empty()));
 }
 
+/// Streamed: filtered at once, settled after the lag; every row answered once and in order.
 #[test]
-fn diagnose() {
+fn the_fixed_lag_smoother_settles_every_row_within_the_bar() {
     let Some(sets) = sets() else { return };
-    for set in sets.iter() {
-        for seed in 0..=20 {
+    for set in &sets {
+        let options = Options::default();
+        let (mut filtered, mut settled) = (Errors::default(), Errors::default());
+        for seed in 0..=5 {
             let samples = if seed == 0 { set.noisy.clone() } else { noised(&set.clean, &set.cell, seed) };
-            let sweep =
-                smooth(&set.rod, &set.cell, &samples, &Options::default()).expect("a smoothed record");
-            if !sweep.jumps.is_empty() {
-                println!("{} {seed} {:?}", set.name, sweep.jumps);
+            let mut smoother = FixedLag::new(&set.rod, &set.cell, &options).expect("instruments");
+            let (mut now, mut late, mut mu) = (Vec::new(), Vec::new(), 0.0);
+            for sample in &samples {
+                let update = smoother.push(*sample);
+                now.push(update.now);
+                late.extend(update.settled);
+                mu = update.mu;
             }
-            for (i, (e, t)) in sweep.estimates.iter().zip(&set.truth).enumerate() {
-                if !t.contact || t.force_world_n[0].hypot(t.force_world_n[1]) < 0.1 {
-                    continue;
-                }
-                let c = e.contact.as_ref().expect("contact");
-                let error = c.x_in_world - Vector2::new(t.x_m, t.y_m);
-                let p: Matrix2<f64> = c.covariance.fixed_view::<2, 2>(0, 0).into_owned();
-                let nees = error.dot(&(p.try_inverse().expect("") * error));
-                if nees > 40.0 || error.norm() > 1.5e-3 {
-                    let t2 = Vector2::new(c.theta_rad.cos(), c.theta_rad.sin());
-                    println!(
-                        "{} seed {seed} row {i} truth {} s {:.2} est {:?} s {:.2}±{:.2} p {:.3} F {:.3} along {:.3} normal {:.3} nees {:.0} status {:?} before {} after {}",
-                        set.name,
-                        t.mode,
-                        t.s_m * 1e3,
-                        e.mode,
-                        c.s_m * 1e3,
-                        c.s_sigma_m * 1e3,
-                        e.mode_probability,
-                        c.f_normal_n,
-                        1e3 * error.dot(&t2),
-                        1e3 * (error.y * t2.x - error.x * t2.y),
-                        nees,
-                        e.status,
-                        set.truth[i - 1].mode,
-                        set.truth[i + 1].mode
-                    );
-                }
+            late.extend(smoother.finish());
+            let names: Vec<_> = late.iter().map(|s| (s.sweep, s.sample)).collect();
+            assert_eq!(names, samples.iter().map(|s| (s.sweep, s.sample)).collect::<Vec<_>>());
+            let late: Vec<_> = late.into_iter().map(|s| s.estimate).collect();
+            filtered.add(Errors::of(&now, &set.truth));
+            settled.add(Errors::of(&late, &set.truth));
+            if 0.004 < (mu - true_mu(set)).abs() {
+                println!("{} {seed} mu {mu}", set.name);
             }
         }
+        println!("{} filtered: {}", set.name, filtered.line());
+        println!("    settled: {}", settled.line());
+        assert!(settled.rms_mm() < 0.5, "{}: {}", set.name, settled.line());
     }
 }

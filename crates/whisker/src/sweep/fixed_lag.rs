@@ -3,26 +3,33 @@
 //! Every sample is answered at once (filtered) and again when it leaves the window (settled). Memory and time per sample are
 //! constant. Derivation: docs/math/whisker_sweep.md, section 7.
 
-use super::batch::{Prior, TOUCH_SLIDE, add_pair, envelope_test};
+use super::batch::{Prior, TOUCH_SLIDE, add_pair};
 use super::chain::{Chain, Eliminated, Local, Solution};
 use super::envelope::{self, Pair};
 use super::node::{Instrument, Linear, Node, Role};
 use super::record;
 use super::roles::{self, Costs};
 use super::start::{self, Goal};
+use super::tip;
 use super::{JUMP, Options, coefficient, estimate, prior, without_contact};
 use crate::estimate::ContactEstimate;
-use crate::{Cell, Error, PlanarPose, Rod, Sample};
+use crate::{Cell, Error, HubContact, PlanarPose, Rod, Sample};
 use nalgebra::{Matrix4, Vector4};
 
 /// Solutions per sample at most.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 6;
 /// A node that moved by less, in standard deviations of measurement, keeps its derivatives.
 const STILL: f64 = 0.02;
 /// Another round where the newest solution moved a node by more.
 const SETTLED: f64 = 0.3;
 /// Steps are cut to this, in standard deviations: the first contacts bend the model most.
 const LONGEST_STEP: f64 = 20.0;
+/// The friction angle's step is cut to this, radians.
+const LONGEST_TURN_RAD: f64 = 0.1;
+/// Levenberg damping, as a share of the measurements' own weight: only against rounding.
+const DAMPING: f64 = 1e-6;
+/// A last contact is taken to the tip where that fits better by this much in χ².
+const CLEARLY_TIP: f64 = 4.0;
 /// Friction is told from none, and so one direction of sliding from the other, above this many standard deviations.
 const SLIDING_TOLD: f64 = 4.0;
 
@@ -101,12 +108,14 @@ impl Inherited {
         }
     }
 
-    fn add_to(&self, chain: &mut Chain, state: &Local, shared_rad: f64) {
+    /// Adds the form to a chain about the present values; its value there.
+    fn add_to(&self, chain: &mut Chain, state: &Local, shared_rad: f64) -> f64 {
         let (by_state, by_shared) = (state - self.reference.0, shared_rad - self.reference.1);
         let gradient = self.gradient + self.hessian * by_state + self.border * by_shared;
         chain.add_block(0, &self.hessian, &self.border, &gradient);
         let slope = self.corner_gradient + self.corner * by_shared + self.border.dot(&by_state);
         chain.add_shared(self.corner, slope);
+        by_state.dot(&(gradient + self.gradient)) + by_shared * (slope + self.corner_gradient)
     }
 }
 
@@ -143,7 +152,7 @@ impl FixedLag {
             shared_variance: prior.sigma_rad.powi(2),
             free: None,
             last_angle: None,
-            path: [0.0; 4],
+            path: roles::FIRST,
             chain: Chain::default(),
             factors: Vec::with_capacity(options.lag_samples + 3),
             solution: Solution::default(),
@@ -180,6 +189,7 @@ impl FixedLag {
     }
 
     fn finish_into(&mut self, settled: &mut Vec<Settled>) {
+        self.end_at_tip();
         for index in 0..self.window.len() {
             self.settle(index, settled);
         }
@@ -188,7 +198,8 @@ impl FixedLag {
             self.inherited = Inherited::of_prior(&Prior { angle_rad: self.shared_rad, sigma_rad });
         }
         self.window.clear();
-        self.path = [0.0; 4];
+        self.solution.covariances.clear();
+        self.path = roles::FIRST;
         self.free = None;
     }
 
@@ -201,7 +212,7 @@ impl FixedLag {
             settled.push(Settled { sweep: sample.sweep, sample: sample.sample, estimate: estimate.clone() });
             return estimate;
         }
-        self.solve();
+        self.solve(SETTLED);
         while self.options.lag_samples + 1 < self.window.len() {
             self.settle(0, settled);
             self.let_go();
@@ -248,8 +259,9 @@ impl FixedLag {
 
     fn add(&mut self, node: Node, state: Local, name: Option<(u32, u32)>) -> bool {
         let Some(linear) = node.linear(&self.with, &state, self.shared_rad) else { return false };
+        let continues = !self.window.is_empty() && self.continues(&linear);
         if let Some(last) = self.window.last_mut() {
-            last.linked = true;
+            last.linked = continues;
         } else {
             self.inherited.reference.0 = state;
         }
@@ -264,40 +276,77 @@ impl FixedLag {
         roles::cheapest(&self.path, told)
     }
 
-    fn fill(&mut self) {
+    /// Builds the normal equations; the sum of squares they are of.
+    fn fill(&mut self) -> f64 {
         self.chain.reset(self.window.len());
-        self.inherited.add_to(&mut self.chain, &self.window[0].state, self.shared_rad);
+        let mut chi2 = self.inherited.add_to(&mut self.chain, &self.window[0].state, self.shared_rad);
         self.present.clear();
         self.present.extend(self.window.iter().map(|entry| entry.present(self.shared_rad)));
         for index in 0..self.window.len() {
-            add_own(&mut self.chain, index, &self.window[index], &self.present[index]);
+            chi2 += add_own(&mut self.chain, index, &self.window[index], &self.present[index]);
             if index + 1 < self.window.len() {
                 let pair = [&self.present[index], &self.present[index + 1]];
-                add_link(&mut self.chain, index, &self.window[index], pair, &self.with);
+                chi2 += add_link(&mut self.chain, index, &self.window[index], pair, &self.with);
+            }
+        }
+        chi2
+    }
+
+    /// A few steps on the window, until no node moves by more than `still`; derivatives are taken anew only where one moved.
+    fn solve(&mut self, still: f64) {
+        for _ in 0..ROUNDS {
+            self.fill();
+            self.chain.damp(DAMPING);
+            match self.step() {
+                Some(moved) if still <= moved => {}
+                _ => break,
             }
         }
     }
 
-    /// A few steps on the window; derivatives are taken anew only where a node moved.
-    fn solve(&mut self) {
-        for _ in 0..ROUNDS {
-            self.fill();
-            self.chain.damp(1e-9);
-            if self.chain.solve(&mut self.factors, &mut self.solution).is_none() {
-                return;
-            }
-            let moved = self.solution.steps.iter().map(|s| s.amax()).fold(0.0, f64::max);
-            let share = (LONGEST_STEP / moved).min(1.0);
-            self.shared_rad += share * self.solution.shared_step;
-            self.shared_variance = self.solution.shared_variance;
-            for index in 0..self.window.len() {
-                self.window[index].state += self.solution.steps[index] * share;
-                self.relinearise(index);
-            }
-            if moved < SETTLED && !self.break_worst() {
-                break;
-            }
+    /// A run often ends with a single contact at the tip before the whisker slips off, too short for the costs of roles to
+    /// follow: both are tried, the better is kept.
+    fn end_at_tip(&mut self) {
+        let Some(last) = self.window.last() else { return };
+        let length = self.with.rod.length_m;
+        let near = |at: &HubContact| (at.s_m - length).abs() < tip::NEAR_TIP * length;
+        let mid = !matches!(last.node.role, Role::Tip | Role::Touch { .. });
+        if !(mid && last.linear.contact.as_ref().is_some_and(|(at, _)| near(at))) {
+            return;
         }
+        let goal = Goal { role: Role::Tip, shared_rad: self.shared_rad, s_m: None };
+        let Some(start) = start::load(&self.with, &last.node.measured, &goal) else { return };
+        let as_is = self.converged();
+        let (window, shared) = (self.window.clone(), (self.shared_rad, self.shared_variance));
+        let index = self.window.len() - 1;
+        (self.window[index].node.role, self.window[index].state) = (Role::Tip, start.push(0.0));
+        self.relinearise(index);
+        if as_is < self.converged() + CLEARLY_TIP {
+            self.window = window;
+            (self.shared_rad, self.shared_variance) = shared;
+            self.converged();
+        }
+    }
+
+    /// The sum of squares at the window's minimum.
+    fn converged(&mut self) -> f64 {
+        self.solve(1e-4);
+        self.fill()
+    }
+
+    /// One step; the largest move of an unknown, none where the equations are singular.
+    fn step(&mut self) -> Option<f64> {
+        self.chain.solve(&mut self.factors, &mut self.solution)?;
+        let moved = self.solution.steps.iter().map(|s| s.amax()).fold(0.0, f64::max);
+        let turn = self.solution.shared_step.abs();
+        let share = (LONGEST_STEP / moved).min(LONGEST_TURN_RAD / turn).min(1.0);
+        self.shared_rad += share * self.solution.shared_step;
+        self.shared_variance = self.solution.shared_variance;
+        for index in 0..self.window.len() {
+            self.window[index].state += self.solution.steps[index] * share;
+            self.relinearise(index);
+        }
+        Some(moved)
     }
 
     /// New derivatives where the node moved; a step to where there is no contact is taken back.
@@ -313,25 +362,27 @@ impl FixedLag {
         }
     }
 
-    /// Breaks the envelope condition furthest off, where one does not hold; whether one was broken.
-    fn break_worst(&mut self) -> bool {
-        let mut worst = (JUMP, None);
-        for index in 0..self.window.len() - 1 {
-            let pair = [&self.present[index], &self.present[index + 1]];
-            let test = if self.window[index].linked {
-                let sigma = envelope::sigma_m(pair[0], pair[1]);
-                envelope_test(&Pair::envelope(pair[0], pair[1]), &self.solution, index, sigma).abs()
-            } else {
-                0.0
-            };
-            if worst.0 < test {
-                worst = (test, Some(index));
-            }
+    /// Whether a new node continues the contact of the newest in the window: its envelope condition against what both are
+    /// known to, eq. (20). A touch has no covariance yet and is always continued.
+    fn continues(&self, next: &Linear) -> bool {
+        let index = self.window.len() - 1;
+        let (Some(last), Some(known)) = (self.window.last(), self.solution.covariances.get(index)) else {
+            return true;
+        };
+        if matches!(last.node.role, Role::Touch { .. }) {
+            return true;
         }
-        if let Some(index) = worst.1 {
-            self.window[index].linked = false;
-        }
-        worst.1.is_some()
+        let present = last.present(self.shared_rad);
+        let pair = Pair::envelope(&present, next);
+        let alone = match &next.constraint {
+            // (I + c cᵀ)⁻¹ of the readings and the constraint.
+            Some((_, c, _)) => Matrix4::identity() - c * c.transpose() / (1.0 + c.norm_squared()),
+            None => Matrix4::identity(),
+        };
+        let variance = pair.by[0].dot(&(known * pair.by[0]))
+            + pair.by[1].dot(&(alone * pair.by[1]))
+            + envelope::sigma_m(&present, next).powi(2);
+        pair.residual_m * pair.residual_m < JUMP * JUMP * variance
     }
 
     fn answer(&self, index: usize) -> ContactEstimate {
@@ -367,20 +418,28 @@ impl FixedLag {
     }
 }
 
-fn add_own(chain: &mut Chain, index: usize, entry: &Entry, present: &Linear) {
-    chain.add_block(index, &Matrix4::identity(), &Vector4::zeros(), &entry.node.deviation(&entry.state));
+fn add_own(chain: &mut Chain, index: usize, entry: &Entry, present: &Linear) -> f64 {
+    let deviation = entry.node.deviation(&entry.state);
+    chain.add_block(index, &Matrix4::identity(), &Vector4::zeros(), &deviation);
     if let Some((residual, by, by_shared)) = &present.constraint {
         chain.add_single(index, *residual, by, *by_shared);
+        return deviation.norm_squared() + residual * residual;
     }
+    deviation.norm_squared()
 }
 
-fn add_link(chain: &mut Chain, index: usize, first: &Entry, pair: [&Linear; 2], with: &Instrument) {
+fn add_link(chain: &mut Chain, index: usize, first: &Entry, pair: [&Linear; 2], with: &Instrument) -> f64 {
     if !first.linked {
-        return;
+        return 0.0;
     }
     let sigma = envelope::sigma_m(pair[0], pair[1]);
-    add_pair(chain, index, &Pair::envelope(pair[0], pair[1]), sigma);
+    let envelope = Pair::envelope(pair[0], pair[1]);
+    add_pair(chain, index, &envelope, sigma);
+    let mut chi2 = (envelope.residual_m / sigma).powi(2);
     if matches!(first.node.role, Role::Touch { .. }) {
-        add_pair(chain, index, &Pair::slide(pair[0], pair[1]), TOUCH_SLIDE * with.rod.length_m);
+        let (slide, sigma) = (Pair::slide(pair[0], pair[1]), TOUCH_SLIDE * with.rod.length_m);
+        add_pair(chain, index, &slide, sigma);
+        chi2 += (slide.residual_m / sigma).powi(2);
     }
+    chi2
 }

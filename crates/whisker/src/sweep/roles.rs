@@ -15,6 +15,9 @@ pub const ROLES: [Role; 4] = [Role::Slides(1.0), Role::Slides(-1.0), Role::Stick
 /// The place of `Role::Tip` in `ROLES`.
 const TIP: usize = 3;
 
+/// Costs of the roles before a first contact: a run seldom begins at the tip, and its first contacts are too light to tell.
+pub const FIRST: Costs = [0.0, 0.0, 0.0, CHANGE];
+
 /// χ² of each of the roles for one sample.
 pub type Costs = [f64; 4];
 

@@ -6,13 +6,14 @@
 
 use super::batch::{Prior, Problem, Smoothed};
 use super::node::{Role, direction, left_of};
+use super::start::{self, Goal};
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
 /// By how many samples a border is moved at a time.
-const SHIFTS: [usize; 3] = [1, 2, 4];
+const SHIFTS: [usize; 4] = [1, 2, 4, 8];
 /// A run may end at the tip where its last contact is within this share of the length of it.
-const NEAR_TIP: f64 = 0.02;
+pub const NEAR_TIP: f64 = 0.02;
 /// Contacts this far from a border are judged, and compared with as many again to either side.
 const REACH: usize = 12;
 /// What a contact outside of its neighbours' tangents counts at most: an object that is not convex does that rightly.
@@ -171,7 +172,10 @@ fn trial<'a>(
     };
     if let Some(change) = change {
         for i in change.changed.clone() {
-            part.nodes[i.checked_sub(stretch.start)?].role = change.role;
+            let k = i.checked_sub(stretch.start)?;
+            part.nodes[k].role = change.role;
+            let goal = Goal { role: change.role, shared_rad: part.shared_rad, s_m: None };
+            part.states[k] = start::load(problem.with, &part.nodes[k].measured, &goal)?.push(0.0);
         }
     }
     let smoothed = part.minimise()?;
