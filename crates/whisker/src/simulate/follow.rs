@@ -34,6 +34,8 @@ pub(super) struct Follower<'a> {
 const SHORTEST: f64 = 1e-7;
 /// In shares of a path's step, how close to its turning point a slide is followed.
 const TURNED: f64 = 1e-6;
+/// Slip below this part of the hub's motion has no direction.
+const ROUNDING: f64 = 1e-6;
 /// How close to its end a kind of contact is followed, in shares of a path's step.
 const LOCATED: f64 = 1e-13;
 /// Changes of contact within one step of the path before it counts as no rest.
@@ -186,7 +188,11 @@ impl Follower<'_> {
 
     /// Whether the whisker slides the way that its friction pulls, which friction never allows.
     fn turns(&self, step: &Step, solved: &Solved) -> bool {
-        0.0 < solved.state.friction_rad * solved.slip_m(self.outline, &step.by(1.0))
+        let by = step.by(1.0);
+        // As the force vanishes so does the slip, down to rounding.
+        let rounding = ROUNDING * (by.x.hypot(by.y) + by.z.abs() * self.rod.length_m);
+        let friction_rad = solved.state.friction_rad;
+        friction_rad != 0.0 && rounding < solved.slip_m(self.outline, &by) * friction_rad.signum()
     }
 
     fn is_valid(&self, solved: &Solved) -> bool {
@@ -315,10 +321,12 @@ impl Follower<'_> {
             self.now = Now::Free;
             return Ok(share);
         }
+        let mut state = last.state;
         if boundary == Boundary::SlideBack || boundary == Boundary::SlideOn {
             self.note(step, share, Change::Slide);
+            state.friction_rad = self.limit_rad.copysign(state.friction_rad);
         }
-        let next = neighbours(self.rod, self.outline, &last.state, boundary);
+        let next = neighbours(self.rod, self.outline, &state, boundary);
         if let Some(state) = next.continuous {
             if let Some(solved) = state.derivatives(self.rod, self.outline) {
                 self.now = Now::Touching(solved);
