@@ -294,7 +294,7 @@ impl Config {
 }
 
 fn prepare(touches: &[Touch], config: &Config) -> (Vec<Row>, Vec<Use>) {
-    let made: Vec<_> = touches.iter().enumerate().map(|(i, touch)| Row::new(i, touch, config)).collect();
+    let made: Vec<_> = (0..touches.len()).map(|i| Row::new(i, touches, config)).collect();
     let uses = made.iter().map(|row| row.as_ref().err().copied().unwrap_or(Use::Used)).collect();
     (made.into_iter().flatten().collect(), uses)
 }

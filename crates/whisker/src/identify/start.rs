@@ -219,6 +219,24 @@ pub(super) fn chains(lines: &Lines, most: usize) -> Vec<State> {
     cuts.iter().map(chain).filter(|hull| 2 <= hull.len()).map(State::Chain).collect()
 }
 
+/// Corners nearer than this are one that noise has split, metres.
+const SPLIT_M: f64 = 1e-3;
+
+/// The chain with its nearest two corners made one; none where they are far enough apart, or only two are left.
+pub(super) fn merged(chain: &State) -> Option<State> {
+    let State::Chain(corners) = chain else { return None };
+    let m = corners.len();
+    let edge = |k: usize| (corners[(k + 1) % m] - corners[k]).norm();
+    let shortest = (0..m).min_by(|i, j| edge(*i).total_cmp(&edge(*j)))?;
+    if m <= 2 || SPLIT_M < edge(shortest) {
+        return None;
+    }
+    let mut fewer = corners.clone();
+    fewer[shortest] = 0.5 * (corners[shortest] + corners[(shortest + 1) % m]);
+    fewer.remove((shortest + 1) % m);
+    Some(State::Chain(fewer))
+}
+
 /// For 2 … `most` runs the ends of the runs that cost least together.
 fn cheapest_cuts(n: usize, most: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
     let table = DMatrix::from_fn(n + 1, n + 1, |from, to| if from < to { cost(from, to) } else { f64::INFINITY });
