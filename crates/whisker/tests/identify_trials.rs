@@ -79,11 +79,11 @@ fn trials() {
 
 #[test]
 fn one() {
-    let truth = Shape::Rectangle { centre_m: nalgebra::Vector2::new(-0.006765672421880984, 0.1673500337468745), sides_m: [0.06764345480533362; 2], angle_rad: 1.52789480094437 };
+    let truth = Shape::Rectangle { centre_m: nalgebra::Vector2::new(0.007020108265241748, 0.1569501062015527), sides_m: [0.0628953617578095, 0.04480467581259727], angle_rad: 0.023935961741480882 };
     for c in truth.corners_m() { println!("corner {:.5} {:.5}", c.x, c.y); }
-    let sweeps = readings(&truth, 0.3).unwrap();
-    let samples: Vec<_> = sweeps.concat();
-    let touches = felt(&samples, How::Constrained(Mu::Auto), 7);
+    let sweeps = readings(&truth, 0.0).unwrap();
+    let samples: Vec<_> = sweeps[1].clone();
+    let touches = felt(&samples, How::Constrained(Mu::Auto), 12 * 7 + 2);
     let found = identify(&touches, &Config::default()).unwrap();
     for (t, u) in touches.iter().zip(&found.uses) {
         let c = &t.covariance;

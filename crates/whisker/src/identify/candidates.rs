@@ -81,7 +81,7 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
     let (circle, best_cost) =
         note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
     let (square, best_cost) = note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
-    let ellipses = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
+    let ellipses: Vec<State> = start::ellipse(lines).into_iter().chain(circle.iter().map(as_root)).collect();
     let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
     let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
     rectangles.extend(search.promising(&start::rectangles(lines), KEPT));
@@ -96,6 +96,11 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
     ];
     let asked = |model: Model| model.class().is_none_or(|class| classes.contains(&class));
     all.into_iter().filter(|(model, _)| asked(*model)).filter_map(|(model, fit)| Some((model, fit?))).collect()
+}
+
+fn as_root(circle: &Fit) -> State {
+    let (centre, axes, angle) = circle.state.frame();
+    State::Root { centre, root: spread(angle, axes) }
 }
 
 fn as_rectangle(square: &State) -> State {

@@ -125,9 +125,32 @@ fn along_variance(covariance: &Matrix3<f64>) -> f64 {
     0.5 * (m[(0, 0)] + m[(1, 1)] + (m[(0, 0)] - m[(1, 1)]).hypot(m[(0, 1)] + m[(1, 0)]))
 }
 
-/// What the squared distance costs and how much its row counts, eq. (8): Gaussian with a floor of outliers.
-pub(super) fn robust(squared: f64, outlier_cost: f64) -> (f64, f64) {
-    let floor = (-0.5 * outlier_cost).exp();
-    let inlier = (-0.5 * squared).exp();
-    (-2.0 * ((inlier + floor) / (1.0 + floor)).ln(), inlier / (inlier + floor))
+/// What a squared distance costs and how much its row counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Loss {
+    /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (9).
+    Leading,
+    /// Gaussian with a floor of outliers, eq. (8): the one that is compared.
+    Final,
+}
+
+/// Where the leading loss turns linear, squared standard deviations.
+const LINEAR_FROM: f64 = 25.0;
+
+impl Loss {
+    /// Cost and weight.
+    pub fn of(self, squared: f64) -> (f64, f64) {
+        match self {
+            Loss::Leading if squared <= LINEAR_FROM => (squared, 1.0),
+            Loss::Leading => {
+                let weight = (LINEAR_FROM / squared).sqrt();
+                (2.0 * weight * squared - LINEAR_FROM, weight)
+            }
+            Loss::Final => {
+                let floor = (-0.5 * OUTLIER_COST).exp();
+                let inlier = (-0.5 * squared).exp();
+                (-2.0 * ((inlier + floor) / (1.0 + floor)).ln(), inlier / (inlier + floor))
+            }
+        }
+    }
 }
