@@ -265,7 +265,7 @@ pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Er
     let origin = Vector2::new(start::quantile(rows.iter().map(|row| row.x.x), 0.5), start::quantile(rows.iter().map(|row| row.x.y), 0.5));
     let list = start::lines(&rows, origin);
     // Most contacts may crowd at one corner: the far ones say how large the object is.
-    let spread = start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.9).max(start::SMALLEST_SPREAD_M);
+    let spread = start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.95).max(start::SMALLEST_SPREAD_M);
     let lines = Lines { list: &list, origin, spread };
     let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines };
     if rows.len() < decide::NEEDED || list.is_empty() {
@@ -294,7 +294,7 @@ impl Config {
 }
 
 fn prepare(touches: &[Touch], config: &Config) -> (Vec<Row>, Vec<Use>) {
-    let made: Vec<_> = touches.iter().enumerate().map(|(i, touch)| Row::new(i, touch, config)).collect();
+    let made: Vec<_> = (0..touches.len()).map(|i| Row::new(i, touches, config)).collect();
     let uses = made.iter().map(|row| row.as_ref().err().copied().unwrap_or(Use::Used)).collect();
     (made.into_iter().flatten().collect(), uses)
 }

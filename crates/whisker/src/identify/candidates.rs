@@ -2,11 +2,11 @@
 
 use super::fit::{Fit, Search, verdicts};
 use super::row::{OUTLIER_COST, Row};
-use super::start::{self, Lines};
-use super::state::State;
+use super::start::{self, Lines, arc};
+use super::state::{State, local, spread};
 use super::{Class, Config, Model, Score};
 use nalgebra::Vector2;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::PI;
 
 /// A hypothesis at its best.
 #[derive(Debug, Clone)]
@@ -81,7 +81,7 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
     let (circle, best_cost) =
         note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
     let (square, best_cost) = note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
-    let ellipses = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
+    let ellipses: Vec<State> = start::ellipse(lines).into_iter().chain(circle.iter().map(as_root)).collect();
     let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
     let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
     rectangles.extend(search.promising(&start::rectangles(lines), KEPT));
@@ -98,18 +98,36 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
     all.into_iter().filter(|(model, _)| asked(*model)).filter_map(|(model, fit)| Some((model, fit?))).collect()
 }
 
+fn as_root(circle: &Fit) -> State {
+    let (centre, axes, angle) = circle.state.frame();
+    State::Root { centre, root: spread(angle, axes) }
+}
+
 fn as_rectangle(square: &State) -> State {
     let (centre, sides, angle) = square.frame();
     State::Rectangle { centre, sides, angle }
 }
 
+/// Chains of every number of corners: from cuts of the contacts upwards, then each with two neighbouring corners made one.
 fn polygons(evidence: &Evidence, most: usize) -> Vec<(Model, Fit)> {
-    let chains = start::chains(&evidence.lines, most);
-    let fitted = |start: &State| {
-        let fit = evidence.search.fit(start, f64::INFINITY)?;
-        Some((Model::Polygon { corners: fit.state.n_parameters() / 2 }, fit))
+    let search = &evidence.search;
+    let mut best: Vec<Option<Fit>> = vec![None; most + 1];
+    let mut keep = |fit: Option<Fit>| -> Option<Fit> {
+        let fit = fit?;
+        let place = best.get_mut(fit.state.n_parameters() / 2)?;
+        if place.as_ref().is_none_or(|held| fit.cost < held.cost) {
+            *place = Some(fit.clone());
+        }
+        Some(fit)
     };
-    chains.iter().filter_map(fitted).collect()
+    for start in start::chains(&evidence.lines, most) {
+        let mut fit = keep(search.fit(&start, f64::INFINITY));
+        while let Some(merged) = fit.as_ref().and_then(|fit| start::merged(&fit.state)) {
+            fit = keep(search.fit(&merged, f64::INFINITY));
+        }
+    }
+    let model = |fit: &Fit| Model::Polygon { corners: fit.state.n_parameters() / 2 };
+    best.into_iter().flatten().map(|fit| (model(&fit), fit)).collect()
 }
 
 fn score(rows: &[Row], model: Model, fit: &Fit) -> Score {
@@ -146,19 +164,28 @@ fn ranked(rows: &[Row], fits: Vec<(Model, Fit)>) -> Candidates {
 /// Starts followed to their end, of those that cost least as they are.
 const KEPT: usize = 3;
 
-/// What the best ellipse with axes of this ratio costs.
-pub(super) fn cost_of_axes(search: &Search, near: &[&State], ratio: f64) -> f64 {
-    let starts = near.iter().flat_map(|state| {
-        let (centre, [a, b], angle) = state.frame();
-        let turned = move |k: u32| State::AxesOfRatio {
-            centre,
-            mean: (a * b).sqrt(),
-            angle: angle + f64::from(k) * 0.5 * FRAC_PI_2,
-            ratio,
-        };
-        (0..4).map(turned)
-    });
-    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+/// Directions in which an ellipse of given ratio starts, over a half turn.
+const DIRECTIONS: u32 = 8;
+
+/// What the best ellipse with axes of this ratio costs; `circle` is the best circle.
+pub(super) fn cost_of_axes(evidence: &Evidence, circle: &State, ratio: f64) -> f64 {
+    let (centre, [radius, _], _) = circle.frame();
+    let middle = arc(evidence.lines.list, f64::INFINITY).map_or(0.0, |([from, to], _)| 0.5 * (from + to));
+    let starts: Vec<State> = (0..DIRECTIONS)
+        .map(|k| osculating(centre, radius, middle, f64::from(k) * PI / f64::from(DIRECTIONS), ratio))
+        .collect();
+    let search = &evidence.search;
+    search.best_fit(&search.promising(&starts, KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+}
+
+/// The ellipse that shares place and curvature with a circle where the normal is β: a short arc cannot tell them apart.
+fn osculating(centre: Vector2<f64>, radius: f64, beta: f64, angle: f64, ratio: f64) -> State {
+    let n = Vector2::new(beta.cos(), beta.sin());
+    let unit = spread(angle, [ratio.sqrt(), 1.0 / ratio.sqrt()]);
+    let height = (unit * n).norm();
+    // ρ = det P² / |P n|³ with det = 1: mean size that gives ρ = r.
+    let mean = radius * height.powi(3);
+    State::AxesOfRatio { centre: centre + radius * n - mean * (unit * (unit * n)) / height, mean, angle, ratio }
 }
 
 /// What the best rectangle with sides of this ratio, either way, costs.
@@ -191,7 +218,7 @@ fn stretched(
     let old_ratio = sides[0] / sides[1];
     let mean = (sides[0] * sides[1]).sqrt();
     let grow = (ratio / old_ratio).sqrt();
-    let (u, v) = (super::state::local(angle, 1.0, 0.0), super::state::local(angle, 0.0, 1.0));
+    let (u, v) = (local(angle, 1.0, 0.0), local(angle, 0.0, 1.0));
     // Both sides changed, only the first, only the second.
     let changes = [(grow, 1.0 / grow), (grow * grow, 1.0), (1.0, 1.0 / (grow * grow))];
     let mut states = Vec::new();

@@ -94,8 +94,7 @@ fn smooth<'a>(
         return Ok((Class::Ellipse, general));
     }
     let ratio = material_ratio(&simple.fit.state, config);
-    let near = [&simple.fit.state, &general.fit.state];
-    let cost = cost_of_axes(&evidence.search, &near, ratio);
+    let cost = cost_of_axes(evidence, &simple.fit.state, ratio);
     ratio_excluded((ratio, cost), simple, general, candidates, config)?;
     Ok((Class::Circle, simple))
 }

@@ -1,7 +1,7 @@
 //! Fits a hypothesis to the rows by robust Levenberg–Marquardt.
 
 use super::outline::Place;
-use super::row::{OUTLIER_COST, Row, robust};
+use super::row::{Loss, Row};
 use super::state::State;
 use nalgebra::{DMatrix, DVector};
 use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
@@ -25,12 +25,12 @@ pub(super) struct Verdicts {
 }
 
 /// Costs and their derivatives by the outline's own parameters, eq. (7), then by the hypothesis's.
-fn equations(rows: &[Row], state: &State, outlier_cost: f64) -> Option<DenseEquations> {
+fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> {
     let outline = state.outline()?;
     let mut own = DenseEquations::new(outline.n_parameters());
     for row in rows {
         let distance = outline.distance(row);
-        let (cost, weight) = robust(distance.e.norm_squared(), outlier_cost);
+        let (cost, weight) = loss.of(distance.e.norm_squared());
         own.chi2 += cost;
         for (i, by_i) in &distance.by {
             own.gradient[*i] += weight * by_i.dot(&distance.e);
@@ -47,8 +47,6 @@ fn equations(rows: &[Row], state: &State, outlier_cost: f64) -> Option<DenseEqua
     })
 }
 
-/// A start far off is led by a bound twenty-five times as wide, five standard deviations for one.
-const WIDE: f64 = 25.0;
 /// Evaluations allowed each of the two searches: what needs more zigzags at the edges of a wrong hypothesis.
 const BUDGET: usize = 40;
 /// Further starts are not tried once a fit costs no more than this per row, less than two free directions cost on average.
@@ -73,12 +71,12 @@ impl<'a> Search<'a> {
     /// The best fit from one start, brought to its end unless it is hopeless beside a cost of `best`; none where the start is no
     /// outline.
     pub fn fit(&self, start: &State, best: f64) -> Option<Fit> {
-        let wide = minimum(&self.leading, start, WIDE * OUTLIER_COST)?;
-        let cost = equations(self.rows, &wide.state, OUTLIER_COST)?.chi2;
+        let wide = minimum(&self.leading, start, Loss::Leading)?;
+        let cost = equations(self.rows, &wide.state, Loss::Final)?.chi2;
         if best + HOPELESS_PER_ROW * (self.rows.len() as f64) < cost {
             return Some(Fit { cost, state: wide.state });
         }
-        minimum(self.rows, &wide.state, OUTLIER_COST)
+        minimum(self.rows, &wide.state, Loss::Final)
     }
 
     /// The best of several starts; one that explains the rows ends the search.
@@ -107,16 +105,16 @@ impl<'a> Search<'a> {
 
     fn cost_as_is(&self, state: &State) -> f64 {
         let squared = verdicts(&self.leading, state).squared;
-        let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
+        let total: f64 = squared.iter().map(|squared| Loss::Leading.of(*squared).0).sum();
         if squared.is_empty() { f64::INFINITY } else { total }
     }
 }
 
-fn minimum(rows: &[Row], start: &State, outlier_cost: f64) -> Option<Fit> {
+fn minimum(rows: &[Row], start: &State, loss: Loss) -> Option<Fit> {
     let spent = Cell::new(0);
     let evaluate = |state: &State| {
         spent.set(spent.get() + 1);
-        if BUDGET < spent.get() { None } else { equations(rows, state, outlier_cost) }
+        if BUDGET < spent.get() { None } else { equations(rows, state, loss) }
     };
     let solution = minimize_dense(start, evaluate, |state: &State, by: &DVector<f64>| state.moved(by))?;
     let cost = solution.equations.chi2;
@@ -125,7 +123,7 @@ fn minimum(rows: &[Row], start: &State, outlier_cost: f64) -> Option<Fit> {
 
 /// Covariance of the parameters at a fit; none where something is undetermined.
 pub(super) fn covariance(rows: &[Row], state: &State) -> Option<DMatrix<f64>> {
-    let information = equations(rows, state, OUTLIER_COST)?.information;
+    let information = equations(rows, state, Loss::Final)?.information;
     let inverse = information.cholesky()?.inverse();
     inverse.iter().all(|v| v.is_finite()).then_some(inverse)
 }

@@ -6,9 +6,9 @@
 
 use super::outline::positive_angle;
 use super::row::Row;
-use super::state::{LARGEST_M, SMALLEST_M, State, local, spread};
-use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2};
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
+use super::state::{LARGEST_M, SMALLEST_M, State, local, principal, spread};
+use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2, Vector3, Vector4};
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// A supporting line: n·x = d, weight 1/m².
 #[derive(Debug, Clone, Copy)]
@@ -61,11 +61,14 @@ pub(super) struct Lines<'a> {
 
 /// Weighted linear least squares of n·x = φ(n)ᵀ q; q = [place, sizes …]. Lines far off, as the median goes, count less from the
 /// second pass on.
-fn linear<const P: usize>(lines: &Lines, features: impl Fn(&Line) -> SVector<f64, P>) -> Option<SVector<f64, P>> {
-    let supposed = SVector::<f64, P>::from_fn(|i, _| if i < 2 { 0.0 } else { lines.spread });
+fn linear<const P: usize>(
+    lines: &Lines,
+    supposed: &SVector<f64, P>,
+    features: impl Fn(&Line) -> SVector<f64, P>,
+) -> Option<SVector<f64, P>> {
     let loose = SVector::<f64, P>::from_fn(|i, _| if i < 2 { LOOSE_M } else { lines.spread });
     let prior = SMatrix::from_diagonal(&loose.map(|sigma| 1.0 / (sigma * sigma)));
-    let mut q = supposed;
+    let mut q = *supposed;
     let mut squared = vec![0.0; lines.list.len()];
     for _ in 0..PASSES {
         let far = FAR.max(4.0 * quantile(squared.iter().copied(), 0.5));
@@ -98,25 +101,27 @@ fn within(size: f64) -> f64 {
 
 /// The circle that touches the lines, eq. (9).
 pub(super) fn circle(lines: &Lines) -> Option<State> {
-    let q = linear(lines, |line| SVector::<f64, 3>::new(line.normal.x, line.normal.y, 1.0))?;
+    let q = linear(lines, &[0.0, 0.0, lines.spread].into(), |line| line.normal.push(1.0))?;
     Some(State::Circle { centre: lines.origin + Vector2::new(q[0], q[1]), radius: within(q[2]) })
 }
 
 /// The corner all lines pass.
 pub(super) fn corner(lines: &Lines) -> Option<State> {
-    let q = linear(lines, |line| line.normal)?;
+    let q = linear(lines, &Vector2::zeros(), |line| line.normal)?;
     Some(State::Chain(vec![lines.origin + q]))
 }
 
-/// Ellipses around a circle: itself, and drawn out in four directions.
-pub(super) fn ellipses(circle: &State) -> Vec<State> {
-    let (centre, [r, _], _) = circle.frame();
-    let mut starts = vec![State::Root { centre, root: r * Matrix2::identity() }];
-    for k in 0..4 {
-        let root = spread(f64::from(k) * FRAC_PI_4, [1.4 * r, 0.7 * r]);
-        starts.push(State::Root { centre, root });
-    }
-    starts
+/// The ellipse that touches the lines, to first order in its eccentricity: |P n| ≈ nᵀ P n, eq. (10).
+pub(super) fn ellipse(lines: &Lines) -> Option<State> {
+    let features = |line: &Line| {
+        let n = line.normal;
+        SVector::<f64, 5>::new(n.x, n.y, n.x * n.x, 2.0 * n.x * n.y, n.y * n.y)
+    };
+    let supposed = [0.0, 0.0, lines.spread, 0.0, lines.spread];
+    let q = linear(lines, &supposed.into(), features)?;
+    let (axes, angle) = principal(&Matrix2::new(q[2], q[3], q[3], q[4]));
+    let centre = lines.origin + Vector2::new(q[0], q[1]);
+    Some(State::Root { centre, root: spread(angle, axes.map(within)) })
 }
 
 /// Directions tried, over a quarter turn.
@@ -132,9 +137,9 @@ pub(super) fn rectangles(lines: &Lines) -> Vec<State> {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
         let features = move |line: &Line| {
             let n = line.normal;
-            SVector::<f64, 4>::new(n.x, n.y, n.dot(&u).abs(), n.dot(&v).abs())
+            Vector4::new(n.x, n.y, n.dot(&u).abs(), n.dot(&v).abs())
         };
-        let q = linear(lines, features)?;
+        let q = linear(lines, &[0.0, 0.0, lines.spread, lines.spread].into(), features)?;
         let centre = lines.origin + Vector2::new(q[0], q[1]);
         Some(State::Rectangle { centre, sides: [within(q[2]), within(q[3])], angle })
     };
@@ -147,9 +152,9 @@ pub(super) fn squares(lines: &Lines) -> Vec<State> {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
         let features = move |line: &Line| {
             let n = line.normal;
-            SVector::<f64, 3>::new(n.x, n.y, n.dot(&u).abs() + n.dot(&v).abs())
+            Vector3::new(n.x, n.y, n.dot(&u).abs() + n.dot(&v).abs())
         };
-        let q = linear(lines, features)?;
+        let q = linear(lines, &[0.0, 0.0, lines.spread].into(), features)?;
         let centre = lines.origin + Vector2::new(q[0], q[1]);
         Some(State::RectangleOfRatio { centre, mean: within(q[2]), angle, ratio: 1.0 })
     };
@@ -217,6 +222,24 @@ pub(super) fn chains(lines: &Lines, most: usize) -> Vec<State> {
         convex_hull(corners)
     };
     cuts.iter().map(chain).filter(|hull| 2 <= hull.len()).map(State::Chain).collect()
+}
+
+/// Corners nearer than this are one that noise has split, metres.
+const SPLIT_M: f64 = 1e-3;
+
+/// The chain with its nearest two corners made one; none where they are far enough apart, or only two are left.
+pub(super) fn merged(chain: &State) -> Option<State> {
+    let State::Chain(corners) = chain else { return None };
+    let m = corners.len();
+    let edge = |k: usize| (corners[(k + 1) % m] - corners[k]).norm();
+    let shortest = (0..m).min_by(|i, j| edge(*i).total_cmp(&edge(*j)))?;
+    if m <= 2 || SPLIT_M < edge(shortest) {
+        return None;
+    }
+    let mut fewer = corners.clone();
+    fewer[shortest] = 0.5 * (corners[shortest] + corners[(shortest + 1) % m]);
+    fewer.remove((shortest + 1) % m);
+    Some(State::Chain(fewer))
 }
 
 /// For 2 … `most` runs the ends of the runs that cost least together.

@@ -185,7 +185,7 @@ pub(super) fn spread(angle: f64, [a, b]: [f64; 2]) -> Matrix2<f64> {
 }
 
 /// The inverse of `spread`: the larger size first.
-fn principal(root: &Matrix2<f64>) -> ([f64; 2], f64) {
+pub(super) fn principal(root: &Matrix2<f64>) -> ([f64; 2], f64) {
     let (half_sum, half_difference) =
         (0.5 * (root[(0, 0)] + root[(1, 1)]), 0.5 * (root[(0, 0)] - root[(1, 1)]));
     let radius = half_difference.hypot(root[(0, 1)]);

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 use resight_whisker::contact::Method;
+use resight_whisker::estimate::estimate;
 use resight_whisker::friction::{Mu, solve_record};
 use resight_whisker::identify::{Class, Touch};
 use resight_whisker::simulate::{Spacing, add_noise, standard_sweeps, sweep};
@@ -78,12 +79,26 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
     sweeps.iter().enumerate().map(one).collect()
 }
 
-/// What a user's program makes of readings: noise added, contacts under constraints with the friction estimated.
-pub fn constrained(samples: &[Sample], seed: u64) -> Vec<Touch> {
-    let noisy = add_noise(samples, &cell(), seed);
-    let record = solve_record(&rod(), &cell(), &noisy, Mu::Auto, Method::Auto).expect("a record");
-    let touch = |(sample, estimate): (&Sample, _)| {
-        Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod())
+/// How contacts are estimated from readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(dead_code)]
+pub enum How {
+    /// Sample by sample.
+    Raw,
+    /// Under constraints with this friction.
+    Constrained(Mu),
+}
+
+/// What a user's program makes of readings: noise added, contacts estimated.
+pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
+    let (rod, cell) = (rod(), cell());
+    let noisy = add_noise(samples, &cell, seed);
+    let estimates = match how {
+        How::Raw => noisy.iter().map(|sample| estimate(&rod, &cell, sample, Method::Auto)).collect(),
+        How::Constrained(mu) => solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates,
     };
-    noisy.iter().zip(&record.estimates).filter_map(touch).collect()
+    let touch = |(sample, estimate): (&Sample, _)| {
+        Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod)
+    };
+    noisy.iter().zip(&estimates).filter_map(touch).collect()
 }
