@@ -49,7 +49,7 @@ fn object_of(name: &str) -> Shape {
 fn explore() {
     let Some(sets) = sets() else { return };
     for set in sets.iter() {
-        for object in [Object::Unknown, Object::Known(object_of(set.name)), Object::KnownClass(object_of(set.name))] {
+        for object in [Object::Unclassified] {
             let mut wrong = Values::zeros();
             for (p, v) in [
                 (Parameter::Stiffness, 0.0),

@@ -30,7 +30,7 @@ impl Outline {
     /// The outline of `object`; none of an object that is unknown altogether.
     pub fn of(object: &Object) -> Option<Self> {
         let (start, freedom) = match object {
-            Object::Unknown => return None,
+            Object::Unknown | Object::Unclassified => return None,
             Object::Known(shape) => (shape, Freedom::Held),
             Object::KnownSize(shape) => (shape, Freedom::Pose),
             Object::KnownClass(shape) => (shape, Freedom::PoseAndSize),
@@ -45,6 +45,11 @@ impl Outline {
             Freedom::Pose => self.pose_count(),
             Freedom::PoseAndSize => self.pose_count() + self.size_count(),
         }
+    }
+
+    /// Whether it has no corner.
+    pub fn is_smooth(&self) -> bool {
+        self.start.corners_m().is_empty()
     }
 
     fn pose_count(&self) -> usize {
