@@ -152,6 +152,9 @@ pub struct Calibrated {
 
 /// Rounds of assigning roles and fitting; roles stay after two or three.
 const ROUNDS: usize = 8;
+/// How far the friction angle may be from the contacts' median when roles are first assigned, radians: with the whole of its prior,
+/// half a radian, every contact at the tip would pass for one that slides.
+const FIRST_FRICTION_RAD: f64 = 0.1;
 /// Rounds of leaving out samples that the fit with the object does not explain.
 const GATINGS: usize = 4;
 
@@ -179,7 +182,9 @@ pub fn calibrate(
     if *object == Object::Unclassified {
         return Ok(match classes::classified(&job, &before, &roles) {
             Ok(best) => job.answer(best.fitted, best.roles, &best.object, Some(&best.outline)),
-            Err(doubt) => Calibrated { doubt: Some(doubt), ..job.answer(before, roles, &Object::Unknown, None) },
+            Err(doubt) => {
+                Calibrated { doubt: Some(doubt), ..job.answer(before, roles, &Object::Unknown, None) }
+            }
         });
     }
     let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, roles, object, None)) };
@@ -215,7 +220,13 @@ impl<'a> Job<'a> {
     }
 
     /// From `from`, with the equations that `from` makes possible.
-    fn fit(&self, outline: Option<&Outline>, roles: &[Role], from: &State) -> Result<Fitted, Error> {
+    fn fit(
+        &self,
+        outline: Option<&Outline>,
+        roles: &[Role],
+        from: &State,
+        roles_are_doubtful: bool,
+    ) -> Result<Fitted, Error> {
         let seen = roles.iter().filter(|role| **role != Role::Unused).count();
         if seen < LEAST_SAMPLES {
             let way_out = "record free air and contacts from touch to tip";
@@ -230,6 +241,7 @@ impl<'a> Job<'a> {
             noise: self.noise,
             priors: &self.priors,
             centre: self.centre,
+            roles_are_doubtful,
         };
         problem.solve(from).ok_or(Error::NoFit {
             what: "the calibration",
@@ -257,17 +269,25 @@ impl<'a> Job<'a> {
 
     fn without_object(&self) -> Result<(Fitted, Vec<Role>), Error> {
         let mut state = State::at(self.centre);
-        let mut roles = self.roles(&state, &self.priors.covariance());
-        let mut fitted = self.fit(None, &roles, &state)?;
+        let first = self.priors.with(
+            Parameter::FrictionAngle,
+            FIRST_FRICTION_RAD.min(self.priors.sigma(Parameter::FrictionAngle)),
+        );
+        let mut roles = self.roles(&state, &first.covariance());
         for _ in 0..ROUNDS {
-            state = fitted.state.clone();
-            let next = self.roles(&state, &fitted.covariance);
+            let fitted = self.fit(None, &roles, &state, true)?;
+            // Wrong roles spoil a fit by more than it claims to know: as much more as it fits worse than it should.
+            let excess = fitted.chi2 / fitted.degrees_of_freedom.max(1) as f64;
+            let next = self.roles(&fitted.state, &(fitted.covariance * excess.max(1.0)));
+            state = fitted.state;
             if next == roles {
                 break;
             }
             roles = next;
-            fitted = self.fit(None, &roles, &state)?;
         }
+        let fitted = self.fit(None, &roles, &state, false)?;
+        let roles = self.roles(&fitted.state, &fitted.covariance);
+        let fitted = self.fit(None, &roles, &fitted.state, false)?;
         Ok((fitted, roles))
     }
 
@@ -280,12 +300,12 @@ impl<'a> Job<'a> {
         let object = DVector::zeros(outline.count());
         let turns_rad = DVector::zeros(self.stretches.iter().flatten().max().map_or(0, |last| last + 1));
         let state = State { values: before.state.values, object, turns_rad };
-        let mut fitted = self.fit(Some(outline), &roles, &state)?;
+        let mut fitted = self.fit(Some(outline), &roles, &state, false)?;
         for _ in 0..GATINGS {
             let kept = self.gated(outline, &fitted, &roles);
             let is_last = kept == roles;
             roles = kept;
-            fitted = self.fit(Some(outline), &roles, &fitted.state)?;
+            fitted = self.fit(Some(outline), &roles, &fitted.state, false)?;
             if is_last {
                 break;
             }
@@ -311,7 +331,13 @@ impl<'a> Job<'a> {
         kept.collect()
     }
 
-    fn answer(&self, fitted: Fitted, roles: Vec<Role>, object: &Object, outline: Option<&Outline>) -> Calibrated {
+    fn answer(
+        &self,
+        fitted: Fitted,
+        roles: Vec<Role>,
+        object: &Object,
+        outline: Option<&Outline>,
+    ) -> Calibrated {
         let p_value = tail(fitted.degrees_of_freedom, fitted.chi2);
         Calibrated {
             undetermined: undetermined::undetermined(&fitted.covariance, &self.priors, object),
@@ -515,7 +541,12 @@ impl Calibration {
     }
 
     /// ∂[x, y, θ]/∂parameters of the contact of `sample`, world.
-    fn contact_by_parameters(&self, cell: &Cell, sample: &Sample, mode: Mode) -> Option<SMatrix<f64, 3, COUNT>> {
+    fn contact_by_parameters(
+        &self,
+        cell: &Cell,
+        sample: &Sample,
+        mode: Mode,
+    ) -> Option<SMatrix<f64, 3, COUNT>> {
         let state = State::at(self.values);
         let setting = Setting {
             rod: &self.nominal_rod,

@@ -67,7 +67,9 @@ pub enum Error {
         way_out: &'static str,
     },
     /// A polygon is not convex, or its corners run clockwise.
-    #[error("corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line")]
+    #[error(
+        "corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
+    )]
     NotConvex {
         /// Which corner, from 0.
         corner: usize,

@@ -142,7 +142,12 @@ fn check_pose(object: &Shape, pose: usize, hub: &PlanarPose) -> Result<(), Error
     if inside { Err(Error::HubInside { pose }) } else { Ok(()) }
 }
 
-fn start<'a>(rod: &'a Rod, outline: &'a Outline<'a>, mu: f64, hub: &PlanarPose) -> Result<Follower<'a>, Error> {
+fn start<'a>(
+    rod: &'a Rod,
+    outline: &'a Outline<'a>,
+    mu: f64,
+    hub: &PlanarPose,
+) -> Result<Follower<'a>, Error> {
     if free::is_blocked(rod, outline, hub) {
         return Err(Error::StartsInside);
     }

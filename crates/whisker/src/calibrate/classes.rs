@@ -90,7 +90,8 @@ fn touches(job: &Job, fitted: &Fitted, roles: &[Role]) -> Vec<Touch> {
         };
         let meant = calibration.apply(sample);
         let (at, by_load) = contact_with_derivatives(&rod, &meant.load, job.options.method).ok()?;
-        let contact = Contact::in_world(&meant.world_from_hub, &hub_noise, &meant.load, &noise, &at, &by_load);
+        let contact =
+            Contact::in_world(&meant.world_from_hub, &hub_noise, &meant.load, &noise, &at, &by_load);
         let side = if meant.load.mz_n_m < 0.0 { -1.0 } else { 1.0 };
         Some(Touch {
             sweep: sample.sweep,

@@ -151,8 +151,7 @@ impl State {
     pub fn seen(&self, rod: &Rod, outline: &Outline) -> Seen {
         let place = outline.place(self.touching, self.unknowns.z);
         let tip = self.touching.is_tip();
-        let theta_rad =
-            if tip { self.unknowns.y } else { place.normal_rad - self.side * FRAC_PI_2 };
+        let theta_rad = if tip { self.unknowns.y } else { place.normal_rad - self.side * FRAC_PI_2 };
         Seen {
             x: place.x,
             theta_rad,
@@ -201,7 +200,11 @@ impl State {
         let by_place = Vector3::new(place.x_by.x, place.x_by.y, 0.0);
         let columns = if self.touching.is_tip() {
             // The tilt turns with the whisker, and against the outline.
-            [by_force.into(), by_theta + by_tilt * self.side, by_place - by_tilt * (self.side * place.normal_by)]
+            [
+                by_force.into(),
+                by_theta + by_tilt * self.side,
+                by_place - by_tilt * (self.side * place.normal_by),
+            ]
         } else {
             [by_force.into(), by_s.into(), by_place + by_theta * place.normal_by]
         };
@@ -259,13 +262,12 @@ impl State {
 
     fn is_plausible(&self, rod: &Rod, outline: &Outline) -> bool {
         let z = &self.unknowns;
-        let along = if self.touching.is_tip() {
-            true
-        } else {
-            0.0 < z.y && z.y < MAX_OVERSHOOT * rod.length_m
-        };
+        let along =
+            if self.touching.is_tip() { true } else { 0.0 < z.y && z.y < MAX_OVERSHOOT * rod.length_m };
         let on_face = match self.touching {
-            Touching::Face(i) | Touching::TipOnFace(i) => z.z.abs() < 3.0 * outline.lengths_m[i] + rod.length_m,
+            Touching::Face(i) | Touching::TipOnFace(i) => {
+                z.z.abs() < 3.0 * outline.lengths_m[i] + rod.length_m
+            }
             Touching::Corner(_) => z.z.abs() < TAU,
             _ => true,
         };

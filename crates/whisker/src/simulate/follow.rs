@@ -163,7 +163,11 @@ impl Follower<'_> {
             }
         }
         // A graze: too weak to be a contact before the step ends.
-        if is_deep(self.rod, self.outline, &step.to) { Err(Error::NoRest { pose: self.pose }) } else { Ok(1.0) }
+        if is_deep(self.rod, self.outline, &step.to) {
+            Err(Error::NoRest { pose: self.pose })
+        } else {
+            Ok(1.0)
+        }
     }
 
     fn is_valid(&self, solved: &Solved) -> bool {
@@ -176,7 +180,11 @@ impl Follower<'_> {
         if !state.touching.is_tip() && is_straight(self.rod) {
             return false;
         }
-        cuts(self.outline, &loaded_line(self.rod, &state.truth(self.rod, self.outline)), CHORD * self.rod.length_m)
+        cuts(
+            self.outline,
+            &loaded_line(self.rod, &state.truth(self.rod, self.outline)),
+            CHORD * self.rod.length_m,
+        )
     }
 
     /// In contact until the kind of contact changes, or to the end of the step.
@@ -284,7 +292,8 @@ impl Follower<'_> {
         let line = loaded_line(self.rod, &state.truth(self.rod, self.outline));
         let corner_state = |i: usize| {
             let corner = self.outline.corners[i];
-            let nearest = line.windows(2).min_by(|a, b| (a[0] - corner).norm().total_cmp(&(b[0] - corner).norm()))?;
+            let nearest =
+                line.windows(2).min_by(|a, b| (a[0] - corner).norm().total_cmp(&(b[0] - corner).norm()))?;
             let along = nearest[1] - nearest[0];
             let normal_rad = along.y.atan2(along.x) + state.side * std::f64::consts::FRAC_PI_2;
             let parameter = wrapped(normal_rad - self.outline.normals_rad[self.outline.before(i)]);
@@ -297,7 +306,13 @@ impl Follower<'_> {
     }
 
     /// Takes the first of the proposed states that holds at this pose; otherwise the whisker slips off.
-    fn jump_or_slip_off(&mut self, step: &Step, share: f64, last: Solved, jumps: Vec<State>) -> Result<f64, Error> {
+    fn jump_or_slip_off(
+        &mut self,
+        step: &Step,
+        share: f64,
+        last: Solved,
+        jumps: Vec<State>,
+    ) -> Result<f64, Error> {
         for state in jumps {
             let found = state.solve(self.rod, self.outline, &step.at(share));
             if let Some(found) = found.filter(|found| self.is_valid(found)) {

@@ -82,7 +82,12 @@ pub(super) fn cuts(outline: &Outline, line: &[Vector2<f64>], depth_m: f64) -> bo
 }
 
 /// How the contact may begin at a pose where the unloaded whisker touches: mid-whisker first, nearest to the hub first.
-pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose, friction_rad: f64) -> Vec<State> {
+pub(super) fn first_contacts(
+    rod: &Rod,
+    outline: &Outline,
+    hub: &PlanarPose,
+    friction_rad: f64,
+) -> Vec<State> {
     let start = |touching, side, unknowns| State { touching, side, friction_rad, unknowns };
     let (tip, theta_rad) = match is_straight(rod) {
         true => (hub.apply(Vector2::new(rod.length_m, 0.0)), hub.angle_rad),
@@ -220,6 +225,8 @@ fn touched_by_tip(rod: &Rod, outline: &Outline, tip: Vector2<f64>) -> Vec<(Touch
     };
     (0..outline.count())
         .filter_map(|i| on_face(&i))
-        .map(|(i, along)| (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i])))
+        .map(|(i, along)| {
+            (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i]))
+        })
         .collect()
 }

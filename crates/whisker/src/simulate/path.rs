@@ -110,7 +110,9 @@ pub fn sweep(
     for (simulated, t_s) in found.samples.iter_mut().zip(&times) {
         simulated.sample.t_s = Some(*t_s);
     }
-    if let Some(off) = found.events.iter().find(|event| event.change == Change::SlipOff).map(|event| event.pose) {
+    if let Some(off) =
+        found.events.iter().find(|event| event.change == Change::SlipOff).map(|event| event.pose)
+    {
         shift_the_rest(&mut found.samples, off, motion, spacing);
     }
     Ok(found)
