@@ -8,6 +8,7 @@
 //! Derivation: docs/math/whisker_calibrate.md.
 
 mod chi_square;
+mod classes;
 mod constraints;
 mod drift;
 mod fit;
@@ -45,6 +46,25 @@ pub enum Object {
     KnownSize(Shape),
     /// The kind of shape; size and place given are a start.
     KnownClass(Shape),
+    /// That it is one and the same circle, ellipse or rectangle throughout the record.
+    Unclassified,
+}
+
+/// Why an object of unknown class was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// No circle, ellipse or rectangle explains the contacts.
+    NoShapeFits {
+        /// Of the best.
+        p_value: f64,
+    },
+    /// A smooth outline and one with corners explain them about equally well.
+    TwoShapesFit {
+        /// By how much the worse one's BIC is worse.
+        delta_bic: f64,
+        /// What would decide.
+        needed: f64,
+    },
 }
 
 /// How to calibrate.
@@ -116,6 +136,8 @@ pub struct Calibrated {
     pub object: Option<Shape>,
     /// Covariance of its free parameters: shift x, shift y, turn (not of a circle), sizes; m, rad.
     pub object_covariance: DMatrix<f64>,
+    /// Why an object of unknown class was left out; none where it was not.
+    pub doubt: Option<Doubt>,
     /// Squared misfit, priors included.
     pub chi2: f64,
     /// Its degrees of freedom.
@@ -130,6 +152,9 @@ pub struct Calibrated {
 
 /// Rounds of assigning roles and fitting; roles stay after two or three.
 const ROUNDS: usize = 8;
+/// How far the friction angle may be from the contacts' median when roles are first assigned, radians: with the whole of its prior,
+/// half a radian, every contact at the tip would pass for one that slides.
+const FIRST_FRICTION_RAD: f64 = 0.1;
 /// Rounds of leaving out samples that the fit with the object does not explain.
 const GATINGS: usize = 4;
 
@@ -151,12 +176,20 @@ pub fn calibrate(
     } else {
         options.priors
     };
-    let outline = Outline::of(object);
     let (noise, stretches) = (observed_noise(cell), stretches(cell, samples));
-    let job = Job { rod, samples, options, priors, centre, noise, stretches, outline: outline.as_ref() };
-    let (fitted, roles) = job.without_object()?;
-    let (fitted, roles) = if outline.is_some() { job.with_object(fitted, roles)? } else { (fitted, roles) };
-    Ok(job.answer(fitted, roles, object))
+    let job = Job { rod, samples, options, priors, centre, noise, stretches };
+    let (before, roles) = job.without_object()?;
+    if *object == Object::Unclassified {
+        return Ok(match classes::classified(&job, &before, &roles) {
+            Ok(best) => job.answer(best.fitted, best.roles, &best.object, Some(&best.outline)),
+            Err(doubt) => {
+                Calibrated { doubt: Some(doubt), ..job.answer(before, roles, &Object::Unknown, None) }
+            }
+        });
+    }
+    let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, roles, object, None)) };
+    let (fitted, roles) = job.with_object(&outline, &before, roles)?;
+    Ok(job.answer(fitted, roles, object, Some(&outline)))
 }
 
 /// Contacts lighter than this many σ of the force say nothing of the outline: their place along the whisker errs by 5 mm and more, and
@@ -173,11 +206,10 @@ struct Job<'a> {
     noise: Noise,
     /// To which stretch of constant hub angle each sample belongs.
     stretches: Vec<Option<usize>>,
-    outline: Option<&'a Outline>,
 }
 
 impl<'a> Job<'a> {
-    fn setting(&self, outline: Option<&'a Outline>) -> Setting<'a> {
+    fn setting<'b>(&'b self, outline: Option<&'b Outline>) -> Setting<'b> {
         Setting {
             rod: self.rod,
             gravity: self.options.gravity.as_ref(),
@@ -188,7 +220,13 @@ impl<'a> Job<'a> {
     }
 
     /// From `from`, with the equations that `from` makes possible.
-    fn fit(&self, outline: Option<&'a Outline>, roles: &[Role], from: &State) -> Result<Fitted, Error> {
+    fn fit(
+        &self,
+        outline: Option<&Outline>,
+        roles: &[Role],
+        from: &State,
+        roles_are_doubtful: bool,
+    ) -> Result<Fitted, Error> {
         let seen = roles.iter().filter(|role| **role != Role::Unused).count();
         if seen < LEAST_SAMPLES {
             let way_out = "record free air and contacts from touch to tip";
@@ -203,6 +241,7 @@ impl<'a> Job<'a> {
             noise: self.noise,
             priors: &self.priors,
             centre: self.centre,
+            roles_are_doubtful,
         };
         problem.solve(from).ok_or(Error::NoFit {
             what: "the calibration",
@@ -210,7 +249,7 @@ impl<'a> Job<'a> {
         })
     }
 
-    fn plans(&self, outline: Option<&'a Outline>, roles: &[Role], state: &State) -> Vec<Plan> {
+    fn plans(&self, outline: Option<&Outline>, roles: &[Role], state: &State) -> Vec<Plan> {
         let posed = Posed::new(self.setting(outline), state);
         let rows = self.samples.iter().zip(roles).zip(&self.stretches);
         // Without an object no equation depends on the hub, so no sample tells how it was turned.
@@ -230,30 +269,43 @@ impl<'a> Job<'a> {
 
     fn without_object(&self) -> Result<(Fitted, Vec<Role>), Error> {
         let mut state = State::at(self.centre);
-        let mut roles = self.roles(&state, &self.priors.covariance());
-        let mut fitted = self.fit(None, &roles, &state)?;
+        let first = self.priors.with(
+            Parameter::FrictionAngle,
+            FIRST_FRICTION_RAD.min(self.priors.sigma(Parameter::FrictionAngle)),
+        );
+        let mut roles = self.roles(&state, &first.covariance());
         for _ in 0..ROUNDS {
-            state = fitted.state.clone();
-            let next = self.roles(&state, &fitted.covariance);
+            let fitted = self.fit(None, &roles, &state, true)?;
+            // Wrong roles spoil a fit by more than it claims to know: as much more as it fits worse than it should.
+            let excess = fitted.chi2 / fitted.degrees_of_freedom.max(1) as f64;
+            let next = self.roles(&fitted.state, &(fitted.covariance * excess.max(1.0)));
+            state = fitted.state;
             if next == roles {
                 break;
             }
             roles = next;
-            fitted = self.fit(None, &roles, &state)?;
         }
+        let fitted = self.fit(None, &roles, &state, false)?;
+        let roles = self.roles(&fitted.state, &fitted.covariance);
+        let fitted = self.fit(None, &roles, &fitted.state, false)?;
         Ok((fitted, roles))
     }
 
-    fn with_object(&self, before: Fitted, mut roles: Vec<Role>) -> Result<(Fitted, Vec<Role>), Error> {
-        let object = DVector::zeros(self.outline.map_or(0, Outline::count));
+    fn with_object(
+        &self,
+        outline: &Outline,
+        before: &Fitted,
+        mut roles: Vec<Role>,
+    ) -> Result<(Fitted, Vec<Role>), Error> {
+        let object = DVector::zeros(outline.count());
         let turns_rad = DVector::zeros(self.stretches.iter().flatten().max().map_or(0, |last| last + 1));
         let state = State { values: before.state.values, object, turns_rad };
-        let mut fitted = self.fit(self.outline, &roles, &state)?;
+        let mut fitted = self.fit(Some(outline), &roles, &state, false)?;
         for _ in 0..GATINGS {
-            let kept = self.gated(&fitted, &roles);
+            let kept = self.gated(outline, &fitted, &roles);
             let is_last = kept == roles;
             roles = kept;
-            fitted = self.fit(self.outline, &roles, &fitted.state)?;
+            fitted = self.fit(Some(outline), &roles, &fitted.state, false)?;
             if is_last {
                 break;
             }
@@ -262,9 +314,9 @@ impl<'a> Job<'a> {
     }
 
     /// Leaves out contacts whose equations miss by more than the gate of roles does.
-    fn gated(&self, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
-        let posed = Posed::new(self.setting(self.outline), &fitted.state);
-        let plans = self.plans(self.outline, roles, &fitted.state);
+    fn gated(&self, outline: &Outline, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
+        let posed = Posed::new(self.setting(Some(outline)), &fitted.state);
+        let plans = self.plans(Some(outline), roles, &fitted.state);
         let probability = tail(1, roles::GATE);
         let gates = [1, 2, 3].map(|equations| chi_square::quantile(equations, probability));
         let keeps = |sample: &Sample, plan: &Plan| {
@@ -279,25 +331,36 @@ impl<'a> Job<'a> {
         kept.collect()
     }
 
-    fn answer(&self, fitted: Fitted, roles: Vec<Role>, object: &Object) -> Calibrated {
-        let p_value = tail(fitted.degrees_of_freedom.max(1), fitted.chi2);
+    fn answer(
+        &self,
+        fitted: Fitted,
+        roles: Vec<Role>,
+        object: &Object,
+        outline: Option<&Outline>,
+    ) -> Calibrated {
+        let p_value = tail(fitted.degrees_of_freedom, fitted.chi2);
         Calibrated {
             undetermined: undetermined::undetermined(&fitted.covariance, &self.priors, object),
             held: Parameter::ALL.into_iter().filter(|p| self.priors.sigma(*p) == 0.0).collect(),
-            object: self.outline.map(|outline| outline.shape(fitted.state.object.as_slice())),
-            object_covariance: fitted.object_covariance,
+            object: outline.map(|outline| outline.shape(fitted.state.object.as_slice())),
+            object_covariance: fitted.object_covariance.clone(),
+            doubt: None,
             chi2: fitted.chi2,
             degrees_of_freedom: fitted.degrees_of_freedom,
             p_value,
             is_consistent: self.options.false_alarm_rate <= p_value,
             roles,
             priors: self.priors,
-            calibration: Calibration {
-                nominal_rod: self.rod.clone(),
-                values: fitted.state.values,
-                covariance: fitted.covariance,
-                gravity: self.options.gravity,
-            },
+            calibration: self.calibration(&fitted),
+        }
+    }
+
+    fn calibration(&self, fitted: &Fitted) -> Calibration {
+        Calibration {
+            nominal_rod: self.rod.clone(),
+            values: fitted.state.values,
+            covariance: fitted.covariance,
+            gravity: self.options.gravity,
         }
     }
 }
@@ -478,7 +541,12 @@ impl Calibration {
     }
 
     /// ∂[x, y, θ]/∂parameters of the contact of `sample`, world.
-    fn contact_by_parameters(&self, cell: &Cell, sample: &Sample, mode: Mode) -> Option<SMatrix<f64, 3, COUNT>> {
+    fn contact_by_parameters(
+        &self,
+        cell: &Cell,
+        sample: &Sample,
+        mode: Mode,
+    ) -> Option<SMatrix<f64, 3, COUNT>> {
         let state = State::at(self.values);
         let setting = Setting {
             rod: &self.nominal_rod,

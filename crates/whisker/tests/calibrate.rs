@@ -11,7 +11,8 @@ use resight_whisker::{HubLoad, PlanarPose, Rod, Sample, Shape};
 fn as_read(wrong: &Values, sample: &Sample) -> Sample {
     let v = |p: Parameter| wrong[p.index()];
     let force = sample.load.force_n();
-    let moment = sample.load.mz_n_m - v(Parameter::CellOriginX) * force.y + v(Parameter::CellOriginY) * force.x;
+    let moment =
+        sample.load.mz_n_m - v(Parameter::CellOriginX) * force.y + v(Parameter::CellOriginY) * force.x;
     let (sin, cos) = v(Parameter::CellAngle).sin_cos();
     let in_cell = Matrix2::new(cos, sin, -sin, cos) * force / v(Parameter::ForceGain).exp();
     let hub = sample.world_from_hub;
@@ -49,7 +50,7 @@ fn object_of(name: &str) -> Shape {
 fn explore() {
     let Some(sets) = sets() else { return };
     for set in sets.iter() {
-        for object in [Object::Unknown, Object::Known(object_of(set.name)), Object::KnownClass(object_of(set.name))] {
+        for object in [Object::Unclassified] {
             let mut wrong = Values::zeros();
             for (p, v) in [
                 (Parameter::Stiffness, 0.0),
@@ -81,7 +82,13 @@ fn explore() {
             );
             for p in Parameter::ALL.into_iter().filter(|p| 0.0 < result.calibration.sigma(*p)) {
                 let (value, sigma) = (result.calibration.value(p), result.calibration.sigma(p));
-                println!("   {:24} {:11.3e} ± {:9.2e}  z {:6.2}", p.name(), value - wrong[p.index()], sigma, (value - wrong[p.index()]) / sigma);
+                println!(
+                    "   {:24} {:11.3e} ± {:9.2e}  z {:6.2}",
+                    p.name(),
+                    value - wrong[p.index()],
+                    sigma,
+                    (value - wrong[p.index()]) / sigma
+                );
             }
             for u in &result.undetermined {
                 println!("   open {:.2} {:?} {}", u.left, u.combination, u.reason);
@@ -146,7 +153,19 @@ fn monte() {
                 set.clean.iter().map(|s| as_read(&wrong, &noisy(&mut dice, &set.cell, encoder, s))).collect();
             let options = Options::of_a_new_rig(&set.cell);
             let r = calibrate(&set.rod, &set.cell, &read, &object, &options).unwrap();
-            if std::env::var("V").is_ok() { println!("seed {seed} chi2 {:.1}/{} {:?} hub_y {:.3e} hub_x {:.3e} ang {:.3e} ei {:.3e} tg {:.3e}", r.chi2, r.degrees_of_freedom, r.counts(), r.calibration.values[9], r.calibration.values[8], r.calibration.values[7], r.calibration.values[0], r.calibration.values[5]); }
+            if std::env::var("V").is_ok() {
+                println!(
+                    "seed {seed} chi2 {:.1}/{} {:?} hub_y {:.3e} hub_x {:.3e} ang {:.3e} ei {:.3e} tg {:.3e}",
+                    r.chi2,
+                    r.degrees_of_freedom,
+                    r.counts(),
+                    r.calibration.values[9],
+                    r.calibration.values[8],
+                    r.calibration.values[7],
+                    r.calibration.values[0],
+                    r.calibration.values[5]
+                );
+            }
             chi += r.chi2;
             dof += r.degrees_of_freedom as f64;
             let free: Vec<usize> = r
@@ -156,8 +175,13 @@ fn monte() {
                 .map(|p| p.index())
                 .filter(|i| object != Object::Unknown || ![7, 8, 9].contains(i))
                 .collect();
-            let e = nalgebra::DVector::from_iterator(free.len(), free.iter().map(|i| r.calibration.values[*i] - wrong[*i]));
-            let c = nalgebra::DMatrix::from_fn(free.len(), free.len(), |i, j| r.calibration.covariance[(free[i], free[j])]);
+            let e = nalgebra::DVector::from_iterator(
+                free.len(),
+                free.iter().map(|i| r.calibration.values[*i] - wrong[*i]),
+            );
+            let c = nalgebra::DMatrix::from_fn(free.len(), free.len(), |i, j| {
+                r.calibration.covariance[(free[i], free[j])]
+            });
             nees += e.dot(&c.cholesky().unwrap().solve(&e)) / free.len() as f64;
             for i in free {
                 let s = r.calibration.covariance[(i, i)].sqrt();
@@ -172,7 +196,13 @@ fn monte() {
         for p in Parameter::ALL {
             let i = p.index();
             if sum2[i] > 0.0 {
-                println!("   {:24} mean z {:6.2} rms z {:5.2} sigma {:.2e}", p.name(), sum[i] / n, (sum2[i] / n).sqrt(), sig[i] / n);
+                println!(
+                    "   {:24} mean z {:6.2} rms z {:5.2} sigma {:.2e}",
+                    p.name(),
+                    sum[i] / n,
+                    (sum2[i] / n).sqrt(),
+                    sig[i] / n
+                );
             }
         }
     }

@@ -111,7 +111,13 @@ fn verdict(
 ) -> Drift {
     let degrees_of_freedom = d.len();
     let Some(factor) = v.clone().cholesky().filter(|_| 0 < degrees_of_freedom) else {
-        return Drift { chi2: 0.0, degrees_of_freedom: 0, p_value: 1.0, has_drifted: false, changes: Vec::new() };
+        return Drift {
+            chi2: 0.0,
+            degrees_of_freedom: 0,
+            p_value: 1.0,
+            has_drifted: false,
+            changes: Vec::new(),
+        };
     };
     let weighted = factor.solve(d);
     let chi2 = d.dot(&weighted);
@@ -126,8 +132,7 @@ fn verdict(
         }
         let score = a.dot(&weighted);
         let rest = (chi2 - score * score / information).max(0.0);
-        let p_value_of_rest =
-            if 1 < degrees_of_freedom { tail(degrees_of_freedom - 1, rest) } else { 1.0 };
+        let p_value_of_rest = if 1 < degrees_of_freedom { tail(degrees_of_freedom - 1, rest) } else { 1.0 };
         let (change, sigma) = (score / information, information.sqrt().recip());
         changes.push((rest, Change { parameter: *parameter, change, sigma, p_value_of_rest }));
     }
@@ -215,13 +220,17 @@ impl DriftMonitor {
         let mut seen = 0;
         for (sample, role) in window.iter().zip(assigned) {
             let plan = Plan { role, outlined: Outlined::Not, stretch: None };
-            let Some(rows) = roles::is_used(role).then(|| projected(&posed, sample, &plan, &self.noise)).flatten()
+            let Some(rows) =
+                roles::is_used(role).then(|| projected(&posed, sample, &plan, &self.noise)).flatten()
             else {
                 continue;
             };
             seen += 1;
             for row in rows {
-                let a = DVector::from_iterator(free.len(), free.iter().map(|(p, s)| row.by_parameters[p.index()] * s));
+                let a = DVector::from_iterator(
+                    free.len(),
+                    free.iter().map(|(p, s)| row.by_parameters[p.index()] * s),
+                );
                 gradient -= &a * row.value;
                 information += &a * a.transpose();
             }

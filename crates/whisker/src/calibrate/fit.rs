@@ -34,6 +34,8 @@ pub struct Problem<'a> {
     pub priors: &'a Priors,
     /// Where the priors are centred.
     pub centre: Values,
+    /// Whether some roles may be wrong.
+    pub roles_are_doubtful: bool,
 }
 
 /// How exact what is observed is.
@@ -111,14 +113,35 @@ impl Problem<'_> {
         for (i, off) in layout.offs(state, &self.centre).iter().enumerate() {
             equations.add(-off, &[(i, 1.0)]);
         }
-        for (sample, plan) in self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused) {
+        for (sample, plan) in
+            self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused)
+        {
             for row in projected(&posed, sample, plan, &self.noise)? {
-                equations.add(-row.value, &layout.entries(&row, plan));
+                self.add(&mut equations, &row, layout.entries(&row, plan));
             }
         }
         Some(equations)
     }
 }
+
+impl Problem<'_> {
+    /// Adds a whitened equation; under doubt with Cauchy's loss c² ln(1 + r²/c²), which lets a few hundred wrong ones shout without
+    /// being heard.
+    fn add(&self, equations: &mut DenseEquations, row: &Constraint, mut entries: Vec<(usize, f64)>) {
+        if !self.roles_are_doubtful {
+            return equations.add(-row.value, &entries);
+        }
+        let squared = row.value * row.value / (LOSS_SCALE * LOSS_SCALE);
+        let weight = 1.0 / (1.0 + squared);
+        let root = weight.sqrt();
+        entries.iter_mut().for_each(|(_, by)| *by *= root);
+        equations.add(-row.value * root, &entries);
+        equations.chi2 += LOSS_SCALE * LOSS_SCALE * (squared.ln_1p() - squared * weight);
+    }
+}
+
+/// Residuals beyond this many σ count less and less under doubt.
+const LOSS_SCALE: f64 = 3.0;
 
 /// The unknowns, each in units of what it is uncertain by beforehand: free parameters, the object's, the encoder's roundings.
 struct Layout {
@@ -203,7 +226,11 @@ fn correction_of(rows: &[Constraint], correction: &Observed, noise: &Matrix6<f64
     Some(-(noise * back.sum::<Observed>()))
 }
 
-fn misclosure(rows: &[Constraint], correction: &Observed, noise: &Matrix6<f64>) -> (DVector<f64>, DMatrix<f64>) {
+fn misclosure(
+    rows: &[Constraint],
+    correction: &Observed,
+    noise: &Matrix6<f64>,
+) -> (DVector<f64>, DMatrix<f64>) {
     let w = rows.iter().map(|row| row.value - (row.by_observed * correction)[0]);
     let s = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
         (rows[i].by_observed * noise * rows[j].by_observed.transpose())[0]
@@ -221,7 +248,9 @@ fn whitened(rows: Vec<Constraint>, correction: &Observed, noise: &Matrix6<f64>) 
     let whitened = (0..rows.len()).map(|i| Constraint {
         value: (white.row(i) * &w)[0],
         by_observed: RowSVector::from_iterator(mix(&|r| to_dynamic(&r.by_observed), i).iter().copied()),
-        by_parameters: RowSVector::<f64, COUNT>::from_iterator(mix(&|r| to_dynamic(&r.by_parameters), i).iter().copied()),
+        by_parameters: RowSVector::<f64, COUNT>::from_iterator(
+            mix(&|r| to_dynamic(&r.by_parameters), i).iter().copied(),
+        ),
         by_object: mix(&|r| DVector::from_column_slice(&r.by_object), i).iter().copied().collect(),
     });
     let whitened: Vec<Constraint> = whitened.collect();

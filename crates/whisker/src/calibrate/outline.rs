@@ -30,7 +30,7 @@ impl Outline {
     /// The outline of `object`; none of an object that is unknown altogether.
     pub fn of(object: &Object) -> Option<Self> {
         let (start, freedom) = match object {
-            Object::Unknown => return None,
+            Object::Unknown | Object::Unclassified => return None,
             Object::Known(shape) => (shape, Freedom::Held),
             Object::KnownSize(shape) => (shape, Freedom::Pose),
             Object::KnownClass(shape) => (shape, Freedom::PoseAndSize),
@@ -45,6 +45,11 @@ impl Outline {
             Freedom::Pose => self.pose_count(),
             Freedom::PoseAndSize => self.pose_count() + self.size_count(),
         }
+    }
+
+    /// Whether it has no corner.
+    pub fn is_smooth(&self) -> bool {
+        self.start.corners_m().is_empty()
     }
 
     fn pose_count(&self) -> usize {
@@ -94,7 +99,9 @@ impl Outline {
 
     /// ∂h′/∂(free parameters) in the direction `angle_rad`; h′ is how far along its tangent the outline has that normal.
     pub fn slope_by_parameters(&self, moved: &[f64], angle_rad: f64) -> Vec<f64> {
-        self.by_parameters(moved, |shape| unit(angle_rad + FRAC_PI_2).dot(&supporting_point(shape, angle_rad).0))
+        self.by_parameters(moved, |shape| {
+            unit(angle_rad + FRAC_PI_2).dot(&supporting_point(shape, angle_rad).0)
+        })
     }
 
     /// ∂(n·x − h(n))/∂(free parameters), n the normal of face `face`, which turns with the object.
@@ -123,7 +130,8 @@ impl Outline {
 /// corner that lies farthest out, of no radius.
 pub fn supporting_point(shape: &Shape, angle_rad: f64) -> (Vector2<f64>, f64) {
     let out = |corner: &Vector2<f64>| unit(angle_rad).dot(corner);
-    let corner = || shape.corners_m().into_iter().max_by(|a, b| out(a).total_cmp(&out(b))).unwrap_or_default();
+    let corner =
+        || shape.corners_m().into_iter().max_by(|a, b| out(a).total_cmp(&out(b))).unwrap_or_default();
     shape.smooth_point_m(angle_rad).unwrap_or_else(|| (corner(), 0.0))
 }
 

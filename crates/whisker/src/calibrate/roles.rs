@@ -141,7 +141,9 @@ fn guarded(roles: &[Role], misfits: &[Misfit]) -> Vec<Role> {
         .map(|i| {
             let leave = match roles[i] {
                 Role::Free => near(i, GUARD_SAMPLES, &|r| r != Role::Free),
-                Role::Mid => misfits[i].is_light || misfits[i].tip < AMBIGUOUS && near(i, 2, &|r| r == Role::Tip),
+                Role::Mid => {
+                    misfits[i].is_light || misfits[i].tip < AMBIGUOUS && near(i, 2, &|r| r == Role::Tip)
+                }
                 Role::Tip => misfits[i].is_light || misfits[i].mid < SURELY_NOT_MID,
                 Role::Unused => true,
             };
