@@ -13,7 +13,7 @@ pub mod projection;
 pub mod record;
 
 pub use projection::{Constraint, Projection, project};
-pub use record::{Mu, Record, solve_record};
+pub use record::{Mu, Record, Tests, solve_record};
 
 use crate::contact::{Method, NoZero};
 use crate::estimate::{Contact, LEAST_FORCE_SIGMAS, MOST_ALONG_SHARE, Mode, Status, estimate};

@@ -1,8 +1,10 @@
 //! Contacts under constraints: automatic modes, the coefficient of friction, bounds. The records, where RESIGHT_DATA names them.
 
+mod noise;
 mod real_support;
 
 use nalgebra::Vector2;
+use noise::Chance;
 use real_support::{Set, Truth, sets};
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Contact, Mode, Status};
@@ -153,48 +155,6 @@ fn automatic_modes_reach_the_constrained_bound() {
     assert!((1.8..2.2).contains(&(pooled.nees / pooled.count)));
 }
 
-/// Chance from a seed: SplitMix64, and normal numbers by Box and Muller.
-struct Chance(u64);
-
-impl Chance {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-
-    /// A reading of `value`: noise, then rounding to the step.
-    fn reading(&mut self, value: f64, sigma: f64, step: f64) -> f64 {
-        let noisy = value + sigma * self.normal();
-        if step == 0.0 { noisy } else { (noisy / step).round() * step }
-    }
-
-    /// A record as the instruments of a set would have read it.
-    fn noisy(&mut self, set: &Set) -> Vec<Sample> {
-        let cell = set.cell;
-        let mut of = |sample: &Sample| {
-            let mut read = *sample;
-            let pose = &mut read.world_from_hub;
-            pose.x_m = self.reading(pose.x_m, cell.hub_xy_sigma_m, 0.0);
-            pose.y_m = self.reading(pose.y_m, cell.hub_xy_sigma_m, 0.0);
-            pose.angle_rad = self.reading(pose.angle_rad, cell.hub_angle_sigma_rad, cell.hub_angle_step_rad);
-            let load = &mut read.load;
-            load.fx_n = self.reading(load.fx_n, cell.force_sigma_n, cell.force_step_n);
-            load.fy_n = self.reading(load.fy_n, cell.force_sigma_n, cell.force_step_n);
-            load.mz_n_m = self.reading(load.mz_n_m, cell.torque_sigma_n_m, cell.torque_step_n_m);
-            read
-        };
-        set.clean.iter().map(&mut of).collect()
-    }
-}
-
 /// A hundred times the noise on the clean loads: efficiency and honest covariance without the luck of one seed.
 #[test]
 fn monte_carlo_over_the_clean_loads() {
@@ -205,7 +165,7 @@ fn monte_carlo_over_the_clean_loads() {
         let bounds = bounds(set);
         let (mut of_set, mut mu, mut z2) = (Sums::default(), 0.0, 0.0);
         for _ in 0..DRAWS {
-            let record = solve(set, &chance.noisy(set), Mu::Auto);
+            let record = solve(set, &chance.record(&set.clean, &set.cell), Mu::Auto);
             of_set.add(&sums(set, &record.estimates, &bounds));
             mu += (record.mu - true_mu(set)).powi(2) / DRAWS as f64;
             z2 += (record.friction.rad - true_mu(set).atan()).powi(2)

@@ -165,7 +165,7 @@ const CORNER_M: f64 = 1e-3;
 /// A radius is told from zero beyond this many standard deviations.
 const TOLD: f64 = 3.0;
 /// A radius this uncertain, metres, says nothing yet.
-const VAGUE_M: f64 = 0.01;
+const VAGUE_M: f64 = 2e-3;
 /// Rounds of the fit; the normals' own errors settle like a Gauss–Newton iteration's.
 const ROUNDS: usize = 12;
 
