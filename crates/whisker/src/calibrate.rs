@@ -29,7 +29,7 @@ pub use undetermined::Undetermined;
 use crate::contact::Method;
 use crate::estimate::Mode;
 use crate::{Cell, Error, PlanarPose, Rod, Sample, Shape};
-use constraints::{Constraint, Plan, Posed, Setting, State};
+use constraints::{Constraint, Plan, Posed, Setting, State, Stretch};
 use fit::{Fitted, Noise, Problem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, Vector2, Vector3};
 use outline::Outline;
@@ -204,8 +204,8 @@ struct Job<'a> {
     priors: Priors,
     centre: Values,
     noise: Noise,
-    /// To which stretch of constant hub angle each sample belongs.
-    stretches: Vec<Option<usize>>,
+    /// To which stretch of the hub's angle each sample belongs.
+    stretches: Vec<Stretch>,
 }
 
 impl<'a> Job<'a> {
@@ -258,7 +258,7 @@ impl<'a> Job<'a> {
         rows.map(|((sample, role), stretch)| Plan {
             role: *role,
             outlined: posed.outlined(sample, *role, least_force_n),
-            stretch: stretch.filter(|_| turns),
+            stretch: turns.then_some(*stretch),
         })
         .collect()
     }
@@ -298,7 +298,8 @@ impl<'a> Job<'a> {
         mut roles: Vec<Role>,
     ) -> Result<(Fitted, Vec<Role>), Error> {
         let object = DVector::zeros(outline.count());
-        let turns_rad = DVector::zeros(self.stretches.iter().flatten().max().map_or(0, |last| last + 1));
+        let turns_rad =
+            DVector::zeros(self.stretches.iter().map(|stretch| stretch.unknown + 1).max().unwrap_or(0));
         let state = State { values: before.state.values, object, turns_rad };
         let mut fitted = self.fit(Some(outline), &roles, &state, false)?;
         for _ in 0..GATINGS {
@@ -417,27 +418,43 @@ fn observed_noise(cell: &Cell) -> Noise {
     };
     Noise {
         moving: covariance(cell),
-        constant: covariance(&Cell { hub_angle_step_rad: 0.0, ..*cell }),
+        still: covariance(&Cell { hub_angle_step_rad: 0.0, ..*cell }),
         rounding_rad: cell.hub_angle_step_rad / 12.0_f64.sqrt(),
     }
 }
 
 /// Shorter stretches of constant hub angle are taken for chance.
-const LEAST_STRETCH: usize = 4;
+const LEAST_STILL: usize = 4;
 
-/// Stretches of samples at one reading of the hub's angle. Rounding an angle that stands still errs by the same amount every time:
-/// it is an unknown of the stretch, not noise of the sample.
-fn stretches(cell: &Cell, samples: &[Sample]) -> Vec<Option<usize>> {
+/// To which stretch each sample belongs: what the encoder's rounding has in common over a stretch is an unknown of it.
+///
+/// An angle that stands still is rounded by the same amount every time; sweeps at the same reading share it, as a stage sent twice
+/// to the same place stands twice at the same angle. A turning hub may be rounded alike, too, where it turns by whole steps of the
+/// encoder (28.001 steps a sample in one recorded sweep): each sweep has its own unknown besides the rounding of every sample.
+fn stretches(cell: &Cell, samples: &[Sample]) -> Vec<Stretch> {
+    let apart = |a: f64, b: f64| 0.5 * cell.hub_angle_step_rad <= (a - b).abs();
+    let angle = |sample: &Sample| sample.world_from_hub.angle_rad;
+    // What each unknown belongs to: a reading, or none for a sweep that turns.
+    let mut unknowns: Vec<Option<f64>> = Vec::new();
     let mut stretches = Vec::with_capacity(samples.len());
-    let mut count = 0;
-    let same = |a: &Sample, b: &Sample| {
-        let apart = (a.world_from_hub.angle_rad - b.world_from_hub.angle_rad).abs();
-        a.sweep == b.sweep && apart < 0.5 * cell.hub_angle_step_rad
-    };
-    for stretch in samples.chunk_by(same) {
-        let is_constant = LEAST_STRETCH <= stretch.len();
-        stretches.extend(stretch.iter().map(|_| is_constant.then_some(count)));
-        count += usize::from(is_constant);
+    for sweep in samples.chunk_by(|a, b| a.sweep == b.sweep) {
+        let mut turning = None;
+        for stretch in sweep.chunk_by(|a, b| !apart(angle(a), angle(b))) {
+            let reading = (LEAST_STILL <= stretch.len()).then(|| angle(&stretch[0]));
+            let known = match reading {
+                Some(reading) => {
+                    unknowns.iter().position(|known| known.is_some_and(|known| !apart(known, reading)))
+                }
+                None => turning,
+            };
+            let unknown = known.unwrap_or_else(|| {
+                unknowns.push(reading);
+                unknowns.len() - 1
+            });
+            turning = if reading.is_none() { Some(unknown) } else { turning };
+            let is_still = reading.is_some();
+            stretches.extend(stretch.iter().map(|_| Stretch { unknown, is_still }));
+        }
     }
     stretches
 }
