@@ -82,13 +82,9 @@ pub(super) fn cuts(outline: &Outline, line: &[Vector2<f64>], depth_m: f64) -> bo
 }
 
 /// How the contact may begin at a pose where the unloaded whisker touches: mid-whisker first, nearest to the hub first.
-pub(super) fn first_contacts(
-    rod: &Rod,
-    outline: &Outline,
-    hub: &PlanarPose,
-    friction_rad: f64,
-) -> Vec<State> {
-    let start = |touching, side, unknowns| State { touching, side, friction_rad, unknowns };
+pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> Vec<State> {
+    let start =
+        |touching, side, unknowns| State { touching, side, friction_rad: 0.0, sticks: false, unknowns };
     let (tip, theta_rad) = match is_straight(rod) {
         true => (hub.apply(Vector2::new(rod.length_m, 0.0)), hub.angle_rad),
         false => {
