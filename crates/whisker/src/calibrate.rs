@@ -177,7 +177,7 @@ pub fn calibrate(
         options.priors
     };
     let (noise, stretches) = (observed_noise(cell), stretches(cell, samples));
-    let job = Job { rod, samples, options, priors, centre, noise, stretches };
+    let job = Job { rod, cell, samples, options, priors, centre, noise, stretches };
     let (before, roles) = job.without_object()?;
     if *object == Object::Unclassified {
         return Ok(match classes::classified(&job, &before, &roles) {
@@ -199,6 +199,7 @@ const OUTLINE_FORCE_SIGMAS: f64 = 30.0;
 /// A calibration under way.
 struct Job<'a> {
     rod: &'a Rod,
+    cell: &'a Cell,
     samples: &'a [Sample],
     options: &'a Options,
     priors: Priors,
