@@ -2,8 +2,9 @@
 //! one does. A wrong class would turn its misfit into a wrong rig; so where none or two explain it, the object is left out.
 
 use super::fit::Fitted;
+use super::job::Job;
 use super::outline::Outline;
-use super::{Doubt, Job, Object, Role, roles};
+use super::{Doubt, Object, Role, roles};
 use crate::estimate::{Mode, Status, estimate};
 use crate::identify::{Class, Config, Touch, identify};
 use crate::{Sample, Shape};
