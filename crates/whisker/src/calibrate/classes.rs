@@ -2,13 +2,12 @@
 //! one does. A wrong class would turn its misfit into a wrong rig; so where none or two explain it, the object is left out.
 
 use super::fit::Fitted;
+use super::job::Job;
 use super::outline::Outline;
-use super::{Doubt, Job, Object, Role, roles};
-use crate::contact::contact_with_derivatives;
-use crate::estimate::{Contact, Mode, Status};
+use super::{Doubt, Object, Role, roles};
+use crate::estimate::{Mode, Status, estimate};
 use crate::identify::{Class, Config, Touch, identify};
 use crate::{Sample, Shape};
-use nalgebra::Matrix3;
 use resight_core::frames::chi_square::tail;
 
 /// A class is excluded where its BIC is this much worse: odds of 148 to 1, as for identification.
@@ -79,9 +78,7 @@ fn start(touches: &[Touch], class: Class) -> Option<Shape> {
 /// The contacts as evidence for identification, under the rig as fitted without an object.
 fn touches(job: &Job, fitted: &Fitted, roles: &[Role]) -> Vec<Touch> {
     let calibration = job.calibration(fitted);
-    let rod = calibration.rod();
-    let noise: Matrix3<f64> = job.noise.moving.fixed_view::<3, 3>(0, 0).into();
-    let hub_noise: Matrix3<f64> = job.noise.moving.fixed_view::<3, 3>(3, 3).into();
+    let (rod, cell) = (calibration.rod(), calibration.apply_to_cell(job.cell));
     let touch = |(sample, role): (&Sample, &Role)| {
         let mode = match role {
             Role::Mid => Mode::Mid,
@@ -89,19 +86,10 @@ fn touches(job: &Job, fitted: &Fitted, roles: &[Role]) -> Vec<Touch> {
             Role::Free | Role::Unused => return None,
         };
         let meant = calibration.apply(sample);
-        let (at, by_load) = contact_with_derivatives(&rod, &meant.load, job.options.method).ok()?;
-        let contact =
-            Contact::in_world(&meant.world_from_hub, &hub_noise, &meant.load, &noise, &at, &by_load);
-        let side = if meant.load.mz_n_m < 0.0 { -1.0 } else { 1.0 };
-        Some(Touch {
-            sweep: sample.sweep,
-            x_in_world: contact.outline_in_world(&rod, side),
-            theta_rad: contact.theta_rad,
-            side,
-            mode,
-            covariance: contact.covariance,
-            status: Status::Ok,
-        })
+        let seen = estimate(&rod, &cell, &meant, job.options.method);
+        let touch = Touch::from_estimate(sample.sweep, meant.load.mz_n_m, &seen, &rod)?;
+        // The role was decided along the whole sweep, the estimate's own mode and status from one sample.
+        Some(Touch { mode, status: Status::Ok, ..touch })
     };
     job.samples.iter().zip(roles).filter_map(touch).collect()
 }

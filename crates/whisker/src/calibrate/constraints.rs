@@ -51,8 +51,17 @@ pub struct Plan {
     pub role: Role,
     /// What it says of the outline.
     pub outlined: Outlined,
-    /// The unknown that turns the hub during its sweep, [`super::stretches`].
-    pub stretch: Option<usize>,
+    /// The unknown that turns the hub during its stretch; none where no equation depends on the hub.
+    pub stretch: Option<Stretch>,
+}
+
+/// Samples over which the encoder's rounding has something in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stretch {
+    /// Which unknown.
+    pub unknown: usize,
+    /// Whether the angle read does not change: then the rounding is that unknown and nothing besides.
+    pub is_still: bool,
 }
 
 /// One scalar equation at one sample.
@@ -82,7 +91,7 @@ pub struct State {
     pub values: Values,
     /// The object's, from its start.
     pub object: DVector<f64>,
-    /// By how much the encoder's rounding turns the hub during each stretch of constant reading, radians.
+    /// By how much the encoder's rounding turns the hub during each stretch, radians.
     pub turns_rad: DVector<f64>,
 }
 
@@ -145,7 +154,7 @@ impl<'a> Posed<'a> {
     /// The sample with its hub turned by the encoder's rounding.
     pub fn turned(&self, sample: &Sample, plan: &Plan) -> Sample {
         let mut turned = *sample;
-        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch)) {
+        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch.unknown)) {
             turned.world_from_hub.angle_rad += turn;
         }
         turned

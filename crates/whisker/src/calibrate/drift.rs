@@ -6,11 +6,11 @@
 //! ```
 //! docs/math/whisker_calibrate.md eqs. (18)–(21).
 
-use super::constraints::{Posed, Setting, State};
+use super::constraints::{Outlined, Plan, Posed, Setting, State};
 use super::fit::{Noise, projected};
 use super::parameters::{Covariance, Parameter, Values};
-use super::{Calibrated, Plan, observed_noise, roles};
-use crate::calibrate::constraints::Outlined;
+use super::stretches::observed_noise;
+use super::{Calibrated, roles};
 use crate::contact::Method;
 use crate::{Cell, Error, Sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};

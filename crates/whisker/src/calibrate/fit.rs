@@ -41,10 +41,10 @@ pub struct Problem<'a> {
 /// How exact what is observed is.
 #[derive(Debug, Clone, Copy)]
 pub struct Noise {
-    /// Covariance of what is observed, where the hub's angle changes from sample to sample.
+    /// Covariance of what is observed while the hub turns.
     pub moving: Matrix6<f64>,
-    /// The same within a stretch of constant angle, where the encoder's rounding does not change: without it.
-    pub constant: Matrix6<f64>,
+    /// The same where the angle stands still, without the encoder's rounding.
+    pub still: Matrix6<f64>,
     /// The rounding's standard deviation, radians.
     pub rounding_rad: f64,
 }
@@ -52,7 +52,7 @@ pub struct Noise {
 impl Noise {
     /// Covariance of what is observed at a sample.
     pub fn of(&self, plan: &Plan) -> &Matrix6<f64> {
-        if plan.stretch.is_some() { &self.constant } else { &self.moving }
+        if plan.stretch.is_some_and(|stretch| stretch.is_still) { &self.still } else { &self.moving }
     }
 }
 
@@ -189,7 +189,7 @@ impl Layout {
         let mut entries: Vec<(usize, f64)> = free.chain(object).enumerate().collect();
         if let Some(stretch) = plan.stretch {
             let turn = row.by_parameters[Parameter::HubAngle.index()] * self.turn_scale;
-            entries.push((self.free.len() + self.object + stretch, turn));
+            entries.push((self.free.len() + self.object + stretch.unknown, turn));
         }
         entries
     }

@@ -57,6 +57,9 @@ pub fn assign(posed: &Posed, covariance: &Covariance, noise: &Matrix6<f64>, samp
 
 fn misfit(posed: &Posed, covariance: &Covariance, noise: &Matrix6<f64>, sample: &Sample) -> Misfit {
     let meant = posed.meant(sample);
+    if !meant.load.is_finite() || !meant.world_from_hub.angle_rad.is_finite() {
+        return Misfit { free: f64::INFINITY, mid: f64::INFINITY, tip: f64::INFINITY, is_light: false };
+    }
     let load = meant.load.to_vector();
     let reading_noise: Matrix3<f64> = noise.fixed_view::<3, 3>(0, 0).into();
     let of_noise = meant.load_by_reading * reading_noise * meant.load_by_reading.transpose();
