@@ -1,0 +1,192 @@
+//! Calibration from sweeps: stiffness, zeros, gains, angles, offsets and friction, each with its uncertainty, from contacts with an
+//! object that is known, known in part, or unknown.
+//!
+//! Samples in free air must read nothing; a sliding mid-whisker contact has its force at the friction angle from the whisker's normal;
+//! a contact at the tip is one whisker's length away; and with an object the tangents must support it. One maximum-likelihood fit takes
+//! them all. What the record leaves open is named, keeps its prior uncertainty, and goes into the covariance of every contact
+//! ([`Calibration::systematic_covariance`]): an uncalibrated rig never gives a confident wrong contact.
+//! Derivation: docs/math/whisker_calibrate.md.
+
+mod parameters;
+mod model;
+mod calibration;
+mod outline;
+mod constraints;
+mod stretches;
+mod fit;
+mod tare;
+mod roles;
+mod chi_square;
+mod undetermined;
+mod job;
+mod classes;
+mod drift;
+
+pub use calibration::Calibration;
+pub use constraints::Role;
+pub use drift::{Change, Drift, DriftMonitor, DriftOptions, Watch, drift};
+pub use model::{Gravity, unit_weight};
+pub use parameters::{COUNT, Covariance, Parameter, Priors, Values};
+pub use tare::{Tare, tare};
+pub use undetermined::Undetermined;
+
+use crate::contact::Method;
+use crate::{Cell, Error, Rod, Sample, Shape};
+use job::Job;
+use nalgebra::DMatrix;
+use outline::Outline;
+
+/// What is known of the object that was touched.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Object {
+    /// Nothing: only what holds for every object is used.
+    Unknown,
+    /// Shape, size and place: its clamp-side errors show, too.
+    Known(Shape),
+    /// Shape and size; the place given is a start.
+    KnownSize(Shape),
+    /// The kind of shape; size and place given are a start.
+    KnownClass(Shape),
+    /// That it is one and the same circle, ellipse or rectangle throughout the record.
+    Unclassified,
+}
+
+/// Why an object of unknown class was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// No circle, ellipse or rectangle explains the contacts.
+    NoShapeFits {
+        /// Of the best.
+        p_value: f64,
+    },
+    /// A smooth outline and one with corners explain them about equally well.
+    TwoShapesFit {
+        /// By how much the worse one's BIC is worse.
+        delta_bic: f64,
+        /// What would decide.
+        needed: f64,
+    },
+}
+
+/// How to calibrate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// How well every parameter is known beforehand.
+    pub priors: Priors,
+    /// μ, where it is known; none to estimate it.
+    pub mu: Option<f64>,
+    /// Gravity in the plane, to model the whisker's weight; none where the plane is level or a tare has been taken off.
+    pub gravity: Option<Gravity>,
+    /// How contacts are found.
+    pub method: Method,
+    /// Probability with which a record that keeps the model is called inconsistent.
+    pub false_alarm_rate: f64,
+}
+
+impl Options {
+    /// For a rig as it is delivered.
+    pub fn of_a_new_rig(cell: &Cell) -> Self {
+        Options {
+            priors: Priors::of_a_new_rig(cell),
+            mu: None,
+            gravity: None,
+            method: Method::Auto,
+            false_alarm_rate: 1e-3,
+        }
+    }
+}
+
+/// How many samples were taken for what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Free.
+    pub free: usize,
+    /// Between clamp and tip.
+    pub mid: usize,
+    /// At the tip.
+    pub tip: usize,
+    /// Not used.
+    pub unused: usize,
+}
+
+/// A calibration with what its record says of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibrated {
+    /// The rig.
+    pub calibration: Calibration,
+    /// How well it was known beforehand.
+    pub priors: Priors,
+    /// What the record leaves open.
+    pub undetermined: Vec<Undetermined>,
+    /// The parameters that were held.
+    pub held: Vec<Parameter>,
+    /// The object as fitted; as given where it was known, none where unknown.
+    pub object: Option<Shape>,
+    /// Covariance of its free parameters: shift x, shift y, turn (not of a circle), sizes; m, rad.
+    pub object_covariance: DMatrix<f64>,
+    /// Why an object of unknown class was left out; none where it was not.
+    pub doubt: Option<Doubt>,
+    /// Squared misfit of the samples, in the noise stated.
+    pub chi2: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// Probability that a record which keeps the model fits as badly.
+    pub p_value: f64,
+    /// Whether it does keep the model, at the false-alarm rate asked for.
+    pub is_consistent: bool,
+    /// What every sample was taken for.
+    pub roles: Vec<Role>,
+}
+
+fn check(rod: &Rod, object: &Object, options: &Options) -> Result<(), Error> {
+    rod.check()?;
+    options.priors.check()?;
+    match options.mu {
+        Some(seen) if seen.is_nan() => return Err(Error::NotFinite { what: "the coefficient of friction" }),
+        Some(seen) if seen < 0.0 => {
+            return Err(Error::Negative { what: "the coefficient of friction", seen });
+        }
+        _ => {}
+    }
+    match object {
+        Object::Known(shape) | Object::KnownSize(shape) | Object::KnownClass(shape) => shape.check(),
+        Object::Unknown | Object::Unclassified => Ok(()),
+    }
+}
+
+/// Calibrates the rig of `rod` and `cell` from `samples`, in the order they were taken.
+///
+/// Which samples are free, mid or tip is found out. With an [`Object`] the fit is first made without, then with it.
+///
+/// # Errors
+/// A rod, a shape, a prior or a μ that is none; fewer than three samples that say anything; equations that do not settle.
+pub fn calibrate(
+    rod: &Rod,
+    cell: &Cell,
+    samples: &[Sample],
+    object: &Object,
+    options: &Options,
+) -> Result<Calibrated, Error> {
+    check(rod, object, options)?;
+    let job = Job::new(rod, cell, samples, options);
+    let (before, roles) = job.without_object()?;
+    if *object == Object::Unclassified {
+        return Ok(match classes::classified(&job, &before, &roles) {
+            Ok(best) => job.answer(best.fitted, best.roles, &best.object, Some(&best.outline)),
+            Err(doubt) => {
+                Calibrated { doubt: Some(doubt), ..job.answer(before, roles, &Object::Unknown, None) }
+            }
+        });
+    }
+    let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, roles, object, None)) };
+    let (fitted, roles) = job.with_object(&outline, &before, roles)?;
+    Ok(job.answer(fitted, roles, object, Some(&outline)))
+}
+
+impl Calibrated {
+    /// How many samples were taken for what.
+    pub fn counts(&self) -> Counts {
+        let of = |role: Role| self.roles.iter().filter(|r| **r == role).count();
+        Counts { free: of(Role::Free), mid: of(Role::Mid), tip: of(Role::Tip), unused: of(Role::Unused) }
+    }
+}
