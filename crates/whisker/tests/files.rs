@@ -5,7 +5,7 @@ mod real_support;
 use nalgebra::{Matrix3, Vector2};
 use resight_whisker::calibrate::{Calibration, Covariance, Gravity, Parameter, Values};
 use resight_whisker::estimate::{Mode, Status};
-use resight_whisker::events::Change;
+use resight_whisker::events::{Change, Label};
 use resight_whisker::files::contacts::{self, ContactRow, Figures, RowStatus, Side};
 use resight_whisker::files::hub::{Conventions, read_hub, write_hub};
 use resight_whisker::files::node::Node;
@@ -74,6 +74,7 @@ fn contact(theta_is_known: bool) -> ContactRow {
         side: Some(Side::Left),
         branch: 1,
         other_s_m: vec![0.11, 0.125],
+        feature: Some(Label::Corner),
         event: Change::SlipOff,
         note: "a \"note\", with a comma".to_string(),
         ..ContactRow::blank(2, 9, None, RowStatus::Read(Status::BeyondTip))
