@@ -70,7 +70,8 @@ fn sigma_m(contact: &SpatialContact) -> f64 {
 // ---- files
 
 #[allow(dead_code)]
-fn read_folder(folder: &Path) -> Result<(Rod, Cell, Vec<Touch>)> {
+/// The whisker, its cell and the touches of a folder.
+pub fn read_folder(folder: &Path) -> Result<(Rod, Cell, Vec<Touch>)> {
     let meta: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(folder.join("whisker.json"))?)?;
     let number = |path: &str| {
