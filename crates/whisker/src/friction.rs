@@ -105,7 +105,7 @@ pub(crate) fn answer(
 }
 
 /// A projected load's contact. What the constraint fixes has no spread left, of either sign; what the tangent does not show of a light
-/// touch's long uncertainty, the bend of the contact's way, counts as uncertain too: ¾ b bᵀ, eq. (8).
+/// touch's long uncertainty, the bend of the contact's way, counts as uncertain too: ¾ b bᵀ, whisker_friction.md eq. (8).
 fn contact_of(rod: &Rod, cell: &Cell, sample: &Sample, method: Method, projection: &Projection) -> Contact {
     let Projection { load, covariance, at, by_load, .. } = projection;
     let hub = &sample.world_from_hub;

@@ -87,9 +87,13 @@ fn touches_and_slip_offs_of_the_records() {
         }
         let seen: Vec<_> = found
             .iter()
-            .filter(|event| event.kind != EventKind::TipReached)
+            .filter(|event| !matches!(event.kind, EventKind::TipReached | EventKind::Leap))
             .map(|event| (event.index, event.kind))
             .collect();
+        let leaps: Vec<_> = found.iter().filter(|e| e.kind == EventKind::Leap).map(|e| e.index).collect();
+        println!("{}: leaps {leaps:?}", set.name);
+        // Only squares have a second corner to leap to.
+        assert!(set.name.contains("square") || leaps.is_empty(), "{}: {leaps:?}", set.name);
         println!("{}: {seen:?}", set.name);
         assert_eq!(seen.len(), expected.len(), "{}: {expected:?}", set.name);
         for ((index, kind), (true_index, true_kind)) in seen.iter().zip(&expected) {
@@ -166,8 +170,11 @@ fn labels_of_the_records() {
         );
         // The peg is 3 mm round: near a corner for contacts that err by a millimetre.
         let is_peg = set.name == SETS[5];
-        assert!(count("corner", corner) >= 12 * count("corner", tangent), "{}", set.name);
-        assert!(is_peg || count("tan", tangent) >= 12 * count("tan", corner), "{}", set.name);
+        // Three sigmas of radius: at most one in a hundred is wrong, and three in five corners are told.
+        let corners = set.truth.iter().filter(|truth| truth.mode.starts_with("corner")).count();
+        assert!(100 * count("corner", tangent) <= corners, "{}", set.name);
+        assert!(5 * count("corner", corner) >= 3 * corners, "{}", set.name);
+        assert!(is_peg || 100 * count("tan", corner) <= count("tan", tangent), "{}", set.name);
     }
 }
 

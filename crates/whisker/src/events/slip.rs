@@ -2,7 +2,7 @@
 //!
 //! The arc under the last contacts and the hub's motion are continued; the equilibrium is followed along it, between clamp and tip,
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
-//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (10)–(13).
+//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (9)–(14).
 
 use super::equilibrium::{Equilibrium, Problem};
 use super::outline::{Arc, CIRCLE, LocalOutline, OutlinePoint, PRIOR_SLOPE_M_PER_RAD};

@@ -1,4 +1,4 @@
-//! One contact of several that may be: the mean and the covariance of the mixture, docs/math/whisker_friction.md eqs. (14), (15).
+//! One contact of several that may be: the mean and the covariance of the mixture, docs/math/whisker_friction.md eqs. (18), (19).
 
 use crate::estimate::Contact;
 use nalgebra::{Matrix3, Vector3};

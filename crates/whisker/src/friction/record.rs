@@ -1,6 +1,6 @@
 //! A whole record under constraints: modes and the coefficient of friction together.
 //!
-//! The friction angle and the modes depend on each other: expectation and maximisation in turn, eqs. (12), (13) of
+//! The friction angle and the modes depend on each other: expectation and maximisation in turn, eqs. (15), (16) of
 //! docs/math/whisker_friction.md. Which way the whisker slides (one way throughout, or both with sticking between) is chosen by the
 //! evidence of the record.
 
@@ -150,7 +150,7 @@ impl<'a> Touched<'a> {
         better(one_way, self.fit(start, both_ways))
     }
 
-    /// Eqs. (12), (13): the friction angle of maximum likelihood under the states it gives rise to.
+    /// Eqs. (15), (16): the friction angle of maximum likelihood under the states it gives rise to.
     fn fit(&self, start_rad: f64, states: fn(FrictionAngle) -> Vec<Constraint>) -> Solved {
         let mut friction = FrictionAngle { rad: start_rad, sigma_rad: 0.0 };
         let mut solved = self.solve(states(friction), friction);
@@ -166,7 +166,7 @@ impl<'a> Touched<'a> {
         self.solve(states(solved.friction), solved.friction)
     }
 
-    /// Eq. (13): one Gauss–Newton step of φ_f on the robust sum of mid-whisker χ².
+    /// Eq. (15): one Gauss–Newton step of φ_f on the robust sum of mid-whisker χ².
     fn maximised(&self, solved: &Solved) -> FrictionAngle {
         let mut information = PRIOR_RAD.powi(-2);
         let mut gradient = -solved.friction.rad * information;
@@ -342,7 +342,7 @@ fn sliding(friction: FrictionAngle) -> Vec<Constraint> {
     vec![Constraint::Friction(friction), Constraint::Tip]
 }
 
-/// Sliding either way, and sticking: anywhere in the cone, as a normal variable of the cone's second moment, φ_f²/3.
+/// Sliding either way, and sticking: anywhere in the cone, as a normal variable of the cone's second moment, φ_f²/3, eq. (17).
 fn both_ways(friction: FrictionAngle) -> Vec<Constraint> {
     let sigma_rad = friction.sigma_rad.hypot(friction.rad / 3.0_f64.sqrt());
     [friction, FrictionAngle { rad: -friction.rad, ..friction }, FrictionAngle { rad: 0.0, sigma_rad }]
