@@ -9,13 +9,13 @@ use std::hint::black_box;
 const LENGTH_M: f64 = 0.25;
 const EI_N_M2: f64 = 0.009_817;
 
-/// A whisker pushed sideways over a peg, free for ten samples, then bent from 0.3° to some 40° in steps of 2 mm: loads of a
-/// frictionless contact at the peg, found from the torque of a slightly bent beam and the contact's own relation fx = −M²/2EI.
+/// Ten samples without contact, then frictionless contacts of growing bend up to 0.4 N: fx = −M²/2EI is what no friction means,
+/// fy = M/s that of a slightly bent whisker touched at 0.15 m.
 fn sweep() -> Vec<Sample> {
     (0..120u32)
         .map(|sample| {
             let pushed_m = (f64::from(sample) - 10.0).max(0.0) * 4e-4;
-            let moment = 3.0 * EI_N_M2 * pushed_m / (0.15_f64 * 0.15) * 1.5;
+            let moment = 3.0 * EI_N_M2 * pushed_m / (0.15_f64 * 0.15);
             let load =
                 HubLoad { fx_n: -moment * moment / (2.0 * EI_N_M2), fy_n: moment / 0.15, mz_n_m: moment };
             let world_from_hub =
