@@ -20,6 +20,32 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
+    /// A quantity that must not be negative is, or is no number.
+    #[error("{what} is {seen}; it must be zero or positive")]
+    Negative {
+        /// Which quantity.
+        what: &'static str,
+        /// The value given.
+        seen: f64,
+    },
+    /// A profile whose knots do not run from the clamp to the tip.
+    #[error(
+        "{what} has {knots} knots and {values} values, from {first_m} m to {last_m} m; as many values as knots are needed, at increasing arc lengths from 0 to the whisker's length {length_m} m"
+    )]
+    BadProfile {
+        /// Which profile.
+        what: &'static str,
+        /// Arc lengths given.
+        knots: usize,
+        /// Values given.
+        values: usize,
+        /// The first arc length, metres; NaN where there is none.
+        first_m: f64,
+        /// The last arc length, metres.
+        last_m: f64,
+        /// The whisker's length, metres.
+        length_m: f64,
+    },
     /// Too few samples in contact for the question asked.
     #[error("{seen} {what} given, {needed} needed; {way_out}")]
     TooFew {
@@ -66,5 +92,13 @@ pub enum Error {
     NoRest {
         /// Which pose, from 0.
         pose: usize,
+    },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
     },
 }

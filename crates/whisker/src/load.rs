@@ -35,6 +35,12 @@ impl HubLoad {
         HubLoad { fx_n: self.fx_n, fy_n: -self.fy_n, mz_n_m: -self.mz_n_m }
     }
 
+    /// On which side of the whisker the object is: 1 on its right (M₀ > 0), −1 on its left; without a moment the force decides.
+    pub fn side(&self) -> f64 {
+        let sign_of = if self.mz_n_m == 0.0 { self.fy_n } else { self.mz_n_m };
+        if sign_of < 0.0 { -1.0 } else { 1.0 }
+    }
+
     /// Whether every entry is a number.
     pub fn is_finite(&self) -> bool {
         self.to_vector().iter().all(|v| v.is_finite())

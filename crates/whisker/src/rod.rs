@@ -17,7 +17,8 @@ pub enum Stiffness {
         /// τ = 1 − tip diameter / base diameter; below 1.
         taper: f64,
     },
-    /// Any profile: EI at increasing arc lengths, interpolated between them, the first at 0 and the last at the length.
+    /// Any profile: EI at increasing arc lengths, the first at 0 and the last at the length. Between them EI^¼, the diameter of a
+    /// round whisker, is linear: every piece is a cone.
     Profile {
         /// Arc lengths, metres.
         s_m: Vec<f64>,
@@ -34,7 +35,7 @@ pub enum IntrinsicCurvature {
         /// κ₀, 1/m.
         per_m: f64,
     },
-    /// Any shape: κ₀ at increasing arc lengths, interpolated between them.
+    /// Any shape: κ₀ at increasing arc lengths, the first at 0 and the last at the length, linear between them.
     Profile {
         /// Arc lengths, metres.
         s_m: Vec<f64>,
@@ -72,16 +73,64 @@ impl Rod {
     /// Refuses what is no rod.
     pub fn check(&self) -> Result<(), Error> {
         positive("the whisker's length", self.length_m)?;
+        self.diameters_m.iter().try_for_each(|d| not_negative("the whisker's diameter", *d))?;
         match &self.stiffness {
-            Stiffness::Uniform { ei_n_m2 } => positive("the whisker's EI", *ei_n_m2),
+            Stiffness::Uniform { ei_n_m2 } => positive("the whisker's EI", *ei_n_m2)?,
             Stiffness::Taper { ei_base_n_m2, taper } => {
                 positive("the whisker's EI at the base", *ei_base_n_m2)?;
-                positive("the tip's share of the base diameter", 1.0 - taper)
+                positive("the tip's share of the base diameter", 1.0 - taper)?;
             }
-            Stiffness::Profile { ei_n_m2, .. } => {
-                ei_n_m2.iter().try_for_each(|ei| positive("the whisker's EI", *ei))
+            Stiffness::Profile { s_m, ei_n_m2 } => {
+                self.check_profile("the profile of EI", s_m, ei_n_m2.len())?;
+                ei_n_m2.iter().try_for_each(|ei| positive("the whisker's EI", *ei))?;
             }
         }
+        match &self.intrinsic_curvature {
+            IntrinsicCurvature::Constant { per_m } => finite(std::slice::from_ref(per_m)),
+            IntrinsicCurvature::Profile { s_m, per_m } => {
+                self.check_profile("the profile of the intrinsic curvature", s_m, per_m.len())?;
+                finite(per_m)
+            }
+        }
+    }
+
+    fn check_profile(&self, what: &'static str, s_m: &[f64], values: usize) -> Result<(), Error> {
+        let (first_m, last_m) =
+            (s_m.first().copied().unwrap_or(f64::NAN), s_m.last().copied().unwrap_or(f64::NAN));
+        let increases = s_m.windows(2).all(|pair| pair[0] < pair[1]);
+        // A length in other units and back differs in its last digits.
+        let to_the_tip = (last_m - self.length_m).abs() <= 1e-9 * self.length_m;
+        if 2 <= s_m.len() && s_m.len() == values && increases && first_m == 0.0 && to_the_tip {
+            return Ok(());
+        }
+        Err(Error::BadProfile { what, knots: s_m.len(), values, first_m, last_m, length_m: self.length_m })
+    }
+
+    /// EI at an arc length, N·m²; past the tip that of the tip.
+    pub fn ei_n_m2_at(&self, s_m: f64) -> f64 {
+        match &self.stiffness {
+            Stiffness::Uniform { ei_n_m2 } => *ei_n_m2,
+            Stiffness::Taper { ei_base_n_m2, taper } => {
+                ei_base_n_m2 * (1.0 - taper * (s_m / self.length_m).clamp(0.0, 1.0)).powi(4)
+            }
+            Stiffness::Profile { s_m: knots_m, ei_n_m2 } => {
+                interpolated(knots_m, |i| ei_n_m2[i].sqrt().sqrt(), s_m).powi(4)
+            }
+        }
+    }
+
+    /// κ₀ at an arc length, 1/m; past the tip that of the tip.
+    pub fn curvature_per_m_at(&self, s_m: f64) -> f64 {
+        match &self.intrinsic_curvature {
+            IntrinsicCurvature::Constant { per_m } => *per_m,
+            IntrinsicCurvature::Profile { s_m: knots_m, per_m } => interpolated(knots_m, |i| per_m[i], s_m),
+        }
+    }
+
+    /// Diameter at an arc length, metres: linear from clamp to tip, past the tip that of the tip; 0 of a rod without thickness.
+    pub fn diameter_m_at(&self, s_m: f64) -> f64 {
+        let [base, tip] = self.diameters_m;
+        base + (tip - base) * (s_m / self.length_m).clamp(0.0, 1.0)
     }
 
     /// EI at the clamp, N·m².
@@ -100,6 +149,28 @@ impl Rod {
             IntrinsicCurvature::Profile { .. } => None,
         }
     }
+}
+
+/// Linear between knots, constant outside.
+fn interpolated(knots_m: &[f64], value: impl Fn(usize) -> f64, s_m: f64) -> f64 {
+    let next = knots_m.partition_point(|knot| *knot <= s_m);
+    if next == 0 || next == knots_m.len() {
+        return value(next.saturating_sub(1));
+    }
+    let share = (s_m - knots_m[next - 1]) / (knots_m[next] - knots_m[next - 1]);
+    value(next - 1) + share * (value(next) - value(next - 1))
+}
+
+fn finite(per_m: &[f64]) -> Result<(), Error> {
+    if per_m.iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(Error::NotFinite { what: "the whisker's intrinsic curvature" })
+    }
+}
+
+fn not_negative(what: &'static str, seen: f64) -> Result<(), Error> {
+    if seen.is_finite() && 0.0 <= seen { Ok(()) } else { Err(Error::Negative { what, seen }) }
 }
 
 /// NaN is not positive either.
