@@ -68,14 +68,6 @@ pub enum Error {
         /// By how much the outline turns left there, radians.
         turn_rad: f64,
     },
-    /// A quantity that must not be negative is.
-    #[error("{what} is {seen}; it must not be negative")]
-    Negative {
-        /// Which quantity.
-        what: &'static str,
-        /// The value given.
-        seen: f64,
-    },
     /// The whisker cuts through the object before anything has moved.
     #[error("the unloaded whisker cuts the object at the first pose; start the path where it is free")]
     StartsInside,
