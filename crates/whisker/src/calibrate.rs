@@ -470,7 +470,12 @@ impl Calibration {
     }
 
     /// ∂[x, y, θ]/∂parameters of the contact of `sample`, world.
-    fn contact_by_parameters(&self, cell: &Cell, sample: &Sample, mode: Mode) -> Option<SMatrix<f64, 3, COUNT>> {
+    fn contact_by_parameters(
+        &self,
+        cell: &Cell,
+        sample: &Sample,
+        mode: Mode,
+    ) -> Option<SMatrix<f64, 3, COUNT>> {
         let state = State::at(self.values);
         let setting = Setting {
             rod: &self.nominal_rod,

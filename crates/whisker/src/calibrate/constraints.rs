@@ -277,7 +277,9 @@ impl<'a> Posed<'a> {
     /// The signed distance of a contact at the tip from the outline, metres.
     fn on_outline(&self, touched: &Touched, shape: &Shape) -> Constraint {
         let (distance, angle) = signed_distance(shape, touched.x_in_world());
-        self.along(touched, angle, distance, 0.0, |outline, moved| outline.support_by_parameters(moved, angle))
+        self.along(touched, angle, distance, 0.0, |outline, moved| {
+            outline.support_by_parameters(moved, angle)
+        })
     }
 
     /// A distance along a direction of the world, which also depends on the direction of the whisker.

@@ -111,7 +111,9 @@ impl Problem<'_> {
         for (i, off) in layout.offs(state, &self.centre).iter().enumerate() {
             equations.add(-off, &[(i, 1.0)]);
         }
-        for (sample, plan) in self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused) {
+        for (sample, plan) in
+            self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused)
+        {
             for row in projected(&posed, sample, plan, &self.noise)? {
                 equations.add(-row.value, &layout.entries(&row, plan));
             }
@@ -203,7 +205,11 @@ fn correction_of(rows: &[Constraint], correction: &Observed, noise: &Matrix6<f64
     Some(-(noise * back.sum::<Observed>()))
 }
 
-fn misclosure(rows: &[Constraint], correction: &Observed, noise: &Matrix6<f64>) -> (DVector<f64>, DMatrix<f64>) {
+fn misclosure(
+    rows: &[Constraint],
+    correction: &Observed,
+    noise: &Matrix6<f64>,
+) -> (DVector<f64>, DMatrix<f64>) {
     let w = rows.iter().map(|row| row.value - (row.by_observed * correction)[0]);
     let s = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
         (rows[i].by_observed * noise * rows[j].by_observed.transpose())[0]
@@ -221,7 +227,9 @@ fn whitened(rows: Vec<Constraint>, correction: &Observed, noise: &Matrix6<f64>) 
     let whitened = (0..rows.len()).map(|i| Constraint {
         value: (white.row(i) * &w)[0],
         by_observed: RowSVector::from_iterator(mix(&|r| to_dynamic(&r.by_observed), i).iter().copied()),
-        by_parameters: RowSVector::<f64, COUNT>::from_iterator(mix(&|r| to_dynamic(&r.by_parameters), i).iter().copied()),
+        by_parameters: RowSVector::<f64, COUNT>::from_iterator(
+            mix(&|r| to_dynamic(&r.by_parameters), i).iter().copied(),
+        ),
         by_object: mix(&|r| DVector::from_column_slice(&r.by_object), i).iter().copied().collect(),
     });
     let whitened: Vec<Constraint> = whitened.collect();

@@ -93,10 +93,9 @@ pub fn rod_of(values: &Values, rod: &Rod) -> Rod {
         Stiffness::Taper { ei_base_n_m2, taper } => {
             Stiffness::Taper { ei_base_n_m2: ei_base_n_m2 * scale, taper: *taper }
         }
-        Stiffness::Profile { s_m, ei_n_m2 } => Stiffness::Profile {
-            s_m: s_m.clone(),
-            ei_n_m2: ei_n_m2.iter().map(|ei| ei * scale).collect(),
-        },
+        Stiffness::Profile { s_m, ei_n_m2 } => {
+            Stiffness::Profile { s_m: s_m.clone(), ei_n_m2: ei_n_m2.iter().map(|ei| ei * scale).collect() }
+        }
     };
     let intrinsic_curvature = match &rod.intrinsic_curvature {
         IntrinsicCurvature::Constant { per_m } => IntrinsicCurvature::Constant { per_m: per_m + shift },

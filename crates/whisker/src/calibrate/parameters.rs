@@ -158,7 +158,9 @@ impl Priors {
     pub fn check(&self) -> Result<(), Error> {
         let bad = self.0.iter().find(|sigma| !(sigma.is_finite() && 0.0 <= **sigma));
         match bad {
-            Some(seen) => Err(Error::NotPositive { what: "a calibration's prior standard deviation", seen: *seen }),
+            Some(seen) => {
+                Err(Error::NotPositive { what: "a calibration's prior standard deviation", seen: *seen })
+            }
             None => Ok(()),
         }
     }

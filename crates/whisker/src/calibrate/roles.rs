@@ -131,8 +131,12 @@ fn guarded(roles: &[Role], misfits: &[Misfit]) -> Vec<Role> {
         .map(|i| {
             let leave = match roles[i] {
                 Role::Free => near(i, GUARD_SAMPLES, &|r| r != Role::Free),
-                Role::Mid => misfits[i].is_light || misfits[i].tip < AMBIGUOUS && near(i, 2, &|r| r == Role::Tip),
-                Role::Tip => misfits[i].is_light || misfits[i].mid < AMBIGUOUS && near(i, 2, &|r| r == Role::Mid),
+                Role::Mid => {
+                    misfits[i].is_light || misfits[i].tip < AMBIGUOUS && near(i, 2, &|r| r == Role::Tip)
+                }
+                Role::Tip => {
+                    misfits[i].is_light || misfits[i].mid < AMBIGUOUS && near(i, 2, &|r| r == Role::Mid)
+                }
                 Role::Unused => true,
             };
             if leave { Role::Unused } else { roles[i] }

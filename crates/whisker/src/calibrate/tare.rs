@@ -33,7 +33,8 @@ pub fn tare(cell: &Cell, free: &[Sample], gravity: Option<&Gravity>) -> Result<T
         return Err(Error::NotFinite { what: "a free sample's load or hub angle" });
     }
     let weights = cell.load_covariance().try_inverse().unwrap_or_else(Matrix3::identity);
-    let turns = free.iter().any(|s| 1e-3 < (s.world_from_hub.angle_rad - free[0].world_from_hub.angle_rad).abs());
+    let turns =
+        free.iter().any(|s| 1e-3 < (s.world_from_hub.angle_rad - free[0].world_from_hub.angle_rad).abs());
     let gravity = gravity.filter(|_| turns);
     let mut information = Matrix4::zeros();
     let mut right = Vector4::zeros();
@@ -83,10 +84,8 @@ pub fn most_crowded(cell: &Cell, samples: &[Sample]) -> Option<Vector3<f64>> {
     // Two honest free readings differ by χ² of three degrees of freedom times two: 95 % within 16.
     let near = |a: &Vector3<f64>, b: &Vector3<f64>| (a - b).dot(&(weights * (a - b))) < 16.0;
     let every = 1 + loads.len() / 500;
-    let mut centre = *loads
-        .iter()
-        .step_by(every)
-        .max_by_key(|a| loads.iter().filter(|b| near(a, b)).count())?;
+    let mut centre =
+        *loads.iter().step_by(every).max_by_key(|a| loads.iter().filter(|b| near(a, b)).count())?;
     for _ in 0..3 {
         let crowd: Vec<&Vector3<f64>> = loads.iter().filter(|load| near(&centre, load)).collect();
         if crowd.is_empty() {

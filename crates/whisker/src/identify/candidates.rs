@@ -78,9 +78,9 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
         best = fit.as_ref().map_or(best, |fit| fit.cost.min(best));
         (fit, best)
     };
-    let (circle, best_cost) =
-        note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
-    let (square, best_cost) = note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
+    let (circle, best_cost) = note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
+    let (square, best_cost) =
+        note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
     let ellipses = circle.iter().flat_map(|circle| start::ellipses(&circle.state)).collect::<Vec<_>>();
     let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
     let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
@@ -95,7 +95,10 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
         (Model::Rectangle, rectangle),
     ];
     let asked = |model: Model| model.class().is_none_or(|class| classes.contains(&class));
-    all.into_iter().filter(|(model, _)| asked(*model)).filter_map(|(model, fit)| Some((model, fit?))).collect()
+    all.into_iter()
+        .filter(|(model, _)| asked(*model))
+        .filter_map(|(model, fit)| Some((model, fit?)))
+        .collect()
 }
 
 fn as_rectangle(square: &State) -> State {
@@ -158,7 +161,9 @@ pub(super) fn cost_of_axes(search: &Search, near: &[&State], ratio: f64) -> f64 
         };
         (0..4).map(turned)
     });
-    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+    search
+        .best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY)
+        .map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 /// What the best rectangle with sides of this ratio, either way, costs.
@@ -166,11 +171,13 @@ pub(super) fn cost_of_sides(search: &Search, near: &[&State], ratio: f64) -> f64
     let starts = near.iter().flat_map(|state| {
         let (centre, sides, angle) = state.frame();
         let corners = state.outline().map(corner_list).unwrap_or_default();
-        [ratio, 1.0 / ratio].into_iter().flat_map(move |ratio| {
-            stretched(centre, sides, angle, ratio, &corners)
-        })
+        [ratio, 1.0 / ratio]
+            .into_iter()
+            .flat_map(move |ratio| stretched(centre, sides, angle, ratio, &corners))
     });
-    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+    search
+        .best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY)
+        .map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 fn corner_list(outline: super::outline::Outline) -> Vec<Vector2<f64>> {

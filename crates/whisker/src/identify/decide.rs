@@ -182,8 +182,13 @@ fn sides_known(
 /// A polygon needs normals from enough sides, and all its corners.
 fn closed(evidence: &Evidence, polygon: &Candidate, config: &Config) -> Result<(), Reason> {
     let seen = verdicts(evidence.rows, &polygon.fit.state).squared;
-    let inliers: Vec<Row> =
-        evidence.rows.iter().zip(&seen).filter(|(_, squared)| **squared < OUTLIER_COST).map(|(row, _)| *row).collect();
+    let inliers: Vec<Row> = evidence
+        .rows
+        .iter()
+        .zip(&seen)
+        .filter(|(_, squared)| **squared < OUTLIER_COST)
+        .map(|(row, _)| *row)
+        .collect();
     let lines = lines(&inliers, evidence.lines.origin);
     let seen_rad = arc(&lines, config.gap_rad).map_or(0.0, |([from, to], _)| to - from);
     let is_plate = polygon.fit.state.n_parameters() < 6;

@@ -91,7 +91,8 @@ impl Smooth {
         let mut beta = if row.tip { self.normal_through(row) } else { row.beta };
         let (mut e, mut w) = self.residual(row, beta);
         for _ in 0..8 {
-            let step = (w.dot(&e) / w.norm_squared().max(f64::MIN_POSITIVE)).clamp(-LARGEST_TURN, LARGEST_TURN);
+            let step =
+                (w.dot(&e) / w.norm_squared().max(f64::MIN_POSITIVE)).clamp(-LARGEST_TURN, LARGEST_TURN);
             beta += step;
             (e, w) = self.residual(row, beta);
             // A ten-thousandth of a standard deviation along the curve.
@@ -104,8 +105,11 @@ impl Smooth {
         let unit = q / q.norm();
         // d(P P n/|P n|) by P: dP û + P (I − û ûᵀ) dP n/|P n|, eq. (7).
         let across = self.root * (Matrix2::identity() - unit * unit.transpose()) / q.norm();
-        let basis =
-            [Matrix2::new(1.0, 0.0, 0.0, 0.0), Matrix2::new(0.0, 1.0, 1.0, 0.0), Matrix2::new(0.0, 0.0, 0.0, 1.0)];
+        let basis = [
+            Matrix2::new(1.0, 0.0, 0.0, 0.0),
+            Matrix2::new(0.0, 1.0, 1.0, 0.0),
+            Matrix2::new(0.0, 0.0, 0.0, 1.0),
+        ];
         let project = along_removed(&w);
         let mut by = ArrayVec::new();
         by.push((0, project(place(row, Vector2::x()))));
@@ -223,7 +227,8 @@ impl Corners {
                 let project = along_removed(&w);
                 let turned = face.normal / face.length;
                 for (corner, weight, sign) in [(k, 1.0 - share, 1.0), (next, share, -1.0)] {
-                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate() {
+                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate()
+                    {
                         let v = Vector3::new(weight * unit.x, weight * unit.y, sign * turned[i]);
                         by.push((2 * corner + i, project(row.w * v)));
                     }

@@ -58,7 +58,14 @@ impl Row {
         let sigma = with_remainder(&touch.covariance, along);
         let w = whitener(&sigma, touch.mode == Mode::Tip).ok_or(Use::TooUncertain)?;
         let across = n.dot(&(sigma.fixed_view::<2, 2>(0, 0) * n));
-        Ok(Row { index, x: touch.x_in_world, beta, w, tip: touch.mode == Mode::Tip, line_weight: 1.0 / across })
+        Ok(Row {
+            index,
+            x: touch.x_in_world,
+            beta,
+            w,
+            tip: touch.mode == Mode::Tip,
+            line_weight: 1.0 / across,
+        })
     }
 }
 
