@@ -152,7 +152,7 @@ fn start<'a>(
     mu: f64,
     hub: &PlanarPose,
 ) -> Result<Follower<'a>, Error> {
-    if free::is_blocked(rod, outline, hub) {
+    if free::is_deep(rod, outline, hub) {
         return Err(Error::StartsInside);
     }
     Ok(Follower {

@@ -458,6 +458,21 @@ fn noise_is_seeded() {
     assert_ne!(add_noise(&still, &nano17(), 9), add_noise(&still, &nano17(), 10));
 }
 
+/// A bend of the motion between two samples is not cut short: into the object's reach and back within one step.
+#[test]
+fn a_bend_between_samples_is_followed() {
+    let circle = Shape::Circle { centre_m: Vector2::new(0.0, 0.16), radius_m: 0.025 };
+    let poses = vec![hub(-0.05, 0.0, FRAC_PI_2), hub(0.0, 0.0, FRAC_PI_2), hub(-0.05, 0.0, FRAC_PI_2)];
+    let spacing = Spacing { before: 1, after_touch: 1, after_slip_off: 0 };
+    let found = sweep(&wire(), &circle, 0.0, 0, &Motion::Through { poses }, &spacing).expect("a sweep");
+    assert_eq!(found.samples.len(), 2);
+    let changes: Vec<_> = found.events.iter().map(|event| event.change).collect();
+    assert!(matches!(changes[..], [Change::Touch { .. }, Change::LiftOff]), "{changes:?}");
+    assert!((found.events[0].pose - 0.25).abs() < 1e-6 && (found.events[1].pose - 0.75).abs() < 1e-6);
+    let nowhere = sweep(&wire(), &circle, 0.0, 0, &Motion::Through { poses: vec![] }, &Spacing::default());
+    assert!(matches!(nowhere, Err(Error::TooFew { .. })));
+}
+
 /// Motions: ends, and what lies between.
 #[test]
 fn motions_pass_through_their_poses() {

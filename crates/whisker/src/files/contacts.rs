@@ -302,7 +302,9 @@ pub fn to_csv(row: &ContactRow) -> String {
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.contains([',', '"', '\n', ';']) => format!("\"{}\"", text.replace('"', "\"\"")),
+        Value::String(text) if text.contains([',', '"', '\n', ';']) => {
+            format!("\"{}\"", text.replace('"', "\"\""))
+        }
         Value::String(text) => text.clone(),
         Value::Array(list) => list.iter().map(Value::to_string).collect::<Vec<_>>().join(";"),
         number => number.to_string(),
@@ -345,7 +347,9 @@ pub fn read(text: &str) -> Result<Vec<ContactRow>, TextError> {
         lines.next();
         check_header(first, header)?;
     }
-    lines.map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row()).collect()
+    lines
+        .map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row())
+        .collect()
 }
 
 fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
@@ -353,7 +357,10 @@ fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
     match needed.iter().find(|name| !header.iter().any(|column| column == *name)) {
         Some(name) => Err(TextError::at(
             line,
-            format!("no column `{name}`; the columns are {}; write them by `whisker solve`", header.join(",")),
+            format!(
+                "no column `{name}`; the columns are {}; write them by `whisker solve`",
+                header.join(",")
+            ),
         )),
         None => Ok(()),
     }
@@ -418,9 +425,10 @@ impl Reader<'_> {
 
     fn other_s_m(&self) -> Vec<f64> {
         match &self.cells {
-            Cells::Object(object) => {
-                object.get("other_s").and_then(Value::as_array).map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect())
-            }
+            Cells::Object(object) => object
+                .get("other_s")
+                .and_then(Value::as_array)
+                .map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect()),
             Cells::Row(_) => {
                 let text = line::text(&self.cells, self.column("other_s"), "other_s").unwrap_or_default();
                 text.split(';').filter_map(|s| s.parse().ok()).collect()
