@@ -12,6 +12,8 @@ mod start;
 mod candidates;
 mod decide;
 mod report;
+#[cfg(test)]
+mod tests;
 
 pub use touch::Touch;
 

@@ -25,7 +25,7 @@ pub(super) struct Verdicts {
 }
 
 /// Costs and their derivatives by the outline's own parameters, eq. (7), then by the hypothesis's.
-fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> {
+pub(super) fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> {
     let outline = state.outline()?;
     let mut own = DenseEquations::new(outline.n_parameters());
     for row in rows {
