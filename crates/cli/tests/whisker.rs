@@ -385,7 +385,9 @@ fn a_wrong_rig_is_calibrated_away() {
     let median = |checked: &Value| number(&score(checked, "firm")["median_m"]);
     assert!(median(&after) < 1.15 * median(&good), "{after}");
     assert!(number(&score(&after, "firm")["nees"]) < 2.6, "{after}");
-    assert!(2.0 * median(&good) < median(&before) || number(&before["n_firm_unanswered"]) > 20.0, "{before}");
+    // Uncalibrated, most contacts are called inconsistent, or they are plainly elsewhere.
+    let is_told = number(&score(&before, "firm")["n_true"]) < 2.0 * number(&before["n_firm_unanswered"]);
+    assert!(is_told || 2.0 * median(&good) < median(&before), "{before}");
 }
 
 #[test]
