@@ -1,5 +1,6 @@
 //! Where the whisker touches, from one load: the first arc length at which the bending moment vanishes.
 
+pub mod bent;
 mod clamp;
 pub mod closed_form;
 pub mod curved;
