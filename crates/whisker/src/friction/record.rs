@@ -314,7 +314,7 @@ impl<'a> Touched<'a> {
             .iter()
             .enumerate()
             .filter_map(|(k, (p, projection))| {
-                let contact = if k == 0 { estimate.contact.clone() } else { under(projection).contact };
+                let contact = if k == 0 { estimate.contact } else { under(projection).contact };
                 Some((p / total, contact?))
             })
             .collect();
