@@ -100,7 +100,7 @@ fn solver(rod: &Rod, method: Method) -> Solver {
 /// The contact of `load`.
 pub fn contact_in_hub(rod: &Rod, load: &HubLoad, method: Method) -> Result<HubContact, NoZero> {
     match solver(rod, method) {
-        Solver::Straight { ei_n_m2 } => closed_form::contact(ei_n_m2, load),
+        Solver::Straight { ei_n_m2 } => closed_form::straight(ei_n_m2, load),
         Solver::Curved { ei_n_m2, curvature_per_m } => curved::contact(ei_n_m2, curvature_per_m, load),
         Solver::Integrate => integrate::contact(rod, load),
     }
@@ -113,7 +113,7 @@ pub fn contact_with_derivatives(
     method: Method,
 ) -> Result<(HubContact, ByLoad), NoZero> {
     match solver(rod, method) {
-        Solver::Straight { ei_n_m2 } => closed_form::contact_with_derivatives(ei_n_m2, load),
+        Solver::Straight { ei_n_m2 } => closed_form::straight_with_derivatives(ei_n_m2, load),
         Solver::Curved { ei_n_m2, curvature_per_m } => {
             curved::contact_with_derivatives(ei_n_m2, curvature_per_m, load)
         }
