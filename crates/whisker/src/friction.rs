@@ -109,7 +109,9 @@ pub(crate) fn answer(
 fn contact_of(rod: &Rod, cell: &Cell, sample: &Sample, method: Method, projection: &Projection) -> Contact {
     let Projection { load, covariance, at, by_load, .. } = projection;
     let hub = &sample.world_from_hub;
-    let contact = Contact::in_world(hub, &cell.hub_covariance(), load, covariance, at, by_load);
+    let moved = Sample { load: *load, ..*sample };
+    let in_hub = by_load * covariance * by_load.transpose();
+    let contact = Contact::in_world(&moved, &cell.hub_covariance(), at, &in_hub);
     let bent = bend(rod, projection, method).map_or(Matrix3::zeros(), |bend| {
         let turned = hub.turn(bend.fixed_rows::<2>(0).into_owned());
         let bend = Vector3::new(turned.x, turned.y, bend.z);

@@ -87,8 +87,8 @@ fn bounds(set: &Set) -> Vec<f64> {
     let bound = |(sample, truth): (&Sample, &Truth)| {
         let constraint = if true_mode(truth) == Mode::Tip { Constraint::Tip } else { friction };
         let at = project(&set.rod, &set.cell, sample, constraint, Method::Auto).ok()?;
-        let hub = (&sample.world_from_hub, set.cell.hub_covariance());
-        let contact = Contact::in_world(hub.0, &hub.1, &at.load, &at.covariance, &at.at, &at.by_load);
+        let in_hub = at.by_load * at.covariance * at.by_load.transpose();
+        let contact = Contact::in_world(sample, &set.cell.hub_covariance(), &at.at, &in_hub);
         Some(contact.covariance[(0, 0)] + contact.covariance[(1, 1)])
     };
     set.clean.iter().zip(&set.truth).map(|pair| bound(pair).unwrap_or(0.0)).collect()
