@@ -9,11 +9,15 @@
 
 mod mixture;
 pub mod modes;
+pub mod online;
 pub mod projection;
 pub mod record;
+mod states;
 
+pub use online::Online;
 pub use projection::{Constraint, Projection, project};
-pub use record::{Mu, Record, Tests, solve_record};
+pub use record::{Mu, Record, solve_record};
+pub use states::Tests;
 
 use crate::contact::{Method, NoZero};
 use crate::estimate::{Contact, LEAST_FORCE_SIGMAS, MOST_ALONG_SHARE, Mode, Status, estimate};
