@@ -30,7 +30,6 @@ pub(crate) fn mixed(contacts: &[(f64, Contact)]) -> Option<Contact> {
         friction_angle_sigma_rad: spread(&|c| c.friction_angle_rad, &|c| c.friction_angle_sigma_rad),
         modulus_squared: mean(&|c| c.modulus_squared),
         covariance,
-        ..first.clone()
     })
 }
 
