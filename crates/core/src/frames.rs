@@ -3,7 +3,7 @@
 //! `check_intrinsics` tests without changing anything; `refine_intrinsics` estimates chosen intrinsics together with every pose.
 //! Derivation: docs/math/frames.md.
 
-pub(crate) mod chi_square;
+pub mod chi_square;
 mod equations;
 mod check;
 mod refined;

@@ -14,6 +14,8 @@ pub mod rod;
 pub mod elliptic;
 pub mod contact;
 pub mod estimate;
+pub mod friction;
+pub mod events;
 pub mod sweep;
 pub mod shape;
 

@@ -16,7 +16,7 @@ pub mod start;
 pub mod tip;
 
 use crate::contact::{ByLoad, Method};
-use crate::estimate::{Contact, ContactEstimate, Mode, Status};
+use crate::estimate::{Contact, ContactEstimate, GATE_SIGMAS, MOST_ALONG_SHARE, Mode, Status};
 use crate::{Cell, Error, HubContact, Rod, Sample};
 use batch::{Prior, Smoothed};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3};
@@ -30,8 +30,6 @@ const UNKNOWN_FRICTION_RAD: f64 = 0.5;
 const EXACT_MU: f64 = 1e-7;
 /// A contact leaves its tangent where the envelope condition is off by this many standard deviations: once in 2 million.
 const JUMP: f64 = 5.0;
-/// Contacts less certain along the whisker than this share of its length are told as too light.
-const LOW_FORCE: f64 = 0.05;
 /// A jump across the tangent by less than this share of the length is no leap but a contradiction.
 const LEAP: f64 = 0.002;
 /// Friction that helps sliding, by this many standard deviations, is a wrong stiffness or gain.
@@ -252,9 +250,9 @@ pub(crate) fn estimate(
     let misfit = node.deviation(z).norm_squared();
     let status = match &contact {
         None => Status::NoZero,
-        Some(c) if LOW_FORCE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
+        Some(c) if MOST_ALONG_SHARE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
         Some(_) if INCONSISTENT < misfit => Status::Inconsistent,
-        Some(c) if with.rod.length_m + 3.0 * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
+        Some(c) if with.rod.length_m + GATE_SIGMAS * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
             Status::BeyondTip
         }
         Some(_) => Status::Ok,

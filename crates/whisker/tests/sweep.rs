@@ -231,14 +231,15 @@ fn rows_that_are_no_numbers_are_told_not_dropped() {
     assert!(sweep.estimates.iter().all(numbers));
 }
 
-/// A negative coefficient and a load cell without noise are refused by name.
+/// A negative coefficient and a noise that is no number are refused by name.
 #[test]
 fn impossible_instruments_are_refused() {
     let rod = resight_whisker::Rod::uniform(0.25, 0.01).expect("a rod");
     let cell = Cell { force_sigma_n: 1e-3, torque_sigma_n_m: 1e-5, ..Cell::default() };
     let negative = Options { friction: Friction::Given { mu: -0.1 }, ..Options::default() };
     assert!(smooth(&rod, &cell, &[], &negative).is_err());
-    assert!(smooth(&rod, &Cell::default(), &[], &Options::default()).is_err());
+    let noise = Cell { force_sigma_n: f64::INFINITY, ..cell };
+    assert!(smooth(&rod, &noise, &[], &Options::default()).is_err());
     assert!(smooth(&rod, &cell, &[], &Options::default()).is_ok_and(|sweep| sweep.estimates.is_empty()));
 }
 
@@ -341,4 +342,23 @@ fn a_wrong_stiffness_or_gain_is_told() {
         }
     }
     assert!(22 <= told.iter().filter(|told| **told).count(), "{told:?}");
+}
+
+/// A record without noise, from a load cell that claims to be exact: what bends the outline between contacts, |Δ| times the
+/// turn, is all that is left, and on these objects far below a micrometre.
+#[test]
+fn a_record_without_noise_stays_exact() {
+    let Some(sets) = sets() else { return };
+    for set in &sets {
+        let sweep = smooth(&set.rod, &Cell::default(), &set.clean, &Options::default()).expect("a sweep");
+        let errors = Errors::of(&sweep.estimates, &set.truth);
+        println!(
+            "{}: μ off by {:.1e}, rms {:.1e} m",
+            set.name,
+            sweep.mu - true_mu(set),
+            1e-3 * errors.rms_mm()
+        );
+        assert!(errors.rms_mm() < 1e-3 && errors.missing == 0, "{}: {}", set.name, errors.line());
+        assert!((sweep.mu - true_mu(set)).abs() < 1e-6, "{}: mu {}", set.name, sweep.mu);
+    }
 }

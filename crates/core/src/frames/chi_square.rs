@@ -8,7 +8,7 @@ const LOGARITHMS_FROM: f64 = 600.0;
 const FRACTION_TERMS: usize = 60;
 
 /// Chance that χ² with `degrees_of_freedom` exceeds `statistic`; 1 without degrees of freedom.
-pub(crate) fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
+pub fn tail(degrees_of_freedom: usize, statistic: f64) -> f64 {
     if degrees_of_freedom == 0 || !(0.0 < statistic) {
         return 1.0;
     }
@@ -47,7 +47,7 @@ fn tail_by_logarithms(degrees_of_freedom: usize, y: f64) -> f64 {
 }
 
 /// The complementary error function for z ≥ 0.
-pub(crate) fn erfc(z: f64) -> f64 {
+pub fn erfc(z: f64) -> f64 {
     let bell = (-z * z).exp() * core::f64::consts::FRAC_2_SQRT_PI;
     if SERIES_UP_TO < z {
         let tail = (1..=FRACTION_TERMS).rev().fold(z, |tail, n| z + 0.5 * n as f64 / tail);

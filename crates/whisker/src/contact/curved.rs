@@ -136,12 +136,12 @@ impl Bent {
     /// On the separatrix k = 1 the formulas of the derivatives are 0/0; a part in 10⁷ beside it they err by as much.
     fn off_the_separatrix(self) -> Result<Self, NoZero> {
         const BESIDE: f64 = 1e-7;
-        let Clamp { h, c, .. } = self.clamp;
+        let Clamp { h, m, z, c, .. } = self.clamp;
         if BESIDE * h * h < self.complement2.abs() {
             return Ok(self);
         }
-        let moved = c * (1.0 - BESIDE);
-        Bent::of(Clamp { c: moved, m: moved - self.clamp.z, ..self.clamp })
+        let by = 1.0 - BESIDE;
+        Bent::of(Clamp { m: m * by, z: z * by, c: c * by, ..self.clamp })
     }
 }
 
@@ -168,16 +168,25 @@ impl Reach {
         }
     }
 
-    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, z]`, eq. (39)–(41).
+    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (39)–(41).
     fn partials(&self) -> Matrix4x3<f64> {
         let Bent { clamp: Clamp { g, h, c, z, .. }, k2, complement2, .. } = self.bent;
         let State { g: g_c, h: h_c, .. } = self.end;
-        let (both, end) = (k2 * complement2, 1.0 / (g_c * h_c));
-        let u_k = (self.u * k2 - self.p) / both + z * (complement2 - g_c * g_c) * end / both;
-        let w_k = (z * h_c / g_c - self.p) / k2;
-        let u = [c * u_k + g * h / both, 0.5 * (g * h * u_k - c * (complement2 - g * g) / both), -end];
-        let w = [c * w_k + g * h / k2, 0.5 * (g * h * w_k - c * h * h / k2), -h_c / g_c];
-        let angle = [2.0 * c * end, g * h * end, -2.0 * z * end];
+        let (both, end, gg) = (k2 * complement2, 1.0 / (g_c * h_c), g * g);
+        let (u_p, w_p) = ((self.u * k2 - self.p) / both, -self.p / k2);
+        let u_k = u_p + z * (complement2 - g_c * g_c) * end / both;
+        let w_k = w_p + z * h_c / (g_c * k2);
+        let u = [
+            c * u_k + g * h / both,
+            0.5 * (g * h * u_k - c * (complement2 - gg) / both),
+            c * (c * u_p + g * h / both) - z * end * (gg * complement2 + c * c * g_c * g_c) / both,
+        ];
+        let w = [
+            c * w_k + g * h / k2,
+            0.5 * (g * h * w_k - c * h * h / k2),
+            c * (c * w_p + g * h / k2) - z * h_c * gg / (g_c * k2),
+        ];
+        let angle = [2.0 * c * end, g * h * end, 2.0 * self.bent.lift() * end];
         Matrix4x3::from_fn(|row, i| match row {
             0 => u[i],
             1 => 2.0 * w[i] - u[i],
