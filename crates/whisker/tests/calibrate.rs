@@ -11,7 +11,8 @@ use resight_whisker::{HubLoad, PlanarPose, Rod, Sample, Shape};
 fn as_read(wrong: &Values, sample: &Sample) -> Sample {
     let v = |p: Parameter| wrong[p.index()];
     let force = sample.load.force_n();
-    let moment = sample.load.mz_n_m - v(Parameter::CellOriginX) * force.y + v(Parameter::CellOriginY) * force.x;
+    let moment =
+        sample.load.mz_n_m - v(Parameter::CellOriginX) * force.y + v(Parameter::CellOriginY) * force.x;
     let (sin, cos) = v(Parameter::CellAngle).sin_cos();
     let in_cell = Matrix2::new(cos, sin, -sin, cos) * force / v(Parameter::ForceGain).exp();
     let hub = sample.world_from_hub;
@@ -49,7 +50,9 @@ fn object_of(name: &str) -> Shape {
 fn explore() {
     let Some(sets) = sets() else { return };
     for set in sets.iter().filter(|set| !set.name.contains("taper")) {
-        for object in [Object::Unknown, Object::Known(object_of(set.name)), Object::KnownClass(object_of(set.name))] {
+        for object in
+            [Object::Unknown, Object::Known(object_of(set.name)), Object::KnownClass(object_of(set.name))]
+        {
             let mut wrong = Values::zeros();
             for (p, v) in [
                 (Parameter::Stiffness, 0.0),
@@ -81,7 +84,13 @@ fn explore() {
             );
             for p in Parameter::ALL.into_iter().filter(|p| 0.0 < result.calibration.sigma(*p)) {
                 let (value, sigma) = (result.calibration.value(p), result.calibration.sigma(p));
-                println!("   {:24} {:11.3e} ± {:9.2e}  z {:6.2}", p.name(), value - wrong[p.index()], sigma, (value - wrong[p.index()]) / sigma);
+                println!(
+                    "   {:24} {:11.3e} ± {:9.2e}  z {:6.2}",
+                    p.name(),
+                    value - wrong[p.index()],
+                    sigma,
+                    (value - wrong[p.index()]) / sigma
+                );
             }
             for u in &result.undetermined {
                 println!("   open {:.2} {:?} {}", u.left, u.combination, u.reason);
@@ -153,8 +162,13 @@ fn monte() {
                 .map(|p| p.index())
                 .filter(|i| object != Object::Unknown || ![7, 8, 9].contains(i))
                 .collect();
-            let e = nalgebra::DVector::from_iterator(free.len(), free.iter().map(|i| r.calibration.values[*i] - wrong[*i]));
-            let c = nalgebra::DMatrix::from_fn(free.len(), free.len(), |i, j| r.calibration.covariance[(free[i], free[j])]);
+            let e = nalgebra::DVector::from_iterator(
+                free.len(),
+                free.iter().map(|i| r.calibration.values[*i] - wrong[*i]),
+            );
+            let c = nalgebra::DMatrix::from_fn(free.len(), free.len(), |i, j| {
+                r.calibration.covariance[(free[i], free[j])]
+            });
             nees += e.dot(&c.cholesky().unwrap().solve(&e)) / free.len() as f64;
             for i in free {
                 let s = r.calibration.covariance[(i, i)].sqrt();
@@ -169,7 +183,13 @@ fn monte() {
         for p in Parameter::ALL {
             let i = p.index();
             if sum2[i] > 0.0 {
-                println!("   {:24} mean z {:6.2} rms z {:5.2} sigma {:.2e}", p.name(), sum[i] / n, (sum2[i] / n).sqrt(), sig[i] / n);
+                println!(
+                    "   {:24} mean z {:6.2} rms z {:5.2} sigma {:.2e}",
+                    p.name(),
+                    sum[i] / n,
+                    (sum2[i] / n).sqrt(),
+                    sig[i] / n
+                );
             }
         }
     }

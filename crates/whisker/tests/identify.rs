@@ -26,13 +26,23 @@ fn print_sets() {
             let begin = std::time::Instant::now();
             let found = identify(&list, &Config::default()).unwrap();
             let ms = begin.elapsed().as_secs_f64() * 1e3;
-            println!("{} {sweeps:?} n {} {:?} {:?} chi2/dof {:.2} {ms:.1} ms", set.name, list.len(), found.verdict, found.reason, found.chi2_per_dof);
+            println!(
+                "{} {sweeps:?} n {} {:?} {:?} chi2/dof {:.2} {ms:.1} ms",
+                set.name,
+                list.len(),
+                found.verdict,
+                found.reason,
+                found.chi2_per_dof
+            );
             for p in &found.parameters {
                 print!("  {} {:.5}±{:.5}", p.name, p.value, p.sigma);
             }
             println!("\n   {:?}", found.coverage);
             for s in &found.scores {
-                println!("     {:?} k {} chi2 {:.1} {:.2} out {} bic {:.1}", s.model, s.n_parameters, s.chi2, s.chi2_per_dof, s.n_outliers, s.bic);
+                println!(
+                    "     {:?} k {} chi2 {:.1} {:.2} out {} bic {:.1}",
+                    s.model, s.n_parameters, s.chi2, s.chi2_per_dof, s.n_outliers, s.bic
+                );
             }
         }
     }

@@ -143,7 +143,16 @@ fn recorded_sweeps_are_within_a_quarter_millimetre() {
     for set in &sets {
         let sweep = smoothed(set, &set.noisy);
         let errors = Errors::of(&sweep.estimates, &set.truth);
-        println!("{}: mu {:.4} ± {:.4}, jumps {:?}, χ² {:.0}/{}, {} steps", set.name, sweep.mu, sweep.mu_sigma, sweep.jumps, sweep.chi2, 3 * sweep.contacts, sweep.iterations);
+        println!(
+            "{}: mu {:.4} ± {:.4}, jumps {:?}, χ² {:.0}/{}, {} steps",
+            set.name,
+            sweep.mu,
+            sweep.mu_sigma,
+            sweep.jumps,
+            sweep.chi2,
+            3 * sweep.contacts,
+            sweep.iterations
+        );
         println!("    {}", errors.line());
         for number in 0..3 {
             let keep: Vec<usize> = (0..set.truth.len()).filter(|&i| set.noisy[i].sweep == number).collect();
@@ -180,7 +189,10 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
                 pooled.add(Errors::of(&sweep.estimates, &set.truth));
             }
             println!("{} {name}: {}", set.name, pooled.line());
-            println!("    NEES median {:.2} (of χ²₂: 1.39), mu worst {mu_worst:.4}, NEES {mu_nees:.2}, jumps {jumps}", median(&pooled.nees));
+            println!(
+                "    NEES median {:.2} (of χ²₂: 1.39), mu worst {mu_worst:.4}, NEES {mu_nees:.2}, jumps {jumps}",
+                median(&pooled.nees)
+            );
             let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
             assert!(pooled.rms_mm() < bar_mm, "{} {name}: {}", set.name, pooled.line());
             assert!(pooled.median_mm() < 0.12, "{} {name}: {}", set.name, pooled.line());
@@ -200,7 +212,9 @@ fn rows_that_are_no_numbers_are_told_not_dropped() {
     assert_eq!(sweep.estimates.len(), samples.len());
     assert_eq!(sweep.estimates[60].status, Status::Inconsistent);
     let numbers = |e: &ContactEstimate| {
-        e.contact.as_ref().is_none_or(|c| c.covariance.iter().chain(c.x_in_world.iter()).all(|v| v.is_finite()))
+        e.contact
+            .as_ref()
+            .is_none_or(|c| c.covariance.iter().chain(c.x_in_world.iter()).all(|v| v.is_finite()))
     };
     assert!(sweep.estimates.iter().all(numbers));
 }

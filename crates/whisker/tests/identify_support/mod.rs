@@ -47,12 +47,20 @@ pub fn object(class: Class, chance: &mut Chance) -> Shape {
         Class::Circle => Shape::Circle { centre_m, radius_m: chance.between(0.010, 0.050) },
         Class::Ellipse => {
             let a = chance.between(0.025, 0.050);
-            Shape::Ellipse { centre_m, semi_axes_m: [a, a * chance.between(0.4, 0.8)], angle_rad: 2.0 * angle_rad }
+            Shape::Ellipse {
+                centre_m,
+                semi_axes_m: [a, a * chance.between(0.4, 0.8)],
+                angle_rad: 2.0 * angle_rad,
+            }
         }
         Class::Square => Shape::square(centre_m, chance.between(0.040, 0.080), angle_rad),
         Class::Rectangle => {
             let a = chance.between(0.045, 0.080);
-            Shape::Rectangle { centre_m, sides_m: [a, a * chance.between(0.4, 0.8)], angle_rad: 2.0 * angle_rad }
+            Shape::Rectangle {
+                centre_m,
+                sides_m: [a, a * chance.between(0.4, 0.8)],
+                angle_rad: 2.0 * angle_rad,
+            }
         }
         Class::Polygon => polygon(centre_m, angle_rad, chance),
     }
