@@ -58,4 +58,39 @@ pub enum Error {
         /// What to do.
         way_out: &'static str,
     },
+    /// A polygon is not convex, or its corners run clockwise.
+    #[error(
+        "corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
+    )]
+    NotConvex {
+        /// Which corner, from 0.
+        corner: usize,
+        /// By how much the outline turns left there, radians.
+        turn_rad: f64,
+    },
+    /// The whisker cuts through the object before anything has moved.
+    #[error("the unloaded whisker cuts the object at the first pose; start the path where it is free")]
+    StartsInside,
+    /// The path leads the clamp into the object.
+    #[error("the hub is inside the object at pose {pose}; move the path away from the object")]
+    HubInside {
+        /// Which pose, from 0.
+        pose: usize,
+    },
+    /// Neither free nor in quasi-static contact at a single point.
+    #[error(
+        "pose {pose}: the whisker is neither free nor at rest against a single point of the object; shorten the path or change it"
+    )]
+    NoRest {
+        /// Which pose, from 0.
+        pose: usize,
+    },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
+    },
 }

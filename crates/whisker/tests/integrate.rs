@@ -34,6 +34,25 @@ fn bumpy() -> Rod {
     }
 }
 
+fn bent_by(rod: &Rod, step_per_m: f64) -> Rod {
+    let mut bent = rod.clone();
+    match &mut bent.intrinsic_curvature {
+        IntrinsicCurvature::Constant { per_m } => *per_m += step_per_m,
+        IntrinsicCurvature::Profile { per_m, .. } => per_m.iter_mut().for_each(|v| *v += step_per_m),
+    }
+    bent
+}
+
+fn stiffer_by(rod: &Rod, factor: f64) -> Rod {
+    let mut stiffer = rod.clone();
+    match &mut stiffer.stiffness {
+        Stiffness::Uniform { ei_n_m2 } => *ei_n_m2 *= factor,
+        Stiffness::Taper { ei_base_n_m2, .. } => *ei_base_n_m2 *= factor,
+        Stiffness::Profile { ei_n_m2, .. } => ei_n_m2.iter_mut().for_each(|ei| *ei *= factor),
+    }
+    stiffer
+}
+
 fn numbers(at: &HubContact) -> [f64; 5] {
     [at.x_in_hub.x, at.x_in_hub.y, at.theta_rad, at.s_m, at.friction_angle_rad]
 }
@@ -167,6 +186,22 @@ fn derivatives_match_central_differences() {
                 assert!(off < 2e-7, "{at:?}, row {row}, column {column}: {off:e}");
             }
         }
+        let by_curvature = integrate::derivatives(&rod, &load(at), 0).expect("a contact").2;
+        let ends = [1e-5, -1e-5]
+            .map(|step| numbers(&integrate::contact(&bent_by(&rod, step), &load(at)).expect("a contact")));
+        for row in 0..5 {
+            let difference = (ends[0][row] - ends[1][row]) / 2e-5;
+            assert!((by_curvature[row] - difference).abs() < 1e-6 * by_curvature.amax(), "{at:?}, row {row}");
+        }
+        // A common factor on load and stiffness changes nothing: −by_load · load is the derivative by ln EI.
+        let stiffer = [1e-5, -1e-5].map(|step: f64| {
+            numbers(&integrate::contact(&stiffer_by(&rod, step.exp()), &load(at)).expect("a contact"))
+        });
+        for row in 0..5 {
+            let by_ln_ei = -(by_load.row(row) * load(at).to_vector())[0];
+            let difference = (stiffer[0][row] - stiffer[1][row]) / 2e-5;
+            assert!((by_ln_ei - difference).abs() < 1e-6, "{at:?}, row {row}");
+        }
     }
 }
 
@@ -218,6 +253,11 @@ fn later_zeros_of_a_wave() {
     assert_eq!(zeros.len(), 2);
     assert!((zeros[1].s_m - zeros[0].s_m - spacing).abs() < 1e-5 * spacing);
     assert!(integrate::zeros(&rod, &load([-0.4, 0.47, 0.0885])).len() == 1);
+    let (second, by_load, _) = integrate::derivatives(&rod, &pushed, 1).expect("a second zero");
+    assert_eq!(second, zeros[1]);
+    let ends = [1e-7, -1e-7].map(|step| integrate::zeros(&rod, &load([-5.0, step, 0.002]))[1].s_m);
+    let difference = (ends[0] - ends[1]) / 2e-7;
+    assert!((by_load[(3, 1)] - difference).abs() < 1e-6 * difference.abs(), "{difference} {by_load}");
 }
 
 #[test]

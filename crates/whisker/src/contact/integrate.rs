@@ -17,7 +17,7 @@ mod variation;
 
 use super::{ByLoad, HubContact, NoZero};
 use crate::{HubLoad, Rod};
-use nalgebra::{Matrix3, RowVector3, Vector2};
+use nalgebra::{Matrix3, RowVector4, SMatrix, SVector, Vector2};
 use piece::{Piece, Units};
 use series::{Series, State};
 use variation::Variation;
@@ -40,15 +40,31 @@ pub fn contact(rod: &Rod, load: &HubLoad) -> Result<HubContact, NoZero> {
 /// The first zero of the moment with its derivatives by the load, from the variational equations
 /// (docs/math/whisker_integrate.md eqs. (9)–(13)). A zero that the moment only grazes has no derivative: `NeverVanishes`.
 pub fn contact_with_derivatives(rod: &Rod, load: &HubLoad) -> Result<(HubContact, ByLoad), NoZero> {
+    derivatives(rod, load, 0).map(|(at, by_load, _)| (at, by_load))
+}
+
+/// A zero of the moment (0: the first, 1: the next, …) with the derivatives of `[x, y, θ, s, friction angle]` by the load and by
+/// curvature added everywhere (κ₀, 1/m).
+///
+/// Those by ln EI and by the clamp's angle follow from them: a common factor on force, moment and EI changes nothing
+/// (∂/∂ln EI = −by_load · load), and turning the clamp turns the load.
+pub fn derivatives(
+    rod: &Rod,
+    load: &HubLoad,
+    zero: usize,
+) -> Result<(HubContact, ByLoad, SVector<f64, 5>), NoZero> {
     let mut walk = Walk::start(rod, load)?;
     let mut variation = Variation::identity();
-    let zero = walk.next_zero(Some(&mut variation))?;
-    let by_load = walk.by_load(&zero, &variation);
-    if by_load.iter().all(|v| v.is_finite()) {
-        Ok((walk.in_hub(&zero)?, by_load))
-    } else {
-        Err(NoZero::NeverVanishes)
+    for _ in 0..zero {
+        walk.next_zero(Some(&mut variation))?;
     }
+    let zero = walk.next_zero(Some(&mut variation))?;
+    let by_own = walk.by_own(&zero, &variation);
+    if !by_own.iter().all(|v| v.is_finite()) {
+        return Err(NoZero::NeverVanishes);
+    }
+    let by_load = by_own.fixed_columns::<3>(0) * walk.own_by_load();
+    Ok((walk.in_hub(&zero)?, by_load, by_own.column(3) * walk.units.length_m))
 }
 
 /// Every zero of the moment on the whisker (s ≤ L), by arc length: more than one in S-shaped states. Empty where there is none.
@@ -159,7 +175,7 @@ impl<'a> Walk<'a> {
     }
 
     /// docs/math/whisker_integrate.md eqs. (11)–(13).
-    fn by_load(&self, zero: &State, variation: &Variation) -> ByLoad {
+    fn by_own(&self, zero: &State, variation: &Variation) -> SMatrix<f64, 5, 4> {
         let (e, n) = (self.along, Vector2::new(self.along.y, -self.along.x));
         let (sin, cos) = zero.alpha.sin_cos();
         let piece = Piece::at(self.rod, &self.units, zero.s);
@@ -167,16 +183,16 @@ impl<'a> Walk<'a> {
         let by_alpha = variation.alpha + by_s * piece.curvature;
         let by_p = variation.p + by_s * cos;
         let across = self.moment_at_hub / self.force;
-        // Columns: the clamp's α, the moment at the hub, the force.
-        let by_q = RowVector3::new(0.0, 1.0 / self.force, -across / self.force);
-        let turned = RowVector3::new(1.0, 0.0, 0.0);
+        // Columns: the clamp's α, the moment at the hub, the force, curvature.
+        let by_q = RowVector4::new(0.0, 1.0 / self.force, -across / self.force, 0.0);
+        let turned = RowVector4::new(1.0, 0.0, 0.0, 0.0);
         let by_x = e * by_p + n * by_q + (n * zero.p - e * across) * turned;
-        let mut by_own = ByLoad::zeros();
+        let mut by_own = SMatrix::<f64, 5, 4>::zeros();
         by_own.fixed_rows_mut::<2>(0).copy_from(&(by_x * self.units.length_m));
         by_own.set_row(2, &(by_alpha - turned));
         by_own.set_row(3, &(by_s * self.units.length_m));
         by_own.set_row(4, &(-by_alpha * sin.signum()));
-        by_own * self.own_by_load()
+        by_own
     }
 
     /// Derivatives of α at the clamp, the moment there and the force (own units) by `[fx, fy, mz]`.

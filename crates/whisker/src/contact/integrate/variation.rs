@@ -2,34 +2,33 @@
 
 use super::piece::Piece;
 use super::series::{Coefficients, ORDER, RECIPROCAL, Series};
-use nalgebra::RowVector3;
+use nalgebra::RowVector4;
 
-/// Derivatives of α, M and p at fixed s by α at the clamp, the moment there and the force.
+/// Derivatives of α, M and p at fixed s by α at the clamp, the moment there, the force, and curvature added everywhere.
 pub(super) struct Variation {
-    pub alpha: RowVector3<f64>,
-    pub moment: RowVector3<f64>,
-    pub p: RowVector3<f64>,
+    pub alpha: RowVector4<f64>,
+    pub moment: RowVector4<f64>,
+    pub p: RowVector4<f64>,
 }
 
-/// One coefficient of the three columns; the fourth lane is idle, so that they fill registers.
+/// One coefficient of the four columns.
 type Lanes = [f64; 4];
 
 impl Variation {
     /// At the clamp.
     pub fn identity() -> Self {
         Variation {
-            alpha: RowVector3::new(1.0, 0.0, 0.0),
-            moment: RowVector3::new(0.0, 1.0, 0.0),
-            p: RowVector3::zeros(),
+            alpha: RowVector4::new(1.0, 0.0, 0.0, 0.0),
+            moment: RowVector4::new(0.0, 1.0, 0.0, 0.0),
+            p: RowVector4::zeros(),
         }
     }
 
-    /// Carried along the series to t: δα′ = δM/EI · δM′ = F cos α δα + δF sin α · δp′ = −sin α δα.
+    /// Carried along the series to t: δα′ = δκ₀ + δM/EI · δM′ = F cos α δα + δF sin α · δp′ = −sin α δα.
     pub fn advance(&mut self, series: &Series, piece: &Piece, force: f64, t: f64) {
-        let lanes = |row: &RowVector3<f64>| [row[0], row[1], row[2], 0.0];
-        let (mut moment, mut power) = (lanes(&self.moment), 1.0);
+        let (mut moment, mut power): (Lanes, f64) = (self.moment.into(), 1.0);
         let mut alpha = [[0.0; 4]; ORDER + 1];
-        alpha[0] = lanes(&self.alpha);
+        alpha[0] = self.alpha.into();
         let mut quotients = [[0.0; 4]; 4];
         for n in 0..ORDER {
             let share = RECIPROCAL[n + 1];
@@ -41,7 +40,10 @@ impl Variation {
                 moment[lane] = force * by_cos[lane] * share;
             }
             moment[2] += series.sin[n] * share;
-            for column in 0..3 {
+            if n == 0 {
+                alpha[1][3] += 1.0;
+            }
+            for column in 0..4 {
                 self.alpha[column] += alpha[n + 1][column] * power;
                 self.moment[column] += moment[column] * power;
                 self.p[column] -= by_sin[column] * share * power;

@@ -1,0 +1,141 @@
+//! Fits a hypothesis to the rows by robust Levenberg–Marquardt.
+
+use super::outline::Place;
+use super::row::{OUTLIER_COST, Row, robust};
+use super::state::State;
+use nalgebra::{DMatrix, DVector};
+use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
+use std::cell::Cell;
+
+/// A hypothesis at its best parameters.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    /// Where.
+    pub state: State,
+    /// Σ of what the rows cost, eq. (8).
+    pub cost: f64,
+}
+
+/// What each row has to say of a fit.
+pub(super) struct Verdicts {
+    /// Squared distances, row by row.
+    pub squared: Vec<f64>,
+    /// Where on the outline.
+    pub places: Vec<Place>,
+}
+
+/// Costs and their derivatives by the outline's own parameters, eq. (7), then by the hypothesis's.
+fn equations(rows: &[Row], state: &State, outlier_cost: f64) -> Option<DenseEquations> {
+    let outline = state.outline()?;
+    let mut own = DenseEquations::new(outline.n_parameters());
+    for row in rows {
+        let distance = outline.distance(row);
+        let (cost, weight) = robust(distance.e.norm_squared(), outlier_cost);
+        own.chi2 += cost;
+        for (i, by_i) in &distance.by {
+            own.gradient[*i] += weight * by_i.dot(&distance.e);
+            for (j, by_j) in &distance.by {
+                own.information[(*i, *j)] += weight * by_i.dot(by_j);
+            }
+        }
+    }
+    let by = state.outline_by_parameters();
+    Some(DenseEquations {
+        chi2: own.chi2,
+        gradient: by.tr_mul(&own.gradient),
+        information: by.tr_mul(&own.information) * &by,
+    })
+}
+
+/// A start far off is led by a bound twenty-five times as wide, five standard deviations for one.
+const WIDE: f64 = 25.0;
+/// Evaluations allowed each of the two searches: what needs more zigzags at the edges of a wrong hypothesis.
+const BUDGET: usize = 40;
+/// Rows that lead a start near its minimum; all rows then find it.
+const LEADING: usize = 100;
+/// A hypothesis this much worse per row than the best so far is not brought to its end: nothing could save it.
+const HOPELESS_PER_ROW: f64 = 3.0;
+
+/// The rows, and every few of them for the first steps.
+pub(super) struct Search<'a> {
+    rows: &'a [Row],
+    leading: Vec<Row>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(rows: &'a [Row]) -> Self {
+        let stride = rows.len().div_ceil(LEADING).max(1);
+        Search { rows, leading: rows.iter().step_by(stride).copied().collect() }
+    }
+
+    /// The best fit from one start, brought to its end unless it is hopeless beside a cost of `best`; none where the start is no
+    /// outline.
+    pub fn fit(&self, start: &State, best: f64) -> Option<Fit> {
+        let wide = minimum(&self.leading, start, WIDE * OUTLIER_COST)?;
+        let cost = equations(self.rows, &wide.state, OUTLIER_COST)?.chi2;
+        if best + HOPELESS_PER_ROW * (self.rows.len() as f64) < cost {
+            return Some(Fit { cost, state: wide.state });
+        }
+        minimum(self.rows, &wide.state, OUTLIER_COST)
+    }
+
+    /// The best of several starts; one that explains the rows ends the search.
+    pub fn best_fit(&self, starts: &[State], best: f64) -> Option<Fit> {
+        let mut found: Option<Fit> = None;
+        for start in starts {
+            let bar = found.as_ref().map_or(best, |fit| fit.cost.min(best));
+            let fit = self.fit(start, bar);
+            found = [found, fit].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
+            if found.as_ref().is_some_and(|fit| fit.cost <= HOPELESS_PER_ROW * self.rows.len() as f64) {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Those starts, of a ring of neighbours, that cost less as they are than the ones beside them: the best `kept`.
+    pub fn promising(&self, ring: &[State], kept: usize) -> Vec<State> {
+        let costs: Vec<f64> = ring.iter().map(|state| self.cost_as_is(state)).collect();
+        let n = ring.len();
+        let beside = |k: usize| costs[(k + 1) % n].min(costs[(k + n - 1) % n]);
+        let mut least: Vec<usize> = (0..n).filter(|k| costs[*k] <= beside(*k)).collect();
+        least.sort_by(|i, j| costs[*i].total_cmp(&costs[*j]));
+        least.into_iter().take(kept).map(|k| ring[k].clone()).collect()
+    }
+
+    fn cost_as_is(&self, state: &State) -> f64 {
+        let squared = verdicts(&self.leading, state).squared;
+        let total: f64 = squared.iter().map(|squared| robust(*squared, WIDE * OUTLIER_COST).0).sum();
+        if squared.is_empty() { f64::INFINITY } else { total }
+    }
+}
+
+fn minimum(rows: &[Row], start: &State, outlier_cost: f64) -> Option<Fit> {
+    let spent = Cell::new(0);
+    let evaluate = |state: &State| {
+        spent.set(spent.get() + 1);
+        if BUDGET < spent.get() { None } else { equations(rows, state, outlier_cost) }
+    };
+    let solution = minimize_dense(start, evaluate, |state: &State, by: &DVector<f64>| state.moved(by))?;
+    let cost = solution.equations.chi2;
+    cost.is_finite().then_some(Fit { cost, state: solution.state })
+}
+
+/// Covariance of the parameters at a fit; none where something is undetermined.
+pub(super) fn covariance(rows: &[Row], state: &State) -> Option<DMatrix<f64>> {
+    let information = equations(rows, state, OUTLIER_COST)?.information;
+    let inverse = information.cholesky()?.inverse();
+    inverse.iter().all(|v| v.is_finite()).then_some(inverse)
+}
+
+/// What the rows say of a state.
+pub(super) fn verdicts(rows: &[Row], state: &State) -> Verdicts {
+    let Some(outline) = state.outline() else {
+        return Verdicts { squared: Vec::new(), places: Vec::new() };
+    };
+    let distances: Vec<_> = rows.iter().map(|row| outline.distance(row)).collect();
+    Verdicts {
+        squared: distances.iter().map(|d| d.e.norm_squared()).collect(),
+        places: distances.iter().map(|d| d.place).collect(),
+    }
+}
