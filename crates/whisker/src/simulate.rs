@@ -15,6 +15,8 @@ mod free;
 mod integrate;
 mod noise;
 mod path;
+#[cfg(test)]
+mod tests;
 
 pub use equilibrium::Touching;
 pub use noise::add_noise;

@@ -337,11 +337,9 @@ impl Follower<'_> {
             state.friction_rad = self.limit_rad.copysign(state.friction_rad);
         }
         let next = neighbours(self.rod, self.outline, &state, boundary);
-        if let Some(state) = next.continuous {
-            if let Some(solved) = state.derivatives(self.rod, self.outline) {
-                self.now = Now::Touching(solved);
-                return Ok(share);
-            }
+        if let Some(solved) = next.continuous.and_then(|state| state.derivatives(self.rod, self.outline)) {
+            self.now = Now::Touching(solved);
+            return Ok(share);
         }
         self.jump_or_slip_off(step, share, last, next.jumps)
     }

@@ -91,8 +91,8 @@ impl Problem<'_> {
     }
 
     fn touch_slide(&self, i: usize, linear: &[Linear]) -> Option<(Pair, f64)> {
-        let touch = matches!(self.nodes[i].role, Role::Touch { .. });
-        touch.then(|| (Pair::slide(&linear[i], &linear[i + 1]), TOUCH_SLIDE * self.with.rod.length_m))
+        self.is_touch(i)
+            .then(|| (Pair::slide(&linear[i], &linear[i + 1]), TOUCH_SLIDE * self.with.rod.length_m))
     }
 
     fn fill(&self, work: &mut Work, linear: &[Linear]) {
@@ -161,6 +161,18 @@ impl Problem<'_> {
             work.damping = work.damping * 10.0 + 1e-6;
         }
         None
+    }
+
+    /// Conditions less unknowns: every reading brings its own unknown, so what is left are the constraints, the links and
+    /// what is known of friction against the friction angle.
+    pub fn degrees_of_freedom(&self, linear: &[Linear]) -> usize {
+        let links = self.linked.iter().filter(|linked| **linked).count();
+        let touches = (0..self.nodes.len()).filter(|&i| self.linked[i] && self.is_touch(i)).count();
+        links + touches + linear.iter().filter(|l| l.constraint.is_some()).count()
+    }
+
+    fn is_touch(&self, i: usize) -> bool {
+        matches!(self.nodes[i].role, Role::Touch { .. })
     }
 
     /// Of every envelope condition, its residual over the deviation it should have given all else, eq. (15); 0 where broken.
