@@ -135,7 +135,7 @@ pub struct Coverage {
 /// Why nothing is decided.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reason {
-    /// Fewer contacts than any class needs.
+    /// Fewer contacts than any class needs, or none between clamp and tip.
     TooFewContacts {
         /// Usable ones.
         seen: usize,
@@ -271,9 +271,14 @@ pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Er
     let lines = Lines { list: &list, origin, spread };
     let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines };
     if rows.len() < decide::NEEDED || list.is_empty() {
-        return Ok(too_few(&evidence, uses, config));
+        let seen = if list.is_empty() { 0 } else { rows.len() };
+        return Ok(nothing(&evidence, Reason::TooFewContacts { seen, needed: decide::NEEDED }, uses, config));
     }
     let candidates = Candidates::of(&evidence, config);
+    if candidates.list.is_empty() {
+        let reason = Reason::NothingFits { chi2_per_dof: f64::INFINITY, outlier_share: 1.0 };
+        return Ok(nothing(&evidence, reason, uses, config));
+    }
     let decided = decide::decide(&evidence, &candidates, config);
     Ok(answer(&evidence, &candidates, decided, &mut uses, config))
 }
@@ -301,8 +306,8 @@ fn prepare(touches: &[Touch], config: &Config) -> (Vec<Row>, Vec<Use>) {
     (made.into_iter().flatten().collect(), uses)
 }
 
-fn too_few(evidence: &Evidence, uses: Vec<Use>, config: &Config) -> Identification {
-    let reason = Reason::TooFewContacts { seen: evidence.rows.len(), needed: decide::NEEDED };
+/// No hypothesis at all.
+fn nothing(evidence: &Evidence, reason: Reason, uses: Vec<Use>, config: &Config) -> Identification {
     let mut coverage = report::coverage(evidence, &vec![true; evidence.rows.len()], None, config);
     coverage.gated = uses.len() - coverage.used;
     Identification {

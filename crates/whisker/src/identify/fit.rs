@@ -73,6 +73,9 @@ impl<'a> Search<'a> {
     pub fn fit(&self, start: &State, best: f64) -> Option<Fit> {
         let wide = minimum(&self.leading, start, Loss::Leading)?;
         let cost = equations(self.rows, &wide.state, Loss::Final)?.chi2;
+        if !cost.is_finite() {
+            return None;
+        }
         if best + HOPELESS_PER_ROW * (self.rows.len() as f64) < cost {
             return Some(Fit { cost, state: wide.state });
         }

@@ -80,10 +80,17 @@ fn whitener(sigma: &Matrix3<f64>, tip: bool) -> Option<Matrix3<f64>> {
     Some(w)
 }
 
+/// Places beyond this are no contacts of a whisker and cost the others their digits, metres.
+const FARTHEST_M: f64 = 1e3;
+/// Directions turned further than this have lost their digits, radians.
+const MOST_TURNS_RAD: f64 = 1e4;
+
+/// Whether a touch is evidence at all.
 fn is_sound(touch: &Touch) -> bool {
     let numbers = touch.x_in_world.iter().chain(touch.covariance.iter()).chain([&touch.theta_rad]);
     let is_finite = numbers.into_iter().all(|v| v.is_finite());
-    touch.status == Status::Ok && touch.mode != Mode::Free && is_finite && touch.side.abs() == 1.0
+    let is_near = touch.x_in_world.amax() < FARTHEST_M && touch.theta_rad.abs() < MOST_TURNS_RAD;
+    touch.status == Status::Ok && touch.mode != Mode::Free && is_finite && is_near && touch.side.abs() == 1.0
 }
 
 /// Neighbours on either side whose covariance stands in for a touch's own.
