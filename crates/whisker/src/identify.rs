@@ -20,9 +20,9 @@ pub use touch::Touch;
 use crate::{Error, Shape};
 use candidates::{Candidate, Candidates, Evidence};
 use fit::Search;
+use nalgebra::{DMatrix, Vector2};
 use row::Row;
 use start::Lines;
-use nalgebra::{DMatrix, Vector2};
 
 /// What may be called an object's class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -264,10 +264,14 @@ impl Default for Config {
 pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Error> {
     config.check()?;
     let (rows, mut uses) = prepare(touches, config);
-    let origin = Vector2::new(start::quantile(rows.iter().map(|row| row.x.x), 0.5), start::quantile(rows.iter().map(|row| row.x.y), 0.5));
+    let origin = Vector2::new(
+        start::quantile(rows.iter().map(|row| row.x.x), 0.5),
+        start::quantile(rows.iter().map(|row| row.x.y), 0.5),
+    );
     let list = start::lines(&rows, origin);
     // Most contacts may crowd at one corner: the far ones say how large the object is.
-    let spread = start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.95).max(start::SMALLEST_SPREAD_M);
+    let spread =
+        start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.95).max(start::SMALLEST_SPREAD_M);
     let lines = Lines { list: &list, origin, spread };
     let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines };
     if rows.len() < decide::NEEDED || list.is_empty() {

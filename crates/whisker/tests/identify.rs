@@ -104,7 +104,8 @@ fn the_answer_moves_with_the_world() {
             let n = Vector2::new(angle.cos(), angle.sin());
             let moved_n = n.rotated(turn);
             let height = here.shape.as_ref().expect("a shape").support_m(n);
-            let moved_height = there.shape.as_ref().expect("a shape").support_m(moved_n) - moved_n.dot(&shift);
+            let moved_height =
+                there.shape.as_ref().expect("a shape").support_m(moved_n) - moved_n.dot(&shift);
             assert!((height - moved_height).abs() < 2e-7, "{class:?}");
         }
     }
@@ -274,11 +275,13 @@ fn the_recorded_objects_are_identified() {
             // 0.1 mm, 0.15°.
             let bar = if name == "angle_rad" { 0.15_f64.to_radians() } else { 1e-4 };
             let error = value(&found, name) - truth;
-            let error = if name == "angle_rad" { error - FRAC_PI_2 * (error / FRAC_PI_2).round() } else { error };
+            let error =
+                if name == "angle_rad" { error - FRAC_PI_2 * (error / FRAC_PI_2).round() } else { error };
             assert!(error.abs() < bar, "{} {name}: {error:e}", set.name);
         }
         for sweep in 0..3 {
-            let verdict = identify(&recorded(set, &[sweep], Mu::Auto), &Config::default()).expect("an answer").verdict;
+            let verdict =
+                identify(&recorded(set, &[sweep], Mu::Auto), &Config::default()).expect("an answer").verdict;
             println!("  sweep {sweep} alone: {verdict:?}");
             assert!([Verdict::Is(class_of(set)), Verdict::InsufficientCoverage].contains(&verdict));
         }

@@ -86,7 +86,7 @@ impl Outline {
 /// Turns of the whisker about a smooth outline per step of the search; more would leap over the far side.
 const LARGEST_TURN: f64 = 0.5;
 /// Steps of that search; three or four are taken.
-const MOST_TURNS: usize = 12;
+const MOST_TURNS: usize = 8;
 /// Smallest second derivative taken, as a share of that along the tangent.
 const LEAST_CURVATURE: f64 = 0.2;
 
@@ -101,8 +101,8 @@ impl Smooth {
             let step = (w.dot(&e) / curvature).clamp(-LARGEST_TURN, LARGEST_TURN);
             beta += step;
             (e, w, bend) = self.residual(row, beta);
-            // A ten-thousandth of a standard deviation along the curve.
-            if step * step * w.norm_squared() < 1e-8 {
+            // A thousandth of a standard deviation along the curve: a millionth of the squared distance.
+            if step * step * w.norm_squared() < 1e-6 {
                 break;
             }
         }
@@ -111,8 +111,11 @@ impl Smooth {
         let unit = q / q.norm();
         // d(P P n/|P n|) by P: dP û + P (I − û ûᵀ) dP n/|P n|, eq. (7).
         let across = self.root * (Matrix2::identity() - unit * unit.transpose()) / q.norm();
-        let basis =
-            [Matrix2::new(1.0, 0.0, 0.0, 0.0), Matrix2::new(0.0, 1.0, 1.0, 0.0), Matrix2::new(0.0, 0.0, 0.0, 1.0)];
+        let basis = [
+            Matrix2::new(1.0, 0.0, 0.0, 0.0),
+            Matrix2::new(0.0, 1.0, 1.0, 0.0),
+            Matrix2::new(0.0, 0.0, 0.0, 1.0),
+        ];
         let project = along_removed(&w);
         let mut by = ArrayVec::new();
         by.push((0, project(place(row, Vector2::x()))));
@@ -235,7 +238,8 @@ impl Corners {
                 let project = along_removed(&w);
                 let turned = face.normal / face.length;
                 for (corner, weight, sign) in [(k, 1.0 - share, 1.0), (next, share, -1.0)] {
-                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate() {
+                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate()
+                    {
                         let v = Vector3::new(weight * unit.x, weight * unit.y, sign * turned[i]);
                         by.push((2 * corner + i, project(row.w * v)));
                     }

@@ -66,7 +66,9 @@ fn named_values(state: &State) -> Vec<(String, f64)> {
     let mut list = vec![name("centre_x_m", centre.x), name("centre_y_m", centre.y)];
     match state {
         State::Circle { radius, .. } => list.push(name("radius_m", *radius)),
-        State::RectangleOfRatio { mean, .. } => list.extend([name("side_m", *mean), name("angle_rad", angle)]),
+        State::RectangleOfRatio { mean, .. } => {
+            list.extend([name("side_m", *mean), name("angle_rad", angle)])
+        }
         State::Rectangle { .. } => {
             list.extend([name("side_a_m", sizes[0]), name("side_b_m", sizes[1]), name("angle_rad", angle)]);
         }
@@ -143,7 +145,9 @@ pub(super) fn advice(reason: &Reason, coverage: &Coverage) -> String {
     });
     match reason {
         Reason::TooFewContacts { seen, needed } => {
-            format!("{seen} usable contacts, {needed} needed: sweep on, or bend the whisker further for firmer contacts")
+            format!(
+                "{seen} usable contacts, {needed} needed: sweep on, or bend the whisker further for firmer contacts"
+            )
         }
         Reason::OneCorner { radius_bound_m, .. } => format!(
             "all contacts pass one point (radius of curvature below {:.2} mm): sweep so that the whisker leans on {unseen}",

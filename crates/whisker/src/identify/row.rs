@@ -1,7 +1,7 @@
 //! Touches made ready for fitting: whitened, and what a squared distance costs.
 //!
 //!   Σ  covariance of [x, y, β] and what linearising leaves out, eq. (2)   ·   W = L⁻¹, Σ = L Lᵀ   ·   D  squared distance
-//!   c  what an outlier costs                                            docs/math/whisker_identify.md eq. (2), (8)
+//!   c  what an outlier costs                                    docs/math/whisker_identify.md eq. (2), (8)–(10)
 
 use super::{Config, Touch, Use};
 use crate::estimate::{Mode, Status};
@@ -57,7 +57,14 @@ impl Row {
         let sigma = with_remainder(&of_neighbours(index, touches), along);
         let w = whitener(&sigma, touch.mode == Mode::Tip).ok_or(Use::TooUncertain)?;
         let across = n.dot(&(sigma.fixed_view::<2, 2>(0, 0) * n));
-        Ok(Row { index, x: touch.x_in_world, beta, w, tip: touch.mode == Mode::Tip, line_weight: 1.0 / across })
+        Ok(Row {
+            index,
+            x: touch.x_in_world,
+            beta,
+            w,
+            tip: touch.mode == Mode::Tip,
+            line_weight: 1.0 / across,
+        })
     }
 }
 
@@ -66,8 +73,7 @@ fn with_remainder(covariance: &Matrix3<f64>, along: f64) -> Matrix3<f64> {
     let (off, turn) = (along / OFF_LENGTH_M, along.sqrt() / TURN_LENGTH_M);
     let place = FLOOR_M * FLOOR_M + off * off;
     let turn = FLOOR_RAD * FLOOR_RAD + turn * turn;
-    0.5 * (covariance + covariance.transpose())
-        + Matrix3::from_diagonal(&Vector3::new(place, place, turn))
+    0.5 * (covariance + covariance.transpose()) + Matrix3::from_diagonal(&Vector3::new(place, place, turn))
 }
 
 fn whitener(sigma: &Matrix3<f64>, tip: bool) -> Option<Matrix3<f64>> {
@@ -98,7 +104,7 @@ const NEIGHBOURS: usize = 3;
 /// Variances along the whisker that differ by more than this factor belong to different contacts.
 const ALIKE: f64 = 3.0;
 
-/// The covariance at a touch as its neighbours in the sweep have it, seen along its own whisker, eq. (3): a touch's own covariance is
+/// The covariance at a touch as its neighbours in the sweep have it, turned to its own direction, eq. (8): a touch's own covariance is
 /// computed from its own error, and weights that know the error shrink every object. Its own where it has no such neighbours.
 fn of_neighbours(index: usize, touches: &[Touch]) -> Matrix3<f64> {
     let own = &touches[index];
@@ -135,9 +141,9 @@ fn along_variance(covariance: &Matrix3<f64>) -> f64 {
 /// What a squared distance costs and how much its row counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Loss {
-    /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (9).
+    /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (10).
     Leading,
-    /// Gaussian with a floor of outliers, eq. (8): the one that is compared.
+    /// Gaussian with a floor of outliers, eq. (9): the one that is compared.
     Final,
 }
 

@@ -2,7 +2,7 @@
 //!
 //!   n·x = h(n):  circle n·c + r  ·  rectangle at a given direction n·c + ½ a |n·u| + ½ b |n·v|  ·  corner n·c
 //!   chain  contacts in the order of β cut into runs, each run one corner, by dynamic programming
-//! Numbers: docs/math/whisker_identify.md eq. (9)–(11).
+//! Numbers: docs/math/whisker_identify.md eq. (11), (12), section 5.
 
 use super::outline::positive_angle;
 use super::row::Row;
@@ -36,7 +36,12 @@ pub(super) fn lines(rows: &[Row], origin: Vector2<f64>) -> Vec<Line> {
 
 fn line(row: &Row, origin: Vector2<f64>) -> Line {
     let normal = row.normal();
-    Line { normal, beta: positive_angle(row.beta), offset: normal.dot(&(row.x - origin)), weight: row.line_weight.min(MOST_WEIGHT) }
+    Line {
+        normal,
+        beta: positive_angle(row.beta),
+        offset: normal.dot(&(row.x - origin)),
+        weight: row.line_weight.min(MOST_WEIGHT),
+    }
 }
 
 /// Places the lines leave open stay near the contacts: a standard deviation, metres.
@@ -99,7 +104,7 @@ fn within(size: f64) -> f64 {
     size.clamp(1e3 * SMALLEST_M, 0.1 * LARGEST_M)
 }
 
-/// The circle that touches the lines, eq. (9).
+/// The circle that touches the lines, eq. (11).
 pub(super) fn circle(lines: &Lines) -> Option<State> {
     let q = linear(lines, &[0.0, 0.0, lines.spread].into(), |line| line.normal.push(1.0))?;
     Some(State::Circle { centre: lines.origin + Vector2::new(q[0], q[1]), radius: within(q[2]) })
@@ -111,7 +116,7 @@ pub(super) fn corner(lines: &Lines) -> Option<State> {
     Some(State::Chain(vec![lines.origin + q]))
 }
 
-/// The ellipse that touches the lines, to first order in its eccentricity: |P n| ≈ nᵀ P n, eq. (10).
+/// The ellipse that touches the lines, to first order in its eccentricity: |P n| ≈ nᵀ P n, eq. (11).
 pub(super) fn ellipse(lines: &Lines) -> Option<State> {
     let features = |line: &Line| {
         let n = line.normal;
@@ -131,7 +136,7 @@ fn directions() -> impl Iterator<Item = f64> {
     (0..DIRECTIONS).map(|k| k as f64 * FRAC_PI_2 / DIRECTIONS as f64)
 }
 
-/// Rectangles at directions over a quarter turn, eq. (10).
+/// Rectangles at directions over a quarter turn, eq. (12).
 pub(super) fn rectangles(lines: &Lines) -> Vec<State> {
     let at = |angle: f64| {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
@@ -203,7 +208,7 @@ impl Sums {
     }
 }
 
-/// Chains of 2 … `most` corners, eq. (11): for each number the cut that leaves least. Fewer where a chain is not convex.
+/// Chains of 2 … `most` corners: for each number the cut that leaves least. Fewer where a chain is not convex.
 pub(super) fn chains(lines: &Lines, most: usize) -> Vec<State> {
     let (lines, origin) = (lines.list, lines.origin);
     let groups = GROUPS.min(lines.len());
@@ -244,7 +249,8 @@ pub(super) fn merged(chain: &State) -> Option<State> {
 
 /// For 2 … `most` runs the ends of the runs that cost least together.
 fn cheapest_cuts(n: usize, most: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
-    let table = DMatrix::from_fn(n + 1, n + 1, |from, to| if from < to { cost(from, to) } else { f64::INFINITY });
+    let table =
+        DMatrix::from_fn(n + 1, n + 1, |from, to| if from < to { cost(from, to) } else { f64::INFINITY });
     let mut least = DVector::from_fn(n + 1, |to, _| table[(0, to)]);
     let mut chosen: Vec<Vec<usize>> = Vec::new();
     let mut cuts = Vec::new();
@@ -305,6 +311,7 @@ pub(super) fn arc(lines: &[Line], wide: f64) -> Option<([f64; 2], Vec<[f64; 2]>)
     let first = lines.first()?.beta;
     let first = if std::f64::consts::PI <= first { first - TAU } else { first };
     let angles: Vec<f64> = lines.iter().map(|line| first + positive_angle(line.beta - first)).collect();
-    let gaps = angles.windows(2).filter(|pair| wide < pair[1] - pair[0]).map(|pair| [pair[0], pair[1]]).collect();
+    let gaps =
+        angles.windows(2).filter(|pair| wide < pair[1] - pair[0]).map(|pair| [pair[0], pair[1]]).collect();
     Some(([first, *angles.last()?], gaps))
 }

@@ -43,7 +43,8 @@ impl State {
             State::Chain(corners) => Corners::new(corners.clone()).map(Outline::Corners),
             State::Rectangle { .. } | State::RectangleOfRatio { .. } => {
                 let (centre, sides, angle) = self.frame();
-                let corner = |s: &[f64; 2]| centre + local(angle, 0.5 * s[0] * sides[0], 0.5 * s[1] * sides[1]);
+                let corner =
+                    |s: &[f64; 2]| centre + local(angle, 0.5 * s[0] * sides[0], 0.5 * s[1] * sides[1]);
                 Corners::new(SIGNS.iter().map(corner).collect()).map(Outline::Corners)
             }
             _ => {
@@ -72,7 +73,9 @@ impl State {
             | State::RectangleOfRatio { centre, mean, angle, ratio } => {
                 (*centre, [mean * ratio.sqrt(), mean / ratio.sqrt()], *angle)
             }
-            State::Chain(corners) => (corners.iter().sum::<Vector2<f64>>() / corners.len() as f64, [0.0; 2], 0.0),
+            State::Chain(corners) => {
+                (corners.iter().sum::<Vector2<f64>>() / corners.len() as f64, [0.0; 2], 0.0)
+            }
         }
     }
 
@@ -95,7 +98,8 @@ impl State {
     fn root_by_axes(&self) -> DMatrix<f64> {
         let (_, [a, b], angle) = self.frame();
         let (u, v) = (local(angle, 1.0, 0.0), local(angle, 0.0, 1.0));
-        let columns = [u * u.transpose(), v * v.transpose(), (a - b) * (u * v.transpose() + v * u.transpose())];
+        let columns =
+            [u * u.transpose(), v * v.transpose(), (a - b) * (u * v.transpose() + v * u.transpose())];
         let mut by = DMatrix::identity(5, 5);
         for (j, m) in columns.iter().enumerate() {
             by[(2, 2 + j)] = m[(0, 0)];

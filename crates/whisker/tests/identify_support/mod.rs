@@ -48,12 +48,20 @@ pub fn object(class: Class, chance: &mut Chance) -> Shape {
         Class::Circle => Shape::Circle { centre_m, radius_m: chance.between(0.010, 0.050) },
         Class::Ellipse => {
             let a = chance.between(0.025, 0.050);
-            Shape::Ellipse { centre_m, semi_axes_m: [a, a * chance.between(0.4, 0.8)], angle_rad: 2.0 * angle_rad }
+            Shape::Ellipse {
+                centre_m,
+                semi_axes_m: [a, a * chance.between(0.4, 0.8)],
+                angle_rad: 2.0 * angle_rad,
+            }
         }
         Class::Square => Shape::square(centre_m, chance.between(0.040, 0.080), angle_rad),
         Class::Rectangle => {
             let a = chance.between(0.045, 0.080);
-            Shape::Rectangle { centre_m, sides_m: [a, a * chance.between(0.4, 0.8)], angle_rad: 2.0 * angle_rad }
+            Shape::Rectangle {
+                centre_m,
+                sides_m: [a, a * chance.between(0.4, 0.8)],
+                angle_rad: 2.0 * angle_rad,
+            }
         }
         Class::Polygon => polygon(centre_m, angle_rad, chance),
     }
@@ -81,7 +89,6 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
 
 /// How contacts are estimated from readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(dead_code)]
 pub enum How {
     /// Sample by sample.
     Raw,
@@ -95,7 +102,9 @@ pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
     let noisy = add_noise(samples, &cell, seed);
     let estimates = match how {
         How::Raw => noisy.iter().map(|sample| estimate(&rod, &cell, sample, Method::Auto)).collect(),
-        How::Constrained(mu) => solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates,
+        How::Constrained(mu) => {
+            solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates
+        }
     };
     let touch = |(sample, estimate): (&Sample, _)| {
         Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod)
