@@ -2,7 +2,7 @@
 //!
 //! The arc under the last contacts and the hub's motion are continued; the equilibrium is followed along it, between clamp and tip,
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
-//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (10)–(13).
+//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (9)–(14).
 
 use super::equilibrium::{Equilibrium, Problem};
 use super::outline::{Arc, CIRCLE, LocalOutline, OutlinePoint, PRIOR_SLOPE_M_PER_RAD};
@@ -86,7 +86,7 @@ pub fn foresee(
     let from = samples.len().saturating_sub(WINDOW);
     let touched = projections(rod, &cell, &samples[from..], &estimates[from..], friction, method);
     let points: Vec<_> =
-        touched.iter().map(|(sample, p)| OutlinePoint::new(sample, p, friction.rad)).collect();
+        touched.iter().map(|(sample, p)| OutlinePoint::new(&cell, sample, p, friction.rad)).collect();
     let (_, now) = touched.last()?;
     let ahead = Ahead { rod, cell, hub: last_sample.world_from_hub, twist: twist(samples)?, method };
     let start = Start { load: now.load, is_tip: last.mode == Mode::Tip };

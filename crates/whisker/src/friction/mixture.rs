@@ -1,4 +1,4 @@
-//! One contact of several that may be: the mean and the covariance of the mixture, docs/math/whisker_friction.md eqs. (14), (15).
+//! One contact of several that may be: the mean and the covariance of the mixture, docs/math/whisker_friction.md eqs. (18), (19).
 
 use crate::estimate::Contact;
 use nalgebra::{Matrix3, Vector3};
@@ -30,7 +30,6 @@ pub(crate) fn mixed(contacts: &[(f64, Contact)]) -> Option<Contact> {
         friction_angle_sigma_rad: spread(&|c| c.friction_angle_rad, &|c| c.friction_angle_sigma_rad),
         modulus_squared: mean(&|c| c.modulus_squared),
         covariance,
-        ..first.clone()
     })
 }
 
