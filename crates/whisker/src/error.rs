@@ -59,7 +59,9 @@ pub enum Error {
         way_out: &'static str,
     },
     /// A polygon is not convex, or its corners run clockwise.
-    #[error("corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line")]
+    #[error(
+        "corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
+    )]
     NotConvex {
         /// Which corner, from 0.
         corner: usize,
@@ -82,5 +84,13 @@ pub enum Error {
     NoRest {
         /// Which pose, from 0.
         pose: usize,
+    },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
     },
 }

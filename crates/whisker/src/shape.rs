@@ -187,22 +187,25 @@ impl Shape {
             Shape::Rectangle { centre_m, sides_m: [a, b], angle_rad } => {
                 let [p, q] = [from, to].map(|x| turned(x - centre_m, -angle_rad));
                 let half = [0.5 * a - depth_m, 0.5 * b - depth_m];
-                let sides = [(p.x, q.x, half[0]), (-p.x, -q.x, half[0]), (p.y, q.y, half[1]), (-p.y, -q.y, half[1])];
+                let sides =
+                    [(p.x, q.x, half[0]), (-p.x, -q.x, half[0]), (p.y, q.y, half[1]), (-p.y, -q.y, half[1])];
                 clip(sides.into_iter().map(|(p, q, limit)| (p - limit, q - limit)))
             }
-            Shape::Polygon { corners_m } => clip(corners_m.iter().zip(edges(corners_m)).map(|(corner, edge)| {
-                let n = outward(edge);
-                (n.dot(&(from - corner)) + depth_m, n.dot(&(to - corner)) + depth_m)
-            })),
+            Shape::Polygon { corners_m } => {
+                clip(corners_m.iter().zip(edges(corners_m)).map(|(corner, edge)| {
+                    let n = outward(edge);
+                    (n.dot(&(from - corner)) + depth_m, n.dot(&(to - corner)) + depth_m)
+                }))
+            }
         }
     }
 
     /// A point inside: the centre, or the mean of the corners.
     pub fn centre_m(&self) -> Vector2<f64> {
         match self {
-            Shape::Circle { centre_m, .. } | Shape::Ellipse { centre_m, .. } | Shape::Rectangle { centre_m, .. } => {
-                *centre_m
-            }
+            Shape::Circle { centre_m, .. }
+            | Shape::Ellipse { centre_m, .. }
+            | Shape::Rectangle { centre_m, .. } => *centre_m,
             Shape::Polygon { corners_m } => corners_m.iter().sum::<Vector2<f64>>() / corners_m.len() as f64,
         }
     }

@@ -15,6 +15,8 @@ mod free;
 mod integrate;
 mod noise;
 mod path;
+#[cfg(test)]
+mod tests;
 
 pub use equilibrium::Touching;
 pub use noise::add_noise;
@@ -49,6 +51,8 @@ pub struct TruthContact {
     pub friction_angle_rad: f64,
     /// What touches what.
     pub touching: Touching,
+    /// Whether the whisker stands still on the object, or rolls, instead of sliding: after the hub turns back, with friction.
+    pub sticks: bool,
 }
 
 /// Something that happened between two poses of a path.
@@ -79,6 +83,8 @@ pub enum Change {
     },
     /// No equilibrium is left: the whisker straightens.
     SlipOff,
+    /// A whisker that stood still on the object begins to slide.
+    Slide,
     /// The force falls to zero: the hub moved back.
     LiftOff,
 }
@@ -142,12 +148,24 @@ fn check_pose(object: &Shape, pose: usize, hub: &PlanarPose) -> Result<(), Error
     if inside { Err(Error::HubInside { pose }) } else { Ok(()) }
 }
 
-fn start<'a>(rod: &'a Rod, outline: &'a Outline<'a>, mu: f64, hub: &PlanarPose) -> Result<Follower<'a>, Error> {
-    if free::is_blocked(rod, outline, hub) {
+fn start<'a>(
+    rod: &'a Rod,
+    outline: &'a Outline<'a>,
+    mu: f64,
+    hub: &PlanarPose,
+) -> Result<Follower<'a>, Error> {
+    if free::is_deep(rod, outline, hub) {
         return Err(Error::StartsInside);
     }
-    let friction_rad = mu.atan();
-    Ok(Follower { rod, outline, friction_rad, hub: *hub, now: Now::Free, pose: 0, events: Vec::new() })
+    Ok(Follower {
+        rod,
+        outline,
+        limit_rad: mu.atan(),
+        hub: *hub,
+        now: Now::Free,
+        pose: 0,
+        events: Vec::new(),
+    })
 }
 
 fn reading(follower: &Follower, sweep: u32, sample: u32) -> Simulated {

@@ -19,10 +19,19 @@ pub(super) enum Boundary {
     First,
     /// The last end.
     Last,
+    /// Friction reaches its limit while the whisker sticks, pulling towards the tip.
+    SlideBack,
+    /// The same, pulling towards the hub.
+    SlideOn,
 }
 
 /// Every boundary of a kind of contact with a number that is positive inside: force in EI/L², lengths in L, angles in rad.
-pub(super) fn boundaries(rod: &Rod, outline: &Outline, state: &State) -> ArrayVec<(Boundary, f64), 4> {
+pub(super) fn boundaries(
+    rod: &Rod,
+    outline: &Outline,
+    limit_rad: f64,
+    state: &State,
+) -> ArrayVec<(Boundary, f64), 6> {
     let z = &state.unknowns;
     let length = rod.length_m;
     let force = (z.x - least_force_n(rod)) * length * length / rod.ei_base_n_m2();
@@ -44,6 +53,10 @@ pub(super) fn boundaries(rod: &Rod, outline: &Outline, state: &State) -> ArrayVe
             all.push((Boundary::Last, (outline.lengths_m[i] - z.z) / length));
         }
         Touching::Tangent | Touching::Tip => {}
+    }
+    if state.sticks {
+        all.push((Boundary::SlideBack, limit_rad - state.friction_rad));
+        all.push((Boundary::SlideOn, limit_rad + state.friction_rad));
     }
     all
 }
@@ -80,6 +93,7 @@ pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: 
     };
     let jumps = |jumps: Vec<State>| Neighbours { continuous: None, jumps };
     match (state.touching, boundary) {
+        (_, Boundary::SlideBack | Boundary::SlideOn) => on(State { sticks: false, ..*state }),
         (Touching::Tangent, Boundary::ReachTip) => on(as_tip(Touching::Tip, z.z)),
         (Touching::Face(i), Boundary::ReachTip) => on(as_tip(Touching::TipOnFace(i), z.z)),
         (Touching::Corner(i), Boundary::ReachTip) => {

@@ -84,12 +84,14 @@ fn closed_form(ei_n_m2: f64, force_n: f64, s_m: f64, friction_angle_rad: f64) ->
     let delta3 = delta * delta * delta;
     let s0_by_k = (k * cn * sn * sn - kc * kc * sn * am_by_k) / delta3;
     let c0_by_k = (kc * cn * am_by_k + kc * k * sn * sn * sn) / delta3 - k / kc * sn / delta;
-    let w_by_k =
-        delta * am_by_k + (e - u) / k - 2.0 * k * sn * s0 - k2 * (cn * am_by_k * s0 + sn * s0_by_k);
+    let w_by_k = delta * am_by_k + (e - u) / k - 2.0 * k * sn * s0 - k2 * (cn * am_by_k * s0 + sn * s0_by_k);
     let k_by_phi = 0.5 * kc;
     let (a_by_k, b_by_k) = (2.0 * w_by_k / lambda, 2.0 * (c0 + k * c0_by_k) / lambda);
     let x_by_phi = along * (a_by_k * k_by_phi + b) + across * (a - b_by_k * k_by_phi);
     let angle_by_phi = 2.0 * (s0 + k * s0_by_k) / (1.0 - k2 * s0 * s0).sqrt() * k_by_phi - 1.0;
     let by_phi = Vector3::new(x_by_phi.x, x_by_phi.y, angle_by_phi);
-    Shot { hub_in_contact: Vector3::new(x.x, x.y, angle), by: Matrix3::from_columns(&[by_force, by_s, by_phi]) }
+    Shot {
+        hub_in_contact: Vector3::new(x.x, x.y, angle),
+        by: Matrix3::from_columns(&[by_force, by_s, by_phi]),
+    }
 }

@@ -106,14 +106,41 @@ impl<'a> Outline<'a> {
     }
 }
 
+/// Abscissae and weights of Gauss and Legendre's rule of five points over 0 … 1.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+    (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
+    (0.5, 0.284_444_444_444_444_4),
+    (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+];
+
+impl Outline<'_> {
+    /// Length of the outline, counter-clockwise, over a small change of the parameter.
+    fn arc_m(&self, touching: Touching, parameter: f64, by: f64) -> f64 {
+        match touching {
+            Touching::Face(_) | Touching::TipOnFace(_) => by,
+            Touching::Corner(_) => 0.0,
+            Touching::Tangent | Touching::Tip => {
+                let radius =
+                    |share: f64| self.shape.smooth_point_m(parameter + share * by).map_or(0.0, |(_, r)| r);
+                by * GAUSS.iter().map(|(share, weight)| weight * radius(*share)).sum::<f64>()
+            }
+        }
+    }
+}
+
 /// A whisker bent by an object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct State {
     pub touching: Touching,
     /// +1 with the object on the right of the whisker, −1 on the left.
     pub side: f64,
-    /// Angle of friction on the whisker, signed: positive where it pulls towards the tip.
+    /// Angle of friction on the whisker, signed: positive where it pulls towards the tip. At its limit while the whisker slides,
+    /// unknown while it sticks.
     pub friction_rad: f64,
+    /// Whether the touching point of the whisker stays on the touched point of the outline, or rolls.
+    pub sticks: bool,
     /// Force, newtons; arc length, metres, or for the tip the whisker's direction there, radians; parameter on the outline.
     pub unknowns: Vector3<f64>,
 }
@@ -151,8 +178,7 @@ impl State {
     pub fn seen(&self, rod: &Rod, outline: &Outline) -> Seen {
         let place = outline.place(self.touching, self.unknowns.z);
         let tip = self.touching.is_tip();
-        let theta_rad =
-            if tip { self.unknowns.y } else { place.normal_rad - self.side * FRAC_PI_2 };
+        let theta_rad = if tip { self.unknowns.y } else { place.normal_rad - self.side * FRAC_PI_2 };
         Seen {
             x: place.x,
             theta_rad,
@@ -176,6 +202,7 @@ impl State {
             force_in_world_n: (tangent * pull + normal * push) * seen.force_n,
             friction_angle_rad: seen.friction_angle_rad,
             touching: self.touching,
+            sticks: self.sticks,
         }
     }
 
@@ -199,14 +226,41 @@ impl State {
         let by = turn * shot.by;
         let (by_force, by_s, by_tilt) = (by.column(0), by.column(1), by.column(2));
         let by_place = Vector3::new(place.x_by.x, place.x_by.y, 0.0);
-        let columns = if self.touching.is_tip() {
+        let by_roll = by_s * (-self.side * place.x_by.norm());
+        let columns = match (self.touching.is_tip(), self.sticks) {
             // The tilt turns with the whisker, and against the outline.
-            [by_force.into(), by_theta + by_tilt * self.side, by_place - by_tilt * (self.side * place.normal_by)]
-        } else {
-            [by_force.into(), by_s.into(), by_place + by_theta * place.normal_by]
+            (true, false) => [
+                by_force.into(),
+                by_theta + by_tilt * self.side,
+                by_place - by_tilt * (self.side * place.normal_by),
+            ],
+            (true, true) => [by_force.into(), by_theta + by_tilt * self.side, by_tilt.into()],
+            (false, false) => [by_force.into(), by_s.into(), by_place + by_theta * place.normal_by],
+            (false, true) => {
+                [by_force.into(), by_place + by_theta * place.normal_by + by_roll, by_tilt.into()]
+            }
         };
         let hub = hub + Vector3::new(seen.x.x, seen.x.y, seen.theta_rad);
         Some(Needs { hub, by: Matrix3::from_columns(&columns) })
+    }
+
+    /// The state after a small change: of the unknowns while it slides; while it sticks of the force, of the parameter (of the
+    /// direction, for the tip) and of the friction.
+    pub fn moved(mut self, outline: &Outline, by: &Vector3<f64>) -> Self {
+        if !self.sticks {
+            self.unknowns += by;
+            return self;
+        }
+        self.unknowns.x += by.x;
+        self.friction_rad += by.z;
+        if self.touching.is_tip() {
+            self.unknowns.y += by.y;
+        } else {
+            // Rolling: as much of the whisker as of the outline, eq. (11).
+            self.unknowns.y -= self.side * outline.arc_m(self.touching, self.unknowns.z, by.y);
+            self.unknowns.z += by.y;
+        }
+        self
     }
 
     /// How this state, taken as solved, answers to the hub.
@@ -237,7 +291,7 @@ impl State {
             let determinant = needs.by.determinant();
             let by_hub = needs.by.try_inverse()?;
             let step = by_hub * missing;
-            self.unknowns += step;
+            self = self.moved(outline, &step);
             let far = missing.x.hypot(missing.y) / rod.length_m + missing.z.abs();
             if !far.is_finite() || !self.is_plausible(rod, outline) {
                 return None;
@@ -253,23 +307,41 @@ impl State {
     /// Near a fold what is missing squares slowly: the step must be small too.
     fn is_settled(&self, rod: &Rod, step: &Vector3<f64>) -> bool {
         let scale = rod.length_m;
-        let arc = if self.touching.is_tip() { step.y.abs() } else { step.y.abs() / scale };
+        let angle = self.touching.is_tip() || self.sticks && !matches!(self.touching, Touching::Face(_));
+        let arc = if angle { step.y.abs() } else { step.y.abs() / scale };
         step.x.abs() * scale * scale / rod.ei_base_n_m2() + arc < SETTLED
     }
 
     fn is_plausible(&self, rod: &Rod, outline: &Outline) -> bool {
         let z = &self.unknowns;
-        let along = if self.touching.is_tip() {
-            true
-        } else {
-            0.0 < z.y && z.y < MAX_OVERSHOOT * rod.length_m
-        };
+        let along =
+            if self.touching.is_tip() { true } else { 0.0 < z.y && z.y < MAX_OVERSHOOT * rod.length_m };
         let on_face = match self.touching {
-            Touching::Face(i) | Touching::TipOnFace(i) => z.z.abs() < 3.0 * outline.lengths_m[i] + rod.length_m,
+            Touching::Face(i) | Touching::TipOnFace(i) => {
+                z.z.abs() < 3.0 * outline.lengths_m[i] + rod.length_m
+            }
             Touching::Corner(_) => z.z.abs() < TAU,
             _ => true,
         };
         z.x.is_finite() && along && on_face
+    }
+}
+
+impl Solved {
+    /// The state predicted after a motion of the hub.
+    pub fn moved(&self, outline: &Outline, by: &Vector3<f64>) -> State {
+        self.state.moved(outline, &(self.by_hub * by))
+    }
+
+    /// How fast the whisker slides along the outline towards its tip, per share of a motion `by` of the hub, metres; eq. (11).
+    pub fn slip_m(&self, outline: &Outline, by: &Vector3<f64>) -> f64 {
+        if self.state.sticks {
+            return 0.0;
+        }
+        let rate = self.by_hub * by;
+        let place = outline.place(self.state.touching, self.state.unknowns.z);
+        let along = -self.state.side * place.x_by.norm() * rate.z;
+        if self.state.touching.is_tip() { along } else { along - rate.y }
     }
 }
 

@@ -5,7 +5,7 @@
 //! section 4).
 
 use super::boundary::{Boundary, boundaries, neighbours};
-use super::equilibrium::{Outline, Solved, State, Touching, wrapped};
+use super::equilibrium::{Outline, Solved, State, Touching, least_force_n, wrapped};
 use super::free::{cuts, first_contacts, is_blocked, is_deep, is_straight, loaded_line};
 use super::{Change, Event};
 use crate::{Error, PlanarPose, Rod};
@@ -21,7 +21,8 @@ pub(super) enum Now {
 pub(super) struct Follower<'a> {
     pub rod: &'a Rod,
     pub outline: &'a Outline<'a>,
-    pub friction_rad: f64,
+    /// atan μ.
+    pub limit_rad: f64,
     pub hub: PlanarPose,
     pub now: Now,
     /// Number of the pose that is being left.
@@ -31,6 +32,12 @@ pub(super) struct Follower<'a> {
 
 /// A step shorter than this part of a path's step is a fold.
 const SHORTEST: f64 = 1e-7;
+/// In shares of a path's step, how close to its turning point a slide is followed.
+const TURNED: f64 = 1e-6;
+/// Slip below this part of the hub's motion has no direction.
+const ROUNDING: f64 = 1e-6;
+/// In least forces, what may be left of the force a shortest step before it vanishes.
+const WEAK: f64 = 1e4;
 /// How close to its end a kind of contact is followed, in shares of a path's step.
 const LOCATED: f64 = 1e-13;
 /// Changes of contact within one step of the path before it counts as no rest.
@@ -148,13 +155,13 @@ impl Follower<'_> {
 
     /// The contact that begins where the whisker is just free.
     fn touch(&mut self, step: &Step, clear: f64) -> Result<f64, Error> {
-        for state in first_contacts(self.rod, self.outline, &step.at(clear), self.friction_rad) {
+        for state in self.first_states(&step.at(clear)) {
             let Some(solved) = state.at_touch(self.rod, self.outline) else { continue };
             let mut ahead = 1.0 - clear;
             while 1e-6 < ahead {
-                let guess = state_moved(&solved, &step.by(ahead));
+                let guess = solved.moved(self.outline, &step.by(ahead));
                 let found = guess.solve(self.rod, self.outline, &step.at(clear + ahead));
-                if let Some(found) = found.filter(|found| self.is_valid(found)) {
+                if let Some(found) = found.filter(|found| self.is_valid(found) && !self.turns(step, found)) {
                     self.note(step, clear, Change::Touch { touching: state.touching });
                     self.now = Now::Touching(found);
                     return Ok(clear + ahead);
@@ -163,11 +170,37 @@ impl Follower<'_> {
             }
         }
         // A graze: too weak to be a contact before the step ends.
-        if is_deep(self.rod, self.outline, &step.to) { Err(Error::NoRest { pose: self.pose }) } else { Ok(1.0) }
+        if is_deep(self.rod, self.outline, &step.to) {
+            Err(Error::NoRest { pose: self.pose })
+        } else {
+            Ok(1.0)
+        }
+    }
+
+    /// Ways to begin: sliding towards the hub, sliding towards the tip, sticking.
+    fn first_states(&self, hub: &PlanarPose) -> Vec<State> {
+        let found = first_contacts(self.rod, self.outline, hub);
+        if self.limit_rad == 0.0 {
+            return found;
+        }
+        let ways = [(self.limit_rad, false), (-self.limit_rad, false), (0.0, true)];
+        let with = |(friction_rad, sticks), state: &State| State { friction_rad, sticks, ..*state };
+        ways.iter().flat_map(|way| found.iter().map(|state| with(*way, state))).collect()
+    }
+
+    /// Whether the whisker slides the way that its friction pulls, which friction never allows.
+    fn turns(&self, step: &Step, solved: &Solved) -> bool {
+        let by = step.by(1.0);
+        // As the force vanishes so does the slip, down to rounding.
+        let rounding = ROUNDING * (by.x.hypot(by.y) + by.z.abs() * self.rod.length_m);
+        let friction_rad = solved.state.friction_rad;
+        friction_rad != 0.0 && rounding < solved.slip_m(self.outline, &by) * friction_rad.signum()
     }
 
     fn is_valid(&self, solved: &Solved) -> bool {
-        boundaries(self.rod, self.outline, &solved.state).iter().all(|(_, value)| -1e-12 <= *value)
+        boundaries(self.rod, self.outline, self.limit_rad, &solved.state)
+            .iter()
+            .all(|(_, value)| -1e-12 <= *value)
             && !self.penetrates(&solved.state)
     }
 
@@ -176,7 +209,11 @@ impl Follower<'_> {
         if !state.touching.is_tip() && is_straight(self.rod) {
             return false;
         }
-        cuts(self.outline, &loaded_line(self.rod, &state.truth(self.rod, self.outline)), CHORD * self.rod.length_m)
+        cuts(
+            self.outline,
+            &loaded_line(self.rod, &state.truth(self.rod, self.outline)),
+            CHORD * self.rod.length_m,
+        )
     }
 
     /// In contact until the kind of contact changes, or to the end of the step.
@@ -184,16 +221,22 @@ impl Follower<'_> {
         let (mut share, mut stride) = (start, 1.0 - start);
         loop {
             let next = if 1.0 - share <= stride { 1.0 } else { share + stride };
-            let guess = state_moved(&solved, &step.by(next - share));
+            let guess = solved.moved(self.outline, &step.by(next - share));
             let found = guess.solve(self.rod, self.outline, &step.at(next));
             let Some(found) = found.filter(|found| self.follows(&solved, &guess, found)) else {
                 stride *= 0.5;
                 if stride < SHORTEST {
-                    self.slip_off(step, share)?;
-                    return Ok(share);
+                    return self.let_go(step, share, solved);
                 }
                 continue;
             };
+            if self.turns(step, &found) {
+                if self.turns(step, &solved) || stride < TURNED {
+                    return self.stick(solved, share);
+                }
+                stride *= 0.5;
+                continue;
+            }
             if let Some((boundary, _)) = self.crossed(&solved, &found) {
                 return self.change(step, (share, solved), (next, found), boundary);
             }
@@ -207,6 +250,25 @@ impl Follower<'_> {
                 return Ok(1.0);
             }
         }
+    }
+
+    /// No contact continues this one. The formulas end where the force does: that is no fold, the whisker lifts off.
+    fn let_go(&mut self, step: &Step, share: f64, last: Solved) -> Result<f64, Error> {
+        if last.state.unknowns.x < WEAK * least_force_n(self.rod) {
+            return self.carry_on(step, share, last, Boundary::NoForce);
+        }
+        self.slip_off(step, share)?;
+        Ok(share)
+    }
+
+    /// The whisker stands still on the object; its friction is free below the limit.
+    fn stick(&mut self, mut solved: Solved, share: f64) -> Result<f64, Error> {
+        solved.state.sticks = true;
+        let Some(solved) = solved.state.derivatives(self.rod, self.outline) else {
+            return Err(Error::NoRest { pose: self.pose });
+        };
+        self.now = Now::Touching(solved);
+        Ok(share)
     }
 
     /// Whether a solution continues the last one: no fold between them, and no leap to another branch.
@@ -223,8 +285,8 @@ impl Follower<'_> {
 
     /// The first boundary passed between two solutions, and where if all were straight.
     fn crossed(&self, last: &Solved, found: &Solved) -> Option<(Boundary, f64)> {
-        let before = boundaries(self.rod, self.outline, &last.state);
-        let after = boundaries(self.rod, self.outline, &found.state);
+        let before = boundaries(self.rod, self.outline, self.limit_rad, &last.state);
+        let after = boundaries(self.rod, self.outline, self.limit_rad, &found.state);
         let passed = before.iter().zip(&after).filter(|(_, after)| after.1 < 0.0);
         passed
             .map(|(before, after)| (after.0, before.1.max(0.0) / (before.1.max(0.0) - after.1)))
@@ -240,14 +302,14 @@ impl Follower<'_> {
         boundary: Boundary,
     ) -> Result<f64, Error> {
         let value = |solved: &Solved| {
-            let all = boundaries(self.rod, self.outline, &solved.state);
+            let all = boundaries(self.rod, self.outline, self.limit_rad, &solved.state);
             all.iter().find(|(b, _)| *b == boundary).map_or(0.0, |(_, value)| *value)
         };
         let (mut at_low, mut at_high) = (value(&last).max(0.0), value(&beyond));
         let mut kept = 0;
         while LOCATED < high - low && 1e-13 < at_low {
             let share = low + (high - low) * (at_low / (at_low - at_high)).clamp(1e-3, 1.0 - 1e-3);
-            let guess = state_moved(&last, &step.by(share - low));
+            let guess = last.moved(self.outline, &step.by(share - low));
             let found = guess.solve(self.rod, self.outline, &step.at(share));
             let at = found.as_ref().map_or(at_high, value);
             if let Some(found) = found.filter(|_| 0.0 <= at) {
@@ -269,12 +331,15 @@ impl Follower<'_> {
             self.now = Now::Free;
             return Ok(share);
         }
-        let next = neighbours(self.rod, self.outline, &last.state, boundary);
-        if let Some(state) = next.continuous {
-            if let Some(solved) = state.derivatives(self.rod, self.outline) {
-                self.now = Now::Touching(solved);
-                return Ok(share);
-            }
+        let mut state = last.state;
+        if boundary == Boundary::SlideBack || boundary == Boundary::SlideOn {
+            self.note(step, share, Change::Slide);
+            state.friction_rad = self.limit_rad.copysign(state.friction_rad);
+        }
+        let next = neighbours(self.rod, self.outline, &state, boundary);
+        if let Some(solved) = next.continuous.and_then(|state| state.derivatives(self.rod, self.outline)) {
+            self.now = Now::Touching(solved);
+            return Ok(share);
         }
         self.jump_or_slip_off(step, share, last, next.jumps)
     }
@@ -284,7 +349,8 @@ impl Follower<'_> {
         let line = loaded_line(self.rod, &state.truth(self.rod, self.outline));
         let corner_state = |i: usize| {
             let corner = self.outline.corners[i];
-            let nearest = line.windows(2).min_by(|a, b| (a[0] - corner).norm().total_cmp(&(b[0] - corner).norm()))?;
+            let nearest =
+                line.windows(2).min_by(|a, b| (a[0] - corner).norm().total_cmp(&(b[0] - corner).norm()))?;
             let along = nearest[1] - nearest[0];
             let normal_rad = along.y.atan2(along.x) + state.side * std::f64::consts::FRAC_PI_2;
             let parameter = wrapped(normal_rad - self.outline.normals_rad[self.outline.before(i)]);
@@ -297,7 +363,13 @@ impl Follower<'_> {
     }
 
     /// Takes the first of the proposed states that holds at this pose; otherwise the whisker slips off.
-    fn jump_or_slip_off(&mut self, step: &Step, share: f64, last: Solved, jumps: Vec<State>) -> Result<f64, Error> {
+    fn jump_or_slip_off(
+        &mut self,
+        step: &Step,
+        share: f64,
+        last: Solved,
+        jumps: Vec<State>,
+    ) -> Result<f64, Error> {
         for state in jumps {
             let found = state.solve(self.rod, self.outline, &step.at(share));
             if let Some(found) = found.filter(|found| self.is_valid(found)) {
@@ -327,8 +399,3 @@ const MOST_LOOKS: f64 = 4096.0;
 const SHARP: f64 = 1e-15;
 /// Largest correction of a prediction, rad or parts of the length, that still counts as the same branch.
 const LEAP: f64 = 0.2;
-
-/// The state predicted after a motion of the hub.
-fn state_moved(solved: &Solved, by: &Vector3<f64>) -> State {
-    State { unknowns: solved.state.unknowns + solved.by_hub * by, ..solved.state }
-}

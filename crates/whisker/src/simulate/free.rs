@@ -2,7 +2,6 @@
 
 use super::TruthContact;
 use super::equilibrium::{Outline, State, Touching, wrapped};
-use super::integrate::{curvature_per_m, stiffness_n_m2};
 use crate::{PlanarPose, Rod};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -48,7 +47,7 @@ pub(super) fn loaded_line(rod: &Rod, contact: &TruthContact) -> Vec<Vector2<f64>
 fn march(rod: &Rod, start: [f64; 3], from: f64, to: f64, moment: impl Fn(f64, f64) -> f64) -> Vec<[f64; 3]> {
     let step = (to - from) / SEGMENTS as f64;
     let slope = |s: f64, at: [f64; 3]| {
-        let bend = curvature_per_m(rod, s) + moment(at[0], at[1]) / stiffness_n_m2(rod, s);
+        let bend = rod.curvature_per_m_at(s) + moment(at[0], at[1]) / rod.ei_n_m2_at(s);
         [at[2].cos(), at[2].sin(), bend]
     };
     let shifted = |at: [f64; 3], by: [f64; 3], h: f64| [0, 1, 2].map(|i| at[i] + h * by[i]);
@@ -82,8 +81,9 @@ pub(super) fn cuts(outline: &Outline, line: &[Vector2<f64>], depth_m: f64) -> bo
 }
 
 /// How the contact may begin at a pose where the unloaded whisker touches: mid-whisker first, nearest to the hub first.
-pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose, friction_rad: f64) -> Vec<State> {
-    let start = |touching, side, unknowns| State { touching, side, friction_rad, unknowns };
+pub(super) fn first_contacts(rod: &Rod, outline: &Outline, hub: &PlanarPose) -> Vec<State> {
+    let start =
+        |touching, side, unknowns| State { touching, side, friction_rad: 0.0, sticks: false, unknowns };
     let (tip, theta_rad) = match is_straight(rod) {
         true => (hub.apply(Vector2::new(rod.length_m, 0.0)), hub.angle_rad),
         false => {
@@ -220,6 +220,8 @@ fn touched_by_tip(rod: &Rod, outline: &Outline, tip: Vector2<f64>) -> Vec<(Touch
     };
     (0..outline.count())
         .filter_map(|i| on_face(&i))
-        .map(|(i, along)| (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i])))
+        .map(|(i, along)| {
+            (Touching::TipOnFace(i), outline.normals_rad[i], along.clamp(0.0, outline.lengths_m[i]))
+        })
         .collect()
 }

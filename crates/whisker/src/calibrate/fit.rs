@@ -1,0 +1,247 @@
+//! The maximum-likelihood fit: readings are corrected, each within its noise, until every sample fulfils what its role demands; the
+//! parameters are those for which the corrections are the least likely to be larger.
+//!
+//! ```text
+//!   r̂ = r + v corrected reading · g(r̂, θ) = 0 · G = ∂g/∂r̂, A = ∂g/∂θ, S = G Σ Gᵀ, w = g − G v
+//!   k = S⁻¹ w, v = −Σ Gᵀ k (to convergence) · cost = Σ wᵀ S⁻¹ w + Σ (θ/σ)²             docs/math/whisker_calibrate.md (11)–(14)
+//! ```
+
+use super::constraints::{Constraint, Observed, Plan, Posed, Role, Setting, State, corrected};
+use super::parameters::{COUNT, Covariance, Parameter, Priors, Values};
+use crate::Sample;
+use nalgebra::{DMatrix, DVector, Matrix6, RowSVector, SMatrix, SVector};
+use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
+
+/// Corrections of one sample are found anew at most this often; contacts of eight σ and more settle in two or three.
+const PROJECTIONS: usize = 6;
+/// … and are settled when they move by less than this part of a σ: the cost then errs by its square.
+const SETTLED: f64 = 1e-5;
+/// How far an object may be from where it was said to be: σ of each of its free parameters, metres or radians. Wide enough to say
+/// nothing, it keeps the equations solvable where nothing is said of one.
+const OBJECT_SIGMA: f64 = 1.0;
+
+/// What is fitted.
+pub struct Problem<'a> {
+    /// Rod, gravity, object.
+    pub setting: Setting<'a>,
+    /// All samples.
+    pub samples: &'a [Sample],
+    /// Which equations each gives.
+    pub plans: &'a [Plan],
+    /// How exact what is observed is.
+    pub noise: Noise,
+    /// How well the parameters are known beforehand, about `centre`.
+    pub priors: &'a Priors,
+    /// Where the priors are centred.
+    pub centre: Values,
+}
+
+/// How exact what is observed is.
+#[derive(Debug, Clone, Copy)]
+pub struct Noise {
+    /// Covariance of what is observed, where the hub's angle changes from sample to sample.
+    pub moving: Matrix6<f64>,
+    /// The same within a stretch of constant angle, where the encoder's rounding does not change: without it.
+    pub constant: Matrix6<f64>,
+    /// The rounding's standard deviation, radians.
+    pub rounding_rad: f64,
+}
+
+impl Noise {
+    /// Covariance of what is observed at a sample.
+    pub fn of(&self, plan: &Plan) -> &Matrix6<f64> {
+        if plan.stretch.is_some() { &self.constant } else { &self.moving }
+    }
+}
+
+/// Where it ends.
+pub struct Fitted {
+    /// The parameters.
+    pub state: State,
+    /// Covariance of the rig's parameters, priors included.
+    pub covariance: Covariance,
+    /// Covariance of the object's parameters.
+    pub object_covariance: DMatrix<f64>,
+    /// The squared misfit of the samples.
+    pub chi2: f64,
+    /// Equations less the unknowns that the samples determine: docs/math/whisker_calibrate.md eq. (15).
+    pub degrees_of_freedom: usize,
+}
+
+impl Problem<'_> {
+    /// The minimum from `start`; none where the equations have no solution.
+    pub fn solve(&self, start: &State) -> Option<Fitted> {
+        let layout = Layout::of(self, start);
+        let solution = minimize_dense(
+            start,
+            |state| self.equations(state, &layout),
+            |state, step| Some(layout.moved(state, step)),
+        )?;
+        let inverse = solution.equations.information.clone().cholesky()?.inverse();
+        let of_priors: f64 = layout.offs(&solution.state, &self.centre).iter().map(|off| off * off).sum();
+        Some(self.fitted(solution.state, &layout, &inverse, solution.equations.chi2 - of_priors))
+    }
+
+    fn fitted(&self, state: State, layout: &Layout, inverse: &DMatrix<f64>, chi2: f64) -> Fitted {
+        let mut covariance = Covariance::zeros();
+        for (i, (a, a_scale)) in layout.free.iter().enumerate() {
+            for (j, (b, b_scale)) in layout.free.iter().enumerate() {
+                covariance[(a.index(), b.index())] = inverse[(i, j)] * a_scale * b_scale;
+            }
+        }
+        let (from, object) = (layout.free.len(), state.object.len());
+        let object_covariance = inverse.view((from, from), (object, object)) * (OBJECT_SIGMA * OBJECT_SIGMA);
+        let equations = self.equations_at(&state);
+        // Every unknown has unit variance beforehand: what is left of it tells how much of it the samples determined.
+        let determined = (inverse.nrows() as f64 - inverse.trace()).round() as usize;
+        let degrees_of_freedom = equations - determined.min(equations);
+        Fitted { state, covariance, object_covariance, chi2, degrees_of_freedom }
+    }
+
+    /// How many equations the samples give at `state`.
+    fn equations_at(&self, state: &State) -> usize {
+        let posed = Posed::new(self.setting, state);
+        let used = self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused);
+        used.map(|(sample, plan)| constraints(&posed, sample, plan).map_or(0, |rows| rows.len())).sum()
+    }
+
+    fn equations(&self, state: &State, layout: &Layout) -> Option<DenseEquations> {
+        let posed = Posed::new(self.setting, state);
+        let mut equations = DenseEquations::new(layout.count());
+        for (i, off) in layout.offs(state, &self.centre).iter().enumerate() {
+            equations.add(-off, &[(i, 1.0)]);
+        }
+        for (sample, plan) in
+            self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused)
+        {
+            for row in projected(&posed, sample, plan, &self.noise)? {
+                equations.add(-row.value, &layout.entries(&row, plan));
+            }
+        }
+        Some(equations)
+    }
+}
+
+/// The unknowns, each in units of what it is uncertain by beforehand: free parameters, the object's, the encoder's roundings.
+struct Layout {
+    free: Vec<(Parameter, f64)>,
+    object: usize,
+    turns: usize,
+    turn_scale: f64,
+}
+
+impl Layout {
+    fn of(problem: &Problem, start: &State) -> Self {
+        Layout {
+            free: problem.priors.free().into_iter().map(|p| (p, problem.priors.sigma(p))).collect(),
+            object: start.object.len(),
+            turns: start.turns_rad.len(),
+            turn_scale: problem.noise.rounding_rad,
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.free.len() + self.object + self.turns
+    }
+
+    fn moved(&self, state: &State, step: &DVector<f64>) -> State {
+        let mut moved = state.clone();
+        for (i, (parameter, scale)) in self.free.iter().enumerate() {
+            moved.values[parameter.index()] += step[i] * scale;
+        }
+        let (object, turns) = (self.free.len(), self.free.len() + self.object);
+        moved.object += step.rows(object, self.object) * OBJECT_SIGMA;
+        moved.turns_rad += step.rows(turns, self.turns) * self.turn_scale;
+        moved
+    }
+
+    /// How far every unknown is from where it was expected.
+    fn offs(&self, state: &State, centre: &Values) -> Vec<f64> {
+        let free = self.free.iter().map(|(p, scale)| (state.values[p.index()] - centre[p.index()]) / scale);
+        let object = state.object.iter().map(|off| off / OBJECT_SIGMA);
+        free.chain(object).chain(state.turns_rad.iter().map(|off| off / self.turn_scale)).collect()
+    }
+
+    fn entries(&self, row: &Constraint, plan: &Plan) -> Vec<(usize, f64)> {
+        let free = self.free.iter().map(|(p, scale)| row.by_parameters[p.index()] * scale);
+        let object = row.by_object.iter().map(|by| by * OBJECT_SIGMA);
+        let mut entries: Vec<(usize, f64)> = free.chain(object).enumerate().collect();
+        if let Some(stretch) = plan.stretch {
+            let turn = row.by_parameters[Parameter::HubAngle.index()] * self.turn_scale;
+            entries.push((self.free.len() + self.object + stretch, turn));
+        }
+        entries
+    }
+}
+
+/// The constraints of a sample at its corrected reading, whitened: their values independent and of unit variance where they hold.
+/// None where the sample has no contact.
+pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> Option<Vec<Constraint>> {
+    let noise = noise.of(plan);
+    let sample = &posed.turned(sample, plan);
+    let mut correction = Observed::zeros();
+    let mut rows = constraints(posed, sample, plan)?;
+    for _ in 0..PROJECTIONS {
+        let next = correction_of(&rows, &correction, noise)?;
+        let moved = next - correction;
+        let Some(there) = constraints(posed, &corrected(sample, &next), plan) else { break };
+        (correction, rows) = (next, there);
+        if scaled(&moved, noise) < SETTLED {
+            break;
+        }
+    }
+    whitened(rows, &correction, noise)
+}
+
+fn constraints(posed: &Posed, sample: &Sample, plan: &Plan) -> Option<Vec<Constraint>> {
+    if plan.role == Role::Free { Some(posed.free(sample)) } else { posed.contact(sample, plan) }
+}
+
+/// v = −Σ Gᵀ S⁻¹ (g − G v).
+fn correction_of(rows: &[Constraint], correction: &Observed, noise: &Matrix6<f64>) -> Option<Observed> {
+    let (w, s) = misclosure(rows, correction, noise);
+    let k = s.cholesky()?.solve(&w);
+    let back = rows.iter().zip(k.iter()).map(|(row, k)| row.by_observed.transpose() * *k);
+    Some(-(noise * back.sum::<Observed>()))
+}
+
+fn misclosure(
+    rows: &[Constraint],
+    correction: &Observed,
+    noise: &Matrix6<f64>,
+) -> (DVector<f64>, DMatrix<f64>) {
+    let w = rows.iter().map(|row| row.value - (row.by_observed * correction)[0]);
+    let s = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+        (rows[i].by_observed * noise * rows[j].by_observed.transpose())[0]
+    });
+    (DVector::from_iterator(rows.len(), w), s)
+}
+
+fn whitened(rows: Vec<Constraint>, correction: &Observed, noise: &Matrix6<f64>) -> Option<Vec<Constraint>> {
+    let (w, s) = misclosure(&rows, correction, noise);
+    let factor = s.cholesky()?;
+    let white = factor.l().solve_lower_triangular(&DMatrix::identity(rows.len(), rows.len()))?;
+    let mix = |pick: &dyn Fn(&Constraint) -> DVector<f64>, i: usize| {
+        rows.iter().enumerate().map(|(j, row)| pick(row) * white[(i, j)]).sum::<DVector<f64>>()
+    };
+    let whitened = (0..rows.len()).map(|i| Constraint {
+        value: (white.row(i) * &w)[0],
+        by_observed: RowSVector::from_iterator(mix(&|r| to_dynamic(&r.by_observed), i).iter().copied()),
+        by_parameters: RowSVector::<f64, COUNT>::from_iterator(
+            mix(&|r| to_dynamic(&r.by_parameters), i).iter().copied(),
+        ),
+        by_object: mix(&|r| DVector::from_column_slice(&r.by_object), i).iter().copied().collect(),
+    });
+    let whitened: Vec<Constraint> = whitened.collect();
+    whitened.iter().all(|row| row.value.is_finite()).then_some(whitened)
+}
+
+fn to_dynamic<const N: usize>(row: &RowSVector<f64, N>) -> DVector<f64> {
+    DVector::from_iterator(N, row.iter().copied())
+}
+
+/// The largest component of a correction, in σ of the noise; one without noise does not move.
+fn scaled(moved: &Observed, noise: &Matrix6<f64>) -> f64 {
+    let sigmas: SVector<f64, 6> = SMatrix::diagonal(noise).map(f64::sqrt);
+    moved.iter().zip(sigmas.iter()).filter(|(_, s)| 0.0 < **s).map(|(v, s)| (v / s).abs()).fold(0.0, f64::max)
+}
