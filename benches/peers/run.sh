@@ -46,8 +46,9 @@ rig)
     compare rig.py "$folder/examples/bench_rig" "$@"
     ;;
 whisker)
+    build -p resight-cli
     build -p resight-whisker --example bench_contact
-    compare whisker.py "$folder/examples/bench_contact" "$@"
+    compare whisker.py "$folder/resight" "$folder/examples/bench_contact" "$@"
     ;;
 bad-inputs)
     build -p resight-cli

@@ -13,6 +13,7 @@ The contenders of one sample:
 - the closed form of the uniform whisker by `scipy.special` (ellipkinc, ellipeinc).
 - Resight: closed form and integration, called from a small program of its own on the same loads.
 Of a sweep with noise, the errors of samples with at least 0.1 N also for
+- Resight's `whisker solve` in its three modes, told nothing of touch or friction; it reads the whole record, free air before the touch included.
 - the torque-only estimator of Solomon and Hartmann (2010), restated: first the distance from torque and angle 3 degrees after the touch, then
   step by step along the whisker's own direction to where the torque agrees; the moment and the direction of a deflected cantilever by angle as
   cubic fits to the elastica. It is told the touch angle, and it assumes no friction and a hub that only turns.
@@ -34,7 +35,7 @@ from scipy.special import ellipeinc, ellipkinc
 LENGTH_M, YOUNG_PA = 0.25, 200e9
 RADIUS_M, DISTANCE_M = 0.025, 0.15
 FORCE_STEP_N, TORQUE_STEP_N_M = 1 / 320, 1 / 64e3
-SEED, ROUNDS, LEAST_FORCE_N = 20041, 3, 0.1
+SEED, ROUNDS, LEAST_FORCE_N, FREE = 20041, 3, 0.1, 21
 
 
 def stiffness(diameter_m):
@@ -158,6 +159,18 @@ def resight(program, whisker, method, loads):
     return np.array([[float(v) if v else np.nan for v in row] for row in fields]), *costs
 
 
+def solved(program, one, mode, folder):
+    """Contacts (n, 2) in the world of `resight whisker solve` over the whole noisy record; NaN where its status is not ok."""
+    meta, record = one.files
+    out = folder / f"contacts_{mode}.csv"
+    command = [program, "whisker", "solve", "--whisker", meta, record, "--mode", mode, "-o", out]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode in (0, 1), done.stderr  # 1: some rows have no contact, which are those of free air
+    rows = {(int(r["sweep"]), int(r["sample"])): r for r in csv.DictReader(open(out))}
+    read = lambda r: [float(r["x"]), float(r["y"])] if r["status"] == "ok" else [np.nan, np.nan]
+    return np.array([read(rows[key]) for key in one.keys])
+
+
 # ---- the torque-only estimator
 
 
@@ -178,19 +191,19 @@ def cantilever_fits():
     return [np.linalg.lstsq(odd, np.array(v), rcond=None)[0] for v in (moments, turns)]
 
 
-def torque_only(whisker, angles, moments, touch, sign):
-    """Contacts (n, 2) of a sweep about the origin in the world, NaN before 3 degrees; `sign` is the side of the object."""
+def torque_only(whisker, angles, moments, touch):
+    """Contacts (n, 2) of a sweep about the origin in the world, NaN before 3 degrees; the object is on the right."""
     of_moment, of_turn = cantilever_fits()
     cubic = lambda fit, a: fit @ np.array([a, a**2, a**3])
     out, x, t = np.full((len(angles), 2), np.nan), None, None
     for i, (angle, moment) in enumerate(zip(angles, np.abs(moments))):
-        bend = sign * (touch - angle)
+        bend = touch - angle
         if bend < np.radians(3) or moment <= 0:
             continue
 
         def excess(slip, x, t):
             at = x + slip * t
-            deflected = sign * (np.arctan2(at[1], at[0]) - angle)
+            deflected = np.arctan2(at[1], at[0]) - angle
             return whisker.ei_n_m2 * cubic(of_moment, deflected) / np.hypot(*at) - moment
 
         if x is None:
@@ -204,8 +217,8 @@ def torque_only(whisker, angles, moments, touch, sign):
                 nearest = crossings[np.argmin(np.abs(slips[crossings]))]
                 x = x + brentq(excess, slips[nearest], slips[nearest + 1], args=(x, t)) * t
         out[i] = x
-        deflected = sign * (np.arctan2(x[1], x[0]) - angle)
-        direction = angle + sign * (deflected + cubic(of_turn, deflected))
+        deflected = np.arctan2(x[1], x[0]) - angle
+        direction = angle + deflected + cubic(of_turn, deflected)
         t = np.array([np.cos(direction), np.sin(direction)])
     return out
 
@@ -216,9 +229,9 @@ def torque_only(whisker, angles, moments, touch, sign):
 class Samples:
     """Loads (n, 3) in hub axes, contacts (n, 2) in hub axes and the world, hub poses (n, 3: angle, x, y)."""
 
-    def __init__(self, name, whisker, hubs, clean, noisy, truth, sweeps, touch=None, sign=1.0):
+    def __init__(self, name, whisker, hubs, clean, noisy, truth, sweeps, touch=None):
         self.name, self.whisker, self.hubs, self.clean, self.noisy, self.truth = name, whisker, hubs, clean, noisy, truth
-        self.sweeps, self.touch, self.sign = sweeps, touch, sign
+        self.sweeps, self.touch = sweeps, touch
         self.exact_hubs, self.at_tip = hubs, np.zeros(len(truth), dtype=bool)
 
     def in_hub(self):
@@ -233,7 +246,7 @@ def turned(x, angle):
     return np.array([c * x[0] - s * x[1], s * x[0] + c * x[1]])
 
 
-def made():
+def made(folder):
     rng = np.random.default_rng(SEED)
     steps = np.array([FORCE_STEP_N, FORCE_STEP_N, TORQUE_STEP_N_M])
     wire, cone = Whisker(LENGTH_M, stiffness(1.0e-3), 0.0), Whisker(LENGTH_M, stiffness(1.2e-3), 2 / 3)
@@ -242,7 +255,32 @@ def made():
         clean = rows[:, 1:4]
         noisy = np.round((clean + steps * rng.standard_normal(clean.shape)) / steps) * steps
         hubs = np.column_stack([rows[:, 0], np.zeros((len(rows), 2))])
-        yield Samples(name, whisker, hubs, clean, noisy, rows[:, 4:6], np.zeros(len(rows)), touch)
+        one = Samples(name, whisker, hubs, clean, noisy, rows[:, 4:6], np.zeros(len(rows)), touch)
+        free = np.round(rng.standard_normal((FREE, 3))) * steps
+        angles = touch + np.radians(1.0) * np.arange(FREE - 1, -1, -1)
+        one.files = written(folder / name.replace(", ", "_").replace(" ", "_"), one, angles, free)
+        one.keys = [(0, FREE + i) for i in range(len(rows))]
+        yield one
+
+
+def written(folder, one, free_angles, free):
+    """Whisker and record as files for the program: free air, then the sweep."""
+    folder.mkdir(parents=True, exist_ok=True)
+    whisker = {
+        "length_m": one.whisker.length_m,
+        "diameter_base_m": 1.0e-3,
+        "diameter_tip_m": 1.0e-3 * (1 - one.whisker.taper),
+        "intrinsic_curvature_1_per_m": 0.0,
+        "EI_base_Nm2": one.whisker.ei_n_m2,
+    }
+    steps = {"force_N": FORCE_STEP_N, "torque_Nm": TORQUE_STEP_N_M, "hub_angle_rad": 0.0}
+    noise = {"force_sigma_N": FORCE_STEP_N, "torque_sigma_Nm": TORQUE_STEP_N_M, "quantised_to_LSB": steps, "hub_xy_sigma_m": 0.0}
+    meta, record = folder / "meta.json", folder / "hub.csv"
+    meta.write_text(json.dumps({"whisker": whisker, "sensor": {"noise": noise}}))
+    loads, angles = np.vstack([free, one.noisy]), np.concatenate([free_angles, one.hubs[:, 0]])
+    lines = [f"0,{i},{i / 50},{a!r},0,0,{fx!r},{fy!r},{mz!r}" for i, (a, (fx, fy, mz)) in enumerate(zip(angles.tolist(), loads.tolist()))]
+    record.write_text("\n".join(["sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,mz", *lines]) + "\n")
+    return meta, record
 
 
 def recorded(folder):
@@ -261,6 +299,8 @@ def recorded(folder):
         touch = touch_angle(json.loads((meta_path.parent / "object_truth.json").read_text()))
         one = Samples(meta_path.parent.name, whisker, hubs, *loads, take(truth, ["x", "y"]), sweeps, touch)
         one.exact_hubs = take(clean, ["hub_angle", "hub_x", "hub_y"])
+        one.files = meta_path, meta_path.parent / "measured_noisy.csv"
+        one.keys = [(int(truth[i]["sweep"]), int(truth[i]["sample"])) for i in touching]
         one.at_tip = np.array([truth[i]["mode"].startswith("tip") for i in touching])
         yield one
 
@@ -302,38 +342,41 @@ def rms_mm(got, want):
     return f"{np.sqrt(np.mean(off**2)):.3f} / {np.median(off):.3f} ({len(off)})" if len(off) else "none"
 
 
-def noisy_table(samples, program):
+def noisy_table(samples, resight_program, folder):
     print("\nRoot mean square / median error, mm (samples answered), of sweeps about a fixed clamp, at least 0.1 N, not at the tip:\n")
-    print("| samples | RK45 from the hub | Resight, sample by sample | torque only |")
-    print("| --- | --- | --- | --- |")
+    print("| samples | RK45 from the hub | torque only | Resight raw | constrained | sweep |")
+    print("| --- | --- | --- | --- | --- | --- |")
     for one in samples:
         if one.touch is None or one.whisker.taper != 0:
             continue
         turning = one.sweeps == one.sweeps.max()
         enough = turning & ~one.at_tip & (np.hypot(*one.clean[:, :2].T) >= LEAST_FORCE_N)
-        ours = one.in_world(resight(program, one.whisker, "closed", one.noisy)[0])
-        scipys = np.full_like(ours, np.nan)
+        ours = [solved(resight_program, one, mode, folder) for mode in ("raw", "constrained", "sweep")]
+        scipys = np.full_like(ours[0], np.nan)
         contact = integrated(one.whisker, "RK45", 1e-6)
         for i in np.flatnonzero(enough):
             x = contact(one.noisy[i])
             scipys[i] = np.nan if x is None else turned(x, one.hubs[i, 0]) + one.hubs[i, 1:]
         place = one.hubs[turning][0, 1:]
-        torques = np.full_like(ours, np.nan)
-        torques[turning] = torque_only(one.whisker, one.hubs[turning, 0], one.noisy[turning, 2], one.touch, one.sign) + place
-        columns = [rms_mm(x[enough], one.truth[enough]) for x in (scipys, ours, torques)]
+        torques = np.full_like(scipys, np.nan)
+        torques[turning] = torque_only(one.whisker, one.hubs[turning, 0], one.noisy[turning, 2], one.touch) + place
+        columns = [rms_mm(x[enough], one.truth[enough]) for x in (scipys, torques, *ours)]
         print(f"| {one.name} | " + " | ".join(columns) + " |")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("program", help="the example bench_contact")
+    parser.add_argument("resight", help="path of resight")
+    parser.add_argument("program", help="path of the example bench_contact")
     parser.add_argument("--data", help="folder of data sets; without it the samples are made here")
-    parser.add_argument("--folder", help="not used: nothing is written")
+    parser.add_argument("--folder", type=Path, default=Path("/tmp"), help="where records and contacts are written")
     arguments = parser.parse_args()
-    samples = list(recorded(arguments.data) if arguments.data else made())
+    folder = arguments.folder / "whisker"
+    folder.mkdir(parents=True, exist_ok=True)
+    samples = list(recorded(arguments.data) if arguments.data else made(folder))
     print(f"SciPy {scipy.__version__}, NumPy {np.__version__}; one thread, fastest of {ROUNDS} rounds.\n")
     exact_table(samples, arguments.program)
-    noisy_table(samples, arguments.program)
+    noisy_table(samples, arguments.resight, folder)
 
 
 main()

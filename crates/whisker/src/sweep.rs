@@ -8,18 +8,21 @@
 pub mod batch;
 pub mod chain;
 pub mod envelope;
+pub mod fixed_lag;
 pub mod node;
 pub mod record;
 pub mod roles;
 pub mod start;
+pub mod tip;
 
 use crate::contact::{ByLoad, Method};
 use crate::estimate::{Contact, ContactEstimate, Mode, Status};
 use crate::{Cell, Error, HubContact, Rod, Sample};
-use batch::{Prior, Problem, Smoothed};
+use batch::{Prior, Smoothed};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3};
 use node::{Instrument, Linear, Node, Role, direction, left_of};
 use record::{Chained, Run};
+use tip::Doubt;
 
 /// Standard deviation of the friction angle where nothing is known of it, radians: half of all pairings lie below 0.35.
 const UNKNOWN_FRICTION_RAD: f64 = 0.5;
@@ -126,8 +129,8 @@ pub(crate) fn prior(friction: &Friction) -> Result<Prior, Error> {
 fn settle(chained: &mut Chained, jumps: &mut Vec<Jump>, runs: &[Run]) -> Option<Smoothed> {
     let mut smoothed = chained.problem.minimise()?;
     for _ in 0..chained.problem.nodes.len() {
-        if let Some(better) = move_tip_borders(&mut chained.problem, &smoothed) {
-            smoothed = better;
+        if tip::improve(&mut chained.problem, &smoothed) {
+            smoothed = chained.problem.minimise()?;
             continue;
         }
         let tests = chained.problem.envelope_tests(&smoothed);
@@ -145,32 +148,6 @@ fn settle(chained: &mut Chained, jumps: &mut Vec<Jump>, runs: &[Run]) -> Option<
     Some(smoothed)
 }
 
-/// Tries to move each border between mid-whisker and tip by one sample; the first better minimum, if any.
-fn move_tip_borders(problem: &mut Problem, now: &Smoothed) -> Option<Smoothed> {
-    let is_tip = |node: &Node| node.role == Role::Tip;
-    for i in 0..problem.nodes.len().saturating_sub(1) {
-        if !problem.linked[i] || is_tip(&problem.nodes[i]) == is_tip(&problem.nodes[i + 1]) {
-            continue;
-        }
-        for (changed, other) in [(i, i + 1), (i + 1, i)] {
-            if matches!(problem.nodes[other].role, Role::Touch { .. })
-                || matches!(problem.nodes[changed].role, Role::Touch { .. })
-            {
-                continue;
-            }
-            let mut trial = problem.clone();
-            trial.nodes[changed].role = trial.nodes[other].role;
-            if let Some(better) = trial.minimise()
-                && better.chi2 < now.chi2 - 1e-6
-            {
-                *problem = trial;
-                return Some(better);
-            }
-        }
-    }
-    None
-}
-
 fn report(
     with: &Instrument,
     samples: &[Sample],
@@ -186,17 +163,13 @@ fn report(
         estimates[seen.row].status = Status::NoZero;
     }
     let smoothed = smoothed.unwrap_or_default();
+    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, &smoothed) };
     for (i, linear) in smoothed.linear.iter().enumerate() {
         if let Some((run, index)) = chained.place[i] {
             let seen = &runs[run][index];
-            estimates[seen.row] = estimate(
-                with,
-                &problem.nodes[i],
-                &problem.states[i],
-                linear,
-                &smoothed.solution.covariances[i],
-                seen.probability,
-            );
+            let covariance = &smoothed.solution.covariances[i];
+            let (node, state) = (&problem.nodes[i], &problem.states[i]);
+            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
         }
     }
     let variance = if smoothed.linear.is_empty() { f64::INFINITY } else { smoothed.solution.shared_variance };
@@ -221,8 +194,8 @@ pub(crate) fn coefficient(angle_rad: f64, variance: f64, friction: &Friction) ->
 }
 
 /// A row without contact: nothing touched, or no numbers.
-fn without_contact(sample: &Sample) -> ContactEstimate {
-    let status = if sample.load.is_finite() { Status::NoContact } else { Status::Inconsistent };
+pub(crate) fn without_contact(sample: &Sample) -> ContactEstimate {
+    let status = if record::is_number(sample) { Status::NoContact } else { Status::Inconsistent };
     ContactEstimate { status, mode: Mode::Free, mode_probability: 1.0, contact: None, branches: Vec::new() }
 }
 
@@ -233,7 +206,6 @@ pub(crate) fn estimate(
     z: &chain::Local,
     linear: &Linear,
     covariance: &Matrix4<f64>,
-    mode_probability: f64,
 ) -> ContactEstimate {
     let contact = linear.contact.as_ref().map(|c| contact_in_world(with, node, z, linear, c, covariance));
     let misfit = node.deviation(z).norm_squared();
@@ -247,7 +219,18 @@ pub(crate) fn estimate(
         Some(_) => Status::Ok,
     };
     let mode = if node.role == Role::Tip { Mode::Tip } else { Mode::Mid };
-    ContactEstimate { status, mode, mode_probability, contact, branches: Vec::new() }
+    ContactEstimate { status, mode, mode_probability: 1.0, contact, branches: Vec::new() }
+}
+
+/// Widened by what the borders between mid-whisker and tip leave undecided.
+fn doubted(mut estimate: ContactEstimate, doubt: &Doubt) -> ContactEstimate {
+    estimate.mode_probability = doubt.probability;
+    if let Some(contact) = &mut estimate.contact {
+        contact.covariance += doubt.spread;
+        let along = direction(contact.theta_rad).push(0.0);
+        contact.s_sigma_m = contact.s_sigma_m.hypot(doubt.along(&along).max(0.0).sqrt());
+    }
+    estimate
 }
 
 /// Covariances, eq. (16): of the smoothed unknowns, and of the hub's pose where the unknowns do not carry it.

@@ -5,6 +5,7 @@ mod real_support;
 use nalgebra::{Matrix2, Vector2};
 use real_support::{Set, Truth, sets};
 use resight_whisker::estimate::{ContactEstimate, Mode, Status};
+use resight_whisker::sweep::fixed_lag::FixedLag;
 use resight_whisker::sweep::{Friction, Options, Sweep, smooth};
 use resight_whisker::{Cell, Sample};
 
@@ -196,6 +197,12 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
             let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
             assert!(pooled.rms_mm() < bar_mm, "{} {name}: {}", set.name, pooled.line());
             assert!(pooled.median_mm() < 0.12, "{} {name}: {}", set.name, pooled.line());
+            assert_eq!(pooled.missing, 0, "{} {name}", set.name);
+            assert!(jumps <= 1, "{} {name}: {jumps} jumps where there are none", set.name);
+            assert!(mu_worst < 0.002 && mu_nees < 2.0, "{} {name}: mu {mu_worst} {mu_nees}", set.name);
+            // χ²₂ has mean 2. Successive roundings of a slowly turning hub are not independent: up to 3.
+            let limit = if name == "as recorded" { 3.2 } else { 2.2 };
+            assert!((0.9..limit).contains(&mean(&pooled.nees)), "{} {name}: {}", set.name, pooled.line());
         }
     }
 }
@@ -228,4 +235,64 @@ fn impossible_instruments_are_refused() {
     assert!(smooth(&rod, &cell, &[], &negative).is_err());
     assert!(smooth(&rod, &Cell::default(), &[], &Options::default()).is_err());
     assert!(smooth(&rod, &cell, &[], &Options::default()).is_ok_and(|sweep| sweep.estimates.is_empty()));
+}
+
+/// Streamed: filtered at once, settled after the lag; every row answered once and in order.
+#[test]
+fn the_fixed_lag_smoother_settles_every_row_within_the_bar() {
+    let Some(sets) = sets() else { return };
+    for set in &sets {
+        let options = Options::default();
+        let (mut filtered, mut settled) = (Errors::default(), Errors::default());
+        for seed in 0..=5 {
+            let samples = if seed == 0 { set.noisy.clone() } else { noised(&set.clean, &set.cell, seed) };
+            let mut smoother = FixedLag::new(&set.rod, &set.cell, &options).expect("instruments");
+            let (mut now, mut late, mut mu) = (Vec::new(), Vec::new(), 0.0);
+            for sample in &samples {
+                let update = smoother.push(*sample);
+                now.push(update.now);
+                late.extend(update.settled);
+                mu = update.mu;
+            }
+            late.extend(smoother.finish());
+            let names: Vec<_> = late.iter().map(|s| (s.sweep, s.sample)).collect();
+            assert_eq!(names, samples.iter().map(|s| (s.sweep, s.sample)).collect::<Vec<_>>());
+            let late: Vec<_> = late.into_iter().map(|s| s.estimate).collect();
+            filtered.add(Errors::of(&now, &set.truth));
+            settled.add(Errors::of(&late, &set.truth));
+            assert!((mu - true_mu(set)).abs() < 0.002, "{}: mu {mu}", set.name);
+        }
+        println!("{} filtered: {}", set.name, filtered.line());
+        println!("    settled: {}", settled.line());
+        assert!(settled.rms_mm() < 0.5, "{}: {}", set.name, settled.line());
+    }
+}
+
+/// The same hub motion over a circle and over a square, the first half of one joined to the second half of the other: the
+/// contact leaps from one object to another without letting go.
+#[test]
+fn a_leap_to_another_object_is_found_and_survived() {
+    let Some(sets) = sets() else { return };
+    let (circle, square) = (&sets[2], &sets[0]);
+    let rows = |set: &Set| (0..set.truth.len()).filter(|&i| set.clean[i].sweep == 2).collect::<Vec<_>>();
+    let (circle_rows, square_rows) = (rows(circle), rows(square));
+    for seed in 1..=5 {
+        let noisy = |set: &Set| noised(&set.clean, &set.cell, seed);
+        let (on_circle, on_square) = (noisy(circle), noisy(square));
+        let (mut samples, mut truth) = (Vec::new(), Vec::new());
+        for k in 0..75 {
+            samples.push(on_circle[circle_rows[k]]);
+            truth.push(circle.truth[circle_rows[k]].clone());
+        }
+        // The next hub angle, where the square is bent past its first corner.
+        for k in 75..square_rows.len() {
+            samples.push(on_square[square_rows[k]]);
+            truth.push(square.truth[square_rows[k]].clone());
+        }
+        let sweep = smooth(&circle.rod, &circle.cell, &samples, &Options::default()).expect("a sweep");
+        let errors = Errors::of(&sweep.estimates, &truth);
+        println!("leap, seed {seed}: jumps {:?}, {}", sweep.jumps, errors.line());
+        assert_eq!(sweep.jumps.iter().map(|jump| jump.after_row).collect::<Vec<_>>(), [74]);
+        assert!(errors.rms_mm() < 0.3, "{}", errors.line());
+    }
 }

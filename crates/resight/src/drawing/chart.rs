@@ -35,7 +35,7 @@ impl Chart {
             return None;
         }
         // A single point still gets a frame of a millimetre.
-        let extent_m = 1.12 * (most - least).max().max(1e-3);
+        let extent_m = 1.2 * (most - least).max().max(1e-3);
         let least_m = 0.5 * (least + most) - Vector2::repeat(0.5 * extent_m);
         Some(Chart { corner, side_px, least_m, px_per_m: side_px / extent_m })
     }
@@ -68,8 +68,8 @@ impl Chart {
         let box_path = [low, Vector2::new(high.x, low.y), high, Vector2::new(low.x, high.y), low];
         drawing.line(box_path.to_vec(), DIM, 1.0);
         drawing.text("x / mm", Vector2::new(high.x, high.y + 34.0), TEXT_PX, DIM, Anchor::End);
-        drawing.text("y / mm", Vector2::new(low.x, low.y - 10.0), TEXT_PX, DIM, Anchor::End);
-        drawing.text(title, Vector2::new(low.x + 8.0, low.y - 10.0), 11.0, INK, Anchor::Start);
+        drawing.text("y / mm", Vector2::new(low.x - 6.0, low.y - 10.0), TEXT_PX, DIM, Anchor::End);
+        drawing.text(title, Vector2::new(low.x + 12.0, low.y - 10.0), 11.0, INK, Anchor::Start);
     }
 
     /// A bar of a round length in the lower right corner.

@@ -7,10 +7,10 @@
 
 use super::model::{Gravity, Meant, meant, rod_of};
 use super::outline::{
-    Outline, face_near, face_normal, is_near_corner, signed_distance, support_and_slope, support_bend, unit,
+    Outline, face_near, face_normal, is_near_corner, signed_distance, supporting_point, unit,
 };
 use super::parameters::{COUNT, Parameter, Values};
-use crate::contact::{ByLoad, Method, contact_in_hub, contact_with_derivatives};
+use crate::contact::{ByLoad, Method, by_stiffness, contact_in_hub, contact_with_derivatives};
 use crate::{HubContact, Rod, Sample, Shape};
 use nalgebra::{DVector, RowSVector, RowVector3, SVector, Vector2};
 use std::f64::consts::FRAC_PI_2;
@@ -51,8 +51,17 @@ pub struct Plan {
     pub role: Role,
     /// What it says of the outline.
     pub outlined: Outlined,
-    /// The unknown that turns the hub during its sweep, [`super::stretches`].
-    pub stretch: Option<usize>,
+    /// The unknown that turns the hub during its stretch; none where no equation depends on the hub.
+    pub stretch: Option<Stretch>,
+}
+
+/// Samples over which the encoder's rounding has something in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stretch {
+    /// Which unknown.
+    pub unknown: usize,
+    /// Whether the angle read does not change: then the rounding is that unknown and nothing besides.
+    pub is_still: bool,
 }
 
 /// One scalar equation at one sample.
@@ -82,7 +91,7 @@ pub struct State {
     pub values: Values,
     /// The object's, from its start.
     pub object: DVector<f64>,
-    /// By how much the encoder's rounding turns the hub during each stretch of constant reading, radians.
+    /// By how much the encoder's rounding turns the hub during each stretch, radians.
     pub turns_rad: DVector<f64>,
 }
 
@@ -145,7 +154,7 @@ impl<'a> Posed<'a> {
     /// The sample with its hub turned by the encoder's rounding.
     pub fn turned(&self, sample: &Sample, plan: &Plan) -> Sample {
         let mut turned = *sample;
-        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch)) {
+        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch.unknown)) {
             turned.world_from_hub.angle_rad += turn;
         }
         turned
@@ -163,12 +172,11 @@ impl<'a> Posed<'a> {
         let by_curvature = if self.setting.curvature_is_free {
             let ends = [0, 1].map(|i| contact_in_hub(&self.bent[i], &meant.load, self.setting.method));
             let [Ok(plus), Ok(minus)] = ends else { return None };
-            (as_vector(&plus) - as_vector(&minus)) * (0.5 * self.rod.length_m / CURVATURE_STEP_RAD)
+            (plus.to_vector() - minus.to_vector()) * (0.5 * self.rod.length_m / CURVATURE_STEP_RAD)
         } else {
             SVector::zeros()
         };
-        // Scaling load and stiffness alike changes nothing: ∂/∂ln EI = −ℓ·∂/∂ℓ. docs/math/whisker_calibrate.md eq. (8).
-        let by_stiffness = -(by_load * meant.load.to_vector());
+        let by_stiffness = by_stiffness(&meant.load, &by_load);
         Some(Touched { meant, at, by_load, by_stiffness, by_curvature })
     }
 
@@ -209,10 +217,11 @@ impl<'a> Posed<'a> {
         Some(constraints)
     }
 
-    /// What a contact in `role` can say of the outline.
-    pub fn outlined(&self, sample: &Sample, role: Role) -> Outlined {
+    /// What a contact in `role` can say of the outline; nothing where its force is below `least_force_n`.
+    pub fn outlined(&self, sample: &Sample, role: Role, least_force_n: f64) -> Outlined {
         let (Some(shape), Some(touched)) = (&self.shape, self.touched(sample)) else { return Outlined::Not };
         match role {
+            _ if touched.meant.load.force_n().norm() < least_force_n => Outlined::Not,
             Role::Mid => match face_near(shape, touched.normal_rad()) {
                 Some(face) => Outlined::OnFace(face),
                 None => Outlined::Supports,
@@ -247,19 +256,25 @@ impl<'a> Posed<'a> {
     /// n·x − h(n), metres, n across the whisker: the tangent of a mid contact supports the object.
     fn supporting(&self, touched: &Touched, shape: &Shape) -> Constraint {
         let (x, angle) = (touched.x_in_world(), touched.normal_rad());
-        let (h, slope) = support_and_slope(shape, angle);
-        let by_angle = unit(angle + FRAC_PI_2).dot(&x) - slope;
-        self.along(touched, angle, unit(angle).dot(&x) - h, by_angle, |outline, moved| {
-            outline.support_by_parameters(moved, angle)
-        })
+        // n·x − h = n·(x − p), and turning n about p, where h is supported, leaves t·(x − p).
+        let off = x - supporting_point(shape, angle).0;
+        let by_angle = unit(angle + FRAC_PI_2).dot(&off);
+        self.along(
+            touched,
+            angle,
+            unit(angle).dot(&off) - self.radius_m(touched),
+            by_angle,
+            |outline, moved| outline.support_by_parameters(moved, angle),
+        )
     }
 
     /// t·x − h′(n), metres: a mid contact is where the outline has its normal.
     fn placed(&self, touched: &Touched, shape: &Shape) -> Constraint {
         let (x, angle) = (touched.x_in_world(), touched.normal_rad());
-        let (_, slope) = support_and_slope(shape, angle);
-        let value = unit(angle + FRAC_PI_2).dot(&x) - slope;
-        let by_angle = -unit(angle).dot(&x) - support_bend(shape, angle);
+        let (point, radius) = supporting_point(shape, angle);
+        let value = unit(angle + FRAC_PI_2).dot(&(x - point));
+        // h″ = ρ − h: −n·x − h″ = −n·(x − p) − ρ.
+        let by_angle = -unit(angle).dot(&(x - point)) - radius;
         self.along(touched, angle + FRAC_PI_2, value, by_angle, |outline, moved| {
             outline.slope_by_parameters(moved, angle)
         })
@@ -268,7 +283,7 @@ impl<'a> Posed<'a> {
     /// n·x − h(n), metres, n across a face.
     fn on_face(&self, touched: &Touched, shape: &Shape, face: usize) -> Constraint {
         let (x, angle) = (touched.x_in_world(), face_normal(shape, face));
-        let value = unit(angle).dot(&x) - shape.support_m(unit(angle));
+        let value = unit(angle).dot(&x) - shape.support_m(unit(angle)) - self.radius_m(touched);
         self.along(touched, angle, value, 0.0, |outline, moved| {
             outline.face_by_parameters(moved, face, x).into_iter().map(|d| -d).collect()
         })
@@ -277,9 +292,15 @@ impl<'a> Posed<'a> {
     /// The signed distance of a contact at the tip from the outline, metres.
     fn on_outline(&self, touched: &Touched, shape: &Shape) -> Constraint {
         let (distance, angle) = signed_distance(shape, touched.x_in_world());
-        self.along(touched, angle, distance, 0.0, |outline, moved| {
+        self.along(touched, angle, distance - self.radius_m(touched), 0.0, |outline, moved| {
             outline.support_by_parameters(moved, angle)
         })
+    }
+
+    /// The whisker's radius: its centre line runs that far outside the outline. How it changes along the whisker is left out of the
+    /// derivatives: a part in 10³ of the place along it.
+    fn radius_m(&self, touched: &Touched) -> f64 {
+        0.5 * self.rod.diameter_m_at(touched.at.s_m)
     }
 
     /// A distance along a direction of the world, which also depends on the direction of the whisker.
@@ -340,10 +361,6 @@ impl Touched {
         let side = if self.meant.load.mz_n_m < 0.0 { -1.0 } else { 1.0 };
         self.meant.world_from_hub.angle_rad + self.at.theta_rad + side * FRAC_PI_2
     }
-}
-
-fn as_vector(at: &HubContact) -> SVector<f64, 5> {
-    SVector::<f64, 5>::new(at.x_in_hub.x, at.x_in_hub.y, at.theta_rad, at.s_m, at.friction_angle_rad)
 }
 
 /// The sample moved by a correction of what was observed.

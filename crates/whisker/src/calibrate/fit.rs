@@ -12,8 +12,8 @@ use crate::Sample;
 use nalgebra::{DMatrix, DVector, Matrix6, RowSVector, SMatrix, SVector};
 use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
 
-/// Corrections of one sample are found anew at most this often; contacts of eight σ and more settle in two or three.
-const PROJECTIONS: usize = 6;
+/// Corrections of one sample are found anew at most this often; those that settle do so in two to four.
+const PROJECTIONS: usize = 10;
 /// … and are settled when they move by less than this part of a σ: the cost then errs by its square.
 const SETTLED: f64 = 1e-5;
 /// How far an object may be from where it was said to be: σ of each of its free parameters, metres or radians. Wide enough to say
@@ -34,15 +34,17 @@ pub struct Problem<'a> {
     pub priors: &'a Priors,
     /// Where the priors are centred.
     pub centre: Values,
+    /// Whether some roles may be wrong.
+    pub roles_are_doubtful: bool,
 }
 
 /// How exact what is observed is.
 #[derive(Debug, Clone, Copy)]
 pub struct Noise {
-    /// Covariance of what is observed, where the hub's angle changes from sample to sample.
+    /// Covariance of what is observed while the hub turns.
     pub moving: Matrix6<f64>,
-    /// The same within a stretch of constant angle, where the encoder's rounding does not change: without it.
-    pub constant: Matrix6<f64>,
+    /// The same where the angle stands still, without the encoder's rounding.
+    pub still: Matrix6<f64>,
     /// The rounding's standard deviation, radians.
     pub rounding_rad: f64,
 }
@@ -50,7 +52,7 @@ pub struct Noise {
 impl Noise {
     /// Covariance of what is observed at a sample.
     pub fn of(&self, plan: &Plan) -> &Matrix6<f64> {
-        if plan.stretch.is_some() { &self.constant } else { &self.moving }
+        if plan.stretch.is_some_and(|stretch| stretch.is_still) { &self.still } else { &self.moving }
     }
 }
 
@@ -115,12 +117,31 @@ impl Problem<'_> {
             self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused)
         {
             for row in projected(&posed, sample, plan, &self.noise)? {
-                equations.add(-row.value, &layout.entries(&row, plan));
+                self.add(&mut equations, &row, layout.entries(&row, plan));
             }
         }
         Some(equations)
     }
 }
+
+impl Problem<'_> {
+    /// Adds a whitened equation; under doubt with Cauchy's loss c² ln(1 + r²/c²), which lets a few hundred wrong ones shout without
+    /// being heard.
+    fn add(&self, equations: &mut DenseEquations, row: &Constraint, mut entries: Vec<(usize, f64)>) {
+        if !self.roles_are_doubtful {
+            return equations.add(-row.value, &entries);
+        }
+        let squared = row.value * row.value / (LOSS_SCALE * LOSS_SCALE);
+        let weight = 1.0 / (1.0 + squared);
+        let root = weight.sqrt();
+        entries.iter_mut().for_each(|(_, by)| *by *= root);
+        equations.add(-row.value * root, &entries);
+        equations.chi2 += LOSS_SCALE * LOSS_SCALE * (squared.ln_1p() - squared * weight);
+    }
+}
+
+/// Residuals beyond this many σ count less and less under doubt.
+const LOSS_SCALE: f64 = 3.0;
 
 /// The unknowns, each in units of what it is uncertain by beforehand: free parameters, the object's, the encoder's roundings.
 struct Layout {
@@ -168,7 +189,7 @@ impl Layout {
         let mut entries: Vec<(usize, f64)> = free.chain(object).enumerate().collect();
         if let Some(stretch) = plan.stretch {
             let turn = row.by_parameters[Parameter::HubAngle.index()] * self.turn_scale;
-            entries.push((self.free.len() + self.object + stretch, turn));
+            entries.push((self.free.len() + self.object + stretch.unknown, turn));
         }
         entries
     }

@@ -30,7 +30,7 @@ impl Outline {
     /// The outline of `object`; none of an object that is unknown altogether.
     pub fn of(object: &Object) -> Option<Self> {
         let (start, freedom) = match object {
-            Object::Unknown => return None,
+            Object::Unknown | Object::Unclassified => return None,
             Object::Known(shape) => (shape, Freedom::Held),
             Object::KnownSize(shape) => (shape, Freedom::Pose),
             Object::KnownClass(shape) => (shape, Freedom::PoseAndSize),
@@ -45,6 +45,11 @@ impl Outline {
             Freedom::Pose => self.pose_count(),
             Freedom::PoseAndSize => self.pose_count() + self.size_count(),
         }
+    }
+
+    /// Whether it has no corner.
+    pub fn is_smooth(&self) -> bool {
+        self.start.corners_m().is_empty()
     }
 
     fn pose_count(&self) -> usize {
@@ -89,71 +94,56 @@ impl Outline {
 
     /// ∂h/∂(free parameters) in the direction `angle_rad`.
     pub fn support_by_parameters(&self, moved: &[f64], angle_rad: f64) -> Vec<f64> {
-        self.by_parameters(moved, STEP, |shape| shape.support_m(unit(angle_rad)))
+        self.by_parameters(moved, |shape| shape.support_m(unit(angle_rad)))
     }
 
-    /// ∂h′/∂(free parameters) in the direction `angle_rad`.
+    /// ∂h′/∂(free parameters) in the direction `angle_rad`; h′ is how far along its tangent the outline has that normal.
     pub fn slope_by_parameters(&self, moved: &[f64], angle_rad: f64) -> Vec<f64> {
-        self.by_parameters(moved, BEND_STEP, |shape| support_and_slope(shape, angle_rad).1)
+        self.by_parameters(moved, |shape| {
+            unit(angle_rad + FRAC_PI_2).dot(&supporting_point(shape, angle_rad).0)
+        })
     }
 
     /// ∂(n·x − h(n))/∂(free parameters), n the normal of face `face`, which turns with the object.
     pub fn face_by_parameters(&self, moved: &[f64], face: usize, x: Vector2<f64>) -> Vec<f64> {
-        self.by_parameters(moved, STEP, |shape| {
+        self.by_parameters(moved, |shape| {
             let normal = unit(face_normal(shape, face));
             normal.dot(&x) - shape.support_m(normal)
         })
     }
 
-    fn by_parameters(&self, moved: &[f64], step: f64, value: impl Fn(&Shape) -> f64) -> Vec<f64> {
+    fn by_parameters(&self, moved: &[f64], value: impl Fn(&Shape) -> f64) -> Vec<f64> {
         (0..self.count())
             .map(|i| {
-                let ends = [step, -step].map(|off| {
+                let ends = [STEP, -STEP].map(|off| {
                     let mut there = moved.to_vec();
                     there[i] += off;
                     value(&self.shape(&there))
                 });
-                (ends[0] - ends[1]) / (2.0 * step)
+                (ends[0] - ends[1]) / (2.0 * STEP)
             })
             .collect()
     }
 }
 
-/// h and its derivative by the normal's direction, at the direction `angle_rad`: metres, metres per radian.
-pub fn support_and_slope(shape: &Shape, angle_rad: f64) -> (f64, f64) {
-    let h = |angle: f64| shape.support_m(unit(angle));
-    (h(angle_rad), (h(angle_rad + STEP) - h(angle_rad - STEP)) / (2.0 * STEP))
-}
-
-/// h″ at the direction `angle_rad`, metres. Where a corner supports, h is its distance along n: h″ = −h.
-pub fn support_bend(shape: &Shape, angle_rad: f64) -> f64 {
-    let at = |off: f64| support_and_slope(shape, angle_rad + off);
-    if shape.corners_m().is_empty() {
-        (at(BEND_STEP).1 - at(-BEND_STEP).1) / (2.0 * BEND_STEP)
-    } else {
-        -at(0.0).0
-    }
-}
-
-/// The slope is good to 10⁻¹⁶/10⁻⁶ m: over this step its difference is good to 10⁻⁷, truncation 10⁻⁶ of it.
-const BEND_STEP: f64 = 1e-3;
-
-/// Directions of the outward normals of a polygon's faces, radians; none of a smooth outline.
-fn face_normals(shape: &Shape) -> Vec<f64> {
-    let corners = shape.corners_m();
-    let next = corners.iter().cycle().skip(1);
-    corners.iter().zip(next).map(|(a, b)| (b.y - a.y).atan2(b.x - a.x) - FRAC_PI_2).collect()
+/// Where the outline has the outward normal of direction `angle_rad`, and its radius of curvature there, metres: of a polygon the
+/// corner that lies farthest out, of no radius.
+pub fn supporting_point(shape: &Shape, angle_rad: f64) -> (Vector2<f64>, f64) {
+    let out = |corner: &Vector2<f64>| unit(angle_rad).dot(corner);
+    let corner =
+        || shape.corners_m().into_iter().max_by(|a, b| out(a).total_cmp(&out(b))).unwrap_or_default();
+    shape.smooth_point_m(angle_rad).unwrap_or_else(|| (corner(), 0.0))
 }
 
 /// The direction of the normal of face `face`, radians.
 pub fn face_normal(shape: &Shape, face: usize) -> f64 {
-    face_normals(shape).get(face).copied().unwrap_or(0.0)
+    shape.face_normals_rad().get(face).copied().unwrap_or(0.0)
 }
 
-/// The face whose normal is within [`FACE_MARGIN_RAD`] of the direction `angle_rad`. There h′ jumps from one corner to the next:
-/// which point is touched is not said by the normal.
+/// The face whose normal is within [`FACE_MARGIN_RAD`] of the direction `angle_rad`: which of its points is touched is not said
+/// by the normal.
 pub fn face_near(shape: &Shape, angle_rad: f64) -> Option<usize> {
-    face_normals(shape).iter().position(|normal| (normal - angle_rad).cos() > FACE_MARGIN_RAD.cos())
+    shape.face_normals_rad().iter().position(|normal| (normal - angle_rad).cos() > FACE_MARGIN_RAD.cos())
 }
 
 /// Three σ of half a degree, what a new rig's clamp may be turned by; the noise of a contact's direction is smaller.

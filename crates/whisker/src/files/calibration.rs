@@ -2,41 +2,52 @@
 
 use super::node::Node;
 use crate::Rod;
-use crate::calibrate::{Calibrated, Calibration, Covariance, Gravity, Parameter, Values};
+use crate::calibrate::{Calibrated, Calibration, Covariance, Gravity, Parameter, Undetermined, Values};
 use serde_json::{Map, Value, json};
 
-/// As it is written.
+/// Everything that `calibrate` says: what is read back, and what a person wants to know.
 pub fn to_json(calibrated: &Calibrated) -> Value {
-    let calibration = &calibrated.calibration;
-    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| !calibrated.held.contains(p)).collect();
+    let mut all = section(&calibrated.calibration, &calibrated.held);
+    let counts = calibrated.counts();
+    let verdict = json!({
+        "mu": calibrated.calibration.mu(),
+        "mu_sigma": calibrated.calibration.mu_sigma(),
+        "EI_base_Nm2": calibrated.calibration.rod().ei_base_n_m2(),
+        "status": if calibrated.is_consistent { "ok" } else { "inconsistent" },
+        "chi2": calibrated.chi2,
+        "degrees_of_freedom": calibrated.degrees_of_freedom,
+        "p_value": calibrated.p_value,
+        "n_free": counts.free, "n_mid": counts.mid, "n_tip": counts.tip, "n_unused": counts.unused,
+        "undetermined": calibrated.undetermined.iter().map(open).collect::<Vec<_>>(),
+        "object": calibrated.object.as_ref().map(super::object::to_json),
+    });
+    if let (Some(all), Value::Object(verdict)) = (all.as_object_mut(), verdict) {
+        all.extend(verdict);
+    }
+    all
+}
+
+fn open(open: &Undetermined) -> Value {
+    let shares = open.combination.iter().map(|(p, share)| (p.name().to_string(), json!(share)));
+    json!({"combination": Value::Object(shares.collect()), "left": open.left, "reason": open.reason})
+}
+
+/// What is read back.
+pub fn section(calibration: &Calibration, held: &[Parameter]) -> Value {
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| !held.contains(p)).collect();
     let by_name = |of: &dyn Fn(Parameter) -> f64, which: &[Parameter]| {
         Value::Object(which.iter().map(|p| (p.name().to_string(), json!(of(*p)))).collect::<Map<_, _>>())
     };
     let row = |a: &Parameter| -> Vec<f64> {
         free.iter().map(|b| calibration.covariance[(a.index(), b.index())]).collect()
     };
-    let counts = calibrated.counts();
     json!({
         "values": by_name(&|p| calibration.value(p), &Parameter::ALL),
         "sigma": by_name(&|p| calibration.sigma(p), &free),
         "parameters": free.iter().map(|p| p.name()).collect::<Vec<_>>(),
         "covariance": free.iter().map(row).collect::<Vec<_>>(),
-        "held": calibrated.held.iter().map(|p| p.name()).collect::<Vec<_>>(),
+        "held": held.iter().map(|p| p.name()).collect::<Vec<_>>(),
         "gravity": calibration.gravity.map(|g| json!({"direction_rad": g.direction_rad, "lever_m": g.lever_m})),
-        "mu": calibration.mu(),
-        "mu_sigma": calibration.mu_sigma(),
-        "EI_base_Nm2": calibration.rod().ei_base_n_m2(),
-        "status": if calibrated.is_consistent { "ok" } else { "inconsistent" },
-        "chi2": calibrated.chi2,
-        "degrees_of_freedom": calibrated.degrees_of_freedom,
-        "p_value": calibrated.p_value,
-        "n_free": counts.free, "n_mid": counts.mid, "n_tip": counts.tip, "n_unused": counts.unused,
-        "undetermined": calibrated.undetermined.iter().map(|open| json!({
-            "combination": Value::Object(open.combination.iter().map(|(p, share)| (p.name().to_string(), json!(share))).collect()),
-            "left": open.left,
-            "reason": open.reason,
-        })).collect::<Vec<_>>(),
-        "object": calibrated.object.as_ref().map(super::object::to_json),
     })
 }
 

@@ -2,6 +2,7 @@
 
 use super::line::{self, Cells, Layout};
 use super::{TextError, quoted};
+use crate::events::{Change, Label};
 use crate::estimate::{ContactEstimate, Mode, Status};
 use crate::{Rod, Sample};
 use nalgebra::{Matrix3, Vector2};
@@ -29,6 +30,15 @@ const STATUSES: [(RowStatus, &str); 8] = [
     (RowStatus::Error, "error"),
 ];
 const MODES: [(Mode, &str); 3] = [(Mode::Free, "free"), (Mode::Mid, "mid"), (Mode::Tip, "tip")];
+
+const FEATURES: [(Label, &str); 4] = [
+    (Label::Corner, "corner"),
+    (Label::Tangent, "tangent"),
+    (Label::Tip, "tip"),
+    (Label::Undecided, "undecided"),
+];
+const EVENTS: [(Change, &str); 3] =
+    [(Change::Touch, "touch"), (Change::Release, "release"), (Change::SlipOff, "slip_off")];
 
 impl RowStatus {
     /// The file's word.
@@ -132,6 +142,10 @@ pub struct ContactRow {
     pub branch: u32,
     /// Arc lengths of the other zeros on the whisker, metres.
     pub other_s_m: Vec<f64>,
+    /// What is touched, where the contacts around it tell.
+    pub feature: Option<Label>,
+    /// What changed with this reading: touch, release or slip-off.
+    pub event: Change,
     /// Why there is no more to say; empty where nothing is amiss.
     pub note: String,
 }
@@ -164,6 +178,8 @@ impl ContactRow {
             side: None,
             branch: 0,
             other_s_m: Vec::new(),
+            feature: None,
+            event: Change::None,
             note: String::new(),
         }
     }
@@ -184,8 +200,6 @@ impl ContactRow {
 }
 
 fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
-    let part = (contact.s_m / rod.length_m).clamp(0.0, 1.0);
-    let [base, tip] = rod.diameters_m;
     Figures {
         x_in_world: contact.x_in_world,
         s_m: contact.s_m,
@@ -197,11 +211,11 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
         friction_angle_sigma_rad: Some(contact.friction_angle_sigma_rad),
         k2: contact.modulus_squared,
         covariance: contact.covariance,
-        radius_m: 0.5 * (base + (tip - base) * part),
+        radius_m: 0.5 * rod.diameter_m_at(contact.s_m),
     }
 }
 
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 30] = [
     "sweep",
     "sample",
     "t",
@@ -229,6 +243,8 @@ const COLUMNS: [&str; 28] = [
     "friction_angle_sigma",
     "radius",
     "other_s",
+    "feature",
+    "event",
     "note",
 ];
 
@@ -242,7 +258,7 @@ pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
     let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 28] = [
+    let values: [Value; 30] = [
         json!(number(row.sweep)),
         json!(number(row.sample)),
         json!(row.t_s),
@@ -270,6 +286,8 @@ pub fn to_json(row: &ContactRow) -> Value {
         json!(f.and_then(|f| f.friction_angle_sigma_rad)),
         json!(of(|f| f.radius_m)),
         json!(row.other_s_m),
+        json!(row.feature.and_then(|f| FEATURES.iter().find(|(known, _)| *known == f)).map(|(_, name)| name)),
+        json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
         json!(row.note),
     ];
     Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
@@ -393,6 +411,8 @@ impl Reader<'_> {
             side: self.word("side", &[(Side::Left, "left"), (Side::Right, "right")])?,
             branch: count("branch")?,
             other_s_m: self.other_s_m(),
+            feature: self.word("feature", &FEATURES)?,
+            event: self.word("event", &EVENTS)?.unwrap_or(Change::None),
             note: note.to_string(),
             ..ContactRow::blank(
                 count("sweep")?,

@@ -26,9 +26,13 @@ const WEAK: Color = [165, 170, 178];
 const SIDE_PX: f64 = 640.0;
 const LEFT_PX: f64 = 62.0;
 const TOP_PX: f64 = 46.0;
+/// Room for what is said beside a frame.
+const NOTES_PX: u32 = 280;
 const LEGEND_PX: f64 = 92.0;
 /// Whisker shapes drawn for each sweep.
 const SHAPES_PER_SWEEP: usize = 11;
+/// Points of a drawn outline.
+const OUTLINE_POINTS: usize = 240;
 /// Pieces of a drawn whisker.
 const SHAPE_PIECES: usize = 80;
 /// Contacts whose error bar exceeds this share of the whisker do not decide what the magnified frame shows.
@@ -85,9 +89,10 @@ pub fn sweeps(solved: &Solved, object: Option<&Shape>) -> Result<Drawing> {
 pub fn contacts(rows: &[ContactRow], object: Option<&Shape>, notes: &[String]) -> Drawing {
     let outline = object.map(outline).unwrap_or_default();
     let mut drawing = sheet(1);
+    drawing.width_px += if notes.is_empty() { 0 } else { NOTES_PX };
     magnified(&mut drawing, Vector2::new(LEFT_PX, TOP_PX), 0.0, rows, &outline);
     for (i, note) in notes.iter().enumerate() {
-        let at = Vector2::new(LEFT_PX + 12.0, TOP_PX + 22.0 + 20.0 * i as f64);
+        let at = Vector2::new(LEFT_PX + SIDE_PX + 20.0, TOP_PX + 22.0 + 22.0 * i as f64);
         drawing.text(note, at, 10.0, INK, Anchor::Start);
     }
     legend(&mut drawing, &[], rows, !outline.is_empty());
@@ -111,16 +116,21 @@ fn drawn(solved: &Solved) -> impl Iterator<Item = &Sample> {
     chosen.into_iter()
 }
 
-/// The whisker's centre line in the world.
+/// The whisker's centre line in the world: the elastica by the midpoint rule, which errs by less than a line is wide.
 fn whisker_shape(rod: &Rod, sample: &Sample) -> Vec<Vector2<f64>> {
-    let (step, mut x, mut theta) = (rod.length_m / SHAPE_PIECES as f64, Vector2::zeros(), 0.0_f64);
+    let (step, load) = (rod.length_m / SHAPE_PIECES as f64, &sample.load);
+    let (mut x, mut theta, mut is_beyond) = (Vector2::<f64>::zeros(), 0.0_f64, false);
     let mut shape = vec![sample.world_from_hub.apply(x)];
-    let load = &sample.load;
-    for _ in 0..SHAPE_PIECES {
-        let moment = load.mz_n_m - (x.x * load.fy_n - x.y * load.fx_n);
-        let moment = if 0.0 < moment * load.mz_n_m { moment } else { 0.0 };
-        theta += step * moment / rod.ei_base_n_m2();
-        x += Vector2::new(theta.cos(), theta.sin()) * step;
+    for i in 0..SHAPE_PIECES {
+        let s_m = (i as f64 + 0.5) * step;
+        let middle = x + Vector2::new(theta.cos(), theta.sin()) * (0.5 * step);
+        let moment = load.mz_n_m - (middle.x * load.fy_n - middle.y * load.fx_n);
+        is_beyond |= moment * load.mz_n_m <= 0.0; // No load beyond the contact.
+        let bent = if is_beyond { 0.0 } else { moment / rod.ei_n_m2_at(s_m) };
+        let turn = step * (rod.curvature_per_m_at(s_m) + bent);
+        let direction = theta + 0.5 * turn;
+        x += Vector2::new(direction.cos(), direction.sin()) * step;
+        theta += turn;
         shape.push(sample.world_from_hub.apply(x));
     }
     shape
@@ -135,23 +145,9 @@ fn hub_paths(solved: &Solved) -> Vec<Vec<Vector2<f64>>> {
 
 /// A closed line around an object.
 fn outline(shape: &Shape) -> Vec<Vector2<f64>> {
-    let mut corners = shape.corners_m();
-    if corners.is_empty() {
-        corners = (0..180)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 180.0).sin_cos();
-                support_point(shape, Vector2::new(cos, sin))
-            })
-            .collect();
-    }
-    corners.push(corners[0]);
-    corners
-}
-
-fn support_point(shape: &Shape, n: Vector2<f64>) -> Vector2<f64> {
-    let (h, step) = (shape.support_m(n), 1e-5_f64);
-    let turned = |a: f64| shape.support_m(Vector2::new(n.x * a.cos() - n.y * a.sin(), n.x * a.sin() + n.y * a.cos()));
-    n * h + Vector2::new(-n.y, n.x) * (turned(step) - turned(-step)) / (2.0 * step)
+    let mut points = shape.outline_m(OUTLINE_POINTS);
+    points.extend(points.first().copied());
+    points
 }
 
 /// The frame of the contacts: it holds those that are known well, and the outline.

@@ -4,8 +4,10 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use resight_whisker::contact::Method;
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
+use resight_whisker::events::consistency::{mark, widen};
+use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
 use resight_whisker::estimate::{Mode, estimate};
-use resight_whisker::friction::{Mu, solve_record};
+use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
@@ -87,57 +89,68 @@ pub struct SolvingArgs {
     /// How contacts are found from loads.
     #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
     pub method: MethodArg,
+    /// The sweeps touch different objects, or one that moved: their outlines need not agree.
+    #[arg(long)]
+    pub several_objects: bool,
+    /// Nobody has calibrated the rig: gains known to 1 %, angles to 0.2°, the clamp to 0.5 mm; error bars are widened by what of that
+    /// the record cannot exclude (constrained mode).
+    #[arg(long)]
+    pub uncalibrated: bool,
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
 struct Answers {
     estimates: Vec<ContactEstimate>,
+    /// What each touches; empty where that was not asked.
+    features: Vec<Option<Label>>,
     friction: Option<Friction>,
     warnings: Vec<String>,
     is_consistent: bool,
 }
 
-/// The whisker, its cell and the readings, as the calibration has them.
-struct Rig {
+/// The whisker and its cell as the calibration has them.
+pub struct Rig {
     /// None where nothing is to be corrected.
     calibration: Option<Calibration>,
-    rod: Rod,
-    cell: Cell,
-    /// As they came.
-    read: Vec<Sample>,
-    /// As they are meant.
-    meant: Vec<Sample>,
+    /// The whisker.
+    pub rod: Rod,
+    /// The noise of loads as they are meant.
+    pub cell: Cell,
 }
 
 impl Rig {
-    fn new(file: &WhiskerFile, tare: Option<&Tare>, read: Vec<Sample>) -> Self {
-        let calibration = calibration(file, tare);
-        let (rod, cell) = match &calibration {
-            Some(calibration) => (calibration.rod(), calibration.apply_to_cell(&file.cell)),
-            None => (file.rod.clone(), file.cell),
-        };
-        let apply = |sample: &Sample| calibration.as_ref().map_or(*sample, |c| c.apply(sample));
-        let meant = read.iter().map(apply).collect();
-        Rig { calibration, rod, cell, read, meant }
+    /// As the file has it, with the zeros of a tare in place of its own.
+    pub fn new(file: &WhiskerFile, tare: Option<&Tare>) -> Self {
+        match calibration(file, tare) {
+            Some(calibration) => Rig {
+                rod: calibration.rod(),
+                cell: calibration.apply_to_cell(&file.cell),
+                calibration: Some(calibration),
+            },
+            None => Rig { calibration: None, rod: file.rod.clone(), cell: file.cell },
+        }
+    }
+
+    /// A reading as it is meant.
+    pub fn meant(&self, read: &Sample) -> Sample {
+        self.calibration.as_ref().map_or(*read, |calibration| calibration.apply(read))
     }
 
     /// What is not known of the rig makes every contact less certain.
-    fn widen(&self, estimates: &mut [ContactEstimate], is_raw: bool) {
-        let Some(calibration) = &self.calibration else { return };
-        for (estimate, sample) in estimates.iter_mut().zip(&self.read) {
-            let mode = if is_raw { Mode::Free } else { estimate.mode };
-            if let Some(contact) = &mut estimate.contact
-                && let Some(added) = calibration.systematic_covariance(&self.cell, sample, mode)
-                && added.iter().all(|x| x.is_finite())
-            {
-                contact.covariance += added;
-            }
+    pub fn widen(&self, estimate: &mut ContactEstimate, read: &Sample, is_raw: bool) {
+        let mode = if is_raw { Mode::Free } else { estimate.mode };
+        if let Some(contact) = &mut estimate.contact
+            && let Some(calibration) = &self.calibration
+            && let Some(added) = calibration.systematic_covariance(&self.cell, read, mode)
+            && added.iter().all(|x| x.is_finite())
+        {
+            contact.covariance += added;
         }
     }
 }
 
 /// That of the file, with the zeros of the tare in place of its own.
-pub fn calibration(file: &WhiskerFile, tare: Option<&Tare>) -> Option<Calibration> {
+fn calibration(file: &WhiskerFile, tare: Option<&Tare>) -> Option<Calibration> {
     let Some(tare) = tare else { return file.calibration.clone() };
     let mut calibration = file.calibration.clone().unwrap_or_else(|| Calibration::ideal(&file.rod));
     let zeros = [Parameter::ForceXZero, Parameter::ForceYZero, Parameter::TorqueZero].map(Parameter::index);
@@ -161,17 +174,21 @@ pub fn solve(
     tare: Option<&Tare>,
     args: &SolvingArgs,
 ) -> Result<Solved> {
-    let rig = Rig::new(file, tare, readings.iter().filter_map(|row| row.reading.clone().ok()).collect());
+    let rig = Rig::new(file, tare);
+    let read: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
+    let meant: Vec<Sample> = read.iter().map(|sample| rig.meant(sample)).collect();
     let mut answers = match args.mode {
-        SolveMode::Raw => raw(&rig, args.method.into()),
-        SolveMode::Constrained => constrained(&rig, args)?,
-        SolveMode::Sweep => smoothed(&rig, args)?,
+        SolveMode::Raw => raw(&rig, &meant, args.method.into()),
+        SolveMode::Constrained => constrained(&rig, &meant, args)?,
+        SolveMode::Sweep => smoothed(&rig, &meant, args)?,
     };
-    rig.widen(&mut answers.estimates, args.mode == SolveMode::Raw);
-    let mut meant = rig.meant.iter().copied();
+    for (estimate, read) in answers.estimates.iter_mut().zip(&read) {
+        rig.widen(estimate, read, args.mode == SolveMode::Raw);
+    }
+    let mut left = meant.iter().copied();
     Ok(Solved {
-        rows: rows(&rig, readings, &answers.estimates),
-        samples: readings.iter().map(|row| row.reading.as_ref().ok().and_then(|_| meant.next())).collect(),
+        rows: rows(&rig, readings, &meant, &answers),
+        samples: readings.iter().map(|row| row.reading.as_ref().ok().and_then(|_| left.next())).collect(),
         friction: answers.friction,
         warnings: file.warnings.iter().cloned().chain(answers.warnings).collect(),
         is_consistent: answers.is_consistent,
@@ -179,34 +196,82 @@ pub fn solve(
     })
 }
 
-fn raw(rig: &Rig, method: Method) -> Answers {
-    let estimates = rig.meant.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();
-    Answers { estimates, friction: None, warnings: Vec::new(), is_consistent: true }
+fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
+    let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();
+    Answers { estimates, features: Vec::new(), friction: None, warnings: Vec::new(), is_consistent: true }
 }
 
-fn constrained(rig: &Rig, args: &SolvingArgs) -> Result<Answers> {
-    let record = solve_record(&rig.rod, &rig.cell, &rig.meant, args.mu, args.method.into())?;
-    let friction =
-        Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
+fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
+    let method: Method = args.method.into();
+    let mut record = solve_record(&rig.rod, &rig.cell, samples, args.mu, method)?;
+    let features = events::labels(&rig.rod, &rig.cell, samples, &record, method);
+    let verdict =
+        events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
+    let mut warnings = several_contacts(&rig.cell, samples, &record);
+    if let Some(verdict) = &verdict {
+        let marked = mark(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
+        warnings.extend(verdict.is_inconsistent.then(|| contradiction(verdict, marked)));
+        if args.uncalibrated {
+            let tolerances = Fault::ALL.map(|fault| fault.tolerance(&rig.cell));
+            widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
+        }
+    }
+    let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
+        features,
         friction: Some(friction),
-        warnings: Vec::new(),
-        is_consistent: true,
+        warnings,
+        is_consistent: verdict.is_none_or(|verdict| !verdict.is_inconsistent),
     })
 }
 
-fn smoothed(rig: &Rig, args: &SolvingArgs) -> Result<Answers> {
+/// Where a record that was explained by one contact no longer is.
+fn several_contacts(cell: &Cell, samples: &[Sample], record: &Record) -> Vec<String> {
+    let found = events::events(cell, samples, record);
+    let several = found.iter().filter(|event| event.kind == EventKind::SeveralContacts);
+    let told = several.map(|event| {
+        let sample = &samples[event.index];
+        format!("from sample {} of sweep {} no single contact explains the load", sample.sample, sample.sweep)
+    });
+    told.collect()
+}
+
+fn contradiction(verdict: &Consistency, marked: usize) -> String {
+    let likely = verdict.suspicions.first().map(|first| {
+        let (size, sigma) = (first.size, first.sigma);
+        let said = match first.fault {
+            Fault::ForceGain => format!("forces {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma),
+            Fault::TorqueGain => format!("the torque {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma),
+            Fault::HubAngle => format!("the hub angle {:+.3} ± {:.3}° off", size.to_degrees(), sigma.to_degrees()),
+            Fault::CellAngle => format!("the cell turned by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees()),
+            Fault::HubAhead => format!("the clamp {:+.3} ± {:.3} mm ahead", 1e3 * size, 1e3 * sigma),
+            Fault::HubAside => format!("the clamp {:+.3} ± {:.3} mm to the left", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroFx => format!("zero of fx {:+.2} ± {:.2} mN", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroFy => format!("zero of fy {:+.2} ± {:.2} mN", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroMz => format!("zero of mz {:+.4} ± {:.4} N mm", 1e3 * size, 1e3 * sigma),
+        };
+        format!("; most likely {said}")
+    });
+    format!(
+        "the record contradicts itself (chi2 {:.0} for {} degrees of freedom){}; {marked} contacts are marked inconsistent; calibrate, or --several-objects",
+        verdict.chi2,
+        verdict.degrees_of_freedom,
+        likely.unwrap_or_default()
+    )
+}
+
+fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
     let friction = match args.mu {
         Mu::Auto => sweep::Friction::Unknown,
         Mu::Known(mu) => sweep::Friction::Given { mu },
     };
     let options = sweep::Options { friction, method: args.method.into(), ..sweep::Options::default() };
-    let smoothed = sweep::smooth(&rig.rod, &rig.cell, &rig.meant, &options)?;
+    let smoothed = sweep::smooth(&rig.rod, &rig.cell, samples, &options)?;
     let friction =
         Friction { mu: smoothed.mu, mu_sigma: smoothed.mu_sigma, is_estimated: args.mu == Mu::Auto };
     let jump = |jump: &sweep::Jump| {
-        let sample = &rig.meant[jump.after_row];
+        let sample = &samples[jump.after_row];
         format!(
             "the contact jumps after sample {} of sweep {} ({:.0} standard deviations off the tangent)",
             sample.sample, sample.sweep, jump.deviations
@@ -214,6 +279,7 @@ fn smoothed(rig: &Rig, args: &SolvingArgs) -> Result<Answers> {
     };
     Ok(Answers {
         estimates: smoothed.estimates,
+        features: Vec::new(),
         friction: Some(friction),
         warnings: smoothed.jumps.iter().map(jump).collect(),
         is_consistent: true,
@@ -221,12 +287,16 @@ fn smoothed(rig: &Rig, args: &SolvingArgs) -> Result<Answers> {
 }
 
 /// Puts the rows of incomplete readings back in their places.
-fn rows(rig: &Rig, readings: &[HubRow], estimates: &[ContactEstimate]) -> Vec<ContactRow> {
-    let mut answers = rig.meant.iter().zip(estimates);
-    let row = |reading: &HubRow| match (&reading.reading, &reading.reading.as_ref().ok().and_then(|_| answers.next())) {
-        (Ok(_), Some((sample, estimate))) => ContactRow::new(&rig.rod, sample, estimate),
-        (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),
-        (Ok(_), None) => unreachable!("one estimate for every complete reading"),
+fn rows(rig: &Rig, readings: &[HubRow], samples: &[Sample], answers: &Answers) -> Vec<ContactRow> {
+    let mut detector = TouchDetector::new(&rig.cell);
+    let mut left = samples.iter().zip(&answers.estimates).enumerate();
+    let mut row = |reading: &HubRow| match &reading.reading {
+        Ok(_) => left.next().map(|(i, (sample, estimate))| ContactRow {
+            event: detector.push(sample),
+            feature: answers.features.get(i).copied().flatten(),
+            ..ContactRow::new(&rig.rod, sample, estimate)
+        }),
+        Err(cells) => Some(ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells)),
     };
-    readings.iter().map(row).collect()
+    readings.iter().filter_map(&mut row).collect()
 }

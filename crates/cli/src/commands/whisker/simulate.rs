@@ -141,6 +141,7 @@ fn change(change: &Change) -> String {
     match change {
         Change::Touch { .. } => "touch".to_string(),
         Change::Jump { from, to } => format!("jump from {from} to {to}"),
+        Change::Slide => "slide".to_string(),
         Change::SlipOff => "slip-off".to_string(),
         Change::LiftOff => "lift-off".to_string(),
     }

@@ -1,17 +1,24 @@
 //! `whisker stream`: one line in, one line out, before the next arrives.
 
-use super::input::WhiskerArgs;
-use super::record::MethodArg;
+use super::input::{self, WhiskerArgs};
+use super::record::{MethodArg, Rig, parse_mu};
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use resight_whisker::ContactEstimate;
-use resight_whisker::Sample;
+use resight::formats::write_atomically;
 use resight_whisker::estimate::estimate;
+use resight_whisker::events::TouchDetector;
 use resight_whisker::files::contacts::{self, RowStatus};
+use resight_whisker::files::hub::Conventions;
 use resight_whisker::files::line::is_silent;
-use resight_whisker::files::{ContactRow, HubFormat, TextError, WhiskerFile};
+use resight_whisker::files::{ContactRow, HubFormat, TextError};
+use resight_whisker::friction::Mu;
+use resight_whisker::sweep::fixed_lag::{FixedLag, Settled};
+use resight_whisker::sweep;
+use resight_whisker::Sample;
+use std::collections::VecDeque;
 use std::io::BufRead;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// One line in, one line out, before the next arrives.
@@ -22,6 +29,18 @@ use std::time::Instant;
 pub struct Stream {
     #[command(flatten)]
     whisker: WhiskerArgs,
+    /// Coulomb's coefficient of friction for --lag: `auto` estimates it as readings come.
+    #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, requires = "lag", value_parser = parse_mu)]
+    mu: Mu,
+    /// Use friction, tip and the sweep so far, over a window of the last N readings; each answer is still given at once.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    lag: Option<u16>,
+    /// With --lag: what the N readings after it add to every contact, written at the end.
+    #[arg(long, value_name = "CONTACTS.csv", requires = "lag")]
+    settled: Option<PathBuf>,
+    /// Readings of the untouched whisker: their mean is taken off.
+    #[arg(long, value_name = "FREE.csv")]
+    tare: Option<PathBuf>,
     /// How contacts are found from loads.
     #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
     method: MethodArg,
@@ -35,9 +54,10 @@ pub struct Stream {
 
 /// See `Stream`.
 pub fn run(args: &Stream) -> Result<Outcome> {
-    let file = args.whisker.read()?;
-    file.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    let mut stream = Answering { args, file, format: None, n_unanswered: 0, taken_us: Vec::new() };
+    if let Some(path) = &args.settled {
+        crate::files::must_be_writable(path)?;
+    }
+    let mut stream = Answering::new(args)?;
     let mut stdin = std::io::stdin().lock();
     let mut text = Vec::new();
     for line in 1.. {
@@ -53,14 +73,43 @@ pub fn run(args: &Stream) -> Result<Outcome> {
 /// A stream under way.
 struct Answering<'a> {
     args: &'a Stream,
-    file: WhiskerFile,
+    conventions: Conventions,
+    rig: Rig,
     /// Known from the first line that says something.
     format: Option<HubFormat>,
+    detector: TouchDetector,
+    smoother: Option<FixedLag>,
+    /// With --settled: readings that wait for their final answer, and those that have it.
+    waiting: VecDeque<(Sample, Sample)>,
+    settled: Vec<ContactRow>,
     n_unanswered: usize,
     taken_us: Vec<f64>,
 }
 
-impl Answering<'_> {
+impl<'a> Answering<'a> {
+    fn new(args: &'a Stream) -> Result<Self> {
+        let file = args.whisker.read()?;
+        file.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
+        let rig = Rig::new(&file, tare.as_ref());
+        let smoother = match args.lag {
+            None => None,
+            Some(lag) => Some(FixedLag::new(&rig.rod, &rig.cell, &options(args, usize::from(lag)))?),
+        };
+        Ok(Answering {
+            args,
+            conventions: file.conventions,
+            format: None,
+            detector: TouchDetector::new(&rig.cell),
+            smoother,
+            waiting: VecDeque::new(),
+            settled: Vec::new(),
+            n_unanswered: 0,
+            taken_us: Vec::new(),
+            rig,
+        })
+    }
+
     fn line(&mut self, line: u64, text: &str) -> Result<()> {
         let begun = Instant::now();
         if is_silent(text) {
@@ -69,7 +118,7 @@ impl Answering<'_> {
         let Some(format) = self.format.as_mut() else { return self.first_line(line, text) };
         let row = match format.row(line, text) {
             Ok(reading) => match reading.reading {
-                Ok(sample) => ContactRow::new(&self.file.rod, &sample, &self.answer(&sample)),
+                Ok(read) => self.answer(&read),
                 Err(cells) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, &cells),
             },
             Err(reason) => unread(&reason),
@@ -84,7 +133,7 @@ impl Answering<'_> {
 
     /// A header is answered by a header, a first object by its contact.
     fn first_line(&mut self, line: u64, text: &str) -> Result<()> {
-        let format = match HubFormat::of_first_line(line, text, self.file.conventions) {
+        let format = match HubFormat::of_first_line(line, text, self.conventions) {
             Ok(format) => format,
             Err(reason) => bail!("stdin: {reason}"),
         };
@@ -97,8 +146,35 @@ impl Answering<'_> {
         }
     }
 
-    fn answer(&self, sample: &Sample) -> ContactEstimate {
-        estimate(&self.file.rod, &self.file.cell, sample, self.args.method.into())
+    fn answer(&mut self, read: &Sample) -> ContactRow {
+        let sample = self.rig.meant(read);
+        let event = self.detector.push(&sample);
+        let mut estimate = match &mut self.smoother {
+            None => estimate(&self.rig.rod, &self.rig.cell, &sample, self.args.method.into()),
+            Some(smoother) => {
+                let update = smoother.push(sample);
+                if self.args.settled.is_some() {
+                    self.waiting.push_back((*read, sample));
+                    self.settle(update.settled);
+                }
+                update.now
+            }
+        };
+        self.rig.widen(&mut estimate, read, self.smoother.is_none());
+        ContactRow { event, ..ContactRow::new(&self.rig.rod, &sample, &estimate) }
+    }
+
+    /// Final answers come in the order of their readings.
+    fn settle(&mut self, settled: Vec<Settled>) {
+        for mut settled in settled {
+            while let Some((read, sample)) = self.waiting.pop_front() {
+                if (sample.sweep, sample.sample) == (settled.sweep, settled.sample) {
+                    self.rig.widen(&mut settled.estimate, &read, false);
+                    self.settled.push(ContactRow::new(&self.rig.rod, &sample, &settled.estimate));
+                    break;
+                }
+            }
+        }
     }
 
     fn print(&self, row: &ContactRow) -> Result<()> {
@@ -110,6 +186,11 @@ impl Answering<'_> {
     }
 
     fn finish(mut self) -> Result<Outcome> {
+        if let (Some(smoother), Some(path)) = (&mut self.smoother, &self.args.settled) {
+            let left = smoother.finish();
+            self.settle(left);
+            write_atomically(path, contacts::write_csv(&self.settled).as_bytes())?;
+        }
         if !self.taken_us.is_empty() {
             self.taken_us.sort_by(f64::total_cmp);
             let n = self.taken_us.len();
@@ -123,6 +204,14 @@ impl Answering<'_> {
         }
         Ok(if self.n_unanswered == 0 { Outcome::Answered } else { Outcome::SomeUnanswered })
     }
+}
+
+fn options(args: &Stream, lag_samples: usize) -> sweep::Options {
+    let friction = match args.mu {
+        Mu::Auto => sweep::Friction::Unknown,
+        Mu::Known(mu) => sweep::Friction::Given { mu },
+    };
+    sweep::Options { friction, method: args.method.into(), lag_samples }
 }
 
 fn unread(reason: &TextError) -> ContactRow {
