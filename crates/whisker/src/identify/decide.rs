@@ -2,9 +2,9 @@
 
 use super::candidates::{Candidate, Candidates, Evidence, cost_of_axes, cost_of_sides};
 use super::fit::{covariance, verdicts};
+use super::report::natural;
 use super::row::{OUTLIER_COST, Row};
 use super::start::{arc, lines};
-use super::report::natural;
 use super::state::State;
 use super::{Class, Config, Model, Reason};
 use nalgebra::Matrix2;
@@ -113,10 +113,10 @@ fn cornered<'a>(
     let rectangle = candidates.best(|model| model == Model::Rectangle);
     let polygon = candidates.best(is_polygon);
     let special = candidates.best(|model| matches!(model, Model::Square | Model::Rectangle));
-    if let Some(polygon) = polygon {
-        if special.is_none_or(|special| replaces(polygon, special, config)) {
-            return closed(evidence, polygon, config).map(|()| (Class::Polygon, polygon));
-        }
+    let replacing =
+        polygon.filter(|polygon| special.is_none_or(|special| replaces(polygon, special, config)));
+    if let Some(polygon) = replacing {
+        return closed(evidence, polygon, config).map(|()| (Class::Polygon, polygon));
     }
     let (simple, general) = match (square, rectangle) {
         (Some(square), Some(rectangle)) => (square, rectangle),

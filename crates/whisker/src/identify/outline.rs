@@ -86,7 +86,7 @@ impl Outline {
 /// Turns of the whisker about a smooth outline per step of the search; more would leap over the far side.
 const LARGEST_TURN: f64 = 0.5;
 /// Steps of that search; three or four are taken.
-const MOST_TURNS: usize = 12;
+const MOST_TURNS: usize = 8;
 /// Smallest second derivative taken, as a share of that along the tangent.
 const LEAST_CURVATURE: f64 = 0.2;
 
@@ -101,8 +101,8 @@ impl Smooth {
             let step = (w.dot(&e) / curvature).clamp(-LARGEST_TURN, LARGEST_TURN);
             beta += step;
             (e, w, bend) = self.residual(row, beta);
-            // A ten-thousandth of a standard deviation along the curve.
-            if step * step * w.norm_squared() < 1e-8 {
+            // A thousandth of a standard deviation along the curve: a millionth of the squared distance.
+            if step * step * w.norm_squared() < 1e-6 {
                 break;
             }
         }

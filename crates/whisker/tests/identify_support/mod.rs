@@ -89,7 +89,6 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
 
 /// How contacts are estimated from readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(dead_code)]
 pub enum How {
     /// Sample by sample.
     Raw,
@@ -103,7 +102,9 @@ pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
     let noisy = add_noise(samples, &cell, seed);
     let estimates = match how {
         How::Raw => noisy.iter().map(|sample| estimate(&rod, &cell, sample, Method::Auto)).collect(),
-        How::Constrained(mu) => solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates,
+        How::Constrained(mu) => {
+            solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates
+        }
     };
     let touch = |(sample, estimate): (&Sample, _)| {
         Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod)
