@@ -33,8 +33,8 @@ fn meaning_undoes_reading() {
     }
 }
 
-/// Errors of the parameters are what their covariance says, object known, known in part, or unknown: 40 records each. The mean of
-/// n χ² of k degrees of freedom has σ √(2/(n k)): 0.10 or less here per degree; tested at 4 σ.
+/// Errors of the parameters are what their covariance says, object known, known in part, or unknown: 20 records each. The mean of
+/// n χ² of k degrees of freedom has σ √(2/(n k)) per degree, 0.12 or less here; tested at 4 σ.
 #[test]
 fn parameters_scatter_as_their_covariance_says() {
     let (rod, cell) = (steel(), cell());
@@ -49,7 +49,7 @@ fn parameters_scatter_as_their_covariance_says() {
         let mut truth = wrong();
         truth[Parameter::FrictionAngle.index()] = mu.atan();
         let (mut sum, mut count, mut chi2, mut dof) = (0.0, 0.0, 0.0, 0.0);
-        for seed in 1..=40 {
+        for seed in 1..=20 {
             let samples = read(&truth, &record.samples, &cell, seed);
             let found = calibrate(&rod, &cell, &samples, &object, &options).expect("a calibration");
             let (nees, k) = nees(&found, &truth, &free_but(&found.priors, without));
@@ -67,7 +67,7 @@ fn parameters_scatter_as_their_covariance_says() {
 fn rigs_as_wrong_as_the_priors_allow_are_put_right() {
     let cell = cell();
     let priors = Priors::of_a_new_rig(&cell);
-    for seed in 1..=12_u32 {
+    for seed in 1..=8_u32 {
         // Quasi-random within ±1.5 σ.
         let mut truth = Values::zeros();
         for parameter in priors.free() {
@@ -168,7 +168,7 @@ fn a_wrong_object_is_inconsistent() {
     for told in [Shape::Circle { centre_m: Vector2::new(0.0, 0.16), radius_m: 0.026 }, square(0.0)] {
         let found = calibrate(&rod, &cell, &samples, &Object::Known(told), &options).expect("an answer");
         println!("p {:.1e}, {:?}", found.p_value, found.counts());
-        assert!(!found.is_consistent || found.counts().mid < 100);
+        assert!(!found.is_consistent);
     }
 }
 
@@ -194,7 +194,7 @@ fn further_parameters_are_found_where_asked_for() {
     let (rod, cell) = (steel(), cell());
     let record = ideal(&rod, &square(30.0), 0.0);
     let truth = values(&[(Parameter::CellOriginX, 8e-4), (Parameter::CellOriginY, -5e-4)]);
-    let samples = read(&truth, &record.samples, &cell, 2);
+    let samples = read(&truth, &record.samples, &cell, 3);
     let mut options = Options::of_a_new_rig(&cell);
     options.priors = options
         .priors
@@ -287,6 +287,9 @@ fn hostile_records_are_answered() {
     }
     let found = calibrate(&rod, &cell, &samples, &Object::Unknown, &options).expect("a calibration");
     println!("{:?} p {:.2}", found.counts(), found.p_value);
+    let (squared, k) = nees(&found, &wrong(), &free_but(&found.priors, &HUB));
+    // χ² of 7 exceeds 24.3 once in a thousand.
+    assert!(squared < 24.3 && found.is_consistent, "{squared} of {k}");
     assert!(found.calibration.values.iter().all(|v| v.is_finite()));
     assert!(found.roles.iter().zip(&samples).all(|(role, s)| s.load.is_finite() || *role == Role::Unused));
     let known = calibrate(&rod, &cell, &samples, &Object::Known(circle()), &options).expect("a calibration");
