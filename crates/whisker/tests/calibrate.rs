@@ -5,11 +5,14 @@
 mod calibrate_support;
 
 use calibrate_support::*;
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use resight_whisker::calibrate::{
-    Calibration, Doubt, Gravity, Object, Options, Parameter, Priors, Role, Values, calibrate, tare,
-    unit_weight,
+    Calibration, Covariance, Doubt, Gravity, Object, Options, Parameter, Priors, Role, Values, calibrate,
+    tare, unit_weight,
 };
+use resight_whisker::contact::Method;
+use resight_whisker::estimate::Mode;
+use resight_whisker::friction::{FrictionAngle, constrain};
 use resight_whisker::simulate::Motion;
 use resight_whisker::{Error, Rod, Sample, Shape};
 
@@ -113,6 +116,50 @@ fn an_unknown_object_leaves_the_hub_open_and_says_so() {
     println!("contacts: NEES {honest:.2} with the calibration's uncertainty, {bold:.2} without");
     // All contacts share one offset of half a millimetre, half a prior σ: well within. Without, it would be a confident wrong contact.
     assert!(honest < 2.0 && 5.0 < bold, "{honest} {bold}");
+}
+
+/// How a contact moves with every parameter, raw and under the constraints of mid and tip, against central differences: where one
+/// parameter alone is uncertain, the systematic covariance is that slope times itself. Readings without noise, so that the constraints
+/// hold and first order is exact.
+#[test]
+fn contacts_move_with_parameters_as_differences_say() {
+    let (rod, cell, h) = (steel(), cell(), 1e-6);
+    let record = ideal(&rod, &square(30.0), 0.2);
+    let mut values = wrong();
+    values[Parameter::FrictionAngle.index()] = 0.2_f64.atan();
+    let at = |values: &Values, sample: &Sample, mode: Mode| {
+        let c = Calibration { values: *values, ..Calibration::ideal(&rod) };
+        let friction = FrictionAngle { rad: c.value(Parameter::FrictionAngle), sigma_rad: 0.0 };
+        let (own, meant) = (c.apply_to_cell(&cell), c.apply(sample));
+        let seen = constrain(&c.rod(), &own, &meant, mode, friction, Method::Auto).expect("a contact");
+        let contact = seen.contact.expect("a contact");
+        Vector3::new(contact.x_in_world.x, contact.x_in_world.y, contact.theta_rad)
+    };
+    let is_tip = |i: &usize| record.truth[*i].is_some_and(|t| 1.0 - 1e-9 < t.s_m / rod.length_m);
+    let is_left = |i: &usize| record.samples[*i].load.mz_n_m < -0.02;
+    let tip = (0..record.truth.len()).find(is_tip).expect("a tip contact") + 3;
+    let left = (0..record.truth.len()).find(is_left).expect("a contact on the left");
+    for (index, mode) in [(40, Mode::Free), (40, Mode::Mid), (left, Mode::Mid), (tip, Mode::Tip)] {
+        let (truth, sample) =
+            (record.truth[index].expect("a contact"), as_read(&values, &record.samples[index]));
+        assert_eq!(mode == Mode::Tip, (truth.s_m / rod.length_m - 1.0).abs() < 1e-9, "{truth:?}");
+        for parameter in Parameter::ALL.into_iter().filter(|p| !matches!(p, Parameter::Weight)) {
+            let moved = |by: f64| {
+                let mut moved = values;
+                moved[parameter.index()] += by;
+                at(&moved, &sample, mode)
+            };
+            let slope = (moved(h) - moved(-h)) / (2.0 * h);
+            let mut covariance = Covariance::zeros();
+            covariance[(parameter.index(), parameter.index())] = 1.0;
+            let alone = Calibration { values, covariance, ..Calibration::ideal(&rod) };
+            let seen = alone.systematic_covariance(&cell, &sample, mode).expect("a contact");
+            let expected = slope * slope.transpose();
+            // The cell's own turn is left out of the noise that the projection weighs by: 1e-3 of what the constraint moves.
+            let error = (seen - expected).norm();
+            assert!(error < 5e-3 * expected.norm() + 1e-9, "{mode:?} {parameter:?}: {seen} {expected}");
+        }
+    }
 }
 
 /// With the object known the contacts are back where they are.
