@@ -76,8 +76,11 @@ fn whisker_page_shows_what_the_program_says() {
         let run = resight(arguments);
         let said = run.stdout.replace(&format!("{}/", shipped.display()), "");
         let said = said.replace(&format!("{}/", folder.display()), "");
-        let said: String =
-            said.lines().filter(|line| !line.starts_with("  written")).map(|line| format!("{line}\n")).collect();
+        let said: String = said
+            .lines()
+            .filter(|line| !line.starts_with("  written"))
+            .map(|line| format!("{line}\n"))
+            .collect();
         let shown = block(&page, "text", n);
         assert!(same(&said, &shown), "said\n{said}\nshown\n{shown}");
     }

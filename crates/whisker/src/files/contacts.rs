@@ -2,8 +2,8 @@
 
 use super::line::{self, Cells, Layout};
 use super::{TextError, quoted};
-use crate::events::{Change, Label};
 use crate::estimate::{ContactEstimate, Mode, Status};
+use crate::events::{Change, Label};
 use crate::{Rod, Sample};
 use nalgebra::{Matrix3, Vector2};
 use serde_json::{Map, Value, json};

@@ -2,13 +2,13 @@
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use resight_whisker::contact::Method;
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
+use resight_whisker::contact::Method;
+use resight_whisker::estimate::{Mode, estimate};
 use resight_whisker::events::consistency::{mark, widen};
 use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
-use resight_whisker::estimate::{Mode, estimate};
-use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
+use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
 
@@ -205,8 +205,7 @@ fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answ
     let method: Method = args.method.into();
     let mut record = solve_record(&rig.rod, &rig.cell, samples, args.mu, method)?;
     let features = events::labels(&rig.rod, &rig.cell, samples, &record, method);
-    let verdict =
-        events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
+    let verdict = events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
     let mut warnings = several_contacts(&rig.cell, samples, &record);
     if let Some(verdict) = &verdict {
         let marked = mark(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
@@ -242,9 +241,15 @@ fn contradiction(verdict: &Consistency, marked: usize) -> String {
         let (size, sigma) = (first.size, first.sigma);
         let said = match first.fault {
             Fault::ForceGain => format!("forces {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma),
-            Fault::TorqueGain => format!("the torque {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma),
-            Fault::HubAngle => format!("the hub angle {:+.3} ± {:.3}° off", size.to_degrees(), sigma.to_degrees()),
-            Fault::CellAngle => format!("the cell turned by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees()),
+            Fault::TorqueGain => {
+                format!("the torque {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma)
+            }
+            Fault::HubAngle => {
+                format!("the hub angle {:+.3} ± {:.3}° off", size.to_degrees(), sigma.to_degrees())
+            }
+            Fault::CellAngle => {
+                format!("the cell turned by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees())
+            }
             Fault::HubAhead => format!("the clamp {:+.3} ± {:.3} mm ahead", 1e3 * size, 1e3 * sigma),
             Fault::HubAside => format!("the clamp {:+.3} ± {:.3} mm to the left", 1e3 * size, 1e3 * sigma),
             Fault::ZeroFx => format!("zero of fx {:+.2} ± {:.2} mN", 1e3 * size, 1e3 * sigma),
