@@ -23,8 +23,7 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, set: &Set, true_load: &Sample, seen: &Sample, truth: &Truth) {
-        let bound =
-            estimate(&set.rod, &set.cell, true_load, Method::Auto).contact.expect("a contact").covariance;
+        let bound = bound(set, true_load);
         self.count += 1.0;
         self.bound_m2 += bound[(0, 0)] + bound[(1, 1)];
         let found = estimate(&set.rod, &set.cell, seen, Method::Auto);
