@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 /// χ² of the load, 3 degrees of freedom, up to which nothing is touched: a free whisker exceeds it once in 100,000 samples.
 pub const FREE_CHI2: f64 = 25.90;
 
-/// Forces below this many of their own sigmas do not place a contact: the second-order error of the arc length,
-/// (σ/F)² s, then exceeds a tenth of its sigma, (σ/F) s.
-pub const LEAST_FORCE_SIGMAS: f64 = 10.0;
+/// Forces below this many of their own sigmas do not place a contact: the sigma of the arc length, (σ/F) s, is then 8 % of it, and forces that
+/// only look larger than they are would pass for contacts nearer to the hub, confidently.
+pub const LEAST_FORCE_SIGMAS: f64 = 12.5;
 
 /// Largest sigma along the whisker, as a share of its length, of a contact worth its place.
 pub const MOST_ALONG_SHARE: f64 = 0.05;
