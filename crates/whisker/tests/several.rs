@@ -35,7 +35,7 @@ fn leaning_tip(force_n: f64, lean_rad: f64, inner_m: f64, inner_n: f64) -> HubLo
 
 /// The outer force by its components along and across the whisker at its contact.
 fn load_from(outer_m: f64, mut force: [f64; 2], inner: [f64; 2]) -> HubLoad {
-    const STEPS: usize = 400;
+    const STEPS: usize = 200;
     let slope = |[theta, moment]: [f64; 2], [fx, fy]: [f64; 2]| {
         [moment / EI_N_M2, fx * theta.sin() - fy * theta.cos()]
     };
@@ -218,4 +218,42 @@ fn both_directions_of_slip_are_found() {
 /// One contact whose force leans from the whisker's normal towards its tip.
 fn leaning(s_m: f64, force_n: f64, lean_rad: f64) -> HubLoad {
     load_from(s_m, [force_n * lean_rad.sin(), force_n * lean_rad.cos()], [0.0, 0.0])
+}
+
+/// Mode probabilities are frequencies: modes drawn by the very prior that is stated, near the tip and near no lean, where loads fit both.
+#[test]
+fn mode_probabilities_are_frequencies() {
+    const DRAWS: u32 = 20_000;
+    let rod = Rod::uniform(LENGTH_M, EI_N_M2).expect("a rod");
+    let mut chance = Chance(24);
+    // Prior masses: mid 0.9 × a tenth of the length, tip 0.1 × 0.2 rad of the half turn.
+    let (mid, tip) = (0.9 * 0.1, 0.1 * 0.2 / std::f64::consts::PI);
+    let mut is_tip = Vec::new();
+    let samples: Vec<Sample> = (0..DRAWS)
+        .map(|sweep| {
+            is_tip.push(chance.uniform() < tip / (mid + tip));
+            let load = match is_tip.last() {
+                Some(true) => leaning(LENGTH_M, 0.3, 0.2 * chance.uniform() - 0.1),
+                _ => leaning(LENGTH_M * (0.9 + 0.1 * chance.uniform()), 0.3, 0.0),
+            };
+            // Every sample a sweep of its own: nothing but the load tells.
+            Sample { load: chance.load(&load, &cell()), sweep, ..Sample::default() }
+        })
+        .collect();
+    let record = solve_record(&rod, &cell(), &samples, Mu::Known(0.0), Method::Auto).expect("a record");
+    let in_doubt = record.tests.iter().zip(&is_tip).filter_map(|(tests, is_tip)| {
+        let p = tests.expect("in contact").tip_probability;
+        (0.02 < p && p < 0.98).then_some((p, f64::from(*is_tip)))
+    });
+    let (mut count, mut expected, mut seen, mut variance) = (0, 0.0, 0.0, 0.0);
+    for (p, is_tip) in in_doubt {
+        count += 1;
+        expected += p;
+        seen += is_tip;
+        variance += p * (1.0 - p);
+    }
+    println!("{count} in doubt: {expected:.1} tips expected, {seen} seen, sigma {:.1}", f64::sqrt(variance));
+    assert!(300 < count);
+    // Four sigmas, and a tenth for what the evidence leaves out: curvature of the surfaces, the ends of the ranges.
+    assert!((expected - seen).abs() < 4.0 * f64::sqrt(variance) + 0.1 * seen, "{expected} {seen}");
 }

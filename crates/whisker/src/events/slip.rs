@@ -214,10 +214,9 @@ impl Ahead<'_> {
         }
         let at_tip = problem(Constraint::Tip);
         let steps_to_tip = Some(reached.steps);
-        // Where the determinant changes its sign with the constraint, the branch at the tip leads back: the fold is here, eq. (11).
-        let at_tip_now = at_tip
-            .solve(&self.hub_after(reached.steps), &reached.now.load)
-            .filter(|now| 0.0 < now.determinant() * reached.now.determinant());
+        // Where the determinant changes its sign with the constraint, the branch at the tip leads back in the hub's travel, and forward every
+        // load is inadmissible: the fold is here, eq. (11).
+        let at_tip_now = at_tip.solve(&self.hub_after(reached.steps), &reached.now.load);
         let Some(now) = at_tip_now else {
             return Some(Path { stability, steps_to_tip, end: Some((reached.steps, End::Fold)) });
         };
