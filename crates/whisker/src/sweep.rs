@@ -14,6 +14,7 @@ pub mod record;
 pub mod roles;
 pub mod start;
 pub mod tip;
+pub mod window;
 
 use crate::contact::{ByLoad, Method};
 use crate::estimate::{Contact, ContactEstimate, GATE_SIGMAS, MOST_ALONG_SHARE, Mode, Status};
@@ -181,20 +182,8 @@ fn report(
     options: &Options,
 ) -> Sweep {
     let problem = &chained.problem;
-    let mut estimates: Vec<ContactEstimate> = samples.iter().map(without_contact).collect();
-    for seen in runs.iter().flatten() {
-        estimates[seen.row].status = Status::NoZero;
-    }
     let smoothed = smoothed.unwrap_or_default();
-    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, &smoothed) };
-    for (i, linear) in smoothed.linear.iter().enumerate() {
-        if let Some((run, index)) = chained.place[i] {
-            let seen = &runs[run][index];
-            let covariance = &smoothed.solution.covariances[i];
-            let (node, state) = (&problem.nodes[i], &problem.states[i]);
-            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
-        }
-    }
+    let mut estimates = answers(with, samples, runs, chained, &smoothed);
     let degrees_of_freedom = problem.degrees_of_freedom(&smoothed.linear);
     let variance = if smoothed.linear.is_empty() { f64::INFINITY } else { smoothed.solution.shared_variance };
     let (mu, mu_sigma) = coefficient(problem.shared_rad, variance, &options.friction);
@@ -216,6 +205,31 @@ fn report(
         contacts: runs.iter().map(Vec::len).sum(),
         iterations: smoothed.iterations,
     }
+}
+
+/// One estimate per sample.
+fn answers(
+    with: &Instrument,
+    samples: &[Sample],
+    runs: &[Run],
+    chained: &Chained,
+    smoothed: &Smoothed,
+) -> Vec<ContactEstimate> {
+    let problem = &chained.problem;
+    let mut estimates: Vec<ContactEstimate> = samples.iter().map(without_contact).collect();
+    for seen in runs.iter().flatten() {
+        estimates[seen.row].status = Status::NoZero;
+    }
+    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, smoothed) };
+    for (i, linear) in smoothed.linear.iter().enumerate() {
+        if let Some((run, index)) = chained.place[i] {
+            let seen = &runs[run][index];
+            let covariance = &smoothed.solution.covariances[i];
+            let (node, state) = (&problem.nodes[i], &problem.states[i]);
+            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
+        }
+    }
+    estimates
 }
 
 /// χ² above which a record contradicts itself: five standard deviations, and never below that of few degrees of freedom.
