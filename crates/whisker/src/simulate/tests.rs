@@ -37,7 +37,11 @@ fn objects() -> Vec<Shape> {
         Shape::Ellipse { centre_m, semi_axes_m: [0.05, 0.02], angle_rad: 0.35 },
     ];
     all.extend((0..12).map(|i| Shape::square(centre_m, 0.05, 0.13 * f64::from(i))));
-    all.extend((0..12).map(|i| Shape::Rectangle { centre_m, sides_m: [0.07, 0.03], angle_rad: 0.26 * f64::from(i) }));
+    all.extend((0..12).map(|i| Shape::Rectangle {
+        centre_m,
+        sides_m: [0.07, 0.03],
+        angle_rad: 0.26 * f64::from(i),
+    }));
     all
 }
 
