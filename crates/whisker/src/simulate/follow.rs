@@ -4,7 +4,7 @@
 //! Where a kind of contact ends inside a step, that place is located and its neighbour carries on (docs/math/whisker_simulate.md
 //! section 4).
 
-use super::boundary::{Boundary, boundaries, neighbours};
+use super::boundary::{Boundary, boundaries, jumps, neighbour};
 use super::equilibrium::{Outline, Solved, State, Touching, least_force_n, wrapped};
 use super::free::{cuts, first_contacts, is_blocked, is_deep, is_straight, loaded_line};
 use super::{Change, Event};
@@ -336,12 +336,12 @@ impl Follower<'_> {
             self.note(step, share, Change::Slide);
             state.friction_rad = self.limit_rad.copysign(state.friction_rad);
         }
-        let next = neighbours(self.rod, self.outline, &state, boundary);
-        if let Some(solved) = next.continuous.and_then(|state| state.derivatives(self.rod, self.outline)) {
+        let next = neighbour(self.rod, self.outline, &state, boundary);
+        if let Some(solved) = next.and_then(|state| state.derivatives(self.rod, self.outline)) {
             self.now = Now::Touching(solved);
             return Ok(share);
         }
-        self.jump_or_slip_off(step, share, last, next.jumps)
+        self.jump_or_slip_off(step, share, last, jumps(self.rod, self.outline, &state, boundary))
     }
 
     /// The contacts that a whisker whose body cuts the object may fall back to.
