@@ -88,6 +88,8 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
 }
 
 /// How contacts are estimated from readings.
+// The bench takes one of them.
+#[allow(dead_code)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum How {
     /// Sample by sample.
