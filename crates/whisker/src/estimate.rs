@@ -4,7 +4,7 @@ use crate::contact::{
     ByLoad, Method, NoZero, branch_with_derivatives, contact_with_derivatives, later_zeros,
 };
 use crate::{Cell, HubContact, HubLoad, PlanarPose, Rod, Sample};
-use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 /// χ² of the load, 3 degrees of freedom, up to which nothing is touched: a free whisker exceeds it once in 100,000 samples.
 pub const FREE_CHI2: f64 = 25.90;
@@ -73,22 +73,19 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// A contact of the hub frame in the world. `load_covariance` is that of `load` (N², N²·m²), `by_load` the contact's derivatives there;
-    /// whisker_contact.md eq. (45)–(47).
+    /// A contact of the hub frame in the world; `in_hub` is the covariance of its [`HubContact::to_vector`], `sample` where the hub was and the
+    /// load taken for true; whisker_contact.md eq. (40).
     pub fn in_world(
-        hub: &PlanarPose,
+        sample: &Sample,
         hub_covariance: &Matrix3<f64>,
-        load: &HubLoad,
-        load_covariance: &Matrix3<f64>,
         at: &HubContact,
-        by_load: &ByLoad,
+        in_hub: &SMatrix<f64, 5, 5>,
     ) -> Self {
-        let in_hub: SMatrix<f64, 5, 5> = by_load * load_covariance * by_load.transpose();
+        let (hub, force) = (&sample.world_from_hub, sample.load.force_n().norm());
         let turn = world_from_hub_axes(hub);
         // Turning or shifting the hub moves the contact: by [x, y, angle] of the hub.
         let arm = hub.turn(at.x_in_hub);
         let by_hub = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
-        let force = load.force_n().norm();
         Contact {
             x_in_world: hub.apply(at.x_in_hub),
             theta_rad: hub.angle_rad + at.theta_rad,
@@ -117,7 +114,7 @@ impl Contact {
         self.normal_in_world(moment_sign) * self.f_normal_n + Vector2::new(cos, sin) * self.f_tangent_n
     }
 
-    /// The point of the object's outline, world, metres: from the centre line towards the object by the whisker's radius; eq. (48).
+    /// The point of the object's outline, world, metres: from the centre line towards the object by the whisker's radius; eq. (42).
     pub fn outline_in_world(&self, rod: &Rod, moment_sign: f64) -> Vector2<f64> {
         self.x_in_world - self.normal_in_world(moment_sign) * (0.5 * rod.diameter_m_at(self.s_m))
     }
@@ -156,7 +153,7 @@ pub fn estimate(rod: &Rod, cell: &Cell, sample: &Sample, method: Method) -> Cont
         Err(why) => ContactEstimate::without_contact(without_zero(rod, &sample.load, &load_covariance, why)),
         Ok((at, by_load)) => ContactEstimate {
             branches: later_zeros(rod, &sample.load, &at, method).to_vec(),
-            ..at_zero(rod, cell, sample, &at, &by_load)
+            ..at_zero(rod, cell, sample, method, 0, (at, by_load))
         },
     }
 }
@@ -178,8 +175,8 @@ pub fn choose_branch(
     let nearest = zeros.enumerate().min_by(|(_, a), (_, b)| away(*a).total_cmp(&away(*b)));
     match nearest {
         Some((branch, _)) if 0 < branch => match branch_with_derivatives(rod, &sample.load, method, branch) {
-            Ok((at, by_load)) => {
-                let chosen = at_zero(rod, cell, sample, &at, &by_load);
+            Ok(found) => {
+                let chosen = at_zero(rod, cell, sample, method, branch, found);
                 (branch, ContactEstimate { branches: first.branches, ..chosen })
             }
             Err(_) => (0, first),
@@ -189,12 +186,60 @@ pub fn choose_branch(
 }
 
 /// The estimate that takes a given zero of the moment for the contact.
-fn at_zero(rod: &Rod, cell: &Cell, sample: &Sample, at: &HubContact, by_load: &ByLoad) -> ContactEstimate {
+fn at_zero(
+    rod: &Rod,
+    cell: &Cell,
+    sample: &Sample,
+    method: Method,
+    branch: usize,
+    (at, by_load): (HubContact, ByLoad),
+) -> ContactEstimate {
     let covariance = cell.load_covariance();
-    let hub = (&sample.world_from_hub, cell.hub_covariance());
-    let contact = Contact::in_world(hub.0, &hub.1, &sample.load, &covariance, at, by_load);
+    let again = |load: &HubLoad| match branch {
+        0 => contact_with_derivatives(rod, load, method),
+        _ => branch_with_derivatives(rod, load, method, branch),
+    };
+    let in_hub = second_order(&sample.load, &covariance, &by_load, |load| Some(again(load).ok()?.1));
+    let contact = Contact::in_world(sample, &cell.hub_covariance(), &at, &in_hub);
     let (status, mode, mode_probability) = verdict(rod, &sample.load, &covariance, &contact);
     ContactEstimate { status, mode, mode_probability, contact: Some(contact), branches: Vec::new() }
+}
+
+/// Covariance of a contact to second order in the noise of the load, its bias included: weak forces move the contact along a curve, not a
+/// line; whisker_contact.md eq. (39). Where `by_load_at` has no answer beside the load, to first order.
+pub fn second_order(
+    load: &HubLoad,
+    load_covariance: &Matrix3<f64>,
+    by_load: &ByLoad,
+    by_load_at: impl Fn(&HubLoad) -> Option<ByLoad>,
+) -> SMatrix<f64, 5, 5> {
+    /// In sigmas: short against the curve, long against the rounding of derivatives.
+    const STEP: f64 = 0.1;
+    let root = square_root(load_covariance);
+    let straight = by_load * root;
+    let mut covariance = straight * straight.transpose();
+    let mut bent = [[SVector::<f64, 5>::zeros(); 3]; 3];
+    for i in 0..3 {
+        let moved = load.to_vector() + root.column(i) * STEP;
+        let Some(by_load) = by_load_at(&HubLoad::from_vector(&moved)) else { return covariance };
+        let change = (by_load * root - straight) / STEP;
+        (0..3).for_each(|j| bent[i][j] = change.column(j).into_owned());
+    }
+    let mut bias = SVector::<f64, 5>::zeros();
+    for i in 0..3 {
+        bias += bent[i][i] * 0.5;
+        for j in 0..3 {
+            covariance += bent[i][j] * bent[i][j].transpose() * 0.5;
+        }
+    }
+    covariance + bias * bias.transpose()
+}
+
+/// S with S Sᵀ = `covariance`, of one that may be zero in parts.
+fn square_root(covariance: &Matrix3<f64>) -> Matrix3<f64> {
+    covariance
+        .cholesky()
+        .map_or_else(|| Matrix3::from_diagonal(&covariance.diagonal().map(|v| v.max(0.0).sqrt())), |c| c.l())
 }
 
 /// The one place where a zero of the moment becomes a status, and what the arc length alone says of the mode: `Tip` beyond the length,
@@ -231,7 +276,7 @@ fn is_weak(load: &HubLoad, covariance: &Matrix3<f64>) -> bool {
     load.force_n().norm() < LEAST_FORCE_SIGMAS * sigma
 }
 
-/// Whether the share of the force along the whisker at the contact, (M₀²/2EI + M₀ κ₀ + fx)/F, exceeds 1 by no more than the noise does; eq. (50).
+/// Whether the share of the force along the whisker at the contact, (M₀²/2EI + M₀ κ₀ + fx)/F, exceeds 1 by no more than the noise does; eq. (41).
 fn pull_within_noise(rod: &Rod, load: &HubLoad, covariance: &Matrix3<f64>) -> bool {
     let (ei, curvature) = (rod.ei_base_n_m2(), rod.curvature_per_m_at(0.0));
     let HubLoad { fx_n, fy_n, mz_n_m } = *load;

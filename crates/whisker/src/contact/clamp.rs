@@ -39,7 +39,7 @@ pub(super) struct Arc {
 }
 
 impl Clamp {
-    /// Eq. (5), (6).
+    /// Eq. (5), (6), with the mirror.
     pub fn of(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad) -> Result<Self, NoZero> {
         if !load.is_finite() {
             return Err(NoZero::NotFinite);
@@ -86,21 +86,13 @@ impl Clamp {
         if at.is_finite() { Ok(at) } else { Err(NoZero::NotFinite) }
     }
 
-    /// Eq. (16)–(18): from the derivatives of `[u, a, β_c, friction angle]` (rows) by `[c, β₀, z]` to those of a contact by the load.
+    /// Eq. (24): from the derivatives of `[u, a, β_c, friction angle]` (rows) by `[c, β₀, ρ]` to those of a contact by the load. ρ scales c and
+    /// z alike, which is what the force does.
     pub fn by_load(&self, ei_n_m2: f64, arc: &Arc, partials: &Matrix4x3<f64>) -> Result<ByLoad, NoZero> {
         let Clamp { force_n: force, lambda_per_m: lambda, cos_beta, sin_beta, .. } = *self;
-        // [c, β₀, z] by [F, β₀, M₀].
-        let chain = Matrix3::new(
-            -0.5 * self.c / force,
-            0.0,
-            0.5 / (ei_n_m2 * lambda),
-            0.0,
-            1.0,
-            0.0,
-            -0.5 * self.z / force,
-            0.0,
-            0.0,
-        );
+        // [c, β₀, ρ] by [F, β₀, M₀].
+        let by_moment = 0.5 / (ei_n_m2 * lambda);
+        let chain = Matrix3::new(0.0, 0.0, by_moment, 0.0, 1.0, 0.0, -0.5 / force, 0.0, 0.0);
         let by_state = partials * chain;
         let lengthen = RowVector3::new(-0.5 / force, 0.0, 0.0);
         let s = (by_state.row(0) + lengthen * arc.u) / lambda;

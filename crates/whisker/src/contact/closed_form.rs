@@ -10,7 +10,7 @@ use super::clamp::{Arc, Clamp};
 use super::{ByLoad, HubContact, NoZero};
 use crate::HubLoad;
 use crate::elliptic;
-use nalgebra::Matrix4x3;
+use nalgebra::{Matrix4x3, Vector4};
 
 /// The first zero of the moment, for bending stiffness `ei_n_m2`, N·m².
 pub fn straight(ei_n_m2: f64, load: &HubLoad) -> Result<HubContact, NoZero> {
@@ -50,7 +50,7 @@ impl Bent {
         Ok(Bent { clamp, k2, complement2, k: k2.sqrt(), complement: complement2.sqrt() })
     }
 
-    /// `(u, G)` by one duplication with signed roots and Carlson's integrals, eq. (13), (14).
+    /// `(u, G)` by one duplication with signed roots and Carlson's integrals, eq. (15), (16), (20).
     fn integrals(&self) -> (f64, f64) {
         let (Clamp { g, h, c, .. }, k, complement) = (self.clamp, self.k, self.complement);
         // (cs, ds, ns) u, each times c.
@@ -67,7 +67,7 @@ impl Bent {
         (2.0 * c * f, c * c * c * (2.0 / 3.0 * d + 1.0 / (ds * y)))
     }
 
-    /// Eq. (8), (12).
+    /// Eq. (10), (11), (13), (14).
     fn arc(&self, u: f64, big_g: f64) -> Arc {
         let Bent { clamp: Clamp { g, h, c, .. }, k2, complement2, k, complement } = *self;
         // sin θ/2 = k h − g k′, its cancelling form replaced.
@@ -84,7 +84,7 @@ impl Bent {
         }
     }
 
-    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, z]`, eq. (19)–(21); the third column is not used by a straight whisker.
+    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (21)–(23).
     fn partials(&self, u: f64, big_g: f64) -> Matrix4x3<f64> {
         let Bent { clamp: Clamp { g, h, c, .. }, k2, complement2, k, complement } = *self;
         let q = u - complement2 * big_g;
@@ -93,19 +93,8 @@ impl Bent {
         let w_c = g * h / k2 - c * q;
         let w_beta = -0.5 * (g * h * q + c * h * h / k2);
         let by_k2 = 1.0 / (k * complement);
-        Matrix4x3::new(
-            u_c,
-            u_beta,
-            0.0,
-            2.0 * w_c - u_c,
-            2.0 * w_beta - u_beta,
-            0.0,
-            2.0 * c * by_k2,
-            g * h * by_k2,
-            0.0,
-            2.0 * c * by_k2,
-            g * h * by_k2,
-            0.0,
-        )
+        let by_c = Vector4::new(u_c, 2.0 * w_c - u_c, 2.0 * c * by_k2, 2.0 * c * by_k2);
+        let by_beta = Vector4::new(u_beta, 2.0 * w_beta - u_beta, g * h * by_k2, g * h * by_k2);
+        Matrix4x3::from_columns(&[by_c, by_beta, by_c * c])
     }
 }

@@ -27,7 +27,7 @@ pub fn contact_with_derivatives(
     zero_with_derivatives(ei_n_m2, curvature_per_m, load, 0)
 }
 
-/// The zero of the moment after `later` others, also of a straight whisker (κ₀ = 0) and beyond any length; eq. (42).
+/// The zero of the moment after `later` others, also of a straight whisker (κ₀ = 0) and beyond any length; eq. (32).
 pub fn zero(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad, later: usize) -> Result<HubContact, NoZero> {
     let bent = Bent::of(Clamp::of(ei_n_m2, curvature_per_m, load)?)?;
     bent.clamp.contact(&bent.reach(later).arc())
@@ -92,7 +92,7 @@ impl Bent {
         self.clamp.m * (self.clamp.c + self.clamp.z)
     }
 
-    /// The angle turned from clamp to first contact, eq. (38).
+    /// The angle turned from clamp to first contact, eq. (31).
     fn turned(&self) -> f64 {
         let (from, to) = (self.start(), self.end);
         let (one, other) = (to.g * from.h, from.g * to.h);
@@ -103,7 +103,7 @@ impl Bent {
         }
     }
 
-    /// `(u, P)` between two states of this elastica, eq. (33)–(37).
+    /// `(u, P)` between two states of this elastica, eq. (25)–(27).
     fn between(&self, from: &State, to: &State) -> (f64, f64) {
         let Bent { k2, complement2, .. } = *self;
         let below = to.c * to.c + (to.g * from.h) * (to.g * from.h);
@@ -136,12 +136,12 @@ impl Bent {
     /// On the separatrix k = 1 the formulas of the derivatives are 0/0; a part in 10⁷ beside it they err by as much.
     fn off_the_separatrix(self) -> Result<Self, NoZero> {
         const BESIDE: f64 = 1e-7;
-        let Clamp { h, c, .. } = self.clamp;
+        let Clamp { h, m, z, c, .. } = self.clamp;
         if BESIDE * h * h < self.complement2.abs() {
             return Ok(self);
         }
-        let moved = c * (1.0 - BESIDE);
-        Bent::of(Clamp { c: moved, m: moved - self.clamp.z, ..self.clamp })
+        let by = 1.0 - BESIDE;
+        Bent::of(Clamp { m: m * by, z: z * by, c: c * by, ..self.clamp })
     }
 }
 
@@ -168,16 +168,25 @@ impl Reach {
         }
     }
 
-    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, z]`, eq. (39)–(41).
+    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (33)–(35).
     fn partials(&self) -> Matrix4x3<f64> {
         let Bent { clamp: Clamp { g, h, c, z, .. }, k2, complement2, .. } = self.bent;
         let State { g: g_c, h: h_c, .. } = self.end;
-        let (both, end) = (k2 * complement2, 1.0 / (g_c * h_c));
-        let u_k = (self.u * k2 - self.p) / both + z * (complement2 - g_c * g_c) * end / both;
-        let w_k = (z * h_c / g_c - self.p) / k2;
-        let u = [c * u_k + g * h / both, 0.5 * (g * h * u_k - c * (complement2 - g * g) / both), -end];
-        let w = [c * w_k + g * h / k2, 0.5 * (g * h * w_k - c * h * h / k2), -h_c / g_c];
-        let angle = [2.0 * c * end, g * h * end, -2.0 * z * end];
+        let (both, end, gg) = (k2 * complement2, 1.0 / (g_c * h_c), g * g);
+        let (u_p, w_p) = ((self.u * k2 - self.p) / both, -self.p / k2);
+        let u_k = u_p + z * (complement2 - g_c * g_c) * end / both;
+        let w_k = w_p + z * h_c / (g_c * k2);
+        let u = [
+            c * u_k + g * h / both,
+            0.5 * (g * h * u_k - c * (complement2 - gg) / both),
+            c * (c * u_p + g * h / both) - z * end * (gg * complement2 + c * c * g_c * g_c) / both,
+        ];
+        let w = [
+            c * w_k + g * h / k2,
+            0.5 * (g * h * w_k - c * h * h / k2),
+            c * (c * w_p + g * h / k2) - z * h_c * gg / (g_c * k2),
+        ];
+        let angle = [2.0 * c * end, g * h * end, 2.0 * self.bent.lift() * end];
         Matrix4x3::from_fn(|row, i| match row {
             0 => u[i],
             1 => 2.0 * w[i] - u[i],
@@ -187,7 +196,7 @@ impl Reach {
     }
 }
 
-/// Where κ first falls to κ₀, eq. (34): a pendulum that swings (k < 1) or turns over.
+/// Where κ first falls to κ₀, eq. (8), (30): a pendulum that swings (k < 1) or turns over.
 fn first_zero(clamp: &Clamp, swings: bool) -> Result<State, NoZero> {
     let Clamp { g, h, m, c, z, .. } = *clamp;
     let lift = m * (c + z);

@@ -1,0 +1,203 @@
+//! The recorded sets with noise, sample by sample: as near as the noise allows, and as near as the covariance says.
+
+mod real_support;
+
+use nalgebra::{Matrix2, Vector2};
+use real_support::{Set, Truth, sets};
+use resight_whisker::contact::Method;
+use resight_whisker::estimate::{Status, estimate};
+use resight_whisker::{Cell, HubLoad, PlanarPose, Sample};
+
+/// Below this the place along the whisker is worth little, and figures would be those of the first few samples of each touch.
+const LEAST_FORCE_N: f64 = 0.1;
+
+/// Sums over contacts: squared error, its bound, NEES.
+#[derive(Default, Clone, Copy)]
+struct Sums {
+    count: f64,
+    squared_m2: f64,
+    bound_m2: f64,
+    nees: f64,
+    not_ok: f64,
+}
+
+impl Sums {
+    fn add(&mut self, set: &Set, true_load: &Sample, seen: &Sample, truth: &Truth) {
+        let bound =
+            estimate(&set.rod, &set.cell, true_load, Method::Auto).contact.expect("a contact").covariance;
+        self.count += 1.0;
+        self.bound_m2 += bound[(0, 0)] + bound[(1, 1)];
+        let found = estimate(&set.rod, &set.cell, seen, Method::Auto);
+        self.not_ok += f64::from(found.status != Status::Ok);
+        let contact = found.contact.expect("a contact");
+        let error = contact.x_in_world - Vector2::new(truth.x_m, truth.y_m);
+        let covariance: Matrix2<f64> = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        self.squared_m2 += error.norm_squared();
+        self.nees += error.dot(&(covariance.try_inverse().expect("a covariance") * error));
+    }
+
+    fn join(&mut self, other: &Sums) {
+        self.count += other.count;
+        self.squared_m2 += other.squared_m2;
+        self.bound_m2 += other.bound_m2;
+        self.nees += other.nees;
+        self.not_ok += other.not_ok;
+    }
+
+    fn over_bound(&self) -> f64 {
+        (self.squared_m2 / self.bound_m2).sqrt()
+    }
+
+    fn line(&self, name: &str) {
+        println!(
+            "{name:20} {:5} contacts, rms {:.3} mm, bound {:.3} mm, ratio {:.3}, NEES {:.3}, not ok {}",
+            self.count,
+            1e3 * (self.squared_m2 / self.count).sqrt(),
+            1e3 * (self.bound_m2 / self.count).sqrt(),
+            self.over_bound(),
+            self.nees / self.count,
+            self.not_ok
+        );
+    }
+}
+
+fn strong(truth: &Truth) -> bool {
+    truth.contact && LEAST_FORCE_N <= truth.force_world_n[0].hypot(truth.force_world_n[1])
+}
+
+#[test]
+fn recorded_noise_is_borne_as_the_bound_says() {
+    let Some(sets) = sets() else { return };
+    let mut pooled = Sums::default();
+    for set in &sets {
+        let mut sums = Sums::default();
+        for ((clean, noisy), truth) in set.clean.iter().zip(&set.noisy).zip(&set.truth) {
+            if strong(truth) {
+                sums.add(set, clean, noisy, truth);
+            }
+        }
+        sums.line(set.name);
+        let nees = sums.nees / sums.count;
+        assert!((1.7..2.3).contains(&nees), "{}: {nees}", set.name);
+        pooled.join(&sums);
+    }
+    pooled.line("pooled");
+    let nees = pooled.nees / pooled.count;
+    assert!((1.8..2.2).contains(&nees), "{nees}");
+    assert!(pooled.over_bound() < 1.03, "{}", pooled.over_bound());
+}
+
+/// The recorded loads with noise drawn anew, 200 times each.
+#[test]
+fn noise_drawn_anew_is_borne_as_the_bound_says() {
+    let Some(sets) = sets() else { return };
+    let mut dice = Dice(0x5EED_2004);
+    let mut pooled = Sums::default();
+    for set in &sets {
+        let mut sums = Sums::default();
+        for (clean, truth) in set.clean.iter().zip(&set.truth).filter(|(_, truth)| strong(truth)) {
+            for _ in 0..200 {
+                sums.add(set, clean, &dice.noisy(&set.cell, clean), truth);
+            }
+        }
+        sums.line(set.name);
+        let nees = sums.nees / sums.count;
+        assert!((1.8..2.2).contains(&nees), "{}: {nees}", set.name);
+        pooled.join(&sums);
+    }
+    pooled.line("pooled");
+    let nees = pooled.nees / pooled.count;
+    assert!((1.9..2.1).contains(&nees), "{nees}");
+    assert!(pooled.over_bound() < 1.03, "{}", pooled.over_bound());
+}
+
+/// A seeded generator, splitmix64, and normal numbers from it.
+struct Dice(u64);
+
+impl Dice {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (2.0 * std::f64::consts::PI * self.uniform()).cos()
+    }
+
+    /// With noise, then rounded to the instrument's step.
+    fn reading(&mut self, value: f64, sigma: f64, step: f64) -> f64 {
+        let seen = value + sigma * self.normal();
+        if step == 0.0 { seen } else { (seen / step).round() * step }
+    }
+
+    fn noisy(&mut self, cell: &Cell, clean: &Sample) -> Sample {
+        let (hub, load) = (clean.world_from_hub, clean.load);
+        Sample {
+            world_from_hub: PlanarPose {
+                x_m: self.reading(hub.x_m, cell.hub_xy_sigma_m, 0.0),
+                y_m: self.reading(hub.y_m, cell.hub_xy_sigma_m, 0.0),
+                angle_rad: self.reading(hub.angle_rad, cell.hub_angle_sigma_rad, cell.hub_angle_step_rad),
+            },
+            load: HubLoad {
+                fx_n: self.reading(load.fx_n, cell.force_sigma_n, cell.force_step_n),
+                fy_n: self.reading(load.fy_n, cell.force_sigma_n, cell.force_step_n),
+                mz_n_m: self.reading(load.mz_n_m, cell.torque_sigma_n_m, cell.torque_step_n_m),
+            },
+            ..*clean
+        }
+    }
+}
+
+/// Nothing touched, a million times: the load passes for a contact less than once in ten thousand.
+#[test]
+fn free_whiskers_are_called_free() {
+    let Some(sets) = sets() else { return };
+    let set = &sets[0];
+    let mut dice = Dice(0xF4EE);
+    let free = Sample::default();
+    let alarms = (0..1_000_000)
+        .filter(|_| {
+            let seen = dice.noisy(&set.cell, &free);
+            estimate(&set.rod, &set.cell, &seen, Method::Auto).status != Status::NoContact
+        })
+        .count();
+    println!("{alarms} alarms in 1,000,000");
+    assert!(alarms < 100, "{alarms}");
+    assert!(0 < alarms, "a gate no noise passes is none");
+}
+
+/// Every row of the recorded sets has a status that its truth allows.
+#[test]
+fn recorded_rows_are_judged_soberly() {
+    let Some(sets) = sets() else { return };
+    for set in &sets {
+        let mut counts = [0_usize; 6];
+        let (mut free_wrong, mut far) = (0, 0);
+        for (noisy, truth) in set.noisy.iter().zip(&set.truth) {
+            let found = estimate(&set.rod, &set.cell, noisy, Method::Auto);
+            counts[found.status as usize] += 1;
+            free_wrong += usize::from(!truth.contact && found.status != Status::NoContact);
+            if let (true, Status::Ok, Some(contact)) = (truth.contact, found.status, found.contact) {
+                let covariance: Matrix2<f64> = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+                let error = contact.x_in_world - Vector2::new(truth.x_m, truth.y_m);
+                // χ² of 2 degrees of freedom above 18.4: once in 10,000.
+                let nees = error.dot(&(covariance.try_inverse().expect("regular") * error));
+                far += usize::from(18.4 < nees);
+                if 18.4 < nees {
+                    println!("{} {} {nees} {truth:?} {contact:?}", noisy.sweep, noisy.sample);
+                }
+            }
+        }
+        println!(
+            "{:20} [ok, no contact, low force, no zero, beyond tip, inconsistent] = {counts:?}, free called touched {free_wrong}, far {far}",
+            set.name
+        );
+        assert_eq!(free_wrong, 0);
+        assert!(far <= 1, "{far}");
+        assert_eq!(counts[3] + counts[4] + counts[5], 0);
+    }
+}
