@@ -5,7 +5,11 @@ pub mod touch;
 pub mod outline;
 pub mod equilibrium;
 pub mod slip;
+pub mod consistency;
+pub mod timeline;
 
+pub use consistency::{Consistency, Fault, Suspicion, consistency};
 pub use outline::{Label, LocalOutline};
 pub use slip::{End, Ending, Foresight, foresee};
+pub use timeline::{Event, EventKind, events, has_several_contacts, labels};
 pub use touch::{Change, TouchDetector};

@@ -9,15 +9,21 @@
 
 mod mixture;
 pub mod modes;
+pub mod online;
 pub mod projection;
 pub mod record;
+mod states;
 
+pub use online::Online;
 pub use projection::{Constraint, Projection, project};
 pub use record::{Mu, Record, solve_record};
+pub use states::Tests;
 
 use crate::contact::{Method, NoZero};
 use crate::estimate::{Contact, LEAST_FORCE_SIGMAS, MOST_ALONG_SHARE, Mode, Status, estimate};
 use crate::{Cell, ContactEstimate, Rod, Sample};
+use nalgebra::{Matrix3, Vector3};
+use projection::bend;
 
 /// The angle from the whisker's normal to the force while the whisker slides: tan φ_f = ± μ, positive where the force pulls towards
 /// the tip, that is where the whisker is drawn towards its hub along the object.
@@ -68,7 +74,7 @@ pub fn constrain(
     let cell = sound(rod, cell);
     let projection = project(rod, &cell, sample, constraint, method)?;
     let raw = estimate(rod, &cell, sample, method);
-    Ok(answer(rod, &cell, sample, &raw, &projection, 1.0))
+    Ok(answer(rod, &cell, sample, method, &raw, &projection, 1.0))
 }
 
 /// The instruments, with no reading taken as better than a millionth of the whisker's stiffness EI/L², EI/L: a record without noise
@@ -87,11 +93,12 @@ pub(crate) fn answer(
     rod: &Rod,
     cell: &Cell,
     sample: &Sample,
+    method: Method,
     raw: &ContactEstimate,
     projection: &Projection,
     probability: f64,
 ) -> ContactEstimate {
-    let contact = contact_of(cell, sample, projection);
+    let contact = contact_of(rod, cell, sample, method, projection);
     ContactEstimate {
         status: status(rod, cell, raw, projection, &contact),
         mode: projection.constraint.mode(),
@@ -101,14 +108,23 @@ pub(crate) fn answer(
     }
 }
 
-/// A projected load's contact; what the constraint fixes has no spread left, of either sign.
-fn contact_of(cell: &Cell, sample: &Sample, projection: &Projection) -> Contact {
+/// A projected load's contact. What the constraint fixes has no spread left, of either sign; what the tangent does not show of a light
+/// touch's long uncertainty, the bend of the contact's way, counts as uncertain too: ¾ b bᵀ, whisker_friction.md eq. (8).
+fn contact_of(rod: &Rod, cell: &Cell, sample: &Sample, method: Method, projection: &Projection) -> Contact {
     let Projection { load, covariance, at, by_load, .. } = projection;
-    let contact =
-        Contact::in_world(&sample.world_from_hub, &cell.hub_covariance(), load, covariance, at, by_load);
+    let hub = &sample.world_from_hub;
+    let moved = Sample { load: *load, ..*sample };
+    let in_hub = by_load * covariance * by_load.transpose();
+    let contact = Contact::in_world(&moved, &cell.hub_covariance(), at, &in_hub);
+    let bent = bend(rod, projection, method).map_or(Matrix3::zeros(), |bend| {
+        let turned = hub.turn(bend.fixed_rows::<2>(0).into_owned());
+        let bend = Vector3::new(turned.x, turned.y, bend.z);
+        bend * bend.transpose() * 0.75
+    });
     Contact {
         s_sigma_m: contact.s_sigma_m.max(0.0),
         friction_angle_sigma_rad: contact.friction_angle_sigma_rad.max(0.0),
+        covariance: contact.covariance + bent,
         ..contact
     }
 }

@@ -4,12 +4,12 @@
 //!   x(α) = p + ∫ (ρ₀ + ρ₁ a) t(α₀ + a) da, a = 0 … α − α₀     n(α) outward normal, t = dn/dα, ρ = 0: a corner
 //! ```
 //!
-//! docs/math/whisker_events.md eqs. (4)–(7).
+//! docs/math/whisker_events.md eqs. (4)–(8).
 
 use crate::estimate::Mode;
 use crate::friction::Projection;
-use crate::{HubLoad, PlanarPose, Sample};
-use nalgebra::{Matrix2, Matrix3, Matrix4, SMatrix, Vector2, Vector4};
+use crate::{Cell, HubLoad, PlanarPose, Sample};
+use nalgebra::{Matrix2, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector4};
 use resight_core::frames::chi_square;
 
 /// A contact as the outline sees it.
@@ -31,15 +31,18 @@ pub(crate) fn turn_of_force(load: &HubLoad, friction_rad: f64) -> f64 {
 }
 
 impl OutlinePoint {
-    /// Of a projected load; `friction_rad` is φ_f.
-    pub fn new(sample: &Sample, projection: &Projection, friction_rad: f64) -> Self {
+    /// Of a projected load; `friction_rad` is φ_f. The hub's own uncertainty is part of the covariance.
+    pub fn new(cell: &Cell, sample: &Sample, projection: &Projection, friction_rad: f64) -> Self {
         let hub = &sample.world_from_hub;
         let by_load = by_load(hub, projection);
         let force = hub.turn(projection.load.force_n());
+        let arm = hub.turn(projection.at.x_in_hub);
+        let by_hub = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
         OutlinePoint {
             x_in_world: hub.apply(projection.at.x_in_hub),
             normal_rad: force.y.atan2(force.x) + turn_of_force(&projection.load, friction_rad),
-            covariance: by_load * projection.covariance * by_load.transpose(),
+            covariance: by_load * projection.covariance * by_load.transpose()
+                + by_hub * cell.hub_covariance() * by_hub.transpose(),
             mode: projection.constraint.mode(),
         }
     }
@@ -130,7 +133,7 @@ fn design(normal_rad: f64, along: f64) -> SMatrix<f64, 2, 4> {
 }
 
 /// The same angle within half a turn of zero.
-fn turned(angle_rad: f64) -> f64 {
+pub(crate) fn turned(angle_rad: f64) -> f64 {
     angle_rad - (angle_rad / std::f64::consts::TAU).round() * std::f64::consts::TAU
 }
 
@@ -162,7 +165,7 @@ const CORNER_M: f64 = 1e-3;
 /// A radius is told from zero beyond this many standard deviations.
 const TOLD: f64 = 3.0;
 /// A radius this uncertain, metres, says nothing yet.
-const VAGUE_M: f64 = 0.01;
+const VAGUE_M: f64 = 2e-3;
 /// Rounds of the fit; the normals' own errors settle like a Gauss–Newton iteration's.
 const ROUNDS: usize = 12;
 
@@ -201,7 +204,7 @@ impl LocalOutline {
         }
     }
 
-    /// A straight face under the last contacts: normals and offsets all the same while the contacts move along it, eq. (7a). None where
+    /// A straight face under the last contacts: normals and offsets all the same while the contacts move along it, eq. (8). None where
     /// fewer than four contacts agree to one, or where they stay in one place.
     pub fn flat_of_last(points: &[OutlinePoint], most: usize) -> Option<Self> {
         let mut count = points.len().min(most);
@@ -223,6 +226,12 @@ impl LocalOutline {
     /// Standard deviation of ρ₀, metres.
     pub fn radius_sigma_m(&self) -> f64 {
         self.covariance[(2, 2)].sqrt()
+    }
+
+    /// Derivative of the support n·x at a normal by `[px, py, ρ₀, ρ₁]`.
+    pub(crate) fn support_by_arc(&self, normal_rad: f64) -> RowVector4<f64> {
+        let n = Vector2::new(normal_rad.cos(), normal_rad.sin());
+        n.transpose() * design(self.arc.normal_rad, turned(normal_rad - self.arc.normal_rad))
     }
 
     /// What mid-whisker contacts on this arc are called, eq. (7).

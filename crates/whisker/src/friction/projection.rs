@@ -8,7 +8,7 @@
 //! docs/math/whisker_friction.md eqs. (1)–(6).
 
 use super::FrictionAngle;
-use crate::contact::{ByLoad, Method, NoZero, contact_with_derivatives};
+use crate::contact::{ByLoad, Method, NoZero, contact_in_hub, contact_with_derivatives};
 use crate::estimate::Mode;
 use crate::{Cell, HubContact, HubLoad, Rod, Sample};
 use nalgebra::{Matrix3, Vector3};
@@ -84,6 +84,8 @@ pub struct Projection {
     pub at: HubContact,
     /// Its derivatives by the load.
     pub by_load: ByLoad,
+    /// Σ g / S: what the load moves by per newton of G.
+    pub gain_per_n: Vector3<f64>,
 }
 
 impl Projection {
@@ -92,6 +94,31 @@ impl Projection {
         let by = self.by_load.row(3);
         (by * self.covariance * by.transpose())[0].max(0.0).sqrt()
     }
+}
+
+/// How the contact bends away from its tangent, second differences of `[x, y, θ]` (hub axes; m, m, rad) over ± one standard deviation along
+/// the direction in which the contact is known worst, on the constraint, eq. (7). None where a neighbour has no contact.
+pub(crate) fn bend(rod: &Rod, projection: &Projection, method: Method) -> Option<Vector3<f64>> {
+    let by = projection.by_load.fixed_rows::<2>(0);
+    let spread = by * projection.covariance * by.transpose();
+    let eigen = spread.symmetric_eigen();
+    let worst = eigen.eigenvalues.imax();
+    let along = projection.covariance * by.transpose() * eigen.eigenvectors.column(worst)
+        / eigen.eigenvalues[worst].sqrt();
+    let mut bend = -2.0 * place(&projection.at);
+    for sign in [1.0, -1.0] {
+        let mut load = projection.load.to_vector() + along * sign;
+        // The constraint is a surface, not a plane: back onto it.
+        let here = HubLoad::from_vector(&load);
+        let at = contact_in_hub(rod, &here, method).ok()?;
+        load -= projection.gain_per_n * projection.constraint.residual_n(rod, &here, &at);
+        bend += place(&contact_in_hub(rod, &HubLoad::from_vector(&load), method).ok()?);
+    }
+    bend.iter().all(|v| v.is_finite()).then_some(bend)
+}
+
+fn place(at: &HubContact) -> Vector3<f64> {
+    Vector3::new(at.x_in_hub.x, at.x_in_hub.y, at.theta_rad)
 }
 
 /// Steps of the projection; it converges in three or four, and a load that needs more is given as it is then.
@@ -177,16 +204,17 @@ impl Step {
         load: Vector3<f64>,
         (at, by_load): Found,
     ) -> Projection {
-        let taken = self.gain / self.innovation_variance_n2.sqrt();
+        let gain_per_n = self.gain / self.innovation_variance_n2;
         Projection {
             constraint,
             load: HubLoad::from_vector(&load),
-            covariance: covariance - taken * taken.transpose(),
+            covariance: covariance - self.gain * gain_per_n.transpose(),
             chi2: self.innovation_n.powi(2) / self.innovation_variance_n2,
             innovation_n: self.innovation_n,
             innovation_variance_n2: self.innovation_variance_n2,
             at,
             by_load,
+            gain_per_n,
         }
     }
 }
