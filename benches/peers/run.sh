@@ -6,6 +6,7 @@
 #   benches/peers/run.sh four-points    four known points → pose, against OpenCV, PoseLib and COLMAP
 #   benches/peers/run.sh family         minimal solvers, refinement, n points, wrong correspondences, against the same
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
+#   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -44,18 +45,22 @@ rig)
     build -p resight-core --example bench_rig
     compare rig.py "$folder/examples/bench_rig" "$@"
     ;;
+whisker)
+    build -p resight-whisker --example bench_contact
+    compare whisker.py "$folder/examples/bench_contact" "$@"
+    ;;
 bad-inputs)
     build -p resight-cli
     compare bad_inputs.py "$folder/resight" "$@"
     ;;
 all)
-    for table in tag four-points family rig bad-inputs; do
+    for table in tag four-points family rig whisker bad-inputs; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, four-points, family, rig, bad-inputs and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, four-points, family, rig, whisker, bad-inputs and, without a name, all of them" >&2
     exit 2
     ;;
 esac

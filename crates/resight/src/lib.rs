@@ -8,6 +8,7 @@ pub mod image;
 pub mod detect;
 pub mod formats;
 pub mod overlay;
+pub mod drawing;
 pub mod render;
 pub mod rig;
 pub mod source;

@@ -7,7 +7,6 @@ pub mod clicks;
 pub mod answers;
 pub mod words;
 pub mod table;
-pub mod drawing;
 pub mod plan;
 pub mod birdseye;
 

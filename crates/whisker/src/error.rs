@@ -58,14 +58,6 @@ pub enum Error {
         /// What to do.
         way_out: &'static str,
     },
-    /// A fit that does not settle.
-    #[error("{what} does not settle; {way_out}")]
-    NoFit {
-        /// Which fit.
-        what: &'static str,
-        /// What to do.
-        way_out: &'static str,
-    },
     /// A polygon is not convex, or its corners run clockwise.
     #[error(
         "corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
@@ -92,5 +84,13 @@ pub enum Error {
     NoRest {
         /// Which pose, from 0.
         pose: usize,
+    },
+    /// A fit that does not settle.
+    #[error("{what} does not settle; {way_out}")]
+    NoFit {
+        /// Which fit.
+        what: &'static str,
+        /// What to do.
+        way_out: &'static str,
     },
 }

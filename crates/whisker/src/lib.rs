@@ -16,11 +16,13 @@ pub mod contact;
 pub mod estimate;
 pub mod friction;
 pub mod events;
+pub mod sweep;
 pub mod shape;
 pub mod identify;
 pub mod simulate;
 pub mod calibrate;
 pub mod spatial;
+pub mod files;
 
 pub use contact::HubContact;
 pub use error::Error;

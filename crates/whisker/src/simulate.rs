@@ -15,6 +15,8 @@ mod free;
 mod integrate;
 mod noise;
 mod path;
+#[cfg(test)]
+mod tests;
 
 pub use equilibrium::Touching;
 pub use noise::add_noise;
@@ -152,7 +154,7 @@ fn start<'a>(
     mu: f64,
     hub: &PlanarPose,
 ) -> Result<Follower<'a>, Error> {
-    if free::is_blocked(rod, outline, hub) {
+    if free::is_deep(rod, outline, hub) {
         return Err(Error::StartsInside);
     }
     Ok(Follower {

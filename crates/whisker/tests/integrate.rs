@@ -186,7 +186,7 @@ fn derivatives_match_central_differences() {
                 assert!(off < 2e-7, "{at:?}, row {row}, column {column}: {off:e}");
             }
         }
-        let by_curvature = integrate::derivatives(&rod, &load(at)).expect("a contact").2;
+        let by_curvature = integrate::derivatives(&rod, &load(at), 0).expect("a contact").2;
         let ends = [1e-5, -1e-5]
             .map(|step| numbers(&integrate::contact(&bent_by(&rod, step), &load(at)).expect("a contact")));
         for row in 0..5 {
@@ -253,6 +253,11 @@ fn later_zeros_of_a_wave() {
     assert_eq!(zeros.len(), 2);
     assert!((zeros[1].s_m - zeros[0].s_m - spacing).abs() < 1e-5 * spacing);
     assert!(integrate::zeros(&rod, &load([-0.4, 0.47, 0.0885])).len() == 1);
+    let (second, by_load, _) = integrate::derivatives(&rod, &pushed, 1).expect("a second zero");
+    assert_eq!(second, zeros[1]);
+    let ends = [1e-7, -1e-7].map(|step| integrate::zeros(&rod, &load([-5.0, step, 0.002]))[1].s_m);
+    let difference = (ends[0] - ends[1]) / 2e-7;
+    assert!((by_load[(3, 1)] - difference).abs() < 1e-6 * difference.abs(), "{difference} {by_load}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! the click's sigma and what is not known of photograph, lens and plane).
 
 use super::answers::Answers;
-use super::drawing::{Anchor, strokes};
+use crate::drawing::{Anchor, strokes};
 use super::scene::NamedScene;
 use crate::GrayImage;
 use crate::core::survey::{Adjusted, Fact};

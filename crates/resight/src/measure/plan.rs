@@ -1,7 +1,7 @@
 //! The plan: the scene from above, to scale, with marks, points, lengths, photographs and 95 % ellipses.
 
 use super::answers::{Answers, QueryAnswer};
-use super::drawing::{Anchor, Drawing};
+use crate::drawing::{Anchor, Drawing};
 use super::scene::{NamedScene, QueryKind};
 use super::words;
 use crate::core::survey::Adjusted;

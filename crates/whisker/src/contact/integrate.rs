@@ -40,16 +40,24 @@ pub fn contact(rod: &Rod, load: &HubLoad) -> Result<HubContact, NoZero> {
 /// The first zero of the moment with its derivatives by the load, from the variational equations
 /// (docs/math/whisker_integrate.md eqs. (9)–(13)). A zero that the moment only grazes has no derivative: `NeverVanishes`.
 pub fn contact_with_derivatives(rod: &Rod, load: &HubLoad) -> Result<(HubContact, ByLoad), NoZero> {
-    derivatives(rod, load).map(|(at, by_load, _)| (at, by_load))
+    derivatives(rod, load, 0).map(|(at, by_load, _)| (at, by_load))
 }
 
-/// The contact with the derivatives of `[x, y, θ, s, friction angle]` by the load and by curvature added everywhere (κ₀, 1/m).
+/// A zero of the moment (0: the first, 1: the next, …) with the derivatives of `[x, y, θ, s, friction angle]` by the load and by
+/// curvature added everywhere (κ₀, 1/m).
 ///
 /// Those by ln EI and by the clamp's angle follow from them: a common factor on force, moment and EI changes nothing
 /// (∂/∂ln EI = −by_load · load), and turning the clamp turns the load.
-pub fn derivatives(rod: &Rod, load: &HubLoad) -> Result<(HubContact, ByLoad, SVector<f64, 5>), NoZero> {
+pub fn derivatives(
+    rod: &Rod,
+    load: &HubLoad,
+    zero: usize,
+) -> Result<(HubContact, ByLoad, SVector<f64, 5>), NoZero> {
     let mut walk = Walk::start(rod, load)?;
     let mut variation = Variation::identity();
+    for _ in 0..zero {
+        walk.next_zero(Some(&mut variation))?;
+    }
     let zero = walk.next_zero(Some(&mut variation))?;
     let by_own = walk.by_own(&zero, &variation);
     if !by_own.iter().all(|v| v.is_finite()) {

@@ -1,5 +1,7 @@
 //! A flat drawing of lines and words, written as SVG and as PNG from the same list.
 
+pub mod chart;
+
 use crate::GrayImage;
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::font;
@@ -27,6 +29,8 @@ pub enum Item {
         color: Color,
         /// Its width, px.
         width: f64,
+        /// 1 opaque, 0 invisible.
+        opacity: f64,
     },
     /// One line of text; the place is on its baseline.
     Text {
@@ -68,7 +72,12 @@ impl Drawing {
 
     /// Adds a line.
     pub fn line(&mut self, path: Path, color: Color, width: f64) {
-        self.items.push(Item::Line { path, color, width });
+        self.faint_line(path, color, width, 1.0);
+    }
+
+    /// Adds a line that lets what lies below shine through: 1 opaque, 0 invisible.
+    pub fn faint_line(&mut self, path: Path, color: Color, width: f64, opacity: f64) {
+        self.items.push(Item::Line { path, color, width, opacity });
     }
 
     /// Adds level text.
@@ -98,10 +107,10 @@ impl Drawing {
         let mut canvas = Canvas::from_photograph(&sheet, 1, 0, WHITE);
         for item in &self.items {
             match item {
-                Item::Line { path, color, width } => {
+                Item::Line { path, color, width, opacity } => {
                     canvas.stroke(
                         std::slice::from_ref(path),
-                        Pen { color: *color, width: *width, opacity: 1.0 },
+                        Pen { color: *color, width: *width, opacity: *opacity },
                     );
                 }
                 Item::Text { text, at, height, color, anchor, turn_rad } => {
@@ -124,10 +133,14 @@ impl Drawing {
         );
         for item in &self.items {
             out += &match item {
-                Item::Line { path, color, width } => {
+                Item::Line { path, color, width, opacity } => {
+                    let opacity = match *opacity {
+                        1.0 => String::new(),
+                        part => format!(" stroke-opacity=\"{part:.2}\""),
+                    };
                     let points: Vec<String> = path.iter().map(|p| format!("{:.2},{:.2}", p.x, p.y)).collect();
                     format!(
-                        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width:.2}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>\n",
+                        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width:.2}\"{opacity} stroke-linecap=\"round\" stroke-linejoin=\"round\"/>\n",
                         points.join(" "),
                         hex(*color)
                     )

@@ -1,0 +1,90 @@
+//! `whisker solve`: the contact of every reading of a record.
+
+use super::input::{self, WhiskerArgs};
+use super::record::{self, Solved, SolvingArgs};
+use super::{picture, summary};
+use crate::output::{Outcome, print};
+use anyhow::Result;
+use clap::Args;
+use resight::formats::write_atomically;
+use resight_whisker::files::contacts;
+use std::path::{Path, PathBuf};
+
+/// The contact of every reading of a record, with its covariance and a verdict.
+///
+/// One row out for every row in. Columns in: sweep, sample, t (optional), hub_angle, hub_x, hub_y, fx, fy, mz, in any order; units in
+/// the header as in `mz[N mm]`, or by --units. Columns out, statuses and error bars: docs/whisker.md.
+#[derive(Debug, Args)]
+pub struct Solve {
+    #[command(flatten)]
+    whisker: WhiskerArgs,
+    /// Hub readings, CSV or JSON Lines.
+    #[arg(value_name = "HUB.csv")]
+    hub: PathBuf,
+    /// Contacts: CSV, or JSON Lines where the name ends in .jsonl; the file is replaced only when complete.
+    #[arg(short, long, value_name = "CONTACTS.csv")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    solving: SolvingArgs,
+    /// Readings of the untouched whisker: their mean is taken off; in place of the calibration's zeros.
+    #[arg(long, value_name = "FREE.csv")]
+    tare: Option<PathBuf>,
+    /// Picture of the sweeps: whisker shapes, contacts by mode, 2-sigma ellipses; SVG or PNG by its ending.
+    #[arg(long, value_name = "OUT.svg|.png", value_parser = picture::path)]
+    picture: Option<PathBuf>,
+    /// Outline to draw into the picture: an object file, or what `identify` wrote.
+    #[arg(long, value_name = "OBJECT.json", requires = "picture")]
+    object: Option<PathBuf>,
+    /// JSON Lines on stdout: one object for every reading, then one for the record.
+    #[arg(long)]
+    json: bool,
+}
+
+/// See `Solve`.
+pub fn run(args: &Solve) -> Result<Outcome> {
+    for path in args.output.iter().chain(&args.picture) {
+        crate::files::must_be_writable(path)?;
+    }
+    let file = args.whisker.read()?;
+    let readings = input::readings(&args.hub, file.conventions)?;
+    let object = args.object.as_deref().map(input::object).transpose()?;
+    let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
+    let solved = record::solve(&file, &readings, tare.as_ref(), &args.solving)?;
+    let mut written = Vec::new();
+    if let Some(path) = &args.output {
+        write_atomically(path, contacts_text(path, &solved).as_bytes())?;
+        written.push(path.display().to_string());
+    }
+    if let Some(path) = &args.picture {
+        let drawing = picture::sweeps(&solved, object.as_ref().map(|o| &o.shape))?;
+        picture::write(path, &drawing)?;
+        written.push(path.display().to_string());
+    }
+    match args.json {
+        true => print(&json(&solved))?,
+        false => print(&words(args, &solved, &written))?,
+    }
+    let answered = solved.is_consistent && solved.samples.iter().all(Option::is_some);
+    Ok(if answered { Outcome::Answered } else { Outcome::SomeUnanswered })
+}
+
+fn contacts_text(path: &Path, solved: &Solved) -> String {
+    let is_json = path.extension().is_some_and(|e| e == "jsonl" || e == "ndjson" || e == "json");
+    if is_json { lines(solved) } else { contacts::write_csv(&solved.rows) }
+}
+
+fn lines(solved: &Solved) -> String {
+    solved.rows.iter().map(|row| format!("{}\n", contacts::to_json(row))).collect()
+}
+
+fn json(solved: &Solved) -> String {
+    format!("{}{}\n", lines(solved), summary::json(solved))
+}
+
+fn words(args: &Solve, solved: &Solved, written: &[String]) -> String {
+    let mut out = summary::words(&args.hub.display().to_string(), solved);
+    if !written.is_empty() {
+        crate::text::line(&mut out, "written", &written.join(", "));
+    }
+    out
+}

@@ -1,0 +1,93 @@
+//! A record in a few lines, and as one JSON object.
+
+use super::record::Solved;
+use resight_whisker::files::ContactRow;
+use resight_whisker::files::contacts::{RowStatus, mode_name};
+use serde_json::{Value, json};
+
+/// `298 ok, 63 no_contact`: words in their own order, those without a row left out.
+fn counts(rows: &[ContactRow], words: &[&'static str], word: impl Fn(&ContactRow) -> &'static str) -> Vec<(&'static str, usize)> {
+    let count = |name: &'static str| (name, rows.iter().filter(|row| word(row) == name).count());
+    words.iter().map(|name| count(name)).filter(|(_, n)| 0 < *n).collect()
+}
+
+fn statuses(rows: &[ContactRow]) -> Vec<(&'static str, usize)> {
+    counts(rows, &RowStatus::names(), |row| row.status.name())
+}
+
+fn modes(rows: &[ContactRow]) -> Vec<(&'static str, usize)> {
+    let ok: Vec<ContactRow> = rows.iter().filter(|row| row.is_ok()).cloned().collect();
+    counts(&ok, &["mid", "tip"], |row| mode_name(row.mode))
+}
+
+/// `298 ok, 63 no_contact`.
+pub fn statuses_in_words(rows: &[ContactRow]) -> String {
+    list(&statuses(rows))
+}
+
+/// The same as JSON.
+pub fn statuses_object(rows: &[ContactRow]) -> Value {
+    object(statuses(rows))
+}
+
+fn object(counts: Vec<(&'static str, usize)>) -> Value {
+    Value::Object(counts.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect())
+}
+
+fn list(counts: &[(&'static str, usize)]) -> String {
+    counts.iter().map(|(name, n)| format!("{n} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Half the contacts have a smaller error bar (one standard deviation of the worst direction), metres.
+fn median_sigma_m(rows: &[ContactRow]) -> Option<f64> {
+    let sigma = |row: &ContactRow| {
+        let c = row.figures.filter(|_| row.is_ok())?.covariance;
+        let (mean, half) = (0.5 * (c[(0, 0)] + c[(1, 1)]), 0.5 * (c[(0, 0)] - c[(1, 1)]));
+        Some((mean + half.hypot(c[(0, 1)])).sqrt())
+    };
+    let mut sigmas: Vec<f64> = rows.iter().filter_map(sigma).collect();
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.get(sigmas.len() / 2).copied()
+}
+
+/// For a person.
+pub fn words(name: &str, solved: &Solved) -> String {
+    let rows = &solved.rows;
+    let n_sweeps = rows.chunk_by(|a, b| a.sweep == b.sweep).count();
+    let sweeps = if n_sweeps == 1 { "1 sweep".to_string() } else { format!("{n_sweeps} sweeps") };
+    let mut out = format!("{name}   {} readings in {sweeps}\n", rows.len());
+    crate::text::line(&mut out, "status", &list(&statuses(rows)));
+    let modes = modes(rows);
+    if !modes.is_empty() {
+        crate::text::line(&mut out, "mode", &list(&modes));
+    }
+    if let Some(friction) = &solved.friction {
+        let text = match friction.is_estimated {
+            true => format!("mu {:.4} ± {:.4}, estimated", friction.mu, friction.mu_sigma),
+            false => format!("mu {}, as given", friction.mu),
+        };
+        crate::text::line(&mut out, "friction", &text);
+    }
+    if let Some(sigma_m) = median_sigma_m(rows) {
+        let text = format!("{:.2} mm, median standard deviation in the worst direction", 1e3 * sigma_m);
+        crate::text::line(&mut out, "error bar", &text);
+    }
+    solved.warnings.iter().for_each(|warning| crate::text::line(&mut out, "warning", warning));
+    out
+}
+
+/// For a program: the last object of `--json`.
+pub fn json(solved: &Solved) -> Value {
+    json!({
+        "kind": "record",
+        "status": if solved.is_consistent { "ok" } else { "inconsistent" },
+        "n_readings": solved.rows.len(),
+        "statuses": object(statuses(&solved.rows)),
+        "modes": object(modes(&solved.rows)),
+        "mu": solved.friction.map(|f| f.mu),
+        "mu_sigma": solved.friction.map(|f| f.mu_sigma),
+        "mu_is_estimated": solved.friction.map(|f| f.is_estimated),
+        "median_sigma_m": median_sigma_m(&solved.rows),
+        "warnings": solved.warnings,
+    })
+}

@@ -1,0 +1,95 @@
+//! The `calibration` section of a whisker file: values, standard deviations and covariance by name.
+
+use super::node::Node;
+use crate::Rod;
+use crate::calibrate::{Calibrated, Calibration, Covariance, Gravity, Parameter, Values};
+use serde_json::{Map, Value, json};
+
+/// As it is written.
+pub fn to_json(calibrated: &Calibrated) -> Value {
+    let calibration = &calibrated.calibration;
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| !calibrated.held.contains(p)).collect();
+    let by_name = |of: &dyn Fn(Parameter) -> f64, which: &[Parameter]| {
+        Value::Object(which.iter().map(|p| (p.name().to_string(), json!(of(*p)))).collect::<Map<_, _>>())
+    };
+    let row = |a: &Parameter| -> Vec<f64> {
+        free.iter().map(|b| calibration.covariance[(a.index(), b.index())]).collect()
+    };
+    let counts = calibrated.counts();
+    json!({
+        "values": by_name(&|p| calibration.value(p), &Parameter::ALL),
+        "sigma": by_name(&|p| calibration.sigma(p), &free),
+        "parameters": free.iter().map(|p| p.name()).collect::<Vec<_>>(),
+        "covariance": free.iter().map(row).collect::<Vec<_>>(),
+        "held": calibrated.held.iter().map(|p| p.name()).collect::<Vec<_>>(),
+        "gravity": calibration.gravity.map(|g| json!({"direction_rad": g.direction_rad, "lever_m": g.lever_m})),
+        "mu": calibration.mu(),
+        "mu_sigma": calibration.mu_sigma(),
+        "EI_base_Nm2": calibration.rod().ei_base_n_m2(),
+        "status": if calibrated.is_consistent { "ok" } else { "inconsistent" },
+        "chi2": calibrated.chi2,
+        "degrees_of_freedom": calibrated.degrees_of_freedom,
+        "p_value": calibrated.p_value,
+        "n_free": counts.free, "n_mid": counts.mid, "n_tip": counts.tip, "n_unused": counts.unused,
+        "undetermined": calibrated.undetermined.iter().map(|open| json!({
+            "combination": Value::Object(open.combination.iter().map(|(p, share)| (p.name().to_string(), json!(share))).collect()),
+            "left": open.left,
+            "reason": open.reason,
+        })).collect::<Vec<_>>(),
+        "object": calibrated.object.as_ref().map(super::object::to_json),
+    })
+}
+
+/// Reads the section of the whisker file of `rod`.
+///
+/// # Errors
+/// The key that is missing or wrong.
+pub fn read(section: &Node, rod: &Rod) -> Result<Calibration, String> {
+    let mut values = Values::zeros();
+    let given = section.need("values")?;
+    for parameter in Parameter::ALL {
+        if let Some(node) = given.get(parameter.name()) {
+            values[parameter.index()] = node.number()?;
+        }
+    }
+    let names = section.need("parameters")?;
+    let mut places = Vec::new();
+    for node in names.list()? {
+        let word = node.word()?;
+        let known = Parameter::ALL.into_iter().find(|p| p.name() == word);
+        places.push(known.ok_or_else(|| node.complaint(&format!("one of {}", all_names())))?.index());
+    }
+    let gravity = section.get("gravity").map(|node| gravity(&node)).transpose()?;
+    let covariance = covariance(&section.need("covariance")?, &places)?;
+    Ok(Calibration { nominal_rod: rod.clone(), values, covariance, gravity })
+}
+
+fn all_names() -> String {
+    Parameter::ALL.map(Parameter::name).join(", ")
+}
+
+fn gravity(node: &Node) -> Result<Gravity, String> {
+    Ok(Gravity {
+        direction_rad: node.need("direction_rad")?.number()?,
+        lever_m: node.need("lever_m")?.number()?,
+    })
+}
+
+fn covariance(node: &Node, places: &[usize]) -> Result<Covariance, String> {
+    let rows = node.list()?;
+    let mut covariance = Covariance::zeros();
+    let square = format!("a square list of {0} by {0} numbers", places.len());
+    if rows.len() != places.len() {
+        return Err(node.complaint(&square));
+    }
+    for (row, i) in rows.iter().zip(places) {
+        let numbers = row.numbers()?;
+        if numbers.len() != places.len() {
+            return Err(row.complaint(&square));
+        }
+        for (value, j) in numbers.iter().zip(places) {
+            covariance[(*i, *j)] = *value;
+        }
+    }
+    Ok(covariance)
+}

@@ -1,0 +1,444 @@
+//! contacts.csv: one row for every reading, in its order, SI units, world frame; unknown cells are empty.
+
+use super::line::{self, Cells, Layout};
+use super::{TextError, quoted};
+use crate::estimate::{ContactEstimate, Mode, Status};
+use crate::{Rod, Sample};
+use nalgebra::{Matrix3, Vector2};
+use serde_json::{Map, Value, json};
+
+/// What is said of a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowStatus {
+    /// The verdict on a complete reading.
+    Read(Status),
+    /// A cell of the reading is empty.
+    Missing,
+    /// The line could not be read (only in a stream, which goes on).
+    Error,
+}
+
+const STATUSES: [(RowStatus, &str); 8] = [
+    (RowStatus::Read(Status::Ok), "ok"),
+    (RowStatus::Read(Status::NoContact), "no_contact"),
+    (RowStatus::Read(Status::LowForce), "low_force"),
+    (RowStatus::Read(Status::NoZero), "no_zero"),
+    (RowStatus::Read(Status::BeyondTip), "beyond_tip"),
+    (RowStatus::Read(Status::Inconsistent), "inconsistent"),
+    (RowStatus::Missing, "missing"),
+    (RowStatus::Error, "error"),
+];
+const MODES: [(Mode, &str); 3] = [(Mode::Free, "free"), (Mode::Mid, "mid"), (Mode::Tip, "tip")];
+
+impl RowStatus {
+    /// The file's word.
+    pub fn name(self) -> &'static str {
+        STATUSES.iter().find(|(known, _)| *known == self).map_or("error", |(_, name)| name)
+    }
+
+    /// Every word there is, in the order in which they are counted.
+    pub fn names() -> [&'static str; 8] {
+        STATUSES.map(|(_, name)| name)
+    }
+
+    /// Whether something is touched.
+    pub fn is_touching(self) -> bool {
+        matches!(self, RowStatus::Read(status) if status != Status::NoContact)
+    }
+}
+
+/// The file's word for a mode.
+pub fn mode_name(mode: Mode) -> &'static str {
+    MODES.iter().find(|(known, _)| *known == mode).map_or("free", |(_, name)| name)
+}
+
+/// On which side of the whisker, looking from clamp to tip, the object lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The moment is negative.
+    Left,
+    /// The moment is positive.
+    Right,
+}
+
+impl Side {
+    /// Of a moment; none where it is 0.
+    pub fn of_moment(mz_n_m: f64) -> Option<Self> {
+        match mz_n_m {
+            m if 0.0 < m => Some(Side::Right),
+            m if m < 0.0 => Some(Side::Left),
+            _ => None,
+        }
+    }
+
+    /// The file's word.
+    pub fn name(self) -> &'static str {
+        if self == Side::Right { "right" } else { "left" }
+    }
+
+    /// Sign of the moment.
+    pub fn moment_sign(self) -> f64 {
+        if self == Side::Right { 1.0 } else { -1.0 }
+    }
+}
+
+/// The contact's numbers, world frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// The point of the centre line, metres.
+    pub x_in_world: Vector2<f64>,
+    /// Arc length, metres.
+    pub s_m: f64,
+    /// Its standard deviation, metres; none in files that do not say.
+    pub s_sigma_m: Option<f64>,
+    /// Direction of the whisker there, radians.
+    pub theta_rad: f64,
+    /// Across the whisker, away from the object, newtons.
+    pub f_normal_n: f64,
+    /// Along it, towards the tip, newtons.
+    pub f_tangent_n: f64,
+    /// asin(F·t/|F|), radians.
+    pub friction_angle_rad: f64,
+    /// Its standard deviation, radians; none in files that do not say.
+    pub friction_angle_sigma_rad: Option<f64>,
+    /// k² of the elastica.
+    pub k2: f64,
+    /// Of `[x, y, θ]`, m², m·rad, rad²; the entries of θ are NaN in files that do not say.
+    pub covariance: Matrix3<f64>,
+    /// The whisker's radius there, metres: so far from the outline lies the point, along the normal.
+    pub radius_m: f64,
+}
+
+/// One row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactRow {
+    /// Which sweep.
+    pub sweep: u32,
+    /// Which sample of it.
+    pub sample: u32,
+    /// When, seconds.
+    pub t_s: Option<f64>,
+    /// The verdict.
+    pub status: RowStatus,
+    /// Where on the whisker.
+    pub mode: Mode,
+    /// Probability of that mode.
+    pub mode_probability: f64,
+    /// The numbers; none where nothing is touched or the moment never vanishes.
+    pub figures: Option<Figures>,
+    /// Where the object lies; none where nothing is touched.
+    pub side: Option<Side>,
+    /// Which zero of the moment the contact is, counted from 0 at the clamp.
+    pub branch: u32,
+    /// Arc lengths of the other zeros on the whisker, metres.
+    pub other_s_m: Vec<f64>,
+    /// Why there is no more to say; empty where nothing is amiss.
+    pub note: String,
+}
+
+impl ContactRow {
+    /// Of an estimate.
+    pub fn new(rod: &Rod, sample: &Sample, estimate: &ContactEstimate) -> Self {
+        let status = RowStatus::Read(estimate.status);
+        let is_touching = status.is_touching();
+        ContactRow {
+            mode: estimate.mode,
+            mode_probability: estimate.mode_probability,
+            figures: estimate.contact.filter(|_| is_touching).map(|contact| figures(rod, &contact)),
+            side: Side::of_moment(sample.load.mz_n_m).filter(|_| is_touching),
+            other_s_m: estimate.branches.iter().map(|branch| branch.s_m).collect(),
+            ..ContactRow::blank(sample.sweep, sample.sample, sample.t_s, status)
+        }
+    }
+
+    /// A row about which nothing is known.
+    pub fn blank(sweep: u32, sample: u32, t_s: Option<f64>, status: RowStatus) -> Self {
+        ContactRow {
+            sweep,
+            sample,
+            t_s,
+            status,
+            mode: Mode::Free,
+            mode_probability: 0.0,
+            figures: None,
+            side: None,
+            branch: 0,
+            other_s_m: Vec::new(),
+            note: String::new(),
+        }
+    }
+
+    /// A reading with empty cells.
+    pub fn missing(sweep: u32, sample: u32, t_s: Option<f64>, cells: &[String]) -> Self {
+        let verb = if cells.len() == 1 { "is" } else { "are" };
+        ContactRow {
+            note: format!("{} {verb} empty", cells.join(" ")),
+            ..ContactRow::blank(sweep, sample, t_s, RowStatus::Missing)
+        }
+    }
+
+    /// Whether its point may be used without a second thought.
+    pub fn is_ok(&self) -> bool {
+        self.status == RowStatus::Read(Status::Ok)
+    }
+}
+
+fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
+    let part = (contact.s_m / rod.length_m).clamp(0.0, 1.0);
+    let [base, tip] = rod.diameters_m;
+    Figures {
+        x_in_world: contact.x_in_world,
+        s_m: contact.s_m,
+        s_sigma_m: Some(contact.s_sigma_m),
+        theta_rad: contact.theta_rad,
+        f_normal_n: contact.f_normal_n,
+        f_tangent_n: contact.f_tangent_n,
+        friction_angle_rad: contact.friction_angle_rad,
+        friction_angle_sigma_rad: Some(contact.friction_angle_sigma_rad),
+        k2: contact.modulus_squared,
+        covariance: contact.covariance,
+        radius_m: 0.5 * (base + (tip - base) * part),
+    }
+}
+
+const COLUMNS: [&str; 28] = [
+    "sweep",
+    "sample",
+    "t",
+    "contact",
+    "x",
+    "y",
+    "s",
+    "theta",
+    "f_normal",
+    "f_tangent",
+    "friction_angle",
+    "k2",
+    "mode",
+    "mode_probability",
+    "cov_xx",
+    "cov_xy",
+    "cov_yy",
+    "cov_xtheta",
+    "cov_ytheta",
+    "cov_thetatheta",
+    "branch",
+    "status",
+    "side",
+    "s_sigma",
+    "friction_angle_sigma",
+    "radius",
+    "other_s",
+    "note",
+];
+
+/// The header line of a contacts file, without its end.
+pub fn header() -> String {
+    COLUMNS.join(",")
+}
+
+/// A row as JSON: the same keys, null where a cell is empty.
+pub fn to_json(row: &ContactRow) -> Value {
+    let f = row.figures.as_ref();
+    let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
+    let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
+    let values: [Value; 28] = [
+        json!(number(row.sweep)),
+        json!(number(row.sample)),
+        json!(row.t_s),
+        json!(u8::from(row.status.is_touching())),
+        json!(of(|f| f.x_in_world.x)),
+        json!(of(|f| f.x_in_world.y)),
+        json!(of(|f| f.s_m)),
+        json!(of(|f| f.theta_rad)),
+        json!(of(|f| f.f_normal_n)),
+        json!(of(|f| f.f_tangent_n)),
+        json!(of(|f| f.friction_angle_rad)),
+        json!(of(|f| f.k2)),
+        json!(mode_name(row.mode)),
+        json!(row.mode_probability),
+        json!(of(|f| f.covariance[(0, 0)])),
+        json!(of(|f| f.covariance[(0, 1)])),
+        json!(of(|f| f.covariance[(1, 1)])),
+        json!(of(|f| f.covariance[(0, 2)])),
+        json!(of(|f| f.covariance[(1, 2)])),
+        json!(of(|f| f.covariance[(2, 2)])),
+        json!(row.branch),
+        json!(row.status.name()),
+        json!(row.side.map(Side::name)),
+        json!(f.and_then(|f| f.s_sigma_m)),
+        json!(f.and_then(|f| f.friction_angle_sigma_rad)),
+        json!(of(|f| f.radius_m)),
+        json!(row.other_s_m),
+        json!(row.note),
+    ];
+    Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
+}
+
+/// A row as a line of CSV, without its end. Numbers read back are the same numbers.
+pub fn to_csv(row: &ContactRow) -> String {
+    let json = to_json(row);
+    COLUMNS.map(|name| cell(&json[name])).join(",")
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) if text.contains([',', '"', '\n', ';']) => {
+            format!("\"{}\"", text.replace('"', "\"\""))
+        }
+        Value::String(text) => text.clone(),
+        Value::Array(list) => list.iter().map(Value::to_string).collect::<Vec<_>>().join(";"),
+        number => number.to_string(),
+    }
+}
+
+/// A whole contacts file.
+pub fn write_csv(rows: &[ContactRow]) -> String {
+    let mut out = header() + "\n";
+    for row in rows {
+        out += &(to_csv(row) + "\n");
+    }
+    out
+}
+
+/// Whether a text is a contacts file, told by its first line.
+pub fn is_contacts(text: &str) -> bool {
+    let first = line::lines(text).next().and_then(|(line, text)| {
+        let layout = Layout::of_first_line(line, text).ok()?;
+        Some((layout.clone(), line::read(&layout, line, text).ok()?))
+    });
+    match first {
+        Some((Layout::Csv { header, .. }, _)) => header.iter().any(|name| name == "status"),
+        Some((_, Cells::Object(object))) => object.contains_key("status"),
+        _ => false,
+    }
+}
+
+/// Reads a contacts file, CSV or JSON Lines; columns in any order.
+///
+/// # Errors
+/// The line and the column. Needed are `x, y, theta, cov_xx, cov_xy, cov_yy, status, side`.
+pub fn read(text: &str) -> Result<Vec<ContactRow>, TextError> {
+    let mut lines = line::lines(text).peekable();
+    let Some((first, header)) = lines.peek().copied() else {
+        return Err(TextError::whole(format!("no contacts; a header line {} is needed", COLUMNS.join(","))));
+    };
+    let layout = Layout::of_first_line(first, header)?;
+    if let Layout::Csv { header, .. } = &layout {
+        lines.next();
+        check_header(first, header)?;
+    }
+    lines
+        .map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row())
+        .collect()
+}
+
+fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
+    let needed = ["x", "y", "theta", "cov_xx", "cov_xy", "cov_yy", "status", "side"];
+    match needed.iter().find(|name| !header.iter().any(|column| column == *name)) {
+        Some(name) => Err(TextError::at(
+            line,
+            format!(
+                "no column `{name}`; the columns are {}; write them by `whisker solve`",
+                header.join(",")
+            ),
+        )),
+        None => Ok(()),
+    }
+}
+
+/// One line by the names of its columns.
+struct Reader<'a> {
+    layout: &'a Layout,
+    line: u64,
+    cells: Cells,
+}
+
+impl Reader<'_> {
+    /// Past the end where the header has no such column, which reads as empty.
+    fn column(&self, name: &str) -> usize {
+        match self.layout {
+            Layout::Csv { header, .. } => header.iter().position(|c| c == name).unwrap_or(usize::MAX),
+            Layout::JsonLines => 0,
+        }
+    }
+
+    fn number(&self, name: &str) -> Result<Option<f64>, TextError> {
+        line::number(&self.cells, self.line, self.column(name), name)
+    }
+
+    fn word<T: Copy>(&self, name: &str, known: &[(T, &'static str)]) -> Result<Option<T>, TextError> {
+        let Some(word) = line::text(&self.cells, self.column(name), name) else { return Ok(None) };
+        match known.iter().find(|(_, name)| *name == word) {
+            Some((value, _)) => Ok(Some(*value)),
+            None => {
+                let all: Vec<_> = known.iter().map(|(_, name)| *name).collect();
+                let message = format!("column `{name}` is {}; there are {}", quoted(word), all.join(", "));
+                Err(TextError::at(self.line, message))
+            }
+        }
+    }
+
+    fn row(&self) -> Result<ContactRow, TextError> {
+        let count = |name| self.number(name).map(|n| n.map_or(0, |n| n as u32));
+        let figures = self.figures()?;
+        let status = self.word("status", &STATUSES)?;
+        let mode = self.word("mode", &MODES)?;
+        let note = line::text(&self.cells, self.column("note"), "note").unwrap_or_default();
+        Ok(ContactRow {
+            mode: mode.unwrap_or(if figures.is_some() { Mode::Mid } else { Mode::Free }),
+            mode_probability: self.number("mode_probability")?.unwrap_or(0.0),
+            figures,
+            side: self.word("side", &[(Side::Left, "left"), (Side::Right, "right")])?,
+            branch: count("branch")?,
+            other_s_m: self.other_s_m(),
+            note: note.to_string(),
+            ..ContactRow::blank(
+                count("sweep")?,
+                count("sample")?,
+                self.number("t")?,
+                status.unwrap_or(RowStatus::Missing),
+            )
+        })
+    }
+
+    fn other_s_m(&self) -> Vec<f64> {
+        match &self.cells {
+            Cells::Object(object) => object
+                .get("other_s")
+                .and_then(Value::as_array)
+                .map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect()),
+            Cells::Row(_) => {
+                let text = line::text(&self.cells, self.column("other_s"), "other_s").unwrap_or_default();
+                text.split(';').filter_map(|s| s.parse().ok()).collect()
+            }
+        }
+    }
+
+    /// Where x, y, θ and the covariance of x, y are there.
+    fn figures(&self) -> Result<Option<Figures>, TextError> {
+        let needed = ["x", "y", "theta", "cov_xx", "cov_xy", "cov_yy"];
+        let mut v = [0.0; 6];
+        for (value, name) in v.iter_mut().zip(needed) {
+            let Some(seen) = self.number(name)? else { return Ok(None) };
+            *value = seen;
+        }
+        let optional = |name: &str| self.number(name);
+        let or_nan = |name: &str| optional(name).map(|x| x.unwrap_or(f64::NAN));
+        let (xt, yt, tt) = (or_nan("cov_xtheta")?, or_nan("cov_ytheta")?, or_nan("cov_thetatheta")?);
+        Ok(Some(Figures {
+            x_in_world: Vector2::new(v[0], v[1]),
+            s_m: or_nan("s")?,
+            s_sigma_m: optional("s_sigma")?,
+            theta_rad: v[2],
+            f_normal_n: or_nan("f_normal")?,
+            f_tangent_n: or_nan("f_tangent")?,
+            friction_angle_rad: or_nan("friction_angle")?,
+            friction_angle_sigma_rad: optional("friction_angle_sigma")?,
+            k2: or_nan("k2")?,
+            covariance: Matrix3::new(v[3], v[4], xt, v[4], v[5], yt, xt, yt, tt),
+            radius_m: optional("radius")?.unwrap_or(0.0),
+        }))
+    }
+}

@@ -1,0 +1,170 @@
+//! object.json: what was touched, as `identify` says it; `read` of `object` takes it back.
+
+use super::contacts::{ContactRow, RowStatus};
+use crate::estimate::Status;
+use crate::identify::{Class, Coverage, Identification, Model, Reason, Score, Touch, Verdict};
+use nalgebra::{DMatrix, Vector2};
+use serde_json::{Map, Value, json};
+
+/// The word for a class.
+pub fn class_name(class: Class) -> &'static str {
+    match class {
+        Class::Circle => "circle",
+        Class::Ellipse => "ellipse",
+        Class::Square => "square",
+        Class::Rectangle => "rectangle",
+        Class::Polygon => "polygon",
+    }
+}
+
+/// The class of a word; `rect` is short for rectangle.
+pub fn parse_class(word: &str) -> Option<Class> {
+    let all = [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon];
+    let word = if word == "rect" { "rectangle" } else { word };
+    all.into_iter().find(|class| class_name(*class) == word)
+}
+
+/// The word for a hypothesis.
+pub fn model_name(model: Model) -> String {
+    match model {
+        Model::Corner => "corner".to_string(),
+        Model::Circle => "circle".to_string(),
+        Model::Ellipse => "ellipse".to_string(),
+        Model::Square => "square".to_string(),
+        Model::Rectangle => "rectangle".to_string(),
+        Model::Polygon { corners } => format!("polygon_{corners}"),
+    }
+}
+
+/// The word for a verdict.
+pub fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Is(class) => class_name(class),
+        Verdict::InsufficientCoverage => "insufficient_coverage",
+    }
+}
+
+/// A row as evidence; none where it has no place. The outline is the whisker's radius off its centre line.
+pub fn touch(row: &ContactRow) -> Option<Touch> {
+    let (figures, side) = (row.figures?, row.side?.moment_sign());
+    let RowStatus::Read(status) = row.status else { return None };
+    let (sin, cos) = figures.theta_rad.sin_cos();
+    let normal = Vector2::new(-sin, cos) * side;
+    let c = figures.covariance;
+    let is_known = c.iter().all(|x| x.is_finite());
+    let covariance =
+        if is_known { c } else { Touch::covariance_without_theta(&c.fixed_view::<2, 2>(0, 0).into_owned()) };
+    Some(Touch {
+        sweep: row.sweep,
+        x_in_world: figures.x_in_world - normal * figures.radius_m,
+        theta_rad: figures.theta_rad,
+        side,
+        mode: row.mode,
+        covariance,
+        status: if covariance.iter().all(|x| x.is_finite()) { status } else { Status::LowForce },
+    })
+}
+
+/// The whole answer.
+pub fn to_json(answer: &Identification) -> Value {
+    let parameter = |p: &crate::identify::Parameter| {
+        (p.name.clone(), json!({"value": p.value, "sigma": finite(p.sigma), "unit": p.unit}))
+    };
+    json!({
+        "verdict": verdict_name(answer.verdict),
+        "object": answer.shape.as_ref().map(super::object::to_json),
+        "parameters": Value::Object(answer.parameters.iter().map(parameter).collect::<Map<_, _>>()),
+        "parameter_order": answer.parameters.iter().map(|p| p.name.clone()).collect::<Vec<_>>(),
+        "covariance": matrix(&answer.covariance),
+        "scores": answer.scores.iter().map(score).collect::<Vec<_>>(),
+        "coverage": coverage(&answer.coverage),
+        "chi2_per_dof": finite(answer.chi2_per_dof),
+        "fits": answer.fits,
+        "reason": answer.reason.as_ref().map(reason),
+        "advice": answer.advice,
+    })
+}
+
+/// JSON has no word for infinity.
+fn finite(x: f64) -> Option<f64> {
+    Some(x).filter(|x| x.is_finite())
+}
+
+/// Row by row.
+fn matrix(m: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    m.row_iter().map(|row| row.iter().copied().collect()).collect()
+}
+
+fn score(score: &Score) -> Value {
+    json!({
+        "model": model_name(score.model), "n_parameters": score.n_parameters, "bic": finite(score.bic),
+        "chi2": finite(score.chi2), "chi2_per_dof": finite(score.chi2_per_dof), "n_outliers": score.n_outliers,
+    })
+}
+
+fn coverage(coverage: &Coverage) -> Value {
+    let corners: Vec<[f64; 2]> = coverage.corners_seen.iter().map(|c| [c.x, c.y]).collect();
+    json!({
+        "normals_range_rad": coverage.normals_range_rad, "gaps_rad": coverage.gaps_rad, "corners_seen_m": corners,
+        "faces_seen": coverage.faces_seen, "tip_contacts": coverage.tip_contacts, "used": coverage.used,
+        "gated": coverage.gated,
+    })
+}
+
+fn reason(reason: &Reason) -> Value {
+    match reason {
+        Reason::TooFewContacts { seen, needed } => {
+            json!({"kind": "too_few_contacts", "seen": seen, "needed": needed})
+        }
+        Reason::OneCorner { corner_in_world, covariance, radius_bound_m } => json!({
+            "kind": "one_corner", "corner_m": [corner_in_world.x, corner_in_world.y],
+            "covariance_m2": [[covariance[(0, 0)], covariance[(0, 1)]], [covariance[(1, 0)], covariance[(1, 1)]]],
+            "radius_bound_m": finite(*radius_bound_m),
+        }),
+        Reason::TwoHypotheses { best, rival, delta_bic, needed } => json!({
+            "kind": "two_hypotheses", "best": model_name(*best), "rival": model_name(*rival),
+            "delta_bic": finite(*delta_bic), "needed": needed,
+        }),
+        Reason::RatioOpen { best, ratio, delta_chi2, needed } => json!({
+            "kind": "ratio_open", "best": model_name(*best), "ratio": ratio, "delta_chi2": finite(*delta_chi2),
+            "needed": needed,
+        }),
+        Reason::SidesUnseen { seen_rad, needed_rad } => {
+            json!({"kind": "sides_unseen", "seen_rad": seen_rad, "needed_rad": needed_rad})
+        }
+        Reason::NothingFits { chi2_per_dof, outlier_share } => json!({
+            "kind": "nothing_fits", "chi2_per_dof": finite(*chi2_per_dof), "outlier_share": outlier_share,
+        }),
+    }
+}
+
+/// Why nothing is decided, as a sentence.
+pub fn reason_in_words(reason: &Reason) -> String {
+    match reason {
+        Reason::TooFewContacts { seen, needed } => format!("{seen} usable contacts, {needed} are needed"),
+        Reason::OneCorner { corner_in_world, radius_bound_m, .. } => format!(
+            "the whisker leaned on one place only: a corner at ({:.2}, {:.2}) mm, or an outline whose radius there is below {:.2} mm",
+            1e3 * corner_in_world.x,
+            1e3 * corner_in_world.y,
+            1e3 * radius_bound_m
+        ),
+        Reason::TwoHypotheses { best, rival, delta_bic, needed } => format!(
+            "{} and {} explain the contacts about equally well (BIC difference {delta_bic:.1}, {needed:.1} needed)",
+            model_name(*best),
+            model_name(*rival)
+        ),
+        Reason::RatioOpen { best, ratio, delta_chi2, needed } => format!(
+            "{} fits best, but an aspect ratio of {ratio:.2} is not excluded (chi2 difference {delta_chi2:.1}, {needed:.1} needed)",
+            model_name(*best)
+        ),
+        Reason::SidesUnseen { seen_rad, needed_rad } => format!(
+            "outward normals over {:.0}° were seen, {:.0}° are needed to close a polygon",
+            seen_rad.to_degrees(),
+            needed_rad.to_degrees()
+        ),
+        Reason::NothingFits { chi2_per_dof, outlier_share } => format!(
+            "no outline explains the contacts (chi2 per degree of freedom {chi2_per_dof:.2}, {:.0} % outliers): wrong stiffness, zeros or gains, or no single convex object; calibrate first",
+            100.0 * outlier_share
+        ),
+    }
+}
