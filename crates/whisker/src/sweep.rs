@@ -8,18 +8,21 @@
 pub mod batch;
 pub mod chain;
 pub mod envelope;
+pub mod fixed_lag;
 pub mod node;
 pub mod record;
 pub mod roles;
 pub mod start;
+pub mod tip;
 
 use crate::contact::{ByLoad, Method};
-use crate::estimate::{Contact, ContactEstimate, Mode, Status};
+use crate::estimate::{Contact, ContactEstimate, GATE_SIGMAS, MOST_ALONG_SHARE, Mode, Status};
 use crate::{Cell, Error, HubContact, Rod, Sample};
-use batch::{Prior, Problem, Smoothed};
+use batch::{Prior, Smoothed};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3};
 use node::{Instrument, Linear, Node, Role, direction, left_of};
 use record::{Chained, Run};
+use tip::Doubt;
 
 /// Standard deviation of the friction angle where nothing is known of it, radians: half of all pairings lie below 0.35.
 const UNKNOWN_FRICTION_RAD: f64 = 0.5;
@@ -27,8 +30,10 @@ const UNKNOWN_FRICTION_RAD: f64 = 0.5;
 const EXACT_MU: f64 = 1e-7;
 /// A contact leaves its tangent where the envelope condition is off by this many standard deviations: once in 2 million.
 const JUMP: f64 = 5.0;
-/// Contacts less certain along the whisker than this share of its length are told as too light.
-const LOW_FORCE: f64 = 0.05;
+/// A jump across the tangent by less than this share of the length is no leap but a contradiction.
+const LEAP: f64 = 0.002;
+/// Friction that helps sliding, by this many standard deviations, is a wrong stiffness or gain.
+const IMPOSSIBLE_FRICTION: f64 = 5.0;
 /// χ² of the three readings against the smoothed load above which they contradict it: once in 15 000.
 const INCONSISTENT: f64 = 22.0;
 
@@ -69,6 +74,8 @@ pub struct Jump {
     pub after_row: usize,
     /// By how many standard deviations the envelope condition was off.
     pub deviations: f64,
+    /// How far the contact went across its tangent, metres.
+    pub across_m: f64,
 }
 
 /// A smoothed record.
@@ -82,8 +89,14 @@ pub struct Sweep {
     pub mu_sigma: f64,
     /// Jumps, by row.
     pub jumps: Vec<Jump>,
-    /// Sum of squares at the minimum, and how many samples contribute.
+    /// Sum of squares at the minimum.
     pub chi2: f64,
+    /// What it should be; it deviates from that by chance by √(2 × this).
+    pub degrees_of_freedom: usize,
+    /// Whether all this can be: the sum of squares chance, jumps true leaps and at most one per run of contacts, friction not negative. If not,
+    /// no estimate has the status ok: stiffness, gains or zero are wrong. (A hub off by a fixed offset or angle moves the whole
+    /// outline and cannot be told here.)
+    pub consistent: bool,
     /// Samples in contact.
     pub contacts: usize,
     /// Steps of the last minimisation.
@@ -126,8 +139,8 @@ pub(crate) fn prior(friction: &Friction) -> Result<Prior, Error> {
 fn settle(chained: &mut Chained, jumps: &mut Vec<Jump>, runs: &[Run]) -> Option<Smoothed> {
     let mut smoothed = chained.problem.minimise()?;
     for _ in 0..chained.problem.nodes.len() {
-        if let Some(better) = move_tip_borders(&mut chained.problem, &smoothed) {
-            smoothed = better;
+        if tip::improve(&mut chained.problem, &smoothed) {
+            smoothed = chained.problem.minimise()?;
             continue;
         }
         let tests = chained.problem.envelope_tests(&smoothed);
@@ -137,38 +150,25 @@ fn settle(chained: &mut Chained, jumps: &mut Vec<Jump>, runs: &[Run]) -> Option<
         }
         chained.problem.linked[worst] = false;
         if let Some((run, index)) = chained.place[worst] {
-            jumps.push(Jump { after_row: runs[run][index].row, deviations: tests[worst].abs() });
+            let (after_row, deviations) = (runs[run][index].row, tests[worst].abs());
+            jumps.push(Jump { after_row, deviations, across_m: 0.0 });
         }
         smoothed = chained.problem.minimise()?;
     }
     jumps.sort_by_key(|jump| jump.after_row);
+    measure(jumps, chained, runs, &smoothed);
     Some(smoothed)
 }
 
-/// Tries to move each border between mid-whisker and tip by one sample; the first better minimum, if any.
-fn move_tip_borders(problem: &mut Problem, now: &Smoothed) -> Option<Smoothed> {
-    let is_tip = |node: &Node| node.role == Role::Tip;
-    for i in 0..problem.nodes.len().saturating_sub(1) {
-        if !problem.linked[i] || is_tip(&problem.nodes[i]) == is_tip(&problem.nodes[i + 1]) {
-            continue;
-        }
-        for (changed, other) in [(i, i + 1), (i + 1, i)] {
-            if matches!(problem.nodes[other].role, Role::Touch { .. })
-                || matches!(problem.nodes[changed].role, Role::Touch { .. })
-            {
-                continue;
-            }
-            let mut trial = problem.clone();
-            trial.nodes[changed].role = trial.nodes[other].role;
-            if let Some(better) = trial.minimise()
-                && better.chi2 < now.chi2 - 1e-6
-            {
-                *problem = trial;
-                return Some(better);
-            }
+/// How far every jump went, once all is settled.
+fn measure(jumps: &mut [Jump], chained: &Chained, runs: &[Run], smoothed: &Smoothed) {
+    for (i, place) in chained.place.iter().enumerate() {
+        let row = place.map(|(run, index)| runs[run][index].row);
+        for jump in jumps.iter_mut().filter(|jump| Some(jump.after_row) == row) {
+            let pair = envelope::Pair::envelope(&smoothed.linear[i], &smoothed.linear[i + 1]);
+            jump.across_m = pair.residual_m.abs();
         }
     }
-    None
 }
 
 fn report(
@@ -186,30 +186,42 @@ fn report(
         estimates[seen.row].status = Status::NoZero;
     }
     let smoothed = smoothed.unwrap_or_default();
+    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, &smoothed) };
     for (i, linear) in smoothed.linear.iter().enumerate() {
         if let Some((run, index)) = chained.place[i] {
             let seen = &runs[run][index];
-            estimates[seen.row] = estimate(
-                with,
-                &problem.nodes[i],
-                &problem.states[i],
-                linear,
-                &smoothed.solution.covariances[i],
-                seen.probability,
-            );
+            let covariance = &smoothed.solution.covariances[i];
+            let (node, state) = (&problem.nodes[i], &problem.states[i]);
+            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
         }
     }
+    let degrees_of_freedom = problem.degrees_of_freedom(&smoothed.linear);
     let variance = if smoothed.linear.is_empty() { f64::INFINITY } else { smoothed.solution.shared_variance };
     let (mu, mu_sigma) = coefficient(problem.shared_rad, variance, &options.friction);
+    let consistent = smoothed.chi2 < chi2_limit(degrees_of_freedom)
+        && jumps.len() <= runs.len()
+        && jumps.iter().all(|jump| LEAP * with.rod.length_m < jump.across_m)
+        && -IMPOSSIBLE_FRICTION * mu_sigma <= mu;
+    if !consistent {
+        estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
+    }
     Sweep {
         estimates,
         mu,
         mu_sigma,
         jumps,
         chi2: smoothed.chi2,
+        degrees_of_freedom,
+        consistent,
         contacts: runs.iter().map(Vec::len).sum(),
         iterations: smoothed.iterations,
     }
+}
+
+/// χ² above which a record contradicts itself: five standard deviations, and never below that of few degrees of freedom.
+fn chi2_limit(degrees_of_freedom: usize) -> f64 {
+    let expected = degrees_of_freedom as f64;
+    expected + 5.0 * (2.0 * expected).sqrt() + 10.0
 }
 
 /// μ = tan φ and its standard deviation.
@@ -221,8 +233,8 @@ pub(crate) fn coefficient(angle_rad: f64, variance: f64, friction: &Friction) ->
 }
 
 /// A row without contact: nothing touched, or no numbers.
-fn without_contact(sample: &Sample) -> ContactEstimate {
-    let status = if sample.load.is_finite() { Status::NoContact } else { Status::Inconsistent };
+pub(crate) fn without_contact(sample: &Sample) -> ContactEstimate {
+    let status = if record::is_number(sample) { Status::NoContact } else { Status::Inconsistent };
     ContactEstimate { status, mode: Mode::Free, mode_probability: 1.0, contact: None, branches: Vec::new() }
 }
 
@@ -233,21 +245,31 @@ pub(crate) fn estimate(
     z: &chain::Local,
     linear: &Linear,
     covariance: &Matrix4<f64>,
-    mode_probability: f64,
 ) -> ContactEstimate {
     let contact = linear.contact.as_ref().map(|c| contact_in_world(with, node, z, linear, c, covariance));
     let misfit = node.deviation(z).norm_squared();
     let status = match &contact {
         None => Status::NoZero,
-        Some(c) if LOW_FORCE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
+        Some(c) if MOST_ALONG_SHARE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
         Some(_) if INCONSISTENT < misfit => Status::Inconsistent,
-        Some(c) if with.rod.length_m + 3.0 * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
+        Some(c) if with.rod.length_m + GATE_SIGMAS * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
             Status::BeyondTip
         }
         Some(_) => Status::Ok,
     };
     let mode = if node.role == Role::Tip { Mode::Tip } else { Mode::Mid };
-    ContactEstimate { status, mode, mode_probability, contact, branches: Vec::new() }
+    ContactEstimate { status, mode, mode_probability: 1.0, contact, branches: Vec::new() }
+}
+
+/// Widened by what the borders between mid-whisker and tip leave undecided.
+fn doubted(mut estimate: ContactEstimate, doubt: &Doubt) -> ContactEstimate {
+    estimate.mode_probability = doubt.probability;
+    if let Some(contact) = &mut estimate.contact {
+        contact.covariance += doubt.spread;
+        let along = direction(contact.theta_rad).push(0.0);
+        contact.s_sigma_m = contact.s_sigma_m.hypot(doubt.along(&along).max(0.0).sqrt());
+    }
+    estimate
 }
 
 /// Covariances, eq. (16): of the smoothed unknowns, and of the hub's pose where the unknowns do not carry it.

@@ -6,11 +6,10 @@ use super::node::{Instrument, Node, Role};
 use super::roles::{self, Costs};
 use super::start::{self, Goal};
 use crate::contact::ByLoad;
+use crate::estimate::FREE_CHI2;
 use crate::{HubContact, PlanarPose, Sample};
 use nalgebra::Vector3;
 
-/// χ² of three readings against no load at all above which something is touched: once in 65 000 free samples.
-const TOUCHED: f64 = 25.0;
 /// Friction angles known to less than this do not help to find μ, radians.
 const USEFUL_ANGLE_RAD: f64 = 0.05;
 /// Below this the friction angle is not told from none before smoothing, radians.
@@ -37,10 +36,7 @@ pub type Run = Vec<Seen>;
 /// Whether a reading says that something is touched.
 pub fn touched(with: &Instrument, sample: &Sample) -> bool {
     let whitened = sample.load.to_vector().component_div(&with.load_sigma);
-    let pose = sample.world_from_hub;
-    TOUCHED < whitened.norm_squared()
-        && sample.load.is_finite()
-        && [pose.x_m, pose.y_m, pose.angle_rad].iter().all(|v| v.is_finite())
+    FREE_CHI2 < whitened.norm_squared() && is_number(sample)
 }
 
 /// A sample in contact, its role still open.
@@ -96,7 +92,7 @@ pub fn first_friction_rad(with: &Instrument, runs: &[Run]) -> f64 {
 
 /// Decides the role of every sample of a run.
 pub fn assign_roles(with: &Instrument, run: &mut Run, shared_rad: f64) {
-    let costs: Vec<Costs> = run.iter().map(|seen| roles::costs(with, &seen.raw, shared_rad)).collect();
+    let costs: Vec<Costs> = run.iter().map(|seen| roles::costs(with, &seen.raw, shared_rad, 0.0)).collect();
     for (seen, (role, probability)) in run.iter_mut().zip(roles::decide(&costs, shared_rad != 0.0)) {
         (seen.role, seen.probability) = (role, probability);
     }
@@ -232,6 +228,12 @@ fn fresh_angle(samples: &[Sample], row: usize) -> bool {
 /// The hub at the sample before `row`, where it belongs to the same sweep (and so touches nothing: a run starts here).
 fn free_before(with: &Instrument, samples: &[Sample], row: usize) -> Option<PlanarPose> {
     let before = samples.get(row.checked_sub(1)?)?;
-    (before.sweep == samples[row].sweep && before.load.is_finite() && !touched(with, before))
-        .then_some(before.world_from_hub)
+    let here = before.sweep == samples[row].sweep && is_number(before) && !touched(with, before);
+    here.then_some(before.world_from_hub)
+}
+
+/// Whether load and pose are numbers.
+pub fn is_number(sample: &Sample) -> bool {
+    let pose = sample.world_from_hub;
+    sample.load.is_finite() && [pose.x_m, pose.y_m, pose.angle_rad].iter().all(|v| v.is_finite())
 }

@@ -15,14 +15,22 @@ pub const ROLES: [Role; 4] = [Role::Slides(1.0), Role::Slides(-1.0), Role::Stick
 /// The place of `Role::Tip` in `ROLES`.
 const TIP: usize = 3;
 
+/// Costs of the roles before a first contact: a run seldom begins at the tip, and its first contacts are too light to tell.
+pub const FIRST: Costs = [0.0, 0.0, 0.0, CHANGE];
+
 /// χ² of each of the roles for one sample.
 pub type Costs = [f64; 4];
 
-/// From the contact of the load as read; a load without one says nothing, so all cost the same.
-pub fn costs(with: &Instrument, raw: &Option<(HubContact, ByLoad)>, shared_rad: f64) -> Costs {
+/// From the contact of the load as read, the friction angle known to `shared_variance`; a load without one says nothing, so all cost the same.
+pub fn costs(
+    with: &Instrument,
+    raw: &Option<(HubContact, ByLoad)>,
+    shared_rad: f64,
+    shared_variance: f64,
+) -> Costs {
     let Some((at, by_load)) = raw else { return [0.0, 0.0, 0.0, 0.0] };
     let (friction, place) = (by_load.row(4).norm_squared(), by_load.row(3).norm_squared());
-    let chi2 = |sign: f64| (at.friction_angle_rad - sign * shared_rad).powi(2) / friction;
+    let chi2 = |sign: f64| (at.friction_angle_rad - sign * shared_rad).powi(2) / (friction + shared_variance);
     let beyond = at.s_m - with.rod.length_m;
     // Between clamp and tip also means not beyond the tip.
     let inside = beyond.max(0.0).powi(2) / place;
@@ -37,13 +45,9 @@ pub fn decide(costs: &[Costs], friction: bool) -> Vec<(Role, f64)> {
     (0..costs.len())
         .map(|i| {
             let through: Costs = std::array::from_fn(|r| forward[i][r] + backward[i][r] - costs[i][r]);
-            // Without friction both directions of sliding are one role; the first is taken.
-            let best = (0..4)
-                .filter(|&r| friction || r != 1)
-                .fold(0, |a, b| if through[b] < through[a] { b } else { a });
             let mid = through[..TIP].iter().copied().fold(f64::INFINITY, f64::min);
             let margin = (mid - through[TIP]).abs();
-            (ROLES[best], 1.0 / (1.0 + (-0.5 * margin).exp()))
+            (cheapest(&through, friction), 1.0 / (1.0 + (-0.5 * margin).exp()))
         })
         .collect()
 }
@@ -53,9 +57,23 @@ fn accumulate<'a>(costs: impl Iterator<Item = &'a Costs>) -> Vec<Costs> {
     let mut path: Costs = [0.0; 4];
     costs
         .map(|own| {
-            let cheapest = path.iter().copied().fold(f64::INFINITY, f64::min);
-            path = std::array::from_fn(|r| own[r] + path[r].min(cheapest + CHANGE));
+            path = extend(&path, own);
             path
         })
         .collect()
+}
+
+/// Costs of the cheapest paths, one sample longer.
+pub fn extend(path: &Costs, own: &Costs) -> Costs {
+    let cheapest = path.iter().copied().fold(f64::INFINITY, f64::min);
+    // Only differences count: the sum does not grow with the record.
+    std::array::from_fn(|r| own[r] + (path[r] - cheapest).min(CHANGE))
+}
+
+/// The cheapest role; without friction both directions of sliding are one, the first.
+pub fn cheapest(costs: &Costs, friction: bool) -> Role {
+    let best = (0..ROLES.len())
+        .filter(|&r| friction || r != 1)
+        .fold(0, |a, b| if costs[b] < costs[a] { b } else { a });
+    ROLES[best]
 }
