@@ -60,3 +60,28 @@ fn reading_the_answer_shows_a_real_one() {
     let shown = block(&page("reading-the-answer.md"), "text", 0);
     assert!(same(&said, &shown), "said\n{said}\nshown\n{shown}");
 }
+
+/// The page's commands, run where its files are.
+#[test]
+fn whisker_page_shows_what_the_program_says() {
+    let (page, folder) = (page("whisker.md"), folder("book-whisker"));
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker");
+    let file = |name: &str| shipped.join(name).display().to_string();
+    let contacts = folder.join("contacts.csv").display().to_string();
+    let solve = ["whisker", "solve", "--whisker", &file("whisker.json"), &file("hub.csv"), "-o", &contacts];
+    let identify = ["whisker", "identify", &contacts];
+    let check = ["whisker", "check", &contacts, &file("truth.csv")];
+    // Block 0 draws the conventions, 2 is another mode, 4 the calibration.
+    for (arguments, n) in [(&solve[..], 1), (&identify[..], 3), (&check[..], 5)] {
+        let run = resight(arguments);
+        let said = run.stdout.replace(&format!("{}/", shipped.display()), "");
+        let said = said.replace(&format!("{}/", folder.display()), "");
+        let said: String = said
+            .lines()
+            .filter(|line| !line.starts_with("  written"))
+            .map(|line| format!("{line}\n"))
+            .collect();
+        let shown = block(&page, "text", n);
+        assert!(same(&said, &shown), "said\n{said}\nshown\n{shown}");
+    }
+}

@@ -116,7 +116,10 @@ fn simulated_readings_are_solved_exactly() {
     let scores = checked(&[&hub, &truth, "--whisker", &whisker, "--mode", "raw"]);
     // The simulator's own equilibria are good to 1e-7 of the whisker.
     assert!(number(&score(&scores, "firm_mid")["median_m"]) < 1e-8, "{scores}");
-    assert_eq!(score(&scores, "all")["n_true"], score(&checked(&[&shipped("hub.csv"), &shipped("truth.csv"), "--whisker", &whisker]), "all")["n_true"]);
+    assert_eq!(
+        score(&scores, "all")["n_true"],
+        score(&checked(&[&shipped("hub.csv"), &shipped("truth.csv"), "--whisker", &whisker]), "all")["n_true"]
+    );
 
     let again = path("again.csv");
     for seed in ["7", "7", "8"] {
@@ -133,15 +136,44 @@ fn spellings_of_the_same_readings_give_the_same_contacts() {
     let folder = folder("whisker-spellings");
     let wanted = solved(&shipped("hub.csv"), &["--mode", "raw"]);
     let degrees = |rad: f64| rad.to_degrees();
-    let mut units = String::from("# units in the header\n\nmz[N mm],fx (mN),hub_angle_deg,sweep,fy[mN],hub_y[mm],hub_x[mm],sample,t[ms]\n");
+    let mut units = String::from(
+        "# units in the header\n\nmz[N mm],fx (mN),hub_angle_deg,sweep,fy[mN],hub_y[mm],hub_x[mm],sample,t[ms]\n",
+    );
     let mut flags = String::from("hub_y;hub_x;hub_angle;sweep;sample;mz;fy;fx;remark\r\n");
     let mut world = String::from("sweep\tsample\ttime\tpsi\thub_x\thub_y\tfx\tfy\tmz\n");
     let mut objects = String::new();
     for [sweep, sample, t, angle, x, y, fx, fy, mz] in readings() {
-        writeln!(units, "{},{},{},{sweep},{},{},{},{sample},{}", 1e3 * mz, 1e3 * fx, degrees(angle), 1e3 * fy, 1e3 * y, 1e3 * x, 1e3 * t).unwrap();
-        write!(flags, "{};{};{};{sweep};{sample};{};{};{};\"a; b\"\r\n", 1e3 * y, 1e3 * x, degrees(angle), -1e3 * mz, -fy, -fx).unwrap();
+        writeln!(
+            units,
+            "{},{},{},{sweep},{},{},{},{sample},{}",
+            1e3 * mz,
+            1e3 * fx,
+            degrees(angle),
+            1e3 * fy,
+            1e3 * y,
+            1e3 * x,
+            1e3 * t
+        )
+        .unwrap();
+        write!(
+            flags,
+            "{};{};{};{sweep};{sample};{};{};{};\"a; b\"\r\n",
+            1e3 * y,
+            1e3 * x,
+            degrees(angle),
+            -1e3 * mz,
+            -fy,
+            -fx
+        )
+        .unwrap();
         let (sin, cos) = angle.sin_cos();
-        writeln!(world, "{sweep}\t{sample}\t{t}\t{angle}\t{x}\t{y}\t{}\t{}\t{mz}", cos * fx - sin * fy, sin * fx + cos * fy).unwrap();
+        writeln!(
+            world,
+            "{sweep}\t{sample}\t{t}\t{angle}\t{x}\t{y}\t{}\t{}\t{mz}",
+            cos * fx - sin * fy,
+            sin * fx + cos * fy
+        )
+        .unwrap();
         writeln!(objects, "{{\"sweep\":{sweep},\"sample\":{sample},\"t\":{t},\"hub_angle\":{angle},\"hub_x\":{x},\"hub_y\":{y},\"fx\":{fx},\"fy\":{fy},\"mz[N mm]\":{}}}", 1e3 * mz).unwrap();
     }
     let cases: [(&str, &str, &[&str]); 4] = [
@@ -169,7 +201,8 @@ fn spellings_of_the_same_readings_give_the_same_contacts() {
 #[test]
 fn numbers_of_the_contacts_file_are_read_back_whole() {
     let folder = folder("whisker-round-trip");
-    let (csv, lines) = (folder.join("c.csv").display().to_string(), folder.join("c.jsonl").display().to_string());
+    let (csv, lines) =
+        (folder.join("c.csv").display().to_string(), folder.join("c.jsonl").display().to_string());
     for output in [&csv, &lines] {
         solved(&shipped("hub.csv"), &["-o", output]);
     }
@@ -214,7 +247,10 @@ fn bad_files_are_told_with_line_and_column() {
     let cases = [
         ("", "no readings"),
         (header, "no rows"),
-        (&format!("{header}{good}0,1,0,1.5,0,0,0.1,0;2,0.03\n"), ":3: column `fy` is `0;2`, which is not a number"),
+        (
+            &format!("{header}{good}0,1,0,1.5,0,0,0.1,0;2,0.03\n"),
+            ":3: column `fy` is `0;2`, which is not a number",
+        ),
         (&format!("{header}# remark\n{good}0,1,0,1.5,0,0,0.1\n"), ":4: 7 cells where the header has 9"),
         (&format!("{header}0,1,0,1.5,0,0,0.1,1e999,0.03\n"), ":2: column `fy` is `1e999`; a finite number"),
         (&format!("{header}0,1.5,0,1.5,0,0,0.1,1,0.03\n"), ":2: column `sample` is 1.5; a whole number"),
@@ -244,7 +280,10 @@ fn bad_whisker_files_are_told_by_key() {
         (whisker("\"length_m\": -1"), "`whisker.length_m` is `-1`; a positive number is needed"),
         (whisker("\"length_m\": 0.2"), "the stiffness is missing"),
         (whisker("\"length_m\": 0.2, \"EI_Nm2\": \"x\""), "`whisker.EI_Nm2` is `\"x\"`"),
-        (whisker("\"length_m\": 0.2, \"EI_profile\": {\"s_m\": [0, 0.1], \"EI_Nm2\": [1, 1]}"), "arc lengths from 0 to"),
+        (
+            whisker("\"length_m\": 0.2, \"EI_profile\": {\"s_m\": [0, 0.1], \"EI_Nm2\": [1, 1]}"),
+            "arc lengths from 0 to",
+        ),
         ("{".to_string(), "no JSON"),
     ];
     for (content, wanted) in cases {
@@ -265,7 +304,8 @@ fn a_flat_profile_is_the_uniform_whisker() {
     let profile = write(&folder, "profile.json", &meta.to_string());
     let hub = shipped("hub.csv");
     let run = resight(&["whisker", "solve", "--whisker", &profile, &hub, "--mode", "raw", "--json"]);
-    let wanted = [solved(&hub, &["--mode", "raw"]), solved(&hub, &["--mode", "raw", "--method", "integrate"])];
+    let wanted =
+        [solved(&hub, &["--mode", "raw"]), solved(&hub, &["--mode", "raw", "--method", "integrate"])];
     let rows = json_lines(&run);
     for (i, row) in rows.iter().enumerate().filter(|(_, row)| row["contact"] == 1 && row["status"] == "ok") {
         for wanted in &wanted {
@@ -363,7 +403,14 @@ fn a_fixed_lag_stream_answers_at_once_and_settles_later() {
 }
 
 fn checked_raw() -> Value {
-    checked(&[&shipped("hub.csv"), &shipped("truth.csv"), "--whisker", &shipped("whisker.json"), "--mode", "raw"])
+    checked(&[
+        &shipped("hub.csv"),
+        &shipped("truth.csv"),
+        "--whisker",
+        &shipped("whisker.json"),
+        "--mode",
+        "raw",
+    ])
 }
 
 /// A rig with wrong zeros, gain, clamp angle and place, calibrated on the known object: contacts are where they were.
@@ -373,11 +420,29 @@ fn a_wrong_rig_is_calibrated_away() {
     let mut wrong = String::from("sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,mz\n");
     for [sweep, sample, t, angle, x, y, fx, fy, mz] in readings() {
         let (angle, x) = (angle - 0.2_f64.to_radians(), x + 0.5e-3);
-        writeln!(wrong, "{sweep},{sample},{t},{angle},{x},{y},{},{},{}", fx + 0.02, fy - 0.03, 1.01 * mz + 1e-4).unwrap();
+        writeln!(
+            wrong,
+            "{sweep},{sample},{t},{angle},{x},{y},{},{},{}",
+            fx + 0.02,
+            fy - 0.03,
+            1.01 * mz + 1e-4
+        )
+        .unwrap();
     }
-    let (hub, calibrated) = (write(&folder, "hub.csv", &wrong), folder.join("calibrated.json").display().to_string());
+    let (hub, calibrated) =
+        (write(&folder, "hub.csv", &wrong), folder.join("calibrated.json").display().to_string());
     let (whisker, truth) = (shipped("whisker.json"), shipped("truth.csv"));
-    let run = resight(&["whisker", "calibrate", "--whisker", &whisker, &hub, "--known", &shipped("square.json"), "-o", &calibrated]);
+    let run = resight(&[
+        "whisker",
+        "calibrate",
+        "--whisker",
+        &whisker,
+        &hub,
+        "--known",
+        &shipped("square.json"),
+        "-o",
+        &calibrated,
+    ]);
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
     let after = checked(&[&hub, &truth, "--whisker", &calibrated]);
     let before = checked(&[&hub, &truth, "--whisker", &whisker]);
@@ -385,7 +450,9 @@ fn a_wrong_rig_is_calibrated_away() {
     let median = |checked: &Value| number(&score(checked, "firm")["median_m"]);
     assert!(median(&after) < 1.15 * median(&good), "{after}");
     assert!(number(&score(&after, "firm")["nees"]) < 2.6, "{after}");
-    assert!(2.0 * median(&good) < median(&before) || number(&before["n_firm_unanswered"]) > 20.0, "{before}");
+    // Uncalibrated, most contacts are called inconsistent, or they are plainly elsewhere.
+    let is_told = number(&score(&before, "firm")["n_true"]) < 2.0 * number(&before["n_firm_unanswered"]);
+    assert!(is_told || 2.0 * median(&good) < median(&before), "{before}");
 }
 
 #[test]
@@ -405,7 +472,9 @@ fn a_tare_takes_the_zeros_off() {
     let rows = solved(&hub, &["--tare", &free]);
     let wanted = solved(&shipped("hub.csv"), &[]);
     let near = rows.iter().zip(&wanted).filter(|(row, wanted)| {
-        let (Some(a), Some(b)) = (row["x"].as_f64(), wanted["x"].as_f64()) else { return row["status"] == wanted["status"] };
+        let (Some(a), Some(b)) = (row["x"].as_f64(), wanted["x"].as_f64()) else {
+            return row["status"] == wanted["status"];
+        };
         let sigma = (number(&wanted["cov_xx"]) + number(&row["cov_xx"])).sqrt();
         (a - b).abs() < 2.0 * sigma
     });
@@ -443,7 +512,10 @@ fn one_corner_is_no_object() {
     assert_eq!(run.code, 1, "{}", run.stdout);
     let answer = &json_lines(&run)[0];
     assert_eq!(answer["verdict"], "insufficient_coverage");
-    assert!(answer["reason"]["kind"].is_string() && !answer["advice"].as_str().unwrap().is_empty(), "{answer}");
+    assert!(
+        answer["reason"]["kind"].is_string() && !answer["advice"].as_str().unwrap().is_empty(),
+        "{answer}"
+    );
 }
 
 /// The recorded sets through the program: bars of the contract.
@@ -454,7 +526,14 @@ fn recorded_sets_keep_their_bars() {
         return;
     };
     let root = PathBuf::from(root).join("whisker");
-    for name in ["f1_square_00", "f2_square_30", "f3_circle_r25", "f4_circle_r25_mu03", "f5_taper_ellipse", "f6_slipoff_peg"] {
+    for name in [
+        "f1_square_00",
+        "f2_square_30",
+        "f3_circle_r25",
+        "f4_circle_r25_mu03",
+        "f5_taper_ellipse",
+        "f6_slipoff_peg",
+    ] {
         let file = |file: &str| root.join(name).join(file).display().to_string();
         let (meta, truth) = (file("meta.json"), file("truth.csv"));
         let clean = checked(&[&file("measured_clean.csv"), &truth, "--whisker", &meta, "--mode", "raw"]);

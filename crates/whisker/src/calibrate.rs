@@ -132,7 +132,9 @@ pub struct Calibrated {
     pub degrees_of_freedom: usize,
     /// Probability that a record which keeps the model fits as badly.
     pub p_value: f64,
-    /// Whether it does keep the model, at the false-alarm rate asked for.
+    /// How many contacts were left out because the object contradicts them.
+    pub contradicted: usize,
+    /// Whether the record keeps the model, at the false-alarm rate asked for, and the object explains 95 % of the contacts.
     pub is_consistent: bool,
     /// What every sample was taken for.
     pub roles: Vec<Role>,
@@ -169,18 +171,16 @@ pub fn calibrate(
 ) -> Result<Calibrated, Error> {
     check(rod, object, options)?;
     let job = Job::new(rod, cell, samples, options);
-    let (before, roles) = job.without_object()?;
+    let before = job.without_object()?;
     if *object == Object::Unclassified {
-        return Ok(match classes::classified(&job, &before, &roles) {
-            Ok(best) => job.answer(best.fitted, best.roles, &best.object, Some(&best.outline)),
-            Err(doubt) => {
-                Calibrated { doubt: Some(doubt), ..job.answer(before, roles, &Object::Unknown, None) }
-            }
+        return Ok(match classes::classified(&job, &before) {
+            Ok(best) => job.answer(best.outcome, &best.object, Some(&best.outline)),
+            Err(doubt) => Calibrated { doubt: Some(doubt), ..job.answer(before, &Object::Unknown, None) },
         });
     }
-    let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, roles, object, None)) };
-    let (fitted, roles) = job.with_object(&outline, &before, roles)?;
-    Ok(job.answer(fitted, roles, object, Some(&outline)))
+    let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, object, None)) };
+    let outcome = job.with_object(&outline, &before.fitted, &before.roles)?;
+    Ok(job.answer(outcome, object, Some(&outline)))
 }
 
 impl Calibrated {

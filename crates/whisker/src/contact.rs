@@ -1,5 +1,6 @@
 //! Where the whisker touches, from one load: the first arc length at which the bending moment vanishes.
 
+pub mod bent;
 mod clamp;
 pub mod closed_form;
 pub mod curved;
@@ -174,7 +175,7 @@ fn integrated_branch(rod: &Rod, load: &HubLoad, branch: usize) -> Result<(HubCon
     Ok((at, by_load))
 }
 
-/// Derivatives of a contact by the whisker itself, from those by the load; whisker_contact.md eq. (43)–(45).
+/// Derivatives of a contact by the whisker itself, from those by the load; whisker_contact.md eq. (36)–(38).
 ///
 /// None unless EI is uniform: of another profile only [`by_stiffness`] and [`by_clamp_angle`] follow from the load.
 pub fn by_rod(rod: &Rod, load: &HubLoad, at: &HubContact, by_load: &ByLoad) -> Option<ByRod> {

@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 /// χ² of the load, 3 degrees of freedom, up to which nothing is touched: a free whisker exceeds it once in 100,000 samples.
 pub const FREE_CHI2: f64 = 25.90;
 
-/// Forces below this many of their own sigmas do not place a contact: the second-order error of the arc length,
-/// (σ/F)² s, then exceeds a tenth of its sigma, (σ/F) s.
-pub const LEAST_FORCE_SIGMAS: f64 = 10.0;
+/// Forces below this many of their own sigmas do not place a contact: the sigma of the arc length, (σ/F) s, is then 8 % of it, and forces that
+/// only look larger than they are would pass for contacts nearer to the hub, confidently.
+pub const LEAST_FORCE_SIGMAS: f64 = 12.5;
 
 /// Largest sigma along the whisker, as a share of its length, of a contact worth its place.
 pub const MOST_ALONG_SHARE: f64 = 0.05;
@@ -74,7 +74,7 @@ pub struct Contact {
 
 impl Contact {
     /// A contact of the hub frame in the world; `in_hub` is the covariance of its [`HubContact::to_vector`], `sample` where the hub was and the
-    /// load taken for true; whisker_contact.md eq. (46), (47).
+    /// load taken for true; whisker_contact.md eq. (40).
     pub fn in_world(
         sample: &Sample,
         hub_covariance: &Matrix3<f64>,
@@ -114,7 +114,7 @@ impl Contact {
         self.normal_in_world(moment_sign) * self.f_normal_n + Vector2::new(cos, sin) * self.f_tangent_n
     }
 
-    /// The point of the object's outline, world, metres: from the centre line towards the object by the whisker's radius; eq. (48).
+    /// The point of the object's outline, world, metres: from the centre line towards the object by the whisker's radius; eq. (42).
     pub fn outline_in_world(&self, rod: &Rod, moment_sign: f64) -> Vector2<f64> {
         self.x_in_world - self.normal_in_world(moment_sign) * (0.5 * rod.diameter_m_at(self.s_m))
     }
@@ -206,7 +206,7 @@ fn at_zero(
 }
 
 /// Covariance of a contact to second order in the noise of the load, its bias included: weak forces move the contact along a curve, not a
-/// line; whisker_contact.md eq. (48), (49). Where `by_load_at` has no answer beside the load, to first order.
+/// line; whisker_contact.md eq. (39). Where `by_load_at` has no answer beside the load, to first order.
 pub fn second_order(
     load: &HubLoad,
     load_covariance: &Matrix3<f64>,
@@ -276,7 +276,7 @@ fn is_weak(load: &HubLoad, covariance: &Matrix3<f64>) -> bool {
     load.force_n().norm() < LEAST_FORCE_SIGMAS * sigma
 }
 
-/// Whether the share of the force along the whisker at the contact, (M₀²/2EI + M₀ κ₀ + fx)/F, exceeds 1 by no more than the noise does; eq. (50).
+/// Whether the share of the force along the whisker at the contact, (M₀²/2EI + M₀ κ₀ + fx)/F, exceeds 1 by no more than the noise does; eq. (41).
 fn pull_within_noise(rod: &Rod, load: &HubLoad, covariance: &Matrix3<f64>) -> bool {
     let (ei, curvature) = (rod.ei_base_n_m2(), rod.curvature_per_m_at(0.0));
     let HubLoad { fx_n, fy_n, mz_n_m } = *load;

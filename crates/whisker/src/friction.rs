@@ -9,11 +9,15 @@
 
 mod mixture;
 pub mod modes;
+pub mod online;
 pub mod projection;
 pub mod record;
+mod states;
 
+pub use online::Online;
 pub use projection::{Constraint, Projection, project};
-pub use record::{Mu, Record, Tests, solve_record};
+pub use record::{Mu, Record, solve_record};
+pub use states::Tests;
 
 use crate::contact::{Method, NoZero};
 use crate::estimate::{Contact, LEAST_FORCE_SIGMAS, MOST_ALONG_SHARE, Mode, Status, estimate};
@@ -105,13 +109,13 @@ pub(crate) fn answer(
 }
 
 /// A projected load's contact. What the constraint fixes has no spread left, of either sign; what the tangent does not show of a light
-/// touch's long uncertainty, the bend of the contact's way, counts as uncertain too: ¾ b bᵀ, eq. (8).
+/// touch's long uncertainty, the bend of the contact's way, counts as uncertain too: ¾ b bᵀ, whisker_friction.md eq. (8).
 fn contact_of(rod: &Rod, cell: &Cell, sample: &Sample, method: Method, projection: &Projection) -> Contact {
     let Projection { load, covariance, at, by_load, .. } = projection;
     let hub = &sample.world_from_hub;
-    let taken = Sample { load: *load, ..*sample };
+    let moved = Sample { load: *load, ..*sample };
     let in_hub = by_load * covariance * by_load.transpose();
-    let contact = Contact::in_world(&taken, &cell.hub_covariance(), at, &in_hub);
+    let contact = Contact::in_world(&moved, &cell.hub_covariance(), at, &in_hub);
     let bent = bend(rod, projection, method).map_or(Matrix3::zeros(), |bend| {
         let turned = hub.turn(bend.fixed_rows::<2>(0).into_owned());
         let bend = Vector3::new(turned.x, turned.y, bend.z);

@@ -12,15 +12,17 @@ mod start;
 mod candidates;
 mod decide;
 mod report;
+#[cfg(test)]
+mod tests;
 
 pub use touch::Touch;
 
 use crate::{Error, Shape};
 use candidates::{Candidate, Candidates, Evidence};
 use fit::Search;
+use nalgebra::{DMatrix, Vector2};
 use row::Row;
 use start::Lines;
-use nalgebra::{DMatrix, Vector2};
 
 /// What may be called an object's class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -133,7 +135,7 @@ pub struct Coverage {
 /// Why nothing is decided.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reason {
-    /// Fewer contacts than any class needs.
+    /// Fewer contacts than any class needs, or none between clamp and tip.
     TooFewContacts {
         /// Usable ones.
         seen: usize,
@@ -262,16 +264,25 @@ impl Default for Config {
 pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Error> {
     config.check()?;
     let (rows, mut uses) = prepare(touches, config);
-    let origin = Vector2::new(start::quantile(rows.iter().map(|row| row.x.x), 0.5), start::quantile(rows.iter().map(|row| row.x.y), 0.5));
+    let origin = Vector2::new(
+        start::quantile(rows.iter().map(|row| row.x.x), 0.5),
+        start::quantile(rows.iter().map(|row| row.x.y), 0.5),
+    );
     let list = start::lines(&rows, origin);
     // Most contacts may crowd at one corner: the far ones say how large the object is.
-    let spread = start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.95).max(start::SMALLEST_SPREAD_M);
+    let spread =
+        start::quantile(rows.iter().map(|row| (row.x - origin).norm()), 0.95).max(start::SMALLEST_SPREAD_M);
     let lines = Lines { list: &list, origin, spread };
     let evidence = Evidence { rows: &rows, search: Search::new(&rows), lines };
     if rows.len() < decide::NEEDED || list.is_empty() {
-        return Ok(too_few(&evidence, uses, config));
+        let seen = if list.is_empty() { 0 } else { rows.len() };
+        return Ok(nothing(&evidence, Reason::TooFewContacts { seen, needed: decide::NEEDED }, uses, config));
     }
     let candidates = Candidates::of(&evidence, config);
+    if candidates.list.is_empty() {
+        let reason = Reason::NothingFits { chi2_per_dof: f64::INFINITY, outlier_share: 1.0 };
+        return Ok(nothing(&evidence, reason, uses, config));
+    }
     let decided = decide::decide(&evidence, &candidates, config);
     Ok(answer(&evidence, &candidates, decided, &mut uses, config))
 }
@@ -299,8 +310,8 @@ fn prepare(touches: &[Touch], config: &Config) -> (Vec<Row>, Vec<Use>) {
     (made.into_iter().flatten().collect(), uses)
 }
 
-fn too_few(evidence: &Evidence, uses: Vec<Use>, config: &Config) -> Identification {
-    let reason = Reason::TooFewContacts { seen: evidence.rows.len(), needed: decide::NEEDED };
+/// No hypothesis at all.
+fn nothing(evidence: &Evidence, reason: Reason, uses: Vec<Use>, config: &Config) -> Identification {
     let mut coverage = report::coverage(evidence, &vec![true; evidence.rows.len()], None, config);
     coverage.gated = uses.len() - coverage.used;
     Identification {

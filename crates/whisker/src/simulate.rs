@@ -1,8 +1,8 @@
 //! What a whisker would have felt: the quasi-static forward model.
 //!
 //! A rod, a convex object, a path of the hub, a coefficient of friction; out come exact readings with the contact behind each.
-//! The whisker touches at one point at a time, slides (friction at its limit, against the slip), changes from one kind of contact
-//! to the next, and slips off where no equilibrium is left. Two simultaneous contacts are not simulated: where a whisker would
+//! The whisker touches at one point at a time, slides (friction at its limit, against the slip) or sticks where the hub turns back, changes kind of contact
+//! along the outline, and slips off where no equilibrium is left. Which side the object is on is found at the touch. Two simultaneous contacts are not simulated: where a whisker would
 //! need them the answer is [`Error::NoRest`].
 //!
 //! Derivation: docs/math/whisker_simulate.md.
@@ -15,6 +15,8 @@ mod free;
 mod integrate;
 mod noise;
 mod path;
+#[cfg(test)]
+mod tests;
 
 pub use equilibrium::Touching;
 pub use noise::add_noise;
@@ -152,7 +154,7 @@ fn start<'a>(
     mu: f64,
     hub: &PlanarPose,
 ) -> Result<Follower<'a>, Error> {
-    if free::is_blocked(rod, outline, hub) {
+    if free::is_deep(rod, outline, hub) {
         return Err(Error::StartsInside);
     }
     Ok(Follower {

@@ -14,9 +14,10 @@ pub mod record;
 pub mod roles;
 pub mod start;
 pub mod tip;
+pub mod window;
 
 use crate::contact::{ByLoad, Method};
-use crate::estimate::{Contact, ContactEstimate, Mode, Status};
+use crate::estimate::{Contact, ContactEstimate, GATE_SIGMAS, MOST_ALONG_SHARE, Mode, Status};
 use crate::{Cell, Error, HubContact, Rod, Sample};
 use batch::{Prior, Smoothed};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3};
@@ -30,8 +31,10 @@ const UNKNOWN_FRICTION_RAD: f64 = 0.5;
 const EXACT_MU: f64 = 1e-7;
 /// A contact leaves its tangent where the envelope condition is off by this many standard deviations: once in 2 million.
 const JUMP: f64 = 5.0;
-/// Contacts less certain along the whisker than this share of its length are told as too light.
-const LOW_FORCE: f64 = 0.05;
+/// A jump across the tangent by less than this share of the length is no leap but a contradiction.
+const LEAP: f64 = 0.002;
+/// Friction that helps sliding, by this many standard deviations, is a wrong stiffness or gain.
+const IMPOSSIBLE_FRICTION: f64 = 5.0;
 /// χ² of the three readings against the smoothed load above which they contradict it: once in 15 000.
 const INCONSISTENT: f64 = 22.0;
 
@@ -72,6 +75,8 @@ pub struct Jump {
     pub after_row: usize,
     /// By how many standard deviations the envelope condition was off.
     pub deviations: f64,
+    /// How far the contact went across its tangent, metres.
+    pub across_m: f64,
 }
 
 /// A smoothed record.
@@ -85,8 +90,14 @@ pub struct Sweep {
     pub mu_sigma: f64,
     /// Jumps, by row.
     pub jumps: Vec<Jump>,
-    /// Sum of squares at the minimum, and how many samples contribute.
+    /// Sum of squares at the minimum.
     pub chi2: f64,
+    /// What it should be; it deviates from that by chance by √(2 × this).
+    pub degrees_of_freedom: usize,
+    /// Whether all this can be: the sum of squares chance, jumps true leaps and at most one per run of contacts, friction not negative. If not,
+    /// no estimate has the status ok: stiffness, gains or zero are wrong. (A hub off by a fixed offset or angle moves the whole
+    /// outline and cannot be told here.)
+    pub consistent: bool,
     /// Samples in contact.
     pub contacts: usize,
     /// Steps of the last minimisation.
@@ -140,12 +151,25 @@ fn settle(chained: &mut Chained, jumps: &mut Vec<Jump>, runs: &[Run]) -> Option<
         }
         chained.problem.linked[worst] = false;
         if let Some((run, index)) = chained.place[worst] {
-            jumps.push(Jump { after_row: runs[run][index].row, deviations: tests[worst].abs() });
+            let (after_row, deviations) = (runs[run][index].row, tests[worst].abs());
+            jumps.push(Jump { after_row, deviations, across_m: 0.0 });
         }
         smoothed = chained.problem.minimise()?;
     }
     jumps.sort_by_key(|jump| jump.after_row);
+    measure(jumps, chained, runs, &smoothed);
     Some(smoothed)
+}
+
+/// How far every jump went, once all is settled.
+fn measure(jumps: &mut [Jump], chained: &Chained, runs: &[Run], smoothed: &Smoothed) {
+    for (i, place) in chained.place.iter().enumerate() {
+        let row = place.map(|(run, index)| runs[run][index].row);
+        for jump in jumps.iter_mut().filter(|jump| Some(jump.after_row) == row) {
+            let pair = envelope::Pair::envelope(&smoothed.linear[i], &smoothed.linear[i + 1]);
+            jump.across_m = pair.residual_m.abs();
+        }
+    }
 }
 
 fn report(
@@ -158,12 +182,45 @@ fn report(
     options: &Options,
 ) -> Sweep {
     let problem = &chained.problem;
+    let smoothed = smoothed.unwrap_or_default();
+    let mut estimates = answers(with, samples, runs, chained, &smoothed);
+    let degrees_of_freedom = problem.degrees_of_freedom(&smoothed.linear);
+    let variance = if smoothed.linear.is_empty() { f64::INFINITY } else { smoothed.solution.shared_variance };
+    let (mu, mu_sigma) = coefficient(problem.shared_rad, variance, &options.friction);
+    let consistent = smoothed.chi2 < chi2_limit(degrees_of_freedom)
+        && jumps.len() <= runs.len()
+        && jumps.iter().all(|jump| LEAP * with.rod.length_m < jump.across_m)
+        && -IMPOSSIBLE_FRICTION * mu_sigma <= mu;
+    if !consistent {
+        estimates.iter_mut().filter(|e| e.status == Status::Ok).for_each(|e| e.status = Status::Inconsistent);
+    }
+    Sweep {
+        estimates,
+        mu,
+        mu_sigma,
+        jumps,
+        chi2: smoothed.chi2,
+        degrees_of_freedom,
+        consistent,
+        contacts: runs.iter().map(Vec::len).sum(),
+        iterations: smoothed.iterations,
+    }
+}
+
+/// One estimate per sample.
+fn answers(
+    with: &Instrument,
+    samples: &[Sample],
+    runs: &[Run],
+    chained: &Chained,
+    smoothed: &Smoothed,
+) -> Vec<ContactEstimate> {
+    let problem = &chained.problem;
     let mut estimates: Vec<ContactEstimate> = samples.iter().map(without_contact).collect();
     for seen in runs.iter().flatten() {
         estimates[seen.row].status = Status::NoZero;
     }
-    let smoothed = smoothed.unwrap_or_default();
-    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, &smoothed) };
+    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, smoothed) };
     for (i, linear) in smoothed.linear.iter().enumerate() {
         if let Some((run, index)) = chained.place[i] {
             let seen = &runs[run][index];
@@ -172,17 +229,13 @@ fn report(
             estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
         }
     }
-    let variance = if smoothed.linear.is_empty() { f64::INFINITY } else { smoothed.solution.shared_variance };
-    let (mu, mu_sigma) = coefficient(problem.shared_rad, variance, &options.friction);
-    Sweep {
-        estimates,
-        mu,
-        mu_sigma,
-        jumps,
-        chi2: smoothed.chi2,
-        contacts: runs.iter().map(Vec::len).sum(),
-        iterations: smoothed.iterations,
-    }
+    estimates
+}
+
+/// χ² above which a record contradicts itself: five standard deviations, and never below that of few degrees of freedom.
+fn chi2_limit(degrees_of_freedom: usize) -> f64 {
+    let expected = degrees_of_freedom as f64;
+    expected + 5.0 * (2.0 * expected).sqrt() + 10.0
 }
 
 /// μ = tan φ and its standard deviation.
@@ -211,9 +264,9 @@ pub(crate) fn estimate(
     let misfit = node.deviation(z).norm_squared();
     let status = match &contact {
         None => Status::NoZero,
-        Some(c) if LOW_FORCE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
+        Some(c) if MOST_ALONG_SHARE * with.rod.length_m < c.s_sigma_m => Status::LowForce,
         Some(_) if INCONSISTENT < misfit => Status::Inconsistent,
-        Some(c) if with.rod.length_m + 3.0 * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
+        Some(c) if with.rod.length_m + GATE_SIGMAS * c.s_sigma_m < c.s_m && node.role != Role::Tip => {
             Status::BeyondTip
         }
         Some(_) => Status::Ok,

@@ -10,6 +10,9 @@ use resight_whisker::{HubContact, HubLoad, Rod};
 
 type Five = SVector<f64, 5>;
 
+/// A contact as something is changed by the number given.
+type Move<'a> = &'a dyn Fn(f64) -> Result<Five, NoZero>;
+
 fn rod(ei_n_m2: f64, per_m: f64) -> Rod {
     Rod {
         length_m: 3.0,
@@ -171,8 +174,7 @@ fn by_rod_matches_central_difference() {
                 Five::from([x.x, x.y, v[2] + by, v[3], v[4]])
             })
         };
-        let moves: [(&dyn Fn(f64) -> Result<Five, NoZero>, f64); 3] =
-            [(&stiffer, 1.0), (&bent, 1.0 / length), (&turned, 1.0)];
+        let moves: [(Move, f64); 3] = [(&stiffer, 1.0), (&bent, 1.0 / length), (&turned, 1.0)];
         for (column, (moved, scale)) in moves.into_iter().enumerate() {
             let Some(scale) = gentle(scale, &by_rod.column(column).into_owned(), &size(&at)) else {
                 continue;

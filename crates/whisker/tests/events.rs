@@ -87,9 +87,13 @@ fn touches_and_slip_offs_of_the_records() {
         }
         let seen: Vec<_> = found
             .iter()
-            .filter(|event| event.kind != EventKind::TipReached)
+            .filter(|event| !matches!(event.kind, EventKind::TipReached | EventKind::Leap))
             .map(|event| (event.index, event.kind))
             .collect();
+        let leaps: Vec<_> = found.iter().filter(|e| e.kind == EventKind::Leap).map(|e| e.index).collect();
+        println!("{}: leaps {leaps:?}", set.name);
+        // Only squares have a second corner to leap to.
+        assert!(set.name.contains("square") || leaps.is_empty(), "{}: {leaps:?}", set.name);
         println!("{}: {seen:?}", set.name);
         assert_eq!(seen.len(), expected.len(), "{}: {expected:?}", set.name);
         for ((index, kind), (true_index, true_kind)) in seen.iter().zip(&expected) {
@@ -166,8 +170,11 @@ fn labels_of_the_records() {
         );
         // The peg is 3 mm round: near a corner for contacts that err by a millimetre.
         let is_peg = set.name == SETS[5];
-        assert!(count("corner", corner) >= 12 * count("corner", tangent), "{}", set.name);
-        assert!(is_peg || count("tan", tangent) >= 12 * count("tan", corner), "{}", set.name);
+        // Three sigmas of radius: at most one in a hundred is wrong, and three in five corners are told.
+        let corners = set.truth.iter().filter(|truth| truth.mode.starts_with("corner")).count();
+        assert!(100 * count("corner", tangent) <= corners, "{}", set.name);
+        assert!(5 * count("corner", corner) >= 3 * corners, "{}", set.name);
+        assert!(is_peg || 100 * count("tan", corner) <= count("tan", tangent), "{}", set.name);
     }
 }
 
@@ -239,6 +246,7 @@ fn faults_are_found_or_carried() {
 fn right_records_are_consistent() {
     let Some(sets) = sets() else { return };
     let (mut alarms, mut chance) = (0, Chance(13));
+    let (mut hub_chi2, mut hub_tests) = (0.0, 0.0);
     for set in &sets {
         for _ in 0..10 {
             let samples = chance.record(&set.clean, &set.cell);
@@ -246,10 +254,18 @@ fn right_records_are_consistent() {
             let verdict = consistency(&set.rod, &set.cell, &samples, &record, true, Method::Auto)
                 .expect("enough contacts");
             alarms += i32::from(verdict.is_inconsistent);
+            let of_hub = |fault| matches!(fault, Fault::HubAhead | Fault::HubAside | Fault::HubAngle);
+            for suspicion in verdict.suspicions.iter().filter(|suspicion| of_hub(suspicion.fault)) {
+                hub_chi2 += suspicion.chi2;
+                hub_tests += 1.0;
+            }
             if verdict.is_inconsistent {
                 println!("{}: {:?} p {:.1e}", set.name, verdict.suspicions[0], verdict.p_value);
             }
         }
     }
     assert!(alarms <= 1, "{alarms}");
+    println!("hub faults: mean chi2 {:.2} of {hub_tests}", hub_chi2 / hub_tests);
+    // Only the overlaps of outlines know the hub. 60 records, three faults that look alike: 1 ± 0.18.
+    assert!((0.5..1.5).contains(&(hub_chi2 / hub_tests)));
 }

@@ -5,7 +5,7 @@ mod real_support;
 use nalgebra::{Matrix3, Vector2};
 use resight_whisker::calibrate::{Calibration, Covariance, Gravity, Parameter, Values};
 use resight_whisker::estimate::{Mode, Status};
-use resight_whisker::events::Change;
+use resight_whisker::events::{Change, Label};
 use resight_whisker::files::contacts::{self, ContactRow, Figures, RowStatus, Side};
 use resight_whisker::files::hub::{Conventions, read_hub, write_hub};
 use resight_whisker::files::node::Node;
@@ -24,8 +24,11 @@ fn published_whisker_files_are_understood() {
         assert_eq!((&file.rod, &file.cell), (&set.rod, &set.cell), "{}", set.name);
         assert!(file.warnings.is_empty(), "{:?}", file.warnings);
         let rows = std::fs::read_to_string(root.join(set.name).join("measured_noisy.csv")).expect("readings");
-        let read: Vec<Sample> =
-            read_hub(&rows, file.conventions).expect("rows").into_iter().map(|r| r.reading.expect("whole")).collect();
+        let read: Vec<Sample> = read_hub(&rows, file.conventions)
+            .expect("rows")
+            .into_iter()
+            .map(|r| r.reading.expect("whole"))
+            .collect();
         assert_eq!(read, set.noisy, "{}", set.name);
     }
 }
@@ -74,6 +77,7 @@ fn contact(theta_is_known: bool) -> ContactRow {
         side: Some(Side::Left),
         branch: 1,
         other_s_m: vec![0.11, 0.125],
+        feature: Some(Label::Corner),
         event: Change::SlipOff,
         note: "a \"note\", with a comma".to_string(),
         ..ContactRow::blank(2, 9, None, RowStatus::Read(Status::BeyondTip))
@@ -143,15 +147,22 @@ fn a_calibration_is_written_and_read_back_whole() {
 #[test]
 fn profiles_and_tapers_are_understood() {
     let read = |inside: &str| whisker::read(&format!("{{\"whisker\": {{\"length_m\": 0.2, {inside}}}}}"));
-    let taper = read(r#""youngs_modulus_Pa": 2e11, "diameter_base_m": 0.001, "diameter_tip_m": 0.0005"#).expect("a taper");
+    let taper = read(r#""youngs_modulus_Pa": 2e11, "diameter_base_m": 0.001, "diameter_tip_m": 0.0005"#)
+        .expect("a taper");
     let ei = 2e11 * std::f64::consts::PI * 1e-12 / 64.0;
     let Stiffness::Taper { ei_base_n_m2, taper: tau } = taper.rod.stiffness else { panic!("{taper:?}") };
     assert!((ei_base_n_m2 / ei - 1.0).abs() < 1e-14 && tau == 0.5);
     assert_eq!(taper.rod.diameters_m, [0.001, 0.0005]);
     assert_eq!(taper.warnings.len(), 1, "noise was assumed, which is said: {:?}", taper.warnings);
 
-    let table = read(r#""EI_profile": {"s_m": [0, 0.1, 0.2], "EI_Nm2": [3, 2, 1]}, "intrinsic_curvature_1_per_m": 0.5"#).expect("a table");
-    assert_eq!(table.rod.stiffness, Stiffness::Profile { s_m: vec![0.0, 0.1, 0.2], ei_n_m2: vec![3.0, 2.0, 1.0] });
+    let table = read(
+        r#""EI_profile": {"s_m": [0, 0.1, 0.2], "EI_Nm2": [3, 2, 1]}, "intrinsic_curvature_1_per_m": 0.5"#,
+    )
+    .expect("a table");
+    assert_eq!(
+        table.rod.stiffness,
+        Stiffness::Profile { s_m: vec![0.0, 0.1, 0.2], ei_n_m2: vec![3.0, 2.0, 1.0] }
+    );
     assert_eq!(table.rod.intrinsic_curvature, IntrinsicCurvature::Constant { per_m: 0.5 });
     let differs = read(r#""EI_Nm2": 0.01, "youngs_modulus_Pa": 2e11, "diameter_m": 0.002"#).expect("a rod");
     assert!(differs.warnings.iter().any(|w| w.contains("the stated EI is used")), "{:?}", differs.warnings);

@@ -1,145 +1,199 @@
-//! Simulated trials.
+//! Identification of simulated objects: how often the class is right, how far off the sizes are, whether the covariance says so.
+//! Objects at random places and orientations, with and without friction, felt by a load cell of 1/320 N and 1/64 N·mm whose
+//! readings are rounded; friction estimated from the same contacts unless said otherwise.
+
 mod identify_support;
 
 use identify_support::{Chance, How, felt, object, readings};
-use resight_whisker::Shape;
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Verdict, identify};
+use resight_whisker::{Sample, Shape};
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-fn errors(found: &Identification, truth: &Shape) -> Vec<(&'static str, f64, f64)> {
-    let value = |name: &str| found.parameters.iter().find(|p| p.name == name).map(|p| (p.value, p.sigma)).unwrap_or((f64::NAN, f64::NAN));
-    let e = |name: &'static str, truth: f64| { let (v, s) = value(name); (name, v - truth, s) };
-    let turn = |a: f64, period: f64| a - period * (a / period).round();
-    let pi = std::f64::consts::PI;
-    match truth {
-        Shape::Circle { centre_m, radius_m } => vec![e("centre_x_m", centre_m.x), e("centre_y_m", centre_m.y), e("radius_m", *radius_m)],
-        Shape::Ellipse { centre_m, semi_axes_m, angle_rad } => {
-            let (_, a, s) = e("angle_rad", *angle_rad);
-            vec![e("centre_x_m", centre_m.x), e("centre_y_m", centre_m.y), e("semi_axis_a_m", semi_axes_m[0]), e("semi_axis_b_m", semi_axes_m[1]), ("angle_rad", turn(a, pi), s)]
+/// Right, wrong, undecided.
+#[derive(Debug, Default, Clone, Copy)]
+struct Tally {
+    right: u32,
+    wrong: u32,
+    undecided: u32,
+}
+
+impl Tally {
+    fn note(&mut self, class: Class, found: &Identification, truth: &Shape) {
+        match found.verdict {
+            Verdict::Is(told) if told == class => self.right += 1,
+            Verdict::Is(told) => {
+                println!("{truth:?} was called {told:?}");
+                self.wrong += 1;
+            }
+            Verdict::InsufficientCoverage => self.undecided += 1,
         }
-        Shape::Rectangle { centre_m, sides_m, angle_rad } if sides_m[0] == sides_m[1] => {
-            let (_, a, s) = e("angle_rad", *angle_rad);
-            vec![e("centre_x_m", centre_m.x), e("centre_y_m", centre_m.y), e("side_m", sides_m[0]), ("angle_rad", turn(a, 0.5 * pi), s)]
-        }
-        Shape::Rectangle { centre_m, sides_m, angle_rad } => {
-            let (_, a, s) = e("angle_rad", *angle_rad);
-            vec![e("centre_x_m", centre_m.x), e("centre_y_m", centre_m.y), e("side_a_m", sides_m[0]), e("side_b_m", sides_m[1]), ("angle_rad", turn(a, pi), s)]
-        }
-        Shape::Polygon { .. } => vec![],
+    }
+
+    fn all(&self) -> u32 {
+        self.right + self.wrong + self.undecided
     }
 }
 
+/// Sums of squared errors and of squared errors in standard deviations, by parameter.
+#[derive(Debug, Default)]
+struct Errors(BTreeMap<String, (f64, f64, u32)>);
+
+impl Errors {
+    fn note(&mut self, class: Class, found: &Identification, truth: &Shape) {
+        for parameter in &found.parameters {
+            let Some(error) = true_value(truth, &parameter.name).map(|truth| parameter.value - truth) else {
+                continue;
+            };
+            let period = if class == Class::Square { FRAC_PI_2 } else { PI };
+            let error =
+                if parameter.unit == "rad" { error - period * (error / period).round() } else { error };
+            let sums = self.0.entry(format!("{class:?} {}", parameter.name)).or_default();
+            *sums = (sums.0 + error * error, sums.1 + (error / parameter.sigma).powi(2), sums.2 + 1);
+        }
+    }
+
+    fn each(&self) -> impl Iterator<Item = (&str, f64, f64)> {
+        self.0.iter().map(|(name, (e2, z2, n))| {
+            let n = f64::from(*n);
+            (name.as_str(), (e2 / n).sqrt(), z2 / n)
+        })
+    }
+
+    fn print(&self) {
+        for (name, rms, nees) in self.each() {
+            println!("  {name}: rms {rms:.2e}, mean squared error / variance {nees:.2}");
+        }
+    }
+}
+
+fn true_value(truth: &Shape, name: &str) -> Option<f64> {
+    let (centre, sizes, angle) = match truth {
+        Shape::Circle { centre_m, radius_m } => (centre_m, [*radius_m; 2], 0.0),
+        Shape::Ellipse { centre_m, semi_axes_m, angle_rad } => (centre_m, *semi_axes_m, *angle_rad),
+        Shape::Rectangle { centre_m, sides_m, angle_rad } => (centre_m, *sides_m, *angle_rad),
+        Shape::Polygon { .. } => return None,
+    };
+    Some(match name {
+        "centre_x_m" => centre.x,
+        "centre_y_m" => centre.y,
+        "radius_m" | "side_m" | "side_a_m" | "semi_axis_a_m" => sizes[0],
+        "side_b_m" | "semi_axis_b_m" => sizes[1],
+        _ => angle,
+    })
+}
+
+/// Objects of a class, every other one with friction.
+fn trials(class: Class, n: u32, seed: u64, mut each: impl FnMut(u64, &Shape, f64, &[Vec<Sample>])) {
+    let mut chance = Chance(seed);
+    for trial in 0..n {
+        let truth = object(class, &mut chance);
+        let mu = if trial % 2 == 0 { 0.0 } else { 0.3 };
+        let sweeps = readings(&truth, mu).expect("an object within reach");
+        each(seed + 1000 * u64::from(trial), &truth, mu, &sweeps);
+    }
+}
+
+fn answer(samples: &[Sample], how: How, seed: u64) -> Identification {
+    identify(&felt(samples, how, seed), &Config::default()).expect("a sound configuration")
+}
+
+/// Bars: 99 % right of 500, radius, side and axes to 0.1 mm, angle to 0.15° (rms). Squares that stand within some 5° of upright show
+/// their far side only to contacts too light to say where they are; they make up the rest, and are left undecided.
 #[test]
-fn trials() {
-    let n: u32 = std::env::var("TRIALS").ok().and_then(|t| t.parse().ok()).unwrap_or(3);
-    let verbose = std::env::var_os("VERBOSE").is_some();
-    let mut chance = Chance(1);
-    let config = Config::default();
+fn three_sweeps_identify_five_hundred_objects() {
+    let (mut tally, mut errors) = (Tally::default(), Errors::default());
+    for (class, n) in [(Class::Circle, 150), (Class::Ellipse, 150), (Class::Square, 200)] {
+        trials(class, n, 11, |seed, truth, _, sweeps| {
+            let found = answer(&sweeps.concat(), How::Constrained(Mu::Auto), seed);
+            tally.note(class, &found, truth);
+            if found.verdict == Verdict::Is(class) {
+                errors.note(class, &found, truth);
+            }
+        });
+    }
+    println!("{tally:?}");
+    errors.print();
+    assert_eq!(tally.all(), 500);
+    assert!(495 <= tally.right && tally.wrong == 0, "{tally:?}");
+    for (name, rms, _) in errors.each() {
+        let bar = if name.ends_with("rad") { 0.15_f64.to_radians() } else { 1e-4 };
+        assert!(rms < bar, "{name}: {rms:e}");
+    }
+}
+
+/// No bar was set for these; a rectangle's far side is known as a square's is, and no symmetry tells it from the near one.
+#[test]
+fn three_sweeps_identify_rectangles_and_polygons() {
+    let (mut tally, mut errors) = (Tally::default(), Errors::default());
+    for class in [Class::Rectangle, Class::Polygon] {
+        trials(class, 60, 13, |seed, truth, _, sweeps| {
+            let found = answer(&sweeps.concat(), How::Constrained(Mu::Auto), seed);
+            tally.note(class, &found, truth);
+            if found.verdict == Verdict::Is(class) {
+                errors.note(class, &found, truth);
+            }
+        });
+    }
+    println!("{tally:?}");
+    errors.print();
+    assert!(116 <= tally.right && tally.wrong == 0, "{tally:?}");
+}
+
+/// Bar: at most 1 % wrong.
+#[test]
+fn one_sweep_is_never_called_something_else() {
+    let mut wrong = Tally::default();
     for class in [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon] {
-        for mu in [0.0, 0.3] {
-            let begin = std::time::Instant::now();
-            let how = match std::env::var("HOW").as_deref() { Ok("raw") => How::Raw, Ok("known") => How::Constrained(Mu::Known(mu)), _ => How::Constrained(Mu::Auto) };
-            let (mut sim, mut ident) = (0.0, 0.0);
-            let mut tally = [[0_u32; 3]; 4];
-            let mut sums: Vec<(&str, f64, f64, f64, f64)> = Vec::new();
-            let mut failed = 0;
-            for trial in 0..n {
-                let truth = object(class, &mut chance);
-                let t0 = std::time::Instant::now();
-                let sweeps = match readings(&truth, mu) { Ok(s) => s, Err(e) => { if verbose { println!("   sim: {e}"); } failed += 1; continue } };
-                sim += t0.elapsed().as_secs_f64();
-                for (k, which) in [&[0, 1, 2][..], &[0], &[1], &[2]].iter().enumerate() {
-                    let samples: Vec<_> = which.iter().flat_map(|i: &usize| sweeps[*i].clone()).collect();
-                    let touches = felt(&samples, how, u64::from(trial) * 7 + k as u64);
-                    let t0 = std::time::Instant::now();
-                    let found = identify(&touches, &config).unwrap();
-                    ident += t0.elapsed().as_secs_f64();
-                    let outcome = match found.verdict { Verdict::Is(c) if c == class => 0, Verdict::Is(_) => 1, _ => 2 };
-                    tally[k][outcome] += 1;
-                    if verbose && (outcome == 1 || k == 0 && outcome != 0) {
-                        println!("   {class:?} mu {mu} trial {trial} sweeps {which:?}: {:?} {:?} {:?}", found.verdict, found.reason, truth);
-                        for s in found.scores.iter().take(6) { println!("        {:?} chi2 {:.1} {:.2} out {} bic {:.1}", s.model, s.chi2, s.chi2_per_dof, s.n_outliers, s.bic); }
-                        println!("        {:?}", found.shape);
-                    }
-                    if k == 0 && outcome == 0 {
-                        for (i, (name, error, sigma)) in errors(&found, &truth).into_iter().enumerate() {
-                            if sums.len() <= i { sums.push((name, 0.0, 0.0, 0.0, 0.0)); }
-                            sums[i].1 += error * error; sums[i].2 += (error / sigma).powi(2); sums[i].3 = error.abs().max(sums[i].3); sums[i].4 += error;
-                        }
-                    }
-                }
+        let mut tallies = [Tally::default(); 3];
+        trials(class, 40, 17, |seed, truth, _, sweeps| {
+            for (tally, sweep) in tallies.iter_mut().zip(sweeps) {
+                let found = answer(sweep, How::Constrained(Mu::Auto), seed);
+                tally.note(class, &found, truth);
+                wrong.note(class, &found, truth);
             }
-            println!("{class:?} mu {mu}: right/wrong/insufficient 3 sweeps {:?} singles {:?}, sim failed {failed}; {:.1} s (sim {sim:.1}, identify {ident:.2})", tally[0], &tally[1..], begin.elapsed().as_secs_f64());
-            let right = f64::from(tally[0][0].max(1));
-            for (name, e2, z2, worst, mean) in &sums { print!("   {name} rms {:.1e} mean {:.1e} worst {worst:.1e} nees {:.2}", (e2 / right).sqrt(), mean / right, z2 / right); }
-            println!();
-        }
+        });
+        println!("{class:?}: {tallies:?}");
     }
+    println!("{wrong:?}");
+    assert_eq!(wrong.all(), 600);
+    assert!(wrong.wrong <= 6, "{wrong:?}");
 }
 
+/// Without constraints, contacts at the tip near the change of mode are taken for tangents now and then.
 #[test]
-fn one() {
-    let truth = Shape::Rectangle { centre_m: nalgebra::Vector2::new(0.007020108265241748, 0.1569501062015527), sides_m: [0.0628953617578095, 0.04480467581259727], angle_rad: 0.023935961741480882 };
-    for c in truth.corners_m() { println!("corner {:.5} {:.5}", c.x, c.y); }
-    let sweeps = readings(&truth, 0.0).unwrap();
-    let samples: Vec<_> = sweeps[1].clone();
-    let touches = felt(&samples, How::Constrained(Mu::Auto), 12 * 7 + 2);
-    let found = identify(&touches, &Config::default()).unwrap();
-    for (t, u) in touches.iter().zip(&found.uses) {
-        let c = &t.covariance;
-        let tt = nalgebra::Vector2::new(t.theta_rad.cos(), t.theta_rad.sin());
-        let along = (tt.transpose() * c.fixed_view::<2,2>(0,0) * tt)[0].sqrt();
-        println!("{} {:?} {:?} {:?} x {:.5} {:.5} th {:.2} side {} along {:.5} sth {:.5}", t.sweep, u, t.status, t.mode, t.x_in_world.x, t.x_in_world.y, t.theta_rad.to_degrees(), t.side, along, c[(2,2)].sqrt());
+fn raw_contacts_identify_too() {
+    let mut tally = Tally::default();
+    for class in [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle] {
+        trials(class, 30, 19, |seed, truth, _, sweeps| {
+            tally.note(class, &answer(&sweeps.concat(), How::Raw, seed), truth);
+        });
     }
-    println!("{found:#?}");
+    println!("{tally:?}");
+    assert!(115 <= tally.right && tally.wrong <= 1, "{tally:?}");
 }
 
+/// The mean squared error in standard deviations of a calibrated estimate is 1; of 60 it scatters by √(2/60) = 0.18. Bounds wider by
+/// what the floors of eq. (2) take and what is left of the bias of section 3. Friction is known here: estimated, its error is common to all
+/// contacts, which no covariance of single contacts can say (section 6 of the derivation).
 #[test]
-fn bias() {
-    use resight_whisker::contact::Method;
-    use resight_whisker::friction::{Mu, solve_record};
-    use resight_whisker::simulate::{Spacing, add_noise, standard_sweeps, sweep};
-    let object = Shape::Circle { centre_m: nalgebra::Vector2::new(0.0, 0.16), radius_m: 0.025 };
-    let (rod, cell) = (identify_support::rod(), identify_support::cell());
-    for raw in [false, true] {
-    for k in 0..3 {
-        let rec = sweep(&rod, &object, 0.0, k as u32, &standard_sweeps()[k], &Spacing::default()).unwrap();
-        let clean: Vec<_> = rec.samples.iter().map(|s| s.sample).collect();
-        let n = clean.len();
-        let mut acc = vec![[0.0_f64; 17]; n];
-        for seed in 0..100 {
-            let noisy = add_noise(&clean, &cell, seed);
-            let est = if raw { noisy.iter().map(|s| resight_whisker::estimate::estimate(&rod, &cell, s, Method::Auto)).collect() } else { solve_record(&rod, &cell, &noisy, Mu::Auto, Method::Auto).unwrap().estimates };
-            for i in 0..n {
-                let (Some(c), Some(t)) = (&est[i].contact, &rec.samples[i].truth) else { continue };
-                if est[i].mode != resight_whisker::estimate::Mode::Mid { continue; }
-                let tt = nalgebra::Vector2::new(t.theta_rad.cos(), t.theta_rad.sin());
-                let nn = nalgebra::Vector2::new(-tt.y, tt.x);
-                let d = c.x_in_world - t.x_in_world;
-                let dth = c.theta_rad - t.theta_rad;
-                let y = nalgebra::Vector3::new(d.x, d.y, dth);
-                let nh = nalgebra::Vector2::new(-c.theta_rad.sin(), c.theta_rad.cos());
-                let line = nh.dot(&c.x_in_world) - (nh.dot(&t.x_in_world) + (-nh.dot(&nn) * -0.0));
-                let cov = c.covariance + nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1e-12,1e-12,1e-10));
-                let inv = cov.try_inverse().unwrap();
-                let along2 = (tt.transpose()*c.covariance.fixed_view::<2,2>(0,0)*tt)[0];
-                let mut ds = [0.0; 4];
-                for (j, (l1, l2)) in [(20.0, 20.0), (10.0, 10.0), (5.0, 20.0), (5.0, 5.0)].into_iter().enumerate() {
-                    let p = 1e-10 + (along2 / l1) * (along2 / l1);
-                    let q = 4e-8 + along2 / l2 / l2;
-                    let c2 = c.covariance + nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(p, p, q));
-                    ds[j] = (y.transpose() * c2.try_inverse().unwrap() * y)[0];
+fn covariance_matches_the_errors() {
+    for how in [How::Raw, How::Constrained(Mu::Known(0.0))] {
+        let mut errors = Errors::default();
+        for class in [Class::Circle, Class::Ellipse, Class::Square] {
+            trials(class, 60, 23, |seed, truth, mu, sweeps| {
+                let how = if how == How::Raw { how } else { How::Constrained(Mu::Known(mu)) };
+                let found = answer(&sweeps.concat(), how, seed);
+                if found.verdict == Verdict::Is(class) {
+                    errors.note(class, &found, truth);
                 }
-                let v = [1.0, d.dot(&tt), d.dot(&nn), dth, d.dot(&nn).powi(2), (nh.transpose()*c.covariance.fixed_view::<2,2>(0,0)*nh)[0], line, line*line, (y.transpose()*inv*y)[0], dth*dth, c.covariance[(2,2)], d.dot(&tt).powi(2), ds[0], ds[1], ds[2], ds[3], along2];
-                for j in 0..17 { acc[i][j] += v[j]; }
-            }
+            });
         }
-        println!("raw {raw} sweep {k}");
-        for i in (0..40).step_by(2) {
-            let m = acc[i][0];
-            if m < 20.0 { continue; }
-            let a: Vec<f64> = acc[i].iter().map(|v| v / m).collect();
-            println!(" {i} n {m} F {:.3}: mean along {:.2e} sd {:.1e} normal {:.2e} ± {:.1e} theta {:.2e} ± {:.1e}; sd normal {:.2e} claimed {:.2e}; D {:.2}; sd th {:.2e} claimed {:.2e} DDDD {:.2} {:.2} {:.2} {:.2} al {:.4}", clean[i].load.force_n().norm(), a[1], a[11].sqrt(), a[2], (a[4]/m).sqrt(), a[3], (a[9]/m).sqrt(), a[4].sqrt(), a[5].sqrt(), a[8], a[9].sqrt(), a[10].sqrt(), a[12], a[13], a[14], a[15], a[16].sqrt());
+        println!("{how:?}");
+        errors.print();
+        for (name, _, nees) in errors.each() {
+            assert!((0.3..2.0).contains(&nees), "{how:?} {name}: {nees}");
         }
-    }}
+    }
 }

@@ -2,10 +2,10 @@
 
 mod real_support;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Matrix3, Vector2};
 use real_support::{Set, Truth, sets};
-use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Status, estimate};
+use resight_whisker::contact::{Method, contact_with_derivatives};
+use resight_whisker::estimate::{Contact, Status, estimate};
 use resight_whisker::{Cell, HubLoad, PlanarPose, Sample};
 
 /// Below this the place along the whisker is worth little, and figures would be those of the first few samples of each touch.
@@ -23,17 +23,14 @@ struct Sums {
 
 impl Sums {
     fn add(&mut self, set: &Set, true_load: &Sample, seen: &Sample, truth: &Truth) {
-        let bound =
-            estimate(&set.rod, &set.cell, true_load, Method::Auto).contact.expect("a contact").covariance;
+        let bound = bound(set, true_load);
         self.count += 1.0;
         self.bound_m2 += bound[(0, 0)] + bound[(1, 1)];
         let found = estimate(&set.rod, &set.cell, seen, Method::Auto);
         self.not_ok += f64::from(found.status != Status::Ok);
         let contact = found.contact.expect("a contact");
-        let error = contact.x_in_world - Vector2::new(truth.x_m, truth.y_m);
-        let covariance: Matrix2<f64> = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
-        self.squared_m2 += error.norm_squared();
-        self.nees += error.dot(&(covariance.try_inverse().expect("a covariance") * error));
+        self.squared_m2 += (contact.x_in_world - Vector2::new(truth.x_m, truth.y_m)).norm_squared();
+        self.nees += nees(&contact, truth);
     }
 
     fn join(&mut self, other: &Sums) {
@@ -59,6 +56,13 @@ impl Sums {
             self.not_ok
         );
     }
+}
+
+/// The Cramér–Rao bound of `[x, y, θ]`: the covariance to first order at the true load.
+fn bound(set: &Set, true_load: &Sample) -> Matrix3<f64> {
+    let (at, by_load) = contact_with_derivatives(&set.rod, &true_load.load, Method::Auto).expect("a contact");
+    let in_hub = by_load * set.cell.load_covariance() * by_load.transpose();
+    Contact::in_world(true_load, &set.cell.hub_covariance(), &at, &in_hub).covariance
 }
 
 fn strong(truth: &Truth) -> bool {
@@ -109,6 +113,42 @@ fn noise_drawn_anew_is_borne_as_the_bound_says() {
     let nees = pooled.nees / pooled.count;
     assert!((1.9..2.1).contains(&nees), "{nees}");
     assert!(pooled.over_bound() < 1.03, "{}", pooled.over_bound());
+}
+
+/// Down to the lightest touches: what is called ok is as near as its covariance says on average, by the force that was seen. (By the true
+/// force it could not be: one below the gate passes only with an error that makes it look larger.) Its far errors are more frequent than
+/// normal ones, for weak forces spread the contact along a bow: seen 1.3 % and 0.9 % below 0.06 N and 0.1 N where 0.01 % would be normal.
+#[test]
+fn what_is_called_ok_is_as_near_as_it_says() {
+    let Some(sets) = sets() else { return };
+    let mut dice = Dice(0x0C0DE);
+    let bounds_n = [0.06, 0.1, 0.2, f64::INFINITY];
+    let mut bins = [(0.0, 0.0, 0.0); 4];
+    for set in &sets {
+        for (clean, truth) in set.clean.iter().zip(&set.truth).filter(|(_, truth)| truth.contact) {
+            for _ in 0..50 {
+                let seen = dice.noisy(&set.cell, clean);
+                let found = estimate(&set.rod, &set.cell, &seen, Method::Auto);
+                let (Status::Ok, Some(contact)) = (found.status, found.contact) else { continue };
+                let nees = nees(&contact, truth);
+                let force = seen.load.force_n().norm();
+                let bin = &mut bins[bounds_n.iter().position(|bound| force < *bound).expect("a bin")];
+                *bin = (bin.0 + 1.0, bin.1 + nees, bin.2 + f64::from(18.4 < nees));
+            }
+        }
+    }
+    for ((count, nees, far), bound) in bins.into_iter().zip(bounds_n) {
+        println!("below {bound} N: {count} called ok, NEES {:.3}, far {:.5}", nees / count, far / count);
+        assert!(500.0 < count && (1.7..2.5).contains(&(nees / count)), "below {bound} N: {}", nees / count);
+        assert!(far / count < 0.02, "below {bound} N: {}", far / count);
+    }
+}
+
+/// Squared error of place over its covariance, 2 degrees of freedom.
+fn nees(contact: &Contact, truth: &Truth) -> f64 {
+    let error = contact.x_in_world - Vector2::new(truth.x_m, truth.y_m);
+    let covariance: Matrix2<f64> = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    error.dot(&(covariance.try_inverse().expect("a covariance") * error))
 }
 
 /// A seeded generator, splitmix64, and normal numbers from it.
@@ -182,14 +222,8 @@ fn recorded_rows_are_judged_soberly() {
             counts[found.status as usize] += 1;
             free_wrong += usize::from(!truth.contact && found.status != Status::NoContact);
             if let (true, Status::Ok, Some(contact)) = (truth.contact, found.status, found.contact) {
-                let covariance: Matrix2<f64> = contact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
-                let error = contact.x_in_world - Vector2::new(truth.x_m, truth.y_m);
-                // χ² of 2 degrees of freedom above 18.4: once in 10,000.
-                let nees = error.dot(&(covariance.try_inverse().expect("regular") * error));
-                far += usize::from(18.4 < nees);
-                if 18.4 < nees {
-                    println!("{} {} {nees} {truth:?} {contact:?}", noisy.sweep, noisy.sample);
-                }
+                // χ² of 2 degrees of freedom above 18.4: once in 10,000, or 1 in 100 of weak forces.
+                far += usize::from(18.4 < nees(&contact, truth));
             }
         }
         println!(

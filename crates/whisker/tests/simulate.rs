@@ -130,8 +130,9 @@ fn forces_at_the_touch_are_far_below_the_instruments() {
     for set in &sets {
         for both in both(set) {
             let force = both.record.samples[20].sample.load.force_n().norm();
-            // The deepest cut in the files is 25 µm: 3 EI d/s³ = 1.3e-4 N.
-            assert!(force < 0.1 * set.cell.force_step_n, "{}: {force}", set.name);
+            println!("{}: {force:.1e} N", set.name);
+            // The deepest cut in the files is 25 µm at s = 0.154 m: 3 EI d/s³ = 2.0e-4 N; the instruments' step is 3e-3 N.
+            assert!(force < 2.1e-4, "{}: {force}", set.name);
         }
     }
 }

@@ -5,6 +5,7 @@ mod real_support;
 use nalgebra::{Matrix2, Vector2};
 use real_support::{Set, Truth, sets};
 use resight_whisker::estimate::{ContactEstimate, Mode, Status};
+use resight_whisker::rod::Stiffness;
 use resight_whisker::sweep::fixed_lag::FixedLag;
 use resight_whisker::sweep::{Friction, Options, Sweep, smooth};
 use resight_whisker::{Cell, Sample};
@@ -151,7 +152,7 @@ fn recorded_sweeps_are_within_a_quarter_millimetre() {
             sweep.mu_sigma,
             sweep.jumps,
             sweep.chi2,
-            3 * sweep.contacts,
+            sweep.degrees_of_freedom,
             sweep.iterations
         );
         println!("    {}", errors.line());
@@ -162,6 +163,7 @@ fn recorded_sweeps_are_within_a_quarter_millimetre() {
             println!("    sweep {number}: {}", Errors::of(&estimates, &truth).line());
         }
         let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
+        assert!(sweep.consistent, "{}", set.name);
         assert_eq!(errors.missing, 0, "{}", set.name);
         assert!(errors.rms_mm() < bar_mm, "{}: {}", set.name, errors.line());
         assert!(errors.median_mm() < 0.12, "{}: {}", set.name, errors.line());
@@ -179,7 +181,8 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
         gaussian.hub_angle_sigma_rad = set.cell.hub_angle_step_rad / 12.0_f64.sqrt();
         gaussian.hub_angle_step_rad = 0.0;
         for (name, cell) in [("as recorded", set.cell), ("Gaussian hub", gaussian)] {
-            let (mut pooled, mut mu_nees, mut mu_worst, mut jumps) = (Errors::default(), 0.0, 0.0_f64, 0);
+            let (mut pooled, mut mu_nees, mut mu_worst) = (Errors::default(), 0.0, 0.0_f64);
+            let (mut jumps, mut inconsistent) = (0, 0);
             for seed in 1..=20 {
                 let sweep = smooth(&set.rod, &cell, &noised(&set.clean, &cell, seed), &Options::default())
                     .expect("a smoothed record");
@@ -187,6 +190,7 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
                 mu_nees += (off / sweep.mu_sigma).powi(2) / 20.0;
                 mu_worst = mu_worst.max(off.abs());
                 jumps += sweep.jumps.len();
+                inconsistent += usize::from(!sweep.consistent);
                 pooled.add(Errors::of(&sweep.estimates, &set.truth));
             }
             println!("{} {name}: {}", set.name, pooled.line());
@@ -197,6 +201,13 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
             let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
             assert!(pooled.rms_mm() < bar_mm, "{} {name}: {}", set.name, pooled.line());
             assert!(pooled.median_mm() < 0.12, "{} {name}: {}", set.name, pooled.line());
+            assert_eq!(pooled.missing, 0, "{} {name}", set.name);
+            assert_eq!(inconsistent, 0, "{} {name}", set.name);
+            assert!(jumps <= 1, "{} {name}: {jumps} jumps where there are none", set.name);
+            assert!(mu_worst < 0.002 && mu_nees < 2.0, "{} {name}: mu {mu_worst} {mu_nees}", set.name);
+            // χ²₂ has mean 2. Successive roundings of a slowly turning hub are not independent: up to 3.
+            let limit = if name == "as recorded" { 3.2 } else { 2.2 };
+            assert!((0.9..limit).contains(&mean(&pooled.nees)), "{} {name}: {}", set.name, pooled.line());
         }
     }
 }
@@ -220,14 +231,15 @@ fn rows_that_are_no_numbers_are_told_not_dropped() {
     assert!(sweep.estimates.iter().all(numbers));
 }
 
-/// A negative coefficient and a load cell without noise are refused by name.
+/// A negative coefficient and a noise that is no number are refused by name.
 #[test]
 fn impossible_instruments_are_refused() {
     let rod = resight_whisker::Rod::uniform(0.25, 0.01).expect("a rod");
     let cell = Cell { force_sigma_n: 1e-3, torque_sigma_n_m: 1e-5, ..Cell::default() };
     let negative = Options { friction: Friction::Given { mu: -0.1 }, ..Options::default() };
     assert!(smooth(&rod, &cell, &[], &negative).is_err());
-    assert!(smooth(&rod, &Cell::default(), &[], &Options::default()).is_err());
+    let noise = Cell { force_sigma_n: f64::INFINITY, ..cell };
+    assert!(smooth(&rod, &noise, &[], &Options::default()).is_err());
     assert!(smooth(&rod, &cell, &[], &Options::default()).is_ok_and(|sweep| sweep.estimates.is_empty()));
 }
 
@@ -254,12 +266,100 @@ fn the_fixed_lag_smoother_settles_every_row_within_the_bar() {
             let late: Vec<_> = late.into_iter().map(|s| s.estimate).collect();
             filtered.add(Errors::of(&now, &set.truth));
             settled.add(Errors::of(&late, &set.truth));
-            if 0.004 < (mu - true_mu(set)).abs() {
-                println!("{} {seed} mu {mu}", set.name);
-            }
+            assert!((mu - true_mu(set)).abs() < 0.002, "{}: mu {mu}", set.name);
         }
         println!("{} filtered: {}", set.name, filtered.line());
         println!("    settled: {}", settled.line());
-        assert!(settled.rms_mm() < 0.5, "{}: {}", set.name, settled.line());
+        let bar_mm = if true_mu(set) == 0.0 { 0.25 } else { 0.30 };
+        assert!(settled.rms_mm() < bar_mm, "{}: {}", set.name, settled.line());
+    }
+}
+
+/// The same hub motion over a circle and over a square, the first half of one joined to the second half of the other: the
+/// contact leaps from one object to another without letting go.
+#[test]
+fn a_leap_to_another_object_is_found_and_survived() {
+    let Some(sets) = sets() else { return };
+    let (circle, square) = (&sets[2], &sets[0]);
+    let rows = |set: &Set| (0..set.truth.len()).filter(|&i| set.clean[i].sweep == 2).collect::<Vec<_>>();
+    let (circle_rows, square_rows) = (rows(circle), rows(square));
+    for seed in 1..=5 {
+        let noisy = |set: &Set| noised(&set.clean, &set.cell, seed);
+        let (on_circle, on_square) = (noisy(circle), noisy(square));
+        let (mut samples, mut truth) = (Vec::new(), Vec::new());
+        for k in 0..75 {
+            samples.push(on_circle[circle_rows[k]]);
+            truth.push(circle.truth[circle_rows[k]].clone());
+        }
+        // The next hub angle, where the square is bent past its first corner.
+        for k in 75..square_rows.len() {
+            samples.push(on_square[square_rows[k]]);
+            truth.push(square.truth[square_rows[k]].clone());
+        }
+        let sweep = smooth(&circle.rod, &circle.cell, &samples, &Options::default()).expect("a sweep");
+        let errors = Errors::of(&sweep.estimates, &truth);
+        println!("leap, seed {seed}: jumps {:?}, {}", sweep.jumps, errors.line());
+        assert_eq!(sweep.jumps.iter().map(|jump| jump.after_row).collect::<Vec<_>>(), [74]);
+        assert!(errors.rms_mm() < 0.3, "{}", errors.line());
+    }
+}
+
+/// Stiffness or force gain off by 1 %: friction would have to be negative, the contact to leap again and again by next to
+/// nothing. Told of 22 of 24 records; both that are not have the thin peg alone, where a whisker too soft by 1 % looks like a
+/// friction of 0.008. No false alarm without a fault: the other tests demand it.
+#[test]
+fn a_wrong_stiffness_or_gain_is_told() {
+    let Some(sets) = sets() else { return };
+    let mut told = Vec::new();
+    for set in &sets {
+        for (fault, ratio) in
+            [("force gain", 1.01), ("force gain", 0.99), ("stiffness", 1.01), ("stiffness", 0.99)]
+        {
+            let (mut rod, mut samples) = (set.rod.clone(), set.noisy.clone());
+            if fault == "force gain" {
+                for sample in &mut samples {
+                    sample.load.fx_n *= ratio;
+                    sample.load.fy_n *= ratio;
+                }
+            } else {
+                match &mut rod.stiffness {
+                    Stiffness::Uniform { ei_n_m2 } => *ei_n_m2 *= ratio,
+                    Stiffness::Taper { ei_base_n_m2, .. } => *ei_base_n_m2 *= ratio,
+                    Stiffness::Profile { .. } => unreachable!("no set has a profile"),
+                }
+            }
+            let sweep = smooth(&rod, &set.cell, &samples, &Options::default()).expect("a smoothed record");
+            println!(
+                "{} {fault} {ratio}: χ² {:.0}/{}, mu {:.4} ± {:.4}, {} jumps: {}",
+                set.name,
+                sweep.chi2,
+                sweep.degrees_of_freedom,
+                sweep.mu,
+                sweep.mu_sigma,
+                sweep.jumps.len(),
+                if sweep.consistent { "not told" } else { "told" }
+            );
+            told.push(!sweep.consistent);
+        }
+    }
+    assert!(22 <= told.iter().filter(|told| **told).count(), "{told:?}");
+}
+
+/// A record without noise, from a load cell that claims to be exact: what bends the outline between contacts, |Δ| times the
+/// turn, is all that is left, and on these objects far below a micrometre.
+#[test]
+fn a_record_without_noise_stays_exact() {
+    let Some(sets) = sets() else { return };
+    for set in &sets {
+        let sweep = smooth(&set.rod, &Cell::default(), &set.clean, &Options::default()).expect("a sweep");
+        let errors = Errors::of(&sweep.estimates, &set.truth);
+        println!(
+            "{}: μ off by {:.1e}, rms {:.1e} m",
+            set.name,
+            sweep.mu - true_mu(set),
+            1e-3 * errors.rms_mm()
+        );
+        assert!(errors.rms_mm() < 1e-3 && errors.missing == 0, "{}: {}", set.name, errors.line());
+        assert!((sweep.mu - true_mu(set)).abs() < 1e-6, "{}: mu {}", set.name, sweep.mu);
     }
 }

@@ -1,6 +1,6 @@
 """Writes crates/whisker/tests/contact_tables/{straight,curved}.csv: contacts to 50 digits, by Legendre's integrals of mpmath.
 
-The classical forms of docs/math/whisker_contact.md, eqs. (51)-(53): no symmetric integral, no duplication, no addition theorem.
+The classical forms of docs/math/whisker_contact.md, eqs. (43), (44): no symmetric integral, no duplication, no addition theorem.
 `whisker_contact.py` compares rows of it with a Taylor integration of the elastica. Needs mpmath.
 """
 

@@ -27,7 +27,11 @@ pub struct Chart {
 
 impl Chart {
     /// Shows all of `points` (world, metres) with a margin; none where there is no finite one.
-    pub fn around(corner: Vector2<f64>, side_px: f64, points: impl Iterator<Item = Vector2<f64>>) -> Option<Self> {
+    pub fn around(
+        corner: Vector2<f64>,
+        side_px: f64,
+        points: impl Iterator<Item = Vector2<f64>>,
+    ) -> Option<Self> {
         let none = Vector2::repeat(f64::INFINITY);
         let finite = points.filter(|p| p.iter().all(|x| x.is_finite()));
         let (least, most) = finite.fold((none, -none), |(a, b), p| (a.inf(&p), b.sup(&p)));
@@ -86,7 +90,14 @@ impl Chart {
     }
 
     /// A line through world points, cut at the frame.
-    pub fn line(&self, drawing: &mut Drawing, points_m: &[Vector2<f64>], color: Color, width: f64, opacity: f64) {
+    pub fn line(
+        &self,
+        drawing: &mut Drawing,
+        points_m: &[Vector2<f64>],
+        color: Color,
+        width: f64,
+        opacity: f64,
+    ) {
         let path: Path = points_m.iter().map(|p| self.at(p)).collect();
         self.cut_line(drawing, &path, color, width, opacity);
     }
@@ -167,7 +178,11 @@ fn flush(drawing: &mut Drawing, part: &mut Path, color: Color, width: f64, opaci
 fn number(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");
-    if text.trim_start_matches('-').chars().all(|c| "0.".contains(c)) { text.trim_start_matches('-').to_string() } else { text }
+    if text.trim_start_matches('-').chars().all(|c| "0.".contains(c)) {
+        text.trim_start_matches('-').to_string()
+    } else {
+        text
+    }
 }
 
 #[cfg(test)]
@@ -192,7 +207,13 @@ mod tests {
     #[test]
     fn what_leaves_the_frame_is_cut_at_it() {
         let (chart, mut drawing) = (chart(), Drawing::new(200, 200));
-        chart.line(&mut drawing, &[Vector2::new(-9.0, 0.2), Vector2::new(0.5, 0.2), Vector2::new(9.0, 0.2)], INK, 1.0, 1.0);
+        chart.line(
+            &mut drawing,
+            &[Vector2::new(-9.0, 0.2), Vector2::new(0.5, 0.2), Vector2::new(9.0, 0.2)],
+            INK,
+            1.0,
+            1.0,
+        );
         chart.line(&mut drawing, &[Vector2::new(-9.0, 9.0), Vector2::new(9.0, 9.0)], INK, 1.0, 1.0);
         let [Item::Line { path, .. }] = &drawing.items[..] else { panic!("{:?}", drawing.items) };
         assert!(path.iter().all(|p| 10.0 - 1e-9 <= p.x && p.x <= 110.0 + 1e-9));

@@ -374,3 +374,114 @@ pub fn corrected(sample: &Sample, correction: &Observed) -> Sample {
     moved.world_from_hub.angle_rad += correction[5];
     moved
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::HubLoad;
+    use crate::calibrate::Object;
+
+    /// A load without friction at 0.4 N, beside objects of every kind.
+    fn sample() -> Sample {
+        let load = HubLoad { fx_n: -0.2496, fy_n: 0.35, mz_n_m: 0.07 };
+        let world_from_hub = crate::PlanarPose { x_m: 0.02, y_m: -0.01, angle_rad: 1.4 };
+        Sample { load, world_from_hub, ..Sample::default() }
+    }
+
+    fn shapes() -> [Shape; 4] {
+        let centre_m = Vector2::new(0.05, 0.15);
+        [
+            Shape::Circle { centre_m, radius_m: 0.025 },
+            Shape::Ellipse { centre_m, semi_axes_m: [0.05, 0.02], angle_rad: 0.3 },
+            Shape::Rectangle { centre_m, sides_m: [0.06, 0.05], angle_rad: 0.4 },
+            Shape::Polygon {
+                corners_m: vec![Vector2::new(0.1, 0.1), Vector2::new(0.12, 0.2), Vector2::new(0.03, 0.17)],
+            },
+        ]
+    }
+
+    fn state(objects: usize) -> State {
+        let mut values = Values::zeros();
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = 1e-3 * (i as f64 + 1.0);
+        }
+        State {
+            values,
+            object: DVector::from_fn(objects, |i, _| 1e-3 * (i as f64 + 1.0)),
+            turns_rad: DVector::zeros(0),
+        }
+    }
+
+    /// Central differences of step 1e-6 err by 1e-10 of the values, which are of order 0.1 over units of 0.01.
+    fn close(seen: f64, expected: f64) -> bool {
+        (seen - expected).abs() < 1e-6 * (1.0 + expected.abs())
+    }
+
+    fn slope(value: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
+        const STEP: f64 = 1e-6;
+        value(STEP).iter().zip(value(-STEP)).map(|(plus, minus)| (plus - minus) / (2.0 * STEP)).collect()
+    }
+
+    #[test]
+    fn gradients_match_central_differences() {
+        let rod = Rod { diameters_m: [1e-3, 1e-3], ..Rod::uniform(0.25, 9.8e-3).expect("a rod") };
+        let gravity = Gravity { direction_rad: -1.2, lever_m: 0.12 };
+        for shape in shapes() {
+            let outline = Outline::of(&Object::KnownClass(shape)).expect("an outline");
+            let setting = Setting {
+                rod: &rod,
+                gravity: Some(&gravity),
+                outline: Some(&outline),
+                method: Method::Auto,
+                curvature_is_free: true,
+            };
+            let state = state(outline.count());
+            for (role, outlined) in
+                [(Role::Mid, Outlined::Supports), (Role::Mid, Outlined::OnFace(1)), (Role::Tip, Outlined::On)]
+            {
+                if outlined == Outlined::OnFace(1) && outline.is_smooth() {
+                    continue;
+                }
+                check(setting, &state, &Plan { role, outlined, stretch: None });
+            }
+        }
+    }
+
+    fn check(setting: Setting, state: &State, plan: &Plan) {
+        let values = |state: &State, sample: &Sample| -> Vec<f64> {
+            let rows = Posed::new(setting, state).contact(sample, plan).expect("a contact");
+            rows.iter().map(|row| row.value).collect()
+        };
+        let rows = Posed::new(setting, state).contact(&sample(), plan).expect("a contact");
+        let compare = |what: &str, i: usize, slopes: Vec<f64>, pick: &dyn Fn(&Constraint) -> f64| {
+            for (k, (row, slope)) in rows.iter().zip(slopes).enumerate() {
+                assert!(close(pick(row), slope), "{what} {i} of row {k} {plan:?}: {} {slope}", pick(row));
+            }
+        };
+        // The weight's direction follows the angle read; of the hub's angle that share is left out, a weight's milliradians.
+        for i in 0..5 {
+            let moved = |by: f64| {
+                let mut correction = Observed::zeros();
+                correction[i] = by;
+                values(state, &corrected(&sample(), &correction))
+            };
+            compare("observed", i, slope(moved), &|row| row.by_observed[i]);
+        }
+        for i in 0..COUNT {
+            let moved = |by: f64| {
+                let mut state = state.clone();
+                state.values[i] += by;
+                values(&state, &sample())
+            };
+            compare("parameter", i, slope(moved), &|row| row.by_parameters[i]);
+        }
+        for i in 0..state.object.len() {
+            let moved = |by: f64| {
+                let mut state = state.clone();
+                state.object[i] += by;
+                values(&state, &sample())
+            };
+            compare("object", i, slope(moved), &|row| row.by_object[i]);
+        }
+    }
+}

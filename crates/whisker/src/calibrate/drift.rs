@@ -8,6 +8,7 @@
 
 use super::constraints::{Outlined, Plan, Posed, Setting, State};
 use super::fit::{Noise, projected};
+use super::job::median_friction_rad;
 use super::parameters::{Covariance, Parameter, Values};
 use super::stretches::observed_noise;
 use super::{Calibrated, roles};
@@ -164,10 +165,14 @@ pub enum Watch {
 #[derive(Debug, Clone)]
 pub struct DriftMonitor {
     reference: Calibrated,
+    cell: Cell,
     noise: Noise,
     options: DriftOptions,
     window: Vec<Sample>,
 }
+
+/// By how much friction may differ from window to window without its contacts being taken for tip contacts, σ in radians.
+const FRICTION_CHANGE_RAD: f64 = 0.1;
 
 /// Fewer usable samples in a window say nothing.
 const LEAST_SEEN: usize = 20;
@@ -182,6 +187,7 @@ impl DriftMonitor {
         }
         Ok(DriftMonitor {
             reference: reference.clone(),
+            cell: *cell,
             noise: observed_noise(cell),
             options: options.clone(),
             window: Vec::with_capacity(options.window),
@@ -202,19 +208,16 @@ impl DriftMonitor {
         let calibration = &self.reference.calibration;
         let free: Vec<(Parameter, f64)> =
             self.reference.priors.free().into_iter().map(|p| (p, self.reference.priors.sigma(p))).collect();
-        let state = State::at(calibration.values);
-        let posed = Posed::new(
-            Setting {
-                rod: &calibration.nominal_rod,
-                gravity: calibration.gravity.as_ref(),
-                outline: None,
-                method: Method::Auto,
-                curvature_is_free: free.iter().any(|(p, _)| *p == Parameter::Curvature),
-            },
-            &state,
-        );
-        // A change must not be taken for a change of role: roles are assigned as for a rig that has only its priors.
-        let assigned = roles::assign(&posed, &self.reference.priors.covariance(), &self.noise.moving, window);
+        let setting = Setting {
+            rod: &calibration.nominal_rod,
+            gravity: calibration.gravity.as_ref(),
+            outline: None,
+            method: Method::Auto,
+            curvature_is_free: free.iter().any(|(p, _)| *p == Parameter::Curvature),
+        };
+        let state = State::at(self.with_friction_of(window, setting));
+        let posed = Posed::new(setting, &state);
+        let assigned = roles::assign(&posed, &self.roles_covariance(), &self.noise.moving, window);
         let mut information = DMatrix::zeros(free.len(), free.len());
         let mut gradient = DVector::zeros(free.len());
         let mut seen = 0;
@@ -240,6 +243,29 @@ impl DriftMonitor {
         }
         let drift = self.tested(&free, information, &gradient);
         if drift.has_drifted { Watch::Drifted(drift) } else { Watch::Steady(drift) }
+    }
+
+    /// The reference; where friction may change, with the friction of this window, so that what is linearised is small.
+    fn with_friction_of(&self, window: &[Sample], setting: Setting) -> Values {
+        let mut values = self.reference.calibration.values;
+        if self.options.loose.contains(&Parameter::FrictionAngle) {
+            let state = State::at(values);
+            let posed = Posed::new(setting, &state);
+            if let Some(angle) = median_friction_rad(&posed, setting.rod.length_m, &self.cell, window) {
+                values[Parameter::FrictionAngle.index()] = angle;
+            }
+        }
+        values
+    }
+
+    /// A change must not be taken for a change of role, nor for an outlier: roles are assigned as for a rig that may be off by a tenth
+    /// of what it could be when new, and its friction by a tenth of a radian.
+    fn roles_covariance(&self) -> Covariance {
+        let friction = Parameter::FrictionAngle.index();
+        let mut covariance =
+            self.reference.calibration.covariance + self.reference.priors.covariance() * 0.01;
+        covariance[(friction, friction)] += FRICTION_CHANGE_RAD * FRICTION_CHANGE_RAD;
+        covariance
     }
 
     /// The window's own estimate of the change against that of the reference.

@@ -199,7 +199,17 @@ impl Layout {
 /// None where the sample has no contact.
 pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> Option<Vec<Constraint>> {
     let noise = noise.of(plan);
-    let sample = &posed.turned(sample, plan);
+    let (rows, correction) = settled(posed, &posed.turned(sample, plan), plan, noise)?;
+    whitened(rows, &correction, noise)
+}
+
+/// The constraints at the corrected reading, and the correction: eq. (12).
+fn settled(
+    posed: &Posed,
+    sample: &Sample,
+    plan: &Plan,
+    noise: &Matrix6<f64>,
+) -> Option<(Vec<Constraint>, Observed)> {
     let mut correction = Observed::zeros();
     let mut rows = constraints(posed, sample, plan)?;
     for _ in 0..PROJECTIONS {
@@ -211,7 +221,7 @@ pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> 
             break;
         }
     }
-    whitened(rows, &correction, noise)
+    Some((rows, correction))
 }
 
 fn constraints(posed: &Posed, sample: &Sample, plan: &Plan) -> Option<Vec<Constraint>> {
@@ -265,4 +275,52 @@ fn to_dynamic<const N: usize>(row: &RowSVector<f64, N>) -> DVector<f64> {
 fn scaled(moved: &Observed, noise: &Matrix6<f64>) -> f64 {
     let sigmas: SVector<f64, 6> = SMatrix::diagonal(noise).map(f64::sqrt);
     moved.iter().zip(sigmas.iter()).filter(|(_, s)| 0.0 < **s).map(|(v, s)| (v / s).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::Object;
+    use crate::calibrate::constraints::Outlined;
+    use crate::calibrate::outline::Outline;
+    use crate::contact::Method;
+    use crate::{HubLoad, Rod, Shape};
+    use nalgebra::Vector2;
+
+    /// The corrected reading fulfils every equation, and what the correction costs is what the fit counts: eq. (13).
+    #[test]
+    fn corrections_fulfil_the_equations_at_the_cost_counted() {
+        let rod = Rod::uniform(0.25, 9.8e-3).expect("a rod");
+        let circle = Shape::Circle { centre_m: Vector2::new(0.09, 0.14), radius_m: 0.025 };
+        let outline = Outline::of(&Object::Known(circle)).expect("an outline");
+        let setting = Setting {
+            rod: &rod,
+            gravity: None,
+            outline: Some(&outline),
+            method: Method::Auto,
+            curvature_is_free: false,
+        };
+        let state = State::at(Values::zeros());
+        let posed = Posed::new(setting, &state);
+        // Coarse instruments, so that corrections are large enough for the curvature of the constraints to count.
+        let noise = Matrix6::from_diagonal(&nalgebra::Vector6::new(4e-4, 4e-4, 1e-8, 1e-4, 1e-4, 1e-4));
+        let load = HubLoad { fx_n: -0.22, fy_n: 0.36, mz_n_m: 0.068 };
+        let mut sample = Sample { load, ..Sample::default() };
+        sample.world_from_hub.angle_rad = 1.4;
+        for (role, outlined) in
+            [(Role::Mid, Outlined::Supports), (Role::Mid, Outlined::Not), (Role::Tip, Outlined::Not)]
+        {
+            let plan = Plan { role, outlined, stretch: None };
+            let (rows, correction) = settled(&posed, &sample, &plan, &noise).expect("a contact");
+            assert!(
+                rows.iter().all(|row| row.value.abs() < 1e-9),
+                "{:?}",
+                rows.iter().map(|r| r.value).collect::<Vec<_>>()
+            );
+            let whitened = whitened(rows, &correction, &noise).expect("a covariance");
+            let counted: f64 = whitened.iter().map(|row| row.value * row.value).sum();
+            let cost = correction.dot(&(noise.try_inverse().expect("a covariance") * correction));
+            assert!((counted / cost - 1.0).abs() < 1e-4 && 0.5 < cost, "{counted} {cost}");
+        }
+    }
 }

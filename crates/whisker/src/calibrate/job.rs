@@ -23,6 +23,33 @@ const GATINGS: usize = 4;
 /// its correction need not settle (at 8 σ, offsets on a peg came out with twice the scatter they claimed, at 30 σ as claimed).
 const OUTLINE_FORCE_SIGMAS: f64 = 30.0;
 
+/// A fit, and what every sample was taken for in it.
+pub struct Outcome {
+    /// The fit.
+    pub fitted: Fitted,
+    /// The roles.
+    pub roles: Vec<Role>,
+    /// How many contacts the object contradicts, so that they were left out.
+    pub contradicted: usize,
+}
+
+impl Outcome {
+    /// Probability that a record which keeps the model fits as badly.
+    pub fn p_value(&self) -> f64 {
+        tail(self.fitted.degrees_of_freedom, self.fitted.chi2)
+    }
+
+    /// Whether it fits, and the object explains all but a few of the contacts.
+    pub fn is_consistent(&self, false_alarm_rate: f64) -> bool {
+        let kept = self.roles.iter().filter(|role| matches!(role, Role::Mid | Role::Tip)).count();
+        let contacts = (kept + self.contradicted) as f64;
+        false_alarm_rate <= self.p_value() && self.contradicted as f64 <= CONTRADICTED * contacts
+    }
+}
+
+/// An object that contradicts more than this share of the contacts is not the object.
+const CONTRADICTED: f64 = 0.05;
+
 /// A calibration under way.
 pub struct Job<'a> {
     /// The rod as given.
@@ -119,7 +146,7 @@ impl<'a> Job<'a> {
     }
 
     /// Roles and parameters from what holds for every object.
-    pub fn without_object(&self) -> Result<(Fitted, Vec<Role>), Error> {
+    pub fn without_object(&self) -> Result<Outcome, Error> {
         let mut state = State::at(self.centre);
         let first = self.priors.with(
             Parameter::FrictionAngle,
@@ -140,7 +167,7 @@ impl<'a> Job<'a> {
         let fitted = self.fit(None, &roles, &state, false)?;
         let roles = self.roles(&fitted.state, &fitted.covariance);
         let fitted = self.fit(None, &roles, &fitted.state, false)?;
-        Ok((fitted, roles))
+        Ok(Outcome { fitted, roles, contradicted: 0 })
     }
 
     /// From the fit `before`, with an object besides.
@@ -148,8 +175,9 @@ impl<'a> Job<'a> {
         &self,
         outline: &Outline,
         before: &Fitted,
-        mut roles: Vec<Role>,
-    ) -> Result<(Fitted, Vec<Role>), Error> {
+        before_roles: &[Role],
+    ) -> Result<Outcome, Error> {
+        let mut roles = before_roles.to_vec();
         let object = DVector::zeros(outline.count());
         let turns_rad =
             DVector::zeros(self.stretches.iter().map(|stretch| stretch.unknown + 1).max().unwrap_or(0));
@@ -164,7 +192,8 @@ impl<'a> Job<'a> {
                 break;
             }
         }
-        Ok((fitted, roles))
+        let contradicted = roles.iter().zip(before_roles).filter(|(now, before)| now != before).count();
+        Ok(Outcome { fitted, roles, contradicted })
     }
 
     /// Leaves out contacts whose equations miss by more than the gate of roles does.
@@ -186,14 +215,10 @@ impl<'a> Job<'a> {
     }
 
     /// What the fit says.
-    pub fn answer(
-        &self,
-        fitted: Fitted,
-        roles: Vec<Role>,
-        object: &Object,
-        outline: Option<&Outline>,
-    ) -> Calibrated {
-        let p_value = tail(fitted.degrees_of_freedom, fitted.chi2);
+    pub fn answer(&self, outcome: Outcome, object: &Object, outline: Option<&Outline>) -> Calibrated {
+        let is_consistent = outcome.is_consistent(self.options.false_alarm_rate);
+        let p_value = outcome.p_value();
+        let Outcome { fitted, roles, contradicted } = outcome;
         Calibrated {
             undetermined: undetermined::undetermined(&fitted.covariance, &self.priors, object),
             held: Parameter::ALL.into_iter().filter(|p| self.priors.sigma(*p) == 0.0).collect(),
@@ -203,7 +228,8 @@ impl<'a> Job<'a> {
             chi2: fitted.chi2,
             degrees_of_freedom: fitted.degrees_of_freedom,
             p_value,
-            is_consistent: self.options.false_alarm_rate <= p_value,
+            contradicted,
+            is_consistent,
             roles,
             priors: self.priors,
             calibration: self.calibration(&fitted),
@@ -242,6 +268,7 @@ fn start(rod: &Rod, cell: &Cell, samples: &[Sample], options: &Options) -> Value
     values
 }
 
+/// Without contacts that are surely not at the tip: none.
 fn median_friction(rod: &Rod, cell: &Cell, samples: &[Sample], values: &Values, options: &Options) -> f64 {
     let state = State::at(*values);
     let setting = Setting {
@@ -251,14 +278,18 @@ fn median_friction(rod: &Rod, cell: &Cell, samples: &[Sample], values: &Values, 
         method: options.method,
         curvature_is_free: false,
     };
-    let posed = Posed::new(setting, &state);
+    median_friction_rad(&Posed::new(setting, &state), rod.length_m, cell, samples).unwrap_or(0.0)
+}
+
+/// The median friction angle of the contacts of 20 σ and more within 0.9 of the whisker's length, radians.
+pub fn median_friction_rad(posed: &Posed, length_m: f64, cell: &Cell, samples: &[Sample]) -> Option<f64> {
     let least_force = 20.0 * cell.load_covariance()[(0, 0)].sqrt();
     let mut angles: Vec<f64> = samples
         .iter()
         .filter_map(|sample| posed.touched(sample))
-        .filter(|t| least_force < t.meant.load.force_n().norm() && t.at.s_m < 0.9 * rod.length_m)
+        .filter(|t| least_force < t.meant.load.force_n().norm() && t.at.s_m < 0.9 * length_m)
         .map(|t| t.at.friction_angle_rad)
         .collect();
     angles.sort_by(f64::total_cmp);
-    angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+    angles.get(angles.len() / 2).copied()
 }

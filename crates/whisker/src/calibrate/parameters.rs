@@ -156,11 +156,10 @@ impl Priors {
 
     /// Refuses what is no standard deviation.
     pub fn check(&self) -> Result<(), Error> {
-        let bad = self.0.iter().find(|sigma| !(sigma.is_finite() && 0.0 <= **sigma));
-        match bad {
-            Some(seen) => {
-                Err(Error::NotPositive { what: "a calibration's prior standard deviation", seen: *seen })
-            }
+        let what = "a calibration's prior standard deviation";
+        match self.0.iter().find(|sigma| !(sigma.is_finite() && 0.0 <= **sigma)) {
+            Some(seen) if seen.is_finite() => Err(Error::Negative { what, seen: *seen }),
+            Some(_) => Err(Error::NotFinite { what }),
             None => Ok(()),
         }
     }

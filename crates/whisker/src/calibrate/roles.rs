@@ -143,7 +143,7 @@ fn guarded(roles: &[Role], misfits: &[Misfit]) -> Vec<Role> {
     (0..roles.len())
         .map(|i| {
             let leave = match roles[i] {
-                Role::Free => near(i, GUARD_SAMPLES, &|r| r != Role::Free),
+                Role::Free => near(i, GUARD_SAMPLES, &|r| matches!(r, Role::Mid | Role::Tip)),
                 Role::Mid => {
                     misfits[i].is_light || misfits[i].tip < AMBIGUOUS && near(i, 2, &|r| r == Role::Tip)
                 }

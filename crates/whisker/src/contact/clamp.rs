@@ -39,7 +39,7 @@ pub(super) struct Arc {
 }
 
 impl Clamp {
-    /// Eq. (5), (6).
+    /// Eq. (5), (6), with the mirror.
     pub fn of(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad) -> Result<Self, NoZero> {
         if !load.is_finite() {
             return Err(NoZero::NotFinite);
@@ -86,7 +86,7 @@ impl Clamp {
         if at.is_finite() { Ok(at) } else { Err(NoZero::NotFinite) }
     }
 
-    /// Eq. (16)–(18): from the derivatives of `[u, a, β_c, friction angle]` (rows) by `[c, β₀, ρ]` to those of a contact by the load. ρ scales c and
+    /// Eq. (24): from the derivatives of `[u, a, β_c, friction angle]` (rows) by `[c, β₀, ρ]` to those of a contact by the load. ρ scales c and
     /// z alike, which is what the force does.
     pub fn by_load(&self, ei_n_m2: f64, arc: &Arc, partials: &Matrix4x3<f64>) -> Result<ByLoad, NoZero> {
         let Clamp { force_n: force, lambda_per_m: lambda, cos_beta, sin_beta, .. } = *self;

@@ -50,7 +50,7 @@ impl Bent {
         Ok(Bent { clamp, k2, complement2, k: k2.sqrt(), complement: complement2.sqrt() })
     }
 
-    /// `(u, G)` by one duplication with signed roots and Carlson's integrals, eq. (13), (14).
+    /// `(u, G)` by one duplication with signed roots and Carlson's integrals, eq. (15), (16), (20).
     fn integrals(&self) -> (f64, f64) {
         let (Clamp { g, h, c, .. }, k, complement) = (self.clamp, self.k, self.complement);
         // (cs, ds, ns) u, each times c.
@@ -67,7 +67,7 @@ impl Bent {
         (2.0 * c * f, c * c * c * (2.0 / 3.0 * d + 1.0 / (ds * y)))
     }
 
-    /// Eq. (8), (12).
+    /// Eq. (10), (11), (13), (14).
     fn arc(&self, u: f64, big_g: f64) -> Arc {
         let Bent { clamp: Clamp { g, h, c, .. }, k2, complement2, k, complement } = *self;
         // sin θ/2 = k h − g k′, its cancelling form replaced.
@@ -84,7 +84,7 @@ impl Bent {
         }
     }
 
-    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (19)–(21).
+    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (21)–(23).
     fn partials(&self, u: f64, big_g: f64) -> Matrix4x3<f64> {
         let Bent { clamp: Clamp { g, h, c, .. }, k2, complement2, k, complement } = *self;
         let q = u - complement2 * big_g;

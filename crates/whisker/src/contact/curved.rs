@@ -27,7 +27,7 @@ pub fn contact_with_derivatives(
     zero_with_derivatives(ei_n_m2, curvature_per_m, load, 0)
 }
 
-/// The zero of the moment after `later` others, also of a straight whisker (κ₀ = 0) and beyond any length; eq. (42).
+/// The zero of the moment after `later` others, also of a straight whisker (κ₀ = 0) and beyond any length; eq. (32).
 pub fn zero(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad, later: usize) -> Result<HubContact, NoZero> {
     let bent = Bent::of(Clamp::of(ei_n_m2, curvature_per_m, load)?)?;
     bent.clamp.contact(&bent.reach(later).arc())
@@ -92,7 +92,7 @@ impl Bent {
         self.clamp.m * (self.clamp.c + self.clamp.z)
     }
 
-    /// The angle turned from clamp to first contact, eq. (38).
+    /// The angle turned from clamp to first contact, eq. (31).
     fn turned(&self) -> f64 {
         let (from, to) = (self.start(), self.end);
         let (one, other) = (to.g * from.h, from.g * to.h);
@@ -103,7 +103,7 @@ impl Bent {
         }
     }
 
-    /// `(u, P)` between two states of this elastica, eq. (33)–(37).
+    /// `(u, P)` between two states of this elastica, eq. (25)–(27).
     fn between(&self, from: &State, to: &State) -> (f64, f64) {
         let Bent { k2, complement2, .. } = *self;
         let below = to.c * to.c + (to.g * from.h) * (to.g * from.h);
@@ -168,7 +168,7 @@ impl Reach {
         }
     }
 
-    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (39)–(41).
+    /// Derivatives of `[u, a, β_c, friction angle]` by `[c, β₀, ρ]`, eq. (33)–(35).
     fn partials(&self) -> Matrix4x3<f64> {
         let Bent { clamp: Clamp { g, h, c, z, .. }, k2, complement2, .. } = self.bent;
         let State { g: g_c, h: h_c, .. } = self.end;
@@ -196,7 +196,7 @@ impl Reach {
     }
 }
 
-/// Where κ first falls to κ₀, eq. (34): a pendulum that swings (k < 1) or turns over.
+/// Where κ first falls to κ₀, eq. (8), (30): a pendulum that swings (k < 1) or turns over.
 fn first_zero(clamp: &Clamp, swings: bool) -> Result<State, NoZero> {
     let Clamp { g, h, m, c, z, .. } = *clamp;
     let lift = m * (c + z);

@@ -2,7 +2,7 @@
 //!
 //! Rows: the friction and tip residual of every sample; the outline of one sweep where another has the same normals. Faults: gains, zeros, angles and offsets, each by the score of the rows along its
 //! derivative. One fault explains a record better than noise: the record is inconsistent, and so is every contact that the fault
-//! would have moved by more than its own uncertainty. docs/math/whisker_events.md eqs. (15)–(19).
+//! would have moved by more than its own uncertainty. docs/math/whisker_events.md eqs. (16)–(19).
 
 mod fault;
 mod rows;

@@ -4,7 +4,7 @@
 //!   E₁,₂ = x(l, hub) − X(α(l, hub)) = 0, X the outline's point of normal α      E₃ = G(l) = 0 (friction, or s = L)      ∂E/∂l singular: no equilibrium beyond
 //! ```
 //!
-//! docs/math/whisker_events.md eqs. (8)–(10).
+//! docs/math/whisker_events.md eqs. (9)–(11).
 
 use super::outline::{Arc, by_load_of, turn_of_force};
 use crate::contact::{Method, contact_with_derivatives};

@@ -4,7 +4,7 @@
 //!   x(α) = p + ∫ (ρ₀ + ρ₁ a) t(α₀ + a) da, a = 0 … α − α₀     n(α) outward normal, t = dn/dα, ρ = 0: a corner
 //! ```
 //!
-//! docs/math/whisker_events.md eqs. (4)–(7).
+//! docs/math/whisker_events.md eqs. (4)–(8).
 
 use crate::estimate::Mode;
 use crate::friction::Projection;
@@ -204,7 +204,7 @@ impl LocalOutline {
         }
     }
 
-    /// A straight face under the last contacts: normals and offsets all the same while the contacts move along it, eq. (7a). None where
+    /// A straight face under the last contacts: normals and offsets all the same while the contacts move along it, eq. (8). None where
     /// fewer than four contacts agree to one, or where they stay in one place.
     pub fn flat_of_last(points: &[OutlinePoint], most: usize) -> Option<Self> {
         let mut count = points.len().min(most);

@@ -2,7 +2,7 @@
 //!
 //! The arc under the last contacts and the hub's motion are continued; the equilibrium is followed along it, between clamp and tip,
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
-//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (10)–(13).
+//! so that its square is extrapolated to zero, docs/math/whisker_events.md eqs. (9)–(14).
 
 use super::equilibrium::{Equilibrium, Problem};
 use super::outline::{Arc, CIRCLE, LocalOutline, OutlinePoint, PRIOR_SLOPE_M_PER_RAD};
@@ -214,10 +214,9 @@ impl Ahead<'_> {
         }
         let at_tip = problem(Constraint::Tip);
         let steps_to_tip = Some(reached.steps);
-        // Where the determinant changes its sign with the constraint, the branch at the tip leads back: the fold is here, eq. (11).
-        let at_tip_now = at_tip
-            .solve(&self.hub_after(reached.steps), &reached.now.load)
-            .filter(|now| 0.0 < now.determinant() * reached.now.determinant());
+        // Where the determinant changes its sign with the constraint, the branch at the tip leads back in the hub's travel, and forward every
+        // load is inadmissible: the fold is here, eq. (11).
+        let at_tip_now = at_tip.solve(&self.hub_after(reached.steps), &reached.now.load);
         let Some(now) = at_tip_now else {
             return Some(Path { stability, steps_to_tip, end: Some((reached.steps, End::Fold)) });
         };

@@ -19,6 +19,8 @@ pub enum EventKind {
     Release,
     /// The whisker slipped off.
     SlipOff,
+    /// The contact is suddenly elsewhere on the whisker: it went over to another corner, or a second contact came or went.
+    Leap,
     /// No single contact explains the load, though the samples before were explained.
     SeveralContacts,
 }
@@ -43,6 +45,7 @@ pub fn events(cell: &Cell, samples: &[Sample], record: &Record) -> Vec<Event> {
     let mut detector = TouchDetector::new(cell);
     let mut events = Vec::new();
     let (mut was_tip, mut was_several) = (false, false);
+    let mut way = Way::default();
     for (index, sample) in samples.iter().enumerate() {
         let estimate = &record.estimates[index];
         let kind = match detector.push(sample) {
@@ -61,9 +64,58 @@ pub fn events(cell: &Cell, samples: &[Sample], record: &Record) -> Vec<Event> {
         if is_several && !was_several {
             events.push(Event { index, kind: EventKind::SeveralContacts });
         }
+        if way.leaps(sample, estimate, detector.is_touching()) {
+            events.push(Event { index, kind: EventKind::Leap });
+        }
         (was_tip, was_several) = (is_tip, is_several);
     }
     events
+}
+
+/// A leap is this many sigmas of both arc lengths: one pair of right samples in two million.
+const LEAP_SIGMAS: f64 = 5.0;
+/// And this many times the longest of the steps before: a contact that runs along a face does not leap.
+const LEAP_STEPS: f64 = 3.0;
+/// And this share of the last arc length: a small leap hardly differs from a slide.
+const LEAP_SHARE: f64 = 0.04;
+/// Steps remembered.
+const REMEMBERED: usize = 4;
+
+/// How the contact has been moving along the whisker.
+#[derive(Debug, Default)]
+struct Way {
+    sweep: Option<u32>,
+    last: Option<[f64; 2]>,
+    steps_m: Vec<f64>,
+}
+
+impl Way {
+    /// Takes the next sample; whether the contact has leapt to it.
+    fn leaps(&mut self, sample: &Sample, estimate: &ContactEstimate, is_touching: bool) -> bool {
+        if self.sweep != Some(sample.sweep) || !is_touching {
+            *self = Way { sweep: Some(sample.sweep), ..Way::default() };
+        }
+        let Some(contact) = estimate.contact.as_ref().filter(|_| estimate.status == Status::Ok) else {
+            return false;
+        };
+        let here = [contact.s_m, contact.s_sigma_m];
+        let Some([s_m, sigma_m]) = self.last.replace(here) else { return false };
+        let step_m = (here[0] - s_m).abs();
+        let usual_m = self.steps_m.iter().copied().fold(0.0, f64::max);
+        let leaps = LEAP_SIGMAS * here[1].hypot(sigma_m) < step_m
+            && LEAP_STEPS * usual_m < step_m
+            && LEAP_SHARE * s_m < step_m
+            && self.steps_m.len() == REMEMBERED;
+        if leaps {
+            self.steps_m.clear();
+        } else {
+            if self.steps_m.len() == REMEMBERED {
+                self.steps_m.remove(0);
+            }
+            self.steps_m.push(step_m);
+        }
+        leaps
+    }
 }
 
 /// An arc that fits worse than one right arc in a thousand is none.

@@ -80,7 +80,10 @@ fn all_names() -> String {
 }
 
 fn gravity(node: &Node) -> Result<Gravity, String> {
-    Ok(Gravity { direction_rad: node.need("direction_rad")?.number()?, lever_m: node.need("lever_m")?.number()? })
+    Ok(Gravity {
+        direction_rad: node.need("direction_rad")?.number()?,
+        lever_m: node.need("lever_m")?.number()?,
+    })
 }
 
 fn covariance(node: &Node, places: &[usize]) -> Result<Covariance, String> {

@@ -2,8 +2,8 @@
 
 use super::line::{self, Cells, Layout};
 use super::{TextError, quoted};
-use crate::events::Change;
 use crate::estimate::{ContactEstimate, Mode, Status};
+use crate::events::{Change, Label};
 use crate::{Rod, Sample};
 use nalgebra::{Matrix3, Vector2};
 use serde_json::{Map, Value, json};
@@ -31,6 +31,12 @@ const STATUSES: [(RowStatus, &str); 8] = [
 ];
 const MODES: [(Mode, &str); 3] = [(Mode::Free, "free"), (Mode::Mid, "mid"), (Mode::Tip, "tip")];
 
+const FEATURES: [(Label, &str); 4] = [
+    (Label::Corner, "corner"),
+    (Label::Tangent, "tangent"),
+    (Label::Tip, "tip"),
+    (Label::Undecided, "undecided"),
+];
 const EVENTS: [(Change, &str); 3] =
     [(Change::Touch, "touch"), (Change::Release, "release"), (Change::SlipOff, "slip_off")];
 
@@ -136,6 +142,8 @@ pub struct ContactRow {
     pub branch: u32,
     /// Arc lengths of the other zeros on the whisker, metres.
     pub other_s_m: Vec<f64>,
+    /// What is touched, where the contacts around it tell.
+    pub feature: Option<Label>,
     /// What changed with this reading: touch, release or slip-off.
     pub event: Change,
     /// Why there is no more to say; empty where nothing is amiss.
@@ -170,6 +178,7 @@ impl ContactRow {
             side: None,
             branch: 0,
             other_s_m: Vec::new(),
+            feature: None,
             event: Change::None,
             note: String::new(),
         }
@@ -206,7 +215,7 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
     }
 }
 
-const COLUMNS: [&str; 29] = [
+const COLUMNS: [&str; 30] = [
     "sweep",
     "sample",
     "t",
@@ -234,6 +243,7 @@ const COLUMNS: [&str; 29] = [
     "friction_angle_sigma",
     "radius",
     "other_s",
+    "feature",
     "event",
     "note",
 ];
@@ -248,7 +258,7 @@ pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
     let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 29] = [
+    let values: [Value; 30] = [
         json!(number(row.sweep)),
         json!(number(row.sample)),
         json!(row.t_s),
@@ -276,6 +286,7 @@ pub fn to_json(row: &ContactRow) -> Value {
         json!(f.and_then(|f| f.friction_angle_sigma_rad)),
         json!(of(|f| f.radius_m)),
         json!(row.other_s_m),
+        json!(row.feature.and_then(|f| FEATURES.iter().find(|(known, _)| *known == f)).map(|(_, name)| name)),
         json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
         json!(row.note),
     ];
@@ -291,7 +302,9 @@ pub fn to_csv(row: &ContactRow) -> String {
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.contains([',', '"', '\n', ';']) => format!("\"{}\"", text.replace('"', "\"\"")),
+        Value::String(text) if text.contains([',', '"', '\n', ';']) => {
+            format!("\"{}\"", text.replace('"', "\"\""))
+        }
         Value::String(text) => text.clone(),
         Value::Array(list) => list.iter().map(Value::to_string).collect::<Vec<_>>().join(";"),
         number => number.to_string(),
@@ -334,7 +347,9 @@ pub fn read(text: &str) -> Result<Vec<ContactRow>, TextError> {
         lines.next();
         check_header(first, header)?;
     }
-    lines.map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row()).collect()
+    lines
+        .map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row())
+        .collect()
 }
 
 fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
@@ -342,7 +357,10 @@ fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
     match needed.iter().find(|name| !header.iter().any(|column| column == *name)) {
         Some(name) => Err(TextError::at(
             line,
-            format!("no column `{name}`; the columns are {}; write them by `whisker solve`", header.join(",")),
+            format!(
+                "no column `{name}`; the columns are {}; write them by `whisker solve`",
+                header.join(",")
+            ),
         )),
         None => Ok(()),
     }
@@ -393,6 +411,7 @@ impl Reader<'_> {
             side: self.word("side", &[(Side::Left, "left"), (Side::Right, "right")])?,
             branch: count("branch")?,
             other_s_m: self.other_s_m(),
+            feature: self.word("feature", &FEATURES)?,
             event: self.word("event", &EVENTS)?.unwrap_or(Change::None),
             note: note.to_string(),
             ..ContactRow::blank(
@@ -406,9 +425,10 @@ impl Reader<'_> {
 
     fn other_s_m(&self) -> Vec<f64> {
         match &self.cells {
-            Cells::Object(object) => {
-                object.get("other_s").and_then(Value::as_array).map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect())
-            }
+            Cells::Object(object) => object
+                .get("other_s")
+                .and_then(Value::as_array)
+                .map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect()),
             Cells::Row(_) => {
                 let text = line::text(&self.cells, self.column("other_s"), "other_s").unwrap_or_default();
                 text.split(';').filter_map(|s| s.parse().ok()).collect()

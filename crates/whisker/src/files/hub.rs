@@ -153,7 +153,11 @@ impl HubFormat {
     }
 
     /// Objects may change their keys; those of the line before are the likely ones.
-    fn match_keys(&mut self, line: u64, object: &serde_json::Map<String, serde_json::Value>) -> Result<(), TextError> {
+    fn match_keys(
+        &mut self,
+        line: u64,
+        object: &serde_json::Map<String, serde_json::Value>,
+    ) -> Result<(), TextError> {
         let known = |column: &Option<Column>| column.as_ref().is_some_and(|c| object.contains_key(&c.name));
         if !self.columns[FIRST_NEEDED..].iter().all(known) {
             let keys: Vec<String> = object.keys().cloned().collect();
@@ -207,11 +211,17 @@ fn columns(line: u64, header: &[String], units: &Units) -> Result<[Option<Column
             None => units.of(quantity),
             Some(unit) => quantity.factor(unit).ok_or_else(|| {
                 let known = quantity.known();
-                TextError::at(line, format!("column `{name}`: `{unit}` is no unit of {}; there are {known}", quantity.name()))
+                TextError::at(
+                    line,
+                    format!("column `{name}`: `{unit}` is no unit of {}; there are {known}", quantity.name()),
+                )
             })?,
         };
         if let Some(Column { name: other, .. }) = &found[field] {
-            return Err(TextError::at(line, format!("columns `{other}` and `{name}` both mean {canonical}; keep one")));
+            return Err(TextError::at(
+                line,
+                format!("columns `{other}` and `{name}` both mean {canonical}; keep one"),
+            ));
         }
         found[field] = Some(Column { index, name: name.clone(), factor });
     }
@@ -241,7 +251,9 @@ fn field(name: &str) -> Option<(usize, Option<&str>)> {
     }
     let cut = |(i, _): (usize, &str)| {
         let (before, unit) = (&name[..i], &name[i + 1..]);
-        position(before).filter(|field| COLUMNS[*field].1.factor(unit).is_some()).map(|field| (field, Some(unit)))
+        position(before)
+            .filter(|field| COLUMNS[*field].1.factor(unit).is_some())
+            .map(|field| (field, Some(unit)))
     };
     name.match_indices('_').find_map(cut)
 }

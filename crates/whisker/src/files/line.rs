@@ -32,7 +32,10 @@ impl Layout {
         if let Some(number) = header.iter().find(|name| name.parse::<f64>().is_ok()) {
             return Err(TextError::at(
                 line,
-                format!("the header is missing: {} is a number where a column's name is needed", quoted(number)),
+                format!(
+                    "the header is missing: {} is a number where a column's name is needed",
+                    quoted(number)
+                ),
             ));
         }
         let is_twin = |(i, name): &(usize, &String)| !name.is_empty() && header[..*i].contains(name);
@@ -104,7 +107,9 @@ pub fn read(layout: &Layout, line: u64, text: &str) -> Result<Cells, TextError> 
         }
         Layout::JsonLines => match serde_json::from_str(text) {
             Ok(Value::Object(object)) => Ok(Cells::Object(object)),
-            Ok(other) => Err(TextError::at(line, format!("{} is no JSON object", quoted(&other.to_string())))),
+            Ok(other) => {
+                Err(TextError::at(line, format!("{} is no JSON object", quoted(&other.to_string()))))
+            }
             Err(reason) => Err(TextError::at(line, format!("no JSON object: {reason}"))),
         },
     }
@@ -130,10 +135,16 @@ pub fn number(cells: &Cells, line: u64, column: usize, name: &str) -> Result<Opt
 fn finite(value: Option<f64>, seen: &str, line: u64, name: &str) -> Result<Option<f64>, TextError> {
     match value {
         Some(value) if value.is_finite() => Ok(Some(value)),
-        Some(_) => Err(TextError::at(line, format!("column `{name}` is {}; a finite number is needed", quoted(seen)))),
+        Some(_) => Err(TextError::at(
+            line,
+            format!("column `{name}` is {}; a finite number is needed", quoted(seen)),
+        )),
         None => {
             let hint = if seen.contains(',') { " (write numbers with a point)" } else { "" };
-            Err(TextError::at(line, format!("column `{name}` is {}, which is not a number{hint}", quoted(seen))))
+            Err(TextError::at(
+                line,
+                format!("column `{name}` is {}, which is not a number{hint}", quoted(seen)),
+            ))
         }
     }
 }

@@ -41,7 +41,8 @@ impl<'a> Node<'a> {
     pub fn need(&self, key: &str) -> Result<Node<'a>, String> {
         self.get(key).ok_or_else(|| {
             let keys = self.value.as_object().map(|o| o.keys().map(String::as_str).collect::<Vec<_>>());
-            let there = keys.filter(|keys| !keys.is_empty()).map(|keys| format!("; there are {}", keys.join(", ")));
+            let there =
+                keys.filter(|keys| !keys.is_empty()).map(|keys| format!("; there are {}", keys.join(", ")));
             format!("`{}` is missing{}", self.path_of(key), there.unwrap_or_default())
         })
     }

@@ -150,7 +150,7 @@ fn sweep(index: usize, node: &Node) -> Result<SweepPath, String> {
         _ => return Err(kind.complaint("`translate`, `rotate` or `poses`")),
     };
     let count = |node: Node| match node.positive()? {
-        n if n.fract() == 0.0 && 2.0 <= n && n <= 1e7 => Ok(n as usize),
+        n if n.fract() == 0.0 && (2.0..=1e7).contains(&n) => Ok(n as usize),
         _ => Err(node.complaint("a whole number from 2 to 10 million")),
     };
     let n_samples = node.get("samples").map(count).transpose()?;

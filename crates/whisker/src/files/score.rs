@@ -87,8 +87,7 @@ pub fn compare(rows: &[ContactRow], truth: &[TruthRow]) -> Comparison {
     let by_number: BTreeMap<(u32, u32), &ContactRow> =
         rows.iter().map(|row| ((row.sweep, row.sample), row)).collect();
     let row_of = |truth: &TruthRow| by_number.get(&(truth.sweep, truth.sample)).copied();
-    let pairs: Vec<Pair> =
-        truth.iter().filter_map(|t| pair(row_of(t)?, t.contact.as_ref()?)).collect();
+    let pairs: Vec<Pair> = truth.iter().filter_map(|t| pair(row_of(t)?, t.contact.as_ref()?)).collect();
     let scores: Vec<Score> = Group::ALL.iter().map(|group| score(*group, &pairs, truth)).collect();
     let is_false = |t: &&TruthRow| t.contact.is_none() && row_of(t).is_some_and(ContactRow::is_ok);
     Comparison {
@@ -111,7 +110,8 @@ fn score(group: Group, pairs: &[Pair], truth: &[TruthRow]) -> Score {
     let n_true = truth.iter().filter_map(|t| t.contact.as_ref()).filter(|t| group.holds(t)).count();
     let pairs: Vec<&Pair> = pairs.iter().filter(|p| group.holds(p.truth)).collect();
     let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(|p| of(p)).sum::<f64>() / pairs.len() as f64;
-    let figure = |p: &Pair, of: fn(&super::contacts::Figures) -> f64| p.row.figures.as_ref().map_or(f64::NAN, of);
+    let figure =
+        |p: &Pair, of: fn(&super::contacts::Figures) -> f64| p.row.figures.as_ref().map_or(f64::NAN, of);
     let mut errors: Vec<f64> = pairs.iter().map(|p| p.error_m).collect();
     errors.sort_by(f64::total_cmp);
     Score {

@@ -39,8 +39,19 @@ impl TruthContact {
     }
 }
 
-const NAMES: [&str; 11] =
-    ["sweep", "sample", "contact", "x", "y", "s", "theta_c", "fx_world", "fy_world", "friction_angle", "mode"];
+const NAMES: [&str; 11] = [
+    "sweep",
+    "sample",
+    "contact",
+    "x",
+    "y",
+    "s",
+    "theta_c",
+    "fx_world",
+    "fy_world",
+    "friction_angle",
+    "mode",
+];
 
 /// Reads a truth file.
 ///
@@ -48,7 +59,9 @@ const NAMES: [&str; 11] =
 /// The line and the column.
 pub fn read(text: &str) -> Result<Vec<TruthRow>, TextError> {
     let mut lines = line::lines(text);
-    let Some((first, header)) = lines.next() else { return Err(TextError::whole("no truth: the text is empty")) };
+    let Some((first, header)) = lines.next() else {
+        return Err(TextError::whole("no truth: the text is empty"));
+    };
     let layout = Layout::of_first_line(first, header)?;
     let Layout::Csv { header, .. } = &layout else {
         return Err(TextError::at(first, format!("a header line {} is needed", NAMES.join(","))));
@@ -93,7 +106,14 @@ pub fn write(rows: &[TruthRow]) -> String {
             None => ",nan,nan,nan,nan,nan,nan,nan,free\n".to_string(),
             Some(c) => format!(
                 ",{:?},{:?},{:?},{:?},{:?},{:?},{:?},{}\n",
-                c.x_in_world.x, c.x_in_world.y, c.s_m, c.theta_rad, c.force_n.x, c.force_n.y, c.friction_angle_rad, c.mode
+                c.x_in_world.x,
+                c.x_in_world.y,
+                c.s_m,
+                c.theta_rad,
+                c.force_n.x,
+                c.force_n.y,
+                c.friction_angle_rad,
+                c.mode
             ),
         };
     }

@@ -57,7 +57,8 @@ fn rod(whisker: &Node, warnings: &mut Vec<String>) -> Result<Rod, String> {
     let length_m = whisker.need("length_m")?.positive()?;
     let diameters = diameters(whisker)?;
     let stiffness = stiffness(whisker, length_m, diameters, warnings)?;
-    let is_centre_line = whisker.get("zero_thickness_contact").is_some_and(|node| node.value() != &Value::Bool(false));
+    let is_centre_line =
+        whisker.get("zero_thickness_contact").is_some_and(|node| node.value() != &Value::Bool(false));
     Ok(Rod {
         length_m,
         stiffness,
@@ -102,7 +103,8 @@ fn stiffness(
 fn ei_base(whisker: &Node, diameters: Option<[f64; 2]>, warnings: &mut Vec<String>) -> Result<f64, String> {
     let stated = whisker.any(&["EI_base_Nm2", "EI_Nm2"]).map(|node| node.positive()).transpose()?;
     let modulus = whisker.get("youngs_modulus_Pa").map(|node| node.positive()).transpose()?;
-    let computed = modulus.zip(diameters).map(|(e, [base, _])| e * std::f64::consts::PI * base.powi(4) / 64.0);
+    let computed =
+        modulus.zip(diameters).map(|(e, [base, _])| e * std::f64::consts::PI * base.powi(4) / 64.0);
     match (stated, computed) {
         (Some(stated), Some(computed)) if EI_AGREES < (computed / stated - 1.0).abs() => {
             warnings.push(format!(
@@ -111,9 +113,11 @@ fn ei_base(whisker: &Node, diameters: Option<[f64; 2]>, warnings: &mut Vec<Strin
             Ok(stated)
         }
         (Some(ei), _) | (None, Some(ei)) => Ok(ei),
-        (None, None) => Err("the stiffness is missing: give `whisker.EI_base_Nm2`, or `whisker.youngs_modulus_Pa` with \
+        (None, None) => {
+            Err("the stiffness is missing: give `whisker.EI_base_Nm2`, or `whisker.youngs_modulus_Pa` with \
             `whisker.diameter_base_m`, or `whisker.EI_profile` {s_m, EI_Nm2}"
-            .to_string()),
+                .to_string())
+        }
     }
 }
 
@@ -124,17 +128,22 @@ fn curvature(whisker: &Node) -> Result<IntrinsicCurvature, String> {
         check_profile(&s_m, &per_m, length_m).map_err(|what| profile.complaint(&what))?;
         return Ok(IntrinsicCurvature::Profile { s_m, per_m });
     }
-    Ok(IntrinsicCurvature::Constant { per_m: whisker.optional(&["intrinsic_curvature_1_per_m"])?.unwrap_or(0.0) })
+    Ok(IntrinsicCurvature::Constant {
+        per_m: whisker.optional(&["intrinsic_curvature_1_per_m"])?.unwrap_or(0.0),
+    })
 }
 
 /// Arc lengths that increase from 0 to the length, with as many values.
 fn check_profile(s_m: &[f64], values: &[f64], length_m: f64) -> Result<(), String> {
     let (n, m) = (s_m.len(), values.len());
-    let ends = s_m.first() == Some(&0.0) && s_m.last().is_some_and(|l| (l - length_m).abs() <= 1e-9 * length_m);
+    let ends =
+        s_m.first() == Some(&0.0) && s_m.last().is_some_and(|l| (l - length_m).abs() <= 1e-9 * length_m);
     match () {
         _ if n != m => Err(format!("as many values as arc lengths ({n} and {m} are there)")),
         _ if n < 2 || !ends => Err(format!("arc lengths from 0 to the whisker's length, {length_m} m,")),
-        _ if s_m.windows(2).any(|pair| pair[1] <= pair[0]) => Err("a list of increasing arc lengths".to_string()),
+        _ if s_m.windows(2).any(|pair| pair[1] <= pair[0]) => {
+            Err("a list of increasing arc lengths".to_string())
+        }
         _ => Ok(()),
     }
 }

@@ -1,8 +1,8 @@
 //! Which mode a sample is in: evidence of each by itself, and along a sweep by a hidden Markov chain.
 //!
 //! Every mode is a surface in the space of loads, crossed by the measured load at a distance; the evidence is the density of the
-//! measured load under a mode that is uniform along its surface (docs/math/whisker_friction.md eqs. (7)–(9)), the chain is the
-//! forward–backward recursion, eqs. (10), (11).
+//! measured load under a mode that is uniform along its surface (docs/math/whisker_friction.md eqs. (9)–(11)), the chain is the
+//! forward–backward recursion, eqs. (12)–(14).
 
 use super::{Constraint, Projection};
 use crate::Rod;
@@ -37,7 +37,7 @@ pub fn log_evidence(rod: &Rod, projection: &Projection) -> f64 {
     -0.5 * (projection.chi2 + (2.0 * PI).ln()) - sigma.ln() + uniform
 }
 
-/// ln of the density 1/L of s times the share of its uncertainty that lies on the whisker, eq. (8).
+/// ln of the density 1/L of s times the share of its uncertainty that lies on the whisker, eq. (10).
 fn on_whisker(rod: &Rod, projection: &Projection) -> f64 {
     let beyond = (projection.at.s_m - rod.length_m) / projection.s_sigma_m().max(1e-9 * rod.length_m);
     ln_normal_tail(beyond) - rod.length_m.ln()
@@ -52,7 +52,7 @@ fn ln_normal_tail(z: f64) -> f64 {
     if z < 0.0 { (-half).ln_1p() } else { half.ln() }
 }
 
-/// Probability that the sample after this mid-whisker projection is at the tip, eq. (10).
+/// Probability that the sample after this mid-whisker projection is at the tip, eq. (13).
 pub fn to_tip(rod: &Rod, mid: &Projection) -> f64 {
     let short = rod.length_m * (1.0 - STEP_SHARE) - mid.at.s_m;
     let near = ln_normal_tail(short / mid.s_sigma_m().max(1e-9 * rod.length_m)).exp();
@@ -157,7 +157,7 @@ fn moved(constraints: &[Constraint], before: &[f64], to_tip: f64) -> Vec<f64> {
         .collect()
 }
 
-/// P(to | from), eq. (10).
+/// P(to | from), eq. (12).
 fn transition(constraints: &[Constraint], from: usize, to: usize, to_tip: f64) -> f64 {
     let mids = constraints.iter().filter(|c| !is_tip(c)).count() as f64;
     match (is_tip(&constraints[from]), is_tip(&constraints[to])) {

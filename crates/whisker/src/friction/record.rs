@@ -1,12 +1,12 @@
 //! A whole record under constraints: modes and the coefficient of friction together.
 //!
-//! The friction angle and the modes depend on each other: expectation and maximisation in turn, eqs. (12), (13) of
+//! The friction angle and the modes depend on each other: expectation and maximisation in turn, eqs. (15), (16) of
 //! docs/math/whisker_friction.md. Which way the whisker slides (one way throughout, or both with sticking between) is chosen by the
 //! evidence of the record.
 
-use super::mixture::{NEGLIGIBLE, mixed};
 use super::modes::{TO_TIP_UNKNOWN, log_evidence, posterior, to_tip};
-use super::{Constraint, FrictionAngle, INCONSISTENT_CHI2, Projection, answer, project, sound};
+use super::states::{States, Tests, both_ways, is_sticking, sliding};
+use super::{Constraint, FrictionAngle, Projection, project, sound};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status, estimate};
 use crate::{Cell, ContactEstimate, Error, Rod, Sample};
@@ -19,20 +19,6 @@ pub enum Mu {
     Auto,
     /// Its value; the direction of slip is still found from the record.
     Known(f64),
-}
-
-/// The tests of one sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tests {
-    /// χ² (1 degree of freedom) against the best mid-whisker state, the part of it that lies beyond the tip included; none where
-    /// no load near the measured one has such a contact.
-    pub mid_chi2: Option<f64>,
-    /// χ² (1 degree of freedom) against s = L.
-    pub tip_chi2: Option<f64>,
-    /// Posterior probability of the tip; what is left belongs to the mid-whisker states.
-    pub tip_probability: f64,
-    /// Posterior probability that the whisker sticks, where the record shows sticking at all.
-    pub stick_probability: f64,
 }
 
 /// What a record says under constraints.
@@ -61,7 +47,7 @@ const ROUNDS: usize = 25;
 /// A change of φ_f below this share of its standard deviation is the last.
 const LAST_CHANGE: f64 = 1e-3;
 /// A residual of more than this χ² pulls no harder than at it: tip samples mistaken for mid ones, second contacts.
-const HUBER_CHI2: f64 = 9.0;
+pub(crate) const HUBER_CHI2: f64 = 9.0;
 /// What a state more has to gain in ln evidence before it is believed.
 const STATE_COST: f64 = 10.0;
 
@@ -84,7 +70,7 @@ pub fn solve_record(
     Ok(touched.record(solved))
 }
 
-fn checked(mu: f64) -> Result<f64, Error> {
+pub(crate) fn checked(mu: f64) -> Result<f64, Error> {
     match mu {
         mu if !mu.is_finite() => Err(Error::NotFinite { what: "the coefficient of friction" }),
         mu if mu < 0.0 => Err(Error::NotPositive { what: "the coefficient of friction", seen: mu }),
@@ -150,7 +136,7 @@ impl<'a> Touched<'a> {
         better(one_way, self.fit(start, both_ways))
     }
 
-    /// Eqs. (12), (13): the friction angle of maximum likelihood under the states it gives rise to.
+    /// Eqs. (15), (16): the friction angle of maximum likelihood under the states it gives rise to.
     fn fit(&self, start_rad: f64, states: fn(FrictionAngle) -> Vec<Constraint>) -> Solved {
         let mut friction = FrictionAngle { rad: start_rad, sigma_rad: 0.0 };
         let mut solved = self.solve(states(friction), friction);
@@ -166,7 +152,7 @@ impl<'a> Touched<'a> {
         self.solve(states(solved.friction), solved.friction)
     }
 
-    /// Eq. (13): one Gauss–Newton step of φ_f on the robust sum of mid-whisker χ².
+    /// Eq. (15): one Gauss–Newton step of φ_f on the robust sum of mid-whisker χ².
     fn maximised(&self, solved: &Solved) -> FrictionAngle {
         let mut information = PRIOR_RAD.powi(-2);
         let mut gradient = -solved.friction.rad * information;
@@ -175,7 +161,7 @@ impl<'a> Touched<'a> {
                 let Some(projection) = projection else { continue };
                 let Constraint::Friction(angle) = projection.constraint else { continue };
                 // A stick state spreads over the cone: it says nothing sharp of its edge.
-                if angle.rad == 0.0 && angle.sigma_rad != 0.0 {
+                if is_sticking(&projection.constraint) {
                     continue;
                 }
                 let by_angle = projection.load.force_n().norm() * angle.rad.cos();
@@ -256,104 +242,19 @@ impl<'a> Touched<'a> {
             states: solved.states.clone(),
         };
         for i in self.runs.iter().cloned().flatten() {
-            let tests = self.tests(&solved, i);
+            let states = States {
+                constraints: &solved.states,
+                projections: &solved.projections[i],
+                probabilities: &solved.probabilities[i],
+            };
+            let tests = states.tests(self.rod);
             record.mid_samples += 1.0 - tests.tip_probability;
             record.tests[i] = Some(tests);
-            record.estimates[i] = self.estimate(&solved, i, &tests);
+            let sample = &self.samples[i];
+            record.estimates[i] = states.blended(self.rod, &self.cell, sample, self.method, &self.raw[i]);
         }
         record
     }
-
-    fn tests(&self, solved: &Solved, i: usize) -> Tests {
-        let sum = |of: &dyn Fn(&Constraint) -> bool| -> f64 {
-            solved.states.iter().zip(&solved.probabilities[i]).filter(|(s, _)| of(s)).map(|(_, p)| p).sum()
-        };
-        let best = |mode| {
-            let of_mode = solved.projections[i].iter().flatten().filter(|p| p.constraint.mode() == mode);
-            of_mode.map(|p| fit_chi2(self.rod, p)).min_by(f64::total_cmp)
-        };
-        Tests {
-            mid_chi2: best(Mode::Mid),
-            tip_chi2: best(Mode::Tip),
-            tip_probability: sum(&|state| state.mode() == Mode::Tip),
-            stick_probability: sum(&is_sticking),
-        }
-    }
-
-    /// The mixture of all states by their probabilities; the mode is the more probable one, and fits.
-    fn estimate(&self, solved: &Solved, i: usize, tests: &Tests) -> ContactEstimate {
-        let (mode, probability) = match tests.tip_probability {
-            tip if 0.5 < tip => (Mode::Tip, tip),
-            tip => (Mode::Mid, 1.0 - tip),
-        };
-        let mut states: Vec<(f64, &Projection)> = solved.projections[i]
-            .iter()
-            .zip(&solved.probabilities[i])
-            .filter_map(|(projection, p)| Some((*p, projection.as_ref()?)))
-            .filter(|(p, projection)| NEGLIGIBLE < *p && fit_chi2(self.rod, projection) <= INCONSISTENT_CHI2)
-            .collect();
-        // The mode's own most probable state first.
-        states.sort_by(|(p, a), (q, b)| {
-            let of_mode = |x: &Projection| x.constraint.mode() == mode;
-            of_mode(b).cmp(&of_mode(a)).then(q.total_cmp(p))
-        });
-        match states.first() {
-            Some((_, first)) if first.constraint.mode() == mode => self.mixture(i, &states, probability),
-            // No constraint holds: what the load says by itself, and the verdict.
-            _ => contradicted(&self.raw[i], mode, probability),
-        }
-    }
-
-    fn mixture(&self, i: usize, states: &[(f64, &Projection)], probability: f64) -> ContactEstimate {
-        let under = |projection| {
-            answer(self.rod, &self.cell, &self.samples[i], self.method, &self.raw[i], projection, probability)
-        };
-        let total: f64 = states.iter().map(|(p, _)| p).sum();
-        let mut estimate = under(states[0].1);
-        let contacts: Vec<_> = states
-            .iter()
-            .enumerate()
-            .filter_map(|(k, (p, projection))| {
-                let contact = if k == 0 { estimate.contact.clone() } else { under(projection).contact };
-                Some((p / total, contact?))
-            })
-            .collect();
-        estimate.contact = mixed(&contacts).or(estimate.contact);
-        estimate
-    }
-}
-
-fn contradicted(raw: &ContactEstimate, mode: Mode, probability: f64) -> ContactEstimate {
-    let status = if raw.status == Status::Ok { Status::Inconsistent } else { raw.status };
-    ContactEstimate { status, mode, mode_probability: probability, ..raw.clone() }
-}
-
-/// χ² of a projection, and of its arc length where that lies beyond the tip.
-fn fit_chi2(rod: &Rod, projection: &Projection) -> f64 {
-    let beyond =
-        (projection.at.s_m - rod.length_m).max(0.0) / projection.s_sigma_m().max(1e-9 * rod.length_m);
-    match projection.constraint {
-        Constraint::Friction(_) => projection.chi2 + beyond * beyond,
-        Constraint::Tip => projection.chi2,
-    }
-}
-
-fn sliding(friction: FrictionAngle) -> Vec<Constraint> {
-    vec![Constraint::Friction(friction), Constraint::Tip]
-}
-
-/// Sliding either way, and sticking: anywhere in the cone, as a normal variable of the cone's second moment, φ_f²/3.
-fn both_ways(friction: FrictionAngle) -> Vec<Constraint> {
-    let sigma_rad = friction.sigma_rad.hypot(friction.rad / 3.0_f64.sqrt());
-    [friction, FrictionAngle { rad: -friction.rad, ..friction }, FrictionAngle { rad: 0.0, sigma_rad }]
-        .map(Constraint::Friction)
-        .into_iter()
-        .chain([Constraint::Tip])
-        .collect()
-}
-
-fn is_sticking(state: &Constraint) -> bool {
-    matches!(state, Constraint::Friction(angle) if angle.rad == 0.0 && PRIOR_RAD * 1e-3 < angle.sigma_rad)
 }
 
 /// The second only where its evidence pays for the states it has more.

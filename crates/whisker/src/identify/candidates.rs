@@ -78,9 +78,9 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
         best = fit.as_ref().map_or(best, |fit| fit.cost.min(best));
         (fit, best)
     };
-    let (circle, best_cost) =
-        note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
-    let (square, best_cost) = note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
+    let (circle, best_cost) = note(start::circle(lines).and_then(|start| search.fit(&start, f64::INFINITY)));
+    let (square, best_cost) =
+        note(search.best_fit(&search.promising(&start::squares(lines), KEPT), best_cost));
     let ellipses: Vec<State> = start::ellipse(lines).into_iter().chain(circle.iter().map(as_root)).collect();
     let (ellipse, best_cost) = note(search.best_fit(&ellipses, best_cost));
     let mut rectangles: Vec<State> = square.iter().map(|square| as_rectangle(&square.state)).collect();
@@ -95,7 +95,10 @@ fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
         (Model::Rectangle, rectangle),
     ];
     let asked = |model: Model| model.class().is_none_or(|class| classes.contains(&class));
-    all.into_iter().filter(|(model, _)| asked(*model)).filter_map(|(model, fit)| Some((model, fit?))).collect()
+    all.into_iter()
+        .filter(|(model, _)| asked(*model))
+        .filter_map(|(model, fit)| Some((model, fit?)))
+        .collect()
 }
 
 fn as_root(circle: &Fit) -> State {
@@ -178,14 +181,19 @@ pub(super) fn cost_of_axes(evidence: &Evidence, circle: &State, ratio: f64) -> f
     search.best_fit(&search.promising(&starts, KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
 }
 
-/// The ellipse that shares place and curvature with a circle where the normal is β: a short arc cannot tell them apart.
+/// The ellipse that shares place and curvature with a circle where the normal is β: a short arc cannot tell them
+/// apart; eq. (15).
 fn osculating(centre: Vector2<f64>, radius: f64, beta: f64, angle: f64, ratio: f64) -> State {
     let n = Vector2::new(beta.cos(), beta.sin());
     let unit = spread(angle, [ratio.sqrt(), 1.0 / ratio.sqrt()]);
     let height = (unit * n).norm();
-    // ρ = det P² / |P n|³ with det = 1: mean size that gives ρ = r.
     let mean = radius * height.powi(3);
-    State::AxesOfRatio { centre: centre + radius * n - mean * (unit * (unit * n)) / height, mean, angle, ratio }
+    State::AxesOfRatio {
+        centre: centre + radius * n - mean * (unit * (unit * n)) / height,
+        mean,
+        angle,
+        ratio,
+    }
 }
 
 /// What the best rectangle with sides of this ratio, either way, costs.
@@ -193,11 +201,13 @@ pub(super) fn cost_of_sides(search: &Search, near: &[&State], ratio: f64) -> f64
     let starts = near.iter().flat_map(|state| {
         let (centre, sides, angle) = state.frame();
         let corners = state.outline().map(corner_list).unwrap_or_default();
-        [ratio, 1.0 / ratio].into_iter().flat_map(move |ratio| {
-            stretched(centre, sides, angle, ratio, &corners)
-        })
+        [ratio, 1.0 / ratio]
+            .into_iter()
+            .flat_map(move |ratio| stretched(centre, sides, angle, ratio, &corners))
     });
-    search.best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY).map_or(f64::INFINITY, |fit| fit.cost)
+    search
+        .best_fit(&search.promising(&starts.collect::<Vec<_>>(), KEPT), f64::INFINITY)
+        .map_or(f64::INFINITY, |fit| fit.cost)
 }
 
 fn corner_list(outline: super::outline::Outline) -> Vec<Vector2<f64>> {

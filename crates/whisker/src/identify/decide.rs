@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, Candidates, Evidence, cost_of_axes, cost_of_sides};
 use super::fit::{covariance, verdicts};
+use super::report::natural;
 use super::row::{OUTLIER_COST, Row};
 use super::start::{arc, lines};
 use super::state::State;
@@ -91,8 +92,10 @@ fn smooth<'a>(
         (None, None) => return Err(Reason::TooFewContacts { seen: 0, needed: NEEDED }),
     };
     if general.score.bic + config.decided_bic <= simple.score.bic {
+        thick(evidence, general, candidates, config)?;
         return Ok((Class::Ellipse, general));
     }
+    not_doubtful(simple, general, config)?;
     let ratio = material_ratio(&simple.fit.state, config);
     let cost = cost_of_axes(evidence, &simple.fit.state, ratio);
     ratio_excluded((ratio, cost), simple, general, candidates, config)?;
@@ -110,10 +113,10 @@ fn cornered<'a>(
     let rectangle = candidates.best(|model| model == Model::Rectangle);
     let polygon = candidates.best(is_polygon);
     let special = candidates.best(|model| matches!(model, Model::Square | Model::Rectangle));
-    if let Some(polygon) = polygon {
-        if special.is_none_or(|special| polygon.score.bic + config.decided_bic <= special.score.bic) {
-            return closed(evidence, polygon, config).map(|()| (Class::Polygon, polygon));
-        }
+    let replacing =
+        polygon.filter(|polygon| special.is_none_or(|special| replaces(polygon, special, config)));
+    if let Some(polygon) = replacing {
+        return closed(evidence, polygon, config).map(|()| (Class::Polygon, polygon));
     }
     let (simple, general) = match (square, rectangle) {
         (Some(square), Some(rectangle)) => (square, rectangle),
@@ -125,6 +128,7 @@ fn cornered<'a>(
         sides_known(evidence, general, candidates, config)?;
         return Ok((Class::Rectangle, general));
     }
+    not_doubtful(simple, general, config)?;
     let ratio = material_ratio(&simple.fit.state, config);
     let near = [&simple.fit.state, &general.fit.state];
     let cost = cost_of_sides(&evidence.search, &near, ratio);
@@ -136,6 +140,42 @@ fn cornered<'a>(
 fn material_ratio(simple: &State, config: &Config) -> f64 {
     let (_, [size, _], _) = simple.frame();
     config.material_ratio.max(1.0 + config.material_difference_m / size)
+}
+
+/// Half way to being excluded, the simpler hypothesis is not told either: by chance the general one gets so far once in a thousand.
+fn not_doubtful(simple: &Candidate, general: &Candidate, config: &Config) -> Result<(), Reason> {
+    let delta_bic = simple.score.bic - general.score.bic;
+    if delta_bic < 0.5 * config.decided_bic {
+        return Ok(());
+    }
+    let (best, rival) = (general.score.model, simple.score.model);
+    Err(Reason::TwoHypotheses { best, rival, delta_bic, needed: config.decided_bic })
+}
+
+/// A polygon replaces a rectangle where it is better and explains at least half of the rectangle's outliers: more corners always
+/// explain a few stray contacts, an outline that is no rectangle leaves a row of them.
+fn replaces(polygon: &Candidate, special: &Candidate, config: &Config) -> bool {
+    polygon.score.bic + config.decided_bic <= special.score.bic
+        && (2 * polygon.score.n_outliers <= special.score.n_outliers
+            || config.fits_chi2_per_dof < special.score.chi2_per_dof)
+}
+
+/// An ellipse whose smaller axis may be nothing is a plate, which has corners.
+fn thick(
+    evidence: &Evidence,
+    ellipse: &Candidate,
+    candidates: &Candidates,
+    config: &Config,
+) -> Result<(), Reason> {
+    let state = natural(&ellipse.fit.state);
+    let (_, [_, smaller], _) = state.frame();
+    let variance = covariance(evidence.rows, &state).map_or(f64::INFINITY, |c| c[(3, 3)] * candidates.excess);
+    let delta_bic = smaller * smaller / variance;
+    if config.decided_bic <= delta_bic {
+        return Ok(());
+    }
+    let (best, rival) = (Model::Ellipse, Model::Polygon { corners: 2 });
+    Err(Reason::TwoHypotheses { best, rival, delta_bic, needed: config.decided_bic })
 }
 
 /// Shapes of the material ratio must cost more than the best by what decides.

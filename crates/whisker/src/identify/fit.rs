@@ -12,7 +12,7 @@ use std::cell::Cell;
 pub(super) struct Fit {
     /// Where.
     pub state: State,
-    /// Σ of what the rows cost, eq. (8).
+    /// Σ of what the rows cost, eq. (9).
     pub cost: f64,
 }
 
@@ -24,8 +24,8 @@ pub(super) struct Verdicts {
     pub places: Vec<Place>,
 }
 
-/// Costs and their derivatives by the outline's own parameters, eq. (7), then by the hypothesis's.
-fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> {
+/// Costs and their derivatives by the outline's own parameters, eq. (6), then by the hypothesis's.
+pub(super) fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> {
     let outline = state.outline()?;
     let mut own = DenseEquations::new(outline.n_parameters());
     for row in rows {
@@ -48,13 +48,13 @@ fn equations(rows: &[Row], state: &State, loss: Loss) -> Option<DenseEquations> 
 }
 
 /// Evaluations allowed each of the two searches: what needs more zigzags at the edges of a wrong hypothesis.
-const BUDGET: usize = 40;
+const BUDGET: usize = 25;
 /// Further starts are not tried once a fit costs no more than this per row, less than two free directions cost on average.
 const EXPLAINED_PER_ROW: f64 = 1.5;
 /// Rows that lead a start near its minimum; all rows then find it.
 const LEADING: usize = 100;
 /// A hypothesis this much worse per row than the best so far is not brought to its end: nothing could save it.
-const HOPELESS_PER_ROW: f64 = 3.0;
+const HOPELESS_PER_ROW: f64 = 1.5;
 
 /// The rows, and every few of them for the first steps.
 pub(super) struct Search<'a> {
@@ -73,6 +73,9 @@ impl<'a> Search<'a> {
     pub fn fit(&self, start: &State, best: f64) -> Option<Fit> {
         let wide = minimum(&self.leading, start, Loss::Leading)?;
         let cost = equations(self.rows, &wide.state, Loss::Final)?.chi2;
+        if !cost.is_finite() {
+            return None;
+        }
         if best + HOPELESS_PER_ROW * (self.rows.len() as f64) < cost {
             return Some(Fit { cost, state: wide.state });
         }

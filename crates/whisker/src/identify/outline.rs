@@ -85,18 +85,24 @@ impl Outline {
 
 /// Turns of the whisker about a smooth outline per step of the search; more would leap over the far side.
 const LARGEST_TURN: f64 = 0.5;
+/// Steps of that search; three or four are taken.
+const MOST_TURNS: usize = 8;
+/// Smallest second derivative taken, as a share of that along the tangent.
+const LEAST_CURVATURE: f64 = 0.2;
 
 impl Smooth {
     fn distance(&self, row: &Row) -> Distance {
         let mut beta = if row.tip { self.normal_through(row) } else { row.beta };
-        let (mut e, mut w) = self.residual(row, beta);
-        for _ in 0..8 {
-            let step =
-                (w.dot(&e) / w.norm_squared().max(f64::MIN_POSITIVE)).clamp(-LARGEST_TURN, LARGEST_TURN);
+        let (mut e, mut w, mut bend) = self.residual(row, beta);
+        for _ in 0..MOST_TURNS {
+            // Newton on ½ e²; where that curves downwards, as far inside the outline, a damped step along the tangent.
+            let tangent2 = w.norm_squared();
+            let curvature = (tangent2 - e.dot(&bend)).max(LEAST_CURVATURE * tangent2).max(f64::MIN_POSITIVE);
+            let step = (w.dot(&e) / curvature).clamp(-LARGEST_TURN, LARGEST_TURN);
             beta += step;
-            (e, w) = self.residual(row, beta);
-            // A ten-thousandth of a standard deviation along the curve.
-            if step * step * w.norm_squared() < 1e-8 {
+            (e, w, bend) = self.residual(row, beta);
+            // A thousandth of a standard deviation along the curve: a millionth of the squared distance.
+            if step * step * w.norm_squared() < 1e-6 {
                 break;
             }
         }
@@ -105,11 +111,8 @@ impl Smooth {
         let unit = q / q.norm();
         // d(P P n/|P n|) by P: dP û + P (I − û ûᵀ) dP n/|P n|, eq. (7).
         let across = self.root * (Matrix2::identity() - unit * unit.transpose()) / q.norm();
-        let basis = [
-            Matrix2::new(1.0, 0.0, 0.0, 0.0),
-            Matrix2::new(0.0, 1.0, 1.0, 0.0),
-            Matrix2::new(0.0, 0.0, 0.0, 1.0),
-        ];
+        let basis =
+            [Matrix2::new(1.0, 0.0, 0.0, 0.0), Matrix2::new(0.0, 1.0, 1.0, 0.0), Matrix2::new(0.0, 0.0, 0.0, 1.0)];
         let project = along_removed(&w);
         let mut by = ArrayVec::new();
         by.push((0, project(place(row, Vector2::x()))));
@@ -127,16 +130,21 @@ impl Smooth {
         if outward.dot(&row.normal()) <= 0.0 { row.beta } else { outward.y.atan2(outward.x) }
     }
 
-    /// W (y − f(β)) and W v.
-    fn residual(&self, row: &Row, beta: f64) -> (Vector3<f64>, Vector3<f64>) {
+    /// W (y − f(β)), W v and W dv/dβ.
+    fn residual(&self, row: &Row, beta: f64) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
         let n = Vector2::new(beta.cos(), beta.sin());
+        let t = Vector2::new(-n.y, n.x);
         let q = self.root * n;
         let h = q.norm();
         let off = row.x - self.centre - self.root * q / h;
         let rho = self.root.determinant().powi(2) / (h * h * h);
+        let rho_by_beta = -3.0 * rho * q.dot(&(self.root * t)) / (h * h);
+        let tangent = rho * t;
+        let bend = rho_by_beta * t - rho * n;
         (
             row.w * Vector3::new(off.x, off.y, row.beta - beta),
-            row.w * Vector3::new(-rho * n.y, rho * n.x, 1.0),
+            row.w * Vector3::new(tangent.x, tangent.y, 1.0),
+            row.w * Vector3::new(bend.x, bend.y, 0.0),
         )
     }
 }
@@ -227,8 +235,7 @@ impl Corners {
                 let project = along_removed(&w);
                 let turned = face.normal / face.length;
                 for (corner, weight, sign) in [(k, 1.0 - share, 1.0), (next, share, -1.0)] {
-                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate()
-                    {
+                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate() {
                         let v = Vector3::new(weight * unit.x, weight * unit.y, sign * turned[i]);
                         by.push((2 * corner + i, project(row.w * v)));
                     }

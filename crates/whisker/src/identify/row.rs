@@ -1,7 +1,7 @@
 //! Touches made ready for fitting: whitened, and what a squared distance costs.
 //!
 //!   Σ  covariance of [x, y, β] and what linearising leaves out, eq. (2)   ·   W = L⁻¹, Σ = L Lᵀ   ·   D  squared distance
-//!   c  what an outlier costs                                            docs/math/whisker_identify.md eq. (2), (8)
+//!   c  what an outlier costs                                    docs/math/whisker_identify.md eq. (2), (8)–(10)
 
 use super::{Config, Touch, Use};
 use crate::estimate::{Mode, Status};
@@ -73,8 +73,7 @@ fn with_remainder(covariance: &Matrix3<f64>, along: f64) -> Matrix3<f64> {
     let (off, turn) = (along / OFF_LENGTH_M, along.sqrt() / TURN_LENGTH_M);
     let place = FLOOR_M * FLOOR_M + off * off;
     let turn = FLOOR_RAD * FLOOR_RAD + turn * turn;
-    0.5 * (covariance + covariance.transpose())
-        + Matrix3::from_diagonal(&Vector3::new(place, place, turn))
+    0.5 * (covariance + covariance.transpose()) + Matrix3::from_diagonal(&Vector3::new(place, place, turn))
 }
 
 fn whitener(sigma: &Matrix3<f64>, tip: bool) -> Option<Matrix3<f64>> {
@@ -87,10 +86,17 @@ fn whitener(sigma: &Matrix3<f64>, tip: bool) -> Option<Matrix3<f64>> {
     Some(w)
 }
 
+/// Places beyond this are no contacts of a whisker and cost the others their digits, metres.
+const FARTHEST_M: f64 = 1e3;
+/// Directions turned further than this have lost their digits, radians.
+const MOST_TURNS_RAD: f64 = 1e4;
+
+/// Whether a touch is evidence at all.
 fn is_sound(touch: &Touch) -> bool {
     let numbers = touch.x_in_world.iter().chain(touch.covariance.iter()).chain([&touch.theta_rad]);
     let is_finite = numbers.into_iter().all(|v| v.is_finite());
-    touch.status == Status::Ok && touch.mode != Mode::Free && is_finite && touch.side.abs() == 1.0
+    let is_near = touch.x_in_world.amax() < FARTHEST_M && touch.theta_rad.abs() < MOST_TURNS_RAD;
+    touch.status == Status::Ok && touch.mode != Mode::Free && is_finite && is_near && touch.side.abs() == 1.0
 }
 
 /// Neighbours on either side whose covariance stands in for a touch's own.
@@ -98,7 +104,7 @@ const NEIGHBOURS: usize = 3;
 /// Variances along the whisker that differ by more than this factor belong to different contacts.
 const ALIKE: f64 = 3.0;
 
-/// The covariance at a touch as its neighbours in the sweep have it, seen along its own whisker, eq. (3): a touch's own covariance is
+/// The covariance at a touch as its neighbours in the sweep have it, turned to its own direction, eq. (8): a touch's own covariance is
 /// computed from its own error, and weights that know the error shrink every object. Its own where it has no such neighbours.
 fn of_neighbours(index: usize, touches: &[Touch]) -> Matrix3<f64> {
     let own = &touches[index];
@@ -135,9 +141,9 @@ fn along_variance(covariance: &Matrix3<f64>) -> f64 {
 /// What a squared distance costs and how much its row counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Loss {
-    /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (9).
+    /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (10).
     Leading,
-    /// Gaussian with a floor of outliers, eq. (8): the one that is compared.
+    /// Gaussian with a floor of outliers, eq. (9): the one that is compared.
     Final,
 }
 

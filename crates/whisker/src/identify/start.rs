@@ -2,7 +2,7 @@
 //!
 //!   n·x = h(n):  circle n·c + r  ·  rectangle at a given direction n·c + ½ a |n·u| + ½ b |n·v|  ·  corner n·c
 //!   chain  contacts in the order of β cut into runs, each run one corner, by dynamic programming
-//! Numbers: docs/math/whisker_identify.md eq. (9)–(11).
+//! Numbers: docs/math/whisker_identify.md eq. (11), (12), section 5.
 
 use super::outline::positive_angle;
 use super::row::Row;
@@ -99,7 +99,7 @@ fn within(size: f64) -> f64 {
     size.clamp(1e3 * SMALLEST_M, 0.1 * LARGEST_M)
 }
 
-/// The circle that touches the lines, eq. (9).
+/// The circle that touches the lines, eq. (11).
 pub(super) fn circle(lines: &Lines) -> Option<State> {
     let q = linear(lines, &[0.0, 0.0, lines.spread].into(), |line| line.normal.push(1.0))?;
     Some(State::Circle { centre: lines.origin + Vector2::new(q[0], q[1]), radius: within(q[2]) })
@@ -111,7 +111,7 @@ pub(super) fn corner(lines: &Lines) -> Option<State> {
     Some(State::Chain(vec![lines.origin + q]))
 }
 
-/// The ellipse that touches the lines, to first order in its eccentricity: |P n| ≈ nᵀ P n, eq. (10).
+/// The ellipse that touches the lines, to first order in its eccentricity: |P n| ≈ nᵀ P n, eq. (11).
 pub(super) fn ellipse(lines: &Lines) -> Option<State> {
     let features = |line: &Line| {
         let n = line.normal;
@@ -131,7 +131,7 @@ fn directions() -> impl Iterator<Item = f64> {
     (0..DIRECTIONS).map(|k| k as f64 * FRAC_PI_2 / DIRECTIONS as f64)
 }
 
-/// Rectangles at directions over a quarter turn, eq. (10).
+/// Rectangles at directions over a quarter turn, eq. (12).
 pub(super) fn rectangles(lines: &Lines) -> Vec<State> {
     let at = |angle: f64| {
         let (u, v) = (local(angle, 0.5, 0.0), local(angle, 0.0, 0.5));
@@ -203,7 +203,7 @@ impl Sums {
     }
 }
 
-/// Chains of 2 … `most` corners, eq. (11): for each number the cut that leaves least. Fewer where a chain is not convex.
+/// Chains of 2 … `most` corners: for each number the cut that leaves least. Fewer where a chain is not convex.
 pub(super) fn chains(lines: &Lines, most: usize) -> Vec<State> {
     let (lines, origin) = (lines.list, lines.origin);
     let groups = GROUPS.min(lines.len());

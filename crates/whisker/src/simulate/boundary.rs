@@ -61,62 +61,59 @@ pub(super) fn boundaries(
     all
 }
 
-/// What may follow a boundary.
-#[derive(Debug, Default)]
-pub(super) struct Neighbours {
-    /// The same whisker, seen as another kind of contact.
-    pub continuous: Option<State>,
-    /// Other whiskers to which it may jump at the same pose, as starts.
-    pub jumps: Vec<State>,
+/// The same whisker, seen as another kind of contact, where a boundary passes into one; eq. (12).
+pub(super) fn neighbour(rod: &Rod, outline: &Outline, state: &State, boundary: Boundary) -> Option<State> {
+    let parameter = state.unknowns.z;
+    let found = match (state.touching, boundary) {
+        (_, Boundary::SlideBack | Boundary::SlideOn) => State { sticks: false, ..*state },
+        (Touching::Tangent, Boundary::ReachTip) => as_tip(rod, outline, state, Touching::Tip, parameter),
+        (Touching::Face(i), Boundary::ReachTip) => {
+            as_tip(rod, outline, state, Touching::TipOnFace(i), parameter)
+        }
+        (Touching::Tip, Boundary::Flat) => as_mid(rod, state, Touching::Tangent, parameter),
+        (Touching::TipOnFace(i), Boundary::Flat) => as_mid(rod, state, Touching::Face(i), parameter),
+        (Touching::Corner(i), Boundary::First) => {
+            let before = outline.before(i);
+            as_mid(rod, state, Touching::Face(before), outline.lengths_m[before])
+        }
+        (Touching::Corner(i), Boundary::Last) => as_mid(rod, state, Touching::Face(i), 0.0),
+        (Touching::Face(i), Boundary::First) => as_mid(rod, state, Touching::Corner(i), outline.turn_rad(i)),
+        (Touching::Face(i), Boundary::Last) => as_mid(rod, state, Touching::Corner(outline.after(i)), 0.0),
+        _ => return None,
+    };
+    Some(found)
 }
 
-/// A tip pressed on a corner stands on a peak: every slide along either face lets it relax. So a contact that reaches the tip
-/// on a corner, or the end of a face on the tip, jumps or slips off.
-pub(super) fn neighbours(rod: &Rod, outline: &Outline, state: &State, boundary: Boundary) -> Neighbours {
-    let z = state.unknowns;
-    let as_mid = |touching, parameter: f64| State {
-        touching,
-        unknowns: Vector3::new(z.x, if state.touching.is_tip() { rod.length_m } else { z.y }, parameter),
-        ..*state
-    };
-    let as_tip = |touching, parameter: f64| State {
-        touching,
-        unknowns: Vector3::new(z.x, state.seen(rod, outline).theta_rad, parameter),
-        ..*state
-    };
-    let on = |continuous| Neighbours { continuous: Some(continuous), jumps: Vec::new() };
+/// Starts for other whiskers to which this one may jump at the same pose. A tip pressed on a corner stands on a peak: every slide
+/// along either face lets it relax. So a contact that reaches the tip on a corner, or the end of a face on the tip, jumps.
+pub(super) fn jumps(rod: &Rod, outline: &Outline, state: &State, boundary: Boundary) -> Vec<State> {
     // Newton's method finds the landing from one of these places of a face, in shares of it from the corner.
     let shares = [0.0, 0.1, 0.3, 0.6];
     let onto = |face: usize, from_last: bool| {
         let at = move |share: f64| if from_last { 1.0 - share } else { share };
-        shares.map(|share| as_tip(Touching::TipOnFace(face), at(share) * outline.lengths_m[face])).into_iter()
+        let start = |share| at(share) * outline.lengths_m[face];
+        shares.map(|share| as_tip(rod, outline, state, Touching::TipOnFace(face), start(share)))
     };
-    let jumps = |jumps: Vec<State>| Neighbours { continuous: None, jumps };
+    let corner = |i: usize| as_mid(rod, state, Touching::Corner(i), 0.5 * outline.turn_rad(i));
     match (state.touching, boundary) {
-        (_, Boundary::SlideBack | Boundary::SlideOn) => on(State { sticks: false, ..*state }),
-        (Touching::Tangent, Boundary::ReachTip) => on(as_tip(Touching::Tip, z.z)),
-        (Touching::Face(i), Boundary::ReachTip) => on(as_tip(Touching::TipOnFace(i), z.z)),
-        (Touching::Corner(i), Boundary::ReachTip) => {
-            jumps(onto(i, false).chain(onto(outline.before(i), true)).collect())
-        }
-        (Touching::Tip, Boundary::Flat) => on(as_mid(Touching::Tangent, z.z)),
-        (Touching::TipOnFace(i), Boundary::Flat) => on(as_mid(Touching::Face(i), z.z)),
-        (Touching::Corner(i), Boundary::First) => {
-            let before = outline.before(i);
-            on(as_mid(Touching::Face(before), outline.lengths_m[before]))
-        }
-        (Touching::Corner(i), Boundary::Last) => on(as_mid(Touching::Face(i), 0.0)),
-        (Touching::Face(i), Boundary::First) => on(as_mid(Touching::Corner(i), outline.turn_rad(i))),
-        (Touching::Face(i), Boundary::Last) => on(as_mid(Touching::Corner(outline.after(i)), 0.0)),
+        (Touching::Corner(i), Boundary::ReachTip) => [onto(i, false), onto(outline.before(i), true)].concat(),
         (Touching::TipOnFace(i), Boundary::First) => {
-            let corner = as_mid(Touching::Corner(i), 0.5 * outline.turn_rad(i));
-            jumps(onto(outline.before(i), true).chain([corner]).collect())
+            [&onto(outline.before(i), true)[..], &[corner(i)]].concat()
         }
         (Touching::TipOnFace(i), Boundary::Last) => {
             let next = outline.after(i);
-            let corner = as_mid(Touching::Corner(next), 0.5 * outline.turn_rad(next));
-            jumps(onto(next, false).chain([corner]).collect())
+            [&onto(next, false)[..], &[corner(next)]].concat()
         }
-        _ => Neighbours::default(),
+        _ => Vec::new(),
     }
+}
+
+fn as_mid(rod: &Rod, state: &State, touching: Touching, parameter: f64) -> State {
+    let s_m = if state.touching.is_tip() { rod.length_m } else { state.unknowns.y };
+    State { touching, unknowns: Vector3::new(state.unknowns.x, s_m, parameter), ..*state }
+}
+
+fn as_tip(rod: &Rod, outline: &Outline, state: &State, touching: Touching, parameter: f64) -> State {
+    let theta_rad = state.seen(rod, outline).theta_rad;
+    State { touching, unknowns: Vector3::new(state.unknowns.x, theta_rad, parameter), ..*state }
 }

@@ -4,8 +4,8 @@
 //! Where a kind of contact ends inside a step, that place is located and its neighbour carries on (docs/math/whisker_simulate.md
 //! section 4).
 
-use super::boundary::{Boundary, boundaries, neighbours};
-use super::equilibrium::{Outline, Solved, State, Touching, wrapped};
+use super::boundary::{Boundary, boundaries, jumps, neighbour};
+use super::equilibrium::{Outline, Solved, State, Touching, least_force_n, wrapped};
 use super::free::{cuts, first_contacts, is_blocked, is_deep, is_straight, loaded_line};
 use super::{Change, Event};
 use crate::{Error, PlanarPose, Rod};
@@ -36,6 +36,8 @@ const SHORTEST: f64 = 1e-7;
 const TURNED: f64 = 1e-6;
 /// Slip below this part of the hub's motion has no direction.
 const ROUNDING: f64 = 1e-6;
+/// In least forces, what may be left of the force a shortest step before it vanishes.
+const WEAK: f64 = 1e4;
 /// How close to its end a kind of contact is followed, in shares of a path's step.
 const LOCATED: f64 = 1e-13;
 /// Changes of contact within one step of the path before it counts as no rest.
@@ -224,8 +226,7 @@ impl Follower<'_> {
             let Some(found) = found.filter(|found| self.follows(&solved, &guess, found)) else {
                 stride *= 0.5;
                 if stride < SHORTEST {
-                    self.slip_off(step, share)?;
-                    return Ok(share);
+                    return self.let_go(step, share, solved);
                 }
                 continue;
             };
@@ -249,6 +250,15 @@ impl Follower<'_> {
                 return Ok(1.0);
             }
         }
+    }
+
+    /// No contact continues this one. The formulas end where the force does: that is no fold, the whisker lifts off.
+    fn let_go(&mut self, step: &Step, share: f64, last: Solved) -> Result<f64, Error> {
+        if last.state.unknowns.x < WEAK * least_force_n(self.rod) {
+            return self.carry_on(step, share, last, Boundary::NoForce);
+        }
+        self.slip_off(step, share)?;
+        Ok(share)
     }
 
     /// The whisker stands still on the object; its friction is free below the limit.
@@ -326,14 +336,12 @@ impl Follower<'_> {
             self.note(step, share, Change::Slide);
             state.friction_rad = self.limit_rad.copysign(state.friction_rad);
         }
-        let next = neighbours(self.rod, self.outline, &state, boundary);
-        if let Some(state) = next.continuous {
-            if let Some(solved) = state.derivatives(self.rod, self.outline) {
-                self.now = Now::Touching(solved);
-                return Ok(share);
-            }
+        let next = neighbour(self.rod, self.outline, &state, boundary);
+        if let Some(solved) = next.and_then(|state| state.derivatives(self.rod, self.outline)) {
+            self.now = Now::Touching(solved);
+            return Ok(share);
         }
-        self.jump_or_slip_off(step, share, last, next.jumps)
+        self.jump_or_slip_off(step, share, last, jumps(self.rod, self.outline, &state, boundary))
     }
 
     /// The contacts that a whisker whose body cuts the object may fall back to.

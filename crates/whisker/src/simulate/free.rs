@@ -2,7 +2,6 @@
 
 use super::TruthContact;
 use super::equilibrium::{Outline, State, Touching, wrapped};
-use super::integrate::{curvature_per_m, stiffness_n_m2};
 use crate::{PlanarPose, Rod};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::FRAC_PI_2;
@@ -48,7 +47,7 @@ pub(super) fn loaded_line(rod: &Rod, contact: &TruthContact) -> Vec<Vector2<f64>
 fn march(rod: &Rod, start: [f64; 3], from: f64, to: f64, moment: impl Fn(f64, f64) -> f64) -> Vec<[f64; 3]> {
     let step = (to - from) / SEGMENTS as f64;
     let slope = |s: f64, at: [f64; 3]| {
-        let bend = curvature_per_m(rod, s) + moment(at[0], at[1]) / stiffness_n_m2(rod, s);
+        let bend = rod.curvature_per_m_at(s) + moment(at[0], at[1]) / rod.ei_n_m2_at(s);
         [at[2].cos(), at[2].sin(), bend]
     };
     let shifted = |at: [f64; 3], by: [f64; 3], h: f64| [0, 1, 2].map(|i| at[i] + h * by[i]);

@@ -31,15 +31,16 @@ pub(super) fn integrated(rod: &Rod, side: f64, force_n: f64, s_m: f64, friction_
     // The contact is the origin wherever it lies on the whisker: a longer whisker starts one step further back.
     let mut line = Line::zeros();
     line[6] = -1.0;
-    line[8] = -side * curvature_per_m(rod, s_m);
+    line[8] = -side * rod.curvature_per_m_at(s_m);
     let mut from = s_m;
     for to in nodes_below(rod, s_m) {
-        let (start, end) = (graded(rod, from), graded(rod, to));
+        let taper_per_m = taper_per_m(rod).filter(|_| from <= rod.length_m);
+        let (start, end) = (graded(taper_per_m, from), graded(taper_per_m, to));
         let count = ((start - end) / rod.length_m * STEPS_PER_LENGTH).ceil().max(1.0);
         let mut s = from;
         for i in 1..=count as usize {
-            let next =
-                if i as f64 == count { to } else { ungraded(rod, start + (end - start) * i as f64 / count) };
+            let share = i as f64 / count;
+            let next = if share == 1.0 { to } else { ungraded(taper_per_m, start + (end - start) * share) };
             line = runge_kutta(rod, side, &load, s, next - s, &line);
             s = next;
         }
@@ -50,22 +51,16 @@ pub(super) fn integrated(rod: &Rod, side: f64, force_n: f64, s_m: f64, friction_
 }
 
 /// ∫ ds/w with w = 1 − τ s/L the width: equal steps of it are steps in proportion to the width, where the curvature changes.
-fn graded(rod: &Rod, s: f64) -> f64 {
-    match taper(rod) {
-        Some(per_m) => -(-per_m * s).ln_1p() / per_m,
-        None => s,
-    }
+fn graded(taper_per_m: Option<f64>, s: f64) -> f64 {
+    taper_per_m.map_or(s, |per_m| -(-per_m * s).ln_1p() / per_m)
 }
 
-fn ungraded(rod: &Rod, graded: f64) -> f64 {
-    match taper(rod) {
-        Some(per_m) => -(-per_m * graded).exp_m1() / per_m,
-        None => graded,
-    }
+fn ungraded(taper_per_m: Option<f64>, graded: f64) -> f64 {
+    taper_per_m.map_or(graded, |per_m| -(-per_m * graded).exp_m1() / per_m)
 }
 
 /// τ/L where the rod tapers, 1/m.
-fn taper(rod: &Rod) -> Option<f64> {
+fn taper_per_m(rod: &Rod) -> Option<f64> {
     match &rod.stiffness {
         Stiffness::Taper { taper, .. } if *taper != 0.0 => Some(taper / rod.length_m),
         _ => None,
@@ -107,11 +102,11 @@ fn runge_kutta(rod: &Rod, side: f64, load: &Load, s: f64, step: f64, line: &Line
 /// x′ = cos θ, y′ = sin θ, θ′ = κ₀ + M/EI with M = y F_x − x F_y, and the same differentiated.
 fn slope(rod: &Rod, side: f64, load: &Load, s: f64, line: &Line) -> Line {
     let (sin, cos) = line[2].sin_cos();
-    let compliance = 1.0 / stiffness_n_m2(rod, s);
+    let compliance = 1.0 / rod.ei_n_m2_at(s);
     let moment = line[1] * load.force[0] - line[0] * load.force[1];
     let mut out = Line::zeros();
     (out[0], out[1]) = (cos, sin);
-    out[2] = side * curvature_per_m(rod, s) + moment * compliance;
+    out[2] = side * rod.curvature_per_m_at(s) + moment * compliance;
     let still = [0.0, 0.0];
     for (column, by) in [(3, &load.by_force), (6, &still), (9, &load.by_phi)] {
         let (dx, dy, dtheta) = (line[column], line[column + 1], line[column + 2]);
@@ -124,7 +119,8 @@ fn slope(rod: &Rod, side: f64, load: &Load, s: f64, line: &Line) -> Line {
 
 /// Arc lengths below `s_m` where a profile bends, from the tip's side down to the hub.
 fn nodes_below(rod: &Rod, s_m: f64) -> Vec<f64> {
-    let mut nodes = vec![0.0];
+    // Beyond the tip, where only trials go, the rod is even.
+    let mut nodes = vec![0.0, rod.length_m];
     if let Stiffness::Profile { s_m, .. } = &rod.stiffness {
         nodes.extend(s_m);
     }
@@ -135,40 +131,6 @@ fn nodes_below(rod: &Rod, s_m: f64) -> Vec<f64> {
     nodes.sort_by(|a, b| b.total_cmp(a));
     nodes.dedup();
     nodes
-}
-
-/// EI at an arc length; a profile keeps its last value beyond its end.
-pub(super) fn stiffness_n_m2(rod: &Rod, s: f64) -> f64 {
-    match &rod.stiffness {
-        Stiffness::Uniform { ei_n_m2 } => *ei_n_m2,
-        Stiffness::Taper { ei_base_n_m2, taper } => {
-            let width = 1.0 - taper * s / rod.length_m;
-            let square = width * width;
-            ei_base_n_m2 * square * square
-        }
-        Stiffness::Profile { s_m, ei_n_m2 } => interpolated(s_m, ei_n_m2, s),
-    }
-}
-
-/// κ₀ at an arc length.
-pub(super) fn curvature_per_m(rod: &Rod, s: f64) -> f64 {
-    match &rod.intrinsic_curvature {
-        IntrinsicCurvature::Constant { per_m } => *per_m,
-        IntrinsicCurvature::Profile { s_m, per_m } => interpolated(s_m, per_m, s),
-    }
-}
-
-/// Linear between the nodes, constant outside.
-fn interpolated(at: &[f64], values: &[f64], s: f64) -> f64 {
-    let next = at.partition_point(|&node| node <= s);
-    if next == 0 {
-        return values[0];
-    }
-    if next == at.len() {
-        return values[next - 1];
-    }
-    let share = (s - at[next - 1]) / (at[next] - at[next - 1]);
-    values[next - 1] + share * (values[next] - values[next - 1])
 }
 
 #[cfg(test)]
@@ -239,7 +201,7 @@ mod tests {
         };
         let hub = integrated(&cone, 1.0, 0.3, 0.23, 0.2).hub_in_contact;
         let golden =
-            Vector3::new(-0.138_370_920_407_322_87, 0.154_319_958_845_428_33, -1.423_895_852_491_597_8);
+            Vector3::new(-0.138_370_920_407_322_87, 0.154_319_958_845_428_33, -1.423_895_852_491_598);
         assert!((hub - golden).norm() < 2e-12, "{hub:?}");
     }
 }

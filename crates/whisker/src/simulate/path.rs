@@ -1,7 +1,7 @@
 //! Paths of the hub, and sweeps laid out as a measurement would be.
 
 use super::follow::between;
-use super::{Change, Record, Simulated, record};
+use super::{Change, Event, Record, Simulated, record};
 use crate::{Error, PlanarPose, Rod, Shape};
 
 /// A motion of the hub over t = 0 … 1 s.
@@ -32,6 +32,21 @@ impl Motion {
     pub fn rotate(at_m: [f64; 2], from_rad: f64, to_rad: f64) -> Self {
         let at = |angle_rad| PlanarPose { x_m: at_m[0], y_m: at_m[1], angle_rad };
         Motion::Between { from: at(from_rad), to: at(to_rad) }
+    }
+
+    /// Times of the poses that it passes through, where it may bend.
+    fn bends_s(&self) -> Result<Vec<f64>, Error> {
+        match self {
+            Motion::Between { .. } => Ok(Vec::new()),
+            Motion::Through { poses } if poses.is_empty() => {
+                let way_out = "name the poses that the hub passes through";
+                Err(Error::TooFew { what: "poses", seen: 0, needed: 1, way_out })
+            }
+            Motion::Through { poses } => {
+                let last = (poses.len() - 1).max(1) as f64;
+                Ok((0..poses.len()).map(|i| i as f64 / last).collect())
+            }
+        }
     }
 
     /// The pose at a time; the motion goes on beyond t = 1 s as before.
@@ -87,7 +102,7 @@ const SEARCH: u32 = 256;
 /// time in seconds in place of the pose's number.
 ///
 /// # Errors
-/// As [`record`].
+/// As [`record`]; a motion without poses.
 pub fn sweep(
     rod: &Rod,
     object: &Shape,
@@ -96,32 +111,50 @@ pub fn sweep(
     motion: &Motion,
     spacing: &Spacing,
 ) -> Result<Record, Error> {
-    let times = match touch_time_s(rod, object, motion)? {
+    let bends_s = motion.bends_s()?;
+    let times = match touch_time_s(rod, object, motion, &bends_s)? {
         Some(touch_s) => around(touch_s, spacing),
         None => (0..=spacing.after_touch).map(|i| f64::from(i) / f64::from(spacing.after_touch)).collect(),
     };
-    let poses: Vec<_> = times.iter().map(|&t| motion.at(t)).collect();
+    // The path bends between samples too.
+    let path = merged(&times, &bends_s);
+    let poses: Vec<_> = path.iter().map(|(t_s, _)| motion.at(*t_s)).collect();
     let mut found = record(rod, object, mu, number, &poses)?;
-    let time_s = |pose: f64| {
-        let i = (pose.floor() as usize).min(times.len() - 2);
-        times[i] + (pose - i as f64) * (times[i + 1] - times[i])
-    };
-    found.events.iter_mut().for_each(|event| event.pose = time_s(event.pose));
-    for (simulated, t_s) in found.samples.iter_mut().zip(&times) {
-        simulated.sample.t_s = Some(*t_s);
-    }
-    if let Some(off) =
-        found.events.iter().find(|event| event.change == Change::SlipOff).map(|event| event.pose)
-    {
-        shift_the_rest(&mut found.samples, off, motion, spacing);
+    found.events.iter_mut().for_each(|event| event.pose = time_s(&path, event.pose));
+    let with_times = found.samples.into_iter().zip(&path).filter(|(_, (_, is_sample))| *is_sample);
+    found.samples = with_times.zip(0..).map(|((row, (t_s, _)), i)| numbered(row, i, *t_s)).collect();
+    // Where the whisker touches again, the samples stay as they are.
+    if let Some(Event { pose: off_s, change: Change::SlipOff, .. }) = found.events.last() {
+        lay_out_the_rest(&mut found.samples, *off_s, motion, spacing);
     }
     Ok(found)
 }
 
+/// Both lists in order, the first marked as samples.
+fn merged(times_s: &[f64], bends_s: &[f64]) -> Vec<(f64, bool)> {
+    let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else { return Vec::new() };
+    let inside = bends_s.iter().filter(|t| first < *t && *t < last);
+    let mut all: Vec<_> = times_s.iter().map(|t| (*t, true)).chain(inside.map(|t| (*t, false))).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all
+}
+
+fn time_s(path: &[(f64, bool)], pose: f64) -> f64 {
+    let i = (pose.floor() as usize).min(path.len().saturating_sub(2));
+    path[i].0 + (pose - i as f64) * (path[i + 1].0 - path[i].0)
+}
+
+fn numbered(mut row: Simulated, sample: u32, t_s: f64) -> Simulated {
+    (row.sample.sample, row.sample.t_s) = (sample, Some(t_s));
+    row
+}
+
 /// When the free whisker meets the object.
-fn touch_time_s(rod: &Rod, object: &Shape, motion: &Motion) -> Result<Option<f64>, Error> {
-    super::first_touch(rod, object, (0..=SEARCH).map(|i| motion.at(f64::from(i) / f64::from(SEARCH))))
-        .map(|found| found.map(|pose| pose / f64::from(SEARCH)))
+fn touch_time_s(rod: &Rod, object: &Shape, motion: &Motion, bends_s: &[f64]) -> Result<Option<f64>, Error> {
+    let even: Vec<_> = (0..=SEARCH).map(|i| f64::from(i) / f64::from(SEARCH)).collect();
+    let path = merged(&even, bends_s);
+    let touch = super::first_touch(rod, object, path.iter().map(|(t_s, _)| motion.at(*t_s)))?;
+    Ok(touch.map(|pose| time_s(&path, pose)))
 }
 
 /// Equal steps, the touch at sample `before − 1`.
@@ -132,7 +165,7 @@ fn around(touch_s: f64, spacing: &Spacing) -> Vec<f64> {
 }
 
 /// The free samples after the slip-off start from it anew.
-fn shift_the_rest(samples: &mut Vec<Simulated>, off_s: f64, motion: &Motion, spacing: &Spacing) {
+fn lay_out_the_rest(samples: &mut Vec<Simulated>, off_s: f64, motion: &Motion, spacing: &Spacing) {
     let Some(step) = samples.windows(2).last().and_then(|w| Some(w[1].sample.t_s? - w[0].sample.t_s?)) else {
         return;
     };

@@ -93,7 +93,7 @@ impl Chain {
         self.corner *= 1.0 + share;
     }
 
-    /// Eliminates the first node, eqs. (12)–(13): what remains of it in the second's block and in the corner.
+    /// Eliminates the first node, eqs. (11)–(12): what remains of it in the second's block and in the corner.
     /// Nothing happens where the node's block is singular: the weights of its own measurements exclude that.
     pub fn eliminate(&mut self, node: usize) -> Option<Eliminated> {
         let inverse = self.diagonal[node].cholesky()?.inverse();
@@ -162,7 +162,7 @@ impl Solution {
         self.cross.resize(nodes, Matrix4::zeros());
     }
 
-    /// Eq. (14): from the last node to the first.
+    /// Eqs. (13)–(14): from the last node to the first.
     fn back_substitute(&mut self, node: usize, f: &Eliminated) {
         let variance = self.shared_variance;
         let (mut step, mut with_shared) = (f.own + f.by_shared * self.shared_step, f.by_shared * variance);

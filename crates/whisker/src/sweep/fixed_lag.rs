@@ -3,7 +3,7 @@
 //! Every sample is answered at once (filtered) and again when it leaves the window (settled). Memory and time per sample are
 //! constant. Derivation: docs/math/whisker_sweep.md, section 7.
 
-use super::batch::{Prior, TOUCH_SLIDE, add_pair};
+use super::batch::Prior;
 use super::chain::{Chain, Eliminated, Local, Solution};
 use super::envelope::{self, Pair};
 use super::node::{Instrument, Linear, Node, Role};
@@ -11,10 +11,11 @@ use super::record;
 use super::roles::{self, Costs};
 use super::start::{self, Goal};
 use super::tip;
+use super::window::{Entry, Inherited, add_link, add_own};
 use super::{JUMP, Options, coefficient, estimate, prior, without_contact};
 use crate::estimate::ContactEstimate;
 use crate::{Cell, Error, HubContact, PlanarPose, Rod, Sample};
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::Matrix4;
 
 /// Solutions per sample at most.
 const ROUNDS: usize = 6;
@@ -55,68 +56,6 @@ pub struct Update {
     pub mu: f64,
     /// Its standard deviation.
     pub mu_sigma: f64,
-}
-
-/// A node in the window.
-#[derive(Debug, Clone)]
-struct Entry {
-    node: Node,
-    state: Local,
-    linear: Linear,
-    /// Where `linear` was taken: state and shared angle.
-    at: (Local, f64),
-    /// Sweep and number; none of a touch.
-    name: Option<(u32, u32)>,
-    /// Whether the envelope condition holds to the next.
-    linked: bool,
-}
-
-impl Entry {
-    /// The linearisation carried to the present state.
-    fn present(&self, shared_rad: f64) -> Linear {
-        let (by_state, by_shared) = (self.state - self.at.0, shared_rad - self.at.1);
-        let mut linear = self.linear;
-        linear.x += linear.x_by * by_state;
-        linear.alpha_rad += linear.alpha_by.dot(&by_state) + linear.alpha_by_shared * by_shared;
-        if let Some((residual, by, shared)) = &mut linear.constraint {
-            *residual += by.dot(&by_state) + *shared * by_shared;
-        }
-        linear
-    }
-}
-
-/// What left the window, as a quadratic form of the first node and the shared angle about a reference.
-#[derive(Debug, Clone, Copy)]
-struct Inherited {
-    hessian: Matrix4<f64>,
-    border: Local,
-    gradient: Local,
-    corner: f64,
-    corner_gradient: f64,
-    reference: (Local, f64),
-}
-
-impl Inherited {
-    fn of_prior(prior: &Prior) -> Self {
-        Inherited {
-            hessian: Matrix4::zeros(),
-            border: Local::zeros(),
-            gradient: Local::zeros(),
-            corner: prior.sigma_rad.powi(-2),
-            corner_gradient: 0.0,
-            reference: (Local::zeros(), prior.angle_rad),
-        }
-    }
-
-    /// Adds the form to a chain about the present values; its value there.
-    fn add_to(&self, chain: &mut Chain, state: &Local, shared_rad: f64) -> f64 {
-        let (by_state, by_shared) = (state - self.reference.0, shared_rad - self.reference.1);
-        let gradient = self.gradient + self.hessian * by_state + self.border * by_shared;
-        chain.add_block(0, &self.hessian, &self.border, &gradient);
-        let slope = self.corner_gradient + self.corner * by_shared + self.border.dot(&by_state);
-        chain.add_shared(self.corner, slope);
-        by_state.dot(&(gradient + self.gradient)) + by_shared * (slope + self.corner_gradient)
-    }
 }
 
 /// The smoother.
@@ -178,7 +117,8 @@ impl FixedLag {
         };
         self.last_angle = Some((sample.sweep, sample.world_from_hub.angle_rad));
         let (mu, mu_sigma) = coefficient(self.shared_rad, self.shared_variance, &self.options.friction);
-        Update { now, settled, mu, mu_sigma }
+        // The first way of sliding counts as positive; friction has no sign.
+        Update { now, settled, mu: mu.abs(), mu_sigma }
     }
 
     /// Settles what is left.
@@ -416,30 +356,4 @@ impl FixedLag {
         self.window.remove(0);
         self.solution.covariances.remove(0);
     }
-}
-
-fn add_own(chain: &mut Chain, index: usize, entry: &Entry, present: &Linear) -> f64 {
-    let deviation = entry.node.deviation(&entry.state);
-    chain.add_block(index, &Matrix4::identity(), &Vector4::zeros(), &deviation);
-    if let Some((residual, by, by_shared)) = &present.constraint {
-        chain.add_single(index, *residual, by, *by_shared);
-        return deviation.norm_squared() + residual * residual;
-    }
-    deviation.norm_squared()
-}
-
-fn add_link(chain: &mut Chain, index: usize, first: &Entry, pair: [&Linear; 2], with: &Instrument) -> f64 {
-    if !first.linked {
-        return 0.0;
-    }
-    let sigma = envelope::sigma_m(pair[0], pair[1]);
-    let envelope = Pair::envelope(pair[0], pair[1]);
-    add_pair(chain, index, &envelope, sigma);
-    let mut chi2 = (envelope.residual_m / sigma).powi(2);
-    if matches!(first.node.role, Role::Touch { .. }) {
-        let (slide, sigma) = (Pair::slide(pair[0], pair[1]), TOUCH_SLIDE * with.rod.length_m);
-        add_pair(chain, index, &slide, sigma);
-        chi2 += (slide.residual_m / sigma).powi(2);
-    }
-    chi2
 }

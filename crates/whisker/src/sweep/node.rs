@@ -8,6 +8,7 @@
 
 use super::chain::Local;
 use crate::contact::{ByLoad, Method, contact_with_derivatives};
+use crate::friction::sound;
 use crate::{Cell, Error, HubContact, HubLoad, PlanarPose, Rod};
 use nalgebra::{Matrix2x4, Vector2, Vector3, Vector4};
 
@@ -36,9 +37,10 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// Fails where the rod is none or the load cell claims to be exact.
+    /// Fails where the rod is none or a noise is no number. A load cell that claims to be exact is taken as good to a millionth of EI/L².
     pub fn new(rod: &Rod, cell: &Cell, method: Method) -> Result<Self, Error> {
         rod.check()?;
+        let cell = &sound(rod, cell);
         let load_sigma = cell.load_covariance().diagonal().map(f64::sqrt);
         for (what, seen) in [("the force noise", load_sigma.x), ("the torque noise", load_sigma.z)] {
             if !(0.0 < seen && seen.is_finite()) {

@@ -6,11 +6,10 @@ use super::node::{Instrument, Node, Role};
 use super::roles::{self, Costs};
 use super::start::{self, Goal};
 use crate::contact::ByLoad;
+use crate::estimate::FREE_CHI2;
 use crate::{HubContact, PlanarPose, Sample};
 use nalgebra::Vector3;
 
-/// χ² of three readings against no load at all above which something is touched: once in 65 000 free samples.
-const TOUCHED: f64 = 25.0;
 /// Friction angles known to less than this do not help to find μ, radians.
 const USEFUL_ANGLE_RAD: f64 = 0.05;
 /// Below this the friction angle is not told from none before smoothing, radians.
@@ -37,7 +36,7 @@ pub type Run = Vec<Seen>;
 /// Whether a reading says that something is touched.
 pub fn touched(with: &Instrument, sample: &Sample) -> bool {
     let whitened = sample.load.to_vector().component_div(&with.load_sigma);
-    TOUCHED < whitened.norm_squared() && is_number(sample)
+    FREE_CHI2 < whitened.norm_squared() && is_number(sample)
 }
 
 /// A sample in contact, its role still open.

@@ -18,6 +18,8 @@ pub const NEAR_TIP: f64 = 0.02;
 const REACH: usize = 12;
 /// What a contact outside of its neighbours' tangents counts at most: an object that is not convex does that rightly.
 const OUTSIDE_AT_MOST: f64 = 25.0;
+/// A border is moved for this much in χ²; less is doubt, and could move it to and fro.
+const BETTER: f64 = 0.5;
 /// Alternatives that fit worse by this much in χ² are no alternatives: odds of 1 to 3 000.
 const NO_ALTERNATIVE: f64 = 16.0;
 
@@ -50,7 +52,7 @@ pub fn improve(problem: &mut Problem, now: &Smoothed) -> bool {
         let stretch = stretch(problem, change.changed.start);
         let Some(as_is) = trial(problem, now, &stretch, None) else { continue };
         let Some(moved) = trial(problem, now, &stretch, Some(&change)) else { continue };
-        if moved.cost < as_is.cost - 1e-3 {
+        if moved.cost < as_is.cost - BETTER {
             problem.nodes[stretch.clone()].copy_from_slice(&moved.part.nodes);
             problem.states[stretch].copy_from_slice(&moved.part.states);
             return true;

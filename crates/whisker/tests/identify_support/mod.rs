@@ -88,8 +88,9 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
 }
 
 /// How contacts are estimated from readings.
-#[derive(Debug, Clone, Copy, PartialEq)]
+// The bench takes one of them.
 #[allow(dead_code)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum How {
     /// Sample by sample.
     Raw,
@@ -103,7 +104,9 @@ pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
     let noisy = add_noise(samples, &cell, seed);
     let estimates = match how {
         How::Raw => noisy.iter().map(|sample| estimate(&rod, &cell, sample, Method::Auto)).collect(),
-        How::Constrained(mu) => solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates,
+        How::Constrained(mu) => {
+            solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates
+        }
     };
     let touch = |(sample, estimate): (&Sample, _)| {
         Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod)

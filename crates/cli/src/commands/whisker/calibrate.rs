@@ -137,24 +137,39 @@ fn document(file: &WhiskerFile, calibrated: &Calibrated) -> serde_json::Value {
 }
 
 fn words(args: &Calibrate, file: &WhiskerFile, calibrated: &Calibrated, n_missing: usize) -> String {
-    let verdict = if calibrated.is_consistent { "OK" } else { "INCONSISTENT: the record does not keep the model" };
+    let verdict =
+        if calibrated.is_consistent { "OK" } else { "INCONSISTENT: the record does not keep the model" };
     let mut out = format!("{}   {verdict}\n", args.hub.display());
     let mut line = |label: &str, text: &str| crate::text::line(&mut out, label, text);
     let counts = calibrated.counts();
-    line("readings", &format!(
-        "{} in free air, {} mid-whisker, {} at the tip, {} not used, {n_missing} with empty cells",
-        counts.free, counts.mid, counts.tip, counts.unused
-    ));
-    line("fit", &format!(
-        "chi2 {:.1} for {} degrees of freedom, p = {:.2}",
-        calibrated.chi2, calibrated.degrees_of_freedom, calibrated.p_value
-    ));
+    line(
+        "readings",
+        &format!(
+            "{} in free air, {} mid-whisker, {} at the tip, {} not used, {n_missing} with empty cells",
+            counts.free, counts.mid, counts.tip, counts.unused
+        ),
+    );
+    line(
+        "fit",
+        &format!(
+            "chi2 {:.1} for {} degrees of freedom, p = {:.2}",
+            calibrated.chi2, calibrated.degrees_of_freedom, calibrated.p_value
+        ),
+    );
     for parameter in Parameter::ALL.into_iter().filter(|p| !calibrated.held.contains(p)) {
         line("", &figure(calibrated, file, parameter));
     }
     for open in &calibrated.undetermined {
         let names: Vec<&str> = open.combination.iter().map(|(p, _)| p.name()).collect();
-        line("open", &format!("{} ({:.0} % of the prior uncertainty left): {}", names.join(" with "), 100.0 * open.left, open.reason));
+        line(
+            "open",
+            &format!(
+                "{} ({:.0} % of the prior uncertainty left): {}",
+                names.join(" with "),
+                100.0 * open.left,
+                open.reason
+            ),
+        );
     }
     if let Some(shape) = &calibrated.object {
         line("object", &object::to_json(shape).to_string());
@@ -175,7 +190,12 @@ fn figure(calibrated: &Calibrated, file: &WhiskerFile, parameter: Parameter) -> 
         Parameter::Stiffness => {
             let ei = calibrated.calibration.rod().ei_base_n_m2();
             let change = 100.0 * (ei / file.rod.ei_base_n_m2() - 1.0);
-            format!("{:24} {:>10.4} ± {:.4} N mm² ({change:+.2} % of the file's)", "EI at the clamp", 1e6 * ei, 1e6 * ei * sigma)
+            format!(
+                "{:24} {:>10.4} ± {:.4} N mm² ({change:+.2} % of the file's)",
+                "EI at the clamp",
+                1e6 * ei,
+                1e6 * ei * sigma
+            )
         }
         Parameter::ForceXZero => said("zero of fx", 1e3, "mN"),
         Parameter::ForceYZero => said("zero of fy", 1e3, "mN"),

@@ -39,11 +39,7 @@ pub fn run(args: &Check) -> Result<Outcome> {
     let rows = rows(args)?;
     let comparison = compare(&rows, &truth);
     if comparison.n_unmatched == truth.len() {
-        bail!(
-            "{} and {} have no sweep and sample in common",
-            args.measured.display(),
-            args.truth.display()
-        );
+        bail!("{} and {} have no sweep and sample in common", args.measured.display(), args.truth.display());
     }
     match args.json {
         true => print(&format!("{}\n", json(&rows, &comparison)))?,

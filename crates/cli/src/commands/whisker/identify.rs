@@ -94,7 +94,11 @@ fn parameter(p: &Parameter) -> String {
 }
 
 fn words(args: &Identify, answer: &Identification, written: &[String]) -> String {
-    let mut out = format!("{}   {}\n", args.contacts.display(), verdict_name(answer.verdict).to_uppercase().replace('_', " "));
+    let mut out = format!(
+        "{}   {}\n",
+        args.contacts.display(),
+        verdict_name(answer.verdict).to_uppercase().replace('_', " ")
+    );
     let mut line = |label: &str, text: &str| crate::text::line(&mut out, label, text);
     if let Some(reason) = &answer.reason {
         line("because", &reason_in_words(reason));

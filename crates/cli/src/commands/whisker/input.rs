@@ -2,12 +2,12 @@
 
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, ValueEnum};
+use resight_whisker::Sample;
+use resight_whisker::calibrate::{self, Tare};
 use resight_whisker::files::hub::{Conventions, ForceFrame, Sign};
 use resight_whisker::files::object::ObjectFile;
 use resight_whisker::files::units::Units;
 use resight_whisker::files::{HubRow, TextError, WhiskerFile, object, read_hub, whisker};
-use resight_whisker::Sample;
-use resight_whisker::calibrate::{self, Tare};
 use std::path::{Path, PathBuf};
 
 /// The whisker and how its readings are meant.

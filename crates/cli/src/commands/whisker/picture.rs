@@ -106,8 +106,13 @@ fn sheet(frames: u32) -> Drawing {
 
 /// The readings whose whisker is drawn: evenly chosen among those in contact, sweep by sweep.
 fn drawn(solved: &Solved) -> impl Iterator<Item = &Sample> {
-    let touching: Vec<&Sample> =
-        solved.rows.iter().zip(&solved.samples).filter(|(row, _)| row.is_ok()).filter_map(|(_, s)| s.as_ref()).collect();
+    let touching: Vec<&Sample> = solved
+        .rows
+        .iter()
+        .zip(&solved.samples)
+        .filter(|(row, _)| row.is_ok())
+        .filter_map(|(_, s)| s.as_ref())
+        .collect();
     let mut chosen = Vec::new();
     for sweep in touching.chunk_by(|a, b| a.sweep == b.sweep) {
         let step = sweep.len().div_ceil(SHAPES_PER_SWEEP).max(1);
@@ -151,7 +156,13 @@ fn outline(shape: &Shape) -> Vec<Vector2<f64>> {
 }
 
 /// The frame of the contacts: it holds those that are known well, and the outline.
-fn magnified(drawing: &mut Drawing, corner: Vector2<f64>, length_m: f64, rows: &[ContactRow], outline: &[Vector2<f64>]) {
+fn magnified(
+    drawing: &mut Drawing,
+    corner: Vector2<f64>,
+    length_m: f64,
+    rows: &[ContactRow],
+    outline: &[Vector2<f64>],
+) {
     let limit = if 0.0 < length_m { VAGUE * length_m } else { typical_m(rows) };
     let well = rows.iter().filter(|row| row.is_ok()).filter_map(|row| row.figures);
     let well = well.filter(|f| sigma_m(&f.covariance) <= limit).map(|f| f.x_in_world);
@@ -179,8 +190,12 @@ fn sigma_m(c: &nalgebra::Matrix3<f64>) -> f64 {
 
 /// Four times the median error bar.
 fn typical_m(rows: &[ContactRow]) -> f64 {
-    let mut sigmas: Vec<f64> =
-        rows.iter().filter(|row| row.is_ok()).filter_map(|row| row.figures).map(|f| sigma_m(&f.covariance)).collect();
+    let mut sigmas: Vec<f64> = rows
+        .iter()
+        .filter(|row| row.is_ok())
+        .filter_map(|row| row.figures)
+        .map(|f| sigma_m(&f.covariance))
+        .collect();
     sigmas.sort_by(f64::total_cmp);
     sigmas.get(sigmas.len() / 2).map_or(f64::INFINITY, |median| 4.0 * median)
 }
@@ -204,10 +219,13 @@ fn points(drawing: &mut Drawing, chart: &Chart, rows: &[ContactRow], width: f64)
 
 /// What the colours mean, with counts.
 fn legend(drawing: &mut Drawing, first: &[(Color, &str)], rows: &[ContactRow], has_outline: bool) {
-    let count = |wanted: Color| rows.iter().filter(|row| row.figures.is_some() && color(row) == wanted).count();
+    let count =
+        |wanted: Color| rows.iter().filter(|row| row.figures.is_some() && color(row) == wanted).count();
     let kinds = [(MID, "mid-whisker"), (TIP, "tip"), (WEAK, "low force"), (ODD, "other status")];
     let mut entries: Vec<(Color, String)> = first.iter().map(|(c, text)| (*c, text.to_string())).collect();
-    entries.extend(kinds.iter().filter(|(c, _)| 0 < count(*c)).map(|(c, text)| (*c, format!("{text} ({})", count(*c)))));
+    entries.extend(
+        kinds.iter().filter(|(c, _)| 0 < count(*c)).map(|(c, text)| (*c, format!("{text} ({})", count(*c)))),
+    );
     if has_outline {
         entries.push((OUTLINE, "outline".to_string()));
     }

@@ -2,12 +2,13 @@
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use resight_whisker::contact::Method;
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
-use resight_whisker::events::TouchDetector;
+use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Mode, estimate};
-use resight_whisker::friction::{Mu, solve_record};
+use resight_whisker::events::consistency::{mark, widen};
+use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
 use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
+use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
 
@@ -88,11 +89,20 @@ pub struct SolvingArgs {
     /// How contacts are found from loads.
     #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
     pub method: MethodArg,
+    /// The sweeps touch different objects, or one that moved: their outlines need not agree.
+    #[arg(long)]
+    pub several_objects: bool,
+    /// Nobody has calibrated the rig: gains known to 1 %, angles to 0.2°, the clamp to 0.5 mm; error bars are widened by what of that
+    /// the record cannot exclude (constrained mode).
+    #[arg(long)]
+    pub uncalibrated: bool,
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
 struct Answers {
     estimates: Vec<ContactEstimate>,
+    /// What each touches; empty where that was not asked.
+    features: Vec<Option<Label>>,
     friction: Option<Friction>,
     warnings: Vec<String>,
     is_consistent: bool,
@@ -177,7 +187,7 @@ pub fn solve(
     }
     let mut left = meant.iter().copied();
     Ok(Solved {
-        rows: rows(&rig, readings, &meant, &answers.estimates),
+        rows: rows(&rig, readings, &meant, &answers),
         samples: readings.iter().map(|row| row.reading.as_ref().ok().and_then(|_| left.next())).collect(),
         friction: answers.friction,
         warnings: file.warnings.iter().cloned().chain(answers.warnings).collect(),
@@ -188,19 +198,72 @@ pub fn solve(
 
 fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
     let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();
-    Answers { estimates, friction: None, warnings: Vec::new(), is_consistent: true }
+    Answers { estimates, features: Vec::new(), friction: None, warnings: Vec::new(), is_consistent: true }
 }
 
 fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
-    let record = solve_record(&rig.rod, &rig.cell, samples, args.mu, args.method.into())?;
-    let friction =
-        Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
+    let method: Method = args.method.into();
+    let mut record = solve_record(&rig.rod, &rig.cell, samples, args.mu, method)?;
+    let features = events::labels(&rig.rod, &rig.cell, samples, &record, method);
+    let verdict = events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
+    let mut warnings = several_contacts(&rig.cell, samples, &record);
+    if let Some(verdict) = &verdict {
+        let marked = mark(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
+        warnings.extend(verdict.is_inconsistent.then(|| contradiction(verdict, marked)));
+        if args.uncalibrated {
+            let tolerances = Fault::ALL.map(|fault| fault.tolerance(&rig.cell));
+            widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
+        }
+    }
+    let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
+        features,
         friction: Some(friction),
-        warnings: Vec::new(),
-        is_consistent: true,
+        warnings,
+        is_consistent: verdict.is_none_or(|verdict| !verdict.is_inconsistent),
     })
+}
+
+/// Where a record that was explained by one contact no longer is.
+fn several_contacts(cell: &Cell, samples: &[Sample], record: &Record) -> Vec<String> {
+    let found = events::events(cell, samples, record);
+    let several = found.iter().filter(|event| event.kind == EventKind::SeveralContacts);
+    let told = several.map(|event| {
+        let sample = &samples[event.index];
+        format!("from sample {} of sweep {} no single contact explains the load", sample.sample, sample.sweep)
+    });
+    told.collect()
+}
+
+fn contradiction(verdict: &Consistency, marked: usize) -> String {
+    let likely = verdict.suspicions.first().map(|first| {
+        let (size, sigma) = (first.size, first.sigma);
+        let said = match first.fault {
+            Fault::ForceGain => format!("forces {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma),
+            Fault::TorqueGain => {
+                format!("the torque {:+.2} ± {:.2} % too large", 100.0 * size, 100.0 * sigma)
+            }
+            Fault::HubAngle => {
+                format!("the hub angle {:+.3} ± {:.3}° off", size.to_degrees(), sigma.to_degrees())
+            }
+            Fault::CellAngle => {
+                format!("the cell turned by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees())
+            }
+            Fault::HubAhead => format!("the clamp {:+.3} ± {:.3} mm ahead", 1e3 * size, 1e3 * sigma),
+            Fault::HubAside => format!("the clamp {:+.3} ± {:.3} mm to the left", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroFx => format!("zero of fx {:+.2} ± {:.2} mN", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroFy => format!("zero of fy {:+.2} ± {:.2} mN", 1e3 * size, 1e3 * sigma),
+            Fault::ZeroMz => format!("zero of mz {:+.4} ± {:.4} N mm", 1e3 * size, 1e3 * sigma),
+        };
+        format!("; most likely {said}")
+    });
+    format!(
+        "the record contradicts itself (chi2 {:.0} for {} degrees of freedom){}; {marked} contacts are marked inconsistent; calibrate, or --several-objects",
+        verdict.chi2,
+        verdict.degrees_of_freedom,
+        likely.unwrap_or_default()
+    )
 }
 
 fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
@@ -221,6 +284,7 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
     };
     Ok(Answers {
         estimates: smoothed.estimates,
+        features: Vec::new(),
         friction: Some(friction),
         warnings: smoothed.jumps.iter().map(jump).collect(),
         is_consistent: true,
@@ -228,17 +292,13 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
 }
 
 /// Puts the rows of incomplete readings back in their places.
-fn rows(
-    rig: &Rig,
-    readings: &[HubRow],
-    samples: &[Sample],
-    estimates: &[ContactEstimate],
-) -> Vec<ContactRow> {
+fn rows(rig: &Rig, readings: &[HubRow], samples: &[Sample], answers: &Answers) -> Vec<ContactRow> {
     let mut detector = TouchDetector::new(&rig.cell);
-    let mut answers = samples.iter().zip(estimates);
+    let mut left = samples.iter().zip(&answers.estimates).enumerate();
     let mut row = |reading: &HubRow| match &reading.reading {
-        Ok(_) => answers.next().map(|(sample, estimate)| ContactRow {
+        Ok(_) => left.next().map(|(i, (sample, estimate))| ContactRow {
             event: detector.push(sample),
+            feature: answers.features.get(i).copied().flatten(),
             ..ContactRow::new(&rig.rod, sample, estimate)
         }),
         Err(cells) => Some(ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells)),

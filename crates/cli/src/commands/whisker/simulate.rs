@@ -9,7 +9,9 @@ use resight::formats::write_atomically;
 use resight_whisker::files::object::{SweepPath, read_path};
 use resight_whisker::files::truth::{self, TruthContact, TruthRow};
 use resight_whisker::files::{WhiskerFile, hub};
-use resight_whisker::simulate::{Change, Record, Simulated, Spacing, add_noise, record, standard_sweeps, sweep};
+use resight_whisker::simulate::{
+    Change, Record, Simulated, Spacing, add_noise, record, standard_sweeps, sweep,
+};
 use resight_whisker::{PlanarPose, Sample, Shape};
 use std::path::PathBuf;
 
@@ -83,7 +85,9 @@ pub fn run(args: &Simulate) -> Result<Outcome> {
 
 fn sweeps(args: &Simulate) -> Result<Vec<SweepPath>> {
     match &args.path {
-        Some(path) => read_path(&input::text(path)?).map_err(|reason| anyhow!("{}: {reason}", path.display())),
+        Some(path) => {
+            read_path(&input::text(path)?).map_err(|reason| anyhow!("{}: {reason}", path.display()))
+        }
         None => {
             let numbered = (0..).zip(standard_sweeps());
             Ok(numbered.map(|(sweep, motion)| SweepPath { sweep, motion, n_samples: None }).collect())
@@ -120,17 +124,23 @@ fn truth_rows(all: &[Simulated]) -> Vec<TruthRow> {
             mode: truth.touching.to_string(),
         })
     };
-    all.iter().map(|s| TruthRow { sweep: s.sample.sweep, sample: s.sample.sample, contact: contact(s) }).collect()
+    all.iter()
+        .map(|s| TruthRow { sweep: s.sample.sweep, sample: s.sample.sample, contact: contact(s) })
+        .collect()
 }
 
 fn words(args: &Simulate, records: &[(u32, Record)]) -> String {
     let mut out = String::new();
     for (sweep, record) in records {
         let touching = record.samples.iter().filter(|s| s.truth.is_some()).count();
-        let events: Vec<String> =
-            record.events.iter().map(|event| format!("{} at t = {:.4}", change(&event.change), event.pose)).collect();
+        let events: Vec<String> = record
+            .events
+            .iter()
+            .map(|event| format!("{} at t = {:.4}", change(&event.change), event.pose))
+            .collect();
         let events = if events.is_empty() { "nothing touched".to_string() } else { events.join(", ") };
-        out += &format!("sweep {sweep}: {} readings, {touching} in contact; {events}\n", record.samples.len());
+        out +=
+            &format!("sweep {sweep}: {} readings, {touching} in contact; {events}\n", record.samples.len());
     }
     let written: Vec<String> =
         args.output.iter().chain(&args.truth).map(|path| path.display().to_string()).collect();

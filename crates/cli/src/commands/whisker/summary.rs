@@ -6,7 +6,11 @@ use resight_whisker::files::contacts::{RowStatus, mode_name};
 use serde_json::{Value, json};
 
 /// `298 ok, 63 no_contact`: words in their own order, those without a row left out.
-fn counts(rows: &[ContactRow], words: &[&'static str], word: impl Fn(&ContactRow) -> &'static str) -> Vec<(&'static str, usize)> {
+fn counts(
+    rows: &[ContactRow],
+    words: &[&'static str],
+    word: impl Fn(&ContactRow) -> &'static str,
+) -> Vec<(&'static str, usize)> {
     let count = |name: &'static str| (name, rows.iter().filter(|row| word(row) == name).count());
     words.iter().map(|name| count(name)).filter(|(_, n)| 0 < *n).collect()
 }
