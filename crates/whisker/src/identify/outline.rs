@@ -111,8 +111,11 @@ impl Smooth {
         let unit = q / q.norm();
         // d(P P n/|P n|) by P: dP û + P (I − û ûᵀ) dP n/|P n|, eq. (7).
         let across = self.root * (Matrix2::identity() - unit * unit.transpose()) / q.norm();
-        let basis =
-            [Matrix2::new(1.0, 0.0, 0.0, 0.0), Matrix2::new(0.0, 1.0, 1.0, 0.0), Matrix2::new(0.0, 0.0, 0.0, 1.0)];
+        let basis = [
+            Matrix2::new(1.0, 0.0, 0.0, 0.0),
+            Matrix2::new(0.0, 1.0, 1.0, 0.0),
+            Matrix2::new(0.0, 0.0, 0.0, 1.0),
+        ];
         let project = along_removed(&w);
         let mut by = ArrayVec::new();
         by.push((0, project(place(row, Vector2::x()))));
@@ -235,7 +238,8 @@ impl Corners {
                 let project = along_removed(&w);
                 let turned = face.normal / face.length;
                 for (corner, weight, sign) in [(k, 1.0 - share, 1.0), (next, share, -1.0)] {
-                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate() {
+                    for (i, unit) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].into_iter().enumerate()
+                    {
                         let v = Vector3::new(weight * unit.x, weight * unit.y, sign * turned[i]);
                         by.push((2 * corner + i, project(row.w * v)));
                     }

@@ -36,7 +36,12 @@ pub(super) fn lines(rows: &[Row], origin: Vector2<f64>) -> Vec<Line> {
 
 fn line(row: &Row, origin: Vector2<f64>) -> Line {
     let normal = row.normal();
-    Line { normal, beta: positive_angle(row.beta), offset: normal.dot(&(row.x - origin)), weight: row.line_weight.min(MOST_WEIGHT) }
+    Line {
+        normal,
+        beta: positive_angle(row.beta),
+        offset: normal.dot(&(row.x - origin)),
+        weight: row.line_weight.min(MOST_WEIGHT),
+    }
 }
 
 /// Places the lines leave open stay near the contacts: a standard deviation, metres.
@@ -244,7 +249,8 @@ pub(super) fn merged(chain: &State) -> Option<State> {
 
 /// For 2 … `most` runs the ends of the runs that cost least together.
 fn cheapest_cuts(n: usize, most: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<Vec<usize>> {
-    let table = DMatrix::from_fn(n + 1, n + 1, |from, to| if from < to { cost(from, to) } else { f64::INFINITY });
+    let table =
+        DMatrix::from_fn(n + 1, n + 1, |from, to| if from < to { cost(from, to) } else { f64::INFINITY });
     let mut least = DVector::from_fn(n + 1, |to, _| table[(0, to)]);
     let mut chosen: Vec<Vec<usize>> = Vec::new();
     let mut cuts = Vec::new();
@@ -305,6 +311,7 @@ pub(super) fn arc(lines: &[Line], wide: f64) -> Option<([f64; 2], Vec<[f64; 2]>)
     let first = lines.first()?.beta;
     let first = if std::f64::consts::PI <= first { first - TAU } else { first };
     let angles: Vec<f64> = lines.iter().map(|line| first + positive_angle(line.beta - first)).collect();
-    let gaps = angles.windows(2).filter(|pair| wide < pair[1] - pair[0]).map(|pair| [pair[0], pair[1]]).collect();
+    let gaps =
+        angles.windows(2).filter(|pair| wide < pair[1] - pair[0]).map(|pair| [pair[0], pair[1]]).collect();
     Some(([first, *angles.last()?], gaps))
 }
