@@ -1,6 +1,8 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, whisker};
+use crate::commands::{
+    advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, whisker,
+};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;

@@ -34,15 +34,23 @@ fn miss(view: &Value, truth: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
 #[test]
 fn the_shipped_touches_give_the_camera() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker/touch_meets_sight");
-    let truth: Value = serde_json::from_str(&std::fs::read_to_string(root.join("truth.json")).unwrap()).unwrap();
+    let truth: Value =
+        serde_json::from_str(&std::fs::read_to_string(root.join("truth.json")).unwrap()).unwrap();
     let (rod, cell, touches) = example::read_folder(&root).unwrap();
     let points = points_csv("touch", &rod, &cell, &touches).unwrap();
     assert_eq!(points.lines().filter(|line| line.ends_with("left out: OutOfPlane")).count(), 1, "{points}");
     let file = support::folder("touch_meets_sight").join("points.csv");
     std::fs::write(&file, format!("{HEADER}{points}")).unwrap();
     let camera = root.join("camera.toml");
-    let arguments =
-        ["solve", file.to_str().unwrap(), "--camera", camera.to_str().unwrap(), "--sigma-px", "0.3", "--json"];
+    let arguments = [
+        "solve",
+        file.to_str().unwrap(),
+        "--camera",
+        camera.to_str().unwrap(),
+        "--sigma-px",
+        "0.3",
+        "--json",
+    ];
     let run = support::resight(&arguments);
     assert_eq!(run.code, 0, "{}", run.stderr);
     let view = &support::json_lines(&run)[0];
@@ -70,9 +78,17 @@ fn two_hundred_calibrations_are_as_exact_as_they_say() {
     }
     let file = support::folder("touch_meets_sight_200").join("points.csv");
     std::fs::write(&file, text).unwrap();
-    let camera = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker/touch_meets_sight/camera.toml");
-    let arguments =
-        ["solve", file.to_str().unwrap(), "--camera", camera.to_str().unwrap(), "--sigma-px", "0.3", "--json"];
+    let camera =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker/touch_meets_sight/camera.toml");
+    let arguments = [
+        "solve",
+        file.to_str().unwrap(),
+        "--camera",
+        camera.to_str().unwrap(),
+        "--sigma-px",
+        "0.3",
+        "--json",
+    ];
     let run = support::resight(&arguments);
     let truth: Vec<f64> = cam_from_hub().matrix().as_flattened().to_vec();
     let mut nees = Vec::new();

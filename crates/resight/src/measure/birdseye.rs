@@ -5,11 +5,11 @@
 //! the click's sigma and what is not known of photograph, lens and plane).
 
 use super::answers::Answers;
-use crate::drawing::{Anchor, strokes};
 use super::scene::NamedScene;
 use crate::GrayImage;
 use crate::core::survey::{Adjusted, Fact};
 use crate::core::{Camera, Pixel, Pose};
+use crate::drawing::{Anchor, strokes};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::geometry::round_down_125;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};

@@ -1,10 +1,10 @@
 //! The plan: the scene from above, to scale, with marks, points, lengths, photographs and 95 % ellipses.
 
 use super::answers::{Answers, QueryAnswer};
-use crate::drawing::{Anchor, Drawing};
 use super::scene::{NamedScene, QueryKind};
 use super::words;
 use crate::core::survey::Adjusted;
+use crate::drawing::{Anchor, Drawing};
 use crate::overlay::canvas::{Color, Path};
 use crate::overlay::font;
 use crate::overlay::geometry::{ellipse, round_down_125, semi_axes};
