@@ -9,11 +9,11 @@
 
 mod parameters;
 mod model;
-mod calibration;
 mod outline;
 mod constraints;
-mod stretches;
+mod calibration;
 mod fit;
+mod stretches;
 mod tare;
 mod roles;
 mod chi_square;

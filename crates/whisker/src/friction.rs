@@ -9,10 +9,10 @@
 
 mod mixture;
 pub mod modes;
-pub mod online;
 pub mod projection;
-pub mod record;
 mod states;
+pub mod record;
+pub mod online;
 
 pub use online::Online;
 pub use projection::{Constraint, Projection, project};

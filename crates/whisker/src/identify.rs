@@ -10,8 +10,8 @@ mod state;
 mod fit;
 mod start;
 mod candidates;
-mod decide;
 mod report;
+mod decide;
 #[cfg(test)]
 mod tests;
 

@@ -7,12 +7,12 @@
 //!
 //! Derivation: docs/math/whisker_simulate.md.
 
-mod boundary;
+mod integrate;
 mod elastica;
 mod equilibrium;
-mod follow;
+mod boundary;
 mod free;
-mod integrate;
+mod follow;
 mod noise;
 mod path;
 #[cfg(test)]

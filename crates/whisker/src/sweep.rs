@@ -5,16 +5,16 @@
 //! the length at the tip, that fixes the place along the whisker too, without any assumption on the object's shape.
 //! Derivation: docs/math/whisker_sweep.md.
 
-pub mod batch;
 pub mod chain;
-pub mod envelope;
-pub mod fixed_lag;
 pub mod node;
-pub mod record;
+pub mod envelope;
 pub mod roles;
 pub mod start;
+pub mod batch;
 pub mod tip;
+pub mod record;
 pub mod window;
+pub mod fixed_lag;
 
 use crate::contact::{ByLoad, Method};
 use crate::estimate::{Contact, ContactEstimate, GATE_SIGMAS, MOST_ALONG_SHARE, Mode, Status};

@@ -8,7 +8,7 @@ fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
 }
 
-/// Every source file: path relative to `src`, contents.
+/// Every source file but unit tests in files of their own: path relative to `src`, contents.
 pub fn files() -> Vec<(String, String)> {
     let (mut found, mut folders) = (Vec::new(), vec![source()]);
     while let Some(folder) = folders.pop() {
@@ -16,7 +16,7 @@ pub fn files() -> Vec<(String, String)> {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
+            } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
                 let name =
                     path.strip_prefix(source()).expect("below src").to_string_lossy().replace('\\', "/");
                 found.push((name, fs::read_to_string(&path).expect("a source file")));

@@ -2,8 +2,8 @@
 //! known by then. docs/math/whisker_friction.md eqs. (20), (21).
 
 use super::modes::{TO_TIP_UNKNOWN, filter, log_evidence, to_tip};
-use super::record::{HUBER_CHI2, PRIOR_RAD, checked};
-use super::states::{States, Tests, both_ways, sliding};
+use super::record::{HUBER_CHI2, checked};
+use super::states::{PRIOR_RAD, States, Tests, both_ways, sliding};
 use super::{Constraint, FrictionAngle, Mu, Projection, project, sound};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status, estimate};

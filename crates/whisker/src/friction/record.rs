@@ -5,7 +5,7 @@
 //! evidence of the record.
 
 use super::modes::{TO_TIP_UNKNOWN, log_evidence, posterior, to_tip};
-use super::states::{States, Tests, both_ways, is_sticking, sliding};
+use super::states::{PRIOR_RAD, States, Tests, both_ways, is_sticking, sliding};
 use super::{Constraint, FrictionAngle, Projection, project, sound};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status, estimate};
@@ -28,7 +28,7 @@ pub struct Record {
     pub estimates: Vec<ContactEstimate>,
     /// The tests of every sample in contact, in the same order; none where nothing is touched.
     pub tests: Vec<Option<Tests>>,
-    /// φ_f, signed, and its standard deviation; see [`PRIOR_RAD`] for a record that says nothing of it.
+    /// φ_f, signed, and its standard deviation; see [`PRIOR_RAD`](super::states::PRIOR_RAD) for a record that says nothing of it.
     pub friction: FrictionAngle,
     /// μ = |tan φ_f|.
     pub mu: f64,
@@ -40,8 +40,6 @@ pub struct Record {
     pub mid_samples: f64,
 }
 
-/// Standard deviation of the friction angle before any sample, radians: a record without mid-whisker contacts answers 0 ± this.
-pub const PRIOR_RAD: f64 = 0.5;
 /// Rounds of expectation and maximisation; three to six are taken.
 const ROUNDS: usize = 25;
 /// A change of φ_f below this share of its standard deviation is the last.

@@ -1,11 +1,13 @@
 //! One sample under every state at once: the tests, and one answer of all.
 
 use super::mixture::{NEGLIGIBLE, mixed};
-use super::record::PRIOR_RAD;
 use super::{Constraint, FrictionAngle, INCONSISTENT_CHI2, Projection, answer};
 use crate::contact::Method;
 use crate::estimate::{Mode, Status};
 use crate::{Cell, ContactEstimate, Rod, Sample};
+
+/// Standard deviation of the friction angle before any sample, radians: a record without mid-whisker contacts answers 0 ± this.
+pub const PRIOR_RAD: f64 = 0.5;
 
 /// The tests of one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,19 +9,11 @@
 //! ```
 //! Derivation: docs/math/whisker_simulate.md.
 
+use super::integrate::{Shot, integrated};
 use crate::Rod;
 use crate::rod::{IntrinsicCurvature, Stiffness};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use std::f64::consts::FRAC_PI_4;
-
-/// The hub as the contact sees it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Shot {
-    /// The hub in the frame of the contact: x, y in metres, direction of the clamped whisker in radians.
-    pub hub_in_contact: Vector3<f64>,
-    /// Derivatives of that by `[F, s, φ]` (N, m, rad).
-    pub by: Matrix3<f64>,
-}
 
 /// The whisker from its contact at arc length `s_m` back to the hub. `side` is +1 with the object on the right.
 pub(super) fn shoot(rod: &Rod, side: f64, force_n: f64, s_m: f64, friction_angle_rad: f64) -> Shot {
@@ -29,7 +21,7 @@ pub(super) fn shoot(rod: &Rod, side: f64, force_n: f64, s_m: f64, friction_angle
         (Stiffness::Uniform { ei_n_m2 }, IntrinsicCurvature::Constant { per_m: 0.0 }) => {
             closed_form(*ei_n_m2, force_n, s_m, friction_angle_rad)
         }
-        _ => super::integrate::integrated(rod, side, force_n, s_m, friction_angle_rad),
+        _ => integrated(rod, side, force_n, s_m, friction_angle_rad),
     }
 }
 

@@ -3,10 +3,18 @@
 //! Butcher's sixth-order Runge–Kutta method over equal steps between the nodes of the profiles, the derivatives by force,
 //! arc length and friction angle carried along (docs/math/whisker_simulate.md eq. (9)–(10)).
 
-use super::elastica::Shot;
 use crate::Rod;
 use crate::rod::{IntrinsicCurvature, Stiffness};
 use nalgebra::{Matrix3, SVector, Vector3};
+
+/// The hub as the contact sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shot {
+    /// The hub in the frame of the contact: x, y in metres, direction of the clamped whisker in radians.
+    pub hub_in_contact: Vector3<f64>,
+    /// Derivatives of that by `[F, s, φ]` (N, m, rad).
+    pub by: Matrix3<f64>,
+}
 
 /// Steps per length of even width. Against 1600 steps, a taper of 1:3 bent by 2.2 rad is then right to 2e-12 of its length.
 const STEPS_PER_LENGTH: f64 = 64.0;
