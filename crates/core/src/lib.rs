@@ -60,6 +60,8 @@ pub mod hand_eye;
 pub mod compare;
 #[cfg(feature = "std")]
 pub mod advise;
+#[cfg(feature = "std")]
+pub mod monitor;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
