@@ -1,6 +1,6 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
-use crate::commands::{advise, compare, convert, demo, detect, explain, locate, measure, rig, solve};
+use crate::commands::{advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, watch};
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
@@ -43,6 +43,8 @@ pub enum Command {
     Explain(explain::Explain),
     /// Where to put the next point, target or board for the smallest uncertainty.
     Advise(advise::Advise),
+    /// Watches cameras over time and raises an alarm when one moved.
+    Watch(watch::Watch),
 }
 
 /// How answers leave the program.

@@ -10,6 +10,7 @@ pub mod locate;
 pub mod rig;
 pub mod measure;
 pub mod solve;
+pub mod watch;
 
 use crate::args::Command;
 use crate::output::Outcome;
@@ -33,6 +34,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Measure(args) => measure::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Advise(args) => advise::run(&args),
+        Command::Watch(args) => watch::run(&args),
     }
 }
 

@@ -20,6 +20,7 @@ pub use test::DriftNoise;
 
 use crate::{Error, Matrix6, Pose, Vector6};
 use gate::{Gate, Passed};
+use nalgebra::{Matrix3, Vector3};
 use test::DriftTest;
 
 /// What counts as an alarm, and as seeing nothing.
@@ -86,6 +87,22 @@ pub struct Drift {
     pub course: Course,
     /// Probability of that course.
     pub course_probability: f64,
+}
+
+impl Drift {
+    /// The turn alone, radians about x, y, z, and its covariance, if the camera only turned about its own centre; none where its
+    /// translation is larger than that allows (one in twenty). A turn and a shift look much alike from a small target: where a
+    /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
+    pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let shift: Vector3<f64> = self.old_from_new.fixed_rows::<3>(3).into();
+        let turn: Vector3<f64> = self.old_from_new.fixed_rows::<3>(0).into();
+        let block = |i, j| -> Matrix3<f64> { self.covariance.fixed_view::<3, 3>(i, j).into() };
+        let of_shift = block(3, 3).cholesky()?;
+        let chi2 = shift.dot(&of_shift.solve(&shift));
+        let gain = of_shift.solve(&block(3, 0)).transpose();
+        let is_likely = PURE_ROTATION_PROBABILITY < crate::frames::chi_square::tail(3, chi2);
+        is_likely.then(|| (turn - gain * shift, block(0, 0) - gain * block(3, 0)))
+    }
 }
 
 /// What the monitor says.
@@ -292,6 +309,8 @@ fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
     chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::frames::chi_square::tail(6, chi2))
 }
 
+/// A translation that chance makes larger this often speaks against a pure rotation.
+const PURE_ROTATION_PROBABILITY: f64 = 0.05;
 /// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
 const RETURN_PROBABILITY: f64 = 0.01;
 

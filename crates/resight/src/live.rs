@@ -3,6 +3,14 @@
 //! One thread reads each source and one looks at its pictures; between them stands a queue of few frames, the oldest dropped and
 //! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
 
+mod look;
+mod queue;
+pub mod reference;
+mod session;
+
+pub use look::{Look, LookError, Looked};
+pub use session::run;
+
 use crate::source::Source;
 use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;

@@ -4,6 +4,8 @@
 //! reason, never the end of the source.
 
 pub mod video;
+pub mod pictures;
+pub mod lines;
 
 use crate::{FileError, GrayImage};
 use resight_core::correspondence::Detection;

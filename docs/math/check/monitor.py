@@ -138,3 +138,19 @@ seen = small_log(pose * now**-1)
 expected = alpha - adjoint(pose) * beta
 assert mp.norm(seen - expected) < mp.mpf(10) ** -38, mp.norm(seen - expected)
 print("ok  (13) an edge and its nodes, to first order")
+
+# (17): the conditional Gaussian, by information.
+a = mp.matrix(6, 6)
+for i in range(6):
+    for j in range(6):
+        a[i, j] = mp.mpf(random.uniform(-1, 1))
+spread = a * a.T + mp.eye(6)
+m = vector(1)
+information = spread**-1
+# Maximise -(x - m)' I (x - m)/2 over the turn with the shift held at zero.
+rr, rt = information[0:3, 0:3], information[0:3, 3:6]
+turn = m[0:3] + rr**-1 * rt * m[3:6]
+gain = spread[0:3, 3:6] * spread[3:6, 3:6] ** -1
+assert mp.norm(turn - (m[0:3] - gain * m[3:6])) < TINY
+assert mp.norm(rr**-1 - (spread[0:3, 0:3] - gain * spread[3:6, 0:3])) < TINY
+print("ok  (17) the turn, were the shift zero")
