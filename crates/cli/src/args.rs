@@ -1,7 +1,7 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
 use crate::commands::{
-    advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, whisker,
+    advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, watch, whisker,
 };
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
@@ -47,6 +47,8 @@ pub enum Command {
     Advise(advise::Advise),
     /// Object profiles by touch: contacts, outlines, calibration and simulation of a whisker on a load cell.
     Whisker(whisker::Whisker),
+    /// Watches cameras over time and raises an alarm when one moved.
+    Watch(watch::Watch),
 }
 
 /// How answers leave the program.

@@ -11,6 +11,7 @@ pub mod rig;
 pub mod measure;
 pub mod solve;
 pub mod whisker;
+pub mod watch;
 
 use crate::args::Command;
 use crate::output::Outcome;
@@ -35,6 +36,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Explain(args) => explain::run(&args),
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
+        Command::Watch(args) => watch::run(&args),
     }
 }
 

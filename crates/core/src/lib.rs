@@ -60,6 +60,10 @@ pub mod hand_eye;
 pub mod compare;
 #[cfg(feature = "std")]
 pub mod advise;
+#[cfg(feature = "std")]
+pub mod track;
+#[cfg(feature = "std")]
+pub mod monitor;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;

@@ -140,6 +140,30 @@ impl Drop for Video {
     }
 }
 
+/// Frames a second on average, as `ffprobe`, which comes with `ffmpeg`, reads them from the file.
+///
+/// # Errors
+/// No `ffprobe`, or a file that states no rate.
+pub fn frames_per_s(path: &Path) -> Result<f64, FileError> {
+    let mut input = std::ffi::OsString::from("file:");
+    input.push(path);
+    let told = Command::new("ffprobe")
+        .args(["-v", "fatal", "-select_streams", "v:0", "-show_entries", "stream=avg_frame_rate"])
+        .args(["-of", "default=noprint_wrappers=1:nokey=1"])
+        .arg(input)
+        .output()
+        .map_err(|reason| FileError::new(path, cannot_start(&reason)))?;
+    let text = String::from_utf8_lossy(&told.stdout);
+    let (frames, seconds) = text.trim().split_once('/').unwrap_or((text.trim(), "1"));
+    match (frames.parse::<f64>(), seconds.parse::<f64>()) {
+        (Ok(frames), Ok(seconds)) if 0.0 < frames && 0.0 < seconds => Ok(frames / seconds),
+        _ => Err(FileError::new(
+            path,
+            format!("states no frame rate (ffprobe says {:?}); give the frames as pictures", text.trim()),
+        )),
+    }
+}
+
 fn cannot_start(reason: &std::io::Error) -> String {
     match reason.kind() {
         std::io::ErrorKind::NotFound => "videos are decoded by the program ffmpeg, which is not installed; install it \

@@ -1,0 +1,246 @@
+//! Events in words and as JSON.
+
+use crate::answer::TransformObject;
+use crate::output::Outcome;
+use anyhow::Result;
+use resight::core::Vector6;
+use resight::core::monitor::{Course, Drift};
+use resight::live::{Event, Observation, State};
+use serde_json::{Value, json};
+use std::io::Write;
+
+/// Tells events on stdout.
+pub struct Teller<'a> {
+    names: &'a [String],
+    json: bool,
+    frames: bool,
+}
+
+impl<'a> Teller<'a> {
+    pub fn new(names: &'a [String], json: bool, frames: bool) -> Self {
+        Teller { names, json, frames }
+    }
+
+    pub fn tell(&mut self, event: &Event) -> Result<()> {
+        if matches!(event, Event::Observed { .. }) && !self.frames {
+            return Ok(());
+        }
+        self.print(&if self.json { self.object(event).to_string() } else { self.words(event) })
+    }
+
+    /// One line a camera, and how it ends.
+    pub fn verdict(&self, states: &[Option<State>]) -> Result<Outcome> {
+        for (name, state) in self.names.iter().zip(states) {
+            let word = state.as_ref().map_or("unseen", word);
+            match self.json {
+                true => {
+                    self.print(&json!({"event": "verdict", "camera": name, "state": word}).to_string())?
+                }
+                false => self.print(&format!("{name}: {word}"))?,
+            }
+        }
+        let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
+        let blind = states.iter().any(Option::is_none)
+            || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
+        Ok(match is(|s| matches!(s, State::Drifted(_))) {
+            true => Outcome::Moved,
+            false if blind => Outcome::SomeUnanswered,
+            false => Outcome::Answered,
+        })
+    }
+
+    /// Line by line, each flushed: another program may be waiting for it.
+    fn print(&self, line: &str) -> Result<()> {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{line}")?;
+        Ok(out.flush()?)
+    }
+
+    fn name(&self, camera: usize) -> &str {
+        self.names.get(camera).map_or("?", String::as_str)
+    }
+
+    fn words(&self, event: &Event) -> String {
+        match event {
+            Event::Observed { camera, observation } => {
+                format!("{}  {}", self.name(*camera), observed_words(observation))
+            }
+            Event::StateChanged { camera, t_s, state } => {
+                format!("{}  {t_s:.3} s  {}", self.name(*camera), state_words(state))
+            }
+            Event::Learned { camera, reference } => {
+                let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
+                let (turn, shift) = (sigma.fixed_rows::<3>(0).norm(), sigma.fixed_rows::<3>(3).norm());
+                let [turn, shift] = [turn.to_degrees(), 1e3 * shift];
+                format!("{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm", self.name(*camera))
+            }
+            Event::Attributed { moved, .. } => {
+                let names: Vec<&str> = moved.iter().map(|(name, _)| name.as_str()).collect();
+                format!("moved: {}", names.join(", "))
+            }
+            Event::Dropped { camera, frames } => format!("{}  {frames} frames dropped", self.name(*camera)),
+            Event::Source { camera, is_there: true, .. } => format!("{}  source is back", self.name(*camera)),
+            Event::Source { camera, reason, .. } => {
+                format!(
+                    "{}  source lost: {}",
+                    self.name(*camera),
+                    reason.as_deref().unwrap_or("no reason given")
+                )
+            }
+            Event::Ended { camera } => format!("{}  source has ended", self.name(*camera)),
+        }
+    }
+
+    fn object(&self, event: &Event) -> Value {
+        match event {
+            Event::Observed { camera, observation } => {
+                let mut object = observed_object(observation);
+                object["camera"] = json!(self.name(*camera));
+                object
+            }
+            Event::StateChanged { camera, t_s, state } => {
+                let mut object = state_object(state);
+                object["event"] = json!("state");
+                object["camera"] = json!(self.name(*camera));
+                object["t_s"] = json!(t_s);
+                object
+            }
+            Event::Learned { camera, reference } => json!({"event": "learned", "camera": self.name(*camera),
+                "cam_from_target": TransformObject::from(reference.a_from_b)}),
+            Event::Attributed { t_s, moved, rivals } => json!({"event": "moved", "t_s": t_s,
+                "moved": moved.iter().map(|(name, _)| name).collect::<Vec<_>>(), "rivals": rivals}),
+            Event::Dropped { camera, frames } => {
+                json!({"event": "dropped", "camera": self.name(*camera), "frames": frames})
+            }
+            Event::Source { camera, is_there, reason } => {
+                json!({"event": "source", "camera": self.name(*camera),
+                "is_there": is_there, "reason": reason})
+            }
+            Event::Ended { camera } => json!({"event": "ended", "camera": self.name(*camera)}),
+        }
+    }
+}
+
+/// The contract's word.
+fn word(state: &State) -> &'static str {
+    match state {
+        State::Learning { .. } => "learning",
+        State::Steady => "steady",
+        State::Unseen { .. } => "unseen",
+        State::Settling => "settling",
+        State::Drifted(_) => "drifted",
+        State::Inconsistent => "inconsistent",
+    }
+}
+
+fn state_words(state: &State) -> String {
+    match state {
+        State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
+        State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
+        State::Settling => "settling: something is different, not yet decided".to_string(),
+        State::Inconsistent => "inconsistent: intrinsics or target are wrong".to_string(),
+        State::Drifted(drift) => drift_words(drift),
+        State::Steady => "steady".to_string(),
+    }
+}
+
+/// About x right, y down, z forward: the sign of a turn or shift, and its opposite.
+const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
+const SHIFTS: [[&str; 2]; 3] = [["right", "left"], ["down", "up"], ["forward", "backward"]];
+
+fn drift_words(drift: &Drift) -> String {
+    let sigma = drift.covariance.diagonal().map(f64::sqrt);
+    let motion = &drift.old_from_new;
+    let how = match drift.course {
+        Course::Step => "at once",
+        Course::Slow => "slowly",
+    };
+    let began = format!("drifted {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    if let Some((turn, covariance)) = drift.pure_rotation() {
+        let motion = Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0);
+        let sigma = covariance.diagonal().map(f64::sqrt);
+        return format!(
+            "{began}: turned {}; to put it back: {}",
+            parts(&motion, |i| sigma.as_slice().get(i).copied()),
+            back(&motion, sigma.as_slice())
+        );
+    }
+    let moved = parts(motion, |i| Some(sigma[i]));
+    format!("{began}: turned and shifted {moved}; to put it back: {}", back(motion, sigma.as_slice()))
+}
+
+/// The opposite of what stands out of its own error.
+fn back(motion: &Vector6, sigma: &[f64]) -> String {
+    let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
+    let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);
+    if back.is_empty() { "nothing that can be told from zero".to_string() } else { back }
+}
+
+/// `right 0.420° ± 0.030°, …`; zeros are left out.
+fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
+    let part = |i: usize| {
+        let (words, scale, unit) =
+            if i < 3 { (TURNS[i], f64::to_degrees(1.0), "°") } else { (SHIFTS[i - 3], 1e3, " mm") };
+        let doubt = sigma(i).map(|s| format!(" ± {:.3}{unit}", s * scale)).unwrap_or_default();
+        let direction = words[usize::from(motion[i] < 0.0)];
+        (motion[i] != 0.0).then(|| format!("{direction} {:.3}{unit}{doubt}", (motion[i] * scale).abs()))
+    };
+    (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
+}
+
+fn state_object(state: &State) -> Value {
+    let mut object = json!({"state": word(state)});
+    match state {
+        State::Drifted(drift) => {
+            let rows: Vec<Vec<f64>> =
+                (0..6).map(|i| (0..6).map(|j| drift.covariance[(i, j)]).collect()).collect();
+            object["old_from_new"] = json!(drift.old_from_new.as_slice());
+            object["covariance"] = json!(rows);
+            object["began_s"] = json!(drift.began_s);
+            object["began_sigma_s"] = json!(drift.began_sigma_s);
+            if let Some((turn, covariance)) = drift.pure_rotation() {
+                object["pure_rotation_rad"] = json!(turn.as_slice());
+                object["pure_rotation_sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
+            }
+            object["course"] = json!(if drift.course == Course::Slow { "slow" } else { "step" });
+            object["course_probability"] = json!(drift.course_probability);
+        }
+        State::Unseen { for_s } => object["for_s"] = json!(for_s),
+        State::Learning { readings, needed } => {
+            object["readings"] = json!(readings);
+            object["needed"] = json!(needed);
+        }
+        State::Steady | State::Settling | State::Inconsistent => {}
+    }
+    object["message"] = json!(state_words(state));
+    object
+}
+
+fn observed_words(observation: &Observation) -> String {
+    match (&observation.tracked, &observation.reason) {
+        (_, Some(reason)) => format!("{}  {reason}", observation.name),
+        (Some(tracked), None) => {
+            let x = tracked.cam_from_target.origin() * 1e3;
+            format!("{}  camera at {:.2} {:.2} {:.2} mm (target frame)", observation.name, x.x, x.y, x.z)
+        }
+        (None, None) => observation.name.clone(),
+    }
+}
+
+fn observed_object(observation: &Observation) -> Value {
+    let mut object = json!({"event": "frame", "number": observation.number, "t_s": observation.capture_s,
+        "name": observation.name, "n_points": observation.n_points,
+        "times_us": {"waited": observation.times.waited_us, "detect": observation.times.detect_us,
+            "solve": observation.times.solve_us, "decide": observation.times.decide_us}});
+    if let Some(tracked) = &observation.tracked {
+        object["cam_from_target"] = json!(TransformObject::from(tracked.cam_from_target));
+        object["probability"] = json!(tracked.probability);
+    }
+    if let Some(estimate) = &observation.estimate {
+        object["rms_px"] = json!(estimate.rms_px);
+    }
+    if let Some(reason) = &observation.reason {
+        object["message"] = json!(reason);
+    }
+    object
+}

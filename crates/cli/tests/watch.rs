@@ -1,0 +1,161 @@
+//! `watch`: detections in, states out; what moved is said with its direction, its size and its time.
+
+mod support;
+
+use assert_cmd::Command;
+use nalgebra::Vector6;
+use resight::core::target::Feature;
+use resight::core::{Camera, Pose, Target};
+use serde_json::{Value, json};
+use support::{demo, folder};
+
+/// Xorshift and Box–Muller: seeds are literals.
+struct Chance(u64);
+
+impl Chance {
+    fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+const SIGMA_PX: f64 = 0.2;
+
+/// The dots seen once a second by a camera whose motion is given for each second, as lines of JSON.
+fn lines(seconds: std::ops::Range<usize>, seed: u64, old_from_new: impl Fn(usize) -> Vector6<f64>) -> String {
+    let camera: Camera = resight::formats::read_camera(&demo("left.toml")).expect("a camera").camera;
+    let target: Target = resight::formats::read_target(demo("dots.toml").as_ref()).expect("a target").target;
+    let cam_from_target = Pose::exp(&Vector6::new(0.35, -0.25, 0.1, -0.03, -0.02, 0.6));
+    let mut chance = Chance(seed);
+    let mut all = String::new();
+    for second in seconds {
+        let now = Pose::exp(&old_from_new(second)).inverse() * cam_from_target;
+        let seen: Vec<Value> = target
+            .features()
+            .into_iter()
+            .map(|feature| {
+                let Feature { id, corner } = feature;
+                let known = target.point(feature).expect("a known point");
+                let x_in_cam = now.rotation * known.position + now.translation;
+                let pixel = camera.project(&x_in_cam).expect("in the picture");
+                let (u, v) = (pixel.x + SIGMA_PX * chance.normal(), pixel.y + SIGMA_PX * chance.normal());
+                json!({"id": id, "corner": corner, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX})
+            })
+            .collect();
+        all += &format!("{}\n", json!({"t_s": second as f64, "detections": seen}));
+    }
+    all
+}
+
+struct Run {
+    code: i32,
+    events: Vec<Value>,
+    stderr: String,
+}
+
+fn watch(input: &str, arguments: &[&str]) -> Run {
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    let fixed = ["watch", "--camera", &camera, "--target", &target, "--once", "--json"];
+    let run = Command::cargo_bin("resight")
+        .expect("the program")
+        .args(fixed)
+        .args(arguments)
+        .write_stdin(input)
+        .output()
+        .expect("it runs");
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("text");
+    let events = text(&run.stdout).lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    Run { code: run.status.code().expect("an exit status"), events, stderr: text(&run.stderr) }
+}
+
+fn states(run: &Run) -> Vec<&str> {
+    run.events
+        .iter()
+        .filter(|e| e["event"] == "state")
+        .map(|e| e["state"].as_str().expect("a word"))
+        .collect()
+}
+
+fn pan(degrees: f64) -> Vector6<f64> {
+    Vector6::new(0.0, f64::to_radians(degrees), 0.0, 0.0, 0.0, 0.0)
+}
+
+#[test]
+fn a_camera_that_stays_is_steady() {
+    let run = watch(&lines(0..300, 0x51, |_| Vector6::zeros()), &["--source", "-"]);
+    assert_eq!((run.code, states(&run)), (0, vec!["learning", "steady"]), "{}", run.stderr);
+}
+
+#[test]
+fn a_turned_camera_is_found_with_direction_size_and_time() {
+    let turned = |second| if second < 200 { Vector6::zeros() } else { pan(0.5) };
+    let run = watch(&lines(0..300, 0x52, turned), &["--source", "-"]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let drifted =
+        run.events.iter().rfind(|e| e["state"] == "drifted" && e["event"] == "state").expect("a drift");
+    let turn_rad = drifted["old_from_new"][1].as_f64().expect("a number");
+    let sigma_rad = drifted["covariance"][1][1].as_f64().expect("a number").sqrt();
+    assert!((turn_rad - 0.5_f64.to_radians()).abs() < 4.0 * sigma_rad, "{drifted}");
+    assert!((drifted["began_s"].as_f64().expect("a time") - 200.0).abs() <= 3.0, "{drifted}");
+    let turned = drifted["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
+    let sigma = drifted["pure_rotation_sigma_rad"][1].as_f64().expect("a number").to_degrees();
+    assert!((turned - 0.5).abs() < 4.0 * sigma && sigma < 0.05, "{turned}° ± {sigma}°");
+    let message = drifted["message"].as_str().expect("words");
+    assert!(message.contains("right 0.") && message.contains("to put it back: left 0."), "{message}");
+}
+
+#[test]
+fn a_saved_reference_is_watched_from_the_first_frame() {
+    let file = folder("watch-reference").join("left.ref.toml");
+    let file = file.to_str().expect("a path");
+    let learned =
+        watch(&lines(0..100, 0x53, |_| Vector6::zeros()), &["--source", "-", "--save-reference", file]);
+    assert_eq!(learned.code, 0, "{}", learned.stderr);
+    let same = watch(&lines(0..100, 0x54, |_| Vector6::zeros()), &["--source", "-", "--reference", file]);
+    assert_eq!((same.code, same.events.last().expect("a verdict")["state"].as_str()), (0, Some("steady")));
+    let moved = watch(&lines(0..100, 0x55, |_| pan(1.0)), &["--source", "-", "--reference", file]);
+    assert_eq!(moved.code, 3, "{}", moved.stderr);
+}
+
+#[test]
+fn bad_lines_are_named_and_the_rest_goes_on() {
+    let mut input = lines(0..60, 0x56, |_| Vector6::zeros());
+    input += "{\"t_s\": 60}\nnot JSON\n{\"camera\": \"right\", \"t_s\": 61.0, \"detections\": []}\n";
+    input += &lines(62..90, 0x57, |_| Vector6::zeros());
+    let run = watch(&input, &["--source", "-", "--frames"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let said: Vec<&str> = run.events.iter().filter_map(|e| e["message"].as_str()).collect();
+    for (line, reason) in
+        [("line 61", "detections"), ("line 62", "expected"), ("line 63", "no camera is called")]
+    {
+        assert!(said.iter().any(|s| s.contains(line) && s.contains(reason)), "{line}: {said:?}");
+    }
+}
+
+/// A frozen stream sends its last picture again and again: that is no reading.
+#[test]
+fn a_frozen_camera_is_not_steady() {
+    let pictures = folder("watch-frozen");
+    for i in 0..30 {
+        std::fs::copy(demo("left.png"), pictures.join(format!("{i:03}.png"))).expect("copied");
+    }
+    let pattern = pictures.join("*.png");
+    let run = watch("", &["--source", pattern.to_str().expect("a path"), "--period-s", "1", "--frames"]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(run.events.iter().any(|e| e["message"].as_str().is_some_and(|m| m.contains("frozen"))));
+}
+
+#[test]
+fn nothing_seen_is_not_steady_and_wrong_names_are_told() {
+    assert_eq!(watch("", &["--source", "-"]).code, 1);
+    let wrong = watch("", &["--source", "gate=nowhere"]);
+    assert_eq!(wrong.code, 2);
+    let few = watch("", &["--source", "-", "--learn", "5"]);
+    assert!(few.stderr.contains("at least 20 readings"), "{}", few.stderr);
+}

@@ -1,0 +1,335 @@
+//! Did it move? The drift sentry of one relative pose: a camera and a target, or two cameras that see the same target.
+//!
+//! A sequential test with a stated rate of false alarms compares the stream with its reference; correlated errors and the daily wobble are
+//! part of what it expects. It never says "steady" while it sees nothing. Which of several cameras and targets moved, `attribute` says.
+//! Time enters as data. Derivation: docs/math/monitor.md.
+//!
+//! ```text
+//!   y = Log(a_from_b of the reference · (a_from_b now)⁻¹)    small motion of frame a: where it is now, in its own old frame
+//! ```
+
+mod axis;
+mod onsets;
+mod test;
+mod gate;
+pub mod learn;
+pub mod attribute;
+
+pub use onsets::Course;
+pub use test::DriftNoise;
+
+use crate::{Error, Matrix6, Pose, Vector6};
+use gate::{Gate, Passed};
+use nalgebra::{Matrix3, Vector3};
+use test::DriftTest;
+
+/// What counts as an alarm, and as seeing nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MonitorConfig {
+    /// Alarms a day, at most and on average, while nothing moves.
+    pub false_alarms_per_day: f64,
+    /// Readings within this time are joined to one decision, seconds.
+    pub decision_period_s: f64,
+    /// Without a usable reading for this long the monitor is blind, seconds.
+    pub unseen_after_s: f64,
+    /// Rotations below this are nobody's concern, radians.
+    pub tolerance_rotation_rad: f64,
+    /// Translations below this are nobody's concern, metres.
+    pub tolerance_translation_m: f64,
+}
+
+impl Default for MonitorConfig {
+    fn default() -> Self {
+        MonitorConfig {
+            false_alarms_per_day: 1.0 / 30.0,
+            decision_period_s: 0.2,
+            unseen_after_s: 5.0,
+            tolerance_rotation_rad: 0.0,
+            tolerance_translation_m: 0.0,
+        }
+    }
+}
+
+/// What is compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    /// x_in_a = a_from_b · x_in_b when all was well.
+    pub a_from_b: Pose,
+    /// What is no drift; `noise.reference` is this pose's own covariance.
+    pub noise: DriftNoise,
+}
+
+/// One estimate of the pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// When the picture was taken, seconds.
+    pub t_s: f64,
+    /// The pose.
+    pub a_from_b: Pose,
+    /// Its 6×6 covariance, left motion in frame a.
+    pub covariance: Matrix6,
+    /// Whether residuals agree with the stated noise; a reading that contradicts itself says nothing of drift.
+    pub is_consistent: bool,
+}
+
+/// How far it moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drift {
+    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward.
+    pub old_from_new: Vector6,
+    /// Its covariance.
+    pub covariance: Matrix6,
+    /// When it began, seconds.
+    pub began_s: f64,
+    /// How sure that is, seconds.
+    pub began_sigma_s: f64,
+    /// At once or slowly.
+    pub course: Course,
+    /// Probability of that course.
+    pub course_probability: f64,
+}
+
+impl Drift {
+    /// The turn alone, radians about x, y, z, and its covariance, if the camera only turned about its own centre; none where its
+    /// translation is larger than that allows (one in twenty). A turn and a shift look much alike from a small target: where a
+    /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
+    pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let shift: Vector3<f64> = self.old_from_new.fixed_rows::<3>(3).into();
+        let turn: Vector3<f64> = self.old_from_new.fixed_rows::<3>(0).into();
+        let block = |i, j| -> Matrix3<f64> { self.covariance.fixed_view::<3, 3>(i, j).into() };
+        let of_shift = block(3, 3).cholesky()?;
+        let chi2 = shift.dot(&of_shift.solve(&shift));
+        let gain = of_shift.solve(&block(3, 0)).transpose();
+        let is_likely = PURE_ROTATION_PROBABILITY < crate::frames::chi_square::tail(3, chi2);
+        is_likely.then(|| (turn - gain * shift, block(0, 0) - gain * block(3, 0)))
+    }
+}
+
+/// What the monitor says.
+#[allow(clippy::large_enum_variant)] // handed out one at a time, never stored in numbers
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Watch {
+    /// Seen, and where it was.
+    Steady,
+    /// No usable reading.
+    Unseen {
+        /// Since when, seconds.
+        for_s: f64,
+    },
+    /// Something is different, but not yet often enough to be more than a wrong reading.
+    Settling,
+    /// It moved.
+    Drifted(Drift),
+    /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
+    Inconsistent,
+}
+
+/// The sentry of one relative pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Monitor {
+    reference: Reference,
+    config: MonitorConfig,
+    /// Where frame a has been since the last change, in its frame of the reference.
+    old_from_level: Pose,
+    test: DriftTest,
+    gate: Gate,
+    drift: Option<Drift>,
+    last_s: f64,
+    last_usable_s: f64,
+    /// Share of contradictory readings, forgotten over some twenty.
+    inconsistent_share: f64,
+    /// Readings left out: outliers that nothing confirmed.
+    pub outliers: u64,
+    /// Readings that came with a time before the last one's; they are left out.
+    pub out_of_order: u64,
+}
+
+/// A share of contradictory readings beyond which the monitor says so.
+const MOSTLY: f64 = 0.5;
+/// Readings over which that share is taken.
+const SHARE_OVER: f64 = 20.0;
+
+impl Monitor {
+    /// Starts at `t_s`, seconds, of the same clock as the readings.
+    ///
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, or a covariance that is not positive definite.
+    pub fn new(reference: &Reference, config: &MonitorConfig, t_s: f64) -> Result<Self, Error> {
+        check(config)?;
+        let test = DriftTest::new(&reference.noise).ok_or(NOT_POSITIVE)?;
+        Ok(Monitor {
+            reference: *reference,
+            config: *config,
+            old_from_level: Pose::identity(),
+            gate: Gate::new(config.decision_period_s),
+            test,
+            drift: None,
+            last_s: t_s,
+            last_usable_s: t_s,
+            inconsistent_share: 0.0,
+            outliers: 0,
+            out_of_order: 0,
+        })
+    }
+
+    /// Takes in a reading and says how things stand.
+    pub fn push(&mut self, reading: &Reading) -> Watch {
+        if !self.accepts(reading) {
+            return self.watch(self.last_s);
+        }
+        self.last_s = reading.t_s;
+        let contradicts = f64::from(u8::from(!reading.is_consistent));
+        self.inconsistent_share += (contradicts - self.inconsistent_share) / SHARE_OVER;
+        if reading.is_consistent {
+            self.last_usable_s = reading.t_s;
+            let whitened = self.test.whitened(&self.motion(reading), &reading.covariance);
+            let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
+            self.outliers += dropped;
+            self.decide(&passed);
+        }
+        self.watch(reading.t_s)
+    }
+
+    /// How things stand at `t_s` without a new reading.
+    pub fn watch(&self, t_s: f64) -> Watch {
+        let for_s = t_s - self.last_usable_s;
+        match self.drift {
+            _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
+            _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
+            Some(drift) => Watch::Drifted(self.refined(&drift)),
+            None if self.gate.is_waiting() => Watch::Settling,
+            None => Watch::Steady,
+        }
+    }
+
+    /// The drift last decided, also while nothing is seen.
+    pub fn drift(&self) -> Option<Drift> {
+        self.drift.map(|drift| self.refined(&drift))
+    }
+
+    /// How far, with all that has been read since the alarm.
+    fn refined(&self, drift: &Drift) -> Drift {
+        let (motion, covariance) = self.test.level();
+        let old_from_new = (self.old_from_level * Pose::exp(&motion)).log();
+        Drift { old_from_new, covariance: covariance + self.reference.noise.reference, ..*drift }
+    }
+
+    /// The drift is accepted: where it is now becomes the reference.
+    pub fn accept(&mut self) -> Result<(), Error> {
+        let (motion, covariance) = self.test.level();
+        let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
+        let reference =
+            Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
+        *self = Monitor {
+            last_usable_s: self.last_usable_s,
+            ..Monitor::new(&reference, &self.config, self.last_s)?
+        };
+        Ok(())
+    }
+
+    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
+    pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
+        match self.drift() {
+            Some(drift) => Some((drift.old_from_new, drift.covariance)),
+            None => self.test.level_after_jump(onset_s),
+        }
+    }
+
+    /// Alarm at this R: decisions between two false alarms.
+    fn threshold(&self) -> f64 {
+        axis::DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)
+    }
+
+    fn accepts(&mut self, reading: &Reading) -> bool {
+        let pose = &reading.a_from_b;
+        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
+        let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
+        let is_late = reading.t_s < self.last_s;
+        self.out_of_order += u64::from(is_late);
+        is_finite && !is_late
+    }
+
+    /// y, from where it has been since the last change.
+    fn motion(&self, reading: &Reading) -> Vector6 {
+        let old_from_new = self.reference.a_from_b * reading.a_from_b.inverse();
+        (self.old_from_level.inverse() * old_from_new).log()
+    }
+
+    /// All that comes through at once is read before anything is decided: what waited together says the same.
+    fn decide(&mut self, passed: &[Passed]) {
+        let statistic = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
+        if !statistic.is_some_and(|statistic| self.threshold() <= statistic) {
+            return;
+        }
+        let Some(moved) = self.moved() else { return };
+        if self.matters(&moved.old_from_new) || self.drift.is_some() {
+            self.start_again(moved);
+        }
+    }
+
+    /// The change that raised the alarm, added to the level so far.
+    fn moved(&self) -> Option<Drift> {
+        let change = self.test.change()?;
+        let (motion, covariance) = self.test.level_after(&change);
+        let first = self.drift.unwrap_or(Drift {
+            old_from_new: Vector6::zeros(),
+            covariance: Matrix6::zeros(),
+            began_s: change.onset_s,
+            began_sigma_s: change.onset_sigma_s,
+            course: change.course,
+            course_probability: change.course_probability,
+        });
+        Some(Drift { old_from_new: (self.old_from_level * Pose::exp(&motion)).log(), covariance, ..first })
+    }
+
+    fn matters(&self, motion: &Vector6) -> bool {
+        let rotation_rad = motion.fixed_rows::<3>(0).norm();
+        let translation_m = motion.fixed_rows::<3>(3).norm();
+        self.config.tolerance_rotation_rad < rotation_rad
+            || self.config.tolerance_translation_m < translation_m
+    }
+
+    /// From here on the test asks whether it moves away from where it is now; back at the reference it is steady again. Where it is
+    /// now is learned anew: the alarm chose its moment and its onset, so its estimate errs by more than its covariance says.
+    fn start_again(&mut self, moved: Drift) {
+        let own = &self.reference.noise;
+        let doubt = moved.covariance + own.reading + own.bias + own.reference;
+        let Some(test) = DriftTest::new(&DriftNoise { reference: doubt, ..*own }) else { return };
+        self.drift =
+            (self.drift.is_none() || !is_likely(&moved.old_from_new, &(doubt + own.daily))).then_some(moved);
+        let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
+        (self.test, self.old_from_level) = (test, Pose::exp(&level));
+        self.gate = Gate::new(self.config.decision_period_s);
+    }
+}
+
+/// Whether a motion can be an error of this covariance.
+fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
+    let chi2 = covariance.cholesky().map(|factor| motion.dot(&factor.solve(motion)));
+    chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::frames::chi_square::tail(6, chi2))
+}
+
+/// A translation that chance makes larger this often speaks against a pure rotation.
+const PURE_ROTATION_PROBABILITY: f64 = 0.05;
+/// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
+const RETURN_PROBABILITY: f64 = 0.01;
+
+const NOT_POSITIVE: Error = Error::InvalidSetting {
+    setting: "covariance of a reading and its bias",
+    seen: 0.0,
+    needed: "it must be positive definite; state how well a single reading is known",
+};
+
+fn check(config: &MonitorConfig) -> Result<(), Error> {
+    let settings = [
+        ("false_alarms_per_day", config.false_alarms_per_day),
+        ("decision_period_s", config.decision_period_s),
+        ("unseen_after_s", config.unseen_after_s),
+    ];
+    for (setting, seen) in settings {
+        if !(seen.is_finite() && 0.0 < seen) {
+            return Err(Error::InvalidSetting { setting, seen, needed: "it must be a positive number" });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,170 @@
+//! The live session: sources read, pictures looked at, poses tracked, drift watched; all it says is one `Event`.
+//!
+//! One thread reads each source and one looks at its pictures; between them stands a queue of few frames, the oldest dropped and
+//! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
+
+mod look;
+mod queue;
+pub mod reference;
+mod session;
+
+pub use look::{Look, LookError, Looked};
+pub use session::run;
+
+use crate::source::Source;
+use resight_core::locate::PoseEstimate;
+use resight_core::monitor::attribute::MovedNode;
+use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference};
+use resight_core::track::{TrackConfig, Tracked};
+use resight_core::{Camera, Target};
+use std::sync::Arc;
+
+/// One camera of a session.
+pub struct LiveCamera {
+    /// Its name.
+    pub name: String,
+    /// Its lens.
+    pub camera: Camera,
+    /// What it looks at.
+    pub target: Arc<Target>,
+    /// Where its frames come from.
+    pub source: Box<dyn Source>,
+    /// What its pose is compared with; none: learned from the first `learn_readings`.
+    pub reference: Option<Reference>,
+}
+
+/// How a session runs.
+#[derive(Debug, Clone)]
+pub struct LiveConfig {
+    /// When to say that something moved.
+    pub monitor: MonitorConfig,
+    /// How cameras move between readings.
+    pub track: TrackConfig,
+    /// Readings from which a missing reference is learned.
+    pub learn_readings: usize,
+    /// What is known of lasting errors beforehand.
+    pub lasting: resight_core::monitor::learn::LearnConfig,
+    /// Frames waiting for each camera; further ones push out the oldest.
+    pub queue_frames: usize,
+    /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
+    pub retry_s: f64,
+}
+
+/// Microseconds spent on a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StageTimes {
+    /// From capture (live) or arrival (recorded) to the start of work.
+    pub waited_us: f64,
+    /// Looking for the target.
+    pub detect_us: f64,
+    /// Pose, covariance and all minima.
+    pub solve_us: f64,
+    /// Filter and decision.
+    pub decide_us: f64,
+}
+
+/// What one frame said.
+#[derive(Debug, Clone)]
+pub struct Observation {
+    /// The frame's number, capture time (s) and name.
+    pub number: u64,
+    /// When it was taken, seconds.
+    pub capture_s: f64,
+    /// Its name.
+    pub name: String,
+    /// Points found.
+    pub n_points: usize,
+    /// The pose of this frame alone.
+    pub estimate: Option<PoseEstimate>,
+    /// Why there is none.
+    pub reason: Option<String>,
+    /// The pose through time.
+    pub tracked: Option<Tracked>,
+    /// What went to the monitor.
+    pub reading: Option<Reading>,
+    /// How long it took.
+    pub times: StageTimes,
+}
+
+/// State of a camera in words that files and scripts use.
+#[derive(Debug, Clone, PartialEq)]
+pub enum State {
+    /// Learning its reference: readings so far, readings needed.
+    Learning {
+        /// So far.
+        readings: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// Seen, and where it was.
+    Steady,
+    /// Not seen.
+    Unseen {
+        /// Since, seconds.
+        for_s: f64,
+    },
+    /// Something is different; not yet decided.
+    Settling,
+    /// It moved.
+    Drifted(Box<Drift>),
+    /// The pictures contradict intrinsics or target.
+    Inconsistent,
+}
+
+/// What a session says.
+#[derive(Debug, Clone)]
+pub enum Event {
+    /// A frame was looked at.
+    Observed {
+        /// Index of the camera.
+        camera: usize,
+        /// What it said.
+        observation: Box<Observation>,
+    },
+    /// The state of a camera changed (and once at the start).
+    StateChanged {
+        /// Index of the camera.
+        camera: usize,
+        /// Since when, seconds of capture.
+        t_s: f64,
+        /// What it is now.
+        state: State,
+    },
+    /// Which cameras or targets moved relative to the others.
+    Attributed {
+        /// Since when, seconds.
+        t_s: f64,
+        /// Nodes by name, with their motions.
+        moved: Vec<(String, MovedNode)>,
+        /// Other sets that would explain it as well, by name.
+        rivals: Vec<Vec<String>>,
+    },
+    /// A reference was learned.
+    Learned {
+        /// Index of the camera.
+        camera: usize,
+        /// The reference.
+        reference: Box<Reference>,
+    },
+    /// Frames dropped since the last such event, because the camera's queue was full.
+    Dropped {
+        /// Index of the camera.
+        camera: usize,
+        /// How many.
+        frames: u64,
+    },
+    /// A source was lost or came back; said once each.
+    Source {
+        /// Index of the camera.
+        camera: usize,
+        /// Whether it gives frames.
+        is_there: bool,
+        /// Why not.
+        reason: Option<String>,
+    },
+    /// A source has ended.
+    Ended {
+        /// Index of the camera.
+        camera: usize,
+    },
+}

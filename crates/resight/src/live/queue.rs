@@ -1,0 +1,140 @@
+//! A queue of few frames between the thread that reads and the one that looks: full, it forgets its oldest.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Shared by one writer and one reader.
+pub(super) struct Queue<T> {
+    inner: Mutex<Inner<T>>,
+    changed: Condvar,
+    capacity: usize,
+}
+
+struct Inner<T> {
+    waiting: VecDeque<T>,
+    dropped: u64,
+    is_closed: bool,
+}
+
+/// What a reader got.
+pub(super) enum Taken<T> {
+    Item(T),
+    Nothing,
+    Closed,
+}
+
+impl<T> Queue<T> {
+    pub fn new(capacity: usize) -> Self {
+        let inner = Inner { waiting: VecDeque::new(), dropped: 0, is_closed: false };
+        Queue { inner: Mutex::new(inner), changed: Condvar::new(), capacity: capacity.max(1) }
+    }
+
+    /// A thread that panicked while it held the lock left a queue that is still whole.
+    fn lock(&self) -> MutexGuard<'_, Inner<T>> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds an item; the oldest makes room.
+    pub fn push_dropping(&self, item: T) {
+        let mut inner = self.lock();
+        if self.capacity <= inner.waiting.len() {
+            inner.waiting.pop_front();
+            inner.dropped += 1;
+        }
+        inner.waiting.push_back(item);
+        drop(inner);
+        self.changed.notify_all();
+    }
+
+    /// Adds an item when there is room. False when nobody reads any more.
+    pub fn push_waiting(&self, item: T) -> bool {
+        let mut inner = self.lock();
+        while self.capacity <= inner.waiting.len() && !inner.is_closed {
+            inner = self.changed.wait(inner).unwrap_or_else(PoisonError::into_inner);
+        }
+        let is_open = !inner.is_closed;
+        if is_open {
+            inner.waiting.push_back(item);
+        }
+        drop(inner);
+        self.changed.notify_all();
+        is_open
+    }
+
+    /// The oldest item, waiting for one at most this long.
+    pub fn take(&self, patience: Duration) -> Taken<T> {
+        let inner = self.lock();
+        let (mut inner, _) = self
+            .changed
+            .wait_timeout_while(inner, patience, |inner| inner.waiting.is_empty() && !inner.is_closed)
+            .unwrap_or_else(PoisonError::into_inner);
+        let taken = match inner.waiting.pop_front() {
+            Some(item) => Taken::Item(item),
+            None if inner.is_closed => Taken::Closed,
+            None => Taken::Nothing,
+        };
+        drop(inner);
+        self.changed.notify_all();
+        taken
+    }
+
+    /// No more will come, or nobody reads any more.
+    pub fn close(&self) {
+        self.lock().is_closed = true;
+        self.changed.notify_all();
+    }
+
+    /// Items dropped since the last call.
+    pub fn take_dropped(&self) -> u64 {
+        std::mem::take(&mut self.lock().dropped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn item(queue: &Queue<u32>) -> Option<u32> {
+        match queue.take(Duration::ZERO) {
+            Taken::Item(item) => Some(item),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn a_full_queue_forgets_its_oldest_and_counts() {
+        let queue = Queue::new(2);
+        (0..5).for_each(|i| queue.push_dropping(i));
+        assert_eq!((item(&queue), item(&queue), item(&queue)), (Some(3), Some(4), None));
+        assert_eq!((queue.take_dropped(), queue.take_dropped()), (3, 0));
+    }
+
+    #[test]
+    fn a_waiting_writer_loses_nothing() {
+        let queue = std::sync::Arc::new(Queue::new(1));
+        let writer = std::sync::Arc::clone(&queue);
+        let thread = std::thread::spawn(move || {
+            (0..100).for_each(|i| assert!(writer.push_waiting(i)));
+            writer.close();
+        });
+        let mut got = Vec::new();
+        loop {
+            match queue.take(Duration::from_secs(10)) {
+                Taken::Item(item) => got.push(item),
+                Taken::Closed => break,
+                Taken::Nothing => panic!("the writer fell silent"),
+            }
+        }
+        thread.join().expect("the writer");
+        assert_eq!(got, (0..100).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_writer_is_told_that_nobody_reads() {
+        let queue = Queue::new(1);
+        queue.push_dropping(1);
+        queue.close();
+        assert!(!queue.push_waiting(2));
+    }
+}

@@ -1,0 +1,174 @@
+//! The threads of a session: for each camera one that reads its source and one that looks at its frames.
+
+use super::look::{Look, LookError, Looked};
+use super::queue::{Queue, Taken};
+use super::{Event, LiveCamera, LiveConfig, State};
+use crate::source::{Frame, Next, Source};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How long a thread waits before it looks whether the session is to end, and whether a camera has been silent too long.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// Longest pause before a lost source is tried again, in first pauses.
+const LONGEST_RETRY: f64 = 32.0;
+/// Events waiting to be taken; a slow listener makes the cameras wait, and their queues drop.
+const EVENTS: usize = 256;
+
+/// Runs until every source has ended or `stop` is set, telling `listener` each event. False from the listener ends the session too.
+///
+/// # Errors
+/// A camera that cannot be watched, before anything has started.
+pub fn run(
+    cameras: Vec<LiveCamera>,
+    config: &LiveConfig,
+    stop: &Arc<AtomicBool>,
+    mut listener: impl FnMut(&Event) -> bool,
+) -> Result<(), LookError> {
+    let prepared =
+        cameras.into_iter().map(|camera| prepare(camera, config)).collect::<Result<Vec<_>, _>>()?;
+    let (sender, events) = sync_channel(EVENTS);
+    thread::scope(|scope| {
+        for (index, (look, source)) in prepared.into_iter().enumerate() {
+            let queue = Arc::new(Queue::new(config.queue_frames));
+            let (to_look, told) = (Arc::clone(&queue), sender.clone());
+            scope.spawn(move || read(source, index, config, &queue, &told, stop));
+            let told = sender.clone();
+            scope.spawn(move || watch(look, index, &to_look, &told));
+        }
+        drop(sender); // The channel ends with the last thread.
+        for event in events {
+            if !stop.load(Ordering::Relaxed) && !listener(&event) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        }
+    });
+    Ok(())
+}
+
+fn prepare(camera: LiveCamera, config: &LiveConfig) -> Result<(Look, Box<dyn Source>), LookError> {
+    let look = Look::new(&camera.camera, &camera.target, camera.reference.as_ref(), config)?;
+    Ok((look, camera.source))
+}
+
+/// Reads a source until it ends.
+fn read(
+    mut source: Box<dyn Source>,
+    camera: usize,
+    config: &LiveConfig,
+    queue: &Queue<(Instant, Frame)>,
+    told: &SyncSender<Event>,
+    stop: &AtomicBool,
+) {
+    let (mut is_there, mut pause_s) = (true, config.retry_s);
+    while !stop.load(Ordering::Relaxed) {
+        match source.next(PATIENCE) {
+            Next::Frame(frame) => {
+                if !is_there {
+                    // A listener that is gone needs no telling.
+                    let _ = told.send(Event::Source { camera, is_there: true, reason: None });
+                }
+                (is_there, pause_s) = (true, config.retry_s);
+                let item = (Instant::now(), frame);
+                if source.is_live() {
+                    queue.push_dropping(item);
+                } else if !queue.push_waiting(item) {
+                    break;
+                }
+            }
+            Next::Nothing => {}
+            Next::Lost(reason) => {
+                if is_there {
+                    let reason = Some(reason.to_string());
+                    let _ = told.send(Event::Source { camera, is_there: false, reason });
+                }
+                is_there = false;
+                rest(pause_s, stop);
+                pause_s = (2.0 * pause_s).min(LONGEST_RETRY * config.retry_s);
+            }
+            Next::End => break,
+        }
+    }
+    queue.close();
+}
+
+/// Sleeps, but not through the end of the session.
+fn rest(seconds: f64, stop: &AtomicBool) {
+    let until = Instant::now() + Duration::from_secs_f64(seconds);
+    while Instant::now() < until && !stop.load(Ordering::Relaxed) {
+        thread::sleep(PATIENCE.min(until.saturating_duration_since(Instant::now())));
+    }
+}
+
+/// Looks at the frames until the queue is closed and empty.
+fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &SyncSender<Event>) {
+    let mut teller = Teller { camera, told, state: None };
+    // Capture time and arrival of the last frame: what the clock of the frames says while none comes.
+    let mut last: Option<(f64, Instant)> = None;
+    loop {
+        let is_told = match queue.take(PATIENCE) {
+            Taken::Item((arrived, frame)) => {
+                last = Some((frame.capture_s, arrived));
+                let looked = look.take(&frame, arrived.elapsed().as_secs_f64() * 1e6);
+                teller.looked(frame.capture_s, looked) && teller.dropped(queue.take_dropped())
+            }
+            Taken::Nothing => {
+                let now_s = last.map(|(capture_s, arrived)| capture_s + arrived.elapsed().as_secs_f64());
+                now_s.is_none_or(|now_s| teller.state(now_s, look.state(now_s)))
+            }
+            Taken::Closed => {
+                // A drift is known better at the end than when it was told.
+                let at_the_end = last.map(|(t_s, _)| (t_s, look.state(t_s)));
+                if let Some((t_s, state @ State::Drifted(_))) = at_the_end {
+                    teller.tell(Event::StateChanged { camera, t_s, state });
+                }
+                break;
+            }
+        };
+        if !is_told {
+            queue.close();
+            return;
+        }
+    }
+    teller.tell(Event::Ended { camera });
+}
+
+/// Tells what is new. Every method is false once nobody listens.
+struct Teller<'a> {
+    camera: usize,
+    told: &'a SyncSender<Event>,
+    state: Option<State>,
+}
+
+impl Teller<'_> {
+    fn tell(&self, event: Event) -> bool {
+        self.told.send(event).is_ok()
+    }
+
+    fn looked(&mut self, t_s: f64, looked: Looked) -> bool {
+        let camera = self.camera;
+        let observation = Box::new(looked.observation);
+        let learned = looked.learned.map(|reference| Event::Learned { camera, reference });
+        self.tell(Event::Observed { camera, observation })
+            && learned.is_none_or(|event| self.tell(event))
+            && self.state(t_s, looked.state)
+    }
+
+    /// A change of kind, or of a drift's size: not the seconds that something has been unseen, nor each reading learned.
+    fn state(&mut self, t_s: f64, state: State) -> bool {
+        let is_new = match (&self.state, &state) {
+            (Some(State::Learning { .. }), State::Learning { .. })
+            | (Some(State::Unseen { .. }), State::Unseen { .. }) => false,
+            (Some(State::Drifted(before)), State::Drifted(now)) => before.began_s != now.began_s,
+            (before, now) => before.as_ref() != Some(now),
+        };
+        self.state = Some(state.clone());
+        !is_new || self.tell(Event::StateChanged { camera: self.camera, t_s, state })
+    }
+
+    fn dropped(&mut self, frames: u64) -> bool {
+        frames == 0 || self.tell(Event::Dropped { camera: self.camera, frames })
+    }
+}

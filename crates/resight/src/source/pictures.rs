@@ -1,0 +1,184 @@
+//! Pictures in files: a list, or a folder that fills up.
+
+use super::video::{Video, frames_per_s};
+use super::{Content, Frame, Next, Source};
+use crate::{FileError, GrayImage};
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// What a folder's pictures end in.
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+/// A file that was changed within this time may still be being written.
+const SETTLED: Duration = Duration::from_millis(200);
+
+/// When pictures were taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Clock {
+    /// When their files were last changed.
+    Modified,
+    /// One after the other, seconds apart, the first at 0.
+    Every(f64),
+}
+
+/// Pictures in the order given.
+pub struct Pictures {
+    paths: VecDeque<PathBuf>,
+    clock: Clock,
+    number: u64,
+}
+
+impl Pictures {
+    /// A list; it is read as fast as it is looked at.
+    pub fn new(paths: impl IntoIterator<Item = PathBuf>, clock: Clock) -> Self {
+        Pictures { paths: paths.into_iter().collect(), clock, number: 0 }
+    }
+}
+
+impl Source for Pictures {
+    fn next(&mut self, _: Duration) -> Next {
+        let Some(path) = self.paths.pop_front() else { return Next::End };
+        self.number += 1;
+        Next::Frame(picture(&path, self.number - 1, self.clock))
+    }
+
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+/// A folder in which pictures appear, taken by name; those already there come first.
+pub struct Folder {
+    path: PathBuf,
+    clock: Clock,
+    taken: BTreeSet<PathBuf>,
+    waiting: VecDeque<PathBuf>,
+    number: u64,
+}
+
+impl Folder {
+    /// # Errors
+    /// No such folder.
+    pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
+        std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
+        let (taken, waiting) = (BTreeSet::new(), VecDeque::new());
+        Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0 })
+    }
+
+    /// New pictures that nobody writes any more, by name.
+    fn look(&mut self) -> std::io::Result<()> {
+        let mut new: Vec<PathBuf> = Vec::new();
+        for entry in std::fs::read_dir(&self.path)? {
+            let path = entry?.path();
+            if is_picture(&path) && !self.taken.contains(&path) && is_settled(&path) {
+                new.push(path);
+            }
+        }
+        new.sort();
+        self.taken.extend(new.iter().cloned());
+        self.waiting.extend(new);
+        Ok(())
+    }
+}
+
+impl Source for Folder {
+    fn next(&mut self, patience: Duration) -> Next {
+        if self.waiting.is_empty() {
+            if let Err(reason) = self.look() {
+                return Next::Lost(FileError::new(&self.path, format!("cannot be read: {reason}")));
+            }
+            if self.waiting.is_empty() {
+                std::thread::sleep(patience);
+            }
+        }
+        let Some(path) = self.waiting.pop_front() else { return Next::Nothing };
+        self.number += 1;
+        Next::Frame(picture(&path, self.number - 1, self.clock))
+    }
+
+    /// Its files wait on the disk.
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+/// The frames of a video file, at its mean rate.
+pub struct Film {
+    video: Video,
+    frames_per_s: f64,
+    name: String,
+    number: u64,
+    is_over: bool,
+}
+
+impl Film {
+    /// # Errors
+    /// As `Video::open` and `frames_per_s`.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let name = path.display().to_string();
+        Ok(Film {
+            frames_per_s: frames_per_s(path)?,
+            video: Video::open(path)?,
+            name,
+            number: 0,
+            is_over: false,
+        })
+    }
+}
+
+impl Source for Film {
+    fn next(&mut self, _: Duration) -> Next {
+        if self.is_over {
+            return Next::End;
+        }
+        let content = match self.video.next() {
+            None => return Next::End,
+            Some(Ok(image)) => Content::Image(image),
+            Some(Err(reason)) => {
+                self.is_over = true;
+                Content::Unreadable(reason.to_string())
+            }
+        };
+        let (number, name) = (self.number, format!("{}#{}", self.name, self.number));
+        self.number += 1;
+        Next::Frame(Frame { number, capture_s: number as f64 / self.frames_per_s, name, content })
+    }
+
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
+    let capture_s = match clock {
+        Clock::Every(period_s) => period_s * number as f64,
+        Clock::Modified => modified_s(path),
+    };
+    let content = match GrayImage::read(path) {
+        Ok(image) => Content::Image(image),
+        Err(reason) => Content::Unreadable(reason.to_string()),
+    };
+    Frame { number, capture_s, name: path.display().to_string(), content }
+}
+
+/// Seconds since 1970; 0 of a file that is gone, which then cannot be read either.
+fn modified_s(path: &Path) -> f64 {
+    let modified = std::fs::metadata(path).and_then(|data| data.modified());
+    modified
+        .ok()
+        .and_then(|at| at.duration_since(SystemTime::UNIX_EPOCH).ok())
+        .map_or(0.0, |d| d.as_secs_f64())
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    // Half-written files of careful writers begin with a dot.
+    let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    !is_hidden && ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+}
+
+fn is_settled(path: &Path) -> bool {
+    let age = std::fs::metadata(path).and_then(|data| data.modified()).map(|at| at.elapsed());
+    // A time in the future is another clock's: nothing to wait for.
+    !matches!(age, Ok(Ok(age)) if age < SETTLED)
+}
