@@ -99,6 +99,10 @@ fn a_turned_camera_is_found_with_direction_size_and_time() {
     assert_eq!(run.code, 3, "{}", run.stderr);
     let drifted =
         run.events.iter().rfind(|e| e["state"] == "drifted" && e["event"] == "state").expect("a drift");
+    let first =
+        run.events.iter().find(|e| e["state"] == "drifted" && e["event"] == "state").expect("a drift");
+    let told = first["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
+    assert!((told - 0.5).abs() < 0.1, "told first: {first}");
     let turn_rad = drifted["old_from_new"][1].as_f64().expect("a number");
     let sigma_rad = drifted["covariance"][1][1].as_f64().expect("a number").sqrt();
     assert!((turn_rad - 0.5_f64.to_radians()).abs() < 4.0 * sigma_rad, "{drifted}");

@@ -88,11 +88,11 @@ impl Onset {
         }
     }
 
-    /// Λ of every change of one course.
-    fn ratios(&self, course: usize, directions: &Matrix6<f64>) -> [f64; CHANGES] {
+    /// ln Λ of every change of one course.
+    fn log_ratios(&self, course: usize, directions: &Matrix6<f64>) -> [f64; CHANGES] {
         let (gathered, variance) = (&self.gathered[course], SIZES[course].powi(2));
         let all: f64 = gathered.iter().map(|g| log_ratio(variance, g.score, g.information)).sum();
-        let mut ratios = [exp(all); CHANGES];
+        let mut ratios = [all; CHANGES];
         for direction in 0..AXES {
             let (mut score, mut information) = (0.0, 0.0);
             for axis in 0..AXES {
@@ -100,7 +100,7 @@ impl Onset {
                 score += u * gathered[axis].score;
                 information += u * u * gathered[axis].information;
             }
-            ratios[direction] = exp(log_ratio(variance, score, information));
+            ratios[direction] = log_ratio(variance, score, information);
         }
         ratios
     }
@@ -113,9 +113,7 @@ fn log_ratio(variance: f64, score: f64, information: f64) -> f64 {
 }
 
 /// Beyond e^600 the alarm is certain; an infinite ratio would make the weights NaN.
-fn exp(log_ratio: f64) -> f64 {
-    log_ratio.min(600.0).exp()
-}
+const LARGEST: f64 = 600.0;
 
 /// What the readings say of a change.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -164,17 +162,24 @@ impl Onsets {
                 gathered.iter_mut().zip(innovations).for_each(|(g, innovation)| g.add(innovation));
             }
         }
-        self.statistic = self.masses().iter().flatten().sum();
+        self.statistic = self.masses(0.0).iter().flatten().sum();
     }
 
-    /// Σ wΛ of each onset and course.
-    fn masses(&self) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
-        self.onsets.iter().map(|onset| [0, 1].map(|course| self.mass(onset, course))).collect()
+    /// Σ wΛe^−peak of each onset and course.
+    fn masses(&self, peak: f64) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
+        self.onsets.iter().map(|onset| [0, 1].map(|course| self.mass(onset, course, peak))).collect()
     }
 
-    fn mass(&self, onset: &Onset, course: usize) -> f64 {
-        let ratios = onset.ratios(course, &self.directions);
-        ratios.iter().zip(&onset.weights[course]).map(|(ratio, weight)| ratio * weight).sum()
+    fn mass(&self, onset: &Onset, course: usize, peak: f64) -> f64 {
+        let ratios = onset.log_ratios(course, &self.directions);
+        let masses = ratios.iter().zip(&onset.weights[course]);
+        masses.map(|(ratio, weight)| (ratio - peak).min(LARGEST).exp() * weight).sum()
+    }
+
+    /// The largest ln Λ of all.
+    fn peak(&self) -> f64 {
+        let of = |onset: &Onset| [0, 1].map(|course| onset.log_ratios(course, &self.directions));
+        self.onsets.iter().flat_map(of).flatten().fold(0.0, f64::max)
     }
 
     /// Joins the neighbours that lie closest for their age; the heavier stands for both, so that R does not change.
@@ -189,15 +194,16 @@ impl Onsets {
             return;
         };
         let (mut kept, mut gone) = (self.onsets[first].clone(), self.onsets[first + 1].clone());
-        let total = |onset: &Onset| self.mass(onset, 0) + self.mass(onset, 1);
+        let total = |onset: &Onset| self.mass(onset, 0, 0.0) + self.mass(onset, 1, 0.0);
         if total(&kept) < total(&gone) {
             std::mem::swap(&mut kept, &mut gone);
         }
         for course in 0..COURSES.len() {
-            let stays = kept.ratios(course, &self.directions);
-            let goes = gone.ratios(course, &self.directions);
+            let stays = kept.log_ratios(course, &self.directions);
+            let goes = gone.log_ratios(course, &self.directions);
             for change in 0..CHANGES {
-                kept.weights[course][change] += gone.weights[course][change] * goes[change] / stays[change];
+                let ratio = (goes[change] - stays[change]).min(LARGEST).exp();
+                kept.weights[course][change] += gone.weights[course][change] * ratio;
             }
         }
         self.onsets[first] = kept;
@@ -206,7 +212,8 @@ impl Onsets {
 
     /// The change that explains the readings; none before the first reading.
     pub fn change(&self) -> Option<Change> {
-        let masses = self.masses();
+        // Gross changes have ratios beyond any number: seen from the largest, their order is kept.
+        let masses = self.masses(self.peak());
         let (best, _) = masses.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
         let by_course = [0, 1].map(|course| masses.iter().map(|m| m[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);
@@ -216,7 +223,7 @@ impl Onsets {
         let (shift, variance) = shift(&at.gathered[course], WIDE * SIZES[course]);
         Some(Change {
             onset_s: at.t_s,
-            onset_sigma_s: (spread / self.statistic).sqrt(),
+            onset_sigma_s: (spread / masses.iter().map(sum).sum::<f64>()).sqrt(),
             course: COURSES[course],
             course_probability: by_course[course] / (by_course[0] + by_course[1]),
             shift,
