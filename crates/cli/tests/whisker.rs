@@ -359,7 +359,7 @@ fn a_stream_answers_each_line_before_the_next() {
     let wanted = folder("whisker-stream").join("c.csv").display().to_string();
     solved(&shipped("hub.csv"), &["--mode", "raw", "-o", &wanted]);
     let (hub, wanted) = (text(shipped("hub.csv")), text(&wanted));
-    let mut stream = Stream::start(&[]);
+    let mut stream = Stream::start(&["--mode", "raw"]);
     for (line, wanted) in hub.lines().zip(wanted.lines()).take(60) {
         assert_eq!(stream.ask(line), wanted);
     }
@@ -381,6 +381,84 @@ fn a_bad_line_of_a_stream_is_answered_and_the_stream_goes_on() {
     assert_eq!(object(stream.ask(&good.replace("0.15", "null")))["status"], "missing");
     assert_eq!(object(stream.ask(good))["sample"], 7);
     assert_eq!(stream.end(), 1);
+}
+
+/// Without a later reading, friction and tip are used all the same: modes as a whole record has them, nearer than each reading alone.
+#[test]
+fn a_constrained_stream_knows_modes_and_friction() {
+    let folder = folder("whisker-online");
+    let answers = |name: &str, flags: &[&str]| {
+        let mut stream = Stream::start(flags);
+        let lines: Vec<String> = text(shipped("hub.csv")).lines().map(|line| stream.ask(line)).collect();
+        assert_eq!(stream.end(), 0);
+        checked(&[&write(&folder, name, &lines.join("\n")), &shipped("truth.csv")])
+    };
+    let (auto, known) = (answers("auto.csv", &[]), answers("known.csv", &["--mu", "0.2"]));
+    let raw = answers("raw.csv", &["--mode", "raw"]);
+    let figure = |checked: &Value, group: &str, key: &str| number(&score(checked, group)[key]);
+    for online in [&auto, &known] {
+        assert!(0.98 <= figure(online, "firm", "mode_right"), "{online}");
+        // At the tip the arc length is known: the error falls to a third and less.
+        assert!(
+            figure(online, "firm_tip", "rms_m") < 0.5 * figure(&raw, "firm_tip", "rms_m"),
+            "{online} {raw}"
+        );
+        // 190 contacts: the mean of χ² with two degrees of freedom scatters by 0.15.
+        assert!((1.4..2.6).contains(&figure(online, "firm", "nees")), "{online}");
+    }
+    assert!(figure(&raw, "firm", "mode_right") < 1.0, "{raw}");
+}
+
+/// The readings of the second sweep up to six before its slip-off, at sample 87.
+fn cut_before_slip_off() -> String {
+    let rows = text(shipped("hub.csv"));
+    let is_kept = |line: &&str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        cells[0] == "sweep" || cells[0] == "1" && cells[1].parse::<u32>().unwrap() <= 80
+    };
+    rows.lines().filter(is_kept).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn slip_off_is_foreseen() {
+    let folder = folder("whisker-foresee");
+    let hub = write(&folder, "hub.csv", &cut_before_slip_off());
+    let rows = solved(&hub, &[]);
+    let ahead = &rows.last().unwrap()["foresight"][0];
+    assert_eq!(
+        (&ahead["sweep"], &ahead["sample"], &ahead["ending"]),
+        (&1.into(), &80.into(), &"slip_off".into())
+    );
+    // Sample 86 still touches, 87 no longer does; three standard deviations either side.
+    let slack = 3.0 * number(&ahead["steps_sigma"]);
+    assert!((6.0 - slack..7.0 + slack).contains(&number(&ahead["steps"])) && slack < 1.0, "{ahead}");
+    assert!(0.0 < number(&ahead["margin_m"]), "{ahead}");
+    let row = &rows[rows.len() - 2];
+    assert_eq!(row["steps_to_slip_off"], ahead["steps"]);
+    assert!(rows[..rows.len() - 2].iter().all(|row| row["steps_to_slip_off"].is_null()));
+    let run = resight(&["whisker", "solve", "--whisker", &shipped("whisker.json"), &hub]);
+    assert!(run.stdout.contains("slip-off    foreseen in "), "{}", run.stdout);
+
+    let every = solved(&hub, &["--foresee"]);
+    let told = every.iter().filter(|row| row["steps_to_slip_off"].is_number()).count();
+    assert!(40 < told, "{told}");
+
+    let mut stream = Stream::start(&["--foresee", "--json"]);
+    let mut last = String::new();
+    let cut = cut_before_slip_off();
+    stream.say(cut.lines().next().unwrap());
+    for line in cut.lines().skip(1) {
+        last = stream.ask(line);
+    }
+    assert_eq!(stream.end(), 0);
+    let steps = number(&serde_json::from_str::<Value>(&last).unwrap()["steps_to_slip_off"]);
+    // The same contacts but for a friction angle of fewer readings.
+    assert!((steps - number(&ahead["steps"])).abs() < 1.0, "{steps} {ahead}");
+
+    let whole = solved(&shipped("hub.csv"), &[]);
+    let sweeps: Vec<&Value> =
+        whole.last().unwrap()["foresight"].as_array().unwrap().iter().map(|f| &f["sweep"]).collect();
+    assert_eq!(sweeps, [&Value::from(2)], "sweeps 0 and 1 have slipped off");
 }
 
 #[test]

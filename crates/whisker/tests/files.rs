@@ -79,6 +79,7 @@ fn contact(theta_is_known: bool) -> ContactRow {
         other_s_m: vec![0.11, 0.125],
         feature: Some(Label::Corner),
         event: Change::SlipOff,
+        steps_to_slip_off: Some([7.25, 1.0 / 3.0]),
         note: "a \"note\", with a comma".to_string(),
         ..ContactRow::blank(2, 9, None, RowStatus::Read(Status::BeyondTip))
     }

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod check;
+mod foresight;
 mod identify;
 mod input;
 mod picture;

@@ -146,6 +146,8 @@ pub struct ContactRow {
     pub feature: Option<Label>,
     /// What changed with this reading: touch, release or slip-off.
     pub event: Change,
+    /// Hub steps until the whisker slips off, and their standard deviation; none where that was not asked or is not foreseen.
+    pub steps_to_slip_off: Option<[f64; 2]>,
     /// Why there is no more to say; empty where nothing is amiss.
     pub note: String,
 }
@@ -180,6 +182,7 @@ impl ContactRow {
             other_s_m: Vec::new(),
             feature: None,
             event: Change::None,
+            steps_to_slip_off: None,
             note: String::new(),
         }
     }
@@ -215,7 +218,7 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
     }
 }
 
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 32] = [
     "sweep",
     "sample",
     "t",
@@ -245,6 +248,8 @@ const COLUMNS: [&str; 30] = [
     "other_s",
     "feature",
     "event",
+    "steps_to_slip_off",
+    "steps_to_slip_off_sigma",
     "note",
 ];
 
@@ -258,7 +263,7 @@ pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
     let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 30] = [
+    let values: [Value; 32] = [
         json!(number(row.sweep)),
         json!(number(row.sample)),
         json!(row.t_s),
@@ -288,6 +293,8 @@ pub fn to_json(row: &ContactRow) -> Value {
         json!(row.other_s_m),
         json!(row.feature.and_then(|f| FEATURES.iter().find(|(known, _)| *known == f)).map(|(_, name)| name)),
         json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
+        json!(row.steps_to_slip_off.map(|[steps, _]| steps)),
+        json!(row.steps_to_slip_off.map(|[_, sigma]| sigma)),
         json!(row.note),
     ];
     Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
@@ -413,6 +420,10 @@ impl Reader<'_> {
             other_s_m: self.other_s_m(),
             feature: self.word("feature", &FEATURES)?,
             event: self.word("event", &EVENTS)?.unwrap_or(Change::None),
+            steps_to_slip_off: self
+                .number("steps_to_slip_off")?
+                .zip(self.number("steps_to_slip_off_sigma")?)
+                .map(|(steps, sigma)| [steps, sigma]),
             note: note.to_string(),
             ..ContactRow::blank(
                 count("sweep")?,

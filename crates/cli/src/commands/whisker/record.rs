@@ -1,5 +1,6 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
+use super::foresight::{self, At, Forecast};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
@@ -51,6 +52,8 @@ pub struct Solved {
     pub friction: Option<Friction>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// What lies ahead where a sweep ends in contact.
+    pub forecasts: Vec<Forecast>,
     /// The whisker as it was used.
     pub rod: Rod,
     /// Whether readings and whisker agree as far as that can be told.
@@ -96,6 +99,9 @@ pub struct SolvingArgs {
     /// the record cannot exclude (constrained mode).
     #[arg(long)]
     pub uncalibrated: bool,
+    /// Foresee slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
+    #[arg(long)]
+    pub foresee: bool,
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
@@ -105,6 +111,7 @@ struct Answers {
     features: Vec<Option<Label>>,
     friction: Option<Friction>,
     warnings: Vec<String>,
+    forecasts: Vec<Forecast>,
     is_consistent: bool,
 }
 
@@ -191,6 +198,7 @@ pub fn solve(
         samples: readings.iter().map(|row| row.reading.as_ref().ok().and_then(|_| left.next())).collect(),
         friction: answers.friction,
         warnings: file.warnings.iter().cloned().chain(answers.warnings).collect(),
+        forecasts: last_of_sweeps(answers.forecasts, &meant),
         is_consistent: answers.is_consistent,
         rod: rig.rod,
     })
@@ -198,7 +206,20 @@ pub fn solve(
 
 fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
     let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();
-    Answers { estimates, features: Vec::new(), friction: None, warnings: Vec::new(), is_consistent: true }
+    Answers {
+        estimates,
+        features: Vec::new(),
+        friction: None,
+        warnings: Vec::new(),
+        forecasts: Vec::new(),
+        is_consistent: true,
+    }
+}
+
+/// Those at which a sweep ends.
+fn last_of_sweeps(forecasts: Vec<Forecast>, samples: &[Sample]) -> Vec<Forecast> {
+    let is_last = |f: &Forecast| samples.get(f.index + 1).is_none_or(|next| next.sweep != f.sweep);
+    forecasts.into_iter().filter(is_last).collect()
 }
 
 fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
@@ -215,12 +236,15 @@ fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answ
             widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
         }
     }
+    let at = if args.foresee { At::Every } else { At::Last };
+    let forecasts = foresight::forecasts(rig, samples, &record.estimates, record.friction, method, at);
     let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
         features,
         friction: Some(friction),
         warnings,
+        forecasts,
         is_consistent: verdict.is_none_or(|verdict| !verdict.is_inconsistent),
     })
 }
@@ -287,6 +311,7 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
         features: Vec::new(),
         friction: Some(friction),
         warnings: smoothed.jumps.iter().map(jump).collect(),
+        forecasts: Vec::new(),
         is_consistent: true,
     })
 }
@@ -295,10 +320,14 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
 fn rows(rig: &Rig, readings: &[HubRow], samples: &[Sample], answers: &Answers) -> Vec<ContactRow> {
     let mut detector = TouchDetector::new(&rig.cell);
     let mut left = samples.iter().zip(&answers.estimates).enumerate();
+    let mut forecasts = answers.forecasts.iter().peekable();
     let mut row = |reading: &HubRow| match &reading.reading {
         Ok(_) => left.next().map(|(i, (sample, estimate))| ContactRow {
             event: detector.push(sample),
             feature: answers.features.get(i).copied().flatten(),
+            steps_to_slip_off: forecasts
+                .next_if(|forecast| forecast.index == i)
+                .and_then(|forecast| foresight::steps_to_slip_off(&forecast.foresight)),
             ..ContactRow::new(&rig.rod, sample, estimate)
         }),
         Err(cells) => Some(ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells)),
