@@ -533,6 +533,98 @@ fn a_wrong_rig_is_calibrated_away() {
     assert!(is_told || 2.0 * median(&good) < median(&before), "{before}");
 }
 
+/// Readings of another seed, each changed.
+fn another_record(folder: &Path, name: &str, change: impl Fn(usize, &mut [f64])) -> String {
+    let simulated = folder.join("simulated.csv").display().to_string();
+    let (whisker, square, sweeps) = (shipped("whisker.json"), shipped("square.json"), shipped("path.json"));
+    let simulate = ["whisker", "simulate", "--whisker", &whisker, "--object", &square, "--path", &sweeps];
+    let run = resight(&[&simulate[..], &["--samples", "80", "--noise-seed", "8", "-o", &simulated]].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let mut out = String::new();
+    for (i, line) in text(&simulated).lines().enumerate() {
+        let mut cells: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
+        change(i, &mut cells);
+        let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+        writeln!(out, "{}", if i == 0 { line.to_string() } else { cells.join(",") }).unwrap();
+    }
+    write(folder, name, &out)
+}
+
+/// Between two calibrations and window by window: a sound rig is left in peace, what moved is named.
+#[test]
+fn what_moved_since_an_earlier_calibration_is_told() {
+    let folder = folder("whisker-drift");
+    let (whisker, square) = (shipped("whisker.json"), shipped("square.json"));
+    let old = folder.join("old.json").display().to_string();
+    let calibrate = |hub: &str, flags: &[&str]| {
+        let first = ["whisker", "calibrate", "--whisker", &whisker, hub, "--known", &square];
+        resight(&[&first[..], flags].concat())
+    };
+    assert_eq!(calibrate(&shipped("hub.csv"), &["-o", &old]).code, 0);
+    let against = ["--against", &old, "--watch", "100", "--json"];
+
+    let steady = calibrate(&another_record(&folder, "steady.csv", |_, _| ()), &against);
+    assert_eq!(steady.code, 0, "{}{}", steady.stdout, steady.stderr);
+    let drift = &json_lines(&steady)[0]["drift"];
+    assert_eq!(
+        (&drift["has_drifted"], drift["watch"].as_array().unwrap().len()),
+        (&false.into(), 3),
+        "{drift}"
+    );
+
+    let gain = another_record(&folder, "gain.csv", |i, cells| {
+        if 0 < i {
+            cells[8] *= 1.01
+        }
+    });
+    let moved = calibrate(&gain, &against);
+    assert_eq!(moved.code, 3, "{}{}", moved.stdout, moved.stderr);
+    let change = &json_lines(&moved)[0]["drift"]["changes"][0];
+    assert_eq!(change["parameter"], "ln_torque_gain");
+    let (by, sigma) = (number(&change["change"]), number(&change["sigma"]));
+    assert!((by + 1.01_f64.ln()).abs() < 4.0 * sigma, "{change}"); // Torque over reading has fallen.
+    let said = calibrate(&gain, &["--against", &old]);
+    assert!(
+        said.stdout.contains("MOVED since") && said.stdout.contains("torque gain less 1 alone, by -0.9"),
+        "{}",
+        said.stdout
+    );
+
+    // From the second window on, at a reading's line 101 below the header, the zero of fx is 4 standard deviations off.
+    let zero = another_record(&folder, "zero.csv", |i, cells| {
+        if 100 < i {
+            cells[6] += 0.0125
+        }
+    });
+    let watched = calibrate(&zero, &against);
+    assert_eq!(watched.code, 3, "{}", watched.stderr);
+    let windows = json_lines(&watched).remove(0)["drift"]["watch"].clone();
+    let verdicts: Vec<&str> =
+        windows.as_array().unwrap().iter().map(|w| w["verdict"].as_str().unwrap()).collect();
+    assert_eq!(verdicts[..2], ["steady", "drifted"], "{windows}");
+    assert_eq!(windows[1]["drift"]["changes"][0]["parameter"], "zero_fx_n", "{windows}");
+}
+
+#[test]
+fn calibrations_that_cannot_be_compared_are_refused() {
+    let folder = folder("whisker-drift-refused");
+    let (whisker, hub) = (shipped("whisker.json"), shipped("hub.csv"));
+    let old = folder.join("old.json").display().to_string();
+    let run = resight(&["whisker", "calibrate", "--whisker", &whisker, &hub, "-o", &old]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let thicker = write(&folder, "thicker.json", &text(&whisker).replace("0.0008", "0.0009"));
+    for (whisker, flags, wanted) in [
+        (&whisker, ["--against", &whisker, "--alpha", "1e-3"], "`calibration` is missing"),
+        (&thicker, ["--against", &old, "--alpha", "1e-3"], "calibrates another whisker"),
+        (&whisker, ["--against", &old, "--gravity-deg", "-90"], "its gravity differs"),
+        (&whisker, ["--against", &old, "--watch", "5"], "5 samples in a window of the drift monitor given, 20 needed"),
+        (&whisker, ["--against", &old, "--alpha", "2"], "a chance between 0 and 1"),
+    ] {
+        let run = resight(&[&["whisker", "calibrate", "--whisker", whisker, &hub][..], &flags].concat());
+        assert!(run.code == 2 && run.stderr.contains(wanted), "{}\nwanted {wanted}", run.stderr);
+    }
+}
+
 #[test]
 fn a_tare_takes_the_zeros_off() {
     let folder = folder("whisker-tare");

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod check;
+mod drift;
 mod foresight;
 mod identify;
 mod input;
