@@ -617,11 +617,127 @@ fn calibrations_that_cannot_be_compared_are_refused() {
         (&whisker, ["--against", &whisker, "--alpha", "1e-3"], "`calibration` is missing"),
         (&thicker, ["--against", &old, "--alpha", "1e-3"], "calibrates another whisker"),
         (&whisker, ["--against", &old, "--gravity-deg", "-90"], "its gravity differs"),
-        (&whisker, ["--against", &old, "--watch", "5"], "5 samples in a window of the drift monitor given, 20 needed"),
+        (
+            &whisker,
+            ["--against", &old, "--watch", "5"],
+            "5 samples in a window of the drift monitor given, 20 needed",
+        ),
         (&whisker, ["--against", &old, "--alpha", "2"], "a chance between 0 and 1"),
     ] {
         let run = resight(&[&["whisker", "calibrate", "--whisker", whisker, &hub][..], &flags].concat());
         assert!(run.code == 2 && run.stderr.contains(wanted), "{}\nwanted {wanted}", run.stderr);
+    }
+}
+
+/// The shipped readings as a six-axis cell has them whose whisker bends in a plane turned by `roll` about the clamped whisker; mx besides.
+fn rolled(roll: f64, mx: f64) -> String {
+    let (sin, cos) = roll.sin_cos();
+    let mut out = String::from("sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,fz,mx[N mm],my,mz\n");
+    for [sweep, sample, t, angle, x, y, fx, fy, mz] in readings() {
+        writeln!(
+            out,
+            "{sweep},{sample},{t},{angle},{x},{y},{fx},{},{},{},{},{}",
+            cos * fy,
+            sin * fy,
+            1e3 * mx,
+            -sin * mz,
+            cos * mz
+        )
+        .unwrap();
+    }
+    out
+}
+
+/// The place in the hub frame of a row's contact.
+fn in_hub(row: &Value, reading: &[f64; 9]) -> [f64; 3] {
+    let (dx, dy) = (number(&row["x"]) - reading[4], number(&row["y"]) - reading[5]);
+    let (sin, cos) = reading[3].sin_cos();
+    [cos * dx + sin * dy, cos * dy - sin * dx, row["z"].as_f64().unwrap_or(0.0)]
+}
+
+/// A whisker that bends out of the plane touches where the planar one does, turned with its plane.
+#[test]
+fn six_axes_give_contacts_in_space() {
+    let folder = folder("whisker-six-axis");
+    let (roll, readings) = (0.6_f64, readings());
+    let planar = solved(&shipped("hub.csv"), &["--mode", "raw"]);
+    let hub = write(&folder, "six.csv", &rolled(roll, 0.0));
+    let rows = solved(&hub, &["--mode", "raw"]);
+    let is_firm = |row: &Value| row["status"] == "ok" && 0.1 < number(&row["f_normal"]);
+    let mut firm = 0;
+    for ((row, wanted), reading) in rows.iter().zip(&planar).zip(&readings).filter(|((_, w), _)| is_firm(w)) {
+        assert_eq!(row["status"], "ok", "{row}");
+        let ([x, y, z], [wanted_x, across, _]) = (in_hub(row, reading), in_hub(wanted, reading));
+        for (seen, wanted) in [(x, wanted_x), (y, across * roll.cos()), (z, across * roll.sin())] {
+            // The reduction's Gauss-Newton stops at a change of 1e-8 standard deviations.
+            assert!((seen - wanted).abs() < 1e-8, "{row}\n{wanted}");
+        }
+        // What the plane turns by moves the contact out of it: in an upright plane z alone would have this variance.
+        let trace =
+            |row: &Value| ["cov_xx", "cov_yy", "cov_zz"].iter().filter_map(|k| row[*k].as_f64()).sum::<f64>();
+        let by_roll = (across * number(&row["roll_sigma"])).powi(2);
+        let ratio = (trace(row) - by_roll) / trace(wanted);
+        assert!((0.8..1.2).contains(&ratio), "{ratio}"); // The planar one counts second order, too.
+        // The moment in the plane is positive: bent to the other side, the plane is half a turn further on.
+        let off = (number(&row["roll"]) - roll).rem_euclid(std::f64::consts::PI);
+        assert!(off.min(std::f64::consts::PI - off) < 1e-6, "{row}");
+        firm += 1;
+    }
+    assert!(150 < firm);
+
+    let mut stream = Stream::start(&["--json"]);
+    let six = rolled(roll, 0.0);
+    let mut lines = six.lines();
+    stream.say(lines.next().unwrap());
+    for (line, wanted) in lines.zip(&rows).take(60) {
+        assert_eq!(&serde_json::from_str::<Value>(&stream.ask(line)).unwrap(), wanted);
+    }
+    assert_eq!(stream.end(), 0);
+}
+
+/// Torsion, a whisker curved of itself, what only the plane allows: refused with the reason, never a confident contact.
+#[test]
+fn six_axes_refuse_what_has_no_plane() {
+    let folder = folder("whisker-six-refused");
+    let whisker = shipped("whisker.json");
+    let curved = write(
+        &folder,
+        "curved.json",
+        &text(&whisker)
+            .replace("\"intrinsic_curvature_1_per_m\": 0.0", "\"intrinsic_curvature_1_per_m\": 0.5"),
+    );
+    let sound = write(&folder, "six.csv", &rolled(0.6, 0.0));
+    // 1e-4 N m are six standard deviations.
+    let twisted = write(&folder, "twisted.csv", &rolled(0.6, 1e-4));
+    for (meta, hub, word) in [(&whisker, &twisted, "not one force in one plane"), (&curved, &sound, "curved")]
+    {
+        let run = resight(&["whisker", "solve", "--whisker", meta, hub, "--json"]);
+        assert_eq!(run.code, 1, "{}", run.stderr);
+        let rows = json_lines(&run);
+        let touching: Vec<&Value> = rows.iter().filter(|row| row["contact"] == 1).collect();
+        assert!(150 < touching.len() && touching.iter().all(|row| row["status"] != "ok"));
+        let told = touching.iter().filter(|row| row["status"] == "inconsistent");
+        assert!(told.clone().all(|row| row["note"].as_str().unwrap().contains(word)) && 150 < told.count());
+    }
+    let contacts = folder.join("c.csv").display().to_string();
+    assert_eq!(resight(&["whisker", "solve", "--whisker", &whisker, &sound, "-o", &contacts]).code, 0);
+    let header = "hub_angle,hub_x,hub_y,fx,fy,mz,fz\n0,0,0,0,0,0,0\n";
+    let half = write(&folder, "half.csv", header);
+    let solve = ["whisker", "solve", "--whisker", &whisker];
+    for (arguments, wanted) in [
+        ([&solve[..], &[&half]].concat(), "column `fz` without `mx`"),
+        ([&solve[..], &[&sound, "--mode", "sweep"]].concat(), "leave those columns out"),
+        ([&solve[..], &[&sound, "--tare", &sound]].concat(), "not fz, mx and my"),
+        ([&solve[..], &[&sound, "--picture", &format!("{contacts}.svg")]].concat(), "shows the plane"),
+        (vec!["whisker", "identify", &contacts], "contacts in space"),
+    ] {
+        let run = resight(&arguments);
+        assert!(
+            run.code == 2 && run.stderr.contains(wanted),
+            "{}{}\nwanted {wanted}",
+            run.stdout,
+            run.stderr
+        );
     }
 }
 

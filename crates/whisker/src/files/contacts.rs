@@ -119,6 +119,21 @@ pub struct Figures {
     pub radius_m: f64,
 }
 
+/// What a six-axis cell adds, world frame: the plane of the hub's motion is z = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spatial {
+    /// Height of the contact above the plane, metres; none where there is no contact.
+    pub z_m: Option<f64>,
+    /// Covariance of x, y and z with z, m².
+    pub covariance_z: Option<[f64; 3]>,
+    /// Turn about the clamped whisker from the plane of the hub's motion to the plane of bending, radians.
+    pub roll_rad: f64,
+    /// Its standard deviation, radians.
+    pub roll_sigma_rad: f64,
+    /// Probability of signals as far from one force in one plane.
+    pub plane_p: f64,
+}
+
 /// One row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRow {
@@ -148,6 +163,8 @@ pub struct ContactRow {
     pub event: Change,
     /// Hub steps until the whisker slips off, and their standard deviation; none where that was not asked or is not foreseen.
     pub steps_to_slip_off: Option<[f64; 2]>,
+    /// Of a six-axis cell; none where nothing bends the whisker in a plane.
+    pub spatial: Option<Spatial>,
     /// Why there is no more to say; empty where nothing is amiss.
     pub note: String,
 }
@@ -183,6 +200,7 @@ impl ContactRow {
             feature: None,
             event: Change::None,
             steps_to_slip_off: None,
+            spatial: None,
             note: String::new(),
         }
     }
@@ -218,7 +236,7 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
     }
 }
 
-const COLUMNS: [&str; 32] = [
+const COLUMNS: [&str; 39] = [
     "sweep",
     "sample",
     "t",
@@ -250,6 +268,13 @@ const COLUMNS: [&str; 32] = [
     "event",
     "steps_to_slip_off",
     "steps_to_slip_off_sigma",
+    "z",
+    "cov_xz",
+    "cov_yz",
+    "cov_zz",
+    "roll",
+    "roll_sigma",
+    "plane_p",
     "note",
 ];
 
@@ -262,8 +287,10 @@ pub fn header() -> String {
 pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
     let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
+    let spatial = row.spatial.as_ref();
+    let with_z = |i: usize| spatial.and_then(|s| s.covariance_z).map(|covariance| covariance[i]);
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 32] = [
+    let values: [Value; 39] = [
         json!(number(row.sweep)),
         json!(number(row.sample)),
         json!(row.t_s),
@@ -295,6 +322,13 @@ pub fn to_json(row: &ContactRow) -> Value {
         json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
         json!(row.steps_to_slip_off.map(|[steps, _]| steps)),
         json!(row.steps_to_slip_off.map(|[_, sigma]| sigma)),
+        json!(spatial.and_then(|s| s.z_m)),
+        json!(with_z(0)),
+        json!(with_z(1)),
+        json!(with_z(2)),
+        json!(spatial.map(|s| s.roll_rad)),
+        json!(spatial.map(|s| s.roll_sigma_rad)),
+        json!(spatial.map(|s| s.plane_p)),
         json!(row.note),
     ];
     Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
@@ -424,6 +458,7 @@ impl Reader<'_> {
                 .number("steps_to_slip_off")?
                 .zip(self.number("steps_to_slip_off_sigma")?)
                 .map(|(steps, sigma)| [steps, sigma]),
+            spatial: self.spatial()?,
             note: note.to_string(),
             ..ContactRow::blank(
                 count("sweep")?,
@@ -432,6 +467,20 @@ impl Reader<'_> {
                 status.unwrap_or(RowStatus::Missing),
             )
         })
+    }
+
+    /// Where the roll is there.
+    fn spatial(&self) -> Result<Option<Spatial>, TextError> {
+        let [roll, sigma, p] = ["roll", "roll_sigma", "plane_p"].map(|name| self.number(name));
+        let (Some(roll_rad), Some(roll_sigma_rad), Some(plane_p)) = (roll?, sigma?, p?) else {
+            return Ok(None);
+        };
+        let [xz, yz, zz] = ["cov_xz", "cov_yz", "cov_zz"].map(|name| self.number(name));
+        let covariance_z = match (xz?, yz?, zz?) {
+            (Some(xz), Some(yz), Some(zz)) => Some([xz, yz, zz]),
+            _ => None,
+        };
+        Ok(Some(Spatial { z_m: self.number("z")?, covariance_z, roll_rad, roll_sigma_rad, plane_p }))
     }
 
     fn other_s_m(&self) -> Vec<f64> {

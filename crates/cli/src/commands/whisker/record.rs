@@ -1,14 +1,15 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
 use super::foresight::{self, At, Forecast};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
 use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Mode, estimate};
+use resight_whisker::estimate::{Mode, Status, estimate};
 use resight_whisker::events::consistency::{mark, widen};
 use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
-use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
+use resight_whisker::files::contacts::RowStatus;
+use resight_whisker::files::{ContactRow, HubRow, WhiskerFile, six_axis};
 use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
@@ -143,6 +144,25 @@ impl Rig {
         self.calibration.as_ref().map_or(*read, |calibration| calibration.apply(read))
     }
 
+    /// A calibration or a tare says nothing of fz, mx and my.
+    pub fn must_know_six_axes(&self) -> Result<()> {
+        if self.calibration.is_some() {
+            bail!("a calibration or a tare corrects fx, fy and mz, not fz, mx and my; {SIX_AXES}");
+        }
+        Ok(())
+    }
+
+    /// The row of a six-axis reading.
+    pub fn row_in_space(&self, reading: &HubRow) -> Result<ContactRow> {
+        Ok(match (&reading.reading, reading.out_of_plane) {
+            (Ok(sample), Some(rest)) => six_axis::row(&self.rod, &self.cell, sample, rest)?,
+            (Ok(_), None) => {
+                bail!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line)
+            }
+            (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),
+        })
+    }
+
     /// What is not known of the rig makes every contact less certain.
     pub fn widen(&self, estimate: &mut ContactEstimate, read: &Sample, is_raw: bool) {
         let mode = if is_raw { Mode::Free } else { estimate.mode };
@@ -182,6 +202,9 @@ pub fn solve(
     args: &SolvingArgs,
 ) -> Result<Solved> {
     let rig = Rig::new(file, tare);
+    if readings.iter().any(|row| row.out_of_plane.is_some()) {
+        return in_space(file, rig, readings, args);
+    }
     let read: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
     let meant: Vec<Sample> = read.iter().map(|sample| rig.meant(sample)).collect();
     let mut answers = match args.mode {
@@ -203,6 +226,44 @@ pub fn solve(
         rod: rig.rod,
     })
 }
+
+/// Six axes: each reading for itself, in its own plane of bending.
+fn in_space(file: &WhiskerFile, rig: Rig, readings: &[HubRow], args: &SolvingArgs) -> Result<Solved> {
+    rig.must_know_six_axes()?;
+    if args.mode == SolveMode::Sweep {
+        bail!("--mode sweep follows a contact in the plane; {SIX_AXES}");
+    }
+    let row = |reading: &HubRow| rig.row_in_space(reading);
+    let mut warnings = file.warnings.clone();
+    if args.mode == SolveMode::Constrained {
+        warnings.push("six axes: each reading is solved for itself; friction and tip are not used".into());
+    }
+    let rows: Vec<ContactRow> = readings.iter().map(row).collect::<Result<_>>()?;
+    let touching = rows.iter().filter(|row| row.status.is_touching()).count();
+    let out_of_plane = rows.iter().filter(|row| row.status == RowStatus::Read(Status::Inconsistent)).count();
+    let is_consistent = (out_of_plane as f64) <= MOST_OUT_OF_PLANE * touching as f64;
+    if !is_consistent {
+        warnings.push(format!(
+            "{out_of_plane} of {touching} contacts are not of one force in one plane (column `note`); sound ones fail once in 1000"
+        ));
+    }
+    Ok(Solved {
+        rows,
+        samples: readings.iter().map(|row| row.reading.as_ref().ok().copied()).collect(),
+        friction: None,
+        warnings,
+        forecasts: Vec::new(),
+        rod: rig.rod,
+        is_consistent,
+    })
+}
+
+/// Ten times the share of sound contacts that the test of the plane fails.
+const MOST_OUT_OF_PLANE: f64 = 0.01;
+
+/// The way out of what only the plane allows.
+pub const SIX_AXES: &str = "readings of a six-axis cell (fz, mx, my) are each solved for themselves; leave those columns out to solve \
+                            fx, fy, mz in the plane";
 
 fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
     let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();

@@ -2,7 +2,7 @@
 
 use super::foresight::{self, LOOKED_BACK};
 use super::input::{self, WhiskerArgs};
-use super::record::{MethodArg, Rig, parse_mu};
+use super::record::{MethodArg, Rig, SIX_AXES, parse_mu};
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -12,7 +12,7 @@ use resight_whisker::events::TouchDetector;
 use resight_whisker::files::contacts::{self, RowStatus};
 use resight_whisker::files::hub::Conventions;
 use resight_whisker::files::line::is_silent;
-use resight_whisker::files::{ContactRow, HubFormat, TextError};
+use resight_whisker::files::{ContactRow, HubFormat, HubRow, TextError};
 use resight_whisker::friction::{Mu, Online};
 use resight_whisker::sweep;
 use resight_whisker::sweep::fixed_lag::{FixedLag, Settled};
@@ -143,6 +143,7 @@ impl<'a> Answering<'a> {
         }
         let Some(format) = self.format.as_mut() else { return self.first_line(line, text) };
         let row = match format.row(line, text) {
+            Ok(reading) if reading.out_of_plane.is_some() => self.in_space(line, &reading)?,
             Ok(reading) => match reading.reading {
                 Ok(read) => self.answer(&read),
                 Err(cells) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, &cells),
@@ -190,6 +191,14 @@ impl<'a> Answering<'a> {
         let steps_to_slip_off = self.foreseen(&sample, &estimate);
         self.rig.widen(&mut estimate, read, matches!(self.answerer, Answerer::Raw));
         ContactRow { event, steps_to_slip_off, ..ContactRow::new(&self.rig.rod, &sample, &estimate) }
+    }
+
+    fn in_space(&self, line: u64, reading: &HubRow) -> Result<ContactRow> {
+        self.rig.must_know_six_axes().with_context(|| format!("stdin: line {line}"))?;
+        if self.args.lag.is_some() || self.args.foresee {
+            bail!("stdin: line {line}: --lag and --foresee follow a contact in the plane; {SIX_AXES}");
+        }
+        self.rig.row_in_space(reading)
     }
 
     /// With --foresee: hub steps until slip-off, and their standard deviation.
