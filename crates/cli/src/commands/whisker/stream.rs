@@ -87,6 +87,7 @@ enum StreamMode {
 }
 
 /// Who answers.
+#[allow(clippy::large_enum_variant)] // One a run.
 enum Answerer {
     Raw,
     Constrained(Online),
