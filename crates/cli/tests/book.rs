@@ -71,8 +71,8 @@ fn whisker_page_shows_what_the_program_says() {
     let solve = ["whisker", "solve", "--whisker", &file("whisker.json"), &file("hub.csv"), "-o", &contacts];
     let identify = ["whisker", "identify", &contacts];
     let check = ["whisker", "check", &contacts, &file("truth.csv")];
-    // Block 0 draws the conventions, 2 is another mode, 4 the calibration.
-    for (arguments, n) in [(&solve[..], 1), (&identify[..], 3), (&check[..], 5)] {
+    // Block 0 draws the conventions, 2 is another mode, 4 the calibration, 5 its drift.
+    for (arguments, n) in [(&solve[..], 1), (&identify[..], 3), (&check[..], 6)] {
         let run = resight(arguments);
         let said = run.stdout.replace(&format!("{}/", shipped.display()), "");
         let said = said.replace(&format!("{}/", folder.display()), "");

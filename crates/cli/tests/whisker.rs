@@ -359,7 +359,7 @@ fn a_stream_answers_each_line_before_the_next() {
     let wanted = folder("whisker-stream").join("c.csv").display().to_string();
     solved(&shipped("hub.csv"), &["--mode", "raw", "-o", &wanted]);
     let (hub, wanted) = (text(shipped("hub.csv")), text(&wanted));
-    let mut stream = Stream::start(&[]);
+    let mut stream = Stream::start(&["--mode", "raw"]);
     for (line, wanted) in hub.lines().zip(wanted.lines()).take(60) {
         assert_eq!(stream.ask(line), wanted);
     }
@@ -381,6 +381,84 @@ fn a_bad_line_of_a_stream_is_answered_and_the_stream_goes_on() {
     assert_eq!(object(stream.ask(&good.replace("0.15", "null")))["status"], "missing");
     assert_eq!(object(stream.ask(good))["sample"], 7);
     assert_eq!(stream.end(), 1);
+}
+
+/// Without a later reading, friction and tip are used all the same: modes as a whole record has them, nearer than each reading alone.
+#[test]
+fn a_constrained_stream_knows_modes_and_friction() {
+    let folder = folder("whisker-online");
+    let answers = |name: &str, flags: &[&str]| {
+        let mut stream = Stream::start(flags);
+        let lines: Vec<String> = text(shipped("hub.csv")).lines().map(|line| stream.ask(line)).collect();
+        assert_eq!(stream.end(), 0);
+        checked(&[&write(&folder, name, &lines.join("\n")), &shipped("truth.csv")])
+    };
+    let (auto, known) = (answers("auto.csv", &[]), answers("known.csv", &["--mu", "0.2"]));
+    let raw = answers("raw.csv", &["--mode", "raw"]);
+    let figure = |checked: &Value, group: &str, key: &str| number(&score(checked, group)[key]);
+    for online in [&auto, &known] {
+        assert!(0.98 <= figure(online, "firm", "mode_right"), "{online}");
+        // At the tip the arc length is known: the error falls to a third and less.
+        assert!(
+            figure(online, "firm_tip", "rms_m") < 0.5 * figure(&raw, "firm_tip", "rms_m"),
+            "{online} {raw}"
+        );
+        // 190 contacts: the mean of χ² with two degrees of freedom scatters by 0.15.
+        assert!((1.4..2.6).contains(&figure(online, "firm", "nees")), "{online}");
+    }
+    assert!(figure(&raw, "firm", "mode_right") < 1.0, "{raw}");
+}
+
+/// The readings of the second sweep up to six before its slip-off, at sample 87.
+fn cut_before_slip_off() -> String {
+    let rows = text(shipped("hub.csv"));
+    let is_kept = |line: &&str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        cells[0] == "sweep" || cells[0] == "1" && cells[1].parse::<u32>().unwrap() <= 80
+    };
+    rows.lines().filter(is_kept).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn slip_off_is_foreseen() {
+    let folder = folder("whisker-foresee");
+    let hub = write(&folder, "hub.csv", &cut_before_slip_off());
+    let rows = solved(&hub, &[]);
+    let ahead = &rows.last().unwrap()["foresight"][0];
+    assert_eq!(
+        (&ahead["sweep"], &ahead["sample"], &ahead["ending"]),
+        (&1.into(), &80.into(), &"slip_off".into())
+    );
+    // Sample 86 still touches, 87 no longer does; three standard deviations either side.
+    let slack = 3.0 * number(&ahead["steps_sigma"]);
+    assert!((6.0 - slack..7.0 + slack).contains(&number(&ahead["steps"])) && slack < 1.0, "{ahead}");
+    assert!(0.0 < number(&ahead["margin_m"]), "{ahead}");
+    let row = &rows[rows.len() - 2];
+    assert_eq!(row["steps_to_slip_off"], ahead["steps"]);
+    assert!(rows[..rows.len() - 2].iter().all(|row| row["steps_to_slip_off"].is_null()));
+    let run = resight(&["whisker", "solve", "--whisker", &shipped("whisker.json"), &hub]);
+    assert!(run.stdout.contains("slip-off    foreseen in "), "{}", run.stdout);
+
+    let every = solved(&hub, &["--foresee"]);
+    let told = every.iter().filter(|row| row["steps_to_slip_off"].is_number()).count();
+    assert!(40 < told, "{told}");
+
+    let mut stream = Stream::start(&["--foresee", "--json"]);
+    let mut last = String::new();
+    let cut = cut_before_slip_off();
+    stream.say(cut.lines().next().unwrap());
+    for line in cut.lines().skip(1) {
+        last = stream.ask(line);
+    }
+    assert_eq!(stream.end(), 0);
+    let steps = number(&serde_json::from_str::<Value>(&last).unwrap()["steps_to_slip_off"]);
+    // The same contacts but for a friction angle of fewer readings.
+    assert!((steps - number(&ahead["steps"])).abs() < 1.0, "{steps} {ahead}");
+
+    let whole = solved(&shipped("hub.csv"), &[]);
+    let sweeps: Vec<&Value> =
+        whole.last().unwrap()["foresight"].as_array().unwrap().iter().map(|f| &f["sweep"]).collect();
+    assert_eq!(sweeps, [&Value::from(2)], "sweeps 0 and 1 have slipped off");
 }
 
 #[test]
@@ -453,6 +531,214 @@ fn a_wrong_rig_is_calibrated_away() {
     // Uncalibrated, most contacts are called inconsistent, or they are plainly elsewhere.
     let is_told = number(&score(&before, "firm")["n_true"]) < 2.0 * number(&before["n_firm_unanswered"]);
     assert!(is_told || 2.0 * median(&good) < median(&before), "{before}");
+}
+
+/// Readings of another seed, each changed.
+fn another_record(folder: &Path, name: &str, change: impl Fn(usize, &mut [f64])) -> String {
+    let simulated = folder.join("simulated.csv").display().to_string();
+    let (whisker, square, sweeps) = (shipped("whisker.json"), shipped("square.json"), shipped("path.json"));
+    let simulate = ["whisker", "simulate", "--whisker", &whisker, "--object", &square, "--path", &sweeps];
+    let run = resight(&[&simulate[..], &["--samples", "80", "--noise-seed", "8", "-o", &simulated]].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let mut out = String::new();
+    for (i, line) in text(&simulated).lines().enumerate() {
+        let mut cells: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
+        change(i, &mut cells);
+        let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+        writeln!(out, "{}", if i == 0 { line.to_string() } else { cells.join(",") }).unwrap();
+    }
+    write(folder, name, &out)
+}
+
+/// Between two calibrations and window by window: a sound rig is left in peace, what moved is named.
+#[test]
+fn what_moved_since_an_earlier_calibration_is_told() {
+    let folder = folder("whisker-drift");
+    let (whisker, square) = (shipped("whisker.json"), shipped("square.json"));
+    let old = folder.join("old.json").display().to_string();
+    let calibrate = |hub: &str, flags: &[&str]| {
+        let first = ["whisker", "calibrate", "--whisker", &whisker, hub, "--known", &square];
+        resight(&[&first[..], flags].concat())
+    };
+    assert_eq!(calibrate(&shipped("hub.csv"), &["-o", &old]).code, 0);
+    let against = ["--against", &old, "--watch", "100", "--json"];
+
+    let steady = calibrate(&another_record(&folder, "steady.csv", |_, _| ()), &against);
+    assert_eq!(steady.code, 0, "{}{}", steady.stdout, steady.stderr);
+    let drift = &json_lines(&steady)[0]["drift"];
+    assert_eq!(
+        (&drift["has_drifted"], drift["watch"].as_array().unwrap().len()),
+        (&false.into(), 3),
+        "{drift}"
+    );
+
+    let gain = another_record(&folder, "gain.csv", |i, cells| {
+        if 0 < i {
+            cells[8] *= 1.01
+        }
+    });
+    let moved = calibrate(&gain, &against);
+    assert_eq!(moved.code, 3, "{}{}", moved.stdout, moved.stderr);
+    let change = &json_lines(&moved)[0]["drift"]["changes"][0];
+    assert_eq!(change["parameter"], "ln_torque_gain");
+    let (by, sigma) = (number(&change["change"]), number(&change["sigma"]));
+    assert!((by + 1.01_f64.ln()).abs() < 4.0 * sigma, "{change}"); // Torque over reading has fallen.
+    let said = calibrate(&gain, &["--against", &old]);
+    assert!(
+        said.stdout.contains("MOVED since") && said.stdout.contains("torque gain less 1 alone, by -0.9"),
+        "{}",
+        said.stdout
+    );
+
+    // From the second window on, at a reading's line 101 below the header, the zero of fx is 4 standard deviations off.
+    let zero = another_record(&folder, "zero.csv", |i, cells| {
+        if 100 < i {
+            cells[6] += 0.0125
+        }
+    });
+    let watched = calibrate(&zero, &against);
+    assert_eq!(watched.code, 3, "{}", watched.stderr);
+    let windows = json_lines(&watched).remove(0)["drift"]["watch"].clone();
+    let verdicts: Vec<&str> =
+        windows.as_array().unwrap().iter().map(|w| w["verdict"].as_str().unwrap()).collect();
+    assert_eq!(verdicts[..2], ["steady", "drifted"], "{windows}");
+    assert_eq!(windows[1]["drift"]["changes"][0]["parameter"], "zero_fx_n", "{windows}");
+}
+
+#[test]
+fn calibrations_that_cannot_be_compared_are_refused() {
+    let folder = folder("whisker-drift-refused");
+    let (whisker, hub) = (shipped("whisker.json"), shipped("hub.csv"));
+    let old = folder.join("old.json").display().to_string();
+    let run = resight(&["whisker", "calibrate", "--whisker", &whisker, &hub, "-o", &old]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let thicker = write(&folder, "thicker.json", &text(&whisker).replace("0.0008", "0.0009"));
+    for (whisker, flags, wanted) in [
+        (&whisker, ["--against", &whisker, "--alpha", "1e-3"], "`calibration` is missing"),
+        (&thicker, ["--against", &old, "--alpha", "1e-3"], "calibrates another whisker"),
+        (&whisker, ["--against", &old, "--gravity-deg", "-90"], "its gravity differs"),
+        (
+            &whisker,
+            ["--against", &old, "--watch", "5"],
+            "5 samples in a window of the drift monitor given, 20 needed",
+        ),
+        (&whisker, ["--against", &old, "--alpha", "2"], "a chance between 0 and 1"),
+    ] {
+        let run = resight(&[&["whisker", "calibrate", "--whisker", whisker, &hub][..], &flags].concat());
+        assert!(run.code == 2 && run.stderr.contains(wanted), "{}\nwanted {wanted}", run.stderr);
+    }
+}
+
+/// The shipped readings as a six-axis cell has them whose whisker bends in a plane turned by `roll` about the clamped whisker; mx besides.
+fn rolled(roll: f64, mx: f64) -> String {
+    let (sin, cos) = roll.sin_cos();
+    let mut out = String::from("sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,fz,mx[N mm],my,mz\n");
+    for [sweep, sample, t, angle, x, y, fx, fy, mz] in readings() {
+        writeln!(
+            out,
+            "{sweep},{sample},{t},{angle},{x},{y},{fx},{},{},{},{},{}",
+            cos * fy,
+            sin * fy,
+            1e3 * mx,
+            -sin * mz,
+            cos * mz
+        )
+        .unwrap();
+    }
+    out
+}
+
+/// The place in the hub frame of a row's contact.
+fn in_hub(row: &Value, reading: &[f64; 9]) -> [f64; 3] {
+    let (dx, dy) = (number(&row["x"]) - reading[4], number(&row["y"]) - reading[5]);
+    let (sin, cos) = reading[3].sin_cos();
+    [cos * dx + sin * dy, cos * dy - sin * dx, row["z"].as_f64().unwrap_or(0.0)]
+}
+
+/// A whisker that bends out of the plane touches where the planar one does, turned with its plane.
+#[test]
+fn six_axes_give_contacts_in_space() {
+    let folder = folder("whisker-six-axis");
+    let (roll, readings) = (0.6_f64, readings());
+    let planar = solved(&shipped("hub.csv"), &["--mode", "raw"]);
+    let hub = write(&folder, "six.csv", &rolled(roll, 0.0));
+    let rows = solved(&hub, &["--mode", "raw"]);
+    let is_firm = |row: &Value| row["status"] == "ok" && 0.1 < number(&row["f_normal"]);
+    let mut firm = 0;
+    for ((row, wanted), reading) in rows.iter().zip(&planar).zip(&readings).filter(|((_, w), _)| is_firm(w)) {
+        assert_eq!(row["status"], "ok", "{row}");
+        let ([x, y, z], [wanted_x, across, _]) = (in_hub(row, reading), in_hub(wanted, reading));
+        for (seen, wanted) in [(x, wanted_x), (y, across * roll.cos()), (z, across * roll.sin())] {
+            // The reduction's Gauss-Newton stops at a change of 1e-8 standard deviations.
+            assert!((seen - wanted).abs() < 1e-8, "{row}\n{wanted}");
+        }
+        // What the plane turns by moves the contact out of it: in an upright plane z alone would have this variance.
+        let trace =
+            |row: &Value| ["cov_xx", "cov_yy", "cov_zz"].iter().filter_map(|k| row[*k].as_f64()).sum::<f64>();
+        let by_roll = (across * number(&row["roll_sigma"])).powi(2);
+        let ratio = (trace(row) - by_roll) / trace(wanted);
+        assert!((0.8..1.2).contains(&ratio), "{ratio}"); // The planar one counts second order, too.
+        // The moment in the plane is positive: bent to the other side, the plane is half a turn further on.
+        let off = (number(&row["roll"]) - roll).rem_euclid(std::f64::consts::PI);
+        assert!(off.min(std::f64::consts::PI - off) < 1e-6, "{row}");
+        firm += 1;
+    }
+    assert!(150 < firm);
+
+    let mut stream = Stream::start(&["--json"]);
+    let six = rolled(roll, 0.0);
+    let mut lines = six.lines();
+    stream.say(lines.next().unwrap());
+    for (line, wanted) in lines.zip(&rows).take(60) {
+        assert_eq!(&serde_json::from_str::<Value>(&stream.ask(line)).unwrap(), wanted);
+    }
+    assert_eq!(stream.end(), 0);
+}
+
+/// Torsion, a whisker curved of itself, what only the plane allows: refused with the reason, never a confident contact.
+#[test]
+fn six_axes_refuse_what_has_no_plane() {
+    let folder = folder("whisker-six-refused");
+    let whisker = shipped("whisker.json");
+    let curved = write(
+        &folder,
+        "curved.json",
+        &text(&whisker)
+            .replace("\"intrinsic_curvature_1_per_m\": 0.0", "\"intrinsic_curvature_1_per_m\": 0.5"),
+    );
+    let sound = write(&folder, "six.csv", &rolled(0.6, 0.0));
+    // 1e-4 N m are six standard deviations.
+    let twisted = write(&folder, "twisted.csv", &rolled(0.6, 1e-4));
+    for (meta, hub, word) in [(&whisker, &twisted, "not one force in one plane"), (&curved, &sound, "curved")]
+    {
+        let run = resight(&["whisker", "solve", "--whisker", meta, hub, "--json"]);
+        assert_eq!(run.code, 1, "{}", run.stderr);
+        let rows = json_lines(&run);
+        let touching: Vec<&Value> = rows.iter().filter(|row| row["contact"] == 1).collect();
+        assert!(150 < touching.len() && touching.iter().all(|row| row["status"] != "ok"));
+        let told = touching.iter().filter(|row| row["status"] == "inconsistent");
+        assert!(told.clone().all(|row| row["note"].as_str().unwrap().contains(word)) && 150 < told.count());
+    }
+    let contacts = folder.join("c.csv").display().to_string();
+    assert_eq!(resight(&["whisker", "solve", "--whisker", &whisker, &sound, "-o", &contacts]).code, 0);
+    let header = "hub_angle,hub_x,hub_y,fx,fy,mz,fz\n0,0,0,0,0,0,0\n";
+    let half = write(&folder, "half.csv", header);
+    let solve = ["whisker", "solve", "--whisker", &whisker];
+    for (arguments, wanted) in [
+        ([&solve[..], &[&half]].concat(), "column `fz` without `mx`"),
+        ([&solve[..], &[&sound, "--mode", "sweep"]].concat(), "leave those columns out"),
+        ([&solve[..], &[&sound, "--tare", &sound]].concat(), "not fz, mx and my"),
+        ([&solve[..], &[&sound, "--picture", &format!("{contacts}.svg")]].concat(), "shows the plane"),
+        (vec!["whisker", "identify", &contacts], "contacts in space"),
+    ] {
+        let run = resight(&arguments);
+        assert!(
+            run.code == 2 && run.stderr.contains(wanted),
+            "{}{}\nwanted {wanted}",
+            run.stdout,
+            run.stderr
+        );
+    }
 }
 
 #[test]

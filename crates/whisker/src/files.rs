@@ -11,6 +11,7 @@ pub mod calibration;
 pub mod hub;
 pub mod whisker;
 pub mod contacts;
+pub mod six_axis;
 pub mod truth;
 pub mod score;
 pub mod identification;

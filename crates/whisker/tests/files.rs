@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector2};
 use resight_whisker::calibrate::{Calibration, Covariance, Gravity, Parameter, Values};
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::events::{Change, Label};
-use resight_whisker::files::contacts::{self, ContactRow, Figures, RowStatus, Side};
+use resight_whisker::files::contacts::{self, ContactRow, Figures, RowStatus, Side, Spatial};
 use resight_whisker::files::hub::{Conventions, read_hub, write_hub};
 use resight_whisker::files::node::Node;
 use resight_whisker::files::{calibration, object, whisker};
@@ -79,6 +79,14 @@ fn contact(theta_is_known: bool) -> ContactRow {
         other_s_m: vec![0.11, 0.125],
         feature: Some(Label::Corner),
         event: Change::SlipOff,
+        steps_to_slip_off: Some([7.25, 1.0 / 3.0]),
+        spatial: Some(Spatial {
+            z_m: Some(-0.01 / 3.0),
+            covariance_z: Some([1e-8, -2e-8, 1e-6 / 7.0]),
+            roll_rad: -1.0 / 3.0,
+            roll_sigma_rad: 0.01,
+            plane_p: 0.3,
+        }),
         note: "a \"note\", with a comma".to_string(),
         ..ContactRow::blank(2, 9, None, RowStatus::Read(Status::BeyondTip))
     }

@@ -2,6 +2,8 @@
 
 mod calibrate;
 mod check;
+mod drift;
+mod foresight;
 mod identify;
 mod input;
 mod picture;

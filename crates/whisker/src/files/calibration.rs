@@ -2,7 +2,10 @@
 
 use super::node::Node;
 use crate::Rod;
-use crate::calibrate::{Calibrated, Calibration, Covariance, Gravity, Parameter, Undetermined, Values};
+use crate::calibrate::{
+    Calibrated, Calibration, Covariance, Gravity, Parameter, Priors, Undetermined, Values,
+};
+use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
 
 /// Everything that `calibrate` says: what is read back, and what a person wants to know.
@@ -10,6 +13,7 @@ pub fn to_json(calibrated: &Calibrated) -> Value {
     let mut all = section(&calibrated.calibration, &calibrated.held);
     let counts = calibrated.counts();
     let verdict = json!({
+        "prior_sigma": prior_sigma(&calibrated.priors),
         "mu": calibrated.calibration.mu(),
         "mu_sigma": calibrated.calibration.mu_sigma(),
         "EI_base_Nm2": calibrated.calibration.rod().ei_base_n_m2(),
@@ -25,6 +29,11 @@ pub fn to_json(calibrated: &Calibrated) -> Value {
         all.extend(verdict);
     }
     all
+}
+
+fn prior_sigma(priors: &Priors) -> Value {
+    let free = priors.free().into_iter().map(|p| (p.name().to_string(), json!(priors.sigma(p))));
+    Value::Object(free.collect())
 }
 
 fn open(open: &Undetermined) -> Value {
@@ -73,6 +82,39 @@ pub fn read(section: &Node, rod: &Rod) -> Result<Calibration, String> {
     let gravity = section.get("gravity").map(|node| gravity(&node)).transpose()?;
     let covariance = covariance(&section.need("covariance")?, &places)?;
     Ok(Calibration { nominal_rod: rod.clone(), values, covariance, gravity })
+}
+
+/// Reads what a comparison with a later calibration needs: the rig, and how well it was known beforehand. What was said of the record
+/// besides (roles, object, what is open) is not read.
+///
+/// # Errors
+/// The key that is missing or wrong.
+pub fn read_reference(section: &Node, rod: &Rod) -> Result<Calibrated, String> {
+    let calibration = read(section, rod)?;
+    let given = section.need("prior_sigma")?;
+    let mut priors = Priors::all_held();
+    for parameter in Parameter::ALL {
+        if let Some(node) = given.get(parameter.name()) {
+            priors = priors.with(parameter, node.positive()?);
+        }
+    }
+    let held = Parameter::ALL.into_iter().filter(|p| priors.sigma(*p) == 0.0).collect();
+    let status = section.need("status")?.word()?;
+    Ok(Calibrated {
+        calibration,
+        priors,
+        undetermined: Vec::new(),
+        held,
+        object: None,
+        object_covariance: DMatrix::zeros(0, 0),
+        doubt: None,
+        chi2: section.need("chi2")?.not_negative()?,
+        degrees_of_freedom: section.need("degrees_of_freedom")?.not_negative()? as usize,
+        p_value: section.need("p_value")?.not_negative()?,
+        contradicted: 0,
+        is_consistent: status == "ok",
+        roles: Vec::new(),
+    })
 }
 
 fn all_names() -> String {

@@ -1,7 +1,10 @@
 //! contacts.csv: one row for every reading, in its order, SI units, world frame; unknown cells are empty.
 
+mod read;
+
+pub use read::read;
+
 use super::line::{self, Cells, Layout};
-use super::{TextError, quoted};
 use crate::estimate::{ContactEstimate, Mode, Status};
 use crate::events::{Change, Label};
 use crate::{Rod, Sample};
@@ -119,6 +122,21 @@ pub struct Figures {
     pub radius_m: f64,
 }
 
+/// What a six-axis cell adds, world frame: the plane of the hub's motion is z = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spatial {
+    /// Height of the contact above the plane, metres; none where there is no contact.
+    pub z_m: Option<f64>,
+    /// Covariance of x, y and z with z, m².
+    pub covariance_z: Option<[f64; 3]>,
+    /// Turn about the clamped whisker from the plane of the hub's motion to the plane of bending, radians.
+    pub roll_rad: f64,
+    /// Its standard deviation, radians.
+    pub roll_sigma_rad: f64,
+    /// Probability of signals as far from one force in one plane.
+    pub plane_p: f64,
+}
+
 /// One row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRow {
@@ -146,6 +164,10 @@ pub struct ContactRow {
     pub feature: Option<Label>,
     /// What changed with this reading: touch, release or slip-off.
     pub event: Change,
+    /// Hub steps until the whisker slips off, and their standard deviation; none where that was not asked or is not foreseen.
+    pub steps_to_slip_off: Option<[f64; 2]>,
+    /// Of a six-axis cell; none where nothing bends the whisker in a plane.
+    pub spatial: Option<Spatial>,
     /// Why there is no more to say; empty where nothing is amiss.
     pub note: String,
 }
@@ -180,6 +202,8 @@ impl ContactRow {
             other_s_m: Vec::new(),
             feature: None,
             event: Change::None,
+            steps_to_slip_off: None,
+            spatial: None,
             note: String::new(),
         }
     }
@@ -215,7 +239,7 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
     }
 }
 
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 39] = [
     "sweep",
     "sample",
     "t",
@@ -245,6 +269,15 @@ const COLUMNS: [&str; 30] = [
     "other_s",
     "feature",
     "event",
+    "steps_to_slip_off",
+    "steps_to_slip_off_sigma",
+    "z",
+    "cov_xz",
+    "cov_yz",
+    "cov_zz",
+    "roll",
+    "roll_sigma",
+    "plane_p",
     "note",
 ];
 
@@ -257,8 +290,10 @@ pub fn header() -> String {
 pub fn to_json(row: &ContactRow) -> Value {
     let f = row.figures.as_ref();
     let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
+    let spatial = row.spatial.as_ref();
+    let with_z = |i: usize| spatial.and_then(|s| s.covariance_z).map(|covariance| covariance[i]);
     let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 30] = [
+    let values: [Value; 39] = [
         json!(number(row.sweep)),
         json!(number(row.sample)),
         json!(row.t_s),
@@ -288,6 +323,15 @@ pub fn to_json(row: &ContactRow) -> Value {
         json!(row.other_s_m),
         json!(row.feature.and_then(|f| FEATURES.iter().find(|(known, _)| *known == f)).map(|(_, name)| name)),
         json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
+        json!(row.steps_to_slip_off.map(|[steps, _]| steps)),
+        json!(row.steps_to_slip_off.map(|[_, sigma]| sigma)),
+        json!(spatial.and_then(|s| s.z_m)),
+        json!(with_z(0)),
+        json!(with_z(1)),
+        json!(with_z(2)),
+        json!(spatial.map(|s| s.roll_rad)),
+        json!(spatial.map(|s| s.roll_sigma_rad)),
+        json!(spatial.map(|s| s.plane_p)),
         json!(row.note),
     ];
     Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
@@ -330,135 +374,5 @@ pub fn is_contacts(text: &str) -> bool {
         Some((Layout::Csv { header, .. }, _)) => header.iter().any(|name| name == "status"),
         Some((_, Cells::Object(object))) => object.contains_key("status"),
         _ => false,
-    }
-}
-
-/// Reads a contacts file, CSV or JSON Lines; columns in any order.
-///
-/// # Errors
-/// The line and the column. Needed are `x, y, theta, cov_xx, cov_xy, cov_yy, status, side`.
-pub fn read(text: &str) -> Result<Vec<ContactRow>, TextError> {
-    let mut lines = line::lines(text).peekable();
-    let Some((first, header)) = lines.peek().copied() else {
-        return Err(TextError::whole(format!("no contacts; a header line {} is needed", COLUMNS.join(","))));
-    };
-    let layout = Layout::of_first_line(first, header)?;
-    if let Layout::Csv { header, .. } = &layout {
-        lines.next();
-        check_header(first, header)?;
-    }
-    lines
-        .map(|(line, text)| Reader { layout: &layout, line, cells: line::read(&layout, line, text)? }.row())
-        .collect()
-}
-
-fn check_header(line: u64, header: &[String]) -> Result<(), TextError> {
-    let needed = ["x", "y", "theta", "cov_xx", "cov_xy", "cov_yy", "status", "side"];
-    match needed.iter().find(|name| !header.iter().any(|column| column == *name)) {
-        Some(name) => Err(TextError::at(
-            line,
-            format!(
-                "no column `{name}`; the columns are {}; write them by `whisker solve`",
-                header.join(",")
-            ),
-        )),
-        None => Ok(()),
-    }
-}
-
-/// One line by the names of its columns.
-struct Reader<'a> {
-    layout: &'a Layout,
-    line: u64,
-    cells: Cells,
-}
-
-impl Reader<'_> {
-    /// Past the end where the header has no such column, which reads as empty.
-    fn column(&self, name: &str) -> usize {
-        match self.layout {
-            Layout::Csv { header, .. } => header.iter().position(|c| c == name).unwrap_or(usize::MAX),
-            Layout::JsonLines => 0,
-        }
-    }
-
-    fn number(&self, name: &str) -> Result<Option<f64>, TextError> {
-        line::number(&self.cells, self.line, self.column(name), name)
-    }
-
-    fn word<T: Copy>(&self, name: &str, known: &[(T, &'static str)]) -> Result<Option<T>, TextError> {
-        let Some(word) = line::text(&self.cells, self.column(name), name) else { return Ok(None) };
-        match known.iter().find(|(_, name)| *name == word) {
-            Some((value, _)) => Ok(Some(*value)),
-            None => {
-                let all: Vec<_> = known.iter().map(|(_, name)| *name).collect();
-                let message = format!("column `{name}` is {}; there are {}", quoted(word), all.join(", "));
-                Err(TextError::at(self.line, message))
-            }
-        }
-    }
-
-    fn row(&self) -> Result<ContactRow, TextError> {
-        let count = |name| self.number(name).map(|n| n.map_or(0, |n| n as u32));
-        let figures = self.figures()?;
-        let status = self.word("status", &STATUSES)?;
-        let mode = self.word("mode", &MODES)?;
-        let note = line::text(&self.cells, self.column("note"), "note").unwrap_or_default();
-        Ok(ContactRow {
-            mode: mode.unwrap_or(if figures.is_some() { Mode::Mid } else { Mode::Free }),
-            mode_probability: self.number("mode_probability")?.unwrap_or(0.0),
-            figures,
-            side: self.word("side", &[(Side::Left, "left"), (Side::Right, "right")])?,
-            branch: count("branch")?,
-            other_s_m: self.other_s_m(),
-            feature: self.word("feature", &FEATURES)?,
-            event: self.word("event", &EVENTS)?.unwrap_or(Change::None),
-            note: note.to_string(),
-            ..ContactRow::blank(
-                count("sweep")?,
-                count("sample")?,
-                self.number("t")?,
-                status.unwrap_or(RowStatus::Missing),
-            )
-        })
-    }
-
-    fn other_s_m(&self) -> Vec<f64> {
-        match &self.cells {
-            Cells::Object(object) => object
-                .get("other_s")
-                .and_then(Value::as_array)
-                .map_or(Vec::new(), |list| list.iter().filter_map(Value::as_f64).collect()),
-            Cells::Row(_) => {
-                let text = line::text(&self.cells, self.column("other_s"), "other_s").unwrap_or_default();
-                text.split(';').filter_map(|s| s.parse().ok()).collect()
-            }
-        }
-    }
-
-    /// Where x, y, θ and the covariance of x, y are there.
-    fn figures(&self) -> Result<Option<Figures>, TextError> {
-        let needed = ["x", "y", "theta", "cov_xx", "cov_xy", "cov_yy"];
-        let mut v = [0.0; 6];
-        for (value, name) in v.iter_mut().zip(needed) {
-            let Some(seen) = self.number(name)? else { return Ok(None) };
-            *value = seen;
-        }
-        let optional = |name: &str| self.number(name);
-        let or_nan = |name: &str| optional(name).map(|x| x.unwrap_or(f64::NAN));
-        let (xt, yt, tt) = (or_nan("cov_xtheta")?, or_nan("cov_ytheta")?, or_nan("cov_thetatheta")?);
-        Ok(Some(Figures {
-            x_in_world: Vector2::new(v[0], v[1]),
-            s_m: or_nan("s")?,
-            s_sigma_m: optional("s_sigma")?,
-            theta_rad: v[2],
-            f_normal_n: or_nan("f_normal")?,
-            f_tangent_n: or_nan("f_tangent")?,
-            friction_angle_rad: or_nan("friction_angle")?,
-            friction_angle_sigma_rad: optional("friction_angle_sigma")?,
-            k2: or_nan("k2")?,
-            covariance: Matrix3::new(v[3], v[4], xt, v[4], v[5], yt, xt, yt, tt),
-            radius_m: optional("radius")?.unwrap_or(0.0),
-        }))
     }
 }

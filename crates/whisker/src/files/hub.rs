@@ -1,10 +1,12 @@
-//! Hub readings: `sweep, sample, t, hub_angle, hub_x, hub_y, fx, fy, mz` in any order, units in the header or by default.
+//! Hub readings: `sweep, sample, t, hub_angle, hub_x, hub_y, fx, fy, mz` in any order, units in the header or by default; of a six-axis
+//! cell also `fz, mx, my`.
 
 use super::TextError;
 use super::line::{self, Cells, Layout};
 use super::units::{Quantity, Units};
 use crate::{HubLoad, PlanarPose, Sample};
 use nalgebra::Vector2;
+use std::ops::Range;
 
 /// In which axes the load cell reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -38,7 +40,7 @@ pub struct Conventions {
 }
 
 /// The columns, in the order of `Field`.
-const COLUMNS: [(&str, Quantity, &[&str]); 9] = [
+const COLUMNS: [(&str, Quantity, &[&str]); 12] = [
     ("sweep", Quantity::Count, &[]),
     ("sample", Quantity::Count, &[]),
     ("t", Quantity::Time, &["time", "timestamp"]),
@@ -48,9 +50,14 @@ const COLUMNS: [(&str, Quantity, &[&str]); 9] = [
     ("fx", Quantity::Force, &[]),
     ("fy", Quantity::Force, &[]),
     ("mz", Quantity::Moment, &["tz"]),
+    ("fz", Quantity::Force, &[]),
+    ("mx", Quantity::Moment, &["tx"]),
+    ("my", Quantity::Moment, &["ty"]),
 ];
-/// The first of `COLUMNS` without which a reading says nothing.
-const FIRST_NEEDED: usize = 3;
+/// Those of `COLUMNS` without which a reading says nothing.
+const NEEDED: Range<usize> = 3..9;
+/// Those of `COLUMNS` that a six-axis cell has besides, all three or none.
+const SIX_AXIS: Range<usize> = 9..12;
 
 /// Where a column is and what one of its units is.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +73,9 @@ struct Column {
 pub struct HubFormat {
     layout: Layout,
     /// Of a CSV text from its header; of JSON Lines from the latest object.
-    columns: [Option<Column>; 9],
+    columns: [Option<Column>; 12],
+    /// How many keys the object had that they are of.
+    keys: usize,
     conventions: Conventions,
     /// Number of the next sample where the file has none: the sweep it counts in, and how many it has had.
     counted: (u32, u32),
@@ -85,6 +94,8 @@ pub struct HubRow {
     pub t_s: Option<f64>,
     /// The reading, SI and hub axes, or the names of the cells that are empty.
     pub reading: Result<Sample, Vec<String>>,
+    /// Of a six-axis cell what acts out of the plane: fz, mx, my; N, N·m, N·m, hub axes.
+    pub out_of_plane: Option<[f64; 3]>,
 }
 
 /// Reads a whole text.
@@ -108,7 +119,7 @@ pub fn read_hub(text: &str, conventions: Conventions) -> Result<Vec<HubRow>, Tex
 }
 
 fn names() -> String {
-    COLUMNS.map(|(name, ..)| name).join(",")
+    COLUMNS.map(|(name, ..)| name)[..NEEDED.end].join(",")
 }
 
 impl HubFormat {
@@ -118,8 +129,8 @@ impl HubFormat {
     /// A needed column is missing, or has a unit of another kind.
     pub fn of_first_line(line: u64, text: &str, conventions: Conventions) -> Result<Self, TextError> {
         let layout = Layout::of_first_line(line, text.trim_start_matches('\u{feff}'))?;
-        let none = [const { None }; 9];
-        let mut format = HubFormat { layout, columns: none, conventions, counted: (0, 0) };
+        let none = [const { None }; 12];
+        let mut format = HubFormat { layout, columns: none, keys: 0, conventions, counted: (0, 0) };
         if let Layout::Csv { header, .. } = &format.layout {
             format.columns = columns(line, header, &conventions.units)?;
         }
@@ -140,7 +151,7 @@ impl HubFormat {
         if let Cells::Object(object) = &cells {
             self.match_keys(line, object)?;
         }
-        let mut values = [None; 9];
+        let mut values = [None; 12];
         for (value, column) in values.iter_mut().zip(&self.columns) {
             if let Some(column) = column {
                 let seen = line::number(&cells, line, column.index, &column.name)?;
@@ -149,7 +160,8 @@ impl HubFormat {
         }
         let (sweep, sample) = self.numbers(line, &values)?;
         let reading = self.reading(sweep, sample, &values);
-        Ok(HubRow { line, sweep, sample, t_s: values[2], reading })
+        let out_of_plane = reading.as_ref().ok().and_then(|sample| self.out_of_plane(sample, &values));
+        Ok(HubRow { line, sweep, sample, t_s: values[2], reading, out_of_plane })
     }
 
     /// Objects may change their keys; those of the line before are the likely ones.
@@ -159,14 +171,15 @@ impl HubFormat {
         object: &serde_json::Map<String, serde_json::Value>,
     ) -> Result<(), TextError> {
         let known = |column: &Option<Column>| column.as_ref().is_some_and(|c| object.contains_key(&c.name));
-        if !self.columns[FIRST_NEEDED..].iter().all(known) {
+        if self.keys != object.len() || !self.columns[NEEDED].iter().all(known) {
+            self.keys = object.len();
             let keys: Vec<String> = object.keys().cloned().collect();
             self.columns = columns(line, &keys, &self.conventions.units)?;
         }
         Ok(())
     }
 
-    fn numbers(&mut self, line: u64, values: &[Option<f64>; 9]) -> Result<(u32, u32), TextError> {
+    fn numbers(&mut self, line: u64, values: &[Option<f64>; 12]) -> Result<(u32, u32), TextError> {
         let whole = |i: usize| match values[i] {
             None => Ok(None),
             Some(x) if x.fract() == 0.0 && 0.0 <= x && x <= f64::from(u32::MAX) => Ok(Some(x as u32)),
@@ -182,28 +195,52 @@ impl HubFormat {
         Ok((sweep, sample))
     }
 
-    fn reading(&self, sweep: u32, sample: u32, values: &[Option<f64>; 9]) -> Result<Sample, Vec<String>> {
-        let [_, _, t_s, Some(angle_rad), Some(x_m), Some(y_m), Some(fx), Some(fy), Some(mz)] = *values else {
-            let missing = (FIRST_NEEDED..9).filter(|i| values[*i].is_none());
-            return Err(missing.map(|i| COLUMNS[i].0.to_string()).collect());
+    fn reading(&self, sweep: u32, sample: u32, values: &[Option<f64>; 12]) -> Result<Sample, Vec<String>> {
+        let is_asked = |i: &usize| NEEDED.contains(i) || self.columns[*i].is_some();
+        let missing: Vec<usize> =
+            (NEEDED.start..SIX_AXIS.end).filter(is_asked).filter(|i| values[*i].is_none()).collect();
+        let [_, _, t_s, Some(angle_rad), Some(x_m), Some(y_m), Some(fx), Some(fy), Some(mz), ..] = *values
+        else {
+            return Err(named(&missing));
         };
+        if !missing.is_empty() {
+            return Err(named(&missing));
+        }
         let world_from_hub = PlanarPose { x_m, y_m, angle_rad };
-        let sign = match self.conventions.sign {
+        let force = self.in_hub(&world_from_hub, fx, fy);
+        let load = HubLoad { fx_n: force.x, fy_n: force.y, mz_n_m: self.sign() * mz };
+        Ok(Sample { sweep, sample, t_s, world_from_hub, load })
+    }
+
+    fn out_of_plane(&self, sample: &Sample, values: &[Option<f64>; 12]) -> Option<[f64; 3]> {
+        let (fz, mx, my) = (values[9]?, values[10]?, values[11]?);
+        let moment = self.in_hub(&sample.world_from_hub, mx, my);
+        Some([self.sign() * fz, moment.x, moment.y])
+    }
+
+    fn sign(&self) -> f64 {
+        match self.conventions.sign {
             Sign::OnHub => 1.0,
             Sign::OnWhisker => -1.0,
-        };
-        let force = match self.conventions.force_frame {
-            ForceFrame::Hub => Vector2::new(fx, fy),
-            ForceFrame::World => world_from_hub.turn_back(Vector2::new(fx, fy)),
-        } * sign;
-        let load = HubLoad { fx_n: force.x, fy_n: force.y, mz_n_m: sign * mz };
-        Ok(Sample { sweep, sample, t_s, world_from_hub, load })
+        }
+    }
+
+    /// The x and y of a force or a moment as the cell says them, in hub axes and with our sign.
+    fn in_hub(&self, world_from_hub: &PlanarPose, x: f64, y: f64) -> Vector2<f64> {
+        match self.conventions.force_frame {
+            ForceFrame::Hub => Vector2::new(x, y) * self.sign(),
+            ForceFrame::World => world_from_hub.turn_back(Vector2::new(x, y)) * self.sign(),
+        }
     }
 }
 
+fn named(columns: &[usize]) -> Vec<String> {
+    columns.iter().map(|i| COLUMNS[*i].0.to_string()).collect()
+}
+
 /// Finds the columns in a header; in JSON Lines also the keys of one object.
-fn columns(line: u64, header: &[String], units: &Units) -> Result<[Option<Column>; 9], TextError> {
-    let mut found = [const { None }; 9];
+fn columns(line: u64, header: &[String], units: &Units) -> Result<[Option<Column>; 12], TextError> {
+    let mut found = [const { None }; 12];
     for (index, name) in header.iter().enumerate() {
         let Some((field, unit)) = field(name) else { continue };
         let (canonical, quantity, _) = COLUMNS[field];
@@ -225,14 +262,24 @@ fn columns(line: u64, header: &[String], units: &Units) -> Result<[Option<Column
         }
         found[field] = Some(Column { index, name: name.clone(), factor });
     }
-    match (FIRST_NEEDED..9).find(|i| found[*i].is_none()) {
+    let (six, planar): (Vec<usize>, _) = SIX_AXIS.partition(|i| found[*i].is_some());
+    if let (Some(has), Some(lacks)) = (six.first(), planar.first()) {
+        return Err(TextError::at(
+            line,
+            format!(
+                "column `{}` without `{}`: a six-axis cell gives fz, mx and my besides fx, fy and mz",
+                COLUMNS[*has].0, COLUMNS[*lacks].0
+            ),
+        ));
+    }
+    match NEEDED.into_iter().find(|i| found[*i].is_none()) {
         Some(missing) => Err(TextError::at(
             line,
             format!(
                 "no column `{}`; the columns are {}; needed are {} (units as in `mz[N mm]` or by --units)",
                 COLUMNS[missing].0,
                 header.join(","),
-                COLUMNS[FIRST_NEEDED..].iter().map(|c| c.0).collect::<Vec<_>>().join(",")
+                COLUMNS[NEEDED].iter().map(|c| c.0).collect::<Vec<_>>().join(",")
             ),
         )),
         None => Ok(found),

@@ -7,7 +7,7 @@ use super::calibration;
 use super::hub::{Conventions, ForceFrame, Sign};
 use super::node::Node;
 use super::units::Units;
-use crate::calibrate::Calibration;
+use crate::calibrate::{Calibrated, Calibration};
 use crate::rod::{IntrinsicCurvature, Stiffness};
 use crate::{Cell, Rod};
 use serde_json::Value;
@@ -51,6 +51,17 @@ pub fn read(text: &str) -> Result<WhiskerFile, String> {
     let conventions = conventions(sensor.as_ref())?;
     let calibration = root.get("calibration").map(|section| calibration::read(&section, &rod)).transpose()?;
     Ok(WhiskerFile { rod, cell, conventions, calibration, warnings, document })
+}
+
+/// What `calibrate` wrote, for a comparison with a later calibration: the whisker file and its `calibration` section in full.
+///
+/// # Errors
+/// As [`read`]; a file without that section.
+pub fn read_reference(text: &str) -> Result<(WhiskerFile, Calibrated), String> {
+    let file = read(text)?;
+    let section = Node::root(&file.document).need("calibration")?;
+    let calibrated = calibration::read_reference(&section, &file.rod)?;
+    Ok((file, calibrated))
 }
 
 fn rod(whisker: &Node, warnings: &mut Vec<String>) -> Result<Rod, String> {

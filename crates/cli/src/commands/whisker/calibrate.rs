@@ -1,5 +1,6 @@
 //! `whisker calibrate`: stiffness, zeros, gains, angles and offsets from sweeps.
 
+use super::drift::{self, AgainstArgs, Compared};
 use super::input::{self, WhiskerArgs};
 use super::record::{MethodArg, parse_mu};
 use crate::output::{Outcome, print};
@@ -45,6 +46,8 @@ pub struct Calibrate {
     /// How contacts are found from loads.
     #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
     method: MethodArg,
+    #[command(flatten)]
+    against: AgainstArgs,
     /// One JSON object on stdout.
     #[arg(long)]
     json: bool,
@@ -74,20 +77,48 @@ pub fn run(args: &Calibrate) -> Result<Outcome> {
         crate::files::must_be_writable(path)?;
     }
     let file = args.whisker.read()?;
+    let reference = args.against.read(&file)?;
     let readings = input::readings(&args.hub, file.conventions)?;
     let samples: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
+    if let Some(reference) = &reference {
+        reference.check(args.gravity(&file)?)?;
+    }
     let n_missing = readings.len() - samples.len();
     let calibrated = calibrate(&file.rod, &file.cell, &samples, &known(args)?, &options(args, &file)?)?;
     if let Some(path) = &args.output {
         let text = serde_json::to_string_pretty(&document(&file, &calibrated))? + "\n";
         write_atomically(path, text.as_bytes())?;
     }
+    let compared =
+        reference.map(|reference| reference.compare(&calibrated, &file.cell, &samples)).transpose()?;
     match args.json {
-        true => print(&format!("{}\n", calibration::to_json(&calibrated)))?,
-        false => print(&words(args, &file, &calibrated, n_missing))?,
+        true => print(&format!("{}\n", json(&calibrated, compared.as_ref())))?,
+        false => print(&words(args, &file, &calibrated, n_missing, compared.as_ref()))?,
+    }
+    if compared.is_some_and(|compared| compared.has_drifted()) {
+        return Ok(Outcome::Moved);
     }
     let answered = calibrated.is_consistent && n_missing == 0;
     Ok(if answered { Outcome::Answered } else { Outcome::SomeUnanswered })
+}
+
+fn json(calibrated: &Calibrated, compared: Option<&Compared>) -> serde_json::Value {
+    let mut object = calibration::to_json(calibrated);
+    if let Some(compared) = compared {
+        object["drift"] = compared.json();
+    }
+    object
+}
+
+impl Calibrate {
+    /// Gravity where the whisker's weight is modelled.
+    fn gravity(&self, file: &WhiskerFile) -> Result<Option<Gravity>> {
+        let Some(degrees) = self.gravity_deg else { return Ok(None) };
+        if !degrees.is_finite() {
+            bail!("--gravity-deg {degrees}: a finite angle is needed");
+        }
+        Ok(Some(Gravity { direction_rad: degrees.to_radians(), lever_m: 0.5 * file.rod.length_m }))
+    }
 }
 
 fn known(args: &Calibrate) -> Result<Object> {
@@ -115,12 +146,8 @@ fn options(args: &Calibrate, file: &WhiskerFile) -> Result<Options> {
             options.priors = options.priors.with(*parameter, *sigma);
         }
     }
-    if let Some(degrees) = args.gravity_deg {
-        if !degrees.is_finite() {
-            bail!("--gravity-deg {degrees}: a finite angle is needed");
-        }
-        let lever_m = 0.5 * file.rod.length_m;
-        options.gravity = Some(Gravity { direction_rad: degrees.to_radians(), lever_m });
+    options.gravity = args.gravity(file)?;
+    if options.gravity.is_some() {
         options.priors = options.priors.with(Parameter::Weight, WEIGHT_SIGMA_N);
     }
     Ok(options)
@@ -136,7 +163,13 @@ fn document(file: &WhiskerFile, calibrated: &Calibrated) -> serde_json::Value {
     document
 }
 
-fn words(args: &Calibrate, file: &WhiskerFile, calibrated: &Calibrated, n_missing: usize) -> String {
+fn words(
+    args: &Calibrate,
+    file: &WhiskerFile,
+    calibrated: &Calibrated,
+    n_missing: usize,
+    compared: Option<&Compared>,
+) -> String {
     let verdict =
         if calibrated.is_consistent { "OK" } else { "INCONSISTENT: the record does not keep the model" };
     let mut out = format!("{}   {verdict}\n", args.hub.display());
@@ -174,6 +207,9 @@ fn words(args: &Calibrate, file: &WhiskerFile, calibrated: &Calibrated, n_missin
     if let Some(shape) = &calibrated.object {
         line("object", &object::to_json(shape).to_string());
     }
+    for (label, text) in compared.map(Compared::words).unwrap_or_default() {
+        line(label, &text);
+    }
     if let Some(path) = &args.output {
         line("written", &path.display().to_string());
     }
@@ -183,7 +219,8 @@ fn words(args: &Calibrate, file: &WhiskerFile, calibrated: &Calibrated, n_missin
 /// A parameter in the units a person reads.
 fn figure(calibrated: &Calibrated, file: &WhiskerFile, parameter: Parameter) -> String {
     let (value, sigma) = (calibrated.calibration.value(parameter), calibrated.calibration.sigma(parameter));
-    let said = |name: &str, factor: f64, unit: &str| {
+    let said = || {
+        let (name, factor, unit) = drift::as_read(parameter);
         format!("{name:24} {:>10.4} ± {:.4} {unit}", factor * value, factor * sigma)
     };
     match parameter {
@@ -197,22 +234,10 @@ fn figure(calibrated: &Calibrated, file: &WhiskerFile, parameter: Parameter) -> 
                 1e6 * ei * sigma
             )
         }
-        Parameter::ForceXZero => said("zero of fx", 1e3, "mN"),
-        Parameter::ForceYZero => said("zero of fy", 1e3, "mN"),
-        Parameter::TorqueZero => said("zero of mz", 1e3, "N mm"),
-        Parameter::ForceGain => said("force gain less 1", 100.0, "%"),
-        Parameter::TorqueGain => said("torque gain less 1", 100.0, "%"),
-        Parameter::CellAngle => said("cell angle offset", 1.0_f64.to_degrees(), "°"),
-        Parameter::HubAngle => said("hub angle offset", 1.0_f64.to_degrees(), "°"),
-        Parameter::HubX => said("hub offset x", 1e3, "mm"),
-        Parameter::HubY => said("hub offset y", 1e3, "mm"),
-        Parameter::CellOriginX => said("cell origin x", 1e3, "mm"),
-        Parameter::CellOriginY => said("cell origin y", 1e3, "mm"),
-        Parameter::Curvature => said("curvature offset", 1.0, "1/m"),
         Parameter::FrictionAngle => {
             let (mu, mu_sigma) = (calibrated.calibration.mu(), calibrated.calibration.mu_sigma());
             format!("{:24} {mu:>10.4} ± {mu_sigma:.4}", "friction mu")
         }
-        Parameter::Weight => said("weight", 1e3, "mN"),
+        _ => said(),
     }
 }

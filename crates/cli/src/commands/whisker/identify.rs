@@ -2,7 +2,7 @@
 
 use super::{input, picture};
 use crate::output::{Outcome, print};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
 use resight_whisker::files::identification::{
@@ -46,6 +46,12 @@ pub fn run(args: &Identify) -> Result<Outcome> {
     }
     let text = input::text(&args.contacts)?;
     let rows = contacts::read(&text).map_err(|e| input::located(&args.contacts, &e))?;
+    if rows.iter().any(|row| row.spatial.is_some()) {
+        bail!(
+            "{}: contacts in space (column `roll`); outlines are identified in the plane",
+            args.contacts.display()
+        );
+    }
     let touches: Vec<Touch> = rows.iter().filter_map(touch).collect();
     let mut config = Config::default();
     if !args.models.is_empty() {

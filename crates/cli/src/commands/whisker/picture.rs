@@ -7,6 +7,8 @@ use resight::drawing::chart::Chart;
 use resight::drawing::{Anchor, Drawing};
 use resight::formats::write_atomically;
 use resight::overlay::canvas::Color;
+use resight_whisker::contact::Method;
+use resight_whisker::contact::bent::shape_in_hub;
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::RowStatus;
@@ -33,8 +35,8 @@ const LEGEND_PX: f64 = 92.0;
 const SHAPES_PER_SWEEP: usize = 11;
 /// Points of a drawn outline.
 const OUTLINE_POINTS: usize = 240;
-/// Pieces of a drawn whisker.
-const SHAPE_PIECES: usize = 80;
+/// Points of a drawn whisker.
+const SHAPE_POINTS: usize = 81;
 /// Contacts whose error bar exceeds this share of the whisker do not decide what the magnified frame shows.
 const VAGUE: f64 = 0.02;
 
@@ -121,24 +123,10 @@ fn drawn(solved: &Solved) -> impl Iterator<Item = &Sample> {
     chosen.into_iter()
 }
 
-/// The whisker's centre line in the world: the elastica by the midpoint rule, which errs by less than a line is wide.
+/// The whisker's centre line in the world.
 fn whisker_shape(rod: &Rod, sample: &Sample) -> Vec<Vector2<f64>> {
-    let (step, load) = (rod.length_m / SHAPE_PIECES as f64, &sample.load);
-    let (mut x, mut theta, mut is_beyond) = (Vector2::<f64>::zeros(), 0.0_f64, false);
-    let mut shape = vec![sample.world_from_hub.apply(x)];
-    for i in 0..SHAPE_PIECES {
-        let s_m = (i as f64 + 0.5) * step;
-        let middle = x + Vector2::new(theta.cos(), theta.sin()) * (0.5 * step);
-        let moment = load.mz_n_m - (middle.x * load.fy_n - middle.y * load.fx_n);
-        is_beyond |= moment * load.mz_n_m <= 0.0; // No load beyond the contact.
-        let bent = if is_beyond { 0.0 } else { moment / rod.ei_n_m2_at(s_m) };
-        let turn = step * (rod.curvature_per_m_at(s_m) + bent);
-        let direction = theta + 0.5 * turn;
-        x += Vector2::new(direction.cos(), direction.sin()) * step;
-        theta += turn;
-        shape.push(sample.world_from_hub.apply(x));
-    }
-    shape
+    let line = shape_in_hub(rod, &sample.load, Method::Auto, SHAPE_POINTS);
+    line.into_iter().map(|x_in_hub| sample.world_from_hub.apply(x_in_hub)).collect()
 }
 
 /// One line for each sweep.

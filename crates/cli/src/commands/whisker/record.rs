@@ -1,13 +1,15 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
-use anyhow::Result;
+use super::foresight::{self, At, Forecast};
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight_whisker::calibrate::{Calibration, Parameter, Tare};
 use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Mode, estimate};
+use resight_whisker::estimate::{Mode, Status, estimate};
 use resight_whisker::events::consistency::{mark, widen};
 use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
-use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
+use resight_whisker::files::contacts::RowStatus;
+use resight_whisker::files::{ContactRow, HubRow, WhiskerFile, six_axis};
 use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
@@ -51,6 +53,8 @@ pub struct Solved {
     pub friction: Option<Friction>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// What lies ahead where a sweep ends in contact.
+    pub forecasts: Vec<Forecast>,
     /// The whisker as it was used.
     pub rod: Rod,
     /// Whether readings and whisker agree as far as that can be told.
@@ -96,6 +100,9 @@ pub struct SolvingArgs {
     /// the record cannot exclude (constrained mode).
     #[arg(long)]
     pub uncalibrated: bool,
+    /// Foresee slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
+    #[arg(long)]
+    pub foresee: bool,
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
@@ -105,6 +112,7 @@ struct Answers {
     features: Vec<Option<Label>>,
     friction: Option<Friction>,
     warnings: Vec<String>,
+    forecasts: Vec<Forecast>,
     is_consistent: bool,
 }
 
@@ -134,6 +142,25 @@ impl Rig {
     /// A reading as it is meant.
     pub fn meant(&self, read: &Sample) -> Sample {
         self.calibration.as_ref().map_or(*read, |calibration| calibration.apply(read))
+    }
+
+    /// A calibration or a tare says nothing of fz, mx and my.
+    pub fn must_know_six_axes(&self) -> Result<()> {
+        if self.calibration.is_some() {
+            bail!("a calibration or a tare corrects fx, fy and mz, not fz, mx and my; {SIX_AXES}");
+        }
+        Ok(())
+    }
+
+    /// The row of a six-axis reading.
+    pub fn row_in_space(&self, reading: &HubRow) -> Result<ContactRow> {
+        Ok(match (&reading.reading, reading.out_of_plane) {
+            (Ok(sample), Some(rest)) => six_axis::row(&self.rod, &self.cell, sample, rest)?,
+            (Ok(_), None) => {
+                bail!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line)
+            }
+            (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),
+        })
     }
 
     /// What is not known of the rig makes every contact less certain.
@@ -175,6 +202,9 @@ pub fn solve(
     args: &SolvingArgs,
 ) -> Result<Solved> {
     let rig = Rig::new(file, tare);
+    if readings.iter().any(|row| row.out_of_plane.is_some()) {
+        return in_space(file, rig, readings, args);
+    }
     let read: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
     let meant: Vec<Sample> = read.iter().map(|sample| rig.meant(sample)).collect();
     let mut answers = match args.mode {
@@ -191,14 +221,66 @@ pub fn solve(
         samples: readings.iter().map(|row| row.reading.as_ref().ok().and_then(|_| left.next())).collect(),
         friction: answers.friction,
         warnings: file.warnings.iter().cloned().chain(answers.warnings).collect(),
+        forecasts: last_of_sweeps(answers.forecasts, &meant),
         is_consistent: answers.is_consistent,
         rod: rig.rod,
     })
 }
 
+/// Six axes: each reading for itself, in its own plane of bending.
+fn in_space(file: &WhiskerFile, rig: Rig, readings: &[HubRow], args: &SolvingArgs) -> Result<Solved> {
+    rig.must_know_six_axes()?;
+    if args.mode == SolveMode::Sweep {
+        bail!("--mode sweep follows a contact in the plane; {SIX_AXES}");
+    }
+    let row = |reading: &HubRow| rig.row_in_space(reading);
+    let mut warnings = file.warnings.clone();
+    if args.mode == SolveMode::Constrained {
+        warnings.push("six axes: each reading is solved for itself; friction and tip are not used".into());
+    }
+    let rows: Vec<ContactRow> = readings.iter().map(row).collect::<Result<_>>()?;
+    let touching = rows.iter().filter(|row| row.status.is_touching()).count();
+    let out_of_plane = rows.iter().filter(|row| row.status == RowStatus::Read(Status::Inconsistent)).count();
+    let is_consistent = (out_of_plane as f64) <= MOST_OUT_OF_PLANE * touching as f64;
+    if !is_consistent {
+        warnings.push(format!(
+            "{out_of_plane} of {touching} contacts are not of one force in one plane (column `note`); sound ones fail once in 1000"
+        ));
+    }
+    Ok(Solved {
+        rows,
+        samples: readings.iter().map(|row| row.reading.as_ref().ok().copied()).collect(),
+        friction: None,
+        warnings,
+        forecasts: Vec::new(),
+        rod: rig.rod,
+        is_consistent,
+    })
+}
+
+/// Ten times the share of sound contacts that the test of the plane fails.
+const MOST_OUT_OF_PLANE: f64 = 0.01;
+
+/// The way out of what only the plane allows.
+pub const SIX_AXES: &str = "readings of a six-axis cell (fz, mx, my) are each solved for themselves; leave those columns out to solve \
+                            fx, fy, mz in the plane";
+
 fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
     let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();
-    Answers { estimates, features: Vec::new(), friction: None, warnings: Vec::new(), is_consistent: true }
+    Answers {
+        estimates,
+        features: Vec::new(),
+        friction: None,
+        warnings: Vec::new(),
+        forecasts: Vec::new(),
+        is_consistent: true,
+    }
+}
+
+/// Those at which a sweep ends.
+fn last_of_sweeps(forecasts: Vec<Forecast>, samples: &[Sample]) -> Vec<Forecast> {
+    let is_last = |f: &Forecast| samples.get(f.index + 1).is_none_or(|next| next.sweep != f.sweep);
+    forecasts.into_iter().filter(is_last).collect()
 }
 
 fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
@@ -215,12 +297,15 @@ fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answ
             widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
         }
     }
+    let at = if args.foresee { At::Every } else { At::Last };
+    let forecasts = foresight::forecasts(rig, samples, &record.estimates, record.friction, method, at);
     let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
         features,
         friction: Some(friction),
         warnings,
+        forecasts,
         is_consistent: verdict.is_none_or(|verdict| !verdict.is_inconsistent),
     })
 }
@@ -287,6 +372,7 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
         features: Vec::new(),
         friction: Some(friction),
         warnings: smoothed.jumps.iter().map(jump).collect(),
+        forecasts: Vec::new(),
         is_consistent: true,
     })
 }
@@ -295,10 +381,14 @@ fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers
 fn rows(rig: &Rig, readings: &[HubRow], samples: &[Sample], answers: &Answers) -> Vec<ContactRow> {
     let mut detector = TouchDetector::new(&rig.cell);
     let mut left = samples.iter().zip(&answers.estimates).enumerate();
+    let mut forecasts = answers.forecasts.iter().peekable();
     let mut row = |reading: &HubRow| match &reading.reading {
         Ok(_) => left.next().map(|(i, (sample, estimate))| ContactRow {
             event: detector.push(sample),
             feature: answers.features.get(i).copied().flatten(),
+            steps_to_slip_off: forecasts
+                .next_if(|forecast| forecast.index == i)
+                .and_then(|forecast| foresight::steps_to_slip_off(&forecast.foresight)),
             ..ContactRow::new(&rig.rod, sample, estimate)
         }),
         Err(cells) => Some(ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells)),

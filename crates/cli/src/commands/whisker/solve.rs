@@ -1,10 +1,10 @@
 //! `whisker solve`: the contact of every reading of a record.
 
 use super::input::{self, WhiskerArgs};
-use super::record::{self, Solved, SolvingArgs};
+use super::record::{self, SIX_AXES, Solved, SolvingArgs};
 use super::{picture, summary};
 use crate::output::{Outcome, print};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
 use resight_whisker::files::contacts;
@@ -50,6 +50,10 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let object = args.object.as_deref().map(input::object).transpose()?;
     let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
     let solved = record::solve(&file, &readings, tare.as_ref(), &args.solving)?;
+    let is_in_space = readings.iter().any(|row| row.out_of_plane.is_some());
+    if is_in_space && args.picture.is_some() {
+        bail!("--picture shows the plane; {SIX_AXES}");
+    }
     let mut written = Vec::new();
     if let Some(path) = &args.output {
         write_atomically(path, contacts_text(path, &solved).as_bytes())?;

@@ -1,21 +1,22 @@
 //! `whisker stream`: one line in, one line out, before the next arrives.
 
+use super::foresight::{self, LOOKED_BACK};
 use super::input::{self, WhiskerArgs};
-use super::record::{MethodArg, Rig, parse_mu};
+use super::record::{MethodArg, Rig, SIX_AXES, parse_mu};
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use resight::formats::write_atomically;
-use resight_whisker::Sample;
-use resight_whisker::estimate::estimate;
+use resight_whisker::estimate::{Status, estimate};
 use resight_whisker::events::TouchDetector;
 use resight_whisker::files::contacts::{self, RowStatus};
 use resight_whisker::files::hub::Conventions;
 use resight_whisker::files::line::is_silent;
-use resight_whisker::files::{ContactRow, HubFormat, TextError};
-use resight_whisker::friction::Mu;
+use resight_whisker::files::{ContactRow, HubFormat, HubRow, TextError};
+use resight_whisker::friction::{Mu, Online};
 use resight_whisker::sweep;
 use resight_whisker::sweep::fixed_lag::{FixedLag, Settled};
+use resight_whisker::{ContactEstimate, Sample};
 use std::collections::VecDeque;
 use std::io::BufRead;
 use std::path::PathBuf;
@@ -29,9 +30,15 @@ use std::time::Instant;
 pub struct Stream {
     #[command(flatten)]
     whisker: WhiskerArgs,
-    /// Coulomb's coefficient of friction for --lag: `auto` estimates it as readings come.
-    #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, requires = "lag", value_parser = parse_mu)]
+    /// What is used beyond the reading itself; --lag uses the sweep as well.
+    #[arg(long, value_name = "MODE", value_enum, default_value_t = StreamMode::Constrained, conflicts_with = "lag")]
+    mode: StreamMode,
+    /// Coulomb's coefficient of friction: `auto` estimates it as readings come.
+    #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, value_parser = parse_mu)]
     mu: Mu,
+    /// Foresee slip-off at every contact (columns steps_to_slip_off …): some milliseconds a reading.
+    #[arg(long, conflicts_with = "lag")]
+    foresee: bool,
     /// Use friction, tip and the sweep so far, over a window of the last N readings; each answer is still given at once.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     lag: Option<u16>,
@@ -70,6 +77,23 @@ pub fn run(args: &Stream) -> Result<Outcome> {
     stream.finish()
 }
 
+/// What is used beyond the reading itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StreamMode {
+    /// Nothing: each reading for itself.
+    Raw,
+    /// Where it holds: the tip's arc length, or Coulomb's friction between clamp and tip; from the readings so far.
+    Constrained,
+}
+
+/// Who answers.
+#[allow(clippy::large_enum_variant)] // One a run.
+enum Answerer {
+    Raw,
+    Constrained(Online),
+    Lagged(FixedLag),
+}
+
 /// A stream under way.
 struct Answering<'a> {
     args: &'a Stream,
@@ -78,7 +102,9 @@ struct Answering<'a> {
     /// Known from the first line that says something.
     format: Option<HubFormat>,
     detector: TouchDetector,
-    smoother: Option<FixedLag>,
+    answerer: Answerer,
+    /// With --foresee: the last readings of the contact under way, and their answers.
+    phase: (Vec<Sample>, Vec<ContactEstimate>),
     /// With --settled: readings that wait for their final answer, and those that have it.
     waiting: VecDeque<(Sample, Sample)>,
     settled: Vec<ContactRow>,
@@ -92,16 +118,17 @@ impl<'a> Answering<'a> {
         file.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
         let rig = Rig::new(&file, tare.as_ref());
-        let smoother = match args.lag {
-            None => None,
-            Some(lag) => Some(FixedLag::new(&rig.rod, &rig.cell, &options(args, usize::from(lag)))?),
-        };
+        if args.foresee && args.mode == StreamMode::Raw {
+            bail!("--foresee needs contacts under constraints; leave out --mode raw");
+        }
+        let answerer = answerer(args, &rig)?;
         Ok(Answering {
             args,
             conventions: file.conventions,
             format: None,
             detector: TouchDetector::new(&rig.cell),
-            smoother,
+            answerer,
+            phase: (Vec::new(), Vec::new()),
             waiting: VecDeque::new(),
             settled: Vec::new(),
             n_unanswered: 0,
@@ -117,6 +144,7 @@ impl<'a> Answering<'a> {
         }
         let Some(format) = self.format.as_mut() else { return self.first_line(line, text) };
         let row = match format.row(line, text) {
+            Ok(reading) if reading.out_of_plane.is_some() => self.in_space(line, &reading)?,
             Ok(reading) => match reading.reading {
                 Ok(read) => self.answer(&read),
                 Err(cells) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, &cells),
@@ -149,9 +177,10 @@ impl<'a> Answering<'a> {
     fn answer(&mut self, read: &Sample) -> ContactRow {
         let sample = self.rig.meant(read);
         let event = self.detector.push(&sample);
-        let mut estimate = match &mut self.smoother {
-            None => estimate(&self.rig.rod, &self.rig.cell, &sample, self.args.method.into()),
-            Some(smoother) => {
+        let mut estimate = match &mut self.answerer {
+            Answerer::Raw => estimate(&self.rig.rod, &self.rig.cell, &sample, self.args.method.into()),
+            Answerer::Constrained(online) => online.push(&sample).0,
+            Answerer::Lagged(smoother) => {
                 let update = smoother.push(sample);
                 if self.args.settled.is_some() {
                     self.waiting.push_back((*read, sample));
@@ -160,8 +189,40 @@ impl<'a> Answering<'a> {
                 update.now
             }
         };
-        self.rig.widen(&mut estimate, read, self.smoother.is_none());
-        ContactRow { event, ..ContactRow::new(&self.rig.rod, &sample, &estimate) }
+        let steps_to_slip_off = self.foreseen(&sample, &estimate);
+        self.rig.widen(&mut estimate, read, matches!(self.answerer, Answerer::Raw));
+        ContactRow { event, steps_to_slip_off, ..ContactRow::new(&self.rig.rod, &sample, &estimate) }
+    }
+
+    fn in_space(&self, line: u64, reading: &HubRow) -> Result<ContactRow> {
+        self.rig.must_know_six_axes().with_context(|| format!("stdin: line {line}"))?;
+        if self.args.lag.is_some() || self.args.foresee {
+            bail!("stdin: line {line}: --lag and --foresee follow a contact in the plane; {SIX_AXES}");
+        }
+        self.rig.row_in_space(reading)
+    }
+
+    /// With --foresee: hub steps until slip-off, and their standard deviation.
+    fn foreseen(&mut self, sample: &Sample, estimate: &ContactEstimate) -> Option<[f64; 2]> {
+        let Answerer::Constrained(online) = &self.answerer else { return None };
+        let (samples, estimates) = &mut self.phase;
+        let is_other = samples.last().is_some_and(|last| last.sweep != sample.sweep);
+        if !self.args.foresee || is_other || estimate.status == Status::NoContact {
+            samples.clear();
+            estimates.clear();
+        }
+        if !self.args.foresee || estimate.status == Status::NoContact {
+            return None;
+        }
+        if samples.len() == LOOKED_BACK {
+            samples.remove(0);
+            estimates.remove(0);
+        }
+        samples.push(*sample);
+        estimates.push(estimate.clone());
+        let method = self.args.method.into();
+        let ahead = foresight::ahead(&self.rig, samples, estimates, online.friction(), method)?;
+        foresight::steps_to_slip_off(&ahead)
     }
 
     /// Final answers come in the order of their readings.
@@ -186,7 +247,7 @@ impl<'a> Answering<'a> {
     }
 
     fn finish(mut self) -> Result<Outcome> {
-        if let (Some(smoother), Some(path)) = (&mut self.smoother, &self.args.settled) {
+        if let (Answerer::Lagged(smoother), Some(path)) = (&mut self.answerer, &self.args.settled) {
             let left = smoother.finish();
             self.settle(left);
             write_atomically(path, contacts::write_csv(&self.settled).as_bytes())?;
@@ -204,6 +265,18 @@ impl<'a> Answering<'a> {
         }
         Ok(if self.n_unanswered == 0 { Outcome::Answered } else { Outcome::SomeUnanswered })
     }
+}
+
+fn answerer(args: &Stream, rig: &Rig) -> Result<Answerer> {
+    Ok(match (args.lag, args.mode) {
+        (Some(lag), _) => {
+            Answerer::Lagged(FixedLag::new(&rig.rod, &rig.cell, &options(args, usize::from(lag)))?)
+        }
+        (None, StreamMode::Raw) => Answerer::Raw,
+        (None, StreamMode::Constrained) => {
+            Answerer::Constrained(Online::new(&rig.rod, &rig.cell, args.mu, args.method.into())?)
+        }
+    })
 }
 
 fn options(args: &Stream, lag_samples: usize) -> sweep::Options {

@@ -1,5 +1,6 @@
 //! A record in a few lines, and as one JSON object.
 
+use super::foresight;
 use super::record::Solved;
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::{RowStatus, mode_name};
@@ -76,6 +77,9 @@ pub fn words(name: &str, solved: &Solved) -> String {
         let text = format!("{:.2} mm, median standard deviation in the worst direction", 1e3 * sigma_m);
         crate::text::line(&mut out, "error bar", &text);
     }
+    for forecast in &solved.forecasts {
+        crate::text::line(&mut out, "slip-off", &foresight::words(forecast));
+    }
     solved.warnings.iter().for_each(|warning| crate::text::line(&mut out, "warning", warning));
     out
 }
@@ -92,6 +96,7 @@ pub fn json(solved: &Solved) -> Value {
         "mu_sigma": solved.friction.map(|f| f.mu_sigma),
         "mu_is_estimated": solved.friction.map(|f| f.is_estimated),
         "median_sigma_m": median_sigma_m(&solved.rows),
+        "foresight": solved.forecasts.iter().map(foresight::json).collect::<Vec<_>>(),
         "warnings": solved.warnings,
     })
 }

@@ -1,0 +1,117 @@
+//! What lies ahead of a contact: where its phase began, and its slip-off in words.
+
+use super::record::Rig;
+use resight_whisker::contact::Method;
+use resight_whisker::estimate::Status;
+use resight_whisker::events::slip::HORIZON;
+use resight_whisker::events::{self, End, Foresight};
+use resight_whisker::friction::FrictionAngle;
+use resight_whisker::{ContactEstimate, Sample};
+use serde_json::{Value, json};
+
+/// Samples and estimates that a forecast looks back on, at most; see [`events::slip::WINDOW`].
+pub const LOOKED_BACK: usize = events::slip::WINDOW;
+
+/// A forecast and the sample it was made at.
+#[derive(Debug, Clone)]
+pub struct Forecast {
+    /// Which sweep.
+    pub sweep: u32,
+    /// Which sample of it.
+    pub sample: u32,
+    /// Its place among the complete readings.
+    pub index: usize,
+    /// What lies ahead.
+    pub foresight: Foresight,
+}
+
+/// Which contacts a forecast is made at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum At {
+    /// The last reading of every sweep that still touches then.
+    Last,
+    /// Every contact.
+    Every,
+}
+
+/// Forecasts of a record under constraints, in its order.
+pub fn forecasts(
+    rig: &Rig,
+    samples: &[Sample],
+    estimates: &[ContactEstimate],
+    friction: FrictionAngle,
+    method: Method,
+    at: At,
+) -> Vec<Forecast> {
+    let is_asked = |i: usize| match at {
+        At::Every => true,
+        At::Last => samples.get(i + 1).is_none_or(|next| next.sweep != samples[i].sweep),
+    };
+    let asked = (0..samples.len()).filter(|i| estimates[*i].status == Status::Ok && is_asked(*i));
+    let forecast = |i: usize| {
+        let phase = phase(samples, estimates, i);
+        let foresight = ahead(rig, &samples[phase.clone()], &estimates[phase], friction, method)?;
+        let Sample { sweep, sample, .. } = samples[i];
+        Some(Forecast { sweep, sample, index: i, foresight })
+    };
+    asked.filter_map(forecast).collect()
+}
+
+/// What lies ahead of the last of the samples of one contact phase.
+pub fn ahead(
+    rig: &Rig,
+    samples: &[Sample],
+    estimates: &[ContactEstimate],
+    friction: FrictionAngle,
+    method: Method,
+) -> Option<Foresight> {
+    events::foresee(&rig.rod, &rig.cell, samples, estimates, friction, method)
+}
+
+/// The readings of the same uninterrupted contact up to `i`, as many as are looked back on.
+fn phase(samples: &[Sample], estimates: &[ContactEstimate], i: usize) -> std::ops::Range<usize> {
+    let is_same =
+        |j: &usize| samples[*j].sweep == samples[i].sweep && estimates[*j].status != Status::NoContact;
+    let count = (0..=i).rev().take_while(is_same).take(LOOKED_BACK).count();
+    i + 1 - count..i + 1
+}
+
+/// Steps and their standard deviation, where it is a slip-off and known at all.
+pub fn steps_to_slip_off(foresight: &Foresight) -> Option<[f64; 2]> {
+    let ending = foresight.ending.filter(|ending| ending.end == End::Fold)?;
+    (ending.steps_sigma < HORIZON).then_some([ending.steps, ending.steps_sigma])
+}
+
+/// `sweep 0 still touches: 12.34 ± 0.10 mm of whisker left, slips off in 7.2 ± 0.9 readings`.
+pub fn words(forecast: &Forecast) -> String {
+    let Forecast { sweep, foresight, .. } = forecast;
+    let left = format!("{:.2} ± {:.2} mm", 1e3 * foresight.margin_m, 1e3 * foresight.margin_sigma_m);
+    let ahead = match (foresight.ending, steps_to_slip_off(foresight)) {
+        (_, Some([steps, sigma])) => format!("foreseen in {steps:.1} ± {sigma:.1} readings"),
+        (Some(ending), None) if ending.end == End::Release => {
+            format!("not foreseen: the hub lets go in {:.0} readings", ending.steps)
+        }
+        (Some(_), None) => "possible, its time is not known".to_string(),
+        (None, None) => format!("not foreseen within {HORIZON:.0} readings"),
+    };
+    format!("{ahead} (sweep {sweep} ends in contact; {left} of whisker beyond it)")
+}
+
+/// The same for a program.
+pub fn json(forecast: &Forecast) -> Value {
+    let foresight = &forecast.foresight;
+    json!({
+        "sweep": forecast.sweep,
+        "sample": forecast.sample,
+        "margin_m": foresight.margin_m,
+        "margin_sigma_m": foresight.margin_sigma_m,
+        "stability": foresight.stability,
+        "steps_to_tip": foresight.steps_to_tip,
+        "ending": foresight.ending.map(|ending| match ending.end {
+            End::Fold => "slip_off",
+            End::Release => "release",
+        }),
+        "steps": foresight.ending.map(|ending| ending.steps),
+        "steps_sigma": foresight.ending.map(|ending| ending.steps_sigma).filter(|sigma| *sigma < HORIZON),
+    })
+}
