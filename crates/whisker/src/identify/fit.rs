@@ -143,13 +143,18 @@ pub(super) fn correlation(rows: &[Row], state: &State) -> f64 {
         let (sum, n) = pairs.fold((0.0, 0), |(sum, n), ((_, a), (_, b))| (sum + a.dot(b), n + 1));
         (FEWEST_PAIRS <= n).then(|| sum / f64::from(n))
     };
-    let Some(variance) = mean_product(0).filter(|variance| 0.0 < *variance) else { return 1.0 };
-    let correlated = (0..).step_by(2).map_while(|lag| {
-        let pair = (mean_product(lag)? + mean_product(lag + 1)?) / variance;
-        (0.0 < pair).then_some(pair)
+    let Some(variance) = mean_product(0) else { return 1.0 };
+    // Noise makes late sums fall below zero, where what is left is no more than noise: they end there.
+    let sums = (0..).step_by(2).map_while(|lag| {
+        let sum = mean_product(lag)? + mean_product(lag + 1)?;
+        (0.0 < sum).then_some(sum)
     });
-    (2.0 * correlated.sum::<f64>() - 1.0).max(1.0)
+    let later = sums.sum::<f64>() - variance;
+    (1.0 + 2.0 * later / (variance + ROUNDING)).max(1.0)
 }
+
+/// Residuals of a tenth of a standard deviation in either direction are rounding, whatever their correlation.
+const ROUNDING: f64 = 0.02;
 
 /// Pairs of rows whose mean product says anything.
 const FEWEST_PAIRS: u32 = 12;
