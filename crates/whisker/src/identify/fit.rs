@@ -137,7 +137,7 @@ pub(super) fn correlation(rows: &[Row], state: &State) -> f64 {
     let Some(outline) = state.outline() else { return 1.0 };
     let all = || rows.iter().map(|row| (row.sweep, outline.distance(row).e));
     let kept: Vec<_> = all().filter(|(_, e)| e.norm_squared() < OUTLIER_COST).collect();
-    // Mean product of the rows `lag` apart in their sweep; none where there are no more of them than of parameters.
+    // Of rows `lag` apart in their sweep.
     let mean_product = |lag: usize| {
         let pairs = kept.iter().zip(kept.iter().skip(lag)).filter(|((i, _), (j, _))| i == j);
         let (sum, n) = pairs.fold((0.0, 0), |(sum, n), ((_, a), (_, b))| (sum + a.dot(b), n + 1));
