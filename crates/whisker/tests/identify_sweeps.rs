@@ -6,10 +6,10 @@ mod real_support;
 
 use identify_support::{Chance, How, felt, object, readings, touches};
 use real_support::{Set, sets};
-use resight_whisker::{Sample, Shape};
-use std::collections::BTreeMap;
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Touch, Verdict, identify};
+use resight_whisker::{Sample, Shape};
+use std::collections::BTreeMap;
 
 const HOWS: [How; 4] = [How::Raw, How::Constrained(Mu::Auto), How::Sweep, How::Lag];
 
@@ -40,9 +40,18 @@ fn no_recorded_set_is_called_something_else() {
                 told.push(answer(&touches(&set.rod, &set.cell, &noisy, how)));
             }
             let verdicts: Vec<_> = told.iter().map(|found| found.verdict).collect();
-            println!("{} {how:?}: {verdicts:?}; {:?} {:?}", set.name, told[0].reason, told[0].parameters.iter().map(|p| (p.value, p.sigma)).collect::<Vec<_>>());
+            println!(
+                "{} {how:?}: {verdicts:?}; {:?} {:?}",
+                set.name,
+                told[0].reason,
+                told[0].parameters.iter().map(|p| (p.value, p.sigma)).collect::<Vec<_>>()
+            );
             for verdict in verdicts {
-                assert!([Verdict::Is(class), Verdict::InsufficientCoverage].contains(&verdict), "{}", set.name);
+                assert!(
+                    [Verdict::Is(class), Verdict::InsufficientCoverage].contains(&verdict),
+                    "{}",
+                    set.name
+                );
             }
             if told[0].verdict != Verdict::Is(class) {
                 undecided.push((set.name, how));

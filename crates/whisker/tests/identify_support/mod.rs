@@ -124,9 +124,7 @@ pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
 pub fn touches(rod: &Rod, cell: &Cell, noisy: &[Sample], how: How) -> Vec<Touch> {
     let estimates = match how {
         How::Raw => noisy.iter().map(|sample| estimate(rod, cell, sample, Method::Auto)).collect(),
-        How::Constrained(mu) => {
-            solve_record(rod, cell, noisy, mu, Method::Auto).expect("a record").estimates
-        }
+        How::Constrained(mu) => solve_record(rod, cell, noisy, mu, Method::Auto).expect("a record").estimates,
         How::Sweep => smooth(rod, cell, noisy, &Options::default()).expect("a record").estimates,
         How::Lag => lagged(rod, cell, noisy),
     };
