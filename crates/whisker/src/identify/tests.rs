@@ -173,7 +173,6 @@ fn errors_that_last_are_noticed() {
         let found: Vec<f64> =
             (1..=20).map(|seed| correlation(&remembering(phi, &mut Chance(seed)), &circle)).collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
-        println!("{phi}: {mean:.2} of {found:.2?}");
         assert!((mean / expected - 1.0).abs() < 0.2, "{phi}: {mean}, expected {expected}");
     }
 }
