@@ -1,4 +1,5 @@
 //! The fit's derivatives against differences, the nearest contact against a search.
+//! Compiled under `#[cfg(test)]` alone, as identify.rs declares it; no product code.
 
 use super::fit::{correlation, equations};
 use super::outline::{Outline, Place};
