@@ -225,7 +225,7 @@ pub struct Config {
     pub decided_bic: f64,
     /// Axes or sides of this ratio are different things: "circle" and "square" are said only where it is excluded.
     pub material_ratio: f64,
-    /// Axes or sides that differ by less than this are not different things, whatever their ratio, metres.
+    /// Axes or sides that differ by less than this are not different things, whatever their ratio and however significant, metres.
     pub material_difference_m: f64,
     /// Most corners of a polygon.
     pub max_corners: usize,

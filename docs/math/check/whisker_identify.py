@@ -165,6 +165,17 @@ def osculating():
     close("(15) curvature", curvature_radius(m * U, beta), r, 10)
 
 
+def correlated():
+    """(16), (17): the sum of φ^k, and the variance of a sum of correlated errors against that of independent ones."""
+    phi, k = sp.symbols("phi k", positive=True)
+    tail = phi / (1 - phi)  # Σ_{k ≥ 1} φ^k
+    assert sp.simplify(sp.series(tail, phi, 0, 8).removeO() - sum(phi**j for j in range(1, 8))) == 0
+    assert sp.simplify(1 + 2 * tail - (1 + phi) / (1 - phi)) == 0
+    n, f = 4000, mp.mpf("0.7")
+    variance = (n + 2 * sum((n - j) * f**j for j in range(1, n))) / n
+    assert abs(variance - (1 + f) / (1 - f)) < mp.mpf(20) / n
+
+
 for _ in range(5):
     smooth()
     faces()
@@ -173,4 +184,5 @@ for _ in range(5):
 along_the_whisker()
 losses()
 ellipse_to_first_order()
-print("whisker_identify: (1), (3)-(7), (9)-(11), (15) hold")
+correlated()
+print("whisker_identify: (1), (3)-(7), (9)-(11), (15)-(17) hold")

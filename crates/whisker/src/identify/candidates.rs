@@ -1,6 +1,6 @@
 //! The hypotheses, each at its best parameters, and how they compare.
 
-use super::fit::{Fit, Search, verdicts};
+use super::fit::{Fit, Search, correlation, verdicts};
 use super::row::{OUTLIER_COST, Row};
 use super::start::{self, Lines, arc};
 use super::state::{State, local, spread};
@@ -154,7 +154,8 @@ fn ranked(rows: &[Row], fits: Vec<(Model, Fit)>) -> Candidates {
     let mut list: Vec<Candidate> =
         fits.into_iter().map(|(model, fit)| Candidate { score: score(rows, model, &fit), fit }).collect();
     let least = list.iter().min_by(|a, b| a.score.chi2.total_cmp(&b.score.chi2));
-    let excess = least.map_or(1.0, |best| best.score.chi2_per_dof.max(1.0));
+    let excess =
+        least.map_or(1.0, |best| best.score.chi2_per_dof.max(1.0) * correlation(rows, &best.fit.state));
     for Candidate { score, .. } in &mut list {
         score.bic = score.chi2 / excess + score.n_parameters as f64 * (rows.len() as f64).ln();
     }

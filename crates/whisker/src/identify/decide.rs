@@ -91,11 +91,15 @@ fn smooth<'a>(
         (None, Some(ellipse)) => return Ok((Class::Ellipse, ellipse)),
         (None, None) => return Err(Reason::TooFewContacts { seen: 0, needed: NEEDED }),
     };
-    if general.score.bic + config.decided_bic <= simple.score.bic {
+    let is_material = differs_materially(&general.fit.state, config);
+    if is_material && general.score.bic + config.decided_bic <= simple.score.bic {
         thick(evidence, general, candidates, config)?;
         return Ok((Class::Ellipse, general));
     }
-    not_doubtful(simple, general, config)?;
+    if is_material {
+        not_doubtful(simple, general, config)?;
+    }
+    fits(simple, evidence.rows.len(), config)?;
     let ratio = material_ratio(&simple.fit.state, config);
     let cost = cost_of_axes(evidence, &simple.fit.state, ratio);
     ratio_excluded((ratio, cost), simple, general, candidates, config)?;
@@ -124,11 +128,15 @@ fn cornered<'a>(
         (None, Some(rectangle)) => return Ok((Class::Rectangle, rectangle)),
         (None, None) => return Err(Reason::TooFewContacts { seen: 0, needed: NEEDED }),
     };
-    if general.score.bic + config.decided_bic <= simple.score.bic {
+    let is_material = differs_materially(&general.fit.state, config);
+    if is_material && general.score.bic + config.decided_bic <= simple.score.bic {
         sides_known(evidence, general, candidates, config)?;
         return Ok((Class::Rectangle, general));
     }
-    not_doubtful(simple, general, config)?;
+    if is_material {
+        not_doubtful(simple, general, config)?;
+    }
+    fits(simple, evidence.rows.len(), config)?;
     let ratio = material_ratio(&simple.fit.state, config);
     let near = [&simple.fit.state, &general.fit.state];
     let cost = cost_of_sides(&evidence.search, &near, ratio);
@@ -140,6 +148,13 @@ fn cornered<'a>(
 fn material_ratio(simple: &State, config: &Config) -> f64 {
     let (_, [size, _], _) = simple.frame();
     config.material_ratio.max(1.0 + config.material_difference_m / size)
+}
+
+/// Whether axes or sides differ by more than what is called equal: a difference that is only significant may be an error common to
+/// the contacts of a sweep, which their covariances do not name.
+fn differs_materially(general: &State, config: &Config) -> bool {
+    let (_, [a, b], _) = natural(general).frame();
+    config.material_difference_m <= (a - b).abs()
 }
 
 /// Half way to being excluded, the simpler hypothesis is not told either: by chance the general one gets so far once in a thousand.

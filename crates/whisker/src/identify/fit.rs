@@ -1,7 +1,7 @@
 //! Fits a hypothesis to the rows by robust Levenberg–Marquardt.
 
 use super::outline::Place;
-use super::row::{Loss, Row};
+use super::row::{Loss, OUTLIER_COST, Row};
 use super::state::State;
 use nalgebra::{DMatrix, DVector};
 use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
@@ -130,6 +130,34 @@ pub(super) fn covariance(rows: &[Row], state: &State) -> Option<DMatrix<f64>> {
     let inverse = information.cholesky()?.inverse();
     inverse.iter().all(|v| v.is_finite()).then_some(inverse)
 }
+
+/// Factor by which errors common to neighbours in a sweep widen what the rows say together, at least 1: eq. (16), (17). Smoothed
+/// contacts share their errors, and a calibration or a friction that is off errs for a whole sweep.
+pub(super) fn correlation(rows: &[Row], state: &State) -> f64 {
+    let Some(outline) = state.outline() else { return 1.0 };
+    let all = || rows.iter().map(|row| (row.sweep, outline.distance(row).e));
+    let kept: Vec<_> = all().filter(|(_, e)| e.norm_squared() < OUTLIER_COST).collect();
+    // Of rows `lag` apart in their sweep.
+    let mean_product = |lag: usize| {
+        let pairs = kept.iter().zip(kept.iter().skip(lag)).filter(|((i, _), (j, _))| i == j);
+        let (sum, n) = pairs.fold((0.0, 0), |(sum, n), ((_, a), (_, b))| (sum + a.dot(b), n + 1));
+        (FEWEST_PAIRS <= n).then(|| sum / f64::from(n))
+    };
+    let Some(variance) = mean_product(0) else { return 1.0 };
+    // Noise makes late sums fall below zero, where what is left is no more than noise: they end there.
+    let sums = (0..).step_by(2).map_while(|lag| {
+        let sum = mean_product(lag)? + mean_product(lag + 1)?;
+        (0.0 < sum).then_some(sum)
+    });
+    let later = sums.sum::<f64>() - variance;
+    (1.0 + 2.0 * later / (variance + ROUNDING)).max(1.0)
+}
+
+/// Residuals of a tenth of a standard deviation in either direction are rounding, whatever their correlation.
+const ROUNDING: f64 = 0.02;
+
+/// Pairs of rows whose mean product says anything.
+const FEWEST_PAIRS: u32 = 12;
 
 /// What the rows say of a state.
 pub(super) fn verdicts(rows: &[Row], state: &State) -> Verdicts {

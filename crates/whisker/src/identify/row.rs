@@ -12,6 +12,8 @@ use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 pub(super) struct Row {
     /// Its number in the caller's list.
     pub index: usize,
+    /// Its sweep.
+    pub sweep: u32,
     /// The point, metres.
     pub x: Vector2<f64>,
     /// β, radians.
@@ -59,6 +61,7 @@ impl Row {
         let across = n.dot(&(sigma.fixed_view::<2, 2>(0, 0) * n));
         Ok(Row {
             index,
+            sweep: touch.sweep,
             x: touch.x_in_world,
             beta,
             w,

@@ -1,6 +1,7 @@
 //! The fit's derivatives against differences, the nearest contact against a search.
+//! Compiled under `#[cfg(test)]` alone, as identify.rs declares it; no product code.
 
-use super::fit::equations;
+use super::fit::{correlation, equations};
 use super::outline::{Outline, Place};
 use super::row::{Loss, Row};
 use super::state::State;
@@ -144,4 +145,35 @@ fn a_tip_does_not_reach_the_far_face() {
     let Outline::Corners(polygon) = &outline else { panic!("corners") };
     let Place::Face(k, _) = outline.distance(&row).place else { panic!("a face") };
     assert!(polygon.corners[k].y < 0.0 && polygon.corners[(k + 1) % 4].y < 0.0);
+}
+
+/// Rows about a circle whose errors, in radius and direction, follow e' = φ e + √(1 − φ²) times a new one.
+fn remembering(phi: f64, chance: &mut Chance) -> Vec<Row> {
+    const N: usize = 400;
+    let mut e = [0.0; 2];
+    let touches: Vec<Touch> = (0..N)
+        .map(|k| {
+            // Uniform, of variance 1.
+            e = e.map(|e| phi * e + (1.0 - phi * phi).sqrt() * chance.between(-1.0, 1.0) * 3_f64.sqrt());
+            let beta = -3.0 + 3.0 * k as f64 / N as f64;
+            let x = (0.03 + 2e-4 * e[0]) * Vector2::new(beta.cos(), beta.sin());
+            Touch {
+                covariance: Matrix3::from_diagonal(&Vector3::new(4e-8, 4e-8, 1e-4)),
+                ..touch(x, beta + 1e-2 * e[1], Mode::Mid, &mut Chance(0))
+            }
+        })
+        .collect();
+    (0..N).map(|i| Row::new(i, &touches, &Config::default()).expect("a row")).collect()
+}
+
+/// Eq. (16) finds eq. (17) to its scatter: correlations of N = 400 rows scatter by 1/√(2N) = 0.035 a lag, some ten of them count.
+#[test]
+fn errors_that_last_are_noticed() {
+    let circle = State::Circle { centre: Vector2::zeros(), radius: 0.03 };
+    for (phi, expected) in [(0.0, 1.0), (0.5, 3.0), (0.8, 9.0)] {
+        let found: Vec<f64> =
+            (1..=20).map(|seed| correlation(&remembering(phi, &mut Chance(seed)), &circle)).collect();
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        assert!((mean / expected - 1.0).abs() < 0.2, "{phi}: {mean}, expected {expected}");
+    }
 }

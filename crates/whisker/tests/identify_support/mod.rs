@@ -2,10 +2,12 @@
 
 use nalgebra::Vector2;
 use resight_whisker::contact::Method;
-use resight_whisker::estimate::estimate;
+use resight_whisker::estimate::{ContactEstimate, estimate};
 use resight_whisker::friction::{Mu, solve_record};
 use resight_whisker::identify::{Class, Touch};
 use resight_whisker::simulate::{Spacing, add_noise, standard_sweeps, sweep};
+use resight_whisker::sweep::fixed_lag::FixedLag;
+use resight_whisker::sweep::{Options, smooth};
 use resight_whisker::{Cell, Error, Rod, Sample, Shape};
 
 /// Steel, 1 mm, 0.25 m.
@@ -96,20 +98,38 @@ pub enum How {
     Raw,
     /// Under constraints with this friction.
     Constrained(Mu),
+    /// All samples of each sweep together, friction estimated.
+    Sweep,
+    /// As a stream does it: each sample with those before it and a window of those after it.
+    Lag,
+}
+
+fn lagged(rod: &Rod, cell: &Cell, samples: &[Sample]) -> Vec<ContactEstimate> {
+    let mut smoother = FixedLag::new(rod, cell, &Options::default()).expect("instruments");
+    let mut settled: Vec<_> = samples.iter().flat_map(|sample| smoother.push(*sample).settled).collect();
+    settled.extend(smoother.finish());
+    assert_eq!(settled.len(), samples.len(), "every reading has its answer");
+    settled.into_iter().map(|settled| settled.estimate).collect()
 }
 
 /// What a user's program makes of readings: noise added, contacts estimated.
+#[allow(dead_code)]
 pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
     let (rod, cell) = (rod(), cell());
-    let noisy = add_noise(samples, &cell, seed);
+    touches(&rod, &cell, &add_noise(samples, &cell, seed), how)
+}
+
+/// The contacts of readings as they are.
+#[allow(dead_code)]
+pub fn touches(rod: &Rod, cell: &Cell, noisy: &[Sample], how: How) -> Vec<Touch> {
     let estimates = match how {
-        How::Raw => noisy.iter().map(|sample| estimate(&rod, &cell, sample, Method::Auto)).collect(),
-        How::Constrained(mu) => {
-            solve_record(&rod, &cell, &noisy, mu, Method::Auto).expect("a record").estimates
-        }
+        How::Raw => noisy.iter().map(|sample| estimate(rod, cell, sample, Method::Auto)).collect(),
+        How::Constrained(mu) => solve_record(rod, cell, noisy, mu, Method::Auto).expect("a record").estimates,
+        How::Sweep => smooth(rod, cell, noisy, &Options::default()).expect("a record").estimates,
+        How::Lag => lagged(rod, cell, noisy),
     };
     let touch = |(sample, estimate): (&Sample, _)| {
-        Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, &rod)
+        Touch::from_estimate(sample.sweep, sample.load.mz_n_m, estimate, rod)
     };
     noisy.iter().zip(&estimates).filter_map(touch).collect()
 }
