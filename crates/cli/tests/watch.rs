@@ -1,31 +1,15 @@
 //! `watch`: detections in, states out; what moved is said with its direction, its size and its time.
 
+mod rig_support;
 mod support;
 
 use assert_cmd::Command;
 use nalgebra::Vector6;
 use resight::core::target::Feature;
 use resight::core::{Camera, Pose, Target};
+use rig_support::{Chance, SIGMA_PX};
 use serde_json::{Value, json};
 use support::{demo, folder};
-
-/// Xorshift and Box–Muller: seeds are literals.
-struct Chance(u64);
-
-impl Chance {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-}
-
-const SIGMA_PX: f64 = 0.2;
 
 /// The dots seen once a second by a camera whose motion is given for each second, as lines of JSON.
 fn lines(seconds: std::ops::Range<usize>, seed: u64, old_from_new: impl Fn(usize) -> Vector6<f64>) -> String {

@@ -1,5 +1,8 @@
 //! The drift sentry: its false alarms, its delays, and what it does not take for a drift.
 
+mod common;
+
+use common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::monitor::attribute::{Edge, attribute};
 use resight_core::monitor::learn::{LearnConfig, learn};
@@ -10,24 +13,8 @@ const DAY_S: f64 = 86_400.0;
 /// σ of a reading: 0.05° and 2 mm.
 const SIGMA: [f64; 6] = [8.7266e-4, 8.7266e-4, 8.7266e-4, 0.002, 0.002, 0.002];
 
-/// Xorshift and Box–Muller: seeds are literals.
-struct Chance(u64);
-
-impl Chance {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
-    }
-
-    fn vector(&mut self, scale: f64) -> Vector6<f64> {
-        Vector6::from_fn(|i, _| scale * SIGMA[i] * self.normal())
-    }
+fn errors(chance: &mut Rng, scale: f64) -> Vector6<f64> {
+    Vector6::from_fn(|i, _| scale * SIGMA[i] * chance.normal())
 }
 
 fn covariance(scale: f64) -> Matrix6<f64> {
@@ -68,7 +55,7 @@ impl Scene {
 /// A camera that stays, seen with all the errors of a scene; `camera_moved` is added by the test.
 struct Stream {
     scene: Scene,
-    chance: Chance,
+    chance: Rng,
     constant: Vector6<f64>,
     bias: Vector6<f64>,
     wobble: [Vector6<f64>; 2],
@@ -77,20 +64,23 @@ struct Stream {
 
 impl Stream {
     fn new(scene: Scene, seed: u64) -> Self {
-        let mut chance = Chance(seed);
-        let constant = chance.vector(scene.reference);
-        let bias = chance.vector(scene.bias);
-        let wobble = [chance.vector(scene.daily), chance.vector(scene.daily)];
+        let mut chance = Rng::new(seed);
+        let constant = errors(&mut chance, scene.reference);
+        let bias = errors(&mut chance, scene.bias);
+        let wobble = [errors(&mut chance, scene.daily), errors(&mut chance, scene.daily)];
         Stream { scene, chance, constant, bias, wobble, t_s: 0.0 }
     }
 
     fn next(&mut self, camera_moved: &Vector6<f64>) -> Reading {
         self.t_s += self.scene.period_s;
         let kept = (-self.scene.period_s / self.scene.bias_time_s).exp();
-        self.bias = self.bias * kept + self.chance.vector(self.scene.bias * (1.0 - kept * kept).sqrt());
+        self.bias = self.bias * kept + errors(&mut self.chance, self.scene.bias * (1.0 - kept * kept).sqrt());
         let (sin, cos) = (std::f64::consts::TAU * self.t_s / DAY_S).sin_cos();
-        let errors =
-            self.constant + self.bias + self.wobble[0] * cos + self.wobble[1] * sin + self.chance.vector(1.0);
+        let errors = self.constant
+            + self.bias
+            + self.wobble[0] * cos
+            + self.wobble[1] * sin
+            + errors(&mut self.chance, 1.0);
         let old_from_new = Pose::exp(&(camera_moved + errors));
         Reading {
             t_s: self.t_s,
@@ -217,9 +207,9 @@ fn an_accepted_drift_is_the_new_reference() {
 #[test]
 fn single_outliers_raise_no_alarm_and_are_counted() {
     let (mut stream, mut sentry) = (Stream::new(WHITE, 0x777), monitor(&WHITE, 1.0 / 30.0));
-    let mut chance = Chance(99);
+    let mut chance = Rng::new(99);
     for i in 0..2000 {
-        let flip = if i % 10 == 9 { chance.vector(200.0) } else { Vector6::zeros() };
+        let flip = if i % 10 == 9 { errors(&mut chance, 200.0) } else { Vector6::zeros() };
         let said = sentry.push(&stream.next(&flip));
         assert!(matches!(said, Watch::Steady | Watch::Settling), "{i}: {said:?}");
     }
@@ -299,7 +289,7 @@ fn a_reference_is_learned_among_flips() {
 
 /// Two cameras and two targets, every pair seen; the motion of `moved` and noise on every edge.
 fn edges(moved: Option<usize>, pairs: &[(usize, usize)], seed: u64) -> (Vec<Edge>, Vector6<f64>) {
-    let mut chance = Chance(seed);
+    let mut chance = Rng::new(seed);
     let motion = Vector6::new(0.01, -0.02, 0.005, 0.03, -0.01, 0.02);
     let of = |node: usize| if Some(node) == moved { Pose::exp(&motion) } else { Pose::identity() };
     let edge = |&(a, b): &(usize, usize)| {
@@ -307,7 +297,7 @@ fn edges(moved: Option<usize>, pairs: &[(usize, usize)], seed: u64) -> (Vec<Edge
             Pose::exp(&Vector6::new(0.3 * a as f64, 0.2, -0.1 * b as f64, 0.5, 0.1 * a as f64, 2.0));
         // a_from_b now = (a's old_from_new)⁻¹ · a_from_b · b's old_from_new
         let now = of(a).inverse() * a_from_b * of(b);
-        let seen = (a_from_b * now.inverse()).log() + chance.vector(0.5);
+        let seen = (a_from_b * now.inverse()).log() + errors(&mut chance, 0.5);
         Edge { a, b, a_from_b, motion: seen, covariance: covariance(0.5) }
     };
     (pairs.iter().map(edge).collect(), motion)

@@ -1,25 +1,14 @@
 //! Poses through time: consistent covariances, outliers, jumps, and two poses told apart by time.
 
+mod common;
+
+use common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::track::{Candidate, Motion, TrackConfig, Tracked, Tracker};
 use resight_core::{Error, Pose};
 
-/// Xorshift and Box–Muller: seeds are literals.
-struct Chance(u64);
-
-impl Chance {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    fn vector(&mut self, sigma: &[f64; 6]) -> Vector6<f64> {
-        let mut normal =
-            || (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos();
-        Vector6::from_fn(|i, _| sigma[i] * normal())
-    }
+fn motion(chance: &mut Rng, sigma: &[f64; 6]) -> Vector6<f64> {
+    Vector6::from_fn(|i, _| sigma[i] * chance.normal())
 }
 
 const READING: [f64; 6] = [1e-3, 1e-3, 5e-4, 3e-3, 3e-3, 8e-3];
@@ -33,9 +22,9 @@ fn covariance() -> Matrix6<f64> {
     Matrix6::from_diagonal(&Vector6::from(READING.map(|s| s * s)))
 }
 
-fn seen(truth: &Pose, chance: &mut Chance) -> Candidate {
+fn seen(truth: &Pose, chance: &mut Rng) -> Candidate {
     Candidate {
-        cam_from_target: Pose::exp(&chance.vector(&READING)) * *truth,
+        cam_from_target: Pose::exp(&motion(chance, &READING)) * *truth,
         covariance: covariance(),
         weight: 1.0,
     }
@@ -52,8 +41,8 @@ fn moving() -> TrackConfig {
 }
 
 /// NEES of runs of 60 readings, judged at their last: 400 draws of χ²₆, whose mean lies within 6 ± 0.52 (3 σ).
-fn mean_nees(config: &TrackConfig, walk: impl Fn(&mut Chance, &mut Pose, &mut Vector6<f64>)) -> f64 {
-    let mut chance = Chance(0x7ac4);
+fn mean_nees(config: &TrackConfig, walk: impl Fn(&mut Rng, &mut Pose, &mut Vector6<f64>)) -> f64 {
+    let mut chance = Rng::new(0x7ac4);
     let (mut sum, runs) = (0.0, 400);
     for _ in 0..runs {
         let mut tracker = Tracker::new(config).expect("a tracker");
@@ -72,7 +61,7 @@ fn mean_nees(config: &TrackConfig, walk: impl Fn(&mut Chance, &mut Pose, &mut Ve
 fn covariance_of_a_static_camera_matches_monte_carlo() {
     let sway = 1e-4 * PERIOD_S.sqrt();
     let mean = mean_nees(&TrackConfig::default(), |chance, truth, _| {
-        *truth = Pose::exp(&chance.vector(&[sway; 6])) * *truth;
+        *truth = Pose::exp(&motion(chance, &[sway; 6])) * *truth;
     });
     println!("NEES {mean:.2}");
     assert!((5.48..6.52).contains(&mean), "{mean}");
@@ -83,7 +72,7 @@ fn covariance_of_a_moving_camera_matches_monte_carlo() {
     let (turn, shift) = (0.2 * PERIOD_S.sqrt(), 0.3 * PERIOD_S.sqrt());
     let mean = mean_nees(&moving(), |chance, truth, velocity| {
         // The velocity's change acts from the middle of the step on average: half of it before, half after.
-        let change = chance.vector(&[turn, turn, turn, shift, shift, shift]);
+        let change = motion(chance, &[turn, turn, turn, shift, shift, shift]);
         *truth = Pose::exp(&((*velocity + 0.5 * change) * PERIOD_S)) * *truth;
         *velocity += change;
     });
@@ -93,7 +82,7 @@ fn covariance_of_a_moving_camera_matches_monte_carlo() {
 
 #[test]
 fn a_static_camera_is_known_better_with_every_reading() {
-    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Chance(5));
+    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Rng::new(5));
     let mut last = None;
     for i in 0..100 {
         last = tracker.push(f64::from(i) * PERIOD_S, &[seen(&start(), &mut chance)]);
@@ -105,7 +94,7 @@ fn a_static_camera_is_known_better_with_every_reading() {
 /// A camera that walks around a target: the mirror pose fits each picture as well, but walks as no camera does.
 #[test]
 fn time_tells_a_pose_from_its_mirror() {
-    let (mut tracker, mut chance) = (Tracker::new(&moving()).expect("a tracker"), Chance(0x11));
+    let (mut tracker, mut chance) = (Tracker::new(&moving()).expect("a tracker"), Rng::new(0x11));
     let (mut truth, mut last) = (start(), None);
     for i in 0..90 {
         truth = Pose::exp(&(Vector6::new(0.0, 0.3, 0.0, -0.75, 0.0, 0.0) * PERIOD_S)) * truth;
@@ -126,7 +115,8 @@ fn time_tells_a_pose_from_its_mirror() {
 /// Where nothing moves, the mirror stays as good as the pose: then it is not decided, and the probability says so.
 #[test]
 fn a_mirror_that_stays_is_not_decided() {
-    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Chance(0x12));
+    let (mut tracker, mut chance) =
+        (Tracker::new(&TrackConfig::default()).expect("a tracker"), Rng::new(0x12));
     let mirror = Pose::exp(&Vector6::new(0.0, 0.0, 0.6, 0.0, 0.0, 0.0));
     let mut last = None;
     for i in 0..50 {
@@ -140,7 +130,8 @@ fn a_mirror_that_stays_is_not_decided() {
 
 #[test]
 fn an_outlier_leaves_the_track_where_it_is() {
-    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Chance(0x13));
+    let (mut tracker, mut chance) =
+        (Tracker::new(&TrackConfig::default()).expect("a tracker"), Rng::new(0x13));
     for i in 0..30 {
         tracker.push(f64::from(i), &[seen(&start(), &mut chance)]);
     }
@@ -154,7 +145,8 @@ fn an_outlier_leaves_the_track_where_it_is() {
 
 #[test]
 fn a_camera_put_elsewhere_is_followed_after_a_few_readings() {
-    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Chance(0x14));
+    let (mut tracker, mut chance) =
+        (Tracker::new(&TrackConfig::default()).expect("a tracker"), Rng::new(0x14));
     for i in 0..30 {
         tracker.push(f64::from(i), &[seen(&start(), &mut chance)]);
     }
@@ -169,7 +161,8 @@ fn a_camera_put_elsewhere_is_followed_after_a_few_readings() {
 
 #[test]
 fn late_readings_and_numbers_that_are_none_are_left_out() {
-    let (mut tracker, mut chance) = (Tracker::new(&TrackConfig::default()).expect("a tracker"), Chance(0x15));
+    let (mut tracker, mut chance) =
+        (Tracker::new(&TrackConfig::default()).expect("a tracker"), Rng::new(0x15));
     assert!(tracker.push(0.0, &[]).is_none());
     tracker.push(5.0, &[seen(&start(), &mut chance)]);
     let before = tracker.clone();

@@ -42,7 +42,7 @@ pub enum Next {
     Frame(Frame),
     /// Nothing yet; look again (a folder, a pipe that is silent).
     Nothing,
-    /// The source is gone for now: camera unplugged, stream broken; it will be tried again.
+    /// The source is gone: camera unplugged, stream broken; it will be tried again.
     Lost(FileError),
     /// No more will come.
     End,

@@ -138,20 +138,3 @@ fn smoothed_contacts_identify_simulated_objects() {
         assert!(mean < 2.5, "{how:?}: {mean}");
     }
 }
-
-/// The same at large, 80 s: 600 objects an estimator of three classes, 120 of two more. Bars: at most 1 % of single sweeps wrong, none of
-/// three sweeps together.
-#[test]
-#[ignore = "statistics at large"]
-fn fourteen_hundred_objects_from_smoothed_contacts() {
-    let simple = [(Class::Circle, 200), (Class::Ellipse, 200), (Class::Square, 200)];
-    for (how, seed) in [(How::Sweep, 129), (How::Lag, 131)] {
-        for classes in [&simple[..], &[(Class::Rectangle, 60), (Class::Polygon, 60)]] {
-            let fate = fate(how, classes, seed);
-            let n: usize = fate.right[0] + fate.undecided[0];
-            assert_eq!(n as u64, classes.iter().map(|(_, n)| n).sum::<u64>(), "{:?}", fate.wrong);
-            assert!(100 * fate.wrong.len() <= 3 * n, "{:?}", fate.wrong);
-            assert!(98 * n <= 100 * fate.right[0], "{:?}", fate.undecided);
-        }
-    }
-}

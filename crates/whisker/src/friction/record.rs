@@ -28,7 +28,7 @@ pub struct Record {
     pub estimates: Vec<ContactEstimate>,
     /// The tests of every sample in contact, in the same order; none where nothing is touched.
     pub tests: Vec<Option<Tests>>,
-    /// φ_f, signed, and its standard deviation; see [`PRIOR_RAD`](super::states::PRIOR_RAD) for a record that says nothing of it.
+    /// φ_f, signed, and its standard deviation; 0 ± 0.5 of a record that says nothing of it.
     pub friction: FrictionAngle,
     /// μ = |tan φ_f|.
     pub mu: f64,
