@@ -1,0 +1,78 @@
+//! What a reading costs from its pose to the decision: the filter that chooses among minima, and the drift test.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::Rng;
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::{Matrix6, Vector6};
+use resight_core::Pose;
+use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference};
+use resight_core::track::{Candidate, TrackConfig, Tracker};
+use std::hint::black_box;
+
+const SIGMA: f64 = 1e-3;
+
+fn spread(scale: f64) -> Matrix6<f64> {
+    Matrix6::identity() * (scale * SIGMA).powi(2)
+}
+
+fn cam_from_target() -> Pose {
+    Pose::exp(&Vector6::new(0.2, -0.7, 0.1, 0.3, -0.2, 2.5))
+}
+
+/// Readings of a camera that stays, thirty a second.
+fn readings(n: usize) -> Vec<Reading> {
+    let mut rng = Rng::new(1);
+    let reading = |i: usize| {
+        let error = Vector6::from_fn(|_, _| SIGMA * rng.normal());
+        let a_from_b = Pose::exp(&error) * cam_from_target();
+        Reading { t_s: i as f64 / 30.0, a_from_b, covariance: spread(1.0), is_consistent: true }
+    };
+    (0..n).map(reading).collect()
+}
+
+/// Each reading a decision: the most that one can cost; by default six readings share one.
+fn decisions(c: &mut Criterion) {
+    let noise = DriftNoise {
+        reference: spread(0.3),
+        reading: spread(1.0),
+        bias: spread(0.5),
+        bias_time_s: 60.0,
+        daily: spread(0.3),
+    };
+    let reference = Reference { a_from_b: cam_from_target(), noise };
+    let readings = readings(3000);
+    for (name, decision_period_s) in [("every reading decided", 1e-3), ("six readings a decision", 0.2)] {
+        let config = MonitorConfig { decision_period_s, ..MonitorConfig::default() };
+        let mut monitor = Monitor::new(&reference, &config, 0.0).expect("a monitor");
+        let mut next = 0;
+        c.bench_function(&format!("monitor, {name}"), |b| {
+            b.iter(|| {
+                let lap_s = (next / readings.len()) as f64 * 100.0;
+                let reading = readings[next % readings.len()];
+                next += 1;
+                black_box(monitor.push(&Reading { t_s: reading.t_s + lap_s, ..reading }));
+            });
+        });
+    }
+}
+
+fn tracks(c: &mut Criterion) {
+    let readings = readings(3000);
+    let mut tracker = Tracker::new(&TrackConfig::default()).expect("a tracker");
+    let mut next = 0;
+    c.bench_function("track, one minimum", |b| {
+        b.iter(|| {
+            let lap_s = (next / readings.len()) as f64 * 100.0;
+            let reading = &readings[next % readings.len()];
+            next += 1;
+            let candidate =
+                Candidate { cam_from_target: reading.a_from_b, covariance: reading.covariance, weight: 1.0 };
+            black_box(tracker.push(reading.t_s + lap_s, &[candidate]));
+        });
+    });
+}
+
+criterion_group!(benches, decisions, tracks);
+criterion_main!(benches);
