@@ -137,6 +137,9 @@ fn a_frozen_camera_is_not_steady() {
     let run = watch("", &["--source", pattern.to_str().expect("a path"), "--period-s", "1", "--frames"]);
     assert_eq!(run.code, 1, "{}", run.stderr);
     assert!(run.events.iter().any(|e| e["message"].as_str().is_some_and(|m| m.contains("frozen"))));
+    let as_folder =
+        watch("", &["--source", pictures.to_str().expect("a path"), "--period-s", "1", "--frames"]);
+    assert_eq!((as_folder.code, as_folder.events.len()), (1, run.events.len()));
 }
 
 #[test]

@@ -115,7 +115,7 @@ fn cameras(args: &Watch, names: &[String]) -> Result<Vec<LiveCamera>> {
     let files = sources::by_name("--camera", &args.camera, names)?;
     let references = sources::by_name("--reference", &args.reference, names)?;
     let target = Arc::new(super::target(&args.target, |warning| eprintln!("{warning}"))?);
-    let opened = sources::open(&args.source, names, args.period_s)?;
+    let opened = sources::open(&args.source, names, args.period_s, args.once)?;
     let mut cameras = Vec::new();
     for (i, (name, source)) in names.iter().zip(opened).enumerate() {
         let file = files[i].as_deref().context("a camera without a file")?;

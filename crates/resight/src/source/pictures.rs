@@ -54,6 +54,7 @@ pub struct Folder {
     taken: BTreeSet<PathBuf>,
     waiting: VecDeque<PathBuf>,
     number: u64,
+    is_filling: bool,
 }
 
 impl Folder {
@@ -62,30 +63,43 @@ impl Folder {
     pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
         std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
         let (taken, waiting) = (BTreeSet::new(), VecDeque::new());
-        Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0 })
+        Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0, is_filling: true })
     }
 
-    /// New pictures that nobody writes any more, by name.
-    fn look(&mut self) -> std::io::Result<()> {
-        let mut new: Vec<PathBuf> = Vec::new();
+    /// Ends when all that is there has been given, instead of waiting for more.
+    pub fn as_it_is(self) -> Self {
+        Folder { is_filling: false, ..self }
+    }
+
+    /// Takes note of new pictures that nobody writes any more, by name; whether others are still being written.
+    fn look(&mut self) -> std::io::Result<bool> {
+        let (mut new, mut is_growing) = (Vec::new(), false);
         for entry in std::fs::read_dir(&self.path)? {
             let path = entry?.path();
-            if is_picture(&path) && !self.taken.contains(&path) && is_settled(&path) {
-                new.push(path);
+            if is_picture(&path) && !self.taken.contains(&path) {
+                let is_whole = is_settled(&path);
+                is_growing |= !is_whole;
+                new.extend(is_whole.then_some(path));
             }
         }
         new.sort();
         self.taken.extend(new.iter().cloned());
         self.waiting.extend(new);
-        Ok(())
+        Ok(is_growing)
     }
 }
 
 impl Source for Folder {
     fn next(&mut self, patience: Duration) -> Next {
         if self.waiting.is_empty() {
-            if let Err(reason) = self.look() {
-                return Next::Lost(FileError::new(&self.path, format!("cannot be read: {reason}")));
+            let is_growing = match self.look() {
+                Ok(is_growing) => is_growing,
+                Err(reason) => {
+                    return Next::Lost(FileError::new(&self.path, format!("cannot be read: {reason}")));
+                }
+            };
+            if self.waiting.is_empty() && !self.is_filling && !is_growing {
+                return Next::End;
             }
             if self.waiting.is_empty() {
                 std::thread::sleep(patience);

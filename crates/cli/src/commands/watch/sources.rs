@@ -45,8 +45,13 @@ pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec
     Ok(values)
 }
 
-/// A source for each camera. `-` on its own serves all of them.
-pub fn open(arguments: &[String], names: &[String], period_s: Option<f64>) -> Result<Vec<Box<dyn Source>>> {
+/// A source for each camera. `-` on its own serves all of them. `once`: a folder ends with what is in it.
+pub fn open(
+    arguments: &[String],
+    names: &[String],
+    period_s: Option<f64>,
+    once: bool,
+) -> Result<Vec<Box<dyn Source>>> {
     if arguments.iter().any(|argument| split(argument).1 == "-") {
         if arguments.len() != 1 {
             bail!("--source - serves all cameras; give it alone");
@@ -59,15 +64,16 @@ pub fn open(arguments: &[String], names: &[String], period_s: Option<f64>) -> Re
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(&value, clock)
+        one(&value, clock, once)
     };
     given.into_iter().zip(names).map(source).collect()
 }
 
-fn one(value: &str, clock: Clock) -> Result<Box<dyn Source>> {
+fn one(value: &str, clock: Clock, once: bool) -> Result<Box<dyn Source>> {
     let path = Path::new(value);
     if path.is_dir() {
-        return Ok(Box::new(Folder::open(path, clock)?));
+        let folder = Folder::open(path, clock)?;
+        return Ok(Box::new(if once { folder.as_it_is() } else { folder }));
     }
     if path.is_file() && video::is_video(path) {
         return Ok(Box::new(Film::open(path)?));
