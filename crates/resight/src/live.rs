@@ -25,11 +25,19 @@ pub struct LiveCamera {
     pub name: String,
     /// Its lens.
     pub camera: Camera,
-    /// What it looks at.
-    pub target: Arc<Target>,
+    /// What it looks at; with several, a target that was carried away is told from a camera that moved.
+    pub targets: Vec<Watched>,
     /// Where its frames come from.
     pub source: Box<dyn Source>,
-    /// What its pose is compared with; none: learned from the first `learn_readings`.
+}
+
+/// A target that a camera watches.
+pub struct Watched {
+    /// Its name.
+    pub name: String,
+    /// What it looks like.
+    pub target: Arc<Target>,
+    /// Where the camera was when all was well; none: learned from the first `learn_readings`.
     pub reference: Option<Reference>,
 }
 
@@ -86,7 +94,7 @@ pub struct Observation {
     pub times: StageTimes,
 }
 
-/// State of a camera in words that files and scripts use.
+/// State of a camera against a target.
 #[derive(Debug, Clone, PartialEq)]
 pub enum State {
     /// Learning its reference: readings so far, readings needed.
@@ -114,17 +122,21 @@ pub enum State {
 /// What a session says.
 #[derive(Debug, Clone)]
 pub enum Event {
-    /// A frame was looked at.
+    /// A frame was looked at, for one target.
     Observed {
         /// Index of the camera.
         camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
         /// What it said.
         observation: Box<Observation>,
     },
-    /// The state of a camera changed (and once at the start).
+    /// The state of a camera against a target changed (and once at the start).
     StateChanged {
         /// Index of the camera.
         camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
         /// Since when, seconds of capture.
         t_s: f64,
         /// What it is now.
@@ -143,6 +155,8 @@ pub enum Event {
     Learned {
         /// Index of the camera.
         camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
         /// The reference.
         reference: Box<Reference>,
     },

@@ -1,18 +1,22 @@
 //! `watch`: cameras watched over time, an alarm when one moved.
 
-mod said;
+mod alarm;
+mod log;
+mod names;
+mod outputs;
 mod sources;
 
 use crate::output::Outcome;
+use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use nalgebra::{Matrix6, Vector6};
-use resight::core::monitor::MonitorConfig;
-use resight::core::monitor::learn::{LEAST_READINGS, LearnConfig};
+use log::Log;
+use names::{Names, by_name, split};
+use outputs::OutputArgs;
+use resight::core::monitor::learn::LEAST_READINGS;
 use resight::core::track::TrackConfig;
-use resight::live::{self, Event, LiveCamera, LiveConfig, State, reference};
-use said::Teller;
-use std::path::PathBuf;
+use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
+use sources::SourceArgs;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -27,17 +31,13 @@ pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
     #[arg(long, required = true, value_name = "[NAME=]FILE")]
     camera: Vec<String>,
-    /// Target file: own TOML, Kalibr YAML or WPILib JSON.
-    #[arg(long, value_name = "FILE")]
-    target: PathBuf,
-    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, or - for detections as JSON Lines
-    /// on stdin. NAME=SOURCE where there are several cameras.
-    #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
-    source: Vec<String>,
-    /// Pictures are this far apart [default: as their files' times say].
-    #[arg(long, value_name = "SECONDS", value_parser = crate::args::positive)]
-    period_s: Option<f64>,
-    /// What a camera is compared with, written by --save-reference [default: learned].
+    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
+    #[arg(long, required = true, value_name = "[NAME=]FILE")]
+    target: Vec<String>,
+    #[command(flatten)]
+    sources: SourceArgs,
+    /// What a camera is compared with, written by --save-reference [default: learned]. NAME is a camera, or CAMERA/TARGET
+    /// where there are several targets.
     #[arg(long, value_name = "[NAME=]FILE")]
     reference: Vec<String>,
     /// Readings from which a missing reference is learned.
@@ -49,39 +49,10 @@ pub struct Watch {
     /// Reads the sources to their end and ends with a verdict.
     #[arg(long)]
     once: bool,
-    /// False alarms a day, on average at most, for all cameras together.
-    #[arg(long, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
-    false_alarms_per_day: f64,
-    /// A camera without a usable reading for this long is unseen.
-    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::positive)]
-    unseen_after_s: f64,
-    /// Turns below this are no drift.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
-    tolerance_deg: f64,
-    /// Shifts below this are no drift.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
-    tolerance_mm: f64,
-    /// Errors of the pose that last from frame to frame, as far as they are known beforehand: of the rotation.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
-    bias_deg: f64,
-    /// The same of the place.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
-    bias_mm: f64,
-    /// How long such errors last.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::positive)]
-    bias_time_s: f64,
-    /// The wobble of every day (sun, load), as a standard deviation: of the rotation.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
-    daily_deg: f64,
-    /// The same of the place.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
-    daily_mm: f64,
-    /// JSON Lines on stdout, one object per event and nothing else.
-    #[arg(long)]
-    json: bool,
-    /// Also says what every frame showed.
-    #[arg(long)]
-    frames: bool,
+    #[command(flatten)]
+    alarm: AlarmArgs,
+    #[command(flatten)]
+    outputs: OutputArgs,
 }
 
 /// See `Watch`.
@@ -89,75 +60,79 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
-    let names = sources::names(&args.camera);
+    let names = Names::new(&args.camera, &args.target);
     let cameras = cameras(args, &names)?;
-    let saved = sources::by_name("--save-reference", &args.save_reference, &names)?;
-    let mut teller = Teller::new(&names, args.json, args.frames);
-    let mut states: Vec<Option<State>> = vec![None; names.len()];
+    let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
+    let log = Log;
+    let mut outputs = outputs::open(&args.outputs, &names, &log)?;
+    let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
     let stop = Arc::new(AtomicBool::new(false));
-    live::run(cameras, &config(args, names.len()), &stop, |event| {
-        if let Event::StateChanged { camera, state, .. } = event {
-            states[*camera] = Some(state.clone());
+    live::run(cameras, &config(args, &names), &stop, |event| {
+        if let Event::StateChanged { camera, target, state, .. } = event {
+            states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
-        let done = save(event, &saved).and_then(|()| teller.tell(event));
-        failed = done.err();
+        let told = outputs.iter_mut().try_for_each(|output| output.take(event));
+        failed = save(event, &names, &saved, &log).and(told).err();
         failed.is_none()
     })?;
+    let finished = outputs.iter_mut().try_for_each(|output| output.finish());
     match failed {
         Some(reason) => Err(reason),
-        None if args.once => teller.verdict(&states),
-        None => Ok(Outcome::Answered),
+        None => finished.and_then(|()| verdict(args, &names, &states)),
     }
 }
 
-fn cameras(args: &Watch, names: &[String]) -> Result<Vec<LiveCamera>> {
-    let files = sources::by_name("--camera", &args.camera, names)?;
-    let references = sources::by_name("--reference", &args.reference, names)?;
-    let target = Arc::new(super::target(&args.target, |warning| eprintln!("{warning}"))?);
-    let opened = sources::open(&args.source, names, args.period_s, args.once)?;
+fn verdict(args: &Watch, names: &Names, states: &[Option<State>]) -> Result<Outcome> {
+    match args.once {
+        true => outputs::said::verdict(names, args.outputs.json, states),
+        false => Ok(Outcome::Answered),
+    }
+}
+
+fn cameras(args: &Watch, names: &Names) -> Result<Vec<LiveCamera>> {
+    let files = by_name("--camera", &args.camera, &names.cameras)?;
+    let targets = targets(args)?;
+    let references = by_name("--reference", &args.reference, &names.pairs())?;
+    let opened = sources::open(&args.sources, &names.cameras, args.once)?;
     let mut cameras = Vec::new();
-    for (i, (name, source)) in names.iter().zip(opened).enumerate() {
+    for (i, (name, source)) in names.cameras.iter().zip(opened).enumerate() {
         let file = files[i].as_deref().context("a camera without a file")?;
-        let reference = references[i].as_ref().map(|file| reference::read(file.as_ref())).transpose()?;
-        let (camera, target) = (super::camera(file)?, Arc::clone(&target));
-        cameras.push(LiveCamera { name: name.clone(), camera, target, source, reference });
+        let watched = |(j, target): (usize, &Arc<resight::core::Target>)| {
+            let file = references[names.pair_index(i, j)].as_ref();
+            let reference = file.map(|file| reference::read(file.as_ref())).transpose()?;
+            Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
+        };
+        let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
+        cameras.push(LiveCamera { name: name.clone(), camera: super::camera(file)?, targets, source });
     }
     Ok(cameras)
 }
 
-fn config(args: &Watch, cameras: usize) -> LiveConfig {
-    let monitor = MonitorConfig {
-        // Shared among the cameras, so that the rate holds for all of them together.
-        false_alarms_per_day: args.false_alarms_per_day / cameras as f64,
-        unseen_after_s: args.unseen_after_s,
-        tolerance_rotation_rad: args.tolerance_deg.to_radians(),
-        tolerance_translation_m: 1e-3 * args.tolerance_mm,
-        ..MonitorConfig::default()
-    };
+fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
+    let read =
+        |argument: &String| super::target(split(argument).1.as_ref(), |warning| eprintln!("{warning}"));
+    args.target.iter().map(|argument| Ok(Arc::new(read(argument)?))).collect()
+}
+
+fn config(args: &Watch, names: &Names) -> LiveConfig {
     LiveConfig {
-        monitor,
+        monitor: args.alarm.monitor(names.pairs().len()),
         track: TrackConfig::default(),
         learn_readings: args.learn,
-        lasting: LearnConfig {
-            bias: spread(args.bias_deg, args.bias_mm),
-            bias_time_s: args.bias_time_s,
-            daily: spread(args.daily_deg, args.daily_mm),
-        },
+        lasting: args.alarm.lasting(),
         queue_frames: 2,
         retry_s: 1.0,
     }
 }
 
-/// The same about and along every axis.
-fn spread(degrees: f64, mm: f64) -> Matrix6<f64> {
-    let (r, t) = (degrees.to_radians().powi(2), (1e-3 * mm).powi(2));
-    Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t))
-}
-
-fn save(event: &Event, files: &[Option<String>]) -> Result<()> {
-    let Event::Learned { camera, reference } = event else { return Ok(()) };
-    let Some(file) = files.get(*camera).and_then(Option::as_ref) else { return Ok(()) };
+fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {
+    let Event::Learned { camera, target, reference } = event else { return Ok(()) };
+    let Some(file) = files.get(names.pair_index(*camera, *target)).and_then(Option::as_ref) else {
+        return Ok(());
+    };
     let text = reference::to_text(reference).map_err(|reason| anyhow::anyhow!("{file}: {reason}"))?;
-    Ok(resight::formats::write_atomically(file.as_ref(), text.as_bytes())?)
+    resight::formats::write_atomically(file.as_ref(), text.as_bytes())?;
+    log.say("reference", &format!("{} is saved in {file}", names.pair(*camera, *target)));
+    Ok(())
 }

@@ -1,39 +1,25 @@
-//! What is done with each frame of one camera: target, pose, pose through time, decision.
+//! What is done with each frame of one camera, for every target that it watches.
 
-use super::{LiveConfig, Observation, StageTimes, State};
-use crate::detect::{DetectError, Detector};
+mod pair;
+
+use super::{LiveCamera, LiveConfig, Observation, StageTimes, State};
+use crate::GrayImage;
+use crate::detect::DetectError;
 use crate::source::{Content, Frame};
-use resight_core::consistency::Consistency;
-use resight_core::correspondence::{Detection, correspond};
-use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::monitor::learn::{LEAST_READINGS, learn};
-use resight_core::monitor::{Monitor, Reading, Reference, Watch};
-use resight_core::track::{Candidate, Tracked, Tracker};
-use resight_core::{Camera, Correspondence, Error, Target};
-use std::sync::Arc;
+use pair::{Pair, Sight};
+use resight_core::monitor::Reference;
+use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
 /// Looks at the frames of one camera, in order.
 pub struct Look {
     camera: Camera,
-    target: Arc<Target>,
-    detector: Detector,
-    tracker: Tracker,
-    stage: Stage,
-    config: LiveConfig,
+    pairs: Vec<Pair>,
     /// Hash of the last picture: a camera that froze sends it again and again.
     last_picture: Option<u64>,
 }
 
-/// Before and after the reference is known.
-enum Stage {
-    /// The reference is known, the clock of the frames is not.
-    Starting(Box<Reference>),
-    Learning(Vec<Reading>),
-    Watching(Box<Monitor>),
-}
-
-/// What a frame changed.
+/// What a frame changed for one target.
 pub struct Looked {
     /// What it said.
     pub observation: Observation,
@@ -46,171 +32,63 @@ pub struct Looked {
 impl Look {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
-    pub fn new(
-        camera: &Camera,
-        target: &Arc<Target>,
-        reference: Option<&Reference>,
-        config: &LiveConfig,
-    ) -> Result<Self, LookError> {
-        let stage = match reference {
-            Some(reference) => {
-                Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
-                Stage::Starting(Box::new(*reference))
+    pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, LookError> {
+        let pair = |watched| Pair::new(&camera.camera, watched, config);
+        let pairs = camera.targets.iter().map(pair).collect::<Result<Vec<_>, _>>()?;
+        Ok(Look { camera: camera.camera.clone(), pairs, last_picture: None })
+    }
+
+    /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
+    pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+        let lens = self.lens(frame);
+        let look = |pair: &mut Pair| {
+            let sight = match (&frame.content, &lens) {
+                (_, Err(reason)) => Err(reason.clone()),
+                (Content::Image(image), Ok(lens)) => Ok(Sight::Image(image, lens)),
+                (Content::Detections(detections), Ok(_)) => Ok(Sight::Detections(detections)),
+                (Content::Unreadable(reason), Ok(_)) => Err(reason.clone()),
+            };
+            pair.take(frame, sight, blank(frame, waited_us))
+        };
+        self.pairs.iter_mut().map(look).collect()
+    }
+
+    /// How things stand for each target at a time, also when no frame has come.
+    pub fn states(&self, t_s: f64) -> Vec<State> {
+        self.pairs.iter().map(|pair| pair.state(t_s)).collect()
+    }
+
+    /// The lens at the size of this picture, or why the picture is none.
+    fn lens(&mut self, frame: &Frame) -> Result<Camera, String> {
+        match &frame.content {
+            Content::Image(image) if self.is_frozen(image) => {
+                Err("the same picture as before: the camera or its stream is frozen".to_string())
             }
-            None => Stage::Learning(Vec::new()),
-        };
-        Ok(Look {
-            camera: camera.clone(),
-            detector: Detector::new(target)?,
-            target: Arc::clone(target),
-            tracker: Tracker::new(&config.track)?,
-            stage,
-            config: config.clone(),
-            last_picture: None,
-        })
-    }
-
-    /// The next frame. `waited_us` is how long it lay in the queue.
-    pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Looked {
-        self.start(frame.capture_s);
-        let mut observation = Observation {
-            number: frame.number,
-            capture_s: frame.capture_s,
-            name: frame.name.clone(),
-            n_points: 0,
-            estimate: None,
-            reason: None,
-            tracked: None,
-            reading: None,
-            times: StageTimes { waited_us, ..StageTimes::default() },
-        };
-        if let Err(reason) = self.observe(frame, &mut observation) {
-            observation.reason = Some(reason);
-        }
-        let started = Instant::now();
-        let learned = observation.reading.and_then(|reading| self.decide(&reading));
-        observation.times.decide_us += micros(started);
-        Looked { observation, state: self.state(frame.capture_s), learned }
-    }
-
-    /// How things stand at a time, also when no frame has come.
-    pub fn state(&self, t_s: f64) -> State {
-        match &self.stage {
-            Stage::Starting(_) => State::Unseen { for_s: 0.0 },
-            Stage::Learning(readings) => {
-                State::Learning { readings: readings.len(), needed: self.config.learn_readings }
+            Content::Image(image) => {
+                crate::formats::check_image_size(&self.camera, image.width_px, image.height_px)
             }
-            Stage::Watching(monitor) => monitor.watch(t_s).into(),
+            _ => Ok(self.camera.clone()),
         }
     }
 
-    /// The first frame sets the clock: what is not seen from then on is unseen.
-    fn start(&mut self, t_s: f64) {
-        if let Stage::Starting(reference) = &self.stage
-            && let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s)
-        {
-            self.stage = Stage::Watching(Box::new(monitor));
-        }
-    }
-
-    fn observe(&mut self, frame: &Frame, observation: &mut Observation) -> Result<(), String> {
-        let started = Instant::now();
-        let detections = self.detections(frame)?;
-        observation.times.detect_us = micros(started);
-        let started = Instant::now();
-        let (seen, _) = correspond(&detections, &self.target, &self.camera);
-        let points: Vec<Correspondence> = seen.into_iter().map(|(_, c)| c).collect();
-        observation.n_points = points.len();
-        let estimate = locate(&points, &self.camera, &Config::default()).map_err(|e| e.to_string())?;
-        observation.times.solve_us = micros(started);
-        let started = Instant::now();
-        observation.estimate = Some(estimate);
-        observation.tracked = self.tracker.push(frame.capture_s, &candidates(&estimate));
-        observation.reading = observation.tracked.as_ref().map(|tracked| reading(frame, &estimate, tracked));
-        observation.times.decide_us = micros(started);
-        Ok(())
-    }
-
-    fn detections(&mut self, frame: &Frame) -> Result<Vec<Detection>, String> {
-        let image = match &frame.content {
-            Content::Unreadable(reason) => return Err(reason.clone()),
-            Content::Detections(detections) if detections.is_empty() => return Err(nothing(&self.target)),
-            Content::Detections(detections) => return Ok(detections.clone()),
-            Content::Image(image) => image,
-        };
+    fn is_frozen(&mut self, image: &GrayImage) -> bool {
         let hash = fingerprint(&image.data);
-        if self.last_picture.replace(hash) == Some(hash) {
-            return Err("the same picture as before: the camera or its stream is frozen".to_string());
-        }
-        let camera = crate::formats::check_image_size(&self.camera, image.width_px, image.height_px)?;
-        let found = self.detector.detect_with_camera(image, &camera).map_err(|e| e.to_string())?;
-        if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
-    }
-
-    /// The reference where this reading completed it.
-    fn decide(&mut self, reading: &Reading) -> Option<Box<Reference>> {
-        let readings = match &mut self.stage {
-            Stage::Starting(_) => return None,
-            Stage::Watching(monitor) => {
-                monitor.push(reading);
-                return None;
-            }
-            Stage::Learning(readings) => readings,
-        };
-        readings.push(*reading);
-        if readings.len() < self.config.learn_readings.max(LEAST_READINGS) {
-            return None;
-        }
-        let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
-            let monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
-            Some((reference, monitor))
-        });
-        let Some((reference, monitor)) = reference else {
-            // They do not agree (yet): the older half is forgotten, and learning goes on.
-            readings.drain(..readings.len() / 2);
-            return None;
-        };
-        self.stage = Stage::Watching(Box::new(monitor));
-        Some(Box::new(reference))
+        self.last_picture.replace(hash) == Some(hash)
     }
 }
 
-/// All minima of a frame: time chooses among them.
-fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
-    let first = Candidate {
-        cam_from_target: estimate.cam_from_target,
-        covariance: estimate.covariance,
-        weight: estimate.weight,
-    };
-    let others = estimate.others.iter().flatten().map(|other| Candidate {
-        cam_from_target: other.minimum.cam_from_target,
-        covariance: other.minimum.covariance,
-        weight: other.weight,
-    });
-    std::iter::once(first).chain(others).collect()
-}
-
-/// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
-fn reading(frame: &Frame, estimate: &PoseEstimate, tracked: &Tracked) -> Reading {
-    let all = candidates(estimate);
-    let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
-    Reading {
-        t_s: frame.capture_s,
-        a_from_b: chosen.cam_from_target,
-        covariance: chosen.covariance,
-        is_consistent: matches!(estimate.consistency, Consistency::Consistent),
-    }
-}
-
-impl From<Watch> for State {
-    fn from(watch: Watch) -> Self {
-        match watch {
-            Watch::Steady => State::Steady,
-            Watch::Unseen { for_s } => State::Unseen { for_s },
-            Watch::Settling => State::Settling,
-            Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
-            Watch::Inconsistent => State::Inconsistent,
-        }
+/// Nothing seen yet.
+fn blank(frame: &Frame, waited_us: f64) -> Observation {
+    Observation {
+        number: frame.number,
+        capture_s: frame.capture_s,
+        name: frame.name.clone(),
+        n_points: 0,
+        estimate: None,
+        reason: None,
+        tracked: None,
+        reading: None,
+        times: StageTimes { waited_us, ..StageTimes::default() },
     }
 }
 

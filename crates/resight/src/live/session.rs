@@ -49,8 +49,7 @@ pub fn run(
 }
 
 fn prepare(camera: LiveCamera, config: &LiveConfig) -> Result<(Look, Box<dyn Source>), LookError> {
-    let look = Look::new(&camera.camera, &camera.target, camera.reference.as_ref(), config)?;
-    Ok((look, camera.source))
+    Ok((Look::new(&camera, config)?, camera.source))
 }
 
 /// Reads a source until it ends.
@@ -104,7 +103,7 @@ fn rest(seconds: f64, stop: &AtomicBool) {
 
 /// Looks at the frames until the queue is closed and empty.
 fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &SyncSender<Event>) {
-    let mut teller = Teller { camera, told, state: None };
+    let mut teller = Teller { camera, told, states: Vec::new() };
     // Capture time and arrival of the last frame: what the clock of the frames says while none comes.
     let mut last: Option<(f64, Instant)> = None;
     loop {
@@ -116,13 +115,11 @@ fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &
             }
             Taken::Nothing => {
                 let now_s = last.map(|(capture_s, arrived)| capture_s + arrived.elapsed().as_secs_f64());
-                now_s.is_none_or(|now_s| teller.state(now_s, look.state(now_s)))
+                now_s.is_none_or(|now_s| teller.states(now_s, look.states(now_s)))
             }
             Taken::Closed => {
-                // A drift is known better at the end than when it was told.
-                let at_the_end = last.map(|(t_s, _)| (t_s, look.state(t_s)));
-                if let Some((t_s, state @ State::Drifted(_))) = at_the_end {
-                    teller.tell(Event::StateChanged { camera, t_s, state });
+                if let Some((t_s, _)) = last {
+                    teller.at_the_end(t_s, look.states(t_s));
                 }
                 break;
             }
@@ -139,7 +136,8 @@ fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &
 struct Teller<'a> {
     camera: usize,
     told: &'a SyncSender<Event>,
-    state: Option<State>,
+    /// As last told, for each target.
+    states: Vec<Option<State>>,
 }
 
 impl Teller<'_> {
@@ -147,25 +145,42 @@ impl Teller<'_> {
         self.told.send(event).is_ok()
     }
 
-    fn looked(&mut self, t_s: f64, looked: Looked) -> bool {
+    fn looked(&mut self, t_s: f64, looked: Vec<Looked>) -> bool {
         let camera = self.camera;
-        let observation = Box::new(looked.observation);
-        let learned = looked.learned.map(|reference| Event::Learned { camera, reference });
-        self.tell(Event::Observed { camera, observation })
-            && learned.is_none_or(|event| self.tell(event))
-            && self.state(t_s, looked.state)
+        looked.into_iter().enumerate().all(|(target, looked)| {
+            let observation = Box::new(looked.observation);
+            let learned = looked.learned.map(|reference| Event::Learned { camera, target, reference });
+            self.tell(Event::Observed { camera, target, observation })
+                && learned.is_none_or(|event| self.tell(event))
+                && self.state(target, t_s, looked.state)
+        })
+    }
+
+    fn states(&mut self, t_s: f64, states: Vec<State>) -> bool {
+        states.into_iter().enumerate().all(|(target, state)| self.state(target, t_s, state))
     }
 
     /// A change of kind, or of a drift's size: not the seconds that something has been unseen, nor each reading learned.
-    fn state(&mut self, t_s: f64, state: State) -> bool {
-        let is_new = match (&self.state, &state) {
+    fn state(&mut self, target: usize, t_s: f64, state: State) -> bool {
+        self.states.resize(self.states.len().max(target + 1), None);
+        let is_new = match (&self.states[target], &state) {
             (Some(State::Learning { .. }), State::Learning { .. })
             | (Some(State::Unseen { .. }), State::Unseen { .. }) => false,
             (Some(State::Drifted(before)), State::Drifted(now)) => before.began_s != now.began_s,
             (before, now) => before.as_ref() != Some(now),
         };
-        self.state = Some(state.clone());
-        !is_new || self.tell(Event::StateChanged { camera: self.camera, t_s, state })
+        self.states[target] = Some(state.clone());
+        !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
+    }
+
+    /// A drift is known better at the end than when it was told.
+    fn at_the_end(&self, t_s: f64, states: Vec<State>) {
+        let camera = self.camera;
+        for (target, state) in states.into_iter().enumerate() {
+            if matches!(state, State::Drifted(_)) {
+                self.tell(Event::StateChanged { camera, target, t_s, state });
+            }
+        }
     }
 
     fn dropped(&mut self, frames: u64) -> bool {

@@ -1,5 +1,7 @@
 //! Events in words and as JSON.
 
+use super::super::names::Names;
+use super::Output;
 use crate::answer::TransformObject;
 use crate::output::Outcome;
 use anyhow::Result;
@@ -9,114 +11,121 @@ use resight::live::{Event, Observation, State};
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// Tells events on stdout.
-pub struct Teller<'a> {
-    names: &'a [String],
+/// Says events on stdout.
+pub struct Said {
+    names: Names,
     json: bool,
     frames: bool,
 }
 
-impl<'a> Teller<'a> {
-    pub fn new(names: &'a [String], json: bool, frames: bool) -> Self {
-        Teller { names, json, frames }
+/// One line a camera, and how it ends.
+pub fn verdict(names: &Names, json: bool, states: &[Option<State>]) -> Result<Outcome> {
+    for (name, state) in names.pairs().iter().zip(states) {
+        let word = state.as_ref().map_or("unseen", word);
+        match json {
+            true => print(&json!({"event": "verdict", "camera": name, "state": word}).to_string())?,
+            false => print(&format!("{name}: {word}"))?,
+        }
     }
+    let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
+    let blind = states.iter().any(Option::is_none)
+        || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
+    Ok(match is(|s| matches!(s, State::Drifted(_))) {
+        true => Outcome::Moved,
+        false if blind => Outcome::SomeUnanswered,
+        false => Outcome::Answered,
+    })
+}
 
-    pub fn tell(&mut self, event: &Event) -> Result<()> {
+/// Line by line, each flushed: another program may be waiting for it.
+fn print(line: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")?;
+    Ok(out.flush()?)
+}
+
+impl Output for Said {
+    fn take(&mut self, event: &Event) -> Result<()> {
         if matches!(event, Event::Observed { .. }) && !self.frames {
             return Ok(());
         }
-        self.print(&if self.json { self.object(event).to_string() } else { self.words(event) })
+        print(&if self.json { self.object(event).to_string() } else { self.words(event) })
     }
+}
 
-    /// One line a camera, and how it ends.
-    pub fn verdict(&self, states: &[Option<State>]) -> Result<Outcome> {
-        for (name, state) in self.names.iter().zip(states) {
-            let word = state.as_ref().map_or("unseen", word);
-            match self.json {
-                true => {
-                    self.print(&json!({"event": "verdict", "camera": name, "state": word}).to_string())?
-                }
-                false => self.print(&format!("{name}: {word}"))?,
-            }
-        }
-        let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
-        let blind = states.iter().any(Option::is_none)
-            || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
-        Ok(match is(|s| matches!(s, State::Drifted(_))) {
-            true => Outcome::Moved,
-            false if blind => Outcome::SomeUnanswered,
-            false => Outcome::Answered,
-        })
-    }
-
-    /// Line by line, each flushed: another program may be waiting for it.
-    fn print(&self, line: &str) -> Result<()> {
-        let mut out = std::io::stdout().lock();
-        writeln!(out, "{line}")?;
-        Ok(out.flush()?)
-    }
-
-    fn name(&self, camera: usize) -> &str {
-        self.names.get(camera).map_or("?", String::as_str)
+impl Said {
+    pub fn new(names: &Names, json: bool, frames: bool) -> Self {
+        Said { names: names.clone(), json, frames }
     }
 
     fn words(&self, event: &Event) -> String {
         match event {
-            Event::Observed { camera, observation } => {
-                format!("{}  {}", self.name(*camera), observed_words(observation))
+            Event::Observed { camera, target, observation } => {
+                format!("{}  {}", self.names.pair(*camera, *target), observed_words(observation))
             }
-            Event::StateChanged { camera, t_s, state } => {
-                format!("{}  {t_s:.3} s  {}", self.name(*camera), state_words(state))
+            Event::StateChanged { camera, target, t_s, state } => {
+                format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), state_words(state))
             }
-            Event::Learned { camera, reference } => {
+            Event::Learned { camera, target, reference } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
                 let (turn, shift) = (sigma.fixed_rows::<3>(0).norm(), sigma.fixed_rows::<3>(3).norm());
                 let [turn, shift] = [turn.to_degrees(), 1e3 * shift];
-                format!("{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm", self.name(*camera))
+                format!(
+                    "{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm",
+                    self.names.pair(*camera, *target)
+                )
             }
             Event::Attributed { moved, .. } => {
                 let names: Vec<&str> = moved.iter().map(|(name, _)| name.as_str()).collect();
                 format!("moved: {}", names.join(", "))
             }
-            Event::Dropped { camera, frames } => format!("{}  {frames} frames dropped", self.name(*camera)),
-            Event::Source { camera, is_there: true, .. } => format!("{}  source is back", self.name(*camera)),
+            Event::Dropped { camera, frames } => {
+                format!("{}  {frames} frames dropped", self.names.camera(*camera))
+            }
+            Event::Source { camera, is_there: true, .. } => {
+                format!("{}  source is back", self.names.camera(*camera))
+            }
             Event::Source { camera, reason, .. } => {
                 format!(
                     "{}  source lost: {}",
-                    self.name(*camera),
+                    self.names.camera(*camera),
                     reason.as_deref().unwrap_or("no reason given")
                 )
             }
-            Event::Ended { camera } => format!("{}  source has ended", self.name(*camera)),
+            Event::Ended { camera } => format!("{}  source has ended", self.names.camera(*camera)),
         }
     }
 
     fn object(&self, event: &Event) -> Value {
         match event {
-            Event::Observed { camera, observation } => {
+            Event::Observed { camera, target, observation } => {
                 let mut object = observed_object(observation);
-                object["camera"] = json!(self.name(*camera));
+                object["camera"] = json!(self.names.camera(*camera));
+                object["target"] = json!(self.names.target(*target));
                 object
             }
-            Event::StateChanged { camera, t_s, state } => {
+            Event::StateChanged { camera, target, t_s, state } => {
                 let mut object = state_object(state);
                 object["event"] = json!("state");
-                object["camera"] = json!(self.name(*camera));
+                object["camera"] = json!(self.names.camera(*camera));
+                object["target"] = json!(self.names.target(*target));
                 object["t_s"] = json!(t_s);
                 object
             }
-            Event::Learned { camera, reference } => json!({"event": "learned", "camera": self.name(*camera),
-                "cam_from_target": TransformObject::from(reference.a_from_b)}),
+            Event::Learned { camera, target, reference } => {
+                json!({"event": "learned", "camera": self.names.camera(*camera),
+                "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)})
+            }
             Event::Attributed { t_s, moved, rivals } => json!({"event": "moved", "t_s": t_s,
                 "moved": moved.iter().map(|(name, _)| name).collect::<Vec<_>>(), "rivals": rivals}),
             Event::Dropped { camera, frames } => {
-                json!({"event": "dropped", "camera": self.name(*camera), "frames": frames})
+                json!({"event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
             }
             Event::Source { camera, is_there, reason } => {
-                json!({"event": "source", "camera": self.name(*camera),
+                json!({"event": "source", "camera": self.names.camera(*camera),
                 "is_there": is_there, "reason": reason})
             }
-            Event::Ended { camera } => json!({"event": "ended", "camera": self.name(*camera)}),
+            Event::Ended { camera } => json!({"event": "ended", "camera": self.names.camera(*camera)}),
         }
     }
 }

@@ -1,0 +1,91 @@
+//! What cameras and targets are called, and `[NAME=]VALUE` arguments.
+
+use anyhow::{Context, Result, bail};
+
+/// The names of a session, by the indices of its events.
+#[derive(Debug, Clone)]
+pub struct Names {
+    /// Cameras.
+    pub cameras: Vec<String>,
+    /// Targets; every camera watches all of them.
+    pub targets: Vec<String>,
+}
+
+impl Names {
+    /// Those given, `cam0` and `target0` and so on otherwise.
+    pub fn new(cameras: &[String], targets: &[String]) -> Self {
+        Names { cameras: given(cameras, "cam"), targets: given(targets, "target") }
+    }
+
+    /// The name of a camera.
+    pub fn camera(&self, camera: usize) -> &str {
+        self.cameras.get(camera).map_or("?", String::as_str)
+    }
+
+    /// The name of a target.
+    pub fn target(&self, target: usize) -> &str {
+        self.targets.get(target).map_or("?", String::as_str)
+    }
+
+    /// The name of a camera with one of its targets: `gate`, or `gate/door` where there are several targets.
+    pub fn pair(&self, camera: usize, target: usize) -> String {
+        match self.targets.as_slice() {
+            [_, _, ..] => format!("{}/{}", self.camera(camera), self.target(target)),
+            _ => self.camera(camera).to_string(),
+        }
+    }
+
+    /// All pairs, camera by camera.
+    pub fn pairs(&self) -> Vec<String> {
+        let targets = self.targets.len();
+        (0..self.cameras.len() * targets).map(|i| self.pair(i / targets, i % targets)).collect()
+    }
+
+    /// The place of a pair among `pairs`.
+    pub fn pair_index(&self, camera: usize, target: usize) -> usize {
+        camera * self.targets.len() + target
+    }
+}
+
+fn given(arguments: &[String], otherwise: &str) -> Vec<String> {
+    let name = |(i, argument): (usize, &String)| match split(argument) {
+        (Some(name), _) => name.to_string(),
+        (None, _) => format!("{otherwise}{i}"),
+    };
+    arguments.iter().enumerate().map(name).collect()
+}
+
+/// NAME and VALUE; no name where what stands before `=` is a path.
+pub fn split(argument: &str) -> (Option<&str>, &str) {
+    match argument.split_once('=') {
+        Some((name, value)) if is_name(name) => (Some(name), value),
+        _ => (None, argument),
+    }
+}
+
+/// `gate` or `gate/door`, but neither `./a` nor `/a/b/c` nor `rtsp://host/a?b`.
+fn is_name(text: &str) -> bool {
+    let parts: Vec<&str> = text.split('/').collect();
+    parts.len() <= 2
+        && parts.iter().all(|part| !part.is_empty() && !part.contains(['.', '\\', '*', ':', '?']))
+}
+
+/// The values of one flag, one place for each name.
+pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec<Option<String>>> {
+    let mut values = vec![None; names.len()];
+    for (i, argument) in arguments.iter().enumerate() {
+        let (name, value) = split(argument);
+        let place = match name {
+            Some(name) => names.iter().position(|known| known == name),
+            None if i < names.len() => Some(i),
+            None => None,
+        };
+        let place = place.with_context(|| {
+            format!("{flag} {argument}: there is no such name; there are {}", names.join(", "))
+        })?;
+        if values[place].replace(value.to_string()).is_some() {
+            bail!("{flag} is given twice for {}; once is needed", names[place]);
+        }
+    }
+    Ok(values)
+}

@@ -1,0 +1,201 @@
+//! One camera and one target: detection, pose, pose through time, decision.
+
+use super::{LookError, Looked, micros, nothing};
+use crate::GrayImage;
+use crate::detect::Detector;
+use crate::live::{LiveConfig, Observation, State, Watched};
+use crate::source::Frame;
+use resight_core::consistency::Consistency;
+use resight_core::correspondence::{Detection, correspond};
+use resight_core::locate::{Config, PoseEstimate, locate};
+use resight_core::monitor::learn::{LEAST_READINGS, learn};
+use resight_core::monitor::{Monitor, Reading, Reference, Watch};
+use resight_core::track::{Candidate, Tracked, Tracker};
+use resight_core::{Camera, Correspondence, Target};
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a camera watches one target with.
+pub(super) struct Pair {
+    camera: Camera,
+    target: Arc<Target>,
+    detector: Detector,
+    tracker: Tracker,
+    stage: Stage,
+    config: LiveConfig,
+}
+
+/// Before and after the reference is known.
+enum Stage {
+    /// The reference is known, the clock of the frames is not.
+    Starting(Box<Reference>),
+    Learning(Vec<Reading>),
+    Watching(Box<Monitor>),
+}
+
+/// What a camera shows of a target.
+pub(super) enum Sight<'a> {
+    /// A picture, and the lens at its size.
+    Image(&'a GrayImage, &'a Camera),
+    /// Features found by another program.
+    Detections(&'a [Detection]),
+}
+
+impl Pair {
+    /// # Errors
+    /// A target that no detector knows, or a setting that cannot be.
+    pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
+        let stage = match &watched.reference {
+            Some(reference) => {
+                Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
+                Stage::Starting(Box::new(*reference))
+            }
+            None => Stage::Learning(Vec::new()),
+        };
+        Ok(Pair {
+            camera: camera.clone(),
+            detector: Detector::new(&watched.target)?,
+            target: Arc::clone(&watched.target),
+            tracker: Tracker::new(&config.track)?,
+            stage,
+            config: config.clone(),
+        })
+    }
+
+    /// The next frame, or why it shows nothing.
+    pub fn take(
+        &mut self,
+        frame: &Frame,
+        sight: Result<Sight<'_>, String>,
+        mut observation: Observation,
+    ) -> Looked {
+        self.start(frame.capture_s);
+        if let Err(reason) = sight.and_then(|sight| self.observe(frame, &sight, &mut observation)) {
+            observation.reason = Some(reason);
+        }
+        let started = Instant::now();
+        let learned = observation.reading.and_then(|reading| self.decide(&reading));
+        observation.times.decide_us += micros(started);
+        Looked { observation, state: self.state(frame.capture_s), learned }
+    }
+
+    /// How things stand at a time, also when no frame has come.
+    pub fn state(&self, t_s: f64) -> State {
+        match &self.stage {
+            Stage::Starting(_) => State::Unseen { for_s: 0.0 },
+            Stage::Learning(readings) => {
+                State::Learning { readings: readings.len(), needed: self.config.learn_readings }
+            }
+            Stage::Watching(monitor) => monitor.watch(t_s).into(),
+        }
+    }
+
+    /// The first frame sets the clock: what is not seen from then on is unseen.
+    fn start(&mut self, t_s: f64) {
+        if let Stage::Starting(reference) = &self.stage
+            && let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s)
+        {
+            self.stage = Stage::Watching(Box::new(monitor));
+        }
+    }
+
+    fn observe(
+        &mut self,
+        frame: &Frame,
+        sight: &Sight<'_>,
+        observation: &mut Observation,
+    ) -> Result<(), String> {
+        let started = Instant::now();
+        let detections = self.detections(sight)?;
+        observation.times.detect_us = micros(started);
+        let started = Instant::now();
+        let (seen, _) = correspond(&detections, &self.target, &self.camera);
+        let points: Vec<Correspondence> = seen.into_iter().map(|(_, c)| c).collect();
+        observation.n_points = points.len();
+        let estimate = locate(&points, &self.camera, &Config::default()).map_err(|e| e.to_string())?;
+        observation.times.solve_us = micros(started);
+        let started = Instant::now();
+        observation.estimate = Some(estimate);
+        observation.tracked = self.tracker.push(frame.capture_s, &candidates(&estimate));
+        observation.reading = observation.tracked.as_ref().map(|tracked| reading(frame, &estimate, tracked));
+        observation.times.decide_us = micros(started);
+        Ok(())
+    }
+
+    fn detections<'a>(&mut self, sight: &Sight<'a>) -> Result<Cow<'a, [Detection]>, String> {
+        let found = match sight {
+            Sight::Detections(detections) => Cow::Borrowed(*detections),
+            Sight::Image(image, camera) => {
+                Cow::Owned(self.detector.detect_with_camera(image, camera).map_err(|e| e.to_string())?)
+            }
+        };
+        if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
+    }
+
+    /// The reference where this reading completed it.
+    fn decide(&mut self, reading: &Reading) -> Option<Box<Reference>> {
+        let readings = match &mut self.stage {
+            Stage::Starting(_) => return None,
+            Stage::Watching(monitor) => {
+                monitor.push(reading);
+                return None;
+            }
+            Stage::Learning(readings) => readings,
+        };
+        readings.push(*reading);
+        if readings.len() < self.config.learn_readings.max(LEAST_READINGS) {
+            return None;
+        }
+        let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
+            let monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            Some((reference, monitor))
+        });
+        let Some((reference, monitor)) = reference else {
+            // They do not agree (yet): the older half is forgotten, and learning goes on.
+            readings.drain(..readings.len() / 2);
+            return None;
+        };
+        self.stage = Stage::Watching(Box::new(monitor));
+        Some(Box::new(reference))
+    }
+}
+
+/// All minima of a frame: time chooses among them.
+fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
+    let first = Candidate {
+        cam_from_target: estimate.cam_from_target,
+        covariance: estimate.covariance,
+        weight: estimate.weight,
+    };
+    let others = estimate.others.iter().flatten().map(|other| Candidate {
+        cam_from_target: other.minimum.cam_from_target,
+        covariance: other.minimum.covariance,
+        weight: other.weight,
+    });
+    std::iter::once(first).chain(others).collect()
+}
+
+/// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
+fn reading(frame: &Frame, estimate: &PoseEstimate, tracked: &Tracked) -> Reading {
+    let all = candidates(estimate);
+    let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
+    Reading {
+        t_s: frame.capture_s,
+        a_from_b: chosen.cam_from_target,
+        covariance: chosen.covariance,
+        is_consistent: matches!(estimate.consistency, Consistency::Consistent),
+    }
+}
+
+impl From<Watch> for State {
+    fn from(watch: Watch) -> Self {
+        match watch {
+            Watch::Steady => State::Steady,
+            Watch::Unseen { for_s } => State::Unseen { for_s },
+            Watch::Settling => State::Settling,
+            Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
+            Watch::Inconsistent => State::Inconsistent,
+        }
+    }
+}
