@@ -80,6 +80,8 @@ pub struct Observation {
     pub capture_s: f64,
     /// Its name.
     pub name: String,
+    /// Whether the frame could be read; a torn picture, a bad line and a frozen stream could not.
+    pub is_readable: bool,
     /// Points found.
     pub n_points: usize,
     /// The pose of this frame alone.

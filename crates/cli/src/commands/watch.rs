@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use log::Log;
 use names::{Names, by_name, split};
-use outputs::OutputArgs;
+use outputs::{OutputArgs, Session};
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::core::track::TrackConfig;
 use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
@@ -64,7 +64,13 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let cameras = cameras(args, &names)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
     let log = Log;
-    let mut outputs = outputs::open(&args.outputs, &names, &log)?;
+    let session = Session {
+        names: &names,
+        references: cameras.iter().flat_map(|camera| &camera.targets).map(|t| t.reference).collect(),
+        false_alarms_per_day: args.alarm.false_alarms_per_day,
+        log: &log,
+    };
+    let mut outputs = outputs::open(&args.outputs, &session)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
     let stop = Arc::new(AtomicBool::new(false));

@@ -48,7 +48,8 @@ impl Look {
                 (Content::Detections(detections), Ok(_)) => Ok(Sight::Detections(detections)),
                 (Content::Unreadable(reason), Ok(_)) => Err(reason.clone()),
             };
-            pair.take(frame, sight, blank(frame, waited_us))
+            let blank = blank(frame, waited_us, sight.is_ok());
+            pair.take(frame, sight, blank)
         };
         self.pairs.iter_mut().map(look).collect()
     }
@@ -78,11 +79,12 @@ impl Look {
 }
 
 /// Nothing seen yet.
-fn blank(frame: &Frame, waited_us: f64) -> Observation {
+fn blank(frame: &Frame, waited_us: f64, is_readable: bool) -> Observation {
     Observation {
         number: frame.number,
         capture_s: frame.capture_s,
         name: frame.name.clone(),
+        is_readable,
         n_points: 0,
         estimate: None,
         reason: None,

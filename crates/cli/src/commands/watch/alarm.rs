@@ -10,7 +10,7 @@ use resight::core::monitor::learn::LearnConfig;
 pub struct AlarmArgs {
     /// False alarms a day, on average at most, for all cameras together.
     #[arg(long, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
-    false_alarms_per_day: f64,
+    pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is unseen.
     #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::positive)]
     unseen_after_s: f64,

@@ -1,13 +1,26 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
 pub mod said;
+mod outbox;
+mod retry;
+mod courier;
+mod secret;
+mod trust;
+mod notice;
+mod metrics;
+mod webhook;
+mod mqtt;
 
 use super::log::Log;
 use super::names::Names;
 use anyhow::Result;
 use clap::Args;
+use outbox::Counted;
+use resight::core::monitor::Reference;
 use resight::live::Event;
 use said::Said;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Takes every event, in order, and never waits for anybody else: an output that talks to a server has a thread and a bounded
 /// queue of its own, and says in the log what went wrong. An error ends the session.
@@ -30,9 +43,53 @@ pub struct OutputArgs {
     /// Also says what every frame showed.
     #[arg(long)]
     frames: bool,
+    #[command(flatten)]
+    metrics: metrics::MetricsArgs,
+    #[command(flatten)]
+    webhook: webhook::WebhookArgs,
+    #[command(flatten)]
+    mqtt: mqtt::MqttArgs,
+    /// Certificates (PEM) to believe for https and mqtts [default: those of this machine].
+    #[arg(long, value_name = "FILE")]
+    ca_file: Option<PathBuf>,
+    /// At the end of a session, how long --webhook and --mqtt each may take for what still waits.
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::positive)]
+    flush_s: f64,
+}
+
+/// What is known of a session before it starts.
+pub struct Session<'a> {
+    /// Names of cameras and targets.
+    pub names: &'a Names,
+    /// What each pair is compared with, where that is known already.
+    pub references: Vec<Option<Reference>>,
+    /// False alarms a day that are allowed.
+    pub false_alarms_per_day: f64,
+    /// What the session itself has to say.
+    pub log: &'a Log,
+}
+
+/// What outputs that talk to servers have in common.
+struct Common<'a> {
+    names: &'a Names,
+    log: &'a Log,
+    ca: Option<Vec<u8>>,
+    flush_s: f64,
+    /// What counts its deliveries, by name.
+    counted: Vec<(&'static str, Arc<dyn Counted>)>,
 }
 
 /// Opens what was asked for.
-pub fn open(args: &OutputArgs, names: &Names, _log: &Log) -> Result<Vec<Box<dyn Output>>> {
-    Ok(vec![Box::new(Said::new(names, args.json, args.frames))])
+///
+/// # Errors
+/// An address, a file or a port that cannot be used.
+pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Output>>> {
+    let Session { names, log, .. } = session;
+    let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
+    let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    outputs.extend(webhook::open(&args.webhook, &mut common)?);
+    outputs.extend(mqtt::open(&args.mqtt, &mut common)?);
+    outputs.extend(metrics::open(&args.metrics, session, common.counted)?); // last: it counts what the others deliver
+    Ok(outputs)
 }

@@ -107,8 +107,9 @@ impl Pair {
         observation: &mut Observation,
     ) -> Result<(), String> {
         let started = Instant::now();
-        let detections = self.detections(sight)?;
+        let detections = self.detections(sight);
         observation.times.detect_us = micros(started);
+        let detections = detections?;
         let started = Instant::now();
         let (seen, _) = correspond(&detections, &self.target, &self.camera);
         let points: Vec<Correspondence> = seen.into_iter().map(|(_, c)| c).collect();

@@ -58,7 +58,8 @@ impl Said {
         Said { names: names.clone(), json, frames }
     }
 
-    fn words(&self, event: &Event) -> String {
+    /// An event in words.
+    pub fn words(&self, event: &Event) -> String {
         match event {
             Event::Observed { camera, target, observation } => {
                 format!("{}  {}", self.names.pair(*camera, *target), observed_words(observation))
@@ -96,7 +97,8 @@ impl Said {
         }
     }
 
-    fn object(&self, event: &Event) -> Value {
+    /// An event as JSON.
+    pub fn object(&self, event: &Event) -> Value {
         match event {
             Event::Observed { camera, target, observation } => {
                 let mut object = observed_object(observation);
@@ -131,7 +133,7 @@ impl Said {
 }
 
 /// The contract's word.
-fn word(state: &State) -> &'static str {
+pub fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
         State::Steady => "steady",

@@ -1,0 +1,69 @@
+//! A thread that tells one receiver what waits in an outbox.
+
+use super::Common;
+use super::outbox::{Counted, Outbox, Weight};
+use super::retry::Standing;
+use anyhow::{Context, Result};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+use tokio::runtime::{Builder, Runtime};
+
+/// The session's side of it.
+pub struct Courier<T> {
+    outbox: Arc<Outbox<T>>,
+    standing: Standing,
+    /// Ends with the thread.
+    done: Receiver<()>,
+    flush_s: f64,
+    capacity: usize,
+}
+
+impl<T: Send + 'static> Courier<T> {
+    /// Starts `work` on a thread of its own. `part` speaks in the log and counts in the metrics.
+    ///
+    /// # Errors
+    /// No thread to be had.
+    pub fn start(
+        part: &'static str,
+        receiver: &str,
+        capacity: usize,
+        common: &mut Common<'_>,
+        work: impl FnOnce(Arc<Outbox<T>>, Standing, Runtime) + Send + 'static,
+    ) -> Result<Self> {
+        let outbox = Arc::new(Outbox::new(capacity));
+        let runtime = Builder::new_current_thread().enable_all().build()?;
+        let (alive, done) = channel::<()>();
+        let (shared, standing) = (Arc::clone(&outbox), Standing::new(common.log, part, receiver));
+        let run = move || {
+            work(shared, standing, runtime);
+            drop(alive); // Whoever waits for the end sees it.
+        };
+        std::thread::Builder::new().name(part.to_string()).spawn(run).context("a thread for it")?;
+        common.counted.push((part, Arc::clone(&outbox) as Arc<dyn Counted>));
+        let standing = Standing::new(common.log, part, receiver);
+        Ok(Courier { outbox, standing, done, flush_s: common.flush_s, capacity })
+    }
+
+    /// Never waits.
+    pub fn tell(&self, weight: Weight, item: T) {
+        if self.outbox.push(weight, item) {
+            let capacity = self.capacity;
+            self.standing
+                .say(&format!("{capacity} wait, no more are kept; from now on the least and oldest go"));
+        }
+    }
+
+    /// The session is over: what waits may take so long and no longer.
+    pub fn finish(&self) {
+        self.outbox.close();
+        // Whether it ended or not, what is left is counted.
+        let _ = self.done.recv_timeout(Duration::from_secs_f64(self.flush_s));
+        let counts = self.outbox.counts();
+        let lost = counts.waiting() + counts.dropped;
+        if lost != 0 {
+            let (flush_s, taken) = (self.flush_s, counts.taken);
+            self.standing.say(&format!("{lost} of {taken} never arrived; --flush-s {flush_s} is over"));
+        }
+    }
+}

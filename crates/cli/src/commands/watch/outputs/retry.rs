@@ -1,0 +1,179 @@
+//! When to try again, and what the log hears of it: each change once, not each try.
+
+use super::super::log::Log;
+use super::outbox::Outbox;
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
+use std::time::{Duration, Instant};
+
+/// First pause, seconds.
+const FIRST_S: f64 = 0.5;
+/// Longest pause of our own choice, seconds.
+const LONGEST_S: f64 = 60.0;
+/// Longest pause that a receiver may ask for, seconds.
+const LONGEST_ASKED_S: f64 = 3600.0;
+
+/// Pauses that double after each failure. Each is shortened by chance, to as little as half: a hundred sessions that lost the same
+/// receiver do not all come back in the same moment.
+pub struct Backoff {
+    next_s: f64,
+    chance: u64,
+}
+
+impl Backoff {
+    pub fn new() -> Self {
+        Backoff { next_s: FIRST_S, chance: random() | 1 }
+    }
+
+    /// The next pause; at least what the receiver asked for.
+    pub fn pause(&mut self, asked: Option<Duration>) -> Duration {
+        // Marsaglia's xorshift, 2003: good enough to spread pauses.
+        self.chance ^= self.chance << 13;
+        self.chance ^= self.chance >> 7;
+        self.chance ^= self.chance << 17;
+        let share = (self.chance >> 11) as f64 / (1_u64 << 53) as f64;
+        let own_s = self.next_s * (0.5 + 0.5 * share);
+        self.next_s = (2.0 * self.next_s).min(LONGEST_S);
+        let asked_s = asked.map_or(0.0, |asked| asked.as_secs_f64().min(LONGEST_ASKED_S));
+        Duration::from_secs_f64(own_s.max(asked_s))
+    }
+
+    /// Pauses. Where the session ends meanwhile, little time is left: the pause is cut short, and later ones begin small again.
+    pub async fn rest<T>(&mut self, outbox: &Outbox<T>, asked: Option<Duration>) {
+        let was_closed = outbox.is_closed();
+        outbox.rest(self.pause(asked)).await;
+        if outbox.is_closed() && !was_closed {
+            self.reset();
+        }
+    }
+
+    /// After a success.
+    pub fn reset(&mut self) {
+        self.next_s = FIRST_S;
+    }
+}
+
+/// A number nobody can guess: the standard library draws its hash keys from the operating system.
+pub fn random() -> u64 {
+    let mut hasher = RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    hasher.finish()
+}
+
+/// How it stands with one receiver.
+pub struct Standing {
+    log: Log,
+    part: &'static str,
+    receiver: String,
+    trouble: Option<Trouble>,
+    /// As last told; none once something else was taken.
+    refusal: Option<String>,
+    was_reached: bool,
+}
+
+struct Trouble {
+    reason: String,
+    since: Instant,
+    tries: u32,
+}
+
+impl Standing {
+    /// `receiver` is told to everybody who reads the log: no secrets in it.
+    pub fn new(log: &Log, part: &'static str, receiver: &str) -> Self {
+        Standing {
+            log: log.clone(),
+            part,
+            receiver: receiver.to_string(),
+            trouble: None,
+            refusal: None,
+            was_reached: false,
+        }
+    }
+
+    /// A try failed; it will be tried again.
+    pub fn failed(&mut self, reason: &str) {
+        match &mut self.trouble {
+            Some(trouble) => {
+                trouble.tries += 1;
+                if trouble.reason != reason {
+                    trouble.reason = reason.to_string();
+                    self.say(&format!("now {reason}; still trying"));
+                }
+            }
+            None => {
+                self.trouble = Some(Trouble { reason: reason.to_string(), since: Instant::now(), tries: 1 });
+                self.say(&format!("{reason}; trying again, what is to be told waits"));
+            }
+        }
+    }
+
+    /// Something was taken; `dropped` were pushed out meanwhile.
+    pub fn delivered(&mut self, dropped: u64) {
+        self.refusal = None;
+        self.answered(dropped);
+    }
+
+    fn answered(&mut self, dropped: u64) {
+        let lost = if dropped == 0 { String::new() } else { format!("; {dropped} were dropped meanwhile") };
+        match self.trouble.take() {
+            Some(trouble) => {
+                let (since_s, tries) = (trouble.since.elapsed().as_secs_f64(), trouble.tries);
+                self.say(&format!("answers again after {since_s:.1} s and {tries} failed tries{lost}"));
+            }
+            None if dropped != 0 => self.say(&format!("is too slow: {dropped} were dropped")),
+            None => {}
+        }
+    }
+
+    /// A receiver answers that it does not want what it was told: said when its words change.
+    pub fn refused(&mut self, dropped: u64, reason: &str) {
+        self.answered(dropped);
+        if self.refusal.as_deref() != Some(reason) {
+            self.say(reason);
+            self.refusal = Some(reason.to_string());
+        }
+    }
+
+    /// A connection stands: said the first time, and after each failure.
+    pub fn reached(&mut self) {
+        if self.trouble.is_none() && !self.was_reached {
+            self.say("connected");
+        }
+        self.was_reached = true;
+        self.answered(0);
+    }
+
+    /// One line of the log.
+    pub fn say(&self, text: &str) {
+        self.log.say(self.part, &format!("{}: {text}", self.receiver));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_double_within_their_bounds() {
+        let mut backoff = Backoff::new();
+        for i in 0..12 {
+            let whole_s = (FIRST_S * 2_f64.powi(i)).min(LONGEST_S);
+            let pause_s = backoff.pause(None).as_secs_f64();
+            assert!((0.5 * whole_s..=whole_s).contains(&pause_s), "{i}: {pause_s} s of {whole_s} s");
+        }
+        backoff.reset();
+        assert!(backoff.pause(None).as_secs_f64() <= FIRST_S);
+    }
+
+    #[test]
+    fn a_receiver_may_ask_for_more_but_not_for_ever() {
+        let asked = |s| Backoff::new().pause(Some(Duration::from_secs(s))).as_secs();
+        assert_eq!((asked(7), asked(1_000_000)), (7, LONGEST_ASKED_S as u64));
+    }
+
+    #[test]
+    fn pauses_of_two_sessions_differ() {
+        let pauses = |mut backoff: Backoff| (0..4).map(|_| backoff.pause(None)).collect::<Vec<_>>();
+        assert_ne!(pauses(Backoff::new()), pauses(Backoff::new()));
+    }
+}

@@ -1,0 +1,54 @@
+//! Whose certificates are believed: those of this machine, or those of `--ca-file`. Verification cannot be turned off.
+
+use anyhow::{Context, Result, bail};
+use rumqttc::Transport;
+use std::path::Path;
+use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
+
+/// Reads `--ca-file`.
+///
+/// # Errors
+/// No such file, or no certificate in it.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    let shown = path.display();
+    let pem = std::fs::read(path).with_context(|| format!("--ca-file {shown}"))?;
+    if certificates(&pem).is_empty() {
+        bail!(
+            "--ca-file {shown}: there is no certificate in it; PEM is needed (-----BEGIN CERTIFICATE-----)"
+        );
+    }
+    Ok(pem)
+}
+
+fn certificates(pem: &[u8]) -> Vec<Certificate<'static>> {
+    let certificate = |item| match item {
+        Ok(PemItem::Certificate(certificate)) => Some(certificate),
+        _ => None,
+    };
+    parse_pem(pem).filter_map(certificate).collect()
+}
+
+/// For the webhook. A machine without certificates of its own believes the public authorities.
+pub fn of_webhook(ca: Option<&[u8]>) -> TlsConfig {
+    let known = match ca {
+        Some(pem) => certificates(pem),
+        None => {
+            let found = rustls_native_certs::load_native_certs().certs;
+            found.iter().map(|der| Certificate::from_der(der).to_owned()).collect()
+        }
+    };
+    let roots = if known.is_empty() { RootCerts::WebPki } else { RootCerts::new_with_certs(&known) };
+    TlsConfig::builder().root_certs(roots).build()
+}
+
+/// For `mqtts`.
+///
+/// # Errors
+/// The machine's certificates cannot be read.
+pub fn of_mqtt(ca: Option<&[u8]>) -> Result<Transport> {
+    match ca {
+        Some(pem) => Ok(Transport::tls(pem.to_vec(), None, None)),
+        None => Transport::try_tls_with_default_config()
+            .context("the certificates of this machine; give --ca-file"),
+    }
+}

@@ -1,0 +1,416 @@
+//! `watch --metrics`, `--webhook`, `--mqtt`: who is told what, and that whoever is slow or away delays nothing.
+
+mod receivers;
+mod support;
+
+use receivers::broker::{Broker, Deed};
+use receivers::web::{Asked, Web, get};
+use receivers::{Ended, Session, lines, times, wait_for};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::net::{TcpListener, TcpStream};
+use std::time::Duration;
+use support::{demo, folder};
+
+/// Past the end of every feed.
+const NEVER: usize = usize::MAX;
+
+/// A port where nobody listens: the system gives it to nobody else so soon.
+fn deserted() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    listener.local_addr().expect("an address").to_string()
+}
+
+fn run(arguments: &[&str], input: &str) -> Ended {
+    let mut session = Session::start(arguments);
+    session.feed(input);
+    session.end()
+}
+
+/// Two minutes, a frame a second: learning, steady, settling, drifted.
+fn knocked() -> String {
+    lines(None, 0..120, 90)
+}
+
+/// Body and JSON line are the same but for what a notice adds.
+fn assert_same(asked: &[Asked], ended: &Ended) {
+    let notices = ended.notices();
+    assert_eq!(asked.len(), notices.len(), "{}", ended.log);
+    for (asked, line) in asked.iter().zip(notices) {
+        let body = asked.json();
+        let line = line.as_object().expect("an object");
+        assert!(line.iter().all(|(key, value)| body[key] == *value), "{body} is not {line:?}");
+        assert!(["host", "text"].iter().all(|key| body[key].as_str().is_some_and(|text| !text.is_empty())));
+        assert_eq!(body["id"].as_str(), asked.header("Idempotency-Key"));
+    }
+}
+
+#[test]
+fn a_webhook_gets_each_change_once_acknowledged_in_order() {
+    let web = Web::start(|n| Some(if n < 2 { "503 Service Unavailable" } else { "200 OK" }));
+    let url = format!("http://{}/hook/secret-path", web.place);
+    let ended =
+        run(&["--webhook", &url, "--webhook-header", "Authorization: Bearer secret-token"], &knocked());
+    assert_eq!(ended.code, 3, "{}", ended.log);
+    let asked = web.asked();
+    // The first one three times with the same key, then each once.
+    let keys: Vec<_> = asked.iter().map(|asked| asked.header("Idempotency-Key")).collect();
+    assert!(keys[0].is_some() && keys[0] == keys[1] && keys[1] == keys[2], "{keys:?}");
+    assert_same(&asked[2..], &ended);
+    let states: Vec<Value> = asked[2..].iter().map(|asked| asked.json()["state"].clone()).collect();
+    assert_eq!(states[..2], ["learning", "steady"]);
+    assert_eq!(states.last().and_then(Value::as_str), Some("drifted"));
+    for asked in &asked {
+        assert!(asked.head.starts_with("POST /hook/secret-path HTTP/1.1"));
+        assert_eq!(asked.header("Authorization"), Some("Bearer secret-token"));
+        assert_eq!(asked.header("Content-Type"), Some("application/json"));
+    }
+    let said = |text| times(&ended.log, text);
+    assert_eq!((said("answers 503"), said("answers again"), said("secret")), (1, 1, 0), "{}", ended.log);
+}
+
+#[test]
+fn a_webhook_that_is_not_there_yet_is_waited_for() {
+    let place = deserted();
+    let url = format!("http://{place}/");
+    let mut session = Session::start(&["--webhook", &url, "--flush-s", "30"]);
+    session.feed(&knocked());
+    session.told("cannot be reached");
+    let web = Web::at(TcpListener::bind(&place).expect("the port"), |_| Some("204 No Content"));
+    let ended = session.end();
+    assert_same(&web.asked(), &ended);
+    assert_eq!(
+        (times(&ended.log, "cannot be reached"), times(&ended.log, "answers again")),
+        (1, 1),
+        "{}",
+        ended.log
+    );
+}
+
+#[test]
+fn a_webhook_that_refuses_is_not_asked_again() {
+    let web =
+        Web::start(|n| Some(if n == 1 { "302 Found\r\nLocation: /elsewhere" } else { "404 Not Found" }));
+    let ended = run(&["--webhook", &format!("http://{}/", web.place)], &lines(None, 0..60, NEVER));
+    assert_eq!(ended.code, 0);
+    assert_same(&web.asked(), &ended);
+    assert_eq!(times(&ended.log, "answers 404 Not Found: not tried again"), 1, "{}", ended.log);
+    assert_eq!(times(&ended.log, "answers 302 Found (redirects are not followed"), 1, "{}", ended.log);
+}
+
+#[test]
+fn a_webhook_may_ask_for_patience() {
+    let web = Web::start(|n| Some(if n == 0 { "429 Too Many Requests\r\nRetry-After: 2" } else { "200 OK" }));
+    let mut session = Session::start(&["--webhook", &format!("http://{}/", web.place)]);
+    session.feed(&lines(None, 0..1, NEVER));
+    let asked = wait_for("a second request", || Some(web.asked()).filter(|asked| 2 <= asked.len()));
+    assert!(Duration::from_secs(2) <= asked[1].at - asked[0].at);
+    session.end();
+}
+
+/// All frames, in order, none dropped, whoever is told.
+#[test]
+fn receivers_that_hang_or_are_dead_delay_nothing() {
+    let (web, dead) = (Web::start(|_| None), deserted());
+    let hung = TcpListener::bind("127.0.0.1:0").expect("a port"); // Takes connections and says nothing.
+    let brokers = [format!("mqtt://{dead}"), format!("mqtt://{}", hung.local_addr().expect("an address"))];
+    for broker in brokers {
+        let url = format!("http://{}/", web.place);
+        let arguments =
+            ["--webhook", &url, "--mqtt", &broker, "--mqtt-frames", "--frames", "--flush-s", "0.5"];
+        let ended = run(&arguments, &lines(None, 0..1500, 1200));
+        assert_eq!(ended.code, 3, "{}", ended.log);
+        let frames: Vec<&Value> = ended.events.iter().filter(|event| event["event"] == "frame").collect();
+        let times_s: Vec<f64> = frames.iter().map(|frame| frame["t_s"].as_f64().expect("a time")).collect();
+        assert_eq!(times_s, (0..1500).map(f64::from).collect::<Vec<_>>());
+        assert!(ended.events.iter().all(|event| event["event"] != "dropped"));
+        let told = ended.notices().len();
+        for part in ["webhook", "mqtt"] {
+            let wanted = format!("{told} of {told} never arrived");
+            let of_part = ended.log.lines().filter(|line| line.contains(&format!(" {part}: ")));
+            assert_eq!(of_part.filter(|line| line.contains(&wanted)).count(), 1, "{part}\n{}", ended.log);
+        }
+        assert!(ended.log.lines().count() <= 4, "a line for each try?\n{}", ended.log);
+    }
+}
+
+#[test]
+fn addresses_that_cannot_be_are_refused_before_the_session() {
+    let private = folder("outputs-refused").join("token");
+    std::fs::write(&private, "short\n").expect("written");
+    let file = private.to_str().expect("a path");
+    let cases: [(&[&str], &str); 7] = [
+        (&["--webhook", "ftp://host/secret"], "http:// or https://"),
+        (&["--webhook", "http://h/", "--webhook-header", "secret"], "a colon is missing"),
+        (&["--mqtt", "http://host"], "mqtt:// or mqtts://"),
+        (&["--mqtt", "mqtt://host", "--ca-file", "/nowhere"], "--ca-file /nowhere"),
+        (&["--metrics", "0.0.0.0:0"], "give --metrics-token-file"),
+        (&["--metrics", "nonsense"], "--metrics nonsense"),
+        (&["--metrics", "127.0.0.1:0", "--metrics-token-file", file], "--metrics-token-file"),
+    ];
+    for (arguments, reason) in cases {
+        let ended = run(arguments, "");
+        assert_eq!(ended.code, 2, "{arguments:?}");
+        assert!(ended.log.contains(reason) && !ended.log.contains("secret"), "{arguments:?}: {}", ended.log);
+    }
+}
+
+#[test]
+fn a_broker_keeps_the_last_state_and_knows_who_is_there() {
+    let broker = Broker::start(|_| Deed::Acknowledge);
+    let ended = run(&["--mqtt", &format!("mqtt://gate:p%40ss@{}/site", broker.place)], &knocked());
+    broker.see(|seen| {
+        assert_eq!((seen.connections, seen.farewells), (1, 1), "{}", ended.log);
+        assert_eq!(seen.users, [(Some("gate".to_string()), Some("p@ss".to_string()))]);
+        assert_eq!(
+            (seen.wills[0].topic.as_str(), seen.wills[0].payload.as_str()),
+            ("site/availability", "offline")
+        );
+        assert!(seen.wills[0].is_retained && seen.wills[0].qos == 1);
+        assert_eq!(seen.retained["site/availability"], "offline");
+        assert_eq!(
+            (seen.came[0].topic.as_str(), seen.came[0].payload.as_str()),
+            ("site/availability", "online")
+        );
+        let states: Vec<Value> = seen
+            .came
+            .iter()
+            .filter(|came| came.topic == "site/cam0/target0/state")
+            .map(|came| {
+                assert!(came.is_retained && came.qos == 1);
+                serde_json::from_str(&came.payload).expect("JSON")
+            })
+            .collect();
+        let told: Vec<&Value> = states.iter().map(|state| &state["state"]).collect();
+        let lines: Vec<&Value> = ended.notices().iter().map(|line| &line["state"]).collect();
+        assert_eq!(told, lines);
+        assert_eq!(seen.came.last().map(|came| came.payload.as_str()), Some("offline"));
+    });
+    assert_eq!(times(&ended.log, "connected"), 1, "{}", ended.log);
+    assert_eq!(times(&ended.log, "p@ss") + times(&ended.log, "p%40ss"), 0);
+}
+
+/// The third message's acknowledgement is lost: it comes again, and what is kept is told again to a broker that may have forgotten it.
+#[test]
+fn a_broken_connection_loses_no_state() {
+    let broker = Broker::start(|n| if n == 2 { Deed::BreakOff } else { Deed::Acknowledge });
+    let ended = run(&["--mqtt", &format!("mqtt://{}", broker.place), "--flush-s", "30"], &knocked());
+    broker.see(|seen| {
+        assert_eq!((seen.connections, seen.farewells), (2, 1), "{}", ended.log);
+        let last = ended.notices().last().expect("a change")["state"].clone();
+        let kept: Value = serde_json::from_str(&seen.retained["resight/cam0/target0/state"]).expect("JSON");
+        assert_eq!(kept["state"], last);
+        let mut told: Vec<String> = seen
+            .came
+            .iter()
+            .filter(|came| came.topic.ends_with("/state"))
+            .map(|came| serde_json::from_str::<Value>(&came.payload).expect("JSON")["id"].to_string())
+            .collect();
+        told.sort();
+        told.dedup();
+        assert_eq!(told.len(), ended.notices().len(), "each arrived at least once");
+    });
+    assert_eq!(times(&ended.log, "answers again"), 1, "{}", ended.log);
+}
+
+/// Whoever is killed says no farewell: the broker does.
+#[test]
+fn a_killed_session_is_offline() {
+    let broker = Broker::start(|_| Deed::Acknowledge);
+    let mut session = Session::start(&["--mqtt", &format!("mqtt://{}", broker.place)]);
+    session.feed(&lines(None, 0..60, NEVER));
+    let availability = || broker.see(|seen| seen.retained.get("resight/availability").cloned());
+    wait_for("steady", || {
+        let state = broker.see(|seen| seen.retained.get("resight/cam0/target0/state").cloned());
+        state.filter(|state| state.contains("\"steady\""))
+    });
+    assert_eq!(availability().as_deref(), Some("online"));
+    session.kill();
+    wait_for("the last will", || availability().filter(|word| word == "offline"));
+}
+
+#[test]
+fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
+    let broker = Broker::start(|_| Deed::Acknowledge);
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    let cameras = [format!("gate={camera}"), format!("yard={camera}")];
+    let targets = [format!("a={target}"), format!("b={target}")];
+    let url = format!("mqtt://{}", broker.place);
+    let mut session = Session::of(&[
+        "--camera",
+        &cameras[0],
+        "--camera",
+        &cameras[1],
+        "--target",
+        &targets[0],
+        "--target",
+        &targets[1],
+        "--mqtt",
+        &url,
+        "--mqtt-frames",
+        "--mqtt-discovery",
+        "--metrics",
+        "127.0.0.1:0",
+    ]);
+    let place = metrics_place(&session);
+    broker_is_there(&session);
+    session.feed(&lines(Some("gate"), 0..60, NEVER));
+    session.feed(&lines(Some("yard"), 0..60, 30));
+    let page = wait_for("all frames counted", || {
+        let page = page(&place, "");
+        let counted = |camera: &str| {
+            page.get(&format!("resight_frames_total{{camera=\"{camera}\",target=\"b\"}}")) == Some(&60.0)
+        };
+        (counted("gate") && counted("yard")).then_some(page)
+    });
+    assert_eq!(page["resight_state{camera=\"gate\",target=\"a\",state=\"steady\"}"], 1.0);
+    let ended = session.end();
+    broker.see(|seen| {
+        for topic in ["gate/a", "gate/b", "yard/a", "yard/b"] {
+            assert!(seen.retained.contains_key(&format!("resight/{topic}/state")), "{topic}\n{}", ended.log);
+            let frames = seen.came.iter().filter(|came| came.topic == format!("resight/{topic}/frame"));
+            let frames: Vec<_> = frames.map(|came| (came.qos, came.is_retained)).collect();
+            assert_eq!(frames, vec![(0, false); 60]);
+        }
+        let announced =
+            seen.retained.keys().filter(|topic| topic.starts_with("homeassistant/sensor/")).count();
+        assert_eq!(announced, 4);
+    });
+}
+
+fn broker_is_there(session: &Session) {
+    session.told("connected");
+}
+
+/// Where the metrics are, as the log says.
+fn metrics_place(session: &Session) -> String {
+    session.told("metrics: http://").trim_end_matches("/metrics").to_string()
+}
+
+/// Samples by name and labels.
+fn page(place: &str, head: &str) -> BTreeMap<String, f64> {
+    let (status, page) =
+        get(place, &format!("GET /metrics HTTP/1.1\r\nHost: {place}{head}")).expect("an answer");
+    assert_eq!(status, 200);
+    let samples = page.lines().filter(|line| !line.starts_with('#'));
+    samples
+        .map(|line| {
+            let (name, value) = line.rsplit_once(' ').expect("a sample");
+            (name.to_string(), value.parse().expect("a number"))
+        })
+        .collect()
+}
+
+#[test]
+fn metrics_say_what_happened() {
+    let web = Web::start(|_| Some("200 OK"));
+    let url = format!("http://{}/", web.place);
+    let mut session =
+        Session::start(&["--metrics", "127.0.0.1:0", "--webhook", &url, "--false-alarms-per-day", "0.25"]);
+    let place = metrics_place(&session);
+    let health = || get(&place, &format!("GET /healthz HTTP/1.1\r\nHost: {place}")).expect("an answer");
+    assert_eq!(health(), (503, "degraded\n".to_string()), "nothing has been seen yet");
+    let of = |name: &str| format!("{name}{{camera=\"cam0\",target=\"target0\"}}");
+    let state =
+        |state: &str| format!("resight_state{{camera=\"cam0\",target=\"target0\",state=\"{state}\"}}");
+    session.feed(&format!("{}no JSON\n", lines(None, 0..80, NEVER)));
+    let steady = wait_for("81 frames", || {
+        Some(page(&place, "")).filter(|page| page[&of("resight_frames_total")] == 81.0)
+    });
+    assert_eq!(
+        (steady[&state("steady")], steady[&state("unseen")], steady[&state("drifted")]),
+        (1.0, 0.0, 0.0)
+    );
+    assert_eq!(
+        (steady[&of("resight_frames_with_pose_total")], steady[&of("resight_frames_unreadable_total")]),
+        (80.0, 1.0)
+    );
+    assert_eq!(
+        steady["resight_frame_trouble{camera=\"cam0\",target=\"target0\",reason=\"unreadable\"}"],
+        1.0
+    );
+    assert_eq!(
+        (steady["resight_source_up{camera=\"cam0\"}"], steady["resight_allowed_false_alarms_per_day"]),
+        (1.0, 0.25)
+    );
+    assert_eq!(health(), (200, "ok\n".to_string()));
+    session.feed(&lines(None, 81..120, 0));
+    let moved = wait_for("all frames", || {
+        Some(page(&place, "")).filter(|page| page[&of("resight_frames_total")] == 120.0)
+    });
+    assert_eq!(
+        (moved[&state("drifted")], moved[&state("steady")], moved[&of("resight_alarms_total")]),
+        (1.0, 0.0, 1.0)
+    );
+    let turn_rad = moved[&of("resight_deviation_rotation_radians")];
+    let sigma_rad = moved[&of("resight_deviation_rotation_sigma_radians")];
+    assert!(
+        (turn_rad - f64::to_radians(1.0)).abs() < 4.0 * sigma_rad && sigma_rad < 0.01,
+        "{turn_rad} ± {sigma_rad}"
+    );
+    let stage = "{camera=\"cam0\",target=\"target0\",stage=\"solve\"";
+    assert_eq!(moved[&format!("resight_stage_seconds_count{stage}}}")], 119.0);
+    assert_eq!(moved[&format!("resight_stage_seconds_bucket{stage},le=\"+Inf\"}}")], 119.0);
+    assert!(0.0 < moved[&format!("resight_stage_seconds_sum{stage}}}")]);
+    assert_eq!(health().0, 503);
+    let delivered = "resight_notices_total{output=\"webhook\",outcome=\"delivered\"}";
+    wait_for("deliveries counted", || {
+        (page(&place, "")[delivered] == web.asked().len() as f64).then_some(())
+    });
+    assert_eq!(session.end().code, 3);
+}
+
+#[test]
+fn metrics_are_for_those_who_may_read_them() {
+    let file = folder("outputs-token").join("token");
+    std::fs::write(&file, "0123456789abcdef0123456789abcdef\n").expect("written");
+    private(&file);
+    let file = file.to_str().expect("a path");
+    let session = Session::start(&[
+        "--metrics",
+        "127.0.0.1:0",
+        "--metrics-token-file",
+        file,
+        "--metrics-host",
+        "watch.example",
+    ]);
+    let place = metrics_place(&session);
+    let status =
+        |path: &str, head: &str| get(&place, &format!("GET {path} HTTP/1.1{head}")).expect("an answer").0;
+    let own = format!("\r\nHost: {place}");
+    let right = "\r\nAuthorization: Bearer 0123456789abcdef0123456789abcdef";
+    assert_eq!(status("/metrics", &format!("{own}{right}")), 200);
+    assert_eq!(status("/metrics", &format!("\r\nHost: watch.example{right}")), 200);
+    assert_eq!(status("/metrics", &own), 401);
+    assert_eq!(status("/metrics", &format!("{own}{}", right.replace("f0", "f1"))), 401);
+    assert_eq!(status("/metrics", &format!("\r\nHost: evil.example{right}")), 403);
+    assert_eq!(status("/nowhere", "\r\nHost: evil.example"), 403, "the name comes before the path");
+    assert_eq!(status("/healthz", &own), 503, "no token, no details");
+    let (status, page) = get(&place, &format!("GET /etc/passwd HTTP/1.1{own}")).expect("an answer");
+    assert_eq!((status, page.as_str()), (404, "not found\n"));
+    assert_eq!(get(&place, &format!("POST /metrics HTTP/1.1{own}{right}")).expect("an answer").0, 405);
+    session.end();
+}
+
+#[cfg(unix)]
+fn private(file: &std::path::Path) {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600)).expect("private");
+}
+
+#[cfg(not(unix))]
+fn private(_file: &std::path::Path) {}
+
+/// More connections that say nothing than are served at once: frames go on at once, and askers are served when those have been cut off.
+#[test]
+fn idle_connections_delay_no_frame() {
+    let mut session = Session::start(&["--metrics", "127.0.0.1:0"]);
+    let place = metrics_place(&session);
+    let idle: Vec<TcpStream> = (0..300).map(|_| TcpStream::connect(&place).expect("a connection")).collect();
+    session.feed(&lines(None, 0..60, NEVER));
+    let counted = wait_for("an answer", || get(&place, &format!("GET /metrics HTTP/1.1\r\nHost: {place}")));
+    assert_eq!(counted.0, 200);
+    drop(idle);
+    let ended = session.end();
+    assert_eq!(ended.code, 0, "{}", ended.log);
+}
