@@ -60,10 +60,13 @@ impl<T: Send + 'static> Courier<T> {
         // Whether it ended or not, what is left is counted.
         let _ = self.done.recv_timeout(Duration::from_secs_f64(self.flush_s));
         let counts = self.outbox.counts();
-        let lost = counts.waiting() + counts.dropped;
-        if lost != 0 {
-            let (flush_s, taken) = (self.flush_s, counts.taken);
-            self.standing.say(&format!("{lost} of {taken} never arrived; --flush-s {flush_s} is over"));
+        let (taken, dropped, waiting) = (counts.taken, counts.dropped, counts.waiting());
+        if 0 < dropped + waiting {
+            let flush_s = self.flush_s;
+            self.standing.say(&format!(
+                "{} of {taken} never arrived: {dropped} dropped, {waiting} not taken within --flush-s {flush_s}",
+                dropped + waiting
+            ));
         }
     }
 }
