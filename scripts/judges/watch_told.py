@@ -8,6 +8,7 @@ and names that its own conventions want; a subscriber (`paho-mqtt`) must get, fr
 that the session was told to believe, and nothing where it was not. Needs prometheus-client, paho-mqtt, amqtt, trustme.
 """
 
+import atexit
 import http.server
 import json
 import math
@@ -93,10 +94,11 @@ class Session:
         self.process = subprocess.Popen(
             [*command, "--json", *more], stdin=pipe, stdout=pipe, stderr=pipe, text=True, env={"NO_PROXY": "*"}
         )
+        atexit.register(self.process.kill)
         self.events, self.log = [], []
         self.readers = [
-            threading.Thread(target=lambda: self.events.extend(map(json.loads, self.process.stdout))),
-            threading.Thread(target=lambda: self.log.extend(self.process.stderr)),
+            threading.Thread(target=lambda: self.events.extend(map(json.loads, self.process.stdout)), daemon=True),
+            threading.Thread(target=lambda: self.log.extend(self.process.stderr), daemon=True),
         ]
         for reader in self.readers:
             reader.start()
@@ -250,7 +252,7 @@ def judge_stranger(resight, folder):
     web = Web(trustme.CA().issue_cert("localhost"))
     session = Session(resight, folder, "--webhook", web.url, "--flush-s", "1")
     session.feed(lines(range(5), 0.0))
-    session.told("failed: ")
+    session.told("UnknownIssuer")
     session.end()
     assert web.bodies == [] and any("never arrived" in line for line in session.log), session.log
 

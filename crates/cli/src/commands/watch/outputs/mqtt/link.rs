@@ -202,6 +202,7 @@ async fn end(polling: &mut JoinHandle<Lost>) -> Lost {
 
 fn words(reason: &ConnectionError) -> String {
     match reason {
+        ConnectionError::Io(e) if e.get_ref().is_some() => format!("cannot be reached: {e}"), // TLS has its say
         ConnectionError::Io(e) => format!("cannot be reached: {}", e.kind()),
         ConnectionError::NetworkTimeout | ConnectionError::FlushTimeout => "gives no answer".to_string(),
         ConnectionError::ConnectionRefused(code) => format!("refuses the connection: {code:?}"),

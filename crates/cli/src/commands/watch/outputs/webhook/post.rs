@@ -95,6 +95,7 @@ fn meaning(status: StatusCode, asked: Option<Duration>) -> Answer {
 /// Without the address, which may hold a secret.
 fn words(reason: &Error) -> String {
     match reason {
+        Error::Io(e) if e.get_ref().is_some() => format!("cannot be reached: {e}"), // TLS has its say
         Error::Io(e) => format!("cannot be reached: {}", e.kind()),
         Error::Timeout(_) => format!("gave no answer within {} s", PATIENCE.as_secs()),
         Error::HostNotFound => "its name is not known".to_string(),
