@@ -64,6 +64,9 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
+    if args.motion.moves() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
+        bail!("--motion moving compares with no reference; leave --reference and --save-reference out");
+    }
     let names = Names::new(&args.camera, &args.target);
     let config = config(args, &names)?;
     let cameras = cameras(args, &names)?;

@@ -188,6 +188,8 @@ struct Pictures {
     to_taker: SyncSender<Decoded>,
     /// Columns and rows, once the header has come.
     size_px: Option<[u32; 2]>,
+    /// What ffmpeg will call the next frame.
+    next_number: u64,
     time_base_s: Option<f64>,
     /// Why the next frame is not to be trusted.
     complaint: Option<String>,
@@ -196,7 +198,7 @@ struct Pictures {
 impl Pictures {
     fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>) -> Self {
         let pipe = BufReader::with_capacity(1 << 20, stdout);
-        Pictures { pipe, to_taker, size_px: None, time_base_s: None, complaint: None }
+        Pictures { pipe, to_taker, size_px: None, next_number: 0, time_base_s: None, complaint: None }
     }
 
     /// A frame for each line about one, until ffmpeg falls silent or nobody takes them.
@@ -212,7 +214,7 @@ impl Pictures {
                     continue;
                 }
                 Told::NoFrame(words) => Decoded::Damaged(words),
-                Told::Frame { ticks, size_px } => match self.frame(ticks, size_px) {
+                Told::Frame { number, ticks, size_px } => match self.frame(number, ticks, size_px) {
                     Ok(decoded) => decoded,
                     Err(reason) => Decoded::End(reason),
                 },
@@ -227,18 +229,24 @@ impl Pictures {
     }
 
     /// The frame that was announced; an error, with or without a reason of its own, where the pipe ends instead.
-    fn frame(&mut self, ticks: Option<i64>, told_px: [u32; 2]) -> Result<Decoded, Option<String>> {
+    fn frame(
+        &mut self,
+        number: u64,
+        ticks: Option<i64>,
+        told_px: [u32; 2],
+    ) -> Result<Decoded, Option<String>> {
         let size_px = match self.size_px {
             Some(size_px) => size_px,
             None => self.header()?,
         };
         self.size_px = Some(size_px);
-        let mark = self.line()?;
-        if !mark.starts_with("FRAME") {
-            return Err(None);
+        // Lines of several threads may run into each other, so that one about a frame is not understood.
+        let missed = number.saturating_sub(self.next_number);
+        for _ in 0..missed {
+            self.pixels(size_px)?;
         }
-        let mut data = vec![0; size_px[0] as usize * size_px[1] as usize];
-        self.pipe.read_exact(&mut data).map_err(|_| None)?;
+        self.next_number = number.saturating_add(1);
+        let data = self.pixels(size_px)?;
         // ffmpeg scales every later frame to the size of the first.
         if told_px != size_px {
             return Ok(Decoded::Resized { from_px: size_px, to_px: told_px });
@@ -249,6 +257,15 @@ impl Pictures {
         let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
         let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
         Ok(Decoded::Frame(Shot { time_s, arrived: Instant::now(), image }))
+    }
+
+    fn pixels(&mut self, size_px: [u32; 2]) -> Result<Vec<u8>, Option<String>> {
+        if !self.line()?.starts_with("FRAME") {
+            return Err(None);
+        }
+        let mut data = vec![0; size_px[0] as usize * size_px[1] as usize];
+        self.pipe.read_exact(&mut data).map_err(|_| None)?;
+        Ok(data)
     }
 
     fn header(&mut self) -> Result<[u32; 2], Option<String>> {

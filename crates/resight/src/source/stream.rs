@@ -15,12 +15,15 @@ use clock::StreamClock;
 use std::ffi::OsStr;
 use std::time::{Duration, Instant};
 
+/// The first frame may take longer, seconds: a connection is made, the stream looked at, a key frame waited for.
+const OPENING_S: f64 = 15.0;
+
 /// How a stream is read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreamConfig {
     /// Further options of ffmpeg for its input, one word each.
     pub input_options: Vec<String>,
-    /// Without a frame for this long the stream is lost, seconds.
+    /// Without a frame for this long the stream is lost, seconds; the first frame may take 15 s longer.
     pub lost_after_s: f64,
     /// Whether the stream's end is the end of the source; otherwise it is opened again.
     pub ends: bool,
@@ -93,11 +96,13 @@ impl Stream {
         };
         if came.is_some() {
             connection.alive = Instant::now();
-        } else if Duration::from_secs_f64(self.config.lost_after_s) < connection.alive.elapsed() {
-            let words = self.last_words(connection);
-            return Err(Gone::Lost(format!("no frame for {} s{words}", self.config.lost_after_s)));
+            return Ok(came);
         }
-        Ok(came)
+        let patience_s = self.config.lost_after_s + if connection.has_given { 0.0 } else { OPENING_S };
+        if Duration::from_secs_f64(patience_s) < connection.alive.elapsed() {
+            return Err(Gone::Lost(format!("no frame for {patience_s} s{}", self.last_words(connection))));
+        }
+        Ok(None)
     }
 
     /// In brackets.

@@ -36,6 +36,11 @@ pub struct MotionArgs {
 }
 
 impl MotionArgs {
+    /// Whether cameras move, so that nothing is compared with a reference.
+    pub fn moves(&self) -> bool {
+        self.motion == Kind::Moving
+    }
+
     /// As the filter wants it.
     pub fn track(&self) -> Result<TrackConfig> {
         let sways = self.sway_deg.is_some() || self.sway_mm.is_some();

@@ -10,6 +10,8 @@ pub(super) enum Told {
     },
     /// A frame goes out.
     Frame {
+        /// Counted from 0, and again from 0 when frames change.
+        number: u64,
         /// Its presentation time in ticks; none where the stream states none.
         ticks: Option<i64>,
         /// Columns and rows.
@@ -61,10 +63,10 @@ fn time_base(shown: &str) -> Option<Told> {
 fn frame(shown: &str) -> Option<Told> {
     let after = |name: &str| shown.split_once(name).map(|(_, after)| after.trim_start());
     let word = |name: &str| after(name)?.split_whitespace().next();
-    after(" n:")?;
+    let number = word(" n:")?.parse().ok()?;
     let ticks = word(" pts:")?.parse().ok();
     let (width, height) = word(" s:")?.split_once('x')?;
-    Some(Told::Frame { ticks, size_px: [width.parse().ok()?, height.parse().ok()?] })
+    Some(Told::Frame { number, ticks, size_px: [width.parse().ok()?, height.parse().ok()?] })
 }
 
 #[cfg(test)]
@@ -81,12 +83,13 @@ mod tests {
         );
         let of_5_1 = "[Parsed_showinfo_0 @ 0x55] [info] n:   7 pts:   3570 pts_time:0.297  pos:  48 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:1 type:I ";
         let of_9 = "[Parsed_showinfo_0 @ 0x7f] [info] n:  20 pts:   3570 pts_time:1.7     duration:     33 duration_time:0.033   fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:0 type:P ";
-        for line in [of_5_1, of_9] {
-            assert_eq!(told(line), Some(Told::Frame { ticks: Some(3570), size_px: [640, 480] }), "{line}");
+        for (line, number) in [(of_5_1, 7), (of_9, 20)] {
+            let frame = Told::Frame { number, ticks: Some(3570), size_px: [640, 480] };
+            assert_eq!(told(line), Some(frame), "{line}");
         }
         let without =
             "[Parsed_showinfo_0 @ 0x55] [info] n:   0 pts:  NOPTS pts_time:NOPTS fmt:gray sar:0/1 s:2x3 i:P";
-        assert_eq!(told(without), Some(Told::Frame { ticks: None, size_px: [2, 3] }));
+        assert_eq!(told(without), Some(Told::Frame { number: 0, ticks: None, size_px: [2, 3] }));
         for other in ["[Parsed_showinfo_0 @ 0x55] [info]   side data - User Data", "[info] frame=  12", ""] {
             assert_eq!((told(other), complaint(other)), (None, None), "{other}");
         }

@@ -83,16 +83,10 @@ impl Said {
                 format!("{}  {frames} frames dropped", self.names.camera(*camera))
             }
             Event::LeftOut { camera, frames, reason } => {
-                let frames = if *frames == 1 { "1 frame".to_string() } else { format!("{frames} frames") };
-                format!("{}  {frames} left out: {reason}", self.names.camera(*camera))
+                format!("{}  {}", self.names.camera(*camera), left_out_words(*frames, reason))
             }
             Event::Clock { camera, t_s, step_s } => {
-                let way = if *step_s < 0.0 { "back" } else { "forward" };
-                format!(
-                    "{}  {t_s:.3} s  the clock of its frames went {way} by {:.3} s; times go on without that",
-                    self.names.camera(*camera),
-                    step_s.abs()
-                )
+                format!("{}  {t_s:.3} s  {}", self.names.camera(*camera), clock_words(*step_s))
             }
             Event::Source { camera, is_there: true, .. } => {
                 format!("{}  source is back", self.names.camera(*camera))
@@ -147,6 +141,16 @@ impl Said {
             Event::Ended { camera } => json!({"event": "ended", "camera": self.names.camera(*camera)}),
         }
     }
+}
+
+fn left_out_words(frames: u64, reason: &str) -> String {
+    let frames = if frames == 1 { "1 frame".to_string() } else { format!("{frames} frames") };
+    format!("{frames} left out: {reason}")
+}
+
+fn clock_words(step_s: f64) -> String {
+    let way = if step_s < 0.0 { "back" } else { "forward" };
+    format!("the clock of its frames went {way} by {:.3} s; times go on without that", step_s.abs())
 }
 
 /// The contract's word.
