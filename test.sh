@@ -43,6 +43,14 @@ foreign_readers() { # other people's programs read the files Resight writes
     "$target/check-venv/bin/python" scripts/judges/run.py
 }
 
+ffmpeg_program() { # for tests on videos and streams; without one they say that they are skipped
+    command -v ffmpeg >/dev/null 2>&1 && return 0
+    local python=$target/check-venv/bin/python
+    "$python" -m pip install --quiet --disable-pip-version-check imageio-ffmpeg || { echo "no ffmpeg to be had"; return 0; }
+    mkdir -p "$target/ffmpeg"
+    ln -sf "$("$python" -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" "$target/ffmpeg/ffmpeg"
+}
+
 frames() { # the recorded videos as pictures, once
     sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
@@ -50,6 +58,8 @@ frames() { # the recorded videos as pictures, once
 step "python environment" python_environment
 step "derivations (SymPy, 50 digits)" derivations
 step "files read by other programs" foreign_readers
+step "ffmpeg" ffmpeg_program
+export PATH=$PATH:$target/ffmpeg # An installed one comes first.
 if [ -n "${RESIGHT_DATA:-}" ]; then
     RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames

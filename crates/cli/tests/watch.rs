@@ -150,3 +150,36 @@ fn nothing_seen_is_not_steady_and_wrong_names_are_told() {
     let few = watch("", &["--source", "-", "--learn", "5"]);
     assert!(few.stderr.contains("at least 20 readings"), "{}", few.stderr);
 }
+
+/// Every second of the second half is stamped an hour early: it is said, and the knock after that is found.
+#[test]
+fn a_clock_that_goes_back_is_said_and_watching_goes_on() {
+    let turned = |second| if second < 150 { Vector6::zeros() } else { pan(0.5) };
+    let mut input = lines(0..100, 0x58, turned);
+    for line in lines(100..200, 0x59, turned).lines() {
+        let mut object: Value = serde_json::from_str(line).expect("JSON");
+        object["t_s"] = json!(object["t_s"].as_f64().expect("a time") - 3600.0);
+        input += &format!("{object}\n");
+    }
+    let run = watch(&input, &["--source", "-"]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let clock: Vec<&Value> = run.events.iter().filter(|e| e["event"] == "clock").collect();
+    assert!(
+        clock.len() == 1 && clock[0]["step_s"].as_f64().is_some_and(|s| (s + 3600.0).abs() < 1.0),
+        "{clock:?}"
+    );
+    let drift = run.events.iter().find(|e| e["state"] == "drifted").expect("a drift");
+    assert!((drift["began_s"].as_f64().expect("a time") - 150.0).abs() <= 3.0, "{drift}");
+}
+
+/// On a moving camera nothing drifts: it is followed while it is seen.
+#[test]
+fn a_moving_camera_is_followed() {
+    let way = |second: usize| pan(0.05 * second as f64);
+    let run = watch(&lines(0..100, 0x5a, way), &["--source", "-", "--motion", "moving"]);
+    assert_eq!((run.code, states(&run)), (0, vec!["followed"]), "{}", run.stderr);
+    let mixed = watch("", &["--source", "-", "--motion", "moving", "--sway-deg", "1"]);
+    assert!(mixed.code == 2 && mixed.stderr.contains("--agility-deg-per-s"), "{}", mixed.stderr);
+    let fixed = watch("", &["--source", "-", "--agility-mm-per-s", "1"]);
+    assert!(fixed.code == 2 && fixed.stderr.contains("--sway-mm"), "{}", fixed.stderr);
+}

@@ -3,8 +3,10 @@
 //! One thread reads each source and one looks at its pictures; between them stands a queue of few frames, the oldest dropped and
 //! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
 
+mod clock;
 mod look;
 mod queue;
+mod reader;
 pub mod reference;
 mod session;
 
@@ -119,6 +121,8 @@ pub enum State {
     Drifted(Box<Drift>),
     /// The pictures contradict intrinsics or target.
     Inconsistent,
+    /// Seen, and followed: the camera moves, and that is no drift.
+    Followed,
 }
 
 /// What a session says.
@@ -168,6 +172,24 @@ pub enum Event {
         camera: usize,
         /// How many.
         frames: u64,
+    },
+    /// Frames left out since the last such event: they could not be read, or came out of order.
+    LeftOut {
+        /// Index of the camera.
+        camera: usize,
+        /// How many.
+        frames: u64,
+        /// Why the last of them was.
+        reason: String,
+    },
+    /// The clock that stamps the frames was set. Times go on without the step.
+    Clock {
+        /// Index of the camera.
+        camera: usize,
+        /// The time that is gone on from, seconds.
+        t_s: f64,
+        /// By how much it was set, seconds; negative is back.
+        step_s: f64,
     },
     /// A source was lost or came back; said once each.
     Source {

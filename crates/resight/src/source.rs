@@ -3,7 +3,9 @@
 //! A source is read on a thread of its own (`live`) and gives frames in order of capture. What cannot be read is a frame with a
 //! reason, never the end of the source.
 
+mod ffmpeg;
 pub mod video;
+pub mod stream;
 pub mod pictures;
 pub mod lines;
 

@@ -2,6 +2,7 @@
 
 mod alarm;
 mod log;
+mod motion;
 mod names;
 mod outputs;
 mod sources;
@@ -11,10 +12,10 @@ use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use log::Log;
+use motion::MotionArgs;
 use names::{Names, by_name, split};
 use outputs::{OutputArgs, Session};
 use resight::core::monitor::learn::LEAST_READINGS;
-use resight::core::track::TrackConfig;
 use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
 use sources::SourceArgs;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use std::sync::atomic::AtomicBool;
 #[command(after_help = "Examples:\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
+    resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {
@@ -50,6 +52,8 @@ pub struct Watch {
     #[arg(long)]
     once: bool,
     #[command(flatten)]
+    motion: MotionArgs,
+    #[command(flatten)]
     alarm: AlarmArgs,
     #[command(flatten)]
     outputs: OutputArgs,
@@ -60,7 +64,11 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
+    if args.motion.moves() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
+        bail!("--motion moving compares with no reference; leave --reference and --save-reference out");
+    }
     let names = Names::new(&args.camera, &args.target);
+    let config = config(args, &names)?;
     let cameras = cameras(args, &names)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
     let log = Log;
@@ -74,7 +82,7 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
     let stop = Arc::new(AtomicBool::new(false));
-    live::run(cameras, &config(args, &names), &stop, |event| {
+    live::run(cameras, &config, &stop, |event| {
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
@@ -121,15 +129,15 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
     args.target.iter().map(|argument| Ok(Arc::new(read(argument)?))).collect()
 }
 
-fn config(args: &Watch, names: &Names) -> LiveConfig {
-    LiveConfig {
+fn config(args: &Watch, names: &Names) -> Result<LiveConfig> {
+    Ok(LiveConfig {
         monitor: args.alarm.monitor(names.pairs().len()),
-        track: TrackConfig::default(),
+        track: args.motion.track()?,
         learn_readings: args.learn,
         lasting: args.alarm.lasting(),
         queue_frames: 2,
         retry_s: 1.0,
-    }
+    })
 }
 
 fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {

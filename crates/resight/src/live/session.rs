@@ -2,18 +2,15 @@
 
 use super::look::{Look, LookError, Looked};
 use super::queue::{Queue, Taken};
+use super::reader::{PATIENCE, Reader};
 use super::{Event, LiveCamera, LiveConfig, State};
-use crate::source::{Frame, Next, Source};
+use crate::source::{Frame, Source};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// How long a thread waits before it looks whether the session is to end, and whether a camera has been silent too long.
-const PATIENCE: Duration = Duration::from_millis(100);
-/// Longest pause before a lost source is tried again, in first pauses.
-const LONGEST_RETRY: f64 = 32.0;
 /// Events waiting to be taken; a slow listener makes the cameras wait, and their queues drop.
 const EVENTS: usize = 256;
 
@@ -34,7 +31,9 @@ pub fn run(
         for (index, (look, source)) in prepared.into_iter().enumerate() {
             let queue = Arc::new(Queue::new(config.queue_frames));
             let (to_look, told) = (Arc::clone(&queue), sender.clone());
-            scope.spawn(move || read(source, index, config, &queue, &told, stop));
+            scope.spawn(move || {
+                Reader { camera: index, config, queue: &queue, told: &told, stop }.read(source);
+            });
             let told = sender.clone();
             scope.spawn(move || watch(look, index, &to_look, &told));
         }
@@ -50,55 +49,6 @@ pub fn run(
 
 fn prepare(camera: LiveCamera, config: &LiveConfig) -> Result<(Look, Box<dyn Source>), LookError> {
     Ok((Look::new(&camera, config)?, camera.source))
-}
-
-/// Reads a source until it ends.
-fn read(
-    mut source: Box<dyn Source>,
-    camera: usize,
-    config: &LiveConfig,
-    queue: &Queue<(Instant, Frame)>,
-    told: &SyncSender<Event>,
-    stop: &AtomicBool,
-) {
-    let (mut is_there, mut pause_s) = (true, config.retry_s);
-    while !stop.load(Ordering::Relaxed) {
-        match source.next(PATIENCE) {
-            Next::Frame(frame) => {
-                if !is_there {
-                    // A listener that is gone needs no telling.
-                    let _ = told.send(Event::Source { camera, is_there: true, reason: None });
-                }
-                (is_there, pause_s) = (true, config.retry_s);
-                let item = (Instant::now(), frame);
-                if source.is_live() {
-                    queue.push_dropping(item);
-                } else if !queue.push_waiting(item) {
-                    break;
-                }
-            }
-            Next::Nothing => {}
-            Next::Lost(reason) => {
-                if is_there {
-                    let reason = Some(reason.to_string());
-                    let _ = told.send(Event::Source { camera, is_there: false, reason });
-                }
-                is_there = false;
-                rest(pause_s, stop);
-                pause_s = (2.0 * pause_s).min(LONGEST_RETRY * config.retry_s);
-            }
-            Next::End => break,
-        }
-    }
-    queue.close();
-}
-
-/// Sleeps, but not through the end of the session.
-fn rest(seconds: f64, stop: &AtomicBool) {
-    let until = Instant::now() + Duration::from_secs_f64(seconds);
-    while Instant::now() < until && !stop.load(Ordering::Relaxed) {
-        thread::sleep(PATIENCE.min(until.saturating_duration_since(Instant::now())));
-    }
 }
 
 /// Looks at the frames until the queue is closed and empty.

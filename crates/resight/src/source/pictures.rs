@@ -1,6 +1,7 @@
 //! Pictures in files: a list, or a folder that fills up.
 
-use super::video::{Video, frames_per_s};
+mod exif;
+
 use super::{Content, Frame, Next, Source};
 use crate::{FileError, GrayImage};
 use std::collections::{BTreeSet, VecDeque};
@@ -17,6 +18,8 @@ const SETTLED: Duration = Duration::from_millis(200);
 pub enum Clock {
     /// When their files were last changed.
     Modified,
+    /// As their EXIF says; where it says nothing, when their files were last changed.
+    Taken,
     /// One after the other, seconds apart, the first at 0.
     Every(f64),
 }
@@ -116,61 +119,17 @@ impl Source for Folder {
     }
 }
 
-/// The frames of a video file, at its mean rate.
-pub struct Film {
-    video: Video,
-    frames_per_s: f64,
-    name: String,
-    number: u64,
-    is_over: bool,
-}
-
-impl Film {
-    /// # Errors
-    /// As `Video::open` and `frames_per_s`.
-    pub fn open(path: &Path) -> Result<Self, FileError> {
-        let name = path.display().to_string();
-        Ok(Film {
-            frames_per_s: frames_per_s(path)?,
-            video: Video::open(path)?,
-            name,
-            number: 0,
-            is_over: false,
-        })
-    }
-}
-
-impl Source for Film {
-    fn next(&mut self, _: Duration) -> Next {
-        if self.is_over {
-            return Next::End;
-        }
-        let content = match self.video.next() {
-            None => return Next::End,
-            Some(Ok(image)) => Content::Image(image),
-            Some(Err(reason)) => {
-                self.is_over = true;
-                Content::Unreadable(reason.to_string())
-            }
-        };
-        let (number, name) = (self.number, format!("{}#{}", self.name, self.number));
-        self.number += 1;
-        Next::Frame(Frame { number, capture_s: number as f64 / self.frames_per_s, name, content })
-    }
-
-    fn is_live(&self) -> bool {
-        false
-    }
-}
-
 fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
+    let bytes = std::fs::read(path).map_err(|reason| reason.to_string());
+    let taken_s = || exif::taken_s(bytes.as_ref().ok()?);
     let capture_s = match clock {
         Clock::Every(period_s) => period_s * number as f64,
         Clock::Modified => modified_s(path),
+        Clock::Taken => taken_s().unwrap_or_else(|| modified_s(path)),
     };
-    let content = match GrayImage::read(path) {
+    let content = match bytes.as_ref().map_err(String::clone).and_then(|bytes| GrayImage::decode(bytes)) {
         Ok(image) => Content::Image(image),
-        Err(reason) => Content::Unreadable(reason.to_string()),
+        Err(reason) => Content::Unreadable(FileError::new(path, reason).to_string()),
     };
     Frame { number, capture_s, name: path.display().to_string(), content }
 }

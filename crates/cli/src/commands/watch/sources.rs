@@ -3,24 +3,34 @@
 use super::names::{by_name, split};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use resight::source::pictures::{Clock, Film, Folder, Pictures};
+use resight::source::pictures::{Clock, Folder, Pictures};
+use resight::source::stream::{Stream, StreamConfig, is_stream};
 use resight::source::{Source, lines, video};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use video::Film;
 
 /// The sources.
 #[derive(Debug, Args)]
 pub struct SourceArgs {
-    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, or - for detections as JSON Lines
-    /// on stdin. NAME=SOURCE where there are several cameras.
+    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, a stream (rtsp://…, http://…,
+    /// tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there
+    /// are several cameras.
     #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
-    /// Pictures are this far apart [default: as their files' times say].
+    /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
     #[arg(long, value_name = "SECONDS", value_parser = crate::args::positive)]
     period_s: Option<f64>,
+    /// A stream without a frame for this long is lost, and opened again.
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::positive)]
+    lost_after_s: f64,
+    /// Further options for ffmpeg, before its input: "-video_size 1280x720 -framerate 30" for a camera, "-t 60" for the first
+    /// minute. NAME=OPTIONS for the stream of one camera.
+    #[arg(long, value_name = "[NAME=]OPTIONS", allow_hyphen_values = true)]
+    ffmpeg_input_options: Vec<String>,
 }
 
-/// A source for each camera. With `once` a folder ends with what it holds.
+/// A source for each camera. With `once` a folder ends with what it holds, and a stream where it ends.
 pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<dyn Source>>> {
     if args.source.iter().any(|argument| split(argument).1 == "-") {
         if args.source.len() != 1 {
@@ -29,18 +39,23 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
         let all = lines::sources(BufReader::new(std::io::stdin()), names);
         return Ok(all.into_iter().map(|source| Box::new(source) as Box<dyn Source>).collect());
     }
-    let clock = args.period_s.map_or(Clock::Modified, Clock::Every);
     let given = by_name("--source", &args.source, names)?;
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(&value, clock, once)
+        one(args, &value, name, names, once)
     };
     given.into_iter().zip(names).map(source).collect()
 }
 
-fn one(value: &str, clock: Clock, once: bool) -> Result<Box<dyn Source>> {
+fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool) -> Result<Box<dyn Source>> {
     let path = Path::new(value);
+    if is_stream(value) {
+        let input_options = input_options(&args.ffmpeg_input_options, name, names)?;
+        let config = StreamConfig { input_options, lost_after_s: args.lost_after_s, ends: once };
+        return Ok(Box::new(Stream::open(value, config)?));
+    }
+    let clock = args.period_s.map_or(Clock::Taken, Clock::Every);
     if path.is_dir() {
         let folder = Folder::open(path, clock)?;
         return Ok(Box::new(if once { folder.as_it_is() } else { folder }));
@@ -50,4 +65,62 @@ fn one(value: &str, clock: Clock, once: bool) -> Result<Box<dyn Source>> {
     }
     let pictures: Vec<PathBuf> = crate::files::expand(&[value.to_string()])?;
     Ok(Box::new(Pictures::new(pictures, clock)))
+}
+
+/// The options for one camera: those for all, then those with its name.
+fn input_options(given: &[String], name: &str, names: &[String]) -> Result<Vec<String>> {
+    let mut all = Vec::new();
+    for argument in given {
+        // What stands before `=` may as well be part of an option.
+        let (whose, options) = match split(argument) {
+            (Some(whose), options) if names.iter().any(|known| known == whose) => (Some(whose), options),
+            _ => (None, argument.as_str()),
+        };
+        if whose.is_none_or(|whose| whose == name) {
+            all.extend(words(options).with_context(|| format!("--ffmpeg-input-options {argument}"))?);
+        }
+    }
+    Ok(all)
+}
+
+/// Words between blanks; '…' and "…" hold blanks.
+fn words(text: &str) -> Result<Vec<String>> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for letter in text.chars() {
+        match (quote, letter) {
+            (Some(open), _) if open == letter => quote = None,
+            (None, '\'' | '"') => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            (None, _) if letter.is_whitespace() => words.extend(word.take()),
+            _ => word.get_or_insert_default().push(letter),
+        }
+    }
+    if let Some(open) = quote {
+        bail!("a {open} is not closed");
+    }
+    words.extend(word);
+    Ok(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_cut_into_words() {
+        let cut = |text: &str| words(text).expect("words");
+        assert_eq!(cut(" -t 60  -video_size 640x480 "), ["-t", "60", "-video_size", "640x480"]);
+        assert_eq!(cut(r#"-headers 'X-A: b' """#), ["-headers", "X-A: b", ""]);
+        assert!(words("-headers 'X-A").is_err());
+    }
+
+    #[test]
+    fn options_go_to_the_camera_they_name() {
+        let names = ["gate".to_string(), "door".to_string()];
+        let given = ["-t 60".to_string(), "door=-framerate 5".to_string()];
+        let of = |name: &str| input_options(&given, name, &names).expect("options").join(" ");
+        assert_eq!((of("gate").as_str(), of("door").as_str()), ("-t 60", "-t 60 -framerate 5"));
+    }
 }

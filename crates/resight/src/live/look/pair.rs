@@ -10,7 +10,7 @@ use resight_core::correspondence::{Detection, correspond};
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::monitor::learn::{LEAST_READINGS, learn};
 use resight_core::monitor::{Monitor, Reading, Reference, Watch};
-use resight_core::track::{Candidate, Tracked, Tracker};
+use resight_core::track::{Candidate, Motion, Tracked, Tracker};
 use resight_core::{Camera, Correspondence, Target};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -32,6 +32,11 @@ enum Stage {
     Starting(Box<Reference>),
     Learning(Vec<Reading>),
     Watching(Box<Monitor>),
+    /// The camera moves: its pose is followed, drift is not watched.
+    Following {
+        last_s: Option<f64>,
+        is_seen: bool,
+    },
 }
 
 /// What a camera shows of a target.
@@ -46,7 +51,9 @@ impl Pair {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
     pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
+        let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
         let stage = match &watched.reference {
+            _ if moves => Stage::Following { last_s: None, is_seen: false },
             Some(reference) => {
                 Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
                 Stage::Starting(Box::new(*reference))
@@ -88,15 +95,24 @@ impl Pair {
                 State::Learning { readings: readings.len(), needed: self.config.learn_readings }
             }
             Stage::Watching(monitor) => monitor.watch(t_s).into(),
+            Stage::Following { last_s, is_seen } => {
+                let for_s = t_s - last_s.unwrap_or(t_s);
+                let is_seen = *is_seen && for_s <= self.config.monitor.unseen_after_s;
+                if is_seen { State::Followed } else { State::Unseen { for_s } }
+            }
         }
     }
 
     /// The first frame sets the clock: what is not seen from then on is unseen.
     fn start(&mut self, t_s: f64) {
-        if let Stage::Starting(reference) = &self.stage
-            && let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s)
-        {
-            self.stage = Stage::Watching(Box::new(monitor));
+        match &mut self.stage {
+            Stage::Starting(reference) => {
+                if let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                    self.stage = Stage::Watching(Box::new(monitor));
+                }
+            }
+            Stage::Following { last_s, .. } => *last_s = last_s.or(Some(t_s)),
+            Stage::Learning(_) | Stage::Watching(_) => {}
         }
     }
 
@@ -138,6 +154,10 @@ impl Pair {
     fn decide(&mut self, reading: &Reading) -> Option<Box<Reference>> {
         let readings = match &mut self.stage {
             Stage::Starting(_) => return None,
+            Stage::Following { last_s, is_seen } => {
+                (*last_s, *is_seen) = (Some(reading.t_s), true);
+                return None;
+            }
             Stage::Watching(monitor) => {
                 monitor.push(reading);
                 return None;

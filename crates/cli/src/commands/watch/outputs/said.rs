@@ -83,6 +83,12 @@ impl Said {
             Event::Dropped { camera, frames } => {
                 format!("{}  {frames} frames dropped", self.names.camera(*camera))
             }
+            Event::LeftOut { camera, frames, reason } => {
+                format!("{}  {}", self.names.camera(*camera), left_out_words(*frames, reason))
+            }
+            Event::Clock { camera, t_s, step_s } => {
+                format!("{}  {t_s:.3} s  {}", self.names.camera(*camera), clock_words(*step_s))
+            }
             Event::Source { camera, is_there: true, .. } => {
                 format!("{}  source is back", self.names.camera(*camera))
             }
@@ -123,6 +129,13 @@ impl Said {
             Event::Dropped { camera, frames } => {
                 json!({"event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
             }
+            Event::LeftOut { camera, frames, reason } => {
+                json!({"event": "left_out", "camera": self.names.camera(*camera), "frames": frames,
+                "message": reason})
+            }
+            Event::Clock { camera, t_s, step_s } => {
+                json!({"event": "clock", "camera": self.names.camera(*camera), "t_s": t_s, "step_s": step_s})
+            }
             Event::Source { camera, is_there, reason } => {
                 json!({"event": "source", "camera": self.names.camera(*camera),
                 "is_there": is_there, "reason": reason})
@@ -130,6 +143,16 @@ impl Said {
             Event::Ended { camera } => json!({"event": "ended", "camera": self.names.camera(*camera)}),
         }
     }
+}
+
+fn left_out_words(frames: u64, reason: &str) -> String {
+    let frames = if frames == 1 { "1 frame".to_string() } else { format!("{frames} frames") };
+    format!("{frames} left out: {reason}")
+}
+
+fn clock_words(step_s: f64) -> String {
+    let way = if step_s < 0.0 { "back" } else { "forward" };
+    format!("the clock of its frames went {way} by {:.3} s; times go on without that", step_s.abs())
 }
 
 /// The contract's word.
@@ -141,6 +164,7 @@ pub fn word(state: &State) -> &'static str {
         State::Settling => "settling",
         State::Drifted(_) => "drifted",
         State::Inconsistent => "inconsistent",
+        State::Followed => "followed",
     }
 }
 
@@ -152,6 +176,7 @@ fn state_words(state: &State) -> String {
         State::Inconsistent => "inconsistent: intrinsics or target are wrong".to_string(),
         State::Drifted(drift) => drift_words(drift),
         State::Steady => "steady".to_string(),
+        State::Followed => "followed: the camera moves, that is no drift".to_string(),
     }
 }
 
@@ -221,7 +246,7 @@ fn state_object(state: &State) -> Value {
             object["readings"] = json!(readings);
             object["needed"] = json!(needed);
         }
-        State::Steady | State::Settling | State::Inconsistent => {}
+        State::Steady | State::Settling | State::Inconsistent | State::Followed => {}
     }
     object["message"] = json!(state_words(state));
     object

@@ -1,0 +1,256 @@
+//! `watch` on live streams of a local ffmpeg: lost and back, stalled, ended, other sizes; no ffmpeg stays behind.
+
+mod film_support;
+
+use film_support::{
+    H264, Running, Watching, encode, frames, free_port, has_ffmpeg, runs, said, serve, states, studio,
+    watch_once,
+};
+use serde_json::Value;
+use std::io::Write;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Thirty seconds of a camera that stays.
+fn film(studio: &Path) -> PathBuf {
+    let film = studio.join("film.ts");
+    let all = frames(studio, (0..300).map(|_| 0.0));
+    encode(&all, 10, &[&H264[..], &[&film.display().to_string()]].concat());
+    film
+}
+
+fn serve_tcp(film: &Path, port: u16) -> Running {
+    serve(film, &["-f", "mpegts", &format!("tcp://127.0.0.1:{port}?listen=1")])
+}
+
+fn is_source(event: &Value, is_there: bool) -> bool {
+    event["event"] == "source" && event["is_there"] == is_there
+}
+
+/// The server is killed and started again: the source is lost and is back, each told once, and nothing else changes.
+#[test]
+fn a_stream_that_breaks_is_lost_and_comes_back() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-tcp");
+    let (film, port) = (film(&studio), free_port());
+    let address = format!("gate=tcp://127.0.0.1:{port}");
+    let server = serve_tcp(&film, port);
+    let camera = format!("gate={}", studio.join("camera.toml").display());
+    let target = studio.join("target.toml").display().to_string();
+    let mut watching = Watching::with(&[
+        "watch",
+        "--json",
+        "--frames",
+        "--camera",
+        &camera,
+        "--target",
+        &target,
+        "--source",
+        &address,
+        "--learn",
+        "20",
+        "--unseen-after-s",
+        "50",
+    ]);
+    watching.until("learned reference", |event| event["event"] == "learned");
+    watching.frames(5);
+    drop(server);
+    let lost = watching.until("loss", |event| is_source(event, false));
+    assert!(
+        lost["reason"].as_str().is_some_and(|r| r.contains(&format!("tcp://127.0.0.1:{port}"))),
+        "{lost}"
+    );
+    let _server = serve_tcp(&film, port);
+    watching.until("return", |event| is_source(event, true));
+    watching.frames(10);
+    let told: Vec<&Value> =
+        watching.seen.iter().filter(|e| e["event"] == "source").map(|e| &e["is_there"]).collect();
+    // The first attempt may have come before the server was ready.
+    let told = if told.len() == 4 { &told[2..] } else { &told[..] };
+    assert_eq!(told, [false, true], "{:?}", said(&watching.seen));
+    assert_eq!(states(&watching.seen), ["learning", "steady"], "{:?}", said(&watching.seen));
+    capture_times_are_those_of_the_camera(&watching.seen);
+    nothing_stays_behind(watching, &format!("-i tcp://127.0.0.1:{port}"));
+}
+
+/// Frames were taken a tenth of a second apart, and about now.
+fn capture_times_are_those_of_the_camera(events: &[Value]) {
+    let times: Vec<f64> =
+        events.iter().filter(|e| e["event"] == "frame").filter_map(|e| e["t_s"].as_f64()).collect();
+    let now_s = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
+    assert!(times.iter().all(|t| (now_s - 300.0..=now_s).contains(t)), "{now_s}: {times:?}");
+    assert!(times.windows(2).all(|pair| pair[0] <= pair[1]), "{times:?}");
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let even = steps.iter().filter(|step| ((**step / 0.1).round() - **step / 0.1).abs() < 0.05).count();
+    assert!(2 * steps.len() < 3 * even, "{even} of {}: {steps:?}", steps.len());
+}
+
+/// The program is killed outright: its ffmpeg notices that nobody reads.
+fn nothing_stays_behind(watching: Watching, of: &str) {
+    assert_ne!(runs(of, &[]), Some(false), "{of} should run");
+    drop(watching);
+    let end = Instant::now() + Duration::from_secs(30);
+    while Instant::now() < end {
+        match runs(of, &[]) {
+            Some(true) => std::thread::sleep(Duration::from_millis(100)),
+            _ => return,
+        }
+    }
+    panic!("{of} still runs");
+}
+
+/// With `--once` a stream that ends has ended; HTTP, its password not shown.
+#[test]
+fn a_stream_that_ends_gives_a_verdict() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-http");
+    let (film, port) = (film(&studio), free_port());
+    let _server = serve(&film, &["-listen", "1", "-f", "mpegts", &format!("http://127.0.0.1:{port}/x")]);
+    wait_for_listener(port);
+    let source = format!("http://me:secret@127.0.0.1:{port}/x");
+    let options = ["--ffmpeg-input-options", "-t 8", "--learn", "20", "--frames"];
+    let run = watch_once(&studio, &[&["--source", &source][..], &options].concat());
+    assert_eq!((run.code, states(&run.events)), (0, vec!["learning", "steady"]), "{:?}", said(&run.events));
+    assert!(run.events.iter().all(|event| !event.to_string().contains("secret")));
+}
+
+/// Until somebody listens on a port, without connecting to it: the server takes one visitor only.
+fn wait_for_listener(port: u16) {
+    let listening = format!(":{port:04X} 00000000:0000 0A");
+    let end = Instant::now() + Duration::from_secs(30);
+    while Instant::now() < end {
+        match std::fs::read_to_string("/proc/net/tcp") {
+            Ok(table) if table.contains(&listening) => return,
+            Ok(_) => std::thread::sleep(Duration::from_millis(50)),
+            // Another system: it will be there by then.
+            Err(_) => return std::thread::sleep(Duration::from_secs(5)),
+        }
+    }
+}
+
+/// A server that falls silent in the middle without ending.
+#[test]
+fn a_stream_that_stalls_is_given_up() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-stalled");
+    let bytes = std::fs::read(film(&studio)).expect("a film");
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("tcp://{}", listener.local_addr().expect("an address"));
+    std::thread::spawn(move || {
+        let mut visitors = Vec::new();
+        for mut visitor in listener.incoming().flatten() {
+            // Half of it, and then nothing while the connection stays.
+            let _ = visitor.write_all(&bytes[..bytes.len() / 2]);
+            visitors.push(visitor);
+        }
+    });
+    let mut watching =
+        Watching::start(&studio, &["--frames", "--source", &address, "--lost-after-s", "2", "--learn", "20"]);
+    watching.frames(5);
+    let lost = watching.until("loss", |event| is_source(event, false));
+    assert!(
+        lost["reason"].as_str().is_some_and(|r| r.contains("no frame for 2 s") || r.contains("ended")),
+        "{lost}"
+    );
+    watching.until("return", |event| is_source(event, true));
+    watching.until("second loss", |event| is_source(event, false));
+    watching.until("second return", |event| is_source(event, true));
+    nothing_stays_behind(watching, &format!("-i {address}"));
+}
+
+/// Frames that change size in mid-stream: the source is opened again.
+#[test]
+fn a_stream_that_changes_size_is_opened_again() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-sizes");
+    let all = frames(&studio, (0..40).map(|_| 0.0));
+    let [wide, high] = ["wide.ts", "high.ts"].map(|name| studio.join(name).display().to_string());
+    encode(&all, 10, &[&H264[..], &[&wide]].concat());
+    encode(&all, 10, &[&H264[..], &["-vf", "transpose", &high]].concat());
+    let bytes = [wide, high].map(|part| std::fs::read(part).expect("a film")).concat();
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("tcp://{}", listener.local_addr().expect("an address"));
+    std::thread::spawn(move || {
+        for mut visitor in listener.incoming().flatten() {
+            // The visitor may leave when it has seen enough.
+            let _ = visitor.write_all(&bytes);
+        }
+    });
+    let mut watching = Watching::start(&studio, &["--source", &address, "--learn", "20"]);
+    let lost = watching.until("loss", |event| is_source(event, false));
+    assert!(lost["reason"].as_str().is_some_and(|r| r.contains("from 320×240 to 240×320 px")), "{lost}");
+    watching.until("return", |event| is_source(event, true));
+}
+
+/// RTSP, ffmpeg's camera announcing its film to the ffmpeg of the session.
+#[test]
+fn rtsp_is_watched() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-rtsp");
+    let (film, port) = (film(&studio), free_port());
+    let address = format!("rtsp://127.0.0.1:{port}/gate");
+    let listen = ["--ffmpeg-input-options", "-rtsp_flags listen", "--lost-after-s", "30"];
+    let session = [&["--source", &address, "--learn", "20", "--frames"][..], &listen].concat();
+    let mut watching = Watching::start(&studio, &session);
+    wait_for_listener(port);
+    let _camera = serve(&film, &["-f", "rtsp", "-rtsp_transport", "tcp", &address]);
+    watching.until("steady state", |event| event["state"] == "steady");
+    watching.frames(5);
+    assert_eq!(states(&watching.seen), ["learning", "steady"], "{:?}", said(&watching.seen));
+    capture_times_are_those_of_the_camera(&watching.seen);
+}
+
+/// An address where nobody listens, and a camera that is not there.
+#[test]
+fn what_is_not_there_is_told_with_ffmpegs_words() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-nobody");
+    let port = free_port();
+    for (source, words) in [
+        (format!("rtsp://me:secret@127.0.0.1:{port}/x"), "Connection refused"),
+        ("v4l2:///dev/video99".to_string(), "No such file"),
+    ] {
+        let run = watch_once(&studio, &["--source", &source]);
+        let lost = run.events.iter().find(|event| is_source(event, false)).expect("a loss");
+        let reason = lost["reason"].as_str().unwrap_or_default();
+        assert!(run.code == 1 && reason.contains(words) && !reason.contains("secret"), "{lost}");
+    }
+}
+
+/// A session that ends in order takes its ffmpeg along.
+#[test]
+fn an_ffmpeg_ends_with_its_session() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let studio = studio("streams-end");
+    let film = film(&studio);
+    let port = free_port();
+    let _server = serve_tcp(&film, port);
+    wait_for_listener(port);
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin("resight"));
+    command.args(film_support::arguments(&studio)).args(["--source", &format!("tcp://127.0.0.1:{port}")]);
+    // A reader that goes away ends the session in order: its output fails.
+    let mut child = command.stdout(std::process::Stdio::piped()).spawn().expect("it runs");
+    drop(child.stdout.take());
+    let end = Instant::now() + Duration::from_secs(40);
+    while Instant::now() < end && child.try_wait().expect("a status").is_none() {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert!(child.try_wait().expect("a status").is_some(), "it goes on though nobody listens");
+    assert_ne!(runs(&format!("-i tcp://127.0.0.1:{port}"), &[]), Some(true));
+}

@@ -1,0 +1,343 @@
+//! The system's `ffmpeg` as a decoder: grey frames through one pipe, what it says of them through another; no library of its, no
+//! temporary file.
+//!
+//! Frames arrive as YUV4MPEG2 on stdout: one header line (`YUV4MPEG2 W1280 H720 F30:1 … Cmono`), then for each frame a line `FRAME` and
+//! W × H bytes. The filter `showinfo` says on stderr, before each frame goes out, when it was taken (its stamp, exact, in units of the
+//! stream's time base) and how large it was. Behind that filter frames are stamped 0, 1, 2, … and passed through, so that nothing drops
+//! or doubles one: the n-th line is that of the n-th frame. Containers that carry stamps (NUT, Matroska) do not do: their muxers round
+//! to a time base of their own, refuse a stamp that goes back, and the picture's size is stated only once.
+
+mod words;
+
+use crate::GrayImage;
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+use words::Told;
+
+/// Largest frame accepted, pixels, as for pictures.
+const MAX_PIXELS: u64 = 64_000_000;
+/// A longer line is no header.
+const MAX_HEADER_BYTES: u64 = 1024;
+/// A longer line of ffmpeg's words is cut.
+const MAX_WORDS_BYTES: u64 = 1 << 16;
+/// Decoded frames waiting to be taken; then ffmpeg waits.
+const WAITING: usize = 2;
+/// How long ffmpeg may take to end after its last word.
+const ENDING: Duration = Duration::from_secs(2);
+
+/// An `ffmpeg` that is installed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ffmpeg {
+    /// Each frame once, as this release spells it.
+    each_frame_once: [&'static str; 2],
+}
+
+/// What came out of a decoder.
+#[derive(Debug)]
+pub(super) enum Decoded {
+    /// A frame.
+    Frame(Shot),
+    /// What could not be decoded, in ffmpeg's words.
+    Damaged(String),
+    /// A frame of another size than the first; columns and rows of both.
+    Resized { from_px: [u32; 2], to_px: [u32; 2] },
+    /// Nothing yet.
+    Nothing,
+    /// No more will come; ffmpeg's last words where something went wrong.
+    End(Option<String>),
+}
+
+/// A decoded frame.
+#[derive(Debug)]
+pub(super) struct Shot {
+    /// Presentation time, seconds of the stream's own clock; none where the stream states none.
+    pub time_s: Option<f64>,
+    /// When its last byte came out of the decoder.
+    pub arrived: Instant,
+    /// The frame.
+    pub image: GrayImage,
+}
+
+/// A running `ffmpeg`; dropped, it is killed.
+#[derive(Debug)]
+pub(super) struct Decoder {
+    process: Child,
+    decoded: Receiver<Decoded>,
+    last_words: Arc<Mutex<Option<String>>>,
+}
+
+impl Ffmpeg {
+    /// Looks for it.
+    ///
+    /// # Errors
+    /// Not installed (how to get it is said), or it does not run.
+    pub fn find() -> Result<Self, String> {
+        let told =
+            Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output().map_err(cannot_start)?;
+        Ok(Ffmpeg { each_frame_once: each_frame_once(&String::from_utf8_lossy(&told.stdout)) })
+    }
+
+    /// Starts to decode the first video stream of an input.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn decode(&self, input_options: &[String], input: &OsStr) -> Result<Decoder, String> {
+        let mut process = Command::new("ffmpeg")
+            .args(["-nostdin", "-hide_banner", "-nostats", "-v", "repeat+level+info"])
+            .args(input_options)
+            .arg("-i")
+            .arg(input)
+            .args(["-map", "0:v:0", "-vf", "showinfo=checksum=0,settb=1/30,setpts=N"])
+            .args(self.each_frame_once)
+            .args(["-pix_fmt", "gray", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "-"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(cannot_start)?;
+        let pipes = (process.stdout.take(), process.stderr.take());
+        let (to_taker, decoded) = sync_channel(WAITING);
+        let last_words = Arc::new(Mutex::new(None));
+        if let (Some(stdout), Some(stderr)) = pipes {
+            let (to_pictures, told) = channel();
+            let words = Arc::clone(&last_words);
+            thread::spawn(move || {
+                listen(stderr, &words, |told| {
+                    // Whoever reads the pictures may have stopped; ffmpeg's words are taken to the end all the same.
+                    let _ = to_pictures.send(told);
+                });
+            });
+            thread::spawn(move || Pictures::new(stdout, to_taker).read(told));
+        }
+        Ok(Decoder { process, decoded, last_words })
+    }
+}
+
+impl Decoder {
+    /// What comes next, waiting at most about `patience` for it.
+    pub fn next(&mut self, patience: Duration) -> Decoded {
+        match self.decoded.recv_timeout(patience) {
+            Ok(Decoded::End(Some(reason))) => Decoded::End(Some(reason)),
+            Ok(Decoded::End(None)) | Err(RecvTimeoutError::Disconnected) => Decoded::End(self.end()),
+            Ok(decoded) => decoded,
+            Err(RecvTimeoutError::Timeout) => Decoded::Nothing,
+        }
+    }
+
+    /// What ffmpeg last complained of.
+    pub fn last_words(&self) -> Option<String> {
+        self.last_words.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Why it ended; none where all went well.
+    fn end(&mut self) -> Option<String> {
+        let is_well = self.status().is_some_and(|status| status.success());
+        let words = self.last_words();
+        if is_well { None } else { Some(words.unwrap_or("`ffmpeg -i FILE -f null -` says more".to_string())) }
+    }
+
+    fn status(&mut self) -> Option<ExitStatus> {
+        let until = Instant::now() + ENDING;
+        while Instant::now() < until {
+            match self.process.try_wait() {
+                Ok(None) => thread::sleep(Duration::from_millis(2)),
+                Ok(status) => return status,
+                Err(_) => return None,
+            }
+        }
+        None
+    }
+}
+
+impl Drop for Decoder {
+    fn drop(&mut self) {
+        // A decoder that is no longer read would wait for ever. It may have ended already.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Hands on what ffmpeg says, until it says no more.
+fn listen(stderr: ChildStderr, last_words: &Mutex<Option<String>>, mut hand_on: impl FnMut(Told)) {
+    let mut stderr = BufReader::new(stderr);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        match (&mut stderr).take(MAX_WORDS_BYTES).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+        let line = String::from_utf8_lossy(&line);
+        if let Some(complaint) = words::complaint(&line) {
+            *last_words.lock().unwrap_or_else(PoisonError::into_inner) = Some(complaint);
+        }
+        if let Some(told) = words::told(&line) {
+            hand_on(told);
+        }
+    }
+}
+
+/// The pipe of frames.
+struct Pictures {
+    pipe: BufReader<ChildStdout>,
+    to_taker: SyncSender<Decoded>,
+    /// Columns and rows, once the header has come.
+    size_px: Option<[u32; 2]>,
+    /// What ffmpeg will call the next frame.
+    next_number: u64,
+    time_base_s: Option<f64>,
+    /// Why the next frame is not to be trusted.
+    complaint: Option<String>,
+}
+
+impl Pictures {
+    fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>) -> Self {
+        let pipe = BufReader::with_capacity(1 << 20, stdout);
+        Pictures { pipe, to_taker, size_px: None, next_number: 0, time_base_s: None, complaint: None }
+    }
+
+    /// A frame for each line about one, until ffmpeg falls silent or nobody takes them.
+    fn read(mut self, told: Receiver<Told>) {
+        for told in told {
+            let decoded = match told {
+                Told::TimeBase { seconds } => {
+                    self.time_base_s = Some(seconds);
+                    continue;
+                }
+                Told::CorruptFrame(words) => {
+                    self.complaint = Some(words);
+                    continue;
+                }
+                Told::NoFrame(words) => Decoded::Damaged(words),
+                Told::Frame { number, ticks, size_px } => match self.frame(number, ticks, size_px) {
+                    Ok(decoded) => decoded,
+                    Err(reason) => Decoded::End(reason),
+                },
+            };
+            let is_over = matches!(decoded, Decoded::End(_));
+            if self.to_taker.send(decoded).is_err() || is_over {
+                return;
+            }
+        }
+        // The taker may be gone.
+        let _ = self.to_taker.send(Decoded::End(None));
+    }
+
+    /// The frame that was announced; an error, with or without a reason of its own, where the pipe ends instead.
+    fn frame(
+        &mut self,
+        number: u64,
+        ticks: Option<i64>,
+        told_px: [u32; 2],
+    ) -> Result<Decoded, Option<String>> {
+        let size_px = match self.size_px {
+            Some(size_px) => size_px,
+            None => self.header()?,
+        };
+        self.size_px = Some(size_px);
+        // Lines of several threads may run into each other, so that one about a frame is not understood.
+        let missed = number.saturating_sub(self.next_number);
+        for _ in 0..missed {
+            self.pixels(size_px)?;
+        }
+        self.next_number = number.saturating_add(1);
+        let data = self.pixels(size_px)?;
+        // ffmpeg scales every later frame to the size of the first.
+        if told_px != size_px {
+            return Ok(Decoded::Resized { from_px: size_px, to_px: told_px });
+        }
+        if let Some(words) = self.complaint.take() {
+            return Ok(Decoded::Damaged(words));
+        }
+        let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
+        let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
+        Ok(Decoded::Frame(Shot { time_s, arrived: Instant::now(), image }))
+    }
+
+    fn pixels(&mut self, size_px: [u32; 2]) -> Result<Vec<u8>, Option<String>> {
+        if !self.line()?.starts_with("FRAME") {
+            return Err(None);
+        }
+        let mut data = vec![0; size_px[0] as usize * size_px[1] as usize];
+        self.pipe.read_exact(&mut data).map_err(|_| None)?;
+        Ok(data)
+    }
+
+    fn header(&mut self) -> Result<[u32; 2], Option<String>> {
+        let line = self.line()?;
+        let [width_px, height_px] = size(&line).ok_or(None)?;
+        if MAX_PIXELS < u64::from(width_px) * u64::from(height_px) {
+            return Err(Some(format!(
+                "frames are {width_px}×{height_px} px; the limit is 64 Mpx, reduce them"
+            )));
+        }
+        Ok([width_px, height_px])
+    }
+
+    fn line(&mut self) -> Result<String, Option<String>> {
+        let mut line = Vec::new();
+        let read = (&mut self.pipe).take(MAX_HEADER_BYTES).read_until(b'\n', &mut line);
+        read.map_err(|_| None)?;
+        Ok(String::from_utf8_lossy(&line).trim_end().to_string())
+    }
+}
+
+/// The option that passes frames through was renamed with release 5.1, and its old name has been removed since.
+fn each_frame_once(version: &str) -> [&'static str; 2] {
+    let number = version.split_whitespace().nth(2).unwrap_or_default().trim_start_matches('n');
+    let mut parts = number.split(['.', '-']).map(|part| part.parse::<u32>().ok());
+    match (parts.next().flatten(), parts.next().flatten()) {
+        (Some(major), minor) if (major, minor.unwrap_or(0)) < (5, 1) => ["-vsync", "passthrough"],
+        _ => ["-fps_mode", "passthrough"], // Snapshots have names instead of numbers.
+    }
+}
+
+fn cannot_start(reason: std::io::Error) -> String {
+    match reason.kind() {
+        std::io::ErrorKind::NotFound => {
+            "videos and streams are decoded by the program ffmpeg, which is not installed; install it \
+             (apt install ffmpeg, brew install ffmpeg, winget install ffmpeg) or give the frames as PNG or JPEG images"
+                .to_string()
+        }
+        _ => format!("ffmpeg cannot be started: {reason}"),
+    }
+}
+
+/// W and H of a YUV4MPEG2 header; none where it is not one of grey frames.
+fn size(header: &str) -> Option<[u32; 2]> {
+    let fields = header.strip_prefix("YUV4MPEG2 ")?;
+    let field = |letter: char| fields.split(' ').find_map(|field| field.strip_prefix(letter));
+    let number = |letter: char| field(letter)?.parse().ok().filter(|n| 0 < *n);
+    (field('C')? == "mono").then_some([number('W')?, number('H')?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_are_read() {
+        assert_eq!(size("YUV4MPEG2 W1280 H720 F30:1 Ip A1:1 Cmono XCOLORRANGE=FULL"), Some([1280, 720]));
+        for bad in ["", "YUV4MPEG2 W1280 F30:1 Cmono", "YUV4MPEG2 W0 H720 Cmono", "YUV4MPEG2 W2 H2 C420jpeg"]
+        {
+            assert_eq!(size(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn releases_before_5_1_have_another_name_for_passing_frames_through() {
+        let name = |version: &str| each_frame_once(&format!("ffmpeg version {version} Copyright (c) …"))[0];
+        for old in ["4.4.2-0ubuntu0.22.04.1", "n4.4", "5.0.1", "4.2.7"] {
+            assert_eq!(name(old), "-vsync", "{old}");
+        }
+        for new in ["5.1.9-0+deb12u1", "n9.0.2-17-g2a571b6068", "6.1", "7.0.2-static", "N-12345-gabcdef", ""]
+        {
+            assert_eq!(name(new), "-fps_mode", "{new}");
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! When a picture was taken, as its EXIF says: `DateTimeOriginal` with its fractions and, where stated, its distance from UTC.
+
+use std::io::Cursor;
+
+/// Tags of the EXIF standard (CIPA DC-008).
+const EXIF_IFD: u16 = 0x8769;
+const DATE_TIME_ORIGINAL: u16 = 0x9003;
+const OFFSET_TIME_ORIGINAL: u16 = 0x9011;
+const SUB_SEC_TIME_ORIGINAL: u16 = 0x9291;
+/// Types of values.
+const ASCII: u16 = 2;
+const LONG: u16 = 4;
+
+/// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
+/// UTC: differences between pictures of one camera are right.
+pub(super) fn taken_s(picture: &[u8]) -> Option<f64> {
+    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
+    let exif = ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()??;
+    of_exif(&exif)
+}
+
+fn of_exif(exif: &[u8]) -> Option<f64> {
+    let tiff = Tiff::new(exif.strip_prefix(b"Exif\0\0").unwrap_or(exif))?;
+    let first = tiff.u32(4)?;
+    let details = tiff.u32(tiff.entry(first, EXIF_IFD, LONG)? + 8)?;
+    let local_s = seconds(&tiff.text(details, DATE_TIME_ORIGINAL)?)?;
+    let fraction_s = tiff.text(details, SUB_SEC_TIME_ORIGINAL).and_then(|digits| fraction(&digits));
+    let offset_s = tiff.text(details, OFFSET_TIME_ORIGINAL).and_then(|text| offset(&text));
+    Some(local_s as f64 + fraction_s.unwrap_or(0.0) - offset_s.unwrap_or(0) as f64)
+}
+
+/// A TIFF block: a header that says which end of a number comes first, then lists of twelve-byte entries.
+struct Tiff<'a> {
+    bytes: &'a [u8],
+    is_little_endian: bool,
+}
+
+impl<'a> Tiff<'a> {
+    fn new(bytes: &'a [u8]) -> Option<Self> {
+        let is_little_endian = match bytes.get(..4)? {
+            b"II*\0" => true,
+            b"MM\0*" => false,
+            _ => return None,
+        };
+        Some(Tiff { bytes, is_little_endian })
+    }
+
+    fn array<const N: usize>(&self, at: u32) -> Option<[u8; N]> {
+        let at = at as usize;
+        self.bytes.get(at..at.checked_add(N)?)?.try_into().ok()
+    }
+
+    fn u16(&self, at: u32) -> Option<u16> {
+        let bytes = self.array(at)?;
+        Some(if self.is_little_endian { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
+    }
+
+    fn u32(&self, at: u32) -> Option<u32> {
+        let bytes = self.array(at)?;
+        Some(if self.is_little_endian { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
+    }
+
+    /// Where the entry with a tag and type begins in the list at `list`.
+    fn entry(&self, list: u32, tag: u16, kind: u16) -> Option<u32> {
+        let places = (0..self.u16(list)?).map(|i| list.checked_add(2 + 12 * u32::from(i)));
+        places.flatten().find(|at| self.u16(*at) == Some(tag) && self.u16(at.saturating_add(2)) == Some(kind))
+    }
+
+    /// A text; up to four bytes stand in the entry itself.
+    fn text(&self, list: u32, tag: u16) -> Option<String> {
+        let entry = self.entry(list, tag, ASCII)?;
+        let length = self.u32(entry + 4)?;
+        let at = if length <= 4 { entry + 8 } else { self.u32(entry + 8)? } as usize;
+        let bytes = self.bytes.get(at..at.checked_add(length as usize)?)?;
+        let text = std::str::from_utf8(bytes).ok()?;
+        Some(text.trim_end_matches('\0').trim().to_string())
+    }
+}
+
+/// `2026:03:14 15:09:26` as seconds since 1970.
+fn seconds(text: &str) -> Option<i64> {
+    let numbers: Vec<i64> = text.split([':', ' ']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
+    let [year, month, day, hour, minute, second] = numbers[..] else { return None };
+    let is_date = (1900..10_000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    let is_time = (0..24).contains(&hour) && (0..60).contains(&minute) && (0..=60).contains(&second);
+    (is_date && is_time).then(|| ((days(year, month, day) * 24 + hour) * 60 + minute) * 60 + second)
+}
+
+/// Days since 1970 of a date of the Gregorian calendar; years are counted from March, so that a leap day is the last of its year.
+fn days(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468
+}
+
+/// `25` is 0.25 s, `250` too.
+fn fraction(digits: &str) -> Option<f64> {
+    let is_number = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| format!("0.{digits}").parse().ok())?
+}
+
+/// `+02:00` as seconds.
+fn offset(text: &str) -> Option<i64> {
+    let (hours, minutes) = text.get(1..)?.split_once(':')?;
+    let seconds = 3600 * hours.parse::<i64>().ok()? + 60 * minutes.parse::<i64>().ok()?;
+    match text.as_bytes().first()? {
+        b'+' => Some(seconds),
+        b'-' => Some(-seconds),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(value: u32, size: usize, is_little: bool) -> Vec<u8> {
+        let big = value.to_be_bytes()[4 - size..].to_vec();
+        if is_little { big.into_iter().rev().collect() } else { big }
+    }
+
+    /// A block with `DateTimeOriginal` 2026:03:14 15:09:26, fraction .5 and two hours before UTC.
+    fn block(is_little: bool) -> Vec<u8> {
+        let n = |value, size| number(value, size, is_little);
+        let entry = |tag, kind, count, value: Vec<u8>| [n(tag, 2), n(kind, 2), n(count, 4), value].concat();
+        let begin = if is_little { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+        // The header ends at 8, the first list at 26, the second at 26 + 2 + 36 + 4 = 68; texts follow.
+        let first = [n(1, 2), entry(0x8769, 4, 1, n(26, 4)), n(0, 4)].concat();
+        let second = [
+            n(3, 2),
+            entry(0x9003, 2, 20, n(68, 4)),
+            entry(0x9011, 2, 7, n(88, 4)),
+            entry(0x9291, 2, 2, b"5\0\0\0".to_vec()),
+            n(0, 4),
+        ];
+        let texts = b"2026:03:14 15:09:26\0+02:00\0".to_vec();
+        [begin, n(8, 4), first, second.concat(), texts].concat()
+    }
+
+    /// Seconds by `date -u -d '2026-03-14 15:09:26' +%s`, less two hours, and half a second.
+    #[test]
+    fn both_byte_orders_are_read() {
+        for is_little in [true, false] {
+            assert_eq!(of_exif(&block(is_little)), Some(1_773_500_966.0 - 7200.0 + 0.5), "{is_little}");
+        }
+    }
+
+    #[test]
+    fn torn_blocks_say_nothing() {
+        let whole = block(true);
+        for length in 0..88 {
+            assert_eq!(of_exif(&whole[..length]), None, "{length} bytes");
+        }
+        for place in 0..whole.len() {
+            let mut bent = whole.clone();
+            bent[place] = 0xff;
+            let _ = of_exif(&bent); // Whatever it says, it does not panic.
+        }
+    }
+
+    #[test]
+    fn dates_that_cannot_be_are_none() {
+        assert_eq!(seconds("1970:01:01 00:00:00"), Some(0));
+        assert_eq!(seconds("2024:02:29 12:00:00"), Some(1_709_208_000));
+        for bad in ["0000:00:00 00:00:00", "2026:13:01 00:00:00", "    :  :     :  :  ", "2026:01:01", ""] {
+            assert_eq!(seconds(bad), None, "{bad}");
+        }
+        assert_eq!((fraction("25"), fraction("2x"), fraction("")), (Some(0.25), None, None));
+        assert_eq!((offset("-03:30"), offset("   :  "), offset("")), (Some(-12_600), None, None));
+    }
+}

@@ -1,0 +1,153 @@
+//! A session whose frames have clocks that are set: it says so, and goes on watching.
+
+use resight::live::{Event, LiveCamera, LiveConfig, State, Watched, run};
+use resight::render::Pcg;
+use resight::source::{Content, Frame, Next, Source};
+use resight_core::camera::{CameraMatrix, ImageSize, Pinhole};
+use resight_core::correspondence::Detection;
+use resight_core::monitor::MonitorConfig;
+use resight_core::monitor::learn::LearnConfig;
+use resight_core::target::Tag;
+use resight_core::track::TrackConfig;
+use resight_core::{Camera, Lens, Matrix6, Pixel, Pose, Target, Vector6};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+const SIGMA_PX: f64 = 0.1;
+
+/// Frames from a list; one that lives gives them at its own pace.
+struct Script {
+    frames: VecDeque<Frame>,
+    pace: Option<Duration>,
+}
+
+impl Source for Script {
+    fn next(&mut self, _: Duration) -> Next {
+        std::thread::sleep(self.pace.unwrap_or_default());
+        self.frames.pop_front().map_or(Next::End, Next::Frame)
+    }
+
+    fn is_live(&self) -> bool {
+        self.pace.is_some()
+    }
+}
+
+fn camera() -> Camera {
+    let matrix = CameraMatrix { fx_px: 800.0, fy_px: 800.0, cx_px: 639.5, cy_px: 479.5 };
+    let size = Some(ImageSize { width_px: 1280, height_px: 960 });
+    Camera { lens: Lens::Pinhole(Pinhole { matrix }), size }
+}
+
+fn target() -> Target {
+    Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.3 })
+}
+
+/// Frame `i` at a time, of a camera that turned to the right by so much.
+fn frame(i: u64, capture_s: f64, pan_deg: f64) -> Frame {
+    let mut chance = Pcg::new(77 + i);
+    let cam_from_target = Pose::exp(&Vector6::new(0.35, -0.3, 0.1, 0.02, -0.01, 0.8));
+    let old_from_new = Pose::exp(&Vector6::new(0.0, pan_deg.to_radians(), 0.0, 0.0, 0.0, 0.0));
+    let now = old_from_new.inverse() * cam_from_target;
+    let (camera, target) = (camera(), target());
+    let seen = target.features().into_iter().map(|feature| {
+        let known = target.point(feature).expect("a known point");
+        let pixel =
+            camera.project(&(now.rotation * known.position + now.translation)).expect("in the picture");
+        let noise = Pixel::new(SIGMA_PX * chance.normal(), SIGMA_PX * chance.normal());
+        Detection { feature, pixel: pixel + noise, sigma_px: SIGMA_PX, covariance_px2: None }
+    });
+    Frame { number: i, capture_s, name: format!("frame {i}"), content: Content::Detections(seen.collect()) }
+}
+
+fn watch(frames: Vec<Frame>, pace: Option<Duration>) -> Vec<Event> {
+    let source = Box::new(Script { frames: frames.into(), pace });
+    let targets = vec![Watched { name: "tag".to_string(), target: Arc::new(target()), reference: None }];
+    let cameras = vec![LiveCamera { name: "gate".to_string(), camera: camera(), targets, source }];
+    let lasting = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+    let config = LiveConfig {
+        monitor: MonitorConfig::default(),
+        track: TrackConfig::default(),
+        learn_readings: 50,
+        lasting,
+        queue_frames: 1000,
+        retry_s: 0.1,
+    };
+    let mut events = Vec::new();
+    run(cameras, &config, &Arc::new(AtomicBool::new(false)), |event| {
+        events.push(event.clone());
+        true
+    })
+    .expect("it runs");
+    events
+}
+
+fn steps_s(events: &[Event]) -> Vec<f64> {
+    let step = |event: &Event| match event {
+        Event::Clock { step_s, .. } => Some(*step_s),
+        _ => None,
+    };
+    events.iter().filter_map(step).collect()
+}
+
+fn began_s(events: &[Event]) -> Option<f64> {
+    events.iter().rev().find_map(|event| match event {
+        Event::StateChanged { state: State::Drifted(drift), .. } => Some(drift.began_s),
+        _ => None,
+    })
+}
+
+/// The clock goes back by an hour after 100 s; the knock at 150 s is found all the same, at the time that went on.
+#[test]
+fn an_hour_back_does_not_make_the_monitor_deaf() {
+    let frames = (0..200).map(|i| {
+        let t_s = 5000.0 + i as f64 - if i < 100 { 0.0 } else { 3600.0 };
+        frame(i, t_s, if i < 150 { 0.0 } else { 0.5 })
+    });
+    let events = watch(frames.collect(), None);
+    let [step_s] = steps_s(&events)[..] else { panic!("{:?}", steps_s(&events)) };
+    assert!((step_s + 3600.0).abs() < 1e-9, "{step_s}");
+    let began_s = began_s(&events).expect("a drift");
+    assert!((began_s - 5150.0).abs() <= 3.0, "{began_s}");
+    let times: Vec<f64> = events
+        .iter()
+        .filter_map(|event| match event {
+            Event::Observed { observation, .. } => Some(observation.capture_s),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(times, (0..200).map(|i| 5000.0 + i as f64).collect::<Vec<_>>());
+}
+
+/// A live camera whose clock is set two hours forward, and back again.
+#[test]
+fn a_live_clock_set_forward_and_back_is_said_twice() {
+    let frames = (0..150).map(|i| {
+        let set_s = if (60..110).contains(&i) { 7200.0 } else { 0.0 };
+        frame(i, 1e9 + 0.005 * i as f64 + set_s, 0.0)
+    });
+    let events = watch(frames.collect(), Some(Duration::from_millis(5)));
+    let [forward_s, back_s] = steps_s(&events)[..] else { panic!("{:?}", steps_s(&events)) };
+    // The machine that plays the camera may be slow.
+    assert!((forward_s - 7200.0).abs() < 30.0 && (back_s + 7200.0).abs() < 30.0, "{forward_s} {back_s}");
+    assert_eq!(began_s(&events), None);
+}
+
+/// One frame in ten comes after its successor: it is left out and counted, and no clock was set.
+#[test]
+fn small_disorder_is_counted() {
+    let mut frames: Vec<Frame> = (0..200).map(|i| frame(i, 0.1 * i as f64, 0.0)).collect();
+    (5..200).step_by(10).for_each(|i| frames.swap(i, i - 1));
+    let events = watch(frames, None);
+    assert!(steps_s(&events).is_empty());
+    let left_out: u64 = events
+        .iter()
+        .map(|event| match event {
+            Event::LeftOut { frames, .. } => *frames,
+            _ => 0,
+        })
+        .sum();
+    assert_eq!(left_out, 20);
+    assert_eq!(began_s(&events), None);
+}
