@@ -6,6 +6,7 @@
 pub mod video;
 pub mod pictures;
 pub mod lines;
+pub mod mcap;
 
 use crate::{FileError, GrayImage};
 use resight_core::correspondence::Detection;

@@ -25,6 +25,7 @@ use std::sync::atomic::AtomicBool;
 #[command(after_help = "Examples:\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
+    resight watch --camera gate=run.mcap#/gate/camera_info --target tag.toml --source gate=run.mcap#/gate/image_raw --once --tf poses.mcap\n  \
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {
@@ -65,6 +66,7 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
     let log = Log;
     let mut outputs = outputs::open(&args.outputs, &names, &log)?;
+    outputs.iter_mut().try_for_each(|output| output.start(&cameras))?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
     let stop = Arc::new(AtomicBool::new(false));

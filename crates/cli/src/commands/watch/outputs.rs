@@ -1,17 +1,23 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
 pub mod said;
+mod tf;
 
 use super::log::Log;
 use super::names::Names;
 use anyhow::Result;
 use clap::Args;
-use resight::live::Event;
+use resight::live::{Event, LiveCamera};
 use said::Said;
 
 /// Takes every event, in order, and never waits for anybody else: an output that talks to a server has a thread and a bounded
 /// queue of its own, and says in the log what went wrong. An error ends the session.
 pub trait Output {
+    /// The session begins, with these cameras.
+    fn start(&mut self, _cameras: &[LiveCamera]) -> Result<()> {
+        Ok(())
+    }
+
     /// The next event.
     fn take(&mut self, event: &Event) -> Result<()>;
 
@@ -30,9 +36,15 @@ pub struct OutputArgs {
     /// Also says what every frame showed.
     #[arg(long)]
     frames: bool,
+    #[command(flatten)]
+    tf: tf::TfArgs,
 }
 
 /// Opens what was asked for.
-pub fn open(args: &OutputArgs, names: &Names, _log: &Log) -> Result<Vec<Box<dyn Output>>> {
-    Ok(vec![Box::new(Said::new(names, args.json, args.frames))])
+pub fn open(args: &OutputArgs, names: &Names, log: &Log) -> Result<Vec<Box<dyn Output>>> {
+    let mut all: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    if let Some(tf) = tf::open(&args.tf, names, log)? {
+        all.push(Box::new(tf));
+    }
+    Ok(all)
 }

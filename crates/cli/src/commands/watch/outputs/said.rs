@@ -131,7 +131,7 @@ impl Said {
 }
 
 /// The contract's word.
-fn word(state: &State) -> &'static str {
+pub(super) fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
@@ -142,7 +142,7 @@ fn word(state: &State) -> &'static str {
     }
 }
 
-fn state_words(state: &State) -> String {
+pub(super) fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
