@@ -13,7 +13,7 @@ pub mod dots;
 pub mod families;
 mod homography;
 mod joints;
-mod sigma;
+pub(crate) mod sigma;
 pub mod tags;
 
 use crate::GrayImage;

@@ -9,6 +9,7 @@
 //! | own TOML | `own_camera.rs` | all models | any `b_from_a`, clocks | yes |
 //! | OpenCV YAML, XML, JSON | `opencv.rs`, `opencv_write.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML, XML |
 //! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
+//! | MCAP recording | `mcap.rs` | as ROS camera_info | none | no |
 //! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
 //! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | yes |
 //! | ROS static transforms | `tf.rs`, `tf_launch.rs` | none | parent_from_child | yes |
@@ -40,6 +41,7 @@ mod own_target;
 mod opencv;
 mod opencv_write;
 mod ros;
+mod mcap;
 mod kalibr;
 mod kalibr_target;
 mod euroc;
@@ -80,7 +82,7 @@ pub use wpilib::{Field, read_field, write_field_layout};
 use crate::FileError;
 use crate::core::camera::ImageSize;
 use crate::core::{Camera, Matrix6, Pose, Target};
-use document::{Document, Fault};
+use document::{Document, Fault, Syntax};
 use std::path::Path;
 use table::{
     CAMERA_FORMATS, CameraFormat, Reads, TargetFormat, Writer, Written, camera_format, target_format,
@@ -260,7 +262,14 @@ fn keys_seen(document: &Document) -> String {
 pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
     let (path, name) = split_spec(spec);
     let path = Path::new(path);
-    let file = read_cameras(path)?;
+    let document = Document::read(path)?;
+    // A recording says why a topic that is there holds no camera, and knows the camera of rectified pictures.
+    if let Some(found) =
+        name.filter(|_| document.syntax == Syntax::Mcap).and_then(|n| mcap::camera(&document, n))
+    {
+        return found.map_err(|fault| fault.in_file(path));
+    }
+    let file = cameras_of(&document).map_err(|fault| fault.in_file(path))?;
     pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))
 }
 

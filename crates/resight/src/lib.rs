@@ -6,6 +6,8 @@ pub use resight_core as core;
 pub mod error;
 pub mod image;
 pub mod detect;
+pub mod recording;
+pub mod ros;
 pub mod formats;
 pub mod overlay;
 pub mod drawing;

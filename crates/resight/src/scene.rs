@@ -6,35 +6,48 @@
 pub(crate) mod geometry;
 mod protobuf;
 mod schema;
-mod mcap;
 mod shapes;
 
 use crate::core::{Point, Pose};
+use crate::recording::{RecordingError, Writer};
 use crate::rig::RigRun;
 use geometry::{Extent, TargetInView};
 use nalgebra::Matrix3;
 use shapes::{Join, Shapes, color_of};
+use std::collections::BTreeMap;
+use std::io::Cursor;
 
 /// Colours of cameras, on report pages too: `c0` … in page.css.
 pub(crate) const N_COLORS: usize = shapes::COLORS.len();
 /// Views carry names, not times: they follow each other at ten a second.
 const VIEW_PERIOD_NS: u64 = 100_000_000;
+/// A reader holds one chunk in memory at a time.
+const CHUNK_BYTES: u64 = 1 << 18;
 const RIG: &str = "rig";
 const GREY: shapes::Rgba = [0.55, 0.57, 0.60, 1.0];
 
 /// The rig as an MCAP file: what `--scene FILE.mcap` writes. View k is at (k + 1) · 0.1 s; what does not move is at the first.
 ///
 /// Frames are `rig`, `camera/NAME` and `target/NAME`; metres. Same run, same bytes.
-pub fn rig_scene(run: &RigRun) -> Vec<u8> {
+///
+/// # Errors
+/// More cameras than the format has numbers for topics (65,535).
+pub fn rig_scene(run: &RigRun) -> Result<Vec<u8>, RecordingError> {
     let targets = geometry::targets_in_views(run);
     let extent = geometry::extent(run, &targets);
-    let mut file = mcap::Writer::new(concat!("resight ", env!("CARGO_PKG_VERSION")));
-    let topics = Topics::new(&mut file);
+    let mut file = Writer::new(Cursor::new(Vec::new()), "", CHUNK_BYTES)?;
+    let topics = Topics::new(&mut file)?;
     let magnification = geometry::ellipse_magnification(run, &extent);
-    cameras(&mut file, &topics, run, &extent, magnification);
-    views(&mut file, &topics, run, &targets);
-    file.metadata("resight", &metadata(run, magnification));
-    file.finish()
+    cameras(&mut file, &topics, run, &extent, magnification)?;
+    views(&mut file, &topics, run, &targets)?;
+    file.metadata("resight", metadata(run, magnification))?;
+    Ok(file.finish()?.into_inner())
+}
+
+type File = Writer<Cursor<Vec<u8>>>;
+
+fn channel(file: &mut File, schema: u16, topic: &str) -> Result<u16, RecordingError> {
+    file.channel(schema, topic, "protobuf", &BTreeMap::new())
 }
 
 struct Topics {
@@ -47,17 +60,20 @@ struct Topics {
 
 impl Topics {
     /// `calibration` is a schema, since every camera gets a topic of its own; the others are topics.
-    fn new(file: &mut mcap::Writer) -> Self {
-        let mut schema = |root: &str| file.schema(&format!("foxglove.{root}"), &schema::descriptor_set(root));
-        let [transforms, scene, points, calibration] =
-            ["FrameTransforms", "SceneUpdate", "PointCloud", "CameraCalibration"].map(&mut schema);
-        Topics {
-            transforms: file.channel(transforms, "/tf"),
-            cameras: file.channel(scene, "/cameras"),
-            targets: file.channel(scene, "/targets"),
-            points: file.channel(points, "/points"),
+    fn new(file: &mut File) -> Result<Self, RecordingError> {
+        let mut schema =
+            |root: &str| file.schema(&format!("foxglove.{root}"), "protobuf", &schema::descriptor_set(root));
+        let transforms = schema("FrameTransforms")?;
+        let scene = schema("SceneUpdate")?;
+        let points = schema("PointCloud")?;
+        let calibration = schema("CameraCalibration")?;
+        Ok(Topics {
+            transforms: channel(file, transforms, "/tf")?,
+            cameras: channel(file, scene, "/cameras")?,
+            targets: channel(file, scene, "/targets")?,
+            points: channel(file, points, "/points")?,
             calibration,
-        }
+        })
     }
 }
 
@@ -65,24 +81,32 @@ fn time_ns(view: usize) -> u64 {
     (view as u64 + 1) * VIEW_PERIOD_NS
 }
 
-fn cameras(file: &mut mcap::Writer, topics: &Topics, run: &RigRun, extent: &Extent, magnification: f64) {
+fn cameras(
+    file: &mut File,
+    topics: &Topics,
+    run: &RigRun,
+    extent: &Extent,
+    magnification: f64,
+) -> Result<(), RecordingError> {
     let time = time_ns(0);
     let frames = run.rig.cameras.iter().zip(&run.solution.cameras).map(|(named, placed)| {
         shapes::transform(time, RIG, &format!("camera/{}", named.name), &placed.cam_from_rig.inverse())
     });
     let transforms = protobuf::Message::new().messages(1, frames);
-    file.message(topics.transforms, time, &transforms.into_bytes());
+    file.message(topics.transforms, time, &transforms.into_bytes())?;
     for (i, named) in run.rig.cameras.iter().enumerate() {
         let frame = format!("camera/{}", named.name);
         let Some(calibration) = shapes::calibration(time, &frame, &run.rig.lenses[i]) else { continue };
-        let channel = file.channel(topics.calibration, &format!("/camera/{}/calibration", named.name));
-        file.message(channel, time, &calibration.into_bytes());
+        let topic = format!("/camera/{}/calibration", named.name);
+        let channel = channel(file, topics.calibration, &topic)?;
+        file.message(channel, time, &calibration.into_bytes())?;
     }
     for i in 0..run.rig.cameras.len() {
         let update = camera_shapes(run, i, extent, magnification);
         let entity = format!("camera/{}", run.rig.cameras[i].name);
-        file.message(topics.cameras, time, &shapes::scene_update(time, RIG, &entity, update).into_bytes());
+        file.message(topics.cameras, time, &shapes::scene_update(time, RIG, &entity, update).into_bytes())?;
     }
+    Ok(())
 }
 
 /// Pyramid, name and the 95 % ellipsoid of the place, magnified.
@@ -129,7 +153,12 @@ fn ellipsoid(
 }
 
 /// Each view's message holds all of that view, so that a viewer may jump to any time.
-fn views(file: &mut mcap::Writer, topics: &Topics, run: &RigRun, targets: &[TargetInView]) {
+fn views(
+    file: &mut File,
+    topics: &Topics,
+    run: &RigRun,
+    targets: &[TargetInView],
+) -> Result<(), RecordingError> {
     let points = geometry::target_points(&run.rig);
     let mut rest = targets;
     for view in 0..run.rig.views.len() {
@@ -142,13 +171,14 @@ fn views(file: &mut mcap::Writer, topics: &Topics, run: &RigRun, targets: &[Targ
             shapes::transform(time, RIG, &name, &t.rig_from_target)
         });
         let transforms = protobuf::Message::new().messages(1, frames).into_bytes();
-        file.message(topics.transforms, time, &transforms);
+        file.message(topics.transforms, time, &transforms)?;
         let update = shapes::scene_update(time, RIG, "targets", target_shapes(run, view, in_view, &points));
-        file.message(topics.targets, time, &update.into_bytes());
+        file.message(topics.targets, time, &update.into_bytes())?;
         let cloud: Vec<Point> =
             in_view.iter().flat_map(|t| points[t.target].iter().map(|x| t.rig_from_target * *x)).collect();
-        file.message(topics.points, time, &shapes::point_cloud(time, RIG, &cloud).into_bytes());
+        file.message(topics.points, time, &shapes::point_cloud(time, RIG, &cloud).into_bytes())?;
     }
+    Ok(())
 }
 
 /// Outlines and names of the targets, and a line from each camera to each target it saw.
@@ -168,14 +198,14 @@ fn target_shapes(run: &RigRun, view: usize, in_view: &[TargetInView], points: &[
     all
 }
 
-fn metadata(run: &RigRun, magnification: f64) -> Vec<(String, String)> {
+fn metadata(run: &RigRun, magnification: f64) -> BTreeMap<String, String> {
     let own = |key: &str, value: String| (key.to_string(), value);
-    let mut texts = vec![
+    let mut texts = BTreeMap::from([
         own("command", run.command.clone()),
         own("reference_camera", run.rig.cameras[run.solution.reference].name.clone()),
         own("ellipsoids", format!("95 % of each camera's place, magnified {magnification} times")),
         own("times", "views have no times here: view k is at (k + 1) * 0.1 s".into()),
-    ];
+    ]);
     texts.extend(run.inputs.iter().map(|f| own(&format!("sha256 {}", f.path), f.sha256.clone())));
     texts
 }

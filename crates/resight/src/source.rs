@@ -8,6 +8,7 @@ pub mod video;
 pub mod stream;
 pub mod pictures;
 pub mod lines;
+pub mod mcap;
 
 use crate::{FileError, GrayImage};
 use resight_core::correspondence::Detection;

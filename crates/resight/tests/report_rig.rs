@@ -235,7 +235,7 @@ fn a_solved_rig_is_reported() {
     // One point in forty was moved by 12 px times a normal; the gate lies at 1.3 px.
     assert!((run.solution.n_seen / 60..run.solution.n_seen / 30).contains(&outliers), "{outliers}");
     assert!(page.text.contains(&format!("{outliers} of ")), "{outliers}");
-    kept_bytes("solved.mcap", &resight::scene::rig_scene(&run));
+    kept_bytes("solved.mcap", &resight::scene::rig_scene(&run).unwrap());
 }
 
 fn node() -> bool {

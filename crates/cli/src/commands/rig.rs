@@ -229,7 +229,7 @@ fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Out
         write_atomically(path, rig_page(&solved.run).as_bytes())?;
     }
     if let Some(path) = &args.scene {
-        write_atomically(path, &rig_scene(&solved.run))?;
+        write_atomically(path, &rig_scene(&solved.run)?)?;
     }
     match args.json {
         true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,

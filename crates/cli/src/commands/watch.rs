@@ -27,6 +27,7 @@ use std::sync::atomic::AtomicBool;
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
+    resight watch --camera gate=run.mcap#/gate/camera_info --target tag.toml --source gate=run.mcap#/gate/image_raw --once --tf poses.mcap\n  \
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {

@@ -35,8 +35,14 @@ const CLEAR_MARGIN_GRAY: f64 = 50.0;
 
 /// Sigma of a tag corner, the meeting point of two fitted edges.
 pub(super) fn tag_px(tag: &DecodedTag) -> f64 {
-    let dim = (CLEAR_MARGIN_GRAY / tag.margin_gray.max(1.0)).max(1.0);
-    LENS_FLOOR_PX.hypot(dim * TAG_AT_ONE_PX / shortest_edge_px(&tag.corners).max(1.0).sqrt())
+    tag_corner_px(&tag.corners, Some(tag.margin_gray))
+}
+
+/// The same from corners and decision margin (grey levels) alone; a margin that nobody told is that of a well lit tag.
+pub(crate) fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f64 {
+    let margin_gray = margin_gray.unwrap_or(CLEAR_MARGIN_GRAY);
+    let dim = (CLEAR_MARGIN_GRAY / margin_gray.max(1.0)).max(1.0);
+    LENS_FLOOR_PX.hypot(dim * TAG_AT_ONE_PX / shortest_edge_px(corners).max(1.0).sqrt())
 }
 
 /// Length of a quadrilateral's shortest edge, pixels.

@@ -3,7 +3,7 @@
 //! Every format reads the same tree through `Entry`, so each refusal names file, line and key in one way.
 
 use super::entry::Entry;
-use super::{colmap, syntax, tf_launch};
+use super::{colmap, mcap, syntax, tf_launch};
 use crate::FileError;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,8 @@ pub(super) enum Syntax {
     Lines,
     /// A launch file or script that runs `static_transform_publisher`.
     Launch,
+    /// A recording, of which only the intrinsics are read.
+    Mcap,
 }
 
 impl Syntax {
@@ -88,14 +90,17 @@ pub(super) struct Document {
     pub path: PathBuf,
     pub syntax: Syntax,
     pub text: String,
-    /// `Value::Null` for `Syntax::Lines` and `Syntax::Launch`.
+    /// `Value::Null` for `Syntax::Lines` and `Syntax::Launch`; of a recording, its cameras by topic.
     pub root: Node,
 }
 
 impl Document {
-    /// Reads at most 16 MiB and parses; refuses what is not plain text before any parser sees it.
+    /// Reads at most 16 MiB (recordings: whatever they hold, in bounded memory) and parses; refuses what is not plain text before any parser sees it.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
+        let mut file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
+        if crate::recording::is_recording(path) {
+            return mcap::document(path, &mut file).map_err(|fault| fault.in_file(path));
+        }
         let mut bytes = Vec::new();
         file.take(MAX_LITERAL_BYTES + 1)
             .read_to_end(&mut bytes)
@@ -105,6 +110,9 @@ impl Document {
 
     /// Parses bytes already in memory; `path` serves names and messages.
     pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, Fault> {
+        if crate::recording::begins_one(&bytes) {
+            return mcap::document(path, &mut std::io::Cursor::new(bytes));
+        }
         let text = plain_text(bytes)?;
         let syntax = Syntax::of(&text);
         let limit = match syntax {
@@ -121,7 +129,7 @@ impl Document {
             Syntax::Json => syntax::literal::parse_json(&text)?,
             Syntax::Python => syntax::literal::parse_python(&text)?,
             Syntax::Xml => syntax::xml::parse(&text)?,
-            Syntax::Lines | Syntax::Launch => Node { line: 1, value: Value::Null },
+            Syntax::Lines | Syntax::Launch | Syntax::Mcap => Node { line: 1, value: Value::Null },
         };
         Ok(Document { path: path.to_path_buf(), syntax, text, root })
     }

@@ -12,6 +12,8 @@ pub enum Format {
     OpenCv,
     /// ROS `sensor_msgs/CameraInfo`, as `camera_calibration` saves it or `ros2 topic echo` prints it.
     RosCameraInfo,
+    /// An MCAP recording with camera_info topics, only read.
+    Mcap,
     /// Kalibr camera chain.
     Kalibr,
     /// EuRoC / ASL `sensor.yaml`.
@@ -75,6 +77,7 @@ impl Format {
             Format::Own => "Resight camera file (TOML)",
             Format::OpenCv => "OpenCV FileStorage",
             Format::RosCameraInfo => "ROS camera_info",
+            Format::Mcap => "MCAP recording",
             Format::Kalibr => "Kalibr camera chain",
             Format::Euroc => "EuRoC sensor.yaml",
             Format::Colmap => "COLMAP text model",

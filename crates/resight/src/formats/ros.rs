@@ -42,7 +42,14 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 fn read(document: &Document) -> Result<Contents, Fault> {
     let root = document.entry();
     let mut contents = Contents::default();
-    refuse_crops(&root)?;
+    let name = root.get("camera_name").map(|n| n.text().map(str::to_owned)).transpose()?;
+    camera(&root, name.unwrap_or_else(|| document.stem()), &mut contents)?;
+    Ok(contents)
+}
+
+/// Adds the camera of a message, a saved or a recorded one.
+pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) -> Result<(), Fault> {
+    refuse_crops(root)?;
     let width = root
         .first_of(&["image_width", "width"])
         .ok_or_else(|| root.fault("the key `image_width` is missing"))?;
@@ -54,16 +61,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         .first_of(&["camera_matrix", "k", "K"])
         .ok_or_else(|| root.fault("the key `camera_matrix` is missing"))?;
     let matrix = checks::camera_matrix(&k)?;
-    let lens = lens_numbers(&root)?;
+    let lens = lens_numbers(root)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-    let name = root.get("camera_name").map(|n| n.text().map(str::to_owned)).transpose()?;
-    contents.cameras.push(NamedCamera {
-        name: name.unwrap_or_else(|| document.stem()),
-        camera,
-        placement: None,
-    });
-    contents.notes.extend(baseline_note(&root)?);
-    Ok(contents)
+    contents.cameras.push(NamedCamera { name, camera, placement: None });
+    contents.notes.extend(baseline_note(root)?);
+    Ok(())
 }
 
 fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {

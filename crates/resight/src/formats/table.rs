@@ -5,7 +5,7 @@
 use super::document::{Document, Fault};
 use super::{
     CameraFile, Contents, Format, NamedCamera, OutFile, WriteError, basalt, blender, caliscope,
-    caliscope_target, colmap, euroc, fspy, gltf, handeye, kalibr, kalibr_target, kitti, mccalib, mrcal,
+    caliscope_target, colmap, euroc, fspy, gltf, handeye, kalibr, kalibr_target, kitti, mcap, mccalib, mrcal,
     multical, nuscenes, opencv, opencv_write, own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
 };
 use crate::FileError;
@@ -83,6 +83,7 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     kitti::ODOMETRY,
     nuscenes::FORMAT,
     ros::FORMAT,
+    mcap::FORMAT,
     opencv::FORMAT,
     opencv_write::XML,
     photonvision::OLD_FORMAT,

@@ -1,6 +1,7 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
 pub mod said;
+mod tf;
 mod outbox;
 mod retry;
 mod courier;
@@ -43,6 +44,8 @@ pub struct OutputArgs {
     /// Also says what every frame showed.
     #[arg(long)]
     frames: bool,
+    #[command(flatten)]
+    tf: tf::TfArgs,
     #[command(flatten)]
     metrics: metrics::MetricsArgs,
     #[command(flatten)]
@@ -88,6 +91,7 @@ pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Outp
     let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
     let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    outputs.extend(tf::open(&args.tf, session)?);
     outputs.extend(webhook::open(&args.webhook, &mut common)?);
     outputs.extend(mqtt::open(&args.mqtt, &mut common)?);
     outputs.extend(metrics::open(&args.metrics, session, common.counted)?); // last: it counts what the others deliver

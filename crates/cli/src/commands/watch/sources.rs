@@ -3,6 +3,8 @@
 use super::names::{by_name, split};
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use resight::recording::is_recording;
+use resight::source::mcap::McapTopic;
 use resight::source::pictures::{Clock, Folder, Pictures};
 use resight::source::stream::{Stream, StreamConfig, is_stream};
 use resight::source::{Source, lines, video};
@@ -13,9 +15,9 @@ use video::Film;
 /// The sources.
 #[derive(Debug, Args)]
 pub struct SourceArgs {
-    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, a stream (rtsp://…, http://…,
-    /// tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there
-    /// are several cameras.
+    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, a recording (run.mcap, or
+    /// run.mcap#/topic where several topics show something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera
+    /// (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there are several cameras.
     #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
     /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
@@ -63,8 +65,21 @@ fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool)
     if path.is_file() && video::is_video(path) {
         return Ok(Box::new(Film::open(path)?));
     }
+    if let Some((file, topic)) = recording(value) {
+        let topic = McapTopic::open(file, topic)?;
+        return Ok(Box::new(if once { topic.as_it_is() } else { topic }));
+    }
     let pictures: Vec<PathBuf> = crate::files::expand(&[value.to_string()])?;
     Ok(Box::new(Pictures::new(pictures, clock)))
+}
+
+/// A recording and its topic; a `#` belongs to the file's name where there is a file of that whole name.
+fn recording(value: &str) -> Option<(&Path, Option<&str>)> {
+    let parts = match value.rsplit_once('#') {
+        Some((file, topic)) if !Path::new(value).exists() => (Path::new(file), Some(topic)),
+        _ => (Path::new(value), None),
+    };
+    is_recording(parts.0).then_some(parts)
 }
 
 /// The options for one camera: those for all, then those with its name.

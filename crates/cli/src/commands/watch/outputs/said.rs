@@ -168,7 +168,7 @@ pub fn word(state: &State) -> &'static str {
     }
 }
 
-fn state_words(state: &State) -> String {
+pub(super) fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),

@@ -1,0 +1,231 @@
+//! The thread that writes the recording.
+
+use super::super::super::log::Log;
+use anyhow::{Context, Result, bail};
+use resight::core::{Matrix6, Pose};
+use resight::recording::RecordingError;
+use resight::ros::write::{RosWriter, Status, Transform};
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Messages waiting for the disk; further ones are left out and counted.
+const WAITING: usize = 4096;
+/// What was written longer ago than this is on its way to the disk.
+const FLUSH: Duration = Duration::from_secs(1);
+/// After a failure a new file is tried at these times.
+const RETRY: Duration = Duration::from_secs(10);
+/// Names tried beside an existing file.
+const NAMES: usize = 10_000;
+
+/// A message to be written.
+pub enum Item {
+    /// On `/tf`.
+    Transforms(u64, Vec<Transform>),
+    /// On `/tf_static`; without a time at that of the next message.
+    Static(Option<u64>, Vec<Transform>),
+    /// A camera's pose.
+    Pose { topic: String, time_ns: u64, target_frame: String, cam_from_target: Pose, covariance: Matrix6 },
+    /// On `/diagnostics`.
+    Diagnostics(u64, Vec<Status>),
+}
+
+/// Writes items in order.
+pub struct Recorder {
+    items: Option<SyncSender<Item>>,
+    thread: Option<JoinHandle<()>>,
+    log: Log,
+    left_out: u64,
+}
+
+impl Recorder {
+    /// Makes the file.
+    pub fn open(path: &Path, log: &Log) -> Result<Self> {
+        if path.is_dir() {
+            bail!("--tf {}: this is a folder; give a file in it", path.display());
+        }
+        let file = create(path).with_context(|| format!("--tf {}: cannot be made", path.display()))?;
+        if file.1 != path {
+            log.say(
+                "tf",
+                &format!("{} is there already and is kept; writing {}", path.display(), file.1.display()),
+            );
+        }
+        let (items, waiting) = sync_channel(WAITING);
+        let mut disk = Disk::new(path, log);
+        disk.begin(file)?;
+        let thread = std::thread::spawn(move || disk.run(&waiting));
+        Ok(Recorder { items: Some(items), thread: Some(thread), log: log.clone(), left_out: 0 })
+    }
+
+    /// Hands an item over, without waiting.
+    pub fn push(&mut self, item: Item) {
+        let Some(items) = &self.items else { return };
+        match items.try_send(item) {
+            Ok(()) if self.left_out == 0 => {}
+            Ok(()) => {
+                let n = std::mem::take(&mut self.left_out);
+                self.log.say("tf", &format!("{n} messages were left out: the disk was too slow"));
+            }
+            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.left_out += 1,
+        }
+    }
+
+    /// Closes the file.
+    pub fn finish(&mut self) {
+        self.items = None; // The thread ends with the last item.
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            self.log.say("tf", "the thread that writes the recording has failed; the file is not closed");
+        }
+        if 0 < std::mem::take(&mut self.left_out) {
+            self.log.say("tf", "messages at the end were left out: the disk was too slow");
+        }
+    }
+}
+
+/// The file itself. When it cannot be written the session goes on, and a new file is begun when that is possible again.
+struct Disk {
+    path: PathBuf,
+    log: Log,
+    writer: Option<RosWriter<BufWriter<File>>>,
+    flushed: Instant,
+    failed: Instant,
+    /// Static transforms that wait for the clock of the frames.
+    untimed: Vec<Transform>,
+    /// The latest static transform of each child, for a new file.
+    latched: Vec<Transform>,
+}
+
+impl Disk {
+    fn new(path: &Path, log: &Log) -> Self {
+        let now = Instant::now();
+        let (path, log) = (path.to_path_buf(), log.clone());
+        Disk { path, log, writer: None, flushed: now, failed: now, untimed: Vec::new(), latched: Vec::new() }
+    }
+
+    fn begin(&mut self, (file, _): (File, PathBuf)) -> Result<(), RecordingError> {
+        self.writer = Some(RosWriter::new(BufWriter::new(file))?);
+        self.untimed = self.latched.clone();
+        Ok(())
+    }
+
+    fn run(&mut self, items: &Receiver<Item>) {
+        loop {
+            match items.recv_timeout(FLUSH.saturating_sub(self.flushed.elapsed())) {
+                Ok(item) => self.take(&item),
+                Err(RecvTimeoutError::Timeout) => self.flush(),
+                Err(RecvTimeoutError::Disconnected) => return self.finish(),
+            }
+            if FLUSH <= self.flushed.elapsed() {
+                self.flush();
+            }
+        }
+    }
+
+    fn take(&mut self, item: &Item) {
+        self.keep(item);
+        if self.writer.is_none() && !self.begin_anew() {
+            return;
+        }
+        let written = self.write(item);
+        self.check(written);
+    }
+
+    /// A frame that never moves is told again in a new file.
+    fn keep(&mut self, item: &Item) {
+        let Item::Static(time_ns, transforms) = item else { return };
+        for transform in transforms {
+            self.latched.retain(|known| known.child != transform.child);
+            self.latched.push(transform.clone());
+        }
+        if time_ns.is_none() && self.writer.is_some() {
+            self.untimed.extend(transforms.iter().cloned());
+        }
+    }
+
+    fn begin_anew(&mut self) -> bool {
+        if self.failed.elapsed() < RETRY {
+            return false;
+        }
+        self.failed = Instant::now();
+        let Ok(file) = create(&self.path) else { return false };
+        let name = file.1.display().to_string();
+        let begun = self.begin(file).is_ok();
+        if begun {
+            self.log.say("tf", &format!("goes on in {name}"));
+        }
+        begun
+    }
+
+    fn write(&mut self, item: &Item) -> Result<(), RecordingError> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        let time_ns = match item {
+            Item::Static(None, _) => return Ok(()),
+            Item::Static(Some(time_ns), _) | Item::Transforms(time_ns, _) | Item::Diagnostics(time_ns, _) => {
+                *time_ns
+            }
+            Item::Pose { time_ns, .. } => *time_ns,
+        };
+        if !self.untimed.is_empty() {
+            writer.static_transforms(time_ns, &std::mem::take(&mut self.untimed))?;
+        }
+        match item {
+            Item::Transforms(_, transforms) => writer.transforms(time_ns, transforms),
+            Item::Static(_, transforms) => writer.static_transforms(time_ns, transforms),
+            Item::Pose { topic, target_frame, cam_from_target, covariance, .. } => {
+                writer.camera_pose(topic, time_ns, target_frame, cam_from_target, covariance)
+            }
+            Item::Diagnostics(_, statuses) => writer.diagnostics(time_ns, statuses),
+        }
+    }
+
+    fn flush(&mut self) {
+        self.flushed = Instant::now();
+        let flushed = self.writer.as_mut().map_or(Ok(()), RosWriter::flush);
+        self.check(flushed);
+    }
+
+    fn finish(&mut self) {
+        let path = self.path.display();
+        if let Some(Err(reason)) = self.writer.take().map(RosWriter::finish) {
+            self.log.say(
+                "tf",
+                &format!("{path} could not be closed ({reason}); it can be read up to its last chunk"),
+            );
+        }
+    }
+
+    fn check(&mut self, done: Result<(), RecordingError>) {
+        if let Err(reason) = done {
+            self.log.say(
+                "tf",
+                &format!(
+                    "{} cannot be written: {reason}. The session goes on; a new file is tried every {} s",
+                    self.path.display(),
+                    RETRY.as_secs()
+                ),
+            );
+            self.writer = None;
+            self.failed = Instant::now();
+        }
+    }
+}
+
+/// A new file of that name, or of the next free one beside it.
+fn create(path: &Path) -> std::io::Result<(File, PathBuf)> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
+    let beside = (2..NAMES).map(|n| path.with_file_name(format!("{stem}-{n}{ending}")));
+    for name in std::iter::once(path.to_path_buf()).chain(beside) {
+        match OpenOptions::new().write(true).create_new(true).open(&name) {
+            Err(reason) if reason.kind() == std::io::ErrorKind::AlreadyExists => {}
+            opened => return opened.map(|file| (file, name)),
+        }
+    }
+    Err(std::io::Error::other("10000 files of this name lie beside it; remove some"))
+}

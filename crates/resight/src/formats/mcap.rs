@@ -1,0 +1,145 @@
+//! Intrinsics in recordings: the first `sensor_msgs/CameraInfo` (or Foxglove `CameraCalibration`) of each topic of an MCAP file.
+//!
+//! K and d belong to the pictures as the sensor gives them. `TOPIC/rectified` is the camera of the rectified pictures: P without
+//! distortion, which is what detectors of rectified pictures need.
+
+use super::checks;
+use super::document::{Document, Fault, Node, Syntax, Value};
+use super::entry::Entry;
+use super::lens::{self, LensNumbers};
+use super::{CameraFormat, Contents, Format, NamedCamera, Reads, ros};
+use crate::core::camera::ImageSize;
+use crate::recording::{Next, Recording, Topic, topics};
+use crate::ros::sight::{Decoder, Kind};
+use crate::ros::value;
+use nalgebra::DMatrix;
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+pub(super) const FORMAT: CameraFormat = CameraFormat {
+    format: Format::Mcap,
+    words: &[],
+    reads: Some(Reads { recognises: |document| document.syntax == Syntax::Mcap, read, together: None }),
+    write: None,
+    traps: &[
+        "K and d belong to pictures as the sensor gives them. For rectified pictures, and for detections in them (apriltag_ros \
+            looks at those), give FILE#TOPIC/rectified: P without distortion.",
+        "The first message of each topic counts: a zoom during the recording is not followed.",
+    ],
+};
+
+const RECTIFIED: &str = "/rectified";
+
+/// What a recording says of its cameras, as a tree: topics, and the fields of their first message.
+pub(super) fn document(path: &Path, from: &mut (impl Read + Seek)) -> Result<Document, Fault> {
+    let all = topics(from).map_err(|e| Fault::new(e.0))?;
+    let is_camera = |t: &&Topic| Kind::of(&t.channel.kind) == Some(Kind::CameraInfo) && 0 < t.messages;
+    let mut waiting: BTreeMap<String, Topic> =
+        all.iter().filter(is_camera).map(|t| (t.channel.topic.clone(), t.clone())).collect();
+    if waiting.is_empty() {
+        let names: Vec<String> =
+            all.iter().map(|t| format!("{} ({})", t.channel.topic, t.channel.kind)).collect();
+        return Err(Fault::new(format!(
+            "a recording without intrinsics (no sensor_msgs/CameraInfo); its topics are {}. Give the camera's file",
+            if names.is_empty() { "none".to_string() } else { names.join(", ") }
+        )));
+    }
+    from.seek(SeekFrom::Start(0)).map_err(|e| Fault::new(e.to_string()))?;
+    let mut recording = Recording::new(from, |channel| Kind::of(&channel.kind) == Some(Kind::CameraInfo));
+    let mut entries = Vec::new();
+    while !waiting.is_empty() {
+        match recording.read_next().map_err(|e| Fault::new(e.0))? {
+            Next::Message(message) => {
+                if let Some(topic) = waiting.remove(&message.channel.topic) {
+                    entries.push((message.channel.topic.clone(), fields(&topic, &message.data)?));
+                }
+            }
+            Next::Nothing | Next::Damaged(_) => {}
+            Next::Unfinished => drop(recording.close().map_err(|e| Fault::new(e.0))?),
+            Next::End => break,
+        }
+    }
+    entries.sort_by(|a, b| a.0.cmp(&b.0));
+    let root = node(Value::Map(entries));
+    Ok(Document { path: path.to_path_buf(), syntax: Syntax::Mcap, text: String::new(), root })
+}
+
+fn fields(topic: &Topic, data: &[u8]) -> Result<Node, Fault> {
+    let channel = &topic.channel;
+    let told = |reason: String| Fault::new(format!("{}: {reason}", channel.topic));
+    let decoder = Decoder::new(
+        &channel.kind,
+        &channel.message_encoding,
+        &channel.definition_encoding,
+        &channel.definition,
+    );
+    let decoder = decoder.map_err(told)?;
+    let message = decoder.read(data).map_err(told)?;
+    Ok(tree(&message))
+}
+
+/// A recording has no lines.
+fn node(value: Value) -> Node {
+    Node { line: 0, value }
+}
+
+fn tree(message: &value::Value<'_>) -> Node {
+    let numbers = |all: &[f64]| all.iter().map(|x| node(Value::Number(*x))).collect();
+    node(match message {
+        value::Value::Number(x) => Value::Number(*x),
+        value::Value::Text(text) => Value::Text(text.clone().into_owned()),
+        value::Value::Bytes(_) => Value::Null,
+        value::Value::Numbers(all) => Value::List(numbers(all)),
+        value::Value::List(list) => Value::List(list.iter().map(tree).collect()),
+        value::Value::Message(fields) => {
+            Value::Map(fields.iter().map(|(name, value)| (name.clone().into_owned(), tree(value))).collect())
+        }
+    })
+}
+
+/// Every topic that holds a usable camera; what is wrong with the others is a warning.
+fn read(document: &Document) -> Result<Contents, Fault> {
+    let mut contents = Contents::default();
+    let mut first = None;
+    for entry in document.entry().entries()? {
+        let topic = entry.path.clone();
+        if let Err(fault) = ros::camera(&entry, topic, &mut contents) {
+            contents.warnings.push(format!("left out: {}", fault.reason));
+            first = first.or(Some(fault));
+        }
+    }
+    match first {
+        Some(fault) if contents.cameras.is_empty() => Err(fault),
+        _ => Ok(contents),
+    }
+}
+
+/// The camera of one topic, or of its rectified pictures; says why a topic that is there holds none.
+pub(super) fn camera(document: &Document, name: &str) -> Option<Result<NamedCamera, Fault>> {
+    let entries = document.entry().entries().ok()?;
+    let of = |topic: &str| entries.iter().find(|entry| entry.path == topic);
+    if let Some(entry) = of(name) {
+        let mut contents = Contents::default();
+        let read = ros::camera(entry, name.to_string(), &mut contents);
+        return Some(
+            read.and_then(|()| contents.cameras.pop().ok_or_else(|| entry.fault("holds no camera"))),
+        );
+    }
+    let entry = of(name.strip_suffix(RECTIFIED)?)?;
+    Some(rectified(entry, name))
+}
+
+fn rectified(entry: &Entry<'_>, name: &str) -> Result<NamedCamera, Fault> {
+    let missing = || entry.fault("has no P; publish camera_info with a projection matrix");
+    let p = entry.first_of(&["p", "P"]).ok_or_else(missing)?.matrix(3, 4)?;
+    let three: DMatrix<f64> = p.columns(0, 3).into();
+    let list = three.transpose().iter().map(|x| node(Value::Number(*x))).collect();
+    let (list, path) = (node(Value::List(list)), format!("{}.P", entry.path));
+    let at = Entry { path, node: &list };
+    let size =
+        ImageSize { width_px: entry.need("width")?.count(1)?, height_px: entry.need("height")?.count(1)? };
+    let matrix = checks::camera_matrix(&at)?;
+    let camera = lens::camera(&at, &LensNumbers::Pinhole, matrix, Some(size), &mut Vec::new())?;
+    Ok(NamedCamera { name: name.to_string(), camera, placement: None })
+}

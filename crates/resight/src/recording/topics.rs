@@ -1,0 +1,99 @@
+//! What a recording holds: its topics, from its summary, or counted where it has none.
+
+use super::records::{Channel, Contents};
+use super::{MAX_RECORD_BYTES, Next, Recording, RecordingError};
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
+use std::sync::Arc;
+
+/// The footer's record and the magic behind it.
+const FOOTER_BYTES: i64 = 9 + 20 + 8;
+/// A longer summary is read as if there were none: from the messages.
+const MAX_SUMMARY_BYTES: u64 = 64 << 20;
+
+/// A topic and how much it holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Topic {
+    /// Name, type, encodings.
+    pub channel: Arc<Channel>,
+    /// Messages.
+    pub messages: u64,
+}
+
+/// All topics by name. A recording without summary (cut off, or still being written) is read through once.
+///
+/// # Errors
+/// What the medium says, and files that are no MCAP. A file that is damaged later on gives the topics before the damage.
+pub fn topics<R: Read + Seek>(from: &mut R) -> Result<Vec<Topic>, RecordingError> {
+    if let Some(contents) = summary(from) {
+        return Ok(listed(&contents));
+    }
+    from.seek(SeekFrom::Start(0)).map_err(|e| RecordingError(format!("cannot be read: {e}")))?;
+    let mut recording = Recording::new(from, |_| false);
+    loop {
+        match recording.read_next() {
+            Ok(Next::Message(_) | Next::Nothing | Next::Damaged(_)) => {}
+            Ok(Next::Unfinished) => {
+                recording.close()?;
+                break;
+            }
+            Ok(Next::End) => break,
+            Err(_) if recording.contents().channels().next().is_some() => break,
+            Err(reason) => return Err(reason),
+        }
+    }
+    Ok(listed(recording.contents()))
+}
+
+fn listed(contents: &Contents) -> Vec<Topic> {
+    let mut by_name: BTreeMap<&str, Topic> = BTreeMap::new();
+    for (id, channel) in contents.channels() {
+        let messages = contents.counts.get(&id).copied().unwrap_or_default();
+        let topic = Topic { channel: Arc::clone(channel), messages: 0 };
+        by_name.entry(&channel.topic).or_insert(topic).messages += messages;
+    }
+    by_name.into_values().collect()
+}
+
+/// None where there is none, or none that says how many messages there are.
+fn summary<R: Read + Seek>(from: &mut R) -> Option<Contents> {
+    let end = from.seek(SeekFrom::End(-FOOTER_BYTES)).ok()?;
+    let mut footer = [0; FOOTER_BYTES as usize];
+    from.read_exact(&mut footer).ok()?;
+    if footer[0] != op::FOOTER || !footer.ends_with(mcap::MAGIC) {
+        return None;
+    }
+    let start = u64::from_le_bytes(footer[9..17].try_into().ok()?);
+    let length = end.checked_sub(start).filter(|n| start != 0 && *n <= MAX_SUMMARY_BYTES)?;
+    from.seek(SeekFrom::Start(start)).ok()?;
+    let mut bytes = Vec::new();
+    from.by_ref().take(length).read_to_end(&mut bytes).ok()?;
+    let contents = contents_of(&bytes)?;
+    (!contents.counts.is_empty() && contents.channels().next().is_some()).then_some(contents)
+}
+
+fn contents_of(mut summary: &[u8]) -> Option<Contents> {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_emit_chunks(true)
+        .with_record_length_limit(MAX_RECORD_BYTES);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut contents = Contents::new(Box::new(|_| false));
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            LinearReadEvent::Record { opcode: op::CHUNK | op::MESSAGE, .. } => return None,
+            LinearReadEvent::Record { opcode, data } => contents.take(opcode, data).ok()?,
+            LinearReadEvent::ReadRequest(wanted) => {
+                let n = wanted.min(summary.len());
+                let (now, later) = summary.split_at(n);
+                reader.insert(n).copy_from_slice(now);
+                reader.notify_read(n);
+                summary = later;
+            }
+        }
+    }
+    Some(contents)
+}
