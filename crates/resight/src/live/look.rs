@@ -85,6 +85,7 @@ fn blank(frame: &Frame, waited_us: f64) -> Observation {
         name: frame.name.clone(),
         n_points: 0,
         estimate: None,
+        seen: Vec::new(),
         reason: None,
         tracked: None,
         reading: None,

@@ -32,6 +32,8 @@ enum Stage {
     Starting(Box<Reference>),
     Learning(Vec<Reading>),
     Watching(Box<Monitor>),
+    /// The target is carried about: its camera alone says only when it last saw it.
+    CarriedAbout(Option<f64>),
 }
 
 /// What a camera shows of a target.
@@ -47,6 +49,7 @@ impl Pair {
     /// A target that no detector knows, or a setting that cannot be.
     pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
         let stage = match &watched.reference {
+            _ if config.rig.is_some() => Stage::CarriedAbout(None),
             Some(reference) => {
                 Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
                 Stage::Starting(Box::new(*reference))
@@ -88,6 +91,11 @@ impl Pair {
                 State::Learning { readings: readings.len(), needed: self.config.learn_readings }
             }
             Stage::Watching(monitor) => monitor.watch(t_s).into(),
+            Stage::CarriedAbout(last_s) => {
+                let for_s = t_s - last_s.unwrap_or(t_s);
+                let is_seen = last_s.is_some() && for_s <= self.config.monitor.unseen_after_s;
+                if is_seen { State::Steady } else { State::Unseen { for_s } }
+            }
         }
     }
 
@@ -117,6 +125,10 @@ impl Pair {
         observation.times.solve_us = micros(started);
         let started = Instant::now();
         observation.estimate = Some(estimate);
+        if let Stage::CarriedAbout(last_s) = &mut self.stage {
+            (*last_s, observation.seen) = (Some(frame.capture_s), points);
+            return Ok(());
+        }
         observation.tracked = self.tracker.push(frame.capture_s, &candidates(&estimate));
         observation.reading = observation.tracked.as_ref().map(|tracked| reading(frame, &estimate, tracked));
         observation.times.decide_us = micros(started);
@@ -136,7 +148,7 @@ impl Pair {
     /// The reference where this reading completed it.
     fn decide(&mut self, reading: &Reading) -> Option<Box<Reference>> {
         let readings = match &mut self.stage {
-            Stage::Starting(_) => return None,
+            Stage::Starting(_) | Stage::CarriedAbout(_) => return None,
             Stage::Watching(monitor) => {
                 monitor.push(reading);
                 return None;
