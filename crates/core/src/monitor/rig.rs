@@ -82,6 +82,8 @@ struct Open {
     moments: usize,
 }
 
+/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
+const CHOSEN: f64 = 4.0;
 /// Chance of a moment as far from what was expected as this, or farther: it waits for others.
 const SURPRISE: f64 = 1e-6;
 /// Moments after an alarm that are waited for a decision which camera it was; then the test starts anew, and rivals stay rivals.
@@ -148,8 +150,9 @@ impl RigMonitor {
         match self.drifts[camera] {
             _ if MOSTLY < self.inconsistent_share[camera] => Watch::Inconsistent,
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
-            _ if is_rival || self.is_suspect(camera) => Watch::Settling,
+            _ if is_rival => Watch::Settling,
             Some(drift) => Watch::Drifted(self.refined(camera, &drift)),
+            None if self.is_suspect(camera) => Watch::Settling,
             None => Watch::Steady,
         }
     }
@@ -204,6 +207,7 @@ impl RigMonitor {
         if SURPRISE < tail(innovation.degrees_of_freedom(), innovation.chi2()) {
             self.outliers += self.held.clear(&moment);
             self.take(&moment, moment.t_s);
+            self.decide();
             return;
         }
         let (passed, dropped) = self.held.push(moment, &ahead, &innovation, self.typical.variances());
@@ -211,6 +215,9 @@ impl RigMonitor {
         // Seen one after the other, told at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);
         passed.iter().for_each(|moment| self.take(moment, began_s));
+        if !passed.is_empty() {
+            self.decide();
+        }
     }
 
     /// The test reads a moment; a change may have begun at `onset_s`.
@@ -225,7 +232,6 @@ impl RigMonitor {
         let Some(innovation) = self.filter.innovation(&moment.stars) else { return };
         self.evidence.add(&innovation);
         self.filter.update(&innovation);
-        self.decide();
     }
 
     fn decide(&mut self) {
@@ -286,7 +292,8 @@ impl RigMonitor {
             let camera = moved.node;
             let doubt = drift.covariance + self.typical.spread(camera) + self.own_covariance(camera);
             let daily = self.reference.noise[camera].daily;
-            let is_back = self.drifts[camera].is_some() && is_likely(&drift.old_from_new, &(doubt + daily));
+            let at_home = drift.covariance * CHOSEN + self.own_covariance(camera) + daily;
+            let is_back = self.drifts[camera].is_some() && is_likely(&drift.old_from_new, &at_home);
             self.drifts[camera] = (!is_back).then_some(Drift { covariance: doubt, ..*drift });
             self.old_from_level[camera] =
                 if is_back { Pose::identity() } else { Pose::exp(&drift.old_from_new) };

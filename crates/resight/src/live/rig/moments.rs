@@ -29,8 +29,9 @@ pub(super) struct Together {
     pub frames: Vec<Shown>,
 }
 
-/// A live camera that says nothing for this long is not waited for.
+/// A live camera that says nothing for this long is not waited for; nor a recorded one, which may only be slow.
 const PATIENCE: Duration = Duration::from_secs(1);
+const PATIENCE_RECORDED: Duration = Duration::from_secs(10);
 /// Frames of a camera that wait for the others; then the others are not waited for.
 const WAITING: usize = 2000;
 
@@ -87,7 +88,8 @@ impl Moments {
     fn horizon_s(&self, now: Instant) -> f64 {
         let is_full = self.cameras.iter().any(|queue| WAITING <= queue.waiting.len());
         let is_waited_for = |queue: &&Queue| {
-            let is_silent = queue.is_live && PATIENCE < now.saturating_duration_since(queue.spoke);
+            let patience = if queue.is_live { PATIENCE } else { PATIENCE_RECORDED };
+            let is_silent = patience < now.saturating_duration_since(queue.spoke);
             !queue.has_ended && !is_silent && !is_full
         };
         let newest =

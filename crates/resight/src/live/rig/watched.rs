@@ -53,9 +53,12 @@ impl Cameras {
                 self.shown(camera, target, &mut observation, now);
                 events.push(Event::Observed { camera, target, observation });
             }
-            // A camera alone says only whether it sees the target: its clock goes on while it does not.
-            Event::StateChanged { t_s, .. } => {
-                self.last_s = self.last_s.max(t_s);
+            // A camera alone says only whether it sees the target. A live one's clock goes on while none does; a recorded one may be far
+            // ahead of the others.
+            Event::StateChanged { camera, t_s, .. } => {
+                if self.nodes.is_live[camera] {
+                    self.last_s = self.last_s.max(t_s);
+                }
             }
             Event::Ended { camera } => {
                 self.moments.ended(camera);
