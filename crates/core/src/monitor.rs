@@ -14,6 +14,7 @@ mod test;
 mod gate;
 pub mod learn;
 pub mod attribute;
+pub mod rig;
 
 pub use onsets::Course;
 pub use test::DriftNoise;
@@ -212,6 +213,11 @@ impl Monitor {
         let (motion, covariance) = self.test.level();
         let old_from_new = (self.old_from_level * Pose::exp(&motion)).log();
         Drift { old_from_new, covariance: covariance + self.reference.noise.reference, ..*drift }
+    }
+
+    /// When there last was a usable reading, seconds.
+    pub fn last_usable_s(&self) -> f64 {
+        self.last_usable_s
     }
 
     /// The drift is accepted: where it is now becomes the reference.

@@ -8,6 +8,7 @@ mod look;
 mod queue;
 mod reader;
 pub mod reference;
+pub mod rig;
 mod session;
 
 pub use look::{Look, LookError, Looked};
@@ -18,7 +19,7 @@ use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;
 use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference};
 use resight_core::track::{TrackConfig, Tracked};
-use resight_core::{Camera, Target};
+use resight_core::{Camera, Correspondence, Target};
 use std::sync::Arc;
 
 /// One camera of a session.
@@ -56,6 +57,8 @@ pub struct LiveConfig {
     pub lasting: resight_core::monitor::learn::LearnConfig,
     /// Frames waiting for each camera; further ones push out the oldest.
     pub queue_frames: usize,
+    /// The cameras are a rig and look at targets that are carried about: only their relations are watched. None: targets stand still.
+    pub rig: Option<rig::RigConfig>,
     /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
     pub retry_s: f64,
 }
@@ -88,6 +91,8 @@ pub struct Observation {
     pub n_points: usize,
     /// The pose of this frame alone.
     pub estimate: Option<PoseEstimate>,
+    /// The points it rests on; kept only where the cameras are watched as a rig.
+    pub seen: Vec<Correspondence>,
     /// Why there is none.
     pub reason: Option<String>,
     /// The pose through time.

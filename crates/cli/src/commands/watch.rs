@@ -5,6 +5,7 @@ mod log;
 mod motion;
 mod names;
 mod outputs;
+mod rig;
 mod sources;
 
 use crate::output::Outcome;
@@ -14,9 +15,13 @@ use clap::Args;
 use log::Log;
 use motion::MotionArgs;
 use names::{Names, by_name, split};
+use outputs::said::Moved;
 use outputs::{OutputArgs, Session};
+use resight::core::Camera;
 use resight::core::monitor::learn::LEAST_READINGS;
+use resight::formats::NamedCamera;
 use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
+use rig::RigArgs;
 use sources::SourceArgs;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -28,11 +33,12 @@ use std::sync::atomic::AtomicBool;
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
     resight watch --camera gate=run.mcap#/gate/camera_info --target tag.toml --source gate=run.mcap#/gate/image_raw --once --tf poses.mcap\n  \
-    detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n\n\
+    detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
+    detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required = true, value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]
     camera: Vec<String>,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
     #[arg(long, required = true, value_name = "[NAME=]FILE")]
@@ -43,7 +49,7 @@ pub struct Watch {
     /// where there are several targets.
     #[arg(long, value_name = "[NAME=]FILE")]
     reference: Vec<String>,
-    /// Readings from which a missing reference is learned.
+    /// Readings from which a missing reference is learned; with --moving-target, moments.
     #[arg(long, value_name = "N", default_value_t = 50)]
     learn: usize,
     /// Where a learned reference is written.
@@ -54,6 +60,8 @@ pub struct Watch {
     once: bool,
     #[command(flatten)]
     motion: MotionArgs,
+    #[command(flatten)]
+    rig: RigArgs,
     #[command(flatten)]
     alarm: AlarmArgs,
     #[command(flatten)]
@@ -68,9 +76,13 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.motion.moves() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!("--motion moving compares with no reference; leave --reference and --save-reference out");
     }
-    let names = Names::new(&args.camera, &args.target);
-    let config = config(args, &names)?;
-    let cameras = cameras(args, &names)?;
+    let rig = args.rig.cameras()?;
+    let names = match &rig {
+        Some(rig) => Names::of_rig(rig, &args.target),
+        None => Names::new(&args.camera, &args.target),
+    };
+    let config = config(args, &names, rig.as_deref())?;
+    let cameras = cameras(args, &names, rig)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
     let log = Log;
     let session = Session {
@@ -81,9 +93,10 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     };
     let mut outputs = outputs::open(&args.outputs, &session)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
-    let mut failed = None;
+    let (mut failed, mut moved) = (None, Moved::default());
     let stop = Arc::new(AtomicBool::new(false));
     live::run(cameras, &config, &stop, |event| {
+        moved.take(event);
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
@@ -94,34 +107,42 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let finished = outputs.iter_mut().try_for_each(|output| output.finish());
     match failed {
         Some(reason) => Err(reason),
-        None => finished.and_then(|()| verdict(args, &names, &states)),
+        None => finished.and_then(|()| verdict(args, &names, &states, &moved)),
     }
 }
 
-fn verdict(args: &Watch, names: &Names, states: &[Option<State>]) -> Result<Outcome> {
+fn verdict(args: &Watch, names: &Names, states: &[Option<State>], moved: &Moved) -> Result<Outcome> {
     match args.once {
-        true => outputs::said::verdict(names, args.outputs.json, states),
+        true => outputs::said::verdict(names, args.outputs.json, states, moved),
         false => Ok(Outcome::Answered),
     }
 }
 
-fn cameras(args: &Watch, names: &Names) -> Result<Vec<LiveCamera>> {
-    let files = by_name("--camera", &args.camera, &names.cameras)?;
+fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<LiveCamera>> {
+    let lenses = lenses(args, names, rig)?;
     let targets = targets(args)?;
     let references = by_name("--reference", &args.reference, &names.pairs())?;
     let opened = sources::open(&args.sources, &names.cameras, args.once)?;
     let mut cameras = Vec::new();
-    for (i, (name, source)) in names.cameras.iter().zip(opened).enumerate() {
-        let file = files[i].as_deref().context("a camera without a file")?;
+    for (i, ((name, source), camera)) in names.cameras.iter().zip(opened).zip(lenses).enumerate() {
         let watched = |(j, target): (usize, &Arc<resight::core::Target>)| {
             let file = references[names.pair_index(i, j)].as_ref();
             let reference = file.map(|file| reference::read(file.as_ref())).transpose()?;
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
-        cameras.push(LiveCamera { name: name.clone(), camera: super::camera(file)?, targets, source });
+        cameras.push(LiveCamera { name: name.clone(), camera, targets, source });
     }
     Ok(cameras)
+}
+
+/// The lenses, from the rig's file or each from its own.
+fn lenses(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<Camera>> {
+    if let Some(rig) = rig {
+        return Ok(rig.into_iter().map(|camera| camera.camera).collect());
+    }
+    let files = by_name("--camera", &args.camera, &names.cameras)?;
+    files.iter().map(|file| super::camera(file.as_deref().context("a camera without a file")?)).collect()
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
@@ -130,14 +151,23 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
     args.target.iter().map(|argument| Ok(Arc::new(read(argument)?))).collect()
 }
 
-fn config(args: &Watch, names: &Names) -> Result<LiveConfig> {
+fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {
+    let rig = args.rig.config(cameras, names.cameras.len())?;
+    if rig.is_some() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
+        bail!(
+            "--reference and --save-reference are of cameras against targets that stand still; with --moving-target give --rig"
+        );
+    }
+    // A rig is one test, pairs are one each.
+    let tests = if rig.is_some() { 1 } else { names.pairs().len() };
     Ok(LiveConfig {
-        monitor: args.alarm.monitor(names.pairs().len()),
+        monitor: args.alarm.monitor(tests),
         track: args.motion.track()?,
         learn_readings: args.learn,
         lasting: args.alarm.lasting(),
         queue_frames: 2,
         retry_s: 1.0,
+        rig,
     })
 }
 

@@ -47,26 +47,40 @@ pub struct Attribution {
     pub is_explained: bool,
 }
 
-/// A set is good enough when chance leaves a larger χ² this often.
+/// A set is good enough when chance leaves a larger χ² this often,
 const ACCEPTED: f64 = 1e-4;
-/// A rival's χ² may be larger by this much: odds of 90 to 1.
-const ABOUT_AS_WELL: f64 = 9.0;
+/// or when it leaves no more than this share of what there was to explain: small motions are linear to that.
+const NEGLIGIBLE: f64 = 0.02;
+/// A rival's χ² may be larger by this much: odds of 8000 to 1.
+const ABOUT_AS_WELL: f64 = 18.0;
 /// Sets looked at.
 const MAX_SETS: usize = 20_000;
 
 /// Which of `nodes` nodes moved. Edges must name nodes below `nodes`; others are left out.
 pub fn attribute(nodes: usize, edges: &[Edge]) -> Attribution {
     let edges: Vec<&Edge> = edges.iter().filter(|edge| edge.a < nodes && edge.b < nodes).collect();
+    let all: Vec<usize> = (0..nodes).collect();
+    smallest(&all, 0..=nodes, |set| fit(set, &edges))
+}
+
+/// The smallest set of `nodes`, of a size in `sizes`, that `fit` finds to explain everything; sets it has no fit for are left out.
+pub(super) fn smallest(
+    nodes: &[usize],
+    sizes: std::ops::RangeInclusive<usize>,
+    fit: impl Fn(&[usize]) -> Option<Fit>,
+) -> Attribution {
     let (mut best, mut looked_at) = (Attribution::default(), 0);
-    for size in 0..=nodes {
+    let unexplained = fit(&[]).map_or(0.0, |none| none.chi2);
+    for size in sizes {
         let mut fits: Vec<(Vec<usize>, Fit)> = Vec::new();
-        for set in sets(nodes, size, MAX_SETS.saturating_sub(looked_at)) {
+        for set in sets(nodes.len(), size, MAX_SETS.saturating_sub(looked_at)) {
             looked_at += 1;
-            fits.extend(fit(&set, &edges).map(|fit| (set, fit)));
+            let set: Vec<usize> = set.iter().map(|i| nodes[*i]).collect();
+            fits.extend(fit(&set).map(|fit| (set, fit)));
         }
         fits.sort_by(|x, y| x.1.chi2.total_cmp(&y.1.chi2));
         let Some((set, first)) = fits.first() else { continue };
-        best = answer(set, first, &fits);
+        best = answer(set, first, &fits, unexplained);
         if best.is_explained || MAX_SETS <= looked_at {
             break;
         }
@@ -74,23 +88,26 @@ pub fn attribute(nodes: usize, edges: &[Edge]) -> Attribution {
     best
 }
 
-fn answer(set: &[usize], first: &Fit, fits: &[(Vec<usize>, Fit)]) -> Attribution {
+fn answer(set: &[usize], first: &Fit, fits: &[(Vec<usize>, Fit)], unexplained: f64) -> Attribution {
     let moved = set.iter().enumerate().map(|(i, node)| first.node(i, *node)).collect();
     let rivals = fits[1..].iter().take_while(|(_, fit)| fit.chi2 < first.chi2 + ABOUT_AS_WELL);
+    let is_likely = 0 < first.degrees_of_freedom && ACCEPTED < tail(first.degrees_of_freedom, first.chi2);
     Attribution {
         moved,
         chi2: first.chi2,
         rivals: rivals.map(|(set, _)| set.clone()).collect(),
-        is_explained: ACCEPTED < tail(first.degrees_of_freedom, first.chi2) || first.chi2 == 0.0,
+        is_explained: is_likely
+            || first.chi2 == 0.0
+            || (!set.is_empty() && first.chi2 < NEGLIGIBLE * unexplained),
     }
 }
 
 /// The motions of a set that fit best.
-struct Fit {
-    motions: DVector<f64>,
-    covariance: DMatrix<f64>,
-    chi2: f64,
-    degrees_of_freedom: usize,
+pub(super) struct Fit {
+    pub motions: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    pub chi2: f64,
+    pub degrees_of_freedom: usize,
 }
 
 impl Fit {
@@ -150,6 +167,9 @@ fn scaled_cholesky(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 
 /// The first `at_most` sets of `size` numbers below `n`, in lexical order.
 fn sets(n: usize, size: usize, at_most: usize) -> Vec<Vec<usize>> {
+    if n < size {
+        return Vec::new();
+    }
     let mut found = Vec::new();
     let mut set: Vec<usize> = (0..size).collect();
     while found.len() < at_most {

@@ -87,6 +87,7 @@ fn blank(frame: &Frame, waited_us: f64, is_readable: bool) -> Observation {
         is_readable,
         n_points: 0,
         estimate: None,
+        seen: Vec::new(),
         reason: None,
         tracked: None,
         reading: None,

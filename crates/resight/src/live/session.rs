@@ -3,6 +3,7 @@
 use super::look::{Look, LookError, Looked};
 use super::queue::{Queue, Taken};
 use super::reader::{PATIENCE, Reader};
+use super::rig::{Nodes, Relations};
 use super::{Event, LiveCamera, LiveConfig, State};
 use crate::source::{Frame, Source};
 use std::sync::Arc;
@@ -24,6 +25,7 @@ pub fn run(
     stop: &Arc<AtomicBool>,
     mut listener: impl FnMut(&Event) -> bool,
 ) -> Result<(), LookError> {
+    let mut relations = Relations::new(nodes(&cameras), config);
     let prepared =
         cameras.into_iter().map(|camera| prepare(camera, config)).collect::<Result<Vec<_>, _>>()?;
     let (sender, events) = sync_channel(EVENTS);
@@ -38,13 +40,33 @@ pub fn run(
             scope.spawn(move || watch(look, index, &to_look, &told));
         }
         drop(sender); // The channel ends with the last thread.
-        for event in events {
-            if !stop.load(Ordering::Relaxed) && !listener(&event) {
+        let mut tell = |event: &Event| {
+            if !stop.load(Ordering::Relaxed) && !listener(event) {
                 stop.store(true, Ordering::Relaxed);
             }
+        };
+        for event in events {
+            relations.take(event).iter().for_each(&mut tell);
         }
+        relations.finish().iter().for_each(&mut tell);
     });
     Ok(())
+}
+
+/// What all threads together are about. Every camera watches the same targets.
+fn nodes(cameras: &[LiveCamera]) -> Nodes {
+    let targets = cameras.first().map(|camera| camera.targets.as_slice()).unwrap_or_default();
+    Nodes {
+        cameras: cameras.iter().map(|camera| camera.name.clone()).collect(),
+        lenses: cameras.iter().map(|camera| camera.camera.clone()).collect(),
+        targets: targets.iter().map(|watched| watched.name.clone()).collect(),
+        is_live: cameras.iter().map(|camera| camera.source.is_live()).collect(),
+        references: cameras
+            .iter()
+            .flat_map(|camera| &camera.targets)
+            .map(|watched| watched.reference)
+            .collect(),
+    }
 }
 
 fn prepare(camera: LiveCamera, config: &LiveConfig) -> Result<(Look, Box<dyn Source>), LookError> {

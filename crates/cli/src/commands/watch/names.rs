@@ -1,6 +1,7 @@
 //! What cameras and targets are called, and `[NAME=]VALUE` arguments.
 
 use anyhow::{Context, Result, bail};
+use resight::formats::NamedCamera;
 
 /// The names of a session, by the indices of its events.
 #[derive(Debug, Clone)]
@@ -15,6 +16,20 @@ impl Names {
     /// Those given, `cam0` and `target0` and so on otherwise.
     pub fn new(cameras: &[String], targets: &[String]) -> Self {
         Names { cameras: given(cameras, "cam"), targets: given(targets, "target") }
+    }
+
+    /// Those of a rig's file.
+    pub fn of_rig(rig: &[NamedCamera], targets: &[String]) -> Self {
+        let cameras = rig.iter().map(|camera| camera.name.clone()).collect();
+        Names { cameras, targets: given(targets, "target") }
+    }
+
+    /// `camera gate` or `target door`.
+    pub fn kind(&self, node: &str) -> String {
+        match self.cameras.iter().any(|camera| camera == node) {
+            true => format!("camera {node}"),
+            false => format!("target {node}"),
+        }
     }
 
     /// The name of a camera.

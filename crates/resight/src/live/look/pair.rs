@@ -32,7 +32,7 @@ enum Stage {
     Starting(Box<Reference>),
     Learning(Vec<Reading>),
     Watching(Box<Monitor>),
-    /// The camera moves: its pose is followed, drift is not watched.
+    /// The camera moves, or the target is carried about: its pose is followed, drift of this pair alone is not watched.
     Following {
         last_s: Option<f64>,
         is_seen: bool,
@@ -53,7 +53,7 @@ impl Pair {
     pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
         let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
         let stage = match &watched.reference {
-            _ if moves => Stage::Following { last_s: None, is_seen: false },
+            _ if moves || config.rig.is_some() => Stage::Following { last_s: None, is_seen: false },
             Some(reference) => {
                 Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
                 Stage::Starting(Box::new(*reference))
@@ -134,6 +134,11 @@ impl Pair {
         observation.times.solve_us = micros(started);
         let started = Instant::now();
         observation.estimate = Some(estimate);
+        if let (Some(_), Stage::Following { last_s, is_seen }) = (&self.config.rig, &mut self.stage) {
+            (*last_s, *is_seen) = (Some(frame.capture_s), true);
+            observation.seen = points;
+            return Ok(());
+        }
         observation.tracked = self.tracker.push(frame.capture_s, &candidates(&estimate));
         observation.reading = observation.tracked.as_ref().map(|tracked| reading(frame, &estimate, tracked));
         observation.times.decide_us = micros(started);

@@ -5,8 +5,9 @@ use super::Output;
 use crate::answer::TransformObject;
 use crate::output::Outcome;
 use anyhow::Result;
-use resight::core::Vector6;
+use resight::core::monitor::attribute::MovedNode;
 use resight::core::monitor::{Course, Drift};
+use resight::core::{Matrix6, Vector6};
 use resight::live::{Event, Observation, State};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -18,8 +19,47 @@ pub struct Said {
     frames: bool,
 }
 
-/// One line a camera, and how it ends.
-pub fn verdict(names: &Names, json: bool, states: &[Option<State>]) -> Result<Outcome> {
+/// What moved, as it was last told.
+#[derive(Debug, Clone, Default)]
+pub struct Moved {
+    nodes: Vec<String>,
+    rivals: Vec<Vec<String>>,
+}
+
+impl Moved {
+    /// The next event of the session.
+    pub fn take(&mut self, event: &Event) {
+        if let Event::Attributed { moved, rivals, .. } = event {
+            let nodes = moved.iter().map(|(name, _)| name.clone()).collect();
+            *self = Moved { nodes, rivals: rivals.clone() };
+        }
+    }
+
+    /// `camera gate moved`, or `one of camera gate, target door moved`.
+    fn words(&self, names: &Names) -> String {
+        let set =
+            |set: &Vec<String>| set.iter().map(|node| names.kind(node)).collect::<Vec<_>>().join(" and ");
+        let others: Vec<String> = self.rivals.iter().map(set).collect();
+        match others.as_slice() {
+            _ if self.nodes.is_empty() => "nothing has moved any more".to_string(),
+            [] => format!("{} moved", set(&self.nodes)),
+            others => format!("one of {}, {} moved", set(&self.nodes), others.join(", ")),
+        }
+    }
+}
+
+/// What moved, one line a camera, and how it ends.
+pub fn verdict(names: &Names, json: bool, states: &[Option<State>], moved: &Moved) -> Result<Outcome> {
+    if !moved.nodes.is_empty() {
+        match json {
+            true => print(
+                &json!({"event": "verdict", "moved": moved.nodes, "rivals": moved.rivals,
+                    "message": moved.words(names)})
+                .to_string(),
+            )?,
+            false => print(&moved.words(names))?,
+        }
+    }
     for (name, state) in names.pairs().iter().zip(states) {
         let word = state.as_ref().map_or("unseen", word);
         match json {
@@ -30,7 +70,7 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>]) -> Result<Ou
     let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
     let blind = states.iter().any(Option::is_none)
         || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
-    Ok(match is(|s| matches!(s, State::Drifted(_))) {
+    Ok(match !moved.nodes.is_empty() || is(|s| matches!(s, State::Drifted(_))) {
         true => Outcome::Moved,
         false if blind => Outcome::SomeUnanswered,
         false => Outcome::Answered,
@@ -76,9 +116,16 @@ impl Said {
                     self.names.pair(*camera, *target)
                 )
             }
-            Event::Attributed { moved, .. } => {
-                let names: Vec<&str> = moved.iter().map(|(name, _)| name.as_str()).collect();
-                format!("moved: {}", names.join(", "))
+            Event::Attributed { t_s, moved, .. } => {
+                let mut said = Moved::default();
+                said.take(event);
+                let how: Vec<String> = moved.iter().map(|(_, node)| by(node)).collect();
+                match moved.is_empty() {
+                    true => said.words(&self.names),
+                    false => {
+                        format!("{}, by {}, since {t_s:.1} s", said.words(&self.names), how.join(" and "))
+                    }
+                }
             }
             Event::Dropped { camera, frames } => {
                 format!("{}  {frames} frames dropped", self.names.camera(*camera))
@@ -124,8 +171,19 @@ impl Said {
                 json!({"event": "learned", "camera": self.names.camera(*camera),
                 "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)})
             }
-            Event::Attributed { t_s, moved, rivals } => json!({"event": "moved", "t_s": t_s,
-                "moved": moved.iter().map(|(name, _)| name).collect::<Vec<_>>(), "rivals": rivals}),
+            Event::Attributed { t_s, moved, rivals } => {
+                let mut said = Moved::default();
+                said.take(event);
+                let motions: Vec<Value> = moved
+                    .iter()
+                    .map(|(name, node)| {
+                        json!({"name": name, "old_from_new": node.old_from_new.as_slice(),
+                            "covariance": rows(&node.covariance)})
+                    })
+                    .collect();
+                json!({"event": "moved", "t_s": t_s, "moved": said.nodes, "rivals": rivals,
+                    "motions": motions, "message": said.words(&self.names)})
+            }
             Event::Dropped { camera, frames } => {
                 json!({"event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
             }
@@ -228,10 +286,8 @@ fn state_object(state: &State) -> Value {
     let mut object = json!({"state": word(state)});
     match state {
         State::Drifted(drift) => {
-            let rows: Vec<Vec<f64>> =
-                (0..6).map(|i| (0..6).map(|j| drift.covariance[(i, j)]).collect()).collect();
             object["old_from_new"] = json!(drift.old_from_new.as_slice());
-            object["covariance"] = json!(rows);
+            object["covariance"] = json!(rows(&drift.covariance));
             object["began_s"] = json!(drift.began_s);
             object["began_sigma_s"] = json!(drift.began_sigma_s);
             if let Some((turn, covariance)) = drift.pure_rotation() {
@@ -250,6 +306,17 @@ fn state_object(state: &State) -> Value {
     }
     object["message"] = json!(state_words(state));
     object
+}
+
+fn rows(covariance: &Matrix6) -> Vec<Vec<f64>> {
+    (0..6).map(|i| (0..6).map(|j| covariance[(i, j)]).collect()).collect()
+}
+
+/// The size of a node's motion.
+fn by(node: &MovedNode) -> String {
+    let turn_deg = node.old_from_new.fixed_rows::<3>(0).norm().to_degrees();
+    let shift_mm = 1e3 * node.old_from_new.fixed_rows::<3>(3).norm();
+    format!("{turn_deg:.3}° and {shift_mm:.2} mm")
 }
 
 fn observed_words(observation: &Observation) -> String {

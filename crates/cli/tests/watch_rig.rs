@@ -1,0 +1,372 @@
+//! `watch` with several cameras and targets: what moved is named, and what only looks like a motion is not one.
+
+mod rig_support;
+mod support;
+
+use assert_cmd::Command;
+use nalgebra::Vector6;
+use resight::core::camera::Pinhole;
+use resight::core::{Camera, CameraMatrix, Lens, Point, Pose, Target};
+use rig_support::{Chance, SIGMA_PX};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::path::Path;
+use support::folder;
+
+/// Four cameras on a bar, all looking at what is a metre in front of them.
+fn cam_from_rig() -> Vec<Pose> {
+    (0..4)
+        .map(|i| {
+            let turn = Pose::exp(&Vector6::new(0.03 * i as f64, 0.25 * (i as f64 - 1.5), 0.1, 0.0, 0.0, 0.0));
+            let x = Point::new(-0.3 * (i as f64 - 1.5), 0.02 * i as f64, 0.01);
+            turn * Pose { translation: x, ..Pose::identity() }
+        })
+        .collect()
+}
+
+const NAMES: [&str; 4] = ["north", "east", "south", "west"];
+
+fn lens() -> Camera {
+    let matrix = CameraMatrix { fx_px: 600.0, fy_px: 600.0, cx_px: 639.5, cy_px: 399.5 };
+    Camera { lens: Lens::Pinhole(Pinhole::new(matrix).expect("a lens")), size: None }
+}
+
+/// A board of 5 × 4 corners, 50 mm apart.
+const BOARD: &str = "kind = \"chessboard\"\nrows = 4\ncolumns = 5\nsquare_m = 0.05\n";
+
+fn corners() -> Vec<Point> {
+    (0..20).map(|i| Point::new(0.05 * (i % 5) as f64, 0.05 * (i / 5) as f64, 0.0)).collect()
+}
+
+/// Where a hand holds the board, a little further on each time.
+fn carried(moment: usize, chance: &mut Chance) -> Pose {
+    let phase = 0.21 * moment as f64;
+    let mut shake = || 0.02 * chance.normal();
+    let turn = Vector6::new(
+        0.4 * phase.sin() + shake(),
+        0.4 * (0.7 * phase).cos() + shake(),
+        shake(),
+        0.0,
+        0.0,
+        0.0,
+    );
+    let place = Point::new(
+        0.15 * (1.3 * phase).sin() - 0.1,
+        0.1 * phase.cos() - 0.08,
+        1.1 + 0.1 * (0.4 * phase).sin(),
+    );
+    Pose { translation: place, ..Pose::identity() } * Pose::exp(&turn)
+}
+
+/// One line of a camera; what it does not see is an empty list.
+fn line(
+    camera: &str,
+    t_s: f64,
+    cam_from_board: Option<&Pose>,
+    first_id: usize,
+    chance: &mut Chance,
+) -> Value {
+    let lens = lens();
+    let seen = |(i, x): (usize, &Point)| {
+        let pixel = lens.project(&(cam_from_board? * x))?;
+        let (u, v) = (pixel.x + SIGMA_PX * chance.normal(), pixel.y + SIGMA_PX * chance.normal());
+        Some(json!({"id": first_id + i, "corner": 0, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX}))
+    };
+    let detections: Vec<Value> = corners().iter().enumerate().filter_map(seen).collect();
+    json!({"camera": camera, "t_s": t_s, "detections": detections})
+}
+
+/// A hand-held board, 10 moments a second. `old_from_new` of each camera and whether it sees, for each moment.
+fn carried_lines(
+    cameras: usize,
+    moments: usize,
+    seed: u64,
+    camera: impl Fn(usize, usize) -> Option<Vector6<f64>>,
+) -> String {
+    let mut chance = Chance(seed);
+    let mut text = String::new();
+    for moment in 0..moments {
+        let rig_from_board = carried(moment, &mut chance);
+        for (i, place) in cam_from_rig().iter().enumerate().take(cameras) {
+            let moved = camera(i, moment);
+            let pose = moved.map(|moved| Pose::exp(&moved).inverse() * *place * rig_from_board);
+            let t_s = 0.1 * moment as f64 + 0.003 * i as f64;
+            writeln!(text, "{}", line(NAMES[i], t_s, pose.as_ref(), 0, &mut chance)).expect("text");
+        }
+    }
+    text
+}
+
+struct Run {
+    code: i32,
+    events: Vec<Value>,
+    stderr: String,
+}
+
+impl Run {
+    fn moved(&self) -> Vec<&Value> {
+        self.events.iter().filter(|e| e["event"] == "moved").collect()
+    }
+
+    fn last(&self, camera: &str) -> &str {
+        let is_its = |e: &&Value| e["event"] == "verdict" && e["camera"] == camera;
+        self.events.iter().find(is_its).and_then(|e| e["state"].as_str()).expect("a verdict")
+    }
+}
+
+fn watch(arguments: &[String], input: &str) -> Run {
+    let run = Command::cargo_bin("resight")
+        .expect("the program")
+        .args(["watch", "--once", "--json", "--source", "-"])
+        .args(arguments)
+        .write_stdin(input)
+        .output()
+        .expect("it runs");
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("text");
+    let events = text(&run.stdout).lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    Run { code: run.status.code().expect("an exit status"), events, stderr: text(&run.stderr) }
+}
+
+/// Board and rig as files. With a covariance the rig's places are what the cameras are compared with.
+fn rig_arguments(name: &str, cameras: usize, is_sure: bool) -> Vec<String> {
+    let folder = folder(name);
+    let mut rig = String::new();
+    for (name, place) in NAMES.iter().zip(cam_from_rig()).take(cameras) {
+        let (q, t) = (place.quaternion_wxyz(), place.translation);
+        let rows = (0..6).map(|i| (0..6).map(|j| if i == j { 1e-7 } else { 0.0 }).collect::<Vec<_>>());
+        let covariance = match is_sure {
+            true => format!(", covariance = {:?}", rows.collect::<Vec<_>>()),
+            false => String::new(),
+        };
+        let placement = format!(
+            "{{ b = \"{name}\", a = \"rig\", rotation_wxyz = {q:?}, translation_m = [{}, {}, {}]{covariance} }}",
+            t.x, t.y, t.z
+        );
+        writeln!(
+            rig,
+            "[[camera]]\nname = \"{name}\"\nmodel = \"pinhole\"\nwidth_px = 1280\nheight_px = 800\nfx_px = 600.0\nfy_px = 600.0\ncx_px = 639.5\ncy_px = 399.5\nplacement = {placement}\n"
+        )
+        .expect("text");
+    }
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("written");
+        path.display().to_string()
+    };
+    let (board, rig) = (file("board.toml", BOARD), file("rig.toml", &rig));
+    let moving = ["--moving-target", "--learn", "40"].map(String::from);
+    [vec!["--rig".into(), rig, "--target".into(), format!("board={board}")], moving.to_vec()].concat()
+}
+
+fn turned(axis: usize, degrees: f64) -> Vector6<f64> {
+    Vector6::ith(axis, degrees.to_radians())
+}
+
+#[test]
+fn a_rig_that_stays_is_steady_learned_or_from_its_file() {
+    for is_sure in [true, false] {
+        let arguments = rig_arguments(&format!("watch-rig-stays-{is_sure}"), 4, is_sure);
+        let run = watch(&arguments, &carried_lines(4, 150, 0x21, |_, _| Some(Vector6::zeros())));
+        assert_eq!((run.code, run.moved().len()), (0, 0), "{:?}{}", run.moved(), run.stderr);
+    }
+}
+
+#[test]
+fn the_camera_that_moved_is_named() {
+    for camera in 0..4 {
+        let arguments = rig_arguments(&format!("watch-rig-moves-{camera}"), 4, true);
+        let motion = turned(camera % 3, 1.0);
+        let moved = |i, moment| Some(if i == camera && 60 <= moment { motion } else { Vector6::zeros() });
+        let run = watch(&arguments, &carried_lines(4, 100, 0x31, moved));
+        assert_eq!(run.code, 3, "{}", run.stderr);
+        for event in run.moved() {
+            assert_eq!(event["moved"], json!([NAMES[camera]]), "{event}");
+        }
+        for (i, name) in NAMES.iter().enumerate() {
+            assert_eq!(run.last(name), if i == camera { "drifted" } else { "steady" }, "{name}");
+        }
+        let state =
+            run.events.iter().rfind(|e| e["event"] == "state" && e["state"] == "drifted").expect("told");
+        let turn = state["old_from_new"][camera % 3].as_f64().expect("a number").to_degrees();
+        let sigma =
+            state["covariance"][camera % 3][camera % 3].as_f64().expect("a number").sqrt().to_degrees();
+        assert!((turn - 1.0).abs() < 4.0 * sigma && sigma < 0.2, "{turn}° ± {sigma}°");
+        let began_s = state["began_s"].as_f64().expect("a time");
+        assert!((began_s - 6.0).abs() < 0.5, "{began_s}");
+    }
+}
+
+#[test]
+fn a_camera_that_moved_before_the_start_is_found_against_the_file() {
+    let arguments = rig_arguments("watch-rig-before", 4, true);
+    let moved = |i, _| Some(if i == 2 { turned(1, 2.0) } else { Vector6::zeros() });
+    let run = watch(&arguments, &carried_lines(4, 80, 0x41, moved));
+    assert_eq!((run.code, run.last("south")), (3, "drifted"), "{:?}", run.moved());
+}
+
+#[test]
+fn of_two_cameras_either_may_have_moved() {
+    let arguments = rig_arguments("watch-rig-two", 2, true);
+    let moved = |i, moment| Some(if i == 0 && 60 <= moment { turned(1, 2.0) } else { Vector6::zeros() });
+    let run = watch(&arguments, &carried_lines(2, 100, 0x51, moved));
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    for event in run.moved() {
+        let message = event["message"].as_str().expect("words");
+        assert!(
+            message.contains("one of") && message.contains("north") && message.contains("east"),
+            "{message}"
+        );
+    }
+    assert!(["north", "east"].iter().all(|name| run.last(name) != "drifted"));
+}
+
+#[test]
+fn flips_people_and_darkness_are_no_motion() {
+    let arguments = rig_arguments("watch-rig-nuisances", 4, true);
+    let flip = Vector6::new(0.5, -0.4, 0.3, 0.2, 0.1, 0.4);
+    let seen = |i, moment| match (i, moment) {
+        // A pose of another branch; a person before two cameras; the light off; a wrong moment of one camera after the other.
+        (1, 50) | (2, 70) | (3, 71) => Some(flip),
+        (0 | 1, 80..=95) => None,
+        (_, 100..=110) => None,
+        _ => Some(Vector6::zeros()),
+    };
+    let run = watch(&arguments, &carried_lines(4, 150, 0x61, seen));
+    assert_eq!((run.code, run.moved().len()), (0, 0), "{:?}{}", run.moved(), run.stderr);
+}
+
+#[test]
+fn a_blind_camera_of_a_rig_is_unseen() {
+    let arguments = rig_arguments("watch-rig-blind", 4, true);
+    let seen = |i, moment| (i != 3 || moment < 60).then(Vector6::zeros);
+    let run = watch(&arguments, &carried_lines(4, 150, 0x71, seen));
+    assert_eq!((run.code, run.last("west"), run.last("north")), (1, "unseen", "steady"), "{}", run.stderr);
+}
+
+/// A board of five tags whose numbers begin with `first`, as a file.
+fn tags(first: usize) -> String {
+    let place = |i: usize| [0.12 * (i % 3) as f64, 0.12 * (i / 3) as f64, 0.02 * (i % 2) as f64];
+    let tag = |i: usize| {
+        format!(
+            "[[tag]]\nid = {}\nsize_m = 0.08\nworld_from_tag = {{ rotation_wxyz = [1.0, 0.0, 0.0, 0.0], translation_m = {:?} }}\n",
+            first + i,
+            place(i)
+        )
+    };
+    "kind = \"tag_map\"\nfamily = \"tag36h11\"\n".to_string() + &(0..5).map(tag).collect::<String>()
+}
+
+const BOARDS: [(&str, usize); 2] = [("door", 0), ("wall", 10)];
+
+/// Boards that stand still, seen once a second; a line of a camera has the corners of all.
+fn standing_lines(
+    folder: &Path,
+    cameras: usize,
+    boards: usize,
+    moved: impl Fn(&str, usize) -> Vector6<f64>,
+) -> String {
+    let (mut chance, lens, mut text) = (Chance(0x81), lens(), String::new());
+    let read = |name: &str| {
+        resight::formats::read_target(&folder.join(format!("{name}.toml"))).expect("a target").target
+    };
+    let targets: Vec<(&str, Target)> =
+        BOARDS.iter().take(boards).map(|(name, _)| (*name, read(name))).collect();
+    for second in 0..90 {
+        for (i, place) in cam_from_rig().iter().enumerate().take(cameras) {
+            let cam_from_rig = Pose::exp(&moved(NAMES[i], second)).inverse() * *place;
+            let mut seen = Vec::new();
+            for (board, (name, target)) in targets.iter().enumerate() {
+                let stands = Pose::exp(&Vector6::new(0.3, -0.4, 0.2 * board as f64, 0.0, 0.0, 0.0));
+                let x = Point::new(0.35 * board as f64 - 0.35, -0.1, 1.2);
+                let cam_from_board = cam_from_rig
+                    * (Pose { translation: x, ..Pose::identity() } * stands)
+                    * Pose::exp(&moved(name, second));
+                for feature in target.features() {
+                    let at = target.point(feature).expect("a known point").position;
+                    let pixel = lens.project(&(cam_from_board * at)).expect("in front");
+                    let (u, v) = (pixel.x + SIGMA_PX * chance.normal(), pixel.y + SIGMA_PX * chance.normal());
+                    seen.push(json!({"id": feature.id, "corner": feature.corner, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX}));
+                }
+            }
+            let line = json!({"camera": NAMES[i], "t_s": second as f64, "detections": seen});
+            writeln!(text, "{line}").expect("text");
+        }
+    }
+    text
+}
+
+fn standing_arguments(folder: &Path, cameras: usize, boards: usize) -> Vec<String> {
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("written");
+        path.display().to_string()
+    };
+    let camera = "model = \"pinhole\"\nwidth_px = 1280\nheight_px = 800\nfx_px = 600.0\nfy_px = 600.0\ncx_px = 639.5\ncy_px = 399.5\n";
+    let camera = file("camera.toml", camera);
+    let mut arguments = vec!["--learn".to_string(), "30".into()];
+    for name in NAMES.iter().take(cameras) {
+        arguments.extend(["--camera".into(), format!("{name}={camera}")]);
+    }
+    for (name, first) in BOARDS.iter().take(boards) {
+        arguments
+            .extend(["--target".into(), format!("{name}={}", file(&format!("{name}.toml"), &tags(*first)))]);
+    }
+    arguments
+}
+
+/// Whatever is said about who moved, it is `node`, or not decided.
+fn only_right_names(run: &Run, node: &str) {
+    assert_eq!(run.code, 3, "{node}: {}", run.stderr);
+    let told = run.moved();
+    assert_eq!(told.last().expect("told")["moved"], json!([node]), "{told:?}");
+    for event in &told {
+        let is_right = event["moved"] == json!([node]);
+        assert!(is_right || event["rivals"] != json!([]), "a wrong name: {event}");
+    }
+}
+
+fn knocked(name: &str, node: &str, second: usize) -> Vector6<f64> {
+    if name == node && 50 <= second {
+        Vector6::new(0.02, 0.03, 0.0, 0.02, 0.0, 0.01)
+    } else {
+        Vector6::zeros()
+    }
+}
+
+#[test]
+fn two_cameras_tell_a_target_carried_away_from_a_camera() {
+    for node in ["door", "north", "east"] {
+        let folder = folder(&format!("watch-standing-{node}"));
+        let arguments = standing_arguments(&folder, 2, 1);
+        let run =
+            watch(&arguments, &standing_lines(&folder, 2, 1, |name, second| knocked(name, node, second)));
+        only_right_names(&run, node);
+        for name in ["north", "east"] {
+            assert_eq!(
+                run.last(name) == "drifted",
+                name == node,
+                "{node} moved; {name} is {}",
+                run.last(name)
+            );
+        }
+    }
+}
+
+#[test]
+fn two_targets_tell_a_camera_from_a_target_carried_away() {
+    for node in ["door", "wall", "north"] {
+        let folder = folder(&format!("watch-standing-two-{node}"));
+        let arguments = standing_arguments(&folder, 1, 2);
+        let run =
+            watch(&arguments, &standing_lines(&folder, 1, 2, |name, second| knocked(name, node, second)));
+        only_right_names(&run, node);
+        for pair in ["north/door", "north/wall"] {
+            assert_eq!(
+                run.last(pair) == "drifted",
+                node == "north",
+                "{node} moved; {pair} is {}",
+                run.last(pair)
+            );
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! Did a camera of a rig move? The drift sentry of cameras that see targets together, wherever the targets are carried.
+//!
+//! Each moment gives the cameras' relative poses; the target's own place is taken out. One sequential test watches the whole rig at one
+//! stated rate of false alarms, and says which camera moved, or that two or more explain what is seen equally well.
+//! Derivation: docs/math/monitor.md, section 7.
+
+mod filter;
+mod star;
+mod evidence;
+mod which;
+mod held;
+mod learn;
+
+pub use filter::SightNoise;
+pub use learn::{RigMoment, learn_rig, learn_sight_noise};
+pub use star::Glance;
+
+use super::attribute::{Attribution, MovedNode};
+use super::axis::DAY_S;
+use super::{Drift, MOSTLY, MonitorConfig, NOT_POSITIVE, SHARE_OVER, Watch, check, is_likely};
+use crate::consistency::Consistency;
+use crate::frames::chi_square::tail;
+use crate::{Error, Matrix6, Pose, Vector6};
+use evidence::Evidence;
+use filter::RigFilter;
+use held::{Held, Moment};
+use nalgebra::{DMatrix, DVector};
+
+/// What the cameras are compared with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigReference {
+    /// x_in_cam = cam_from_rig · x_in_rig of each camera when all was well.
+    pub cam_from_rig: Vec<Pose>,
+    /// Covariance of all small left motions `[rotation_rad; translation_m]` together, 6 rows a camera.
+    pub covariance: DMatrix<f64>,
+    /// What is no drift, for each camera.
+    pub noise: Vec<SightNoise>,
+}
+
+/// What moved, as far as it is known.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MovedCameras {
+    /// Cameras, each with its motion.
+    pub moved: Vec<MovedNode>,
+    /// Other sets that explain what is seen about as well: when there are any, it is not decided which of them moved.
+    pub rivals: Vec<Vec<usize>>,
+    /// Since when, seconds; NaN-free: zero where nothing moved.
+    pub began_s: f64,
+}
+
+/// The sentry of a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigMonitor {
+    reference: RigReference,
+    config: MonitorConfig,
+    /// Where each camera has been since its last change, in its frame of the reference.
+    old_from_level: Vec<Pose>,
+    filter: RigFilter,
+    evidence: Evidence,
+    held: Held,
+    typical: Typical,
+    last_onset_s: f64,
+    last_s: f64,
+    seen_s: Vec<f64>,
+    inconsistent_share: Vec<f64>,
+    drifts: Vec<Option<Drift>>,
+    /// An alarm whose camera is not decided.
+    open: Option<Open>,
+    /// Sets that might have moved instead of those that `drifts` names.
+    rivals: Vec<Vec<usize>>,
+    /// Moments left out: outliers that nothing confirmed.
+    pub outliers: u64,
+    /// Moments that came with a time before the last one's; they are left out.
+    pub out_of_order: u64,
+}
+
+/// An alarm, and what is known about it.
+#[derive(Debug, Clone, PartialEq)]
+struct Open {
+    attribution: Attribution,
+    drifts: Vec<Drift>,
+    moments: usize,
+}
+
+/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
+const CHOSEN: f64 = 4.0;
+/// Chance of a moment as far from what was expected as this, or farther: it waits for others.
+const SURPRISE: f64 = 1e-6;
+/// Moments after an alarm that are waited for a decision which camera it was; then the test starts anew, and rivals stay rivals.
+const PATIENCE: usize = 40;
+
+impl RigMonitor {
+    /// Starts at `t_s`, seconds, of the same clock as the moments.
+    ///
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, numbers that do not fit together, or noise that is none.
+    pub fn new(reference: &RigReference, config: &MonitorConfig, t_s: f64) -> Result<Self, Error> {
+        check(config)?;
+        check_reference(reference)?;
+        let n = reference.cam_from_rig.len();
+        Ok(RigMonitor {
+            config: *config,
+            old_from_level: vec![Pose::identity(); n],
+            filter: RigFilter::new(&reference.cam_from_rig, &reference.covariance, &reference.noise),
+            evidence: Evidence::default(),
+            held: Held::default(),
+            typical: Typical::new(n),
+            last_onset_s: f64::NEG_INFINITY,
+            last_s: t_s,
+            seen_s: vec![t_s; n],
+            inconsistent_share: vec![0.0; n],
+            drifts: vec![None; n],
+            open: None,
+            rivals: Vec::new(),
+            outliers: 0,
+            out_of_order: 0,
+            reference: reference.clone(),
+        })
+    }
+
+    /// Takes in what all cameras saw at one time. A glance of a camera that the rig does not have is left out.
+    pub fn push(&mut self, moment: &RigMoment) {
+        if !moment.t_s.is_finite() || moment.t_s < self.last_s {
+            self.out_of_order += 1;
+            return;
+        }
+        self.last_s = moment.t_s;
+        let known = moment.glances.iter().filter(|glance| glance.camera < self.seen_s.len());
+        let mut usable = RigMoment { t_s: moment.t_s, glances: Vec::new() };
+        for glance in known {
+            let is_consistent = matches!(glance.estimate.consistency, Consistency::Consistent);
+            let share = &mut self.inconsistent_share[glance.camera];
+            *share += (f64::from(u8::from(!is_consistent)) - *share) / SHARE_OVER;
+            if is_consistent {
+                usable.glances.push(*glance);
+            }
+        }
+        let stars = learn::stars(&usable, &self.places()).into_iter().map(|(_, star)| star).collect();
+        let moment = Moment { t_s: moment.t_s, stars };
+        moment.cameras().for_each(|camera| self.seen_s[camera] = moment.t_s);
+        self.weigh(moment);
+    }
+
+    /// How things stand with a camera at `t_s`, relative to the others.
+    pub fn watch(&self, camera: usize, t_s: f64) -> Watch {
+        let Some(seen_s) = self.seen_s.get(camera) else { return Watch::Unseen { for_s: 0.0 } };
+        let for_s = t_s - seen_s;
+        let is_rival = !self.rivals.is_empty()
+            && (self.drifts[camera].is_some() || self.rivals.iter().flatten().any(|rival| *rival == camera));
+        match self.drifts[camera] {
+            _ if MOSTLY < self.inconsistent_share[camera] => Watch::Inconsistent,
+            _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
+            _ if is_rival => Watch::Settling,
+            Some(drift) => Watch::Drifted(self.refined(camera, &drift)),
+            None if self.is_suspect(camera) => Watch::Settling,
+            None => Watch::Steady,
+        }
+    }
+
+    /// What moved since the reference, also while it is not seen now. Nothing: both lists are empty.
+    pub fn moved(&self) -> MovedCameras {
+        let settled = self.drifts.iter().enumerate().filter_map(|(camera, drift)| {
+            let drift = self.refined(camera, drift.as_ref()?);
+            Some((camera, drift))
+        });
+        let open = self.open.iter().flat_map(|open| {
+            let cameras = open.attribution.moved.iter().map(|moved| moved.node);
+            cameras.zip(open.drifts.iter().copied())
+        });
+        let mut all: Vec<(usize, Drift)> = open.chain(settled).collect();
+        all.sort_by_key(|(camera, _)| *camera);
+        all.dedup_by_key(|(camera, _)| *camera);
+        let rivals = self.open.as_ref().map_or(&self.rivals, |open| &open.attribution.rivals);
+        let began_s = all.iter().map(|(_, drift)| drift.began_s).fold(f64::INFINITY, f64::min);
+        let node = |(node, drift): &(usize, Drift)| MovedNode {
+            node: *node,
+            old_from_new: drift.old_from_new,
+            covariance: drift.covariance,
+        };
+        MovedCameras {
+            moved: all.iter().map(node).collect(),
+            rivals: rivals.clone(),
+            began_s: if began_s.is_finite() { began_s } else { 0.0 },
+        }
+    }
+
+    /// Whether an outlier waits for others, or an alarm for a decision, that may be this camera's.
+    fn is_suspect(&self, camera: usize) -> bool {
+        let open = self.open.as_ref().is_some_and(|open| {
+            open.attribution.moved.iter().any(|moved| moved.node == camera)
+                || open.attribution.rivals.iter().flatten().any(|rival| *rival == camera)
+        });
+        open || self.held.suspects().any(|suspect| suspect == camera)
+    }
+
+    /// Where the cameras are held to be: cam_from_rig now.
+    fn places(&self) -> Vec<Pose> {
+        let levels = self.old_from_level.iter().zip(&self.reference.cam_from_rig);
+        levels.map(|(old_from_level, cam_from_rig)| old_from_level.inverse() * *cam_from_rig).collect()
+    }
+
+    /// A moment that is as expected goes to the test; one that is not waits until others agree with it.
+    fn weigh(&mut self, moment: Moment) {
+        let mut ahead = self.filter.clone();
+        ahead.predict(moment.t_s);
+        let Some(innovation) = ahead.innovation(&moment.stars) else { return };
+        if SURPRISE < tail(innovation.degrees_of_freedom(), innovation.chi2()) {
+            self.outliers += self.held.clear(&moment);
+            self.take(&moment, moment.t_s);
+            self.decide();
+            return;
+        }
+        let (passed, dropped) = self.held.push(moment, &ahead, &innovation, self.typical.variances());
+        self.outliers += dropped;
+        // Seen one after the other, told at once: they say the same.
+        let began_s = passed.first().map_or(0.0, |first| first.t_s);
+        passed.iter().for_each(|moment| self.take(moment, began_s));
+        if !passed.is_empty() {
+            self.decide();
+        }
+    }
+
+    /// The test reads a moment; a change may have begun at `onset_s`.
+    fn take(&mut self, moment: &Moment, onset_s: f64) {
+        let carried = self.filter.predict(moment.t_s);
+        self.evidence.predict(&carried);
+        self.typical.add(moment, &self.reference.noise);
+        if self.last_onset_s + self.config.decision_period_s <= onset_s || onset_s < self.last_onset_s {
+            self.evidence.begin(onset_s, self.typical.variances());
+            self.last_onset_s = onset_s.max(self.last_onset_s);
+        }
+        let Some(innovation) = self.filter.innovation(&moment.stars) else { return };
+        self.evidence.add(&innovation);
+        self.filter.update(&innovation);
+    }
+
+    fn decide(&mut self) {
+        let threshold = DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day);
+        if self.open.is_none() && self.evidence.statistic < threshold {
+            return;
+        }
+        let Some(open) = self.attributed() else { return };
+        if !open.drifts.iter().any(|drift| self.matters(&drift.old_from_new)) && !self.has_moved() {
+            return;
+        }
+        let is_decided = open.attribution.is_explained && open.attribution.rivals.is_empty();
+        let is_hopeless = self.seen_s.len() == 2 || PATIENCE < open.moments;
+        if is_decided || is_hopeless {
+            self.start_again(&open);
+        } else {
+            self.open = Some(open);
+        }
+    }
+
+    fn has_moved(&self) -> bool {
+        self.drifts.iter().any(Option::is_some)
+    }
+
+    fn matters(&self, motion: &Vector6) -> bool {
+        self.config.tolerance_rotation_rad < motion.fixed_rows::<3>(0).norm()
+            || self.config.tolerance_translation_m < motion.fixed_rows::<3>(3).norm()
+    }
+
+    /// Who explains the evidence, and how far they moved.
+    fn attributed(&self) -> Option<Open> {
+        let began = self.evidence.began()?;
+        let gathered = began.onset.gathered(began.course);
+        let attribution = which::which(gathered, 1);
+        let drift = |moved: &MovedNode| {
+            let (level, doubt) = self.filter.level(moved.node);
+            let gained = gathered.gained(moved.node);
+            let motion = level + gained * moved.old_from_new;
+            let first = self.drifts[moved.node];
+            Drift {
+                old_from_new: (self.old_from_level[moved.node] * Pose::exp(&motion)).log(),
+                covariance: doubt + gained * moved.covariance * gained.transpose(),
+                began_s: first.map_or(began.onset.t_s, |first| first.began_s),
+                began_sigma_s: first.map_or(began.sigma_s, |first| first.began_sigma_s),
+                course: first.map_or(began.course(), |first| first.course),
+                course_probability: first.map_or(began.course_probability, |first| first.course_probability),
+            }
+        };
+        let drifts = attribution.moved.iter().map(drift).collect();
+        let moments = self.open.as_ref().map_or(0, |open| open.moments + 1);
+        (!attribution.moved.is_empty()).then_some(Open { attribution, drifts, moments })
+    }
+
+    /// From here on the test asks whether anything moves away from where it is now; where the moved cameras are is learned anew, because
+    /// the alarm chose its moment. A camera back at its reference is steady again.
+    fn start_again(&mut self, open: &Open) {
+        for (moved, drift) in open.attribution.moved.iter().zip(&open.drifts) {
+            let camera = moved.node;
+            let doubt = drift.covariance + self.typical.spread(camera) + self.own_covariance(camera);
+            let daily = self.reference.noise[camera].daily;
+            let at_home = drift.covariance * CHOSEN + self.own_covariance(camera) + daily;
+            let is_back = self.drifts[camera].is_some() && is_likely(&drift.old_from_new, &at_home);
+            self.drifts[camera] = (!is_back).then_some(Drift { covariance: doubt, ..*drift });
+            self.old_from_level[camera] =
+                if is_back { Pose::identity() } else { Pose::exp(&drift.old_from_new) };
+        }
+        self.rivals = open.attribution.rivals.clone();
+        if !self.has_moved() {
+            self.rivals.clear();
+        }
+        self.filter = RigFilter::new(&self.places(), &self.prior(), &self.reference.noise);
+        (self.evidence, self.held, self.open) = (Evidence::default(), Held::default(), None);
+        self.last_onset_s = f64::NEG_INFINITY;
+    }
+
+    /// The reference's covariance, with cameras that moved as widely known as the alarm left them.
+    fn prior(&self) -> DMatrix<f64> {
+        let mut covariance = self.reference.covariance.clone();
+        for (camera, drift) in self.drifts.iter().enumerate() {
+            let Some(drift) = drift else { continue };
+            covariance.rows_mut(6 * camera, 6).fill(0.0);
+            covariance.columns_mut(6 * camera, 6).fill(0.0);
+            covariance.fixed_view_mut::<6, 6>(6 * camera, 6 * camera).copy_from(&drift.covariance);
+        }
+        covariance
+    }
+
+    fn own_covariance(&self, camera: usize) -> Matrix6 {
+        self.reference.covariance.fixed_view::<6, 6>(6 * camera, 6 * camera).into()
+    }
+
+    /// How far, with all that has been read since the alarm.
+    fn refined(&self, camera: usize, drift: &Drift) -> Drift {
+        let (motion, covariance) = self.filter.level(camera);
+        let old_from_new = (self.old_from_level[camera] * Pose::exp(&motion)).log();
+        Drift { old_from_new, covariance: covariance + self.own_covariance(camera), ..*drift }
+    }
+}
+
+/// How well each camera's sights are known, on the whole: the size of motion that is looked for.
+#[derive(Debug, Clone, PartialEq)]
+struct Typical {
+    /// Mean of 1/σ² of each coordinate, 6 a camera.
+    information: DVector<f64>,
+    counts: Vec<f64>,
+    variances: DVector<f64>,
+}
+
+/// Before a camera has been seen: 1° and 1 cm.
+const UNSEEN_VARIANCES: [f64; 2] = [3e-4, 1e-4];
+/// Sights over which the mean is taken.
+const TYPICAL_OVER: f64 = 100.0;
+
+impl Typical {
+    fn new(cameras: usize) -> Self {
+        let variance = |i: usize, _| UNSEEN_VARIANCES[usize::from(3 <= i % 6)];
+        Typical {
+            information: DVector::zeros(6 * cameras),
+            counts: vec![0.0; cameras],
+            variances: DVector::from_fn(6 * cameras, variance),
+        }
+    }
+
+    fn variances(&self) -> &DVector<f64> {
+        &self.variances
+    }
+
+    fn spread(&self, camera: usize) -> Matrix6 {
+        Matrix6::from_diagonal(&self.variances.fixed_rows::<6>(6 * camera).into_owned())
+    }
+
+    fn add(&mut self, moment: &Moment, noise: &[SightNoise]) {
+        for sight in moment.stars.iter().flatten() {
+            let variances = noise[sight.camera].total(&sight.covariance).diagonal();
+            let count = &mut self.counts[sight.camera];
+            *count = (*count + 1.0).min(TYPICAL_OVER);
+            for (i, variance) in variances.iter().enumerate().filter(|(_, variance)| 0.0 < **variance) {
+                let at = 6 * sight.camera + i;
+                self.information[at] += (1.0 / variance - self.information[at]) / *count;
+                self.variances[at] = 1.0 / self.information[at];
+            }
+        }
+    }
+}
+
+fn check_reference(reference: &RigReference) -> Result<(), Error> {
+    let n = reference.cam_from_rig.len();
+    let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
+    if n < 2 || reference.noise.len() != n || reference.covariance.shape() != (6 * n, 6 * n) {
+        let needed = "two cameras at least, six rows of covariance and one noise for each";
+        return invalid("cameras of a rig", n as f64, needed);
+    }
+    let poses = reference.cam_from_rig.iter().flat_map(|p| p.rotation.iter().chain(p.translation.iter()));
+    if !poses.chain(reference.covariance.iter()).all(|v| v.is_finite()) {
+        return Err(NOT_POSITIVE);
+    }
+    for noise in &reference.noise {
+        let SightNoise { white, lasting, lasting_time_s, .. } = *noise;
+        if !(0.0 < white && 0.0 <= lasting && 0.0 < lasting_time_s && (white + lasting).is_finite()) {
+            return invalid("noise of a sight", white, "variances and times that are positive");
+        }
+    }
+    Ok(())
+}

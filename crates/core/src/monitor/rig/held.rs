@@ -1,0 +1,99 @@
+//! Moments that are far from what was expected wait until three agree on who moved: a flipped pose, a hand in the picture or a frame of
+//! another time is alone, a knocked camera stays where it is.
+
+use super::evidence::Onset;
+use super::filter::{Innovation, RigFilter};
+use super::star::Sight;
+use super::which::which;
+use nalgebra::DVector;
+
+/// What the cameras saw at one time, a star for each target.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Moment {
+    pub t_s: f64,
+    pub stars: Vec<Vec<Sight>>,
+}
+
+impl Moment {
+    pub fn cameras(&self) -> impl Iterator<Item = usize> + '_ {
+        self.stars.iter().flatten().map(|sight| sight.camera)
+    }
+}
+
+/// Surprising moments that agree.
+const CONFIRM: usize = 3;
+
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Held {
+    waiting: Vec<(Moment, Vec<usize>)>,
+    /// Cameras of which three moments agreed that they moved: surprises of theirs pass.
+    confirmed: Vec<usize>,
+}
+
+impl Held {
+    /// Cameras that waiting moments speak against.
+    pub fn suspects(&self) -> impl Iterator<Item = usize> + '_ {
+        self.waiting.iter().flat_map(|(_, suspects)| suspects.iter().copied())
+    }
+
+    /// A moment in which all is well speaks for those who waited as suspects and are in it; how many moments are given up.
+    pub fn clear(&mut self, moment: &Moment) -> u64 {
+        let before = self.waiting.len();
+        let is_in = |camera: &usize| moment.cameras().any(|seen| seen == *camera);
+        self.waiting.retain(|(_, suspects)| !suspects.iter().all(is_in));
+        (before - self.waiting.len()) as u64
+    }
+
+    /// A surprising moment: what passes now, and how many are given up. `filter` is at its time.
+    pub fn push(
+        &mut self,
+        moment: Moment,
+        filter: &RigFilter,
+        innovation: &Innovation,
+        typical: &DVector<f64>,
+    ) -> (Vec<Moment>, u64) {
+        let mut onset = Onset::new(moment.t_s, typical);
+        onset.add(innovation);
+        let attribution = which(onset.gathered(0), 1);
+        let mut suspects: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
+        suspects.extend(attribution.rivals.iter().flatten());
+        suspects.sort_unstable();
+        suspects.dedup();
+        if suspects.iter().any(|suspect| self.confirmed.contains(suspect)) {
+            return (vec![moment], 0);
+        }
+        let before = self.waiting.len();
+        self.waiting.retain(|(_, others)| others.iter().any(|other| suspects.contains(other)));
+        let mut dropped = (before - self.waiting.len()) as u64;
+        self.waiting.push((moment, suspects));
+        if self.waiting.len() < CONFIRM {
+            return (Vec::new(), dropped);
+        }
+        match self.agreed(filter, typical) {
+            Some(confirmed) => {
+                self.confirmed = confirmed;
+                let passed = self.waiting.drain(..).map(|(moment, _)| moment).collect();
+                (passed, dropped)
+            }
+            None => {
+                self.waiting.remove(0);
+                dropped += 1;
+                (Vec::new(), dropped)
+            }
+        }
+    }
+
+    /// Those whose motion explains all waiting moments together.
+    fn agreed(&self, filter: &RigFilter, typical: &DVector<f64>) -> Option<Vec<usize>> {
+        let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, typical));
+        for (moment, _) in &self.waiting {
+            let innovation = filter.innovation(&moment.stars)?;
+            onset.add(&innovation);
+            filter.update(&innovation);
+        }
+        let attribution = which(onset.gathered(0), 1);
+        let mut cameras: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
+        cameras.extend(attribution.rivals.iter().flatten());
+        attribution.is_explained.then_some(cameras)
+    }
+}

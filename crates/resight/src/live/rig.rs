@@ -1,0 +1,75 @@
+//! Several cameras and targets: what moved, camera or target, told from all that they see of each other.
+//!
+//! Where targets stand still every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms
+//! moved. Where a target is carried about only the relations among the cameras are watched, moment by moment.
+
+mod attributed;
+mod moments;
+mod watched;
+
+use super::{Event, LiveConfig};
+use attributed::Pairs;
+use nalgebra::DMatrix;
+use resight_core::monitor::Reference;
+use resight_core::{Camera, Pose};
+use std::time::Instant;
+use watched::Cameras;
+
+/// How the relations among the cameras of a rig are watched.
+#[derive(Debug, Clone)]
+pub struct RigConfig {
+    /// Where the cameras are, in the order of the session, and the covariance of all of them together, 6 rows a camera; none: learned.
+    pub reference: Option<(Vec<Pose>, DMatrix<f64>)>,
+    /// Frames of this time belong to one moment, seconds.
+    pub sync_tolerance_s: f64,
+}
+
+/// What a session is made of, by name.
+pub(super) struct Nodes {
+    pub cameras: Vec<String>,
+    pub lenses: Vec<Camera>,
+    pub targets: Vec<String>,
+    /// Whether each camera's frames come at their own pace.
+    pub is_live: Vec<bool>,
+    /// Of each camera against each target, camera by camera, where they are known.
+    pub references: Vec<Option<Reference>>,
+}
+
+/// Stands between the cameras' threads and the listener, and adds what only all of them together say.
+pub(super) enum Relations {
+    /// One camera and one target: nobody can tell which moved.
+    None,
+    /// Targets that stand still.
+    Pairs(Pairs),
+    /// Targets that are carried about.
+    Cameras(Box<Cameras>),
+}
+
+impl Relations {
+    pub fn new(nodes: Nodes, config: &LiveConfig) -> Self {
+        match &config.rig {
+            Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config))),
+            None if 2 < nodes.cameras.len() + nodes.targets.len() => {
+                Relations::Pairs(Pairs::new(nodes, config))
+            }
+            None => Relations::None,
+        }
+    }
+
+    /// The event, as it is to be told, and what follows from it.
+    pub fn take(&mut self, event: Event) -> Vec<Event> {
+        match self {
+            Relations::None => vec![event],
+            Relations::Pairs(pairs) => pairs.take(event),
+            Relations::Cameras(cameras) => cameras.take(event, Instant::now()),
+        }
+    }
+
+    /// What is still to be told when all sources have ended.
+    pub fn finish(&mut self) -> Vec<Event> {
+        match self {
+            Relations::Cameras(cameras) => cameras.finish(),
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! The relations among the cameras of a rig, from moments in which they see a target together.
+
+use super::moments::{Moments, Seen, Shown, Together};
+use super::{Nodes, RigConfig};
+use crate::live::{Event, LiveConfig, Observation, State};
+use nalgebra::DMatrix;
+use resight_core::monitor::learn::LEAST_READINGS;
+use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, learn_rig, learn_sight_noise};
+use resight_core::{Camera, Error, Pose};
+use std::time::Instant;
+
+/// Cameras of a rig, before and after their noise, and where it is not known their place, is learned.
+pub(in crate::live) struct Cameras {
+    nodes: Nodes,
+    reference: Option<(Vec<Pose>, DMatrix<f64>)>,
+    config: LiveConfig,
+    moments: Moments,
+    learning: Vec<Together>,
+    monitor: Option<RigMonitor>,
+    /// The frame that is being put together, for each camera: a frame has an event a target.
+    open: Vec<Option<Shown>>,
+    /// When each camera was last seen together with another; from the first frame on.
+    last_s: f64,
+    first_s: Option<f64>,
+    seen_s: Vec<Option<f64>>,
+    told: Vec<Option<State>>,
+    told_moved: (Vec<usize>, Vec<Vec<usize>>),
+}
+
+impl Cameras {
+    pub fn new(nodes: Nodes, rig: &RigConfig, config: &LiveConfig) -> Self {
+        let n = nodes.cameras.len();
+        Cameras {
+            reference: rig.reference.clone(),
+            config: config.clone(),
+            moments: Moments::new(&nodes.is_live, rig.sync_tolerance_s, Instant::now()),
+            learning: Vec::new(),
+            monitor: None,
+            open: vec![None; n],
+            last_s: 0.0,
+            first_s: None,
+            seen_s: vec![None; n],
+            told: vec![None; n],
+            told_moved: Default::default(),
+            nodes,
+        }
+    }
+
+    pub fn take(&mut self, event: Event, now: Instant) -> Vec<Event> {
+        let mut events = Vec::new();
+        match event {
+            Event::Observed { camera, target, mut observation } => {
+                self.shown(camera, target, &mut observation, now);
+                events.push(Event::Observed { camera, target, observation });
+            }
+            // A camera alone says only whether it sees the target. A live one's clock goes on while none does; a recorded one may be far
+            // ahead of the others.
+            Event::StateChanged { camera, t_s, .. } => {
+                if self.nodes.is_live[camera] {
+                    self.last_s = self.last_s.max(t_s);
+                }
+            }
+            Event::Ended { camera } => {
+                self.moments.ended(camera);
+                events.push(Event::Ended { camera });
+            }
+            other => events.push(other),
+        }
+        for moment in self.moments.complete(now) {
+            self.push(moment);
+            events.extend(self.told(self.last_s));
+        }
+        events.extend(self.told(self.last_s));
+        events
+    }
+
+    pub fn finish(&mut self) -> Vec<Event> {
+        let mut events = Vec::new();
+        for (camera, state) in self.states(self.last_s).into_iter().enumerate() {
+            // Known better at the end than when it was told.
+            if matches!(state, State::Drifted(_)) {
+                events.extend(self.changed(camera, self.last_s, &state));
+            }
+        }
+        events
+    }
+
+    /// What a camera saw of one target; the frame is whole with the last of them.
+    fn shown(&mut self, camera: usize, target: usize, observation: &mut Observation, now: Instant) {
+        let t_s = observation.capture_s;
+        let mut frame = match self.open[camera].take() {
+            Some(frame) if frame.t_s == t_s => frame,
+            _ => Shown { camera, t_s, seen: Vec::new() },
+        };
+        if let Some(estimate) = observation.estimate {
+            let points = std::mem::take(&mut observation.seen);
+            frame.seen.push(Seen { target, points, estimate });
+        }
+        if target + 1 < self.nodes.targets.len() {
+            self.open[camera] = Some(frame);
+        } else {
+            self.moments.push(frame, now);
+        }
+    }
+
+    fn push(&mut self, moment: Together) {
+        self.last_s = self.last_s.max(moment.t_s);
+        self.first_s.get_or_insert(moment.t_s);
+        for frame in moment.frames.iter().filter(|frame| is_shared(&moment, frame)) {
+            self.seen_s[frame.camera] = Some(moment.t_s);
+        }
+        match &mut self.monitor {
+            Some(monitor) => monitor.push(&borrowed(&self.nodes.lenses, &moment)),
+            None if moment.frames.iter().any(|frame| is_shared(&moment, frame)) => self.learn(moment),
+            None => {}
+        }
+    }
+
+    /// One more moment to learn from; those that were learned from are then watched too where the rig was known before.
+    fn learn(&mut self, moment: Together) {
+        self.learning.push(moment);
+        if self.learning.len() < self.config.learn_readings.max(LEAST_READINGS) {
+            return;
+        }
+        let moments: Vec<RigMoment> =
+            self.learning.iter().map(|moment| borrowed(&self.nodes.lenses, moment)).collect();
+        match self.learned(&moments) {
+            Ok(mut monitor) => {
+                if self.reference.is_some() {
+                    moments.iter().for_each(|moment| monitor.push(moment));
+                }
+                (self.monitor, self.learning) = (Some(monitor), Vec::new());
+            }
+            // They do not tie all cameras together yet: the older half is forgotten once there are many, and learning goes on.
+            Err(_) if 4 * self.config.learn_readings <= self.learning.len() => {
+                self.learning.drain(..self.learning.len() / 2);
+            }
+            Err(_) => {}
+        }
+    }
+
+    fn learned(&self, moments: &[RigMoment]) -> Result<RigMonitor, Error> {
+        let lasting = &self.config.lasting;
+        let reference = match &self.reference {
+            Some((cam_from_rig, covariance)) => RigReference {
+                noise: learn_sight_noise(cam_from_rig, moments, lasting),
+                cam_from_rig: cam_from_rig.clone(),
+                covariance: covariance.clone(),
+            },
+            None => learn_rig(&self.nodes.lenses, moments, lasting)?,
+        };
+        let known = self.reference.is_some();
+        let start_s = if known { moments.first() } else { moments.last() }.map_or(0.0, |moment| moment.t_s);
+        RigMonitor::new(&reference, &self.config.monitor, start_s)
+    }
+
+    fn states(&self, t_s: f64) -> Vec<State> {
+        let state = |camera: usize| match &self.monitor {
+            Some(monitor) => monitor.watch(camera, t_s).into(),
+            None => {
+                let since_s = self.seen_s[camera].or(self.first_s).unwrap_or(t_s);
+                let for_s = t_s - since_s;
+                match self.config.monitor.unseen_after_s < for_s {
+                    true => State::Unseen { for_s },
+                    false => State::Learning {
+                        readings: self.learning.len(),
+                        needed: self.config.learn_readings.max(LEAST_READINGS),
+                    },
+                }
+            }
+        };
+        (0..self.nodes.cameras.len()).map(state).collect()
+    }
+
+    /// What has changed since it was told: what moved first, then the cameras' states.
+    fn told(&mut self, t_s: f64) -> Vec<Event> {
+        if self.first_s.is_none() {
+            return Vec::new();
+        }
+        let mut events: Vec<Event> = self.moved().into_iter().collect();
+        for (camera, state) in self.states(t_s).into_iter().enumerate() {
+            let is_new = self.told[camera].as_ref().is_none_or(|before| is_news(before, &state));
+            self.told[camera] = Some(state.clone());
+            if is_new {
+                events.extend(self.changed(camera, t_s, &state));
+            }
+        }
+        events
+    }
+
+    /// A camera has one state, whichever of the targets it sees.
+    fn changed(&self, camera: usize, t_s: f64, state: &State) -> Vec<Event> {
+        let event = |target| Event::StateChanged { camera, target, t_s, state: state.clone() };
+        (0..self.nodes.targets.len()).map(event).collect()
+    }
+
+    fn moved(&mut self) -> Option<Event> {
+        let now = self.monitor.as_ref()?.moved();
+        let nodes: Vec<usize> = now.moved.iter().map(|moved| moved.node).collect();
+        let is_told = self.told_moved.0 == nodes && self.told_moved.1 == now.rivals;
+        if is_told {
+            return None;
+        }
+        self.told_moved = (nodes, now.rivals.clone());
+        let name = |node: &usize| self.nodes.cameras[*node].clone();
+        Some(Event::Attributed {
+            t_s: now.began_s,
+            moved: now.moved.iter().map(|moved| (name(&moved.node), moved.clone())).collect(),
+            rivals: now.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
+        })
+    }
+}
+
+/// Not the seconds that something has been unseen, nor each moment learned, nor a drift that is known a little better.
+fn is_news(before: &State, now: &State) -> bool {
+    match (before, now) {
+        (State::Learning { .. }, State::Learning { .. }) | (State::Unseen { .. }, State::Unseen { .. }) => {
+            false
+        }
+        (State::Drifted(before), State::Drifted(now)) => before.began_s != now.began_s,
+        (before, now) => before != now,
+    }
+}
+
+/// Whether another camera sees a target of this frame too.
+fn is_shared(moment: &Together, frame: &Shown) -> bool {
+    let sees = |other: &Shown, target: usize| other.seen.iter().any(|seen| seen.target == target);
+    let others = || moment.frames.iter().filter(|other| other.camera != frame.camera);
+    frame.seen.iter().any(|seen| others().any(|other| sees(other, seen.target)))
+}
+
+fn borrowed<'a>(lenses: &'a [Camera], moment: &'a Together) -> RigMoment<'a> {
+    let glance = |frame: &'a Shown, seen: &'a Seen| Glance {
+        camera: frame.camera,
+        target: seen.target,
+        lens: &lenses[frame.camera],
+        seen: &seen.points,
+        estimate: &seen.estimate,
+    };
+    let of = |frame: &'a Shown| frame.seen.iter().map(move |seen| glance(frame, seen));
+    RigMoment { t_s: moment.t_s, glances: moment.frames.iter().flat_map(of).collect() }
+}
