@@ -6,12 +6,14 @@
 //!
 //! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `turn` ─► rotation, shift, covariance
 
+mod draw;
 mod features;
 mod patch;
 mod pyramid;
 mod select;
 
 use crate::GrayImage;
+pub use draw::draw;
 use features::{Features, Pattern};
 use nalgebra::{Matrix2, Matrix3, Vector2};
 use pyramid::Reduced;
@@ -67,7 +69,9 @@ pub struct Found {
 #[non_exhaustive]
 pub enum LandmarksError {
     /// Too little to see.
-    #[error("the reference picture has {seen} landmarks, {needed} are needed; use a sharp picture, by day, with more to see")]
+    #[error(
+        "the reference picture has {seen} landmarks, {needed} are needed; use a sharp picture, by day, with more to see"
+    )]
     TooFew {
         /// Landmarks found.
         seen: usize,
@@ -103,7 +107,9 @@ pub enum NotSighted {
         needed: usize,
     },
     /// Too few landmarks agree with one turn.
-    #[error("{agreeing} of {landmarks} landmarks found again, {needed} are needed: another scene, something in front of it, or very other light")]
+    #[error(
+        "{agreeing} of {landmarks} landmarks found again, {needed} are needed: another scene, something in front of it, or very other light"
+    )]
     TooFew {
         /// That agree.
         agreeing: usize,

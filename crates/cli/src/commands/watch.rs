@@ -1,6 +1,7 @@
 //! `watch`: cameras watched over time, an alarm when one moved.
 
 mod alarm;
+mod landmarks;
 mod log;
 mod names;
 mod outputs;
@@ -10,6 +11,7 @@ use crate::output::Outcome;
 use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use landmarks::LandmarkArgs;
 use log::Log;
 use names::{Names, by_name, split};
 use outputs::OutputArgs;
@@ -25,15 +27,18 @@ use std::sync::atomic::AtomicBool;
 #[command(after_help = "Examples:\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
-    detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n\n\
+    detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
+    resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
     #[arg(long, required = true, value_name = "[NAME=]FILE")]
     camera: Vec<String>,
-    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
-    #[arg(long, required = true, value_name = "[NAME=]FILE")]
+    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several. Not needed with landmarks.
+    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
+    #[command(flatten)]
+    landmarks: LandmarkArgs,
     #[command(flatten)]
     sources: SourceArgs,
     /// What a camera is compared with, written by --save-reference [default: learned]. NAME is a camera, or CAMERA/TARGET
@@ -63,6 +68,7 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let names = Names::new(&args.camera, &args.target);
     let cameras = cameras(args, &names)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
+    let pictures = args.landmarks.saved(&names)?;
     let log = Log;
     let mut outputs = outputs::open(&args.outputs, &names, &log)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
@@ -73,7 +79,9 @@ pub fn run(args: &Watch) -> Result<Outcome> {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
         let told = outputs.iter_mut().try_for_each(|output| output.take(event));
-        failed = save(event, &names, &saved, &log).and(told).err();
+        let saved =
+            save(event, &names, &saved, &log).and_then(|()| landmarks::save(event, &names, &pictures, &log));
+        failed = saved.and(told).err();
         failed.is_none()
     })?;
     let finished = outputs.iter_mut().try_for_each(|output| output.finish());
@@ -94,6 +102,7 @@ fn cameras(args: &Watch, names: &Names) -> Result<Vec<LiveCamera>> {
     let files = by_name("--camera", &args.camera, &names.cameras)?;
     let targets = targets(args)?;
     let references = by_name("--reference", &args.reference, &names.pairs())?;
+    let mut landmarks = args.landmarks.read(names)?;
     let opened = sources::open(&args.sources, &names.cameras, args.once)?;
     let mut cameras = Vec::new();
     for (i, (name, source)) in names.cameras.iter().zip(opened).enumerate() {
@@ -104,7 +113,11 @@ fn cameras(args: &Watch, names: &Names) -> Result<Vec<LiveCamera>> {
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
-        cameras.push(LiveCamera { name: name.clone(), camera: super::camera(file)?, targets, source });
+        let (landmarks, camera) = (landmarks[i].take(), super::camera(file)?);
+        if targets.is_empty() && landmarks.is_none() {
+            bail!("camera {name} has nothing to go by; give --target, or --landmarks {name}=PICTURE");
+        }
+        cameras.push(LiveCamera { name: name.clone(), camera, targets, landmarks, source });
     }
     Ok(cameras)
 }
@@ -117,12 +130,20 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
 
 fn config(args: &Watch, names: &Names) -> LiveConfig {
     LiveConfig {
-        monitor: args.alarm.monitor(names.pairs().len()),
+        monitor: args.alarm.monitor(monitors(args, names)),
         track: TrackConfig::default(),
         learn_readings: args.learn,
         lasting: args.alarm.lasting(),
         queue_frames: 2,
         retry_s: 1.0,
+    }
+}
+
+/// All that may raise an alarm share its rate: every pair, and the landmarks that stand in for targets.
+fn monitors(args: &Watch, names: &Names) -> usize {
+    match args.target.is_empty() {
+        true => names.pairs().len(),
+        false => names.pairs().len() + args.landmarks.count(),
     }
 }
 

@@ -79,6 +79,8 @@ const GATE: f64 = 3.7169;
 const KEPT: f64 = 0.993_085;
 /// Median of χ² with two degrees of freedom: 2 ln 2.
 const MEDIAN_OF_TWO: f64 = 2.0 * core::f64::consts::LN_2;
+/// The residuals of the reference itself are zero, its errors are not: no picture is twice as good as stated.
+const LEAST_NOISE_FACTOR: f64 = 0.25;
 /// Inverse condition of H below which the landmarks lie too close together to tell a turn about them.
 const MIN_CONDITION: f64 = 1e-10;
 
@@ -113,7 +115,8 @@ impl Fit {
         let h = information(&self.rows);
         let h_inverse = inverse(&h)?;
         let freedom = (2 * self.rows.len()) as f64 - 3.0;
-        let noise_factor = self.rows.iter().map(Row::chi2).sum::<f64>() / (KEPT * freedom);
+        let chi2 = self.rows.iter().map(Row::chi2).sum::<f64>();
+        let noise_factor = (chi2 / (KEPT * freedom)).max(LEAST_NOISE_FACTOR);
         let coherence = self.coherence(&h_inverse, noise_factor, landmarks);
         let widened = noise_factor * freedom / (freedom - 2.0) * coherence;
         let square = self.rows.iter().map(|row| row.e.norm_squared()).sum::<f64>();

@@ -124,7 +124,8 @@ fn corners(image: &image::GrayImage) -> Vec<Corner> {
         return Vec::new();
     }
     let inside = |corner: &Corner| {
-        (BORDER_PX..width - BORDER_PX).contains(&corner.x) && (BORDER_PX..height - BORDER_PX).contains(&corner.y)
+        (BORDER_PX..width - BORDER_PX).contains(&corner.x)
+            && (BORDER_PX..height - BORDER_PX).contains(&corner.y)
     };
     let mut found = Vec::new();
     for contrast in CONTRASTS {

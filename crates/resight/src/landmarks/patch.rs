@@ -156,11 +156,7 @@ fn spline_at_knot(grey: impl Fn(i32, i32) -> f32) -> (f32, f32, f32) {
     let smooth = |a: f32, b: f32, c: f32| (a + 4.0 * b + c) / 6.0;
     let row = |y: i32| smooth(grey(-1, y), grey(0, y), grey(1, y));
     let column = |x: i32| smooth(grey(x, -1), grey(x, 0), grey(x, 1));
-    (
-        smooth(row(-1), row(0), row(1)),
-        0.5 * (column(1) - column(-1)),
-        0.5 * (row(1) - row(-1)),
-    )
+    (smooth(row(-1), row(0), row(1)), 0.5 * (column(1) - column(-1)), 0.5 * (row(1) - row(-1)))
 }
 
 /// Weights of the four knots around a place a fraction `f` behind the second.
