@@ -11,8 +11,8 @@
 //!   H = Σ Jᵢᵀ Cᵢ⁻¹ Jᵢ              ·   gᵢ = Jᵢᵀ Cᵢ⁻¹ eᵢ
 //! ```
 
-mod agreement;
 mod fit;
+mod agreement;
 
 use crate::{Bearing, Camera, Error, Pixel};
 use agreement::agreement;

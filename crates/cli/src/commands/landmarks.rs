@@ -63,7 +63,7 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     printer.finish()
 }
 
-fn compared(reference: &Reference, path: &PathBuf) -> Compared {
+fn compared(reference: &Reference, path: &Path) -> Compared {
     let sight = |image: GrayImage| {
         let sighting = reference.sight(&image, None).map_err(|e| e.to_string())?;
         Ok((image, sighting))

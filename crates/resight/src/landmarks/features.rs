@@ -89,22 +89,20 @@ impl Features {
 
     /// Pairs that are each other's nearest, `self` being the reference.
     pub fn matches(&self, now: &Features, picture: &Reduced) -> Vec<Match> {
-        let back = now.nearest(self);
-        let pair = |(i, j): (usize, Option<usize>)| {
-            let j = j.filter(|j| back[*j] == Some(i))?;
-            Some(Match { reference: i, pixel: picture.full_size(place(&now.described[j])) })
+        let mut of_own = vec![(MOST_BITS_OFF + 1, 0); self.len()];
+        let mut of_others = vec![(MOST_BITS_OFF + 1, 0); now.len()];
+        for (i, own) in self.described.iter().enumerate() {
+            for (j, other) in now.described.iter().enumerate() {
+                let bits_off = own.hamming_distance(other);
+                of_own[i] = of_own[i].min((bits_off, j));
+                of_others[j] = of_others[j].min((bits_off, i));
+            }
+        }
+        let pair = |(reference, (bits_off, j)): (usize, (u32, usize))| {
+            let is_pair = bits_off <= MOST_BITS_OFF && of_others[j].1 == reference;
+            is_pair.then(|| Match { reference, pixel: picture.full_size(place(&now.described[j])) })
         };
-        self.nearest(now).into_iter().enumerate().filter_map(pair).collect()
-    }
-
-    /// For each of its own the nearest of the others, if it is near.
-    fn nearest(&self, others: &Features) -> Vec<Option<usize>> {
-        let nearest = |own: &BriefDescriptor| {
-            let distance = |(j, other): (usize, &BriefDescriptor)| (own.hamming_distance(other), j);
-            let (bits_off, j) = others.described.iter().enumerate().map(distance).min()?;
-            (bits_off <= MOST_BITS_OFF).then_some(j)
-        };
-        self.described.iter().map(nearest).collect()
+        of_own.iter().copied().enumerate().filter_map(pair).collect()
     }
 }
 
