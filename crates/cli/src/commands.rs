@@ -8,6 +8,7 @@ pub mod detect;
 pub mod explain;
 pub mod locate;
 pub mod rig;
+pub mod landmarks;
 pub mod measure;
 pub mod solve;
 pub mod whisker;
@@ -37,6 +38,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
+        Command::Landmarks(args) => landmarks::run(&args),
     }
 }
 

@@ -11,6 +11,7 @@ mod points;
 mod robust;
 mod table;
 mod text;
+mod turned;
 mod commands;
 
 use clap::Parser;

@@ -49,6 +49,8 @@ pub mod survey;
 #[cfg(feature = "std")]
 pub mod robust;
 #[cfg(feature = "std")]
+pub mod turn;
+#[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
 mod relative;

@@ -65,6 +65,19 @@ impl GrayImage {
             decoder.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
     }
+
+    /// The picture as PNG, every grey as it is.
+    ///
+    /// # Errors
+    /// What the encoder says of a picture that is none.
+    pub fn png(&self) -> Result<Vec<u8>, String> {
+        use ::image::ImageEncoder;
+        let mut bytes = Vec::new();
+        ::image::codecs::png::PngEncoder::new(&mut bytes)
+            .write_image(&self.data, self.width_px, self.height_px, ::image::ExtendedColorType::L8)
+            .map_err(|e| e.to_string())?;
+        Ok(bytes)
+    }
 }
 
 #[cfg(test)]
@@ -100,6 +113,7 @@ mod tests {
         let image = GrayImage::decode(&png(&values, 3, 2, ExtendedColorType::L8)).unwrap();
         assert_eq!(image, GrayImage { width_px: 3, height_px: 2, data: values.to_vec() });
         assert_eq!((image.at(0, 0), image.at(2, 0), image.at(0, 1)), (0, 127, 128));
+        assert_eq!(GrayImage::decode(&image.png().unwrap()).unwrap(), image);
     }
 
     /// The full 16-bit range becomes the full 8-bit range.

@@ -18,6 +18,7 @@ pub mod scene;
 pub mod report;
 pub mod advise;
 pub mod measure;
+pub mod landmarks;
 pub mod live;
 
 pub use self::image::GrayImage;

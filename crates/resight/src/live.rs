@@ -14,6 +14,8 @@ mod session;
 pub use look::{Look, LookError, Looked};
 pub use session::run;
 
+use crate::GrayImage;
+use crate::landmarks::Sighting;
 use crate::source::Source;
 use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;
@@ -30,6 +32,8 @@ pub struct LiveCamera {
     pub camera: Camera,
     /// What it looks at; with several, a target that was carried away is told from a camera that moved.
     pub targets: Vec<Watched>,
+    /// What it goes by while it sees no target; alone (without targets) it counts as target 0.
+    pub landmarks: Option<WatchedLandmarks>,
     /// Where its frames come from.
     pub source: Box<dyn Source>,
 }
@@ -42,6 +46,12 @@ pub struct Watched {
     pub target: Arc<Target>,
     /// Where the camera was when all was well; none: learned from the first `learn_readings`.
     pub reference: Option<Reference>,
+}
+
+/// Natural landmarks that a camera goes by while it sees no target.
+pub struct WatchedLandmarks {
+    /// The reference picture; none: the first picture with enough to see.
+    pub picture: Option<GrayImage>,
 }
 
 /// How a session runs.
@@ -99,6 +109,10 @@ pub struct Observation {
     pub tracked: Option<Tracked>,
     /// What went to the monitor.
     pub reading: Option<Reading>,
+    /// The turn since the reference picture, where no target was seen.
+    pub landmarks: Option<Box<Sighting>>,
+    /// The picture that has just become the reference of the landmarks.
+    pub reference_picture: Option<Arc<GrayImage>>,
     /// How long it took.
     pub times: StageTimes,
 }

@@ -81,7 +81,7 @@ pub fn run(args: &Locate) -> Result<Outcome> {
 }
 
 /// Where each overlay goes: the image's name with `.png`, numbered where two images share a name.
-fn picture_paths(folder: &Path, images: &[PathBuf]) -> Result<Vec<PathBuf>> {
+pub(super) fn picture_paths(folder: &Path, images: &[PathBuf]) -> Result<Vec<PathBuf>> {
     crate::files::make_folder("--overlay", folder)?;
     let mut taken = std::collections::HashSet::new();
     let mut path_for = |image: &PathBuf| {

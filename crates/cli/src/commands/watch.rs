@@ -1,6 +1,7 @@
 //! `watch`: cameras watched over time, an alarm when one moved.
 
 mod alarm;
+mod landmarks;
 mod log;
 mod motion;
 mod names;
@@ -12,6 +13,7 @@ use crate::output::Outcome;
 use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use landmarks::LandmarkArgs;
 use log::Log;
 use motion::MotionArgs;
 use names::{Names, by_name, split};
@@ -34,15 +36,18 @@ use std::sync::atomic::AtomicBool;
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
     resight watch --camera gate=run.mcap#/gate/camera_info --target tag.toml --source gate=run.mcap#/gate/image_raw --once --tf poses.mcap\n  \
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
-    detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n\n\
+    detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n  \
+    resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
     Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
 pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
     #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]
     camera: Vec<String>,
-    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
-    #[arg(long, required = true, value_name = "[NAME=]FILE")]
+    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several. Not needed with landmarks.
+    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
+    #[command(flatten)]
+    landmarks: LandmarkArgs,
     #[command(flatten)]
     sources: SourceArgs,
     /// What a camera is compared with, written by --save-reference [default: learned]. NAME is a camera, or CAMERA/TARGET
@@ -84,6 +89,7 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let config = config(args, &names, rig.as_deref())?;
     let cameras = cameras(args, &names, rig)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
+    let pictures = args.landmarks.saved(&names)?;
     let log = Log;
     let session = Session {
         names: &names,
@@ -101,7 +107,9 @@ pub fn run(args: &Watch) -> Result<Outcome> {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
         let told = outputs.iter_mut().try_for_each(|output| output.take(event));
-        failed = save(event, &names, &saved, &log).and(told).err();
+        let saved =
+            save(event, &names, &saved, &log).and_then(|()| landmarks::save(event, &names, &pictures, &log));
+        failed = saved.and(told).err();
         failed.is_none()
     })?;
     let finished = outputs.iter_mut().try_for_each(|output| output.finish());
@@ -122,6 +130,7 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
     let lenses = lenses(args, names, rig)?;
     let targets = targets(args)?;
     let references = by_name("--reference", &args.reference, &names.pairs())?;
+    let mut landmarks = args.landmarks.read(names)?;
     let opened = sources::open(&args.sources, &names.cameras, args.once)?;
     let mut cameras = Vec::new();
     for (i, ((name, source), camera)) in names.cameras.iter().zip(opened).zip(lenses).enumerate() {
@@ -131,7 +140,11 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
-        cameras.push(LiveCamera { name: name.clone(), camera, targets, source });
+        let landmarks = landmarks[i].take();
+        if targets.is_empty() && landmarks.is_none() {
+            bail!("camera {name} has nothing to go by; give --target, or --landmarks {name}=PICTURE");
+        }
+        cameras.push(LiveCamera { name: name.clone(), camera, targets, landmarks, source });
     }
     Ok(cameras)
 }
@@ -153,13 +166,18 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
 
 fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {
     let rig = args.rig.config(cameras, names.cameras.len())?;
+    if rig.is_some() && args.landmarks.count() != 0 {
+        bail!(
+            "--moving-target watches the cameras' places among each other; landmarks go with targets that stand still, or with none"
+        );
+    }
     if rig.is_some() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!(
             "--reference and --save-reference are of cameras against targets that stand still; with --moving-target give --rig"
         );
     }
     // A rig is one test, pairs are one each.
-    let tests = if rig.is_some() { 1 } else { names.pairs().len() };
+    let tests = if rig.is_some() { 1 } else { monitors(args, names) };
     Ok(LiveConfig {
         monitor: args.alarm.monitor(tests),
         track: args.motion.track()?,
@@ -169,6 +187,14 @@ fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Resul
         retry_s: 1.0,
         rig,
     })
+}
+
+/// All that may raise an alarm share its rate: every pair, and the landmarks that stand in for targets.
+fn monitors(args: &Watch, names: &Names) -> usize {
+    match args.target.is_empty() {
+        true => names.pairs().len(),
+        false => names.pairs().len() + args.landmarks.count(),
+    }
 }
 
 fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {

@@ -39,7 +39,7 @@ impl Chance {
 
     /// Uniform on 0..n, n < 2³²; off from uniform by n/2⁶⁴ at most.
     #[inline]
-    pub(super) fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next()) * n as u128) >> 64) as usize
     }
 }

@@ -1,11 +1,14 @@
 //! What is done with each frame of one camera, for every target that it watches.
 
+mod landmarks;
 mod pair;
 
 use super::{LiveCamera, LiveConfig, Observation, StageTimes, State};
 use crate::GrayImage;
 use crate::detect::DetectError;
+use crate::landmarks::LandmarksError;
 use crate::source::{Content, Frame};
+use landmarks::LandmarkWatch;
 use pair::{Pair, Sight};
 use resight_core::monitor::Reference;
 use resight_core::{Camera, Error, Target};
@@ -15,6 +18,7 @@ use std::time::Instant;
 pub struct Look {
     camera: Camera,
     pairs: Vec<Pair>,
+    landmarks: Option<LandmarkWatch>,
     /// Hash of the last picture: a camera that froze sends it again and again.
     last_picture: Option<u64>,
 }
@@ -31,11 +35,14 @@ pub struct Looked {
 
 impl Look {
     /// # Errors
-    /// A target that no detector knows, or a setting that cannot be.
+    /// A target that no detector knows, a reference picture with too little to see, or a setting that cannot be.
     pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, LookError> {
         let pair = |watched| Pair::new(&camera.camera, watched, config);
         let pairs = camera.targets.iter().map(pair).collect::<Result<Vec<_>, _>>()?;
-        Ok(Look { camera: camera.camera.clone(), pairs, last_picture: None })
+        let landmarks = camera.landmarks.as_ref();
+        let landmarks =
+            landmarks.map(|watched| LandmarkWatch::new(&camera.camera, watched, config)).transpose()?;
+        Ok(Look { camera: camera.camera.clone(), pairs, landmarks, last_picture: None })
     }
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
@@ -51,12 +58,20 @@ impl Look {
             let blank = blank(frame, waited_us, sight.is_ok());
             pair.take(frame, sight, blank)
         };
-        self.pairs.iter_mut().map(look).collect()
+        let mut looked: Vec<Looked> = self.pairs.iter_mut().map(look).collect();
+        if let Some(landmarks) = &mut self.landmarks {
+            landmarks.stand_in(frame, &lens, &mut looked, blank(frame, waited_us));
+        }
+        looked
     }
 
     /// How things stand for each target at a time, also when no frame has come.
     pub fn states(&self, t_s: f64) -> Vec<State> {
-        self.pairs.iter().map(|pair| pair.state(t_s)).collect()
+        let targets = self.pairs.iter().map(|pair| pair.state(t_s)).collect();
+        match &self.landmarks {
+            Some(landmarks) => landmarks.states(t_s, targets),
+            None => targets,
+        }
     }
 
     /// The lens at the size of this picture, or why the picture is none.
@@ -91,6 +106,8 @@ fn blank(frame: &Frame, waited_us: f64, is_readable: bool) -> Observation {
         reason: None,
         tracked: None,
         reading: None,
+        landmarks: None,
+        reference_picture: None,
         times: StageTimes { waited_us, ..StageTimes::default() },
     }
 }
@@ -101,6 +118,9 @@ pub enum LookError {
     /// A target that no detector knows.
     #[error(transparent)]
     Detect(#[from] DetectError),
+    /// A reference picture that shows too little.
+    #[error(transparent)]
+    Landmarks(#[from] LandmarksError),
     /// A setting that cannot be.
     #[error(transparent)]
     Setting(#[from] Error),

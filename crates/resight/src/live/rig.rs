@@ -49,6 +49,8 @@ impl Relations {
     pub fn new(nodes: Nodes, config: &LiveConfig) -> Self {
         match &config.rig {
             Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config))),
+            // Landmarks alone tell each camera's turn for itself.
+            None if nodes.targets.is_empty() => Relations::None,
             None if 2 < nodes.cameras.len() + nodes.targets.len() => {
                 Relations::Pairs(Pairs::new(nodes, config))
             }

@@ -13,9 +13,13 @@ pub struct Names {
 }
 
 impl Names {
-    /// Those given, `cam0` and `target0` and so on otherwise.
+    /// Those given, `cam0` and `target0` and so on otherwise; without a target its place is that of the landmarks.
     pub fn new(cameras: &[String], targets: &[String]) -> Self {
-        Names { cameras: given(cameras, "cam"), targets: given(targets, "target") }
+        let targets = match targets {
+            [] => vec!["landmarks".to_string()],
+            targets => given(targets, "target"),
+        };
+        Names { cameras: given(cameras, "cam"), targets }
     }
 
     /// Those of a rig's file.

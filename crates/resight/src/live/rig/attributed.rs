@@ -135,6 +135,9 @@ impl Pairs {
 
 impl Pair {
     fn push(&mut self, observation: &Observation, config: &MonitorConfig) {
+        if observation.landmarks.is_some() {
+            return; // A turn since a picture, not a pose against the target.
+        }
         let Some(reference) = &self.reference else { return };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, observation.capture_s).ok();

@@ -4,6 +4,7 @@ use super::super::names::Names;
 use super::Output;
 use crate::answer::TransformObject;
 use crate::output::Outcome;
+use crate::turned::{self, parts};
 use anyhow::Result;
 use resight::core::monitor::attribute::MovedNode;
 use resight::core::monitor::{Course, Drift};
@@ -231,16 +232,12 @@ pub(super) fn state_words(state: &State) -> String {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
         State::Settling => "settling: something is different, not yet decided".to_string(),
-        State::Inconsistent => "inconsistent: intrinsics or target are wrong".to_string(),
+        State::Inconsistent => "inconsistent: intrinsics or target are wrong, or landmarks move".to_string(),
         State::Drifted(drift) => drift_words(drift),
         State::Steady => "steady".to_string(),
         State::Followed => "followed: the camera moves, that is no drift".to_string(),
     }
 }
-
-/// About x right, y down, z forward: the sign of a turn or shift, and its opposite.
-const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
-const SHIFTS: [[&str; 2]; 3] = [["right", "left"], ["down", "up"], ["forward", "backward"]];
 
 fn drift_words(drift: &Drift) -> String {
     let sigma = drift.covariance.diagonal().map(f64::sqrt);
@@ -268,18 +265,6 @@ fn back(motion: &Vector6, sigma: &[f64]) -> String {
     let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
     let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);
     if back.is_empty() { "nothing that can be told from zero".to_string() } else { back }
-}
-
-/// `right 0.420° ± 0.030°, …`; zeros are left out.
-fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
-    let part = |i: usize| {
-        let (words, scale, unit) =
-            if i < 3 { (TURNS[i], f64::to_degrees(1.0), "°") } else { (SHIFTS[i - 3], 1e3, " mm") };
-        let doubt = sigma(i).map(|s| format!(" ± {:.3}{unit}", s * scale)).unwrap_or_default();
-        let direction = words[usize::from(motion[i] < 0.0)];
-        (motion[i] != 0.0).then(|| format!("{direction} {:.3}{unit}{doubt}", (motion[i] * scale).abs()))
-    };
-    (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
 }
 
 fn state_object(state: &State) -> Value {
@@ -320,6 +305,9 @@ fn by(node: &MovedNode) -> String {
 }
 
 fn observed_words(observation: &Observation) -> String {
+    if let Some(sighting) = &observation.landmarks {
+        return format!("{}  {}", observation.name, turned::words(sighting));
+    }
     match (&observation.tracked, &observation.reason) {
         (_, Some(reason)) => format!("{}  {reason}", observation.name),
         (Some(tracked), None) => {
@@ -341,6 +329,9 @@ fn observed_object(observation: &Observation) -> Value {
     }
     if let Some(estimate) = &observation.estimate {
         object["rms_px"] = json!(estimate.rms_px);
+    }
+    if let Some(sighting) = &observation.landmarks {
+        turned::add_to(&mut object, sighting);
     }
     if let Some(reason) = &observation.reason {
         object["message"] = json!(reason);

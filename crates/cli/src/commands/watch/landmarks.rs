@@ -1,0 +1,65 @@
+//! Natural landmarks: reference pictures read, and saved.
+
+use super::log::Log;
+use super::names::{Names, by_name};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use resight::GrayImage;
+use resight::live::{Event, WatchedLandmarks};
+use std::path::Path;
+
+/// The landmarks.
+#[derive(Debug, Args)]
+pub struct LandmarkArgs {
+    /// Reference picture (PNG or JPEG) of a camera: while it sees no target, its turn since that picture is watched.
+    #[arg(long, value_name = "[NAME=]FILE")]
+    landmarks: Vec<String>,
+    /// The same with the first picture that shows enough, which is written to this PNG file.
+    #[arg(long, value_name = "[NAME=]FILE")]
+    save_landmarks: Vec<String>,
+}
+
+impl LandmarkArgs {
+    /// How many cameras have them.
+    pub fn count(&self) -> usize {
+        self.landmarks.len() + self.save_landmarks.len()
+    }
+
+    /// Those of each camera.
+    pub fn read(&self, names: &Names) -> Result<Vec<Option<WatchedLandmarks>>> {
+        let pictures = by_name("--landmarks", &self.landmarks, &names.cameras)?;
+        let saved = self.saved(names)?;
+        let watched =
+            |((picture, saved), name): ((Option<String>, &Option<String>), &String)| match (picture, saved) {
+                (Some(_), Some(_)) => {
+                    bail!("camera {name}: --landmarks and --save-landmarks are both given; one is needed")
+                }
+                (Some(file), None) => {
+                    let picture = GrayImage::read(Path::new(&file))?;
+                    Ok(Some(WatchedLandmarks { picture: Some(picture) }))
+                }
+                (None, Some(_)) => Ok(Some(WatchedLandmarks { picture: None })),
+                (None, None) => Ok(None),
+            };
+        pictures.into_iter().zip(&saved).zip(&names.cameras).map(watched).collect()
+    }
+
+    /// Where each camera's reference picture is written.
+    pub fn saved(&self, names: &Names) -> Result<Vec<Option<String>>> {
+        by_name("--save-landmarks", &self.save_landmarks, &names.cameras)
+    }
+}
+
+/// Writes a picture that has just become the reference.
+pub fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {
+    let Event::Observed { camera, target: 0, observation } = event else { return Ok(()) };
+    let (Some(picture), Some(Some(file))) = (&observation.reference_picture, files.get(*camera)) else {
+        return Ok(());
+    };
+    let png = picture.png().map_err(|reason| anyhow::anyhow!("{file}: {reason}"))?;
+    resight::formats::write_atomically(file.as_ref(), &png)
+        .with_context(|| format!("--save-landmarks {file}"))?;
+    let (name, of) = (names.camera(*camera), &observation.name);
+    log.say("landmarks", &format!("the reference picture of {name} is {of}, saved in {file}"));
+    Ok(())
+}

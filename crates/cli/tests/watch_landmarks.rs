@@ -1,0 +1,225 @@
+//! `watch --landmarks` and `landmarks` as a user runs them: pictures in, turns and states out.
+
+#[path = "../../resight/tests/landmarks_support/mod.rs"]
+mod landmarks_support;
+mod support;
+
+use assert_cmd::Command;
+use landmarks_support::{camera, exposed, picture, turned};
+use resight::core::target::Tag;
+use resight::core::{Camera, Pose, Target, Vector6};
+use resight::formats::write_atomically;
+use resight::render::{Finish, Pcg, Placed, Scene, render};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use support::folder;
+
+const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 480\nheight_px = 360\nfx_px = 400.0\nfy_px = 400.0\ncx_px = 239.5\ncy_px = 179.5\n";
+
+fn small() -> Camera {
+    camera(480, 360, 400.0)
+}
+
+fn write(path: PathBuf, bytes: &[u8]) -> String {
+    write_atomically(&path, bytes).expect("written");
+    path.display().to_string()
+}
+
+/// A folder with the camera's file, the reference picture and `night/`, one picture a second turned as told.
+struct Night {
+    folder: PathBuf,
+    camera: String,
+    reference: String,
+}
+
+impl Night {
+    fn new(name: &str) -> Self {
+        let folder = folder(name);
+        std::fs::create_dir_all(folder.join("night")).expect("a folder");
+        let mut chance = Pcg::new(1);
+        let image = exposed(&small(), &picture(&small(), &turned([0.0; 3]), 31), 1.0, 2.0, &mut chance);
+        let reference = write(folder.join("reference.png"), &image.png().expect("a PNG"));
+        let camera = write(folder.join("gate.toml"), CAMERA.as_bytes());
+        Night { folder, camera, reference }
+    }
+
+    /// Pictures `numbers` of the camera turned by `degrees`, finished by `draw`.
+    fn take(&self, numbers: std::ops::Range<u64>, degrees: [f64; 3], draw: impl Fn(&mut resight::GrayImage)) {
+        let grey = picture(&small(), &turned(degrees), 31);
+        let mut chance = Pcg::new(numbers.start + 100);
+        for number in numbers {
+            let mut image = exposed(&small(), &grey, 1.0, 2.0, &mut chance);
+            draw(&mut image);
+            write(self.folder.join(format!("night/{number:04}.png")), &image.png().expect("a PNG"));
+        }
+    }
+
+    fn watch(&self, arguments: &[&str]) -> Run {
+        let source = format!("gate={}", self.folder.join("night").display());
+        let camera = format!("gate={}", self.camera);
+        let fixed = ["watch", "--camera", &camera, "--source", &source, "--period-s", "1", "--once"];
+        run(&[&fixed[..], arguments].concat())
+    }
+}
+
+struct Run {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+impl Run {
+    fn events(&self, kind: &str) -> Vec<Value> {
+        let all = self.stdout.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+        all.filter(|event| event["event"] == kind).collect()
+    }
+
+    fn states(&self) -> Vec<String> {
+        self.events("state").iter().map(|e| e["state"].as_str().expect("a word").to_string()).collect()
+    }
+}
+
+fn run(arguments: &[&str]) -> Run {
+    let run = Command::cargo_bin("resight").expect("the program").args(arguments).output().expect("it runs");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
+    Run { code: run.status.code().expect("a status"), stdout: text(run.stdout), stderr: text(run.stderr) }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn a_camera_that_stays_is_steady_and_says_its_numbers() {
+    let night = Night::new("landmarks-steady");
+    night.take(0..8, [0.0; 3], |_| ());
+    let landmarks = format!("gate={}", night.reference);
+    let run = night.watch(&["--landmarks", &landmarks, "--json", "--frames"]);
+    assert_eq!((run.code, run.states()), (0, vec!["steady".to_string()]), "{}{}", run.stdout, run.stderr);
+    let frames = run.events("frame");
+    assert_eq!(frames.len(), 8);
+    for frame in &frames {
+        let (turn, sigma) = (numbers(&frame["rotation_rad"]), numbers(&frame["sigma_rad"]));
+        assert!((0..3).all(|i| turn[i].abs() < 5.0 * sigma[i] && sigma[i] < 1e-4), "{frame}");
+        assert!(numbers(&frame["shift_px"]).iter().all(|px| px.abs() < 0.02), "{frame}");
+        assert!(30 <= frame["n_landmarks"].as_u64().expect("a count"), "{frame}");
+        assert_eq!(frame["target"], "landmarks");
+    }
+}
+
+#[test]
+fn a_knock_to_the_left_is_told_in_words_and_numbers() {
+    let night = Night::new("landmarks-knock");
+    night.take(0..10, [0.0; 3], |_| ());
+    night.take(10..20, [0.0, -0.2, 0.0], |_| ());
+    let landmarks = format!("gate={}", night.reference);
+    let told = night.watch(&["--landmarks", &landmarks]);
+    assert_eq!(told.code, 3, "{}{}", told.stdout, told.stderr);
+    let drifted =
+        told.stdout.lines().rfind(|line| line.contains("drifted at once, since 10.0 s")).expect("a drift");
+    assert!(drifted.contains("left 0.2") && drifted.contains("to put it back: right 0.2"), "{drifted}");
+    assert!(!drifted.contains("mm"), "landmarks know of no shift: {drifted}");
+    let told = night.watch(&["--landmarks", &landmarks, "--json"]);
+    let drift = &told.events("state")[1];
+    let turn = numbers(&drift["pure_rotation_rad"]);
+    assert!((turn[1].to_degrees() + 0.2).abs() < 0.02, "{drift}");
+}
+
+/// The picture saved by one night serves the next.
+#[test]
+fn a_saved_reference_serves_the_next_night() {
+    let night = Night::new("landmarks-save");
+    night.take(0..5, [0.0; 3], |_| ());
+    let file = night.folder.join("learned.png");
+    let learned = format!("gate={}", file.display());
+    let first = night.watch(&["--save-landmarks", &learned]);
+    assert_eq!(first.code, 0, "{}{}", first.stdout, first.stderr);
+    assert!(first.stderr.contains("the reference picture of gate is") && file.is_file(), "{}", first.stderr);
+    night.take(0..10, [0.3, 0.0, 0.0], |_| ());
+    let next = night.watch(&["--landmarks", &learned]);
+    assert!(next.code == 3 && next.stdout.contains("turned up 0.3"), "{}{}", next.stdout, next.stderr);
+}
+
+/// A tag, while it is there, gives the pose; when it is taken away the landmarks go on.
+#[test]
+fn landmarks_stand_in_for_a_target_that_is_gone() {
+    let night = Night::new("landmarks-stand-in");
+    let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });
+    let cam_from_target = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
+    let placed = Placed { target, cam_from_target };
+    let scene = Scene { placed: vec![placed], background: 128.0, clutter: Vec::new() };
+    let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
+    let tag = render(&scene, &small(), &finish).expect("a picture");
+    let with_tag = |image: &mut resight::GrayImage| {
+        let all = image.data.iter_mut().zip(&tag.data);
+        // What is not background is the tag, with a little of the picture's noise.
+        all.filter(|(_, tag)| **tag != 128).for_each(|(grey, tag)| *grey = (*grey % 4) + (*tag).min(250));
+    };
+    night.take(0..30, [0.0; 3], with_tag);
+    night.take(30..45, [0.0; 3], |_| ());
+    night.take(45..60, [0.0, 0.0, 0.5], |_| ());
+    let target = write(
+        night.folder.join("tag.toml"),
+        b"kind = \"tag\"\nfamily = \"tag36h11\"\nid = 3\nsize_m = 0.1\n",
+    );
+    let landmarks = format!("gate={}", night.reference);
+    let run =
+        night.watch(&["--target", &target, "--landmarks", &landmarks, "--learn", "20", "--json", "--frames"]);
+    let states = run.states();
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert_eq!(states.first().map(String::as_str), Some("learning"), "{states:?}");
+    assert!(!states.contains(&"unseen".to_string()), "{states:?}");
+    assert_eq!(states.last().map(String::as_str), Some("drifted"), "{states:?}");
+    for frame in run.events("frame") {
+        let is_gone = 30 <= frame["number"].as_u64().expect("a number");
+        assert_eq!(frame["rotation_rad"].is_array(), is_gone, "{frame}");
+        assert_eq!(frame["cam_from_target"].is_object(), !is_gone, "{frame}");
+    }
+    let last = run.events("state").pop().expect("a state");
+    assert!(
+        last["message"].as_str().expect("words").contains("turned")
+            && last["message"].to_string().contains(" clockwise 0.5"),
+        "{last}"
+    );
+}
+
+#[test]
+fn another_scene_and_a_wrong_picture_are_named() {
+    let night = Night::new("landmarks-foreign");
+    night.take(0..8, [0.0; 3], |image| image.data.fill(20));
+    let landmarks = format!("gate={}", night.reference);
+    let run = night.watch(&["--landmarks", &landmarks, "--frames"]);
+    assert_eq!(run.code, 1, "{}", run.stdout);
+    assert!(run.stdout.contains("0 corners in this picture, 15 are needed"), "{}", run.stdout);
+    assert!(run.stdout.contains("gate: unseen"), "{}", run.stdout);
+    let refused = |arguments: &[&str], words: &str| {
+        let run = night.watch(arguments);
+        assert!(run.code == 2 && run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
+    };
+    let (missing, blank) =
+        ("gate=no/such.png".to_string(), format!("gate={}", night.folder.join("night/0000.png").display()));
+    refused(&["--landmarks", &missing], "no/such.png");
+    refused(&["--landmarks", &blank], "0 landmarks, 30 are needed");
+    refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one of");
+    refused(&["--landmarks", "door=a.png"], "there is no such name");
+    refused(&[], "--target");
+}
+
+/// `landmarks`: one line a picture, a picture of what was used, a reason where nothing was found.
+#[test]
+fn pictures_beside_a_reference_alone() {
+    let night = Night::new("landmarks-alone");
+    night.take(0..1, [0.0, 1.0, 0.0], |_| ());
+    night.take(1..2, [0.0; 3], |image| image.data.fill(20));
+    let drawn = night.folder.join("drawn");
+    let pictures = format!("{}/night/*.png", night.folder.display());
+    let (camera, overlay) = (night.camera.as_str(), drawn.display().to_string());
+    let fixed = ["landmarks", &night.reference, &pictures, "--camera", camera];
+    let run = run(&[&fixed[..], &["--json", "--overlay", &overlay]].concat());
+    assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
+    let rows: Vec<Value> = run.stdout.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let turn = numbers(&rows[0]["rotation_rad"]);
+    assert!((turn[1].to_degrees() - 1.0).abs() < 0.005, "{}", rows[0]);
+    assert!(rows[1]["message"].as_str().expect("a reason").contains("corners"), "{}", rows[1]);
+    assert!(resight::GrayImage::read(Path::new(&drawn.join("0000.png"))).is_ok());
+}

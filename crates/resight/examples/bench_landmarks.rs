@@ -1,0 +1,51 @@
+//! What a frame costs: `cargo run --release -p resight --example bench_landmarks`.
+
+#[path = "../tests/landmarks_support/mod.rs"]
+mod landmarks_support;
+
+use landmarks_support::{camera, exposed, picture, turned};
+use nalgebra::Matrix3;
+use resight::landmarks::Landmarks;
+use resight::render::Pcg;
+use std::time::Instant;
+
+const ROUNDS: usize = 40;
+
+/// Milliseconds of the fastest and the median round.
+fn timed(mut work: impl FnMut(usize)) -> [f64; 2] {
+    let mut all: Vec<f64> = (0..ROUNDS)
+        .map(|round| {
+            let started = Instant::now();
+            work(round);
+            started.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    [all[0], all[ROUNDS / 2]]
+}
+
+fn main() {
+    let camera = camera(1280, 960, 1100.0);
+    let mut chance = Pcg::new(1);
+    let still = picture(&camera, &Matrix3::identity(), 7);
+    let frames: Vec<_> = (0..4).map(|_| exposed(&camera, &still, 1.0, 2.0, &mut chance)).collect();
+    let Ok(landmarks) = Landmarks::new(&frames[0], &camera) else { return };
+    let near = turned([0.0, 0.05, 0.0]);
+    let show = |what: &str, [least, median]: [f64; 2]| {
+        println!("{what:<44} {least:7.2} ms least {median:7.2} ms median")
+    };
+    println!("1280×960, {} landmarks", landmarks.count());
+    show("reference", timed(|round| drop(Landmarks::new(&frames[round % 4], &camera))));
+    show(
+        "frame, last turn known (off by 1 px)",
+        timed(|round| {
+            std::hint::black_box(landmarks.sight(&frames[round % 4], Some(&near))).ok();
+        }),
+    );
+    show(
+        "frame, looked for everywhere",
+        timed(|round| {
+            std::hint::black_box(landmarks.sight(&frames[round % 4], None)).ok();
+        }),
+    );
+}

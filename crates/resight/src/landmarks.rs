@@ -1,0 +1,289 @@
+//! Natural landmarks: how a camera turned since a reference picture, when no target is there.
+//!
+//! Corners of the reference (FAST) are found again by their BRIEF descriptors, or where the last turn puts them, and then aligned
+//! to a fraction of a pixel; `resight_core::turn` weighs them. The scene is taken to be far off, or the camera to turn
+//! about its own centre: a translation is not seen.
+//!
+//! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `turn` ─► rotation, shift, covariance
+
+mod draw;
+mod features;
+mod patch;
+mod pyramid;
+mod select;
+
+use crate::GrayImage;
+pub use draw::draw;
+use features::{Features, Pattern};
+use nalgebra::{Matrix2, Matrix3, Vector2};
+use pyramid::Reduced;
+use resight_core::turn::{Landmark, Turn, TurnConfig, turn};
+use resight_core::{Bearing, Camera, Error as CoreError};
+use select::{Mark, select};
+use thiserror::Error;
+
+/// Landmarks of a reference picture.
+pub struct Landmarks {
+    camera: Camera,
+    size_px: [u32; 2],
+    marks: Vec<Mark>,
+    pattern: Pattern,
+    features: Features,
+    /// Directions of the features.
+    bearings: Vec<Option<Bearing>>,
+}
+
+/// What a picture shows of the landmarks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    /// The turn since the reference.
+    pub turn: Turn,
+    /// How far what was at the image centre has moved; none where the lens no longer sees it.
+    pub shift: Option<Shift>,
+    /// Landmarks found again; those used are `turn.used`.
+    pub found: Vec<Found>,
+    /// Landmarks that the turn leaves in the picture.
+    pub in_view: usize,
+}
+
+/// How far the image moved at its centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shift {
+    /// Right and down, px.
+    pub px: Vector2<f64>,
+    /// Its covariance, px².
+    pub covariance_px2: Matrix2<f64>,
+}
+
+/// A landmark found again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// Where it was in the reference, px.
+    pub reference_px: Vector2<f64>,
+    /// Where it is now, px.
+    pub now_px: Vector2<f64>,
+}
+
+/// Why a picture cannot be a reference.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum LandmarksError {
+    /// Too little to see.
+    #[error(
+        "the reference picture has {seen} landmarks, {needed} are needed; use a sharp picture, by day, with more to see"
+    )]
+    TooFew {
+        /// Landmarks found.
+        seen: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// Of another size than the camera's.
+    #[error("the reference picture: {0}")]
+    Size(String),
+}
+
+/// Why a picture says nothing of the turn.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum NotSighted {
+    /// Another size than the reference's.
+    #[error(
+        "the picture is {}×{} px, the reference {}×{}; take a reference of the same size", seen_px[0], seen_px[1], needed_px[0],
+        needed_px[1]
+    )]
+    Size {
+        /// Columns and rows.
+        seen_px: [u32; 2],
+        /// Of the reference.
+        needed_px: [u32; 2],
+    },
+    /// Nothing to see.
+    #[error("{corners} corners in this picture, {needed} are needed: it is dark, covered, blurred or empty")]
+    Blank {
+        /// Corners of the picture.
+        corners: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// Too few landmarks agree with one turn.
+    #[error(
+        "{agreeing} of {landmarks} landmarks found again, {needed} are needed: another scene, something in front of it, or very other light"
+    )]
+    TooFew {
+        /// That agree.
+        agreeing: usize,
+        /// Of the reference.
+        landmarks: usize,
+        /// Needed.
+        needed: usize,
+    },
+}
+
+/// Landmarks that must agree.
+pub const LEAST: usize = 15;
+/// Share of those in view that must be found and agree: chance alone gives a few.
+const LEAST_SHARE: f64 = 0.15;
+/// Least landmarks of a reference: half of them may be hidden later.
+const LEAST_IN_REFERENCE: usize = 2 * LEAST;
+/// A landmark agrees with a turn within this, px of the picture.
+const FINE_PX: f64 = 1.0;
+/// The same in the reduced picture, in its pixels.
+const COARSE_PX: f64 = 1.0;
+/// The same for corners found by their descriptors, px of the reduced picture: corners stand on whole pixels.
+const CORNER_PX: f64 = 2.0;
+/// A window is followed this far from where it is expected, its own pixels.
+const REACH_PX: f64 = 4.0;
+/// What no window can see of its error (interpolation, lens), px.
+const FLOOR_PX: f64 = 0.02;
+
+impl Landmarks {
+    /// The landmarks of a picture taken by `camera` (at the size of this picture).
+    ///
+    /// # Errors
+    /// A picture of another size than the camera's, or with too little to see.
+    pub fn new(picture: &GrayImage, camera: &Camera) -> Result<Self, LandmarksError> {
+        let camera = crate::formats::check_image_size(camera, picture.width_px, picture.height_px)
+            .map_err(LandmarksError::Size)?;
+        let reduced = Reduced::new(picture);
+        let marks = select(picture, &reduced, &camera);
+        if marks.len() < LEAST_IN_REFERENCE {
+            return Err(LandmarksError::TooFew { seen: marks.len(), needed: LEAST_IN_REFERENCE });
+        }
+        let pattern = Pattern::new();
+        let features = Features::of(&reduced, &pattern);
+        let bearings = features.pixels(&reduced).iter().map(|pixel| camera.bearing(pixel).ok()).collect();
+        let size_px = [picture.width_px, picture.height_px];
+        Ok(Landmarks { camera, size_px, marks, pattern, features, bearings })
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.marks.len()
+    }
+
+    /// How the camera is turned in `picture`. `near`, now_from_reference of the picture before, is tried first; without it, or where it
+    /// does not serve, the landmarks are looked for everywhere.
+    ///
+    /// # Errors
+    /// Why this picture says nothing: blank, another scene, another size.
+    pub fn sight(&self, picture: &GrayImage, near: Option<&Matrix3<f64>>) -> Result<Sighting, NotSighted> {
+        let seen_px = [picture.width_px, picture.height_px];
+        if seen_px != self.size_px {
+            return Err(NotSighted::Size { seen_px, needed_px: self.size_px });
+        }
+        let reduced = Reduced::new(picture);
+        let followed = near.and_then(|near| self.follow(&reduced, near).filter(Turn::is_consistent));
+        let start = match followed {
+            Some(turn) => turn.now_from_reference,
+            None => self.search(&reduced)?,
+        };
+        self.measure(picture, &start)
+    }
+
+    /// By descriptors, wherever they are.
+    fn search(&self, picture: &Reduced) -> Result<Matrix3<f64>, NotSighted> {
+        let now = Features::of(picture, &self.pattern);
+        if now.len() < LEAST {
+            return Err(NotSighted::Blank { corners: now.len(), needed: LEAST });
+        }
+        let scale = f64::from(picture.factor);
+        let landmark = |m: features::Match| {
+            Some(Landmark {
+                in_reference: self.bearings[m.reference]?,
+                pixel: m.pixel,
+                covariance_px2: Matrix2::identity() * (0.5 * scale).powi(2),
+                neighbourhood: 0,
+            })
+        };
+        let matched: Vec<Landmark> =
+            self.features.matches(&now, picture).into_iter().filter_map(landmark).collect();
+        let config = TurnConfig::with_threshold_px(CORNER_PX * scale);
+        let found = turn(&matched, &self.camera, None, &config).map_err(|e| self.refused(&e))?;
+        let followed = self.follow(picture, &found.now_from_reference);
+        Ok(followed.map_or(found.now_from_reference, |turn| turn.now_from_reference))
+    }
+
+    /// Windows of the reduced picture, near where a turn puts them.
+    fn follow(&self, picture: &Reduced, near: &Matrix3<f64>) -> Option<Turn> {
+        let scale = f64::from(picture.factor);
+        let find = |mark: &Mark| {
+            let (patch, centre) = mark.coarse.as_ref()?;
+            let (at, slope) = self.expected(mark, near)?;
+            // The window's centre is a whole pixel of the reduced picture, a little beside the landmark.
+            let start = picture.reduced(at + slope * (centre - mark.pixel));
+            let aligned = patch.find(&picture.image, start, &slope, REACH_PX)?;
+            let pixel = picture.full_size(aligned.pixel) - slope * (centre - mark.pixel);
+            Some(landmark(mark, pixel, &(aligned.covariance * scale * scale)))
+        };
+        let found: Vec<Landmark> = self.marks.iter().filter_map(find).collect();
+        turn(&found, &self.camera, Some(near), &TurnConfig::with_threshold_px(COARSE_PX * scale)).ok()
+    }
+
+    /// Full-size windows, from a turn that is right to a pixel or so.
+    fn measure(&self, picture: &GrayImage, near: &Matrix3<f64>) -> Result<Sighting, NotSighted> {
+        let align = |(mark, at, slope): (&Mark, Vector2<f64>, Matrix2<f64>)| {
+            let aligned = mark.fine.find(picture, at, &slope, REACH_PX)?;
+            let found = Found { reference_px: mark.pixel, now_px: aligned.pixel };
+            Some((landmark(mark, aligned.pixel, &aligned.covariance), found))
+        };
+        let expected: Vec<_> = self
+            .marks
+            .iter()
+            .filter_map(|mark| self.expected(mark, near).map(|(at, slope)| (mark, at, slope)))
+            .filter(|(_, at, _)| self.is_inside(at))
+            .collect();
+        let in_view = expected.len();
+        let (landmarks, found): (Vec<Landmark>, Vec<Found>) = expected.into_iter().filter_map(align).unzip();
+        let config = TurnConfig::with_threshold_px(FINE_PX);
+        let turn = turn(&landmarks, &self.camera, Some(near), &config).map_err(|e| self.refused(&e))?;
+        if (turn.used.len() as f64) < LEAST_SHARE * in_view as f64 {
+            return Err(self.too_few(turn.used.len()));
+        }
+        Ok(Sighting { shift: self.shift(&turn), turn, found, in_view })
+    }
+
+    fn too_few(&self, agreeing: usize) -> NotSighted {
+        let needed = LEAST.max((LEAST_SHARE * self.marks.len() as f64).ceil() as usize);
+        NotSighted::TooFew { agreeing, landmarks: self.marks.len(), needed }
+    }
+
+    fn refused(&self, reason: &CoreError) -> NotSighted {
+        match reason {
+            CoreError::NoConsensus { best, .. } => self.too_few(*best),
+            CoreError::TooFewPoints { seen, .. } => self.too_few(*seen),
+            _ => self.too_few(0),
+        }
+    }
+
+    /// Where a turn puts a landmark, and how it draws its neighbourhood (pixels now by pixels of the reference).
+    fn expected(&self, mark: &Mark, turn: &Matrix3<f64>) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+        let (at, slope) = self.camera.project_with_jacobian(&(turn * mark.bearing.into_inner()))?;
+        let columns = mark.by_pixel.map(|by| slope * (turn * by));
+        Some((at, Matrix2::from_columns(&columns)))
+    }
+
+    /// A window's width from the border.
+    fn is_inside(&self, pixel: &Vector2<f64>) -> bool {
+        let border = f64::from(patch::RADIUS + 4);
+        let inside = |x: f64, size: u32| border < x && x < f64::from(size) - 1.0 - border;
+        inside(pixel.x, self.size_px[0]) && inside(pixel.y, self.size_px[1])
+    }
+
+    fn shift(&self, turn: &Turn) -> Option<Shift> {
+        let centre = Vector2::from(self.size_px.map(|size| 0.5 * (f64::from(size) - 1.0)));
+        let y = turn.now_from_reference * self.camera.bearing(&centre).ok()?.into_inner();
+        let (now, slope) = self.camera.project_with_jacobian(&y)?;
+        let by_turn = slope * y.cross_matrix();
+        Some(Shift { px: now - centre, covariance_px2: by_turn * turn.covariance * by_turn.transpose() })
+    }
+}
+
+fn landmark(mark: &Mark, pixel: Vector2<f64>, covariance: &Matrix2<f64>) -> Landmark {
+    Landmark {
+        in_reference: mark.bearing,
+        pixel,
+        covariance_px2: covariance + Matrix2::identity() * FLOOR_PX * FLOOR_PX,
+        neighbourhood: mark.neighbourhood,
+    }
+}

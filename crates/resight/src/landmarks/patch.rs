@@ -1,0 +1,227 @@
+//! A small window of the reference, and where it is in another picture to a fraction of a pixel.
+//!
+//! Both pictures are read through the uniform cubic B-spline: it smooths a little, is twice continuously differentiable, and
+//! so has no preferred fractions of a pixel. Light is free: gain and offset are fitted with the shift.
+//!
+//! ```text
+//!   T(d)  template, mean removed   ·   ∇T  its gradient without what gain and offset explain   ·   M = Σ ∇T ∇Tᵀ
+//!   I(p + A d) ≈ a T(d + δ) + o    ·   δ = M⁻¹ Σ ∇T (I/a − T)   ·   p ← p − A δ          docs/math/turn.md eqs. (8)–(10)
+//! ```
+
+use crate::GrayImage;
+use nalgebra::{Matrix2, Vector2};
+
+/// A window reaches this far from its centre, px.
+pub(super) const RADIUS: i32 = 6;
+const SIDE: usize = 2 * RADIUS as usize + 1;
+const AREA: usize = SIDE * SIDE;
+type Window = [f32; AREA];
+
+/// A window of the reference.
+#[derive(Debug, Clone)]
+pub(super) struct Patch {
+    template: Window,
+    gradient_u: Window,
+    gradient_v: Window,
+    /// Σ T².
+    energy: f32,
+    /// M⁻¹.
+    inverse: Matrix2<f64>,
+}
+
+/// Where a window was found.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aligned {
+    /// Its centre, px of this picture.
+    pub pixel: Vector2<f64>,
+    /// Covariance of that from the grey values that the window leaves unexplained, px².
+    pub covariance: Matrix2<f64>,
+}
+
+/// Steps at most; most windows need two or three.
+const STEPS: usize = 8;
+/// A step below this ends the search, px: what it would still gain is smaller by its rate of convergence.
+const SMALL_STEP_PX: f64 = 0.02;
+/// Correlation with the template below which a window shows something else.
+const LEAST_CORRELATION: f32 = 0.75;
+
+impl Patch {
+    /// The window around a pixel; none at the border or where nothing fixes its place.
+    pub fn new(image: &GrayImage, u: u32, v: u32) -> Option<Self> {
+        let inside = |x: u32, size: u32| RADIUS + 2 <= x as i32 && (x as i32) < size as i32 - RADIUS - 2;
+        if !inside(u, image.width_px) || !inside(v, image.height_px) {
+            return None;
+        }
+        let mut patch = Patch {
+            template: [0.0; AREA],
+            gradient_u: [0.0; AREA],
+            gradient_v: [0.0; AREA],
+            energy: 0.0,
+            inverse: Matrix2::zeros(),
+        };
+        for (i, (du, dv)) in offsets().enumerate() {
+            let grey = |x: i32, y: i32| f32::from(image.at((u as i32 + x) as u32, (v as i32 + y) as u32));
+            let (value, slope_u, slope_v) = spline_at_knot(|x, y| grey(du + x, dv + y));
+            (patch.template[i], patch.gradient_u[i], patch.gradient_v[i]) = (value, slope_u, slope_v);
+        }
+        patch.finished()
+    }
+
+    /// Without the mean, gradients without what gain and offset explain.
+    fn finished(mut self) -> Option<Self> {
+        remove_mean(&mut self.template);
+        self.energy = dot(&self.template, &self.template);
+        for gradient in [&mut self.gradient_u, &mut self.gradient_v] {
+            remove_mean(gradient);
+            let share = dot(gradient, &self.template) / self.energy;
+            gradient.iter_mut().zip(&self.template).for_each(|(g, t)| *g -= share * t);
+        }
+        let (u, v) = (&self.gradient_u, &self.gradient_v);
+        let m = Matrix2::new(dot(u, u), dot(u, v), dot(u, v), dot(v, v)).map(f64::from);
+        self.inverse = m.try_inverse().filter(|inverse| inverse.iter().all(|x| x.is_finite()))?;
+        (0.0 < self.energy && 0.0 < self.inverse.trace()).then_some(self)
+    }
+
+    /// Variance of the worst direction for a variance of one grey value squared, px².
+    pub fn sensitivity(&self) -> f64 {
+        self.inverse.trace()
+    }
+
+    /// The window near `start`, whose neighbourhood is drawn by `slope` (pixels here by pixels of the reference). None where it
+    /// leaves the picture, goes farther than `reach_px` or shows something else.
+    pub fn find(
+        &self,
+        image: &GrayImage,
+        start: Vector2<f64>,
+        slope: &Matrix2<f64>,
+        reach_px: f64,
+    ) -> Option<Aligned> {
+        let mut pixel = start;
+        let mut window = [0.0; AREA];
+        for _ in 0..STEPS {
+            read(image, pixel, slope, &mut window)?;
+            let (gain, _) = self.normalise(&mut window)?;
+            let step = self.inverse * self.score(&window, gain).map(f64::from);
+            pixel -= slope * step;
+            if !((pixel - start).norm() < reach_px) {
+                return None;
+            }
+            if step.norm() < SMALL_STEP_PX {
+                break;
+            }
+        }
+        read(image, pixel, slope, &mut window)?;
+        let (gain, correlation) = self.normalise(&mut window)?;
+        let variance = f64::from(self.unexplained(&window, gain));
+        let covariance = slope * (self.inverse * variance) * slope.transpose();
+        (LEAST_CORRELATION <= correlation).then_some(Aligned { pixel, covariance })
+    }
+
+    /// Removes the mean; gain and correlation with the template.
+    fn normalise(&self, window: &mut Window) -> Option<(f32, f32)> {
+        remove_mean(window);
+        let (both, own) = (dot(window, &self.template), dot(window, window));
+        let gain = both / self.energy;
+        (0.0 < gain && 0.0 < own).then(|| (gain, both / (self.energy * own).sqrt()))
+    }
+
+    /// Σ ∇T (I/a − T).
+    fn score(&self, window: &Window, gain: f32) -> Vector2<f32> {
+        // Gradients are orthogonal to the template, which therefore drops out.
+        Vector2::new(dot(window, &self.gradient_u), dot(window, &self.gradient_v)) / gain
+    }
+
+    /// Variance of I/a − T over the window, less the four numbers fitted.
+    fn unexplained(&self, window: &Window, gain: f32) -> f32 {
+        let rest = dot(window, window) / (gain * gain) - self.energy;
+        rest.max(0.0) / (AREA - 4) as f32
+    }
+}
+
+fn offsets() -> impl Iterator<Item = (i32, i32)> {
+    (-RADIUS..=RADIUS).flat_map(|dv| (-RADIUS..=RADIUS).map(move |du| (du, dv)))
+}
+
+fn dot(a: &Window, b: &Window) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn remove_mean(window: &mut Window) {
+    let mean = window.iter().sum::<f32>() / AREA as f32;
+    window.iter_mut().for_each(|x| *x -= mean);
+}
+
+/// Value and slopes of the spline at a pixel's centre.
+fn spline_at_knot(grey: impl Fn(i32, i32) -> f32) -> (f32, f32, f32) {
+    let smooth = |a: f32, b: f32, c: f32| (a + 4.0 * b + c) / 6.0;
+    let row = |y: i32| smooth(grey(-1, y), grey(0, y), grey(1, y));
+    let column = |x: i32| smooth(grey(x, -1), grey(x, 0), grey(x, 1));
+    (smooth(row(-1), row(0), row(1)), 0.5 * (column(1) - column(-1)), 0.5 * (row(1) - row(-1)))
+}
+
+/// Weights of the four knots around a place a fraction `f` behind the second.
+#[inline]
+fn weights(f: f32) -> [f32; 4] {
+    let (g, f2) = (1.0 - f, f * f);
+    let f3 = f2 * f;
+    [g * g * g / 6.0, (4.0 - 6.0 * f2 + 3.0 * f3) / 6.0, (1.0 + 3.0 * (f + f2 - f3)) / 6.0, f3 / 6.0]
+}
+
+/// A neighbourhood drawn by less than this, px at the window's rim, is read as if it were not drawn: windows are symmetric, so that
+/// what is left out does not shift them.
+const NOT_DRAWN_PX: f64 = 0.05;
+
+/// Reads the window around `pixel`; none where it leaves the picture.
+fn read(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &mut Window) -> Option<()> {
+    let drawn = (slope - Matrix2::identity()).abs();
+    let rim = f64::from(RADIUS);
+    let reach = rim * (1.0 + drawn.row_sum().max().max(drawn.column_sum().max()));
+    let inside = |x: f64, size: u32| reach + 2.0 < x && x < f64::from(size) - reach - 3.0;
+    if !inside(pixel.x, image.width_px) || !inside(pixel.y, image.height_px) {
+        return None;
+    }
+    match rim * drawn.max() < NOT_DRAWN_PX {
+        true => read_straight(image, pixel, window),
+        false => read_drawn(image, pixel, slope, window),
+    }
+    Some(())
+}
+
+/// Along rows first, then down: all have the same fraction.
+fn read_straight(image: &GrayImage, pixel: Vector2<f64>, window: &mut Window) {
+    let (left, top) = (pixel.x.floor(), pixel.y.floor());
+    let (wu, wv) = (weights((pixel.x - left) as f32), weights((pixel.y - top) as f32));
+    let first_u = (left as i32 - RADIUS - 1) as usize;
+    let first_v = (top as i32 - RADIUS - 1) as usize;
+    let mut rows = [[0.0f32; SIDE]; SIDE + 3];
+    for (dv, row) in rows.iter_mut().enumerate() {
+        let at = (first_v + dv) * image.width_px as usize + first_u;
+        let mut grey = [0.0f32; SIDE + 3];
+        grey.iter_mut().zip(&image.data[at..at + SIDE + 3]).for_each(|(g, x)| *g = f32::from(*x));
+        for (i, value) in row.iter_mut().enumerate() {
+            *value = wu[0] * grey[i] + wu[1] * grey[i + 1] + wu[2] * grey[i + 2] + wu[3] * grey[i + 3];
+        }
+    }
+    for (dv, out) in window.chunks_exact_mut(SIDE).enumerate() {
+        for (i, value) in out.iter_mut().enumerate() {
+            *value = (0..4).map(|k| wv[k] * rows[dv + k][i]).sum();
+        }
+    }
+}
+
+/// Each sample with a fraction of its own.
+fn read_drawn(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &mut Window) {
+    let stride = image.width_px as usize;
+    for (value, (du, dv)) in window.iter_mut().zip(offsets()) {
+        let at = pixel + slope * Vector2::new(f64::from(du), f64::from(dv));
+        let (left, top) = (at.x.floor(), at.y.floor());
+        let (wu, wv) = (weights((at.x - left) as f32), weights((at.y - top) as f32));
+        let first = (top as usize - 1) * stride + left as usize - 1;
+        *value = (0..4)
+            .map(|k| {
+                let row = &image.data[first + k * stride..first + k * stride + 4];
+                wv[k] * row.iter().zip(&wu).map(|(x, w)| f32::from(*x) * w).sum::<f32>()
+            })
+            .sum();
+    }
+}

@@ -1,0 +1,195 @@
+//! A camera and its natural landmarks: the turn since the reference picture, and its decision, while no target is seen.
+
+use super::{LookError, Looked, micros};
+use crate::GrayImage;
+use crate::landmarks::{Landmarks, Sighting};
+use crate::live::{LiveConfig, Observation, State, WatchedLandmarks};
+use crate::source::{Content, Frame};
+use nalgebra::{Matrix3, Vector3};
+use resight_core::monitor::{DriftNoise, Monitor, Reading, Reference};
+use resight_core::{Camera, Matrix6, Pose};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a camera watches its landmarks with.
+pub(super) struct LandmarkWatch {
+    landmarks: Option<Landmarks>,
+    /// From the first sighting on, which says how sure one is.
+    monitor: Option<Monitor>,
+    /// The turn of the picture before: the next is near.
+    near: Option<Matrix3<f64>>,
+    first_s: Option<f64>,
+    config: LiveConfig,
+}
+
+/// Errors common to all landmarks that last for minutes (shadows that wander, a lens that warms up), px of the picture. Two
+/// pictures a moment apart do not show them.
+const LASTING_PX: f64 = 0.1;
+/// What the test takes for the size of a translation, m². Readings say nothing of it, so any size serves.
+const TRANSLATION_M2: f64 = 1.0;
+/// How badly a reading knows the translation, m²: 10⁴ readings that all say zero are worth one. Docs/math/turn.md section 4.
+const UNKNOWN_M2: f64 = 1e4;
+
+impl LandmarkWatch {
+    /// # Errors
+    /// A reference picture with too little to see, or of another size than the camera's.
+    pub fn new(camera: &Camera, watched: &WatchedLandmarks, config: &LiveConfig) -> Result<Self, LookError> {
+        let landmarks =
+            watched.picture.as_ref().map(|picture| Landmarks::new(picture, camera)).transpose()?;
+        Ok(LandmarkWatch { landmarks, monitor: None, near: None, first_s: None, config: config.clone() })
+    }
+
+    /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0.
+    pub fn stand_in(
+        &mut self,
+        frame: &Frame,
+        lens: &Result<Camera, String>,
+        looked: &mut Vec<Looked>,
+        blank: Observation,
+    ) {
+        self.first_s.get_or_insert(frame.capture_s);
+        if looked.is_empty() {
+            looked.push(Looked { observation: blank, state: State::Settling, learned: None });
+        }
+        if looked.iter().all(|looked| looked.observation.estimate.is_none()) {
+            let seen = self.take(frame, lens, &mut looked[0].observation);
+            self.tell(seen, looked);
+        }
+        for looked in looked {
+            looked.state = self.state_of(frame.capture_s, looked.state.clone());
+        }
+    }
+
+    /// How things stand at a time, given how they stand with the targets.
+    pub fn states(&self, t_s: f64, mut targets: Vec<State>) -> Vec<State> {
+        if targets.is_empty() {
+            targets.push(State::Unseen { for_s: 0.0 });
+        }
+        targets.into_iter().map(|target| self.state_of(t_s, target)).collect()
+    }
+
+    /// A target that is seen speaks for itself.
+    fn state_of(&self, t_s: f64, target: State) -> State {
+        let own = match &self.monitor {
+            Some(monitor) => monitor.watch(t_s).into(),
+            None => State::Unseen { for_s: self.first_s.map_or(0.0, |first_s| t_s - first_s) },
+        };
+        match (&target, &own) {
+            (State::Learning { readings, .. }, State::Unseen { .. }) if 0 < *readings => target,
+            (State::Unseen { .. } | State::Learning { .. } | State::Settling, _) => own,
+            _ => target,
+        }
+    }
+
+    /// The turn in this frame, or why there is none.
+    fn take(
+        &mut self,
+        frame: &Frame,
+        lens: &Result<Camera, String>,
+        observation: &mut Observation,
+    ) -> Result<(), String> {
+        let lens = lens.as_ref().map_err(Clone::clone)?;
+        let image = match &frame.content {
+            Content::Image(image) => image,
+            Content::Unreadable(reason) => return Err(reason.clone()),
+            Content::Detections(_) => return Err("landmarks are found in pictures, not in detections".into()),
+        };
+        let started = Instant::now();
+        let Some(landmarks) = &self.landmarks else { return self.learn(image, lens, observation) };
+        let sighting = landmarks.sight(image, self.near.as_ref());
+        observation.times.detect_us += micros(started);
+        self.near = sighting.as_ref().ok().map(|sighting| sighting.turn.now_from_reference);
+        let sighting = sighting.map_err(|e| e.to_string())?;
+        let started = Instant::now();
+        let reading = reading(frame.capture_s, &sighting);
+        self.decide(&reading, lens, &sighting);
+        observation.times.decide_us += micros(started);
+        observation.n_points = sighting.turn.used.len();
+        observation.reading = Some(reading);
+        observation.landmarks = Some(Box::new(sighting));
+        Ok(())
+    }
+
+    /// The first picture with enough to see becomes the reference.
+    fn learn(
+        &mut self,
+        image: &GrayImage,
+        lens: &Camera,
+        observation: &mut Observation,
+    ) -> Result<(), String> {
+        let landmarks = Landmarks::new(image, lens).map_err(|e| e.to_string())?;
+        observation.n_points = landmarks.count();
+        observation.reference_picture = Some(Arc::new(image.clone()));
+        (self.landmarks, self.near) = (Some(landmarks), Some(Matrix3::identity()));
+        Ok(())
+    }
+
+    fn decide(&mut self, reading: &Reading, lens: &Camera, sighting: &Sighting) {
+        if self.monitor.is_none() {
+            let reference = reference(&sighting.turn.covariance, &lasting(lens, sighting), &self.config);
+            self.monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok();
+        }
+        if let Some(monitor) = &mut self.monitor {
+            monitor.push(reading);
+        }
+    }
+
+    /// What was seen, for every target; a reason joins the target's own.
+    fn tell(&self, seen: Result<(), String>, looked: &mut [Looked]) {
+        let Some((first, others)) = looked.split_first_mut() else { return };
+        for observation in
+            std::iter::once(&mut first.observation).chain(others.iter_mut().map(|l| &mut l.observation))
+        {
+            observation.reason = match (&seen, observation.reason.take()) {
+                (Ok(()), _) => None,
+                (Err(reason), Some(own)) if own != *reason => Some(format!("{own}; {reason}")),
+                (Err(reason), _) => Some(reason.clone()),
+            };
+        }
+        for other in others {
+            other.observation.landmarks.clone_from(&first.observation.landmarks);
+            other.observation.reading = first.observation.reading;
+            other.observation.n_points = first.observation.n_points;
+        }
+    }
+}
+
+/// The camera now from the camera of the reference picture: a turn, and a translation of which nothing is known.
+fn reading(t_s: f64, sighting: &Sighting) -> Reading {
+    Reading {
+        t_s,
+        a_from_b: Pose::new(sighting.turn.now_from_reference, Vector3::zeros()),
+        covariance: with_translation(&sighting.turn.covariance, UNKNOWN_M2),
+        is_consistent: sighting.turn.is_consistent(),
+    }
+}
+
+/// The reference picture errs as a reading does.
+fn reference(covariance: &Matrix3<f64>, lasting: &Matrix3<f64>, config: &LiveConfig) -> Reference {
+    let known = &config.lasting;
+    let rotation = |m: &Matrix6| m.fixed_view::<3, 3>(0, 0).into_owned();
+    let noise = DriftNoise {
+        reference: with_translation(covariance, TRANSLATION_M2),
+        reading: with_translation(covariance, TRANSLATION_M2),
+        bias: with_translation(&(lasting + rotation(&known.bias)), 0.0),
+        bias_time_s: known.bias_time_s,
+        daily: with_translation(&rotation(&known.daily), 0.0),
+    };
+    Reference { a_from_b: Pose::identity(), noise }
+}
+
+/// The turn that moves the picture by `LASTING_PX` about each axis; about the optical axis, at a quarter of its width.
+fn lasting(lens: &Camera, sighting: &Sighting) -> Matrix3<f64> {
+    let ahead = lens.project_with_jacobian(&Vector3::z());
+    let px_per_rad = ahead.map_or(1.0, |(_, slope)| slope.column(0).norm());
+    let columns = |found: &crate::landmarks::Found| found.reference_px.x;
+    let widest = sighting.found.iter().map(columns).fold(1.0, f64::max);
+    let turn = |px_per_rad: f64| (LASTING_PX / px_per_rad).powi(2);
+    Matrix3::from_diagonal(&Vector3::new(turn(px_per_rad), turn(px_per_rad), turn(0.25 * widest)))
+}
+
+fn with_translation(rotation: &Matrix3<f64>, translation_m2: f64) -> Matrix6 {
+    let mut covariance = Matrix6::from_diagonal_element(translation_m2);
+    covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+    covariance
+}

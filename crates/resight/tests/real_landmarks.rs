@@ -1,0 +1,95 @@
+//! Landmarks on recorded pictures: photographs turned by exact homographies, and cameras that stood still while people moved.
+
+mod landmarks_support;
+mod real_support;
+
+use landmarks_support::{camera, exposed, turned, warped};
+use nalgebra::{Matrix3, Rotation3};
+use real_support::real_data;
+use resight::GrayImage;
+use resight::landmarks::Landmarks;
+use resight::render::Pcg;
+use std::path::PathBuf;
+
+/// Off by, degrees, and over its own standard deviations.
+fn error(sighting: &resight::landmarks::Sighting, truth: &Matrix3<f64>) -> (f64, f64) {
+    let off = truth * sighting.turn.now_from_reference.transpose();
+    let e = Rotation3::from_matrix_unchecked(off).scaled_axis();
+    let inverse = sighting.turn.covariance.try_inverse().expect("a covariance");
+    (e.norm().to_degrees(), e.dot(&(inverse * e)).sqrt())
+}
+
+/// A photograph of a street or a room, seen again by a camera that turned, with other light and noise.
+#[test]
+fn photographs_turned_by_known_angles() {
+    let photographs = [
+        ("apriltag_detection_truth", "34085369442_304b6bafd9_c.jpg"),
+        ("opencv_stereo_chessboard", "left05.jpg"),
+        ("opencv_stereo_chessboard", "right13.jpg"),
+    ];
+    for (set, name) in photographs {
+        let Some(folder) = real_data(set) else { return };
+        let image = GrayImage::read(&folder.join(name)).expect("a photograph");
+        let camera = camera(image.width_px, image.height_px, 0.9 * f64::from(image.width_px));
+        let landmarks = Landmarks::new(&image, &camera).expect("landmarks");
+        let mut chance = Pcg::new(5);
+        for degrees in
+            [[0.02, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, 0.0, 0.3], [0.5, -1.0, 0.7], [2.0, 4.0, -2.0]]
+        {
+            let truth = turned(degrees);
+            for (light, noise) in [(1.0, 1.0), (0.6, 3.0), (1.2, 2.0)] {
+                let seen = exposed(&camera, &warped(&image, &camera, &truth), light, noise, &mut chance);
+                let sighting =
+                    landmarks.sight(&seen, None).unwrap_or_else(|e| panic!("{name} {degrees:?}: {e}"));
+                let (off, sigmas) = error(&sighting, &truth);
+                println!(
+                    "{name} {degrees:?} light {light}: off by {off:.5}°, {sigmas:.1} σ, {} of {}",
+                    sighting.turn.used.len(),
+                    sighting.in_view
+                );
+                assert!(off < 0.02 && sigmas < 6.0, "{name} {degrees:?}: {off}° {sigmas}");
+            }
+        }
+    }
+}
+
+/// The frames of one camera, in order; none where the recording is not unpacked.
+fn frames(camera: &str) -> Option<Vec<PathBuf>> {
+    let root = std::env::var_os("RESIGHT_FRAMES").or_else(|| {
+        println!("RESIGHT_FRAMES is not set: tests on recorded video are skipped");
+        None
+    })?;
+    let folder = PathBuf::from(root).join(camera);
+    let mut all: Vec<PathBuf> =
+        std::fs::read_dir(&folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    all.retain(|path| path.extension().is_some_and(|e| e == "png" || e == "jpg"));
+    all.sort();
+    Some(all)
+}
+
+/// Four webcams before which somebody waves a board: none of them turned, by the first frame as reference.
+#[test]
+fn cameras_that_stood_still_did_not_turn() {
+    for name in ["cam_0", "cam_1", "cam_2", "cam_3"] {
+        let Some(frames) = frames(name) else { return };
+        let first = GrayImage::read(&frames[0]).expect("a frame");
+        let camera = camera(first.width_px, first.height_px, 0.8 * f64::from(first.width_px));
+        let landmarks = Landmarks::new(&first, &camera).expect("landmarks");
+        let (mut near, mut worst, mut seen) = (None, 0.0f64, 0);
+        for path in &frames[1..] {
+            let image = GrayImage::read(path).expect("a frame");
+            let Ok(sighting) = landmarks.sight(&image, near.as_ref()) else { continue };
+            let (turn, _) = sighting.turn.old_from_new();
+            if sighting.turn.is_consistent() {
+                (worst, seen) = (worst.max(turn.xy().norm().to_degrees()), seen + 1);
+            }
+            near = Some(sighting.turn.now_from_reference);
+        }
+        println!(
+            "{name}: {seen} of {} frames, {worst:.4}° at most, {} landmarks",
+            frames.len() - 1,
+            landmarks.count()
+        );
+        assert!(2 * seen > frames.len() && worst < 0.05, "{name}: {seen} of {}, {worst}°", frames.len());
+    }
+}
