@@ -113,6 +113,8 @@ fn offset(text: &str) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ::image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
+    use ::image::{ExtendedColorType, ImageEncoder};
 
     fn number(value: u32, size: usize, is_little: bool) -> Vec<u8> {
         let big = value.to_be_bytes()[4 - size..].to_vec();
@@ -142,6 +144,21 @@ mod tests {
     fn both_byte_orders_are_read() {
         for is_little in [true, false] {
             assert_eq!(of_exif(&block(is_little)), Some(1_773_500_966.0 - 7200.0 + 0.5), "{is_little}");
+        }
+    }
+
+    #[test]
+    fn pictures_say_when_they_were_taken() {
+        let (mut png, mut jpeg, pixels) = (Vec::new(), Vec::new(), [128; 64]);
+        let mut to_png = PngEncoder::new(&mut png);
+        to_png.set_exif_metadata(block(true)).expect("PNG holds EXIF");
+        to_png.write_image(&pixels, 8, 8, ExtendedColorType::L8).expect("a PNG");
+        let mut to_jpeg = JpegEncoder::new(&mut jpeg);
+        to_jpeg.set_exif_metadata(block(false)).expect("JPEG holds EXIF");
+        to_jpeg.write_image(&pixels, 8, 8, ExtendedColorType::L8).expect("a JPEG");
+        for picture in [png, jpeg] {
+            assert_eq!(taken_s(&picture), Some(1_773_493_766.5));
+            assert_eq!(taken_s(&picture[..picture.len() / 4]), None);
         }
     }
 
