@@ -4,11 +4,12 @@
 
 A session of the program is fed with dots seen by a camera that is knocked. `prometheus_client` must read the metrics page, with the types
 and names that its own conventions want; a subscriber (`paho-mqtt`) must get, from the broker (`mosquitto` where it is installed, else
-`amqtt`), each state, then find the last one and `offline` kept; Python's web server must get the same objects, over TLS by a certificate
-that the session was told to believe, and nothing where it was not. Needs prometheus-client, paho-mqtt, amqtt, trustme.
+`amqtt`), each state, then find the last one and `offline` kept; Python's web server must get the same objects. Both over TLS by a certificate
+that the session was told to believe; a web server and a broker with another certificate get nothing. Needs prometheus-client, paho-mqtt, amqtt, trustme.
 """
 
 import atexit
+import getpass
 import http.server
 import json
 import math
@@ -119,17 +120,21 @@ class Session:
         return [event for event in self.events if event["event"] == "state"]
 
 
-def start_broker(folder):
-    port = free_port()
+def start_broker(folder, certificate):
+    port, key, chain = free_port(), folder / "key.pem", folder / "chain.pem"
+    certificate.private_key_pem.write_to_path(str(key))
+    certificate.cert_chain_pems[0].write_to_path(str(chain))
     mosquitto = shutil.which("mosquitto")
     if mosquitto:
         file = folder / "mosquitto.conf"
-        file.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
+        # Run by root it would become another user, who cannot read the key.
+        file.write_text(f"user {getpass.getuser()}\nlistener {port} 127.0.0.1\nallow_anonymous true\ncertfile {chain}\nkeyfile {key}\n")
         command = [mosquitto, "-c", str(file)]
     else:
         file = folder / "amqtt.yaml"
         file.write_text(
             f"listeners:\n  default:\n    type: tcp\n    bind: 127.0.0.1:{port}\n"
+            f"    ssl: true\n    certfile: {chain}\n    keyfile: {key}\n"
             "plugins:\n  amqtt.plugins.authentication.AnonymousAuthPlugin:\n    allow_anonymous: true\n"
         )
         command = [str(pathlib.Path(sys.executable).with_name("amqtt")), "-c", str(file)]
@@ -139,12 +144,13 @@ def start_broker(folder):
     return process, port, pathlib.Path(command[0]).name
 
 
-def subscribe(port, topic):
+def subscribe(port, topic, ca):
     """A queue of (topic, payload, whether it was kept)."""
     came, ready = queue.Queue(), threading.Event()
     client = paho.mqtt.client.Client(paho.mqtt.client.CallbackAPIVersion.VERSION2)
     client.on_message = lambda _c, _d, message: came.put((message.topic, message.payload.decode(), message.retain))
     client.on_subscribe = lambda *_: ready.set()
+    client.tls_set(ca_certs=str(ca))
     client.connect("127.0.0.1", port)
     client.loop_start()
     client.subscribe(topic, qos=1)
@@ -212,13 +218,13 @@ def judge_metrics(families):
 
 
 def judge_session(resight, folder, authority):
-    broker, port, name = start_broker(folder)
+    certificate, ca = authority.issue_cert("localhost", "127.0.0.1"), folder / "ca.pem"
+    authority.cert_pem.write_to_path(str(ca))
+    broker, port, name = start_broker(folder, certificate)
     try:
-        client, came = subscribe(port, "site/#")
-        web = Web(authority.issue_cert("localhost"))
-        ca = folder / "ca.pem"
-        authority.cert_pem.write_to_path(str(ca))
-        told = ["--mqtt", f"mqtt://127.0.0.1:{port}/site", "--webhook", web.url, "--ca-file", str(ca)]
+        client, came = subscribe(port, "site/#", ca)
+        web = Web(certificate)
+        told = ["--mqtt", f"mqtts://127.0.0.1:{port}/site", "--webhook", web.url, "--ca-file", str(ca)]
         session = Session(resight, folder, "--metrics", "127.0.0.1:0", *told)
         url = session.told("metrics: http://").split("metrics: ")[1].strip()
         session.feed(lines(range(100), 0.0))
@@ -233,7 +239,7 @@ def judge_session(resight, folder, authority):
         said = drained(came, lambda topic, payload, _: topic == "site/availability" and payload == "offline")
         assert said[0][:2] == ("site/availability", "online"), said[0]
         got = [json.loads(payload) for topic, payload, _ in said if topic == "site/gate/dots/state"]
-        late, kept = subscribe(port, "site/#")
+        late, kept = subscribe(port, "site/#", ca)
         found = dict(kept.get(timeout=PATIENCE_S)[:2] for _ in range(2))
         for other in (client, late):
             other.loop_stop()
@@ -247,14 +253,22 @@ def judge_session(resight, folder, authority):
     return n_families, n_samples, len(states), name
 
 
-def judge_stranger(resight, folder):
-    """A certificate that nobody vouches for gets nothing."""
-    web = Web(trustme.CA().issue_cert("localhost"))
-    session = Session(resight, folder, "--webhook", web.url, "--flush-s", "1")
-    session.feed(lines(range(5), 0.0))
-    session.told("UnknownIssuer")
-    session.end()
-    assert web.bodies == [] and any("never arrived" in line for line in session.log), session.log
+def judge_strangers(resight, folder):
+    """Certificates that nobody vouches for get nothing."""
+    stranger = trustme.CA().issue_cert("localhost", "127.0.0.1")
+    web = Web(stranger)
+    broker, port, _ = start_broker(folder, stranger)
+    try:
+        told = ["--webhook", web.url, "--mqtt", f"mqtts://127.0.0.1:{port}", "--flush-s", "1"]
+        session = Session(resight, folder, *told)
+        session.feed(lines(range(5), 0.0))
+        wait_for("two refusals", lambda: sum("UnknownIssuer" in line for line in list(session.log)) == 2)
+        session.end()
+    finally:
+        broker.terminate()
+        broker.wait()
+    assert web.bodies == [] and sum("never arrived" in line for line in session.log) == 2, session.log
+    assert not any("connected" in line for line in session.log), session.log
 
 
 def main():
@@ -262,8 +276,8 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         families, samples, states, broker = judge_session(resight, folder, trustme.CA())
-        judge_stranger(resight, folder)
-    print(f"watch_told: {families} families, {samples} samples; {states} states by {broker} and over TLS agree")
+        judge_strangers(resight, folder)
+    print(f"watch_told: {families} families, {samples} samples; {states} states by {broker} and by https agree")
 
 
 if __name__ == "__main__":

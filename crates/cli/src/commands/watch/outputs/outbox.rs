@@ -213,19 +213,4 @@ mod tests {
         assert_eq!(outbox.counts().waiting(), 0);
         assert_eq!(all(&outbox), [0, 1]);
     }
-
-    /// Only that it ends: a pause of an hour is over when the session is.
-    #[test]
-    fn a_pause_ends_with_the_session() {
-        let outbox = std::sync::Arc::new(Outbox::<u32>::new(1));
-        let other = std::sync::Arc::clone(&outbox);
-        let reader = std::thread::spawn(move || {
-            let runtime =
-                tokio::runtime::Builder::new_current_thread().enable_time().build().expect("a runtime");
-            runtime.block_on(other.rest(Duration::from_secs(3600)));
-        });
-        outbox.push(Weight::Alarm, 1);
-        outbox.close();
-        reader.join().expect("the pause ended");
-    }
 }

@@ -18,11 +18,13 @@ const LONGEST_ASKED_S: f64 = 3600.0;
 pub struct Backoff {
     next_s: f64,
     chance: u64,
+    /// Whether the end of the session has been noticed.
+    is_hurried: bool,
 }
 
 impl Backoff {
     pub fn new() -> Self {
-        Backoff { next_s: FIRST_S, chance: random() | 1 }
+        Backoff { next_s: FIRST_S, chance: random() | 1, is_hurried: false }
     }
 
     /// The next pause; at least what the receiver asked for.
@@ -38,13 +40,13 @@ impl Backoff {
         Duration::from_secs_f64(own_s.max(asked_s))
     }
 
-    /// Pauses. Where the session ends meanwhile, little time is left: the pause is cut short, and later ones begin small again.
+    /// Pauses. Once the session is over little time is left: a pause is cut short by its end, and later ones begin small again.
     pub async fn rest<T>(&mut self, outbox: &Outbox<T>, asked: Option<Duration>) {
-        let was_closed = outbox.is_closed();
-        outbox.rest(self.pause(asked)).await;
-        if outbox.is_closed() && !was_closed {
+        if outbox.is_closed() && !self.is_hurried {
+            self.is_hurried = true;
             self.reset();
         }
+        outbox.rest(self.pause(asked)).await;
     }
 
     /// After a success.
@@ -163,6 +165,24 @@ mod tests {
         }
         backoff.reset();
         assert!(backoff.pause(None).as_secs_f64() <= FIRST_S);
+    }
+
+    /// Only that it ends, and long before a minute: whether the session ends before or during a pause.
+    #[test]
+    fn no_long_pause_outlasts_the_session() {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().expect("a runtime");
+        for is_closed_before in [true, false] {
+            let (outbox, mut backoff) = (Outbox::<u32>::new(1), Backoff::new());
+            (0..12).for_each(|_| assert!(!backoff.pause(None).is_zero()));
+            let started = Instant::now();
+            runtime.block_on(async {
+                if is_closed_before {
+                    outbox.close();
+                }
+                tokio::join!(backoff.rest(&outbox, None), async { outbox.close() });
+            });
+            assert!(started.elapsed() < Duration::from_secs(25), "{:?}", started.elapsed());
+        }
     }
 
     #[test]

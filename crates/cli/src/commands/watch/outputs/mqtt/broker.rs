@@ -53,7 +53,20 @@ impl Broker {
             Some((user, password)) => (Some(decoded(user)?), Some(decoded(password)?)),
         };
         let host = authority.host().trim_start_matches('[').trim_end_matches(']').to_string();
-        let port = authority.port_u16().unwrap_or(if is_tls { 8883 } else { 1883 });
+        let place = authority.as_str().rsplit('@').next().unwrap_or_default();
+        let port = match authority.port_u16() {
+            Some(port) => port,
+            None if place.trim_start_matches(authority.host()).starts_with(':') => {
+                bail!("--mqtt: the port is none; 1 to 65535")
+            }
+            None => {
+                if is_tls {
+                    8883
+                } else {
+                    1883
+                }
+            }
+        };
         Ok(Broker { host, port, is_tls, user, password, prefix: prefix(uri.path())? })
     }
 
