@@ -2,7 +2,7 @@
 //! growing, and damaged at random.
 
 use proptest::prelude::*;
-use resight::recording::{Channel, Message, Next, Recording, Topic, topics};
+use resight::recording::{Channel, Message, Next, Recording, topics};
 use resight::ros::sight::{Decoder, Kind, Sight};
 use resight::source::mcap::McapTopic;
 use resight::source::{self, Content, Frame, Source};
@@ -42,10 +42,6 @@ fn frames(mut source: impl Source) -> Vec<Frame> {
         }
         assert!(idle < 1000, "nothing comes any more");
     }
-}
-
-fn all_topics(bytes: &[u8]) -> Vec<Topic> {
-    topics(&mut Cursor::new(bytes)).unwrap()
 }
 
 fn decoder(channel: &Channel) -> Result<Decoder, String> {
@@ -189,7 +185,7 @@ fn a_growing_file_is_followed() {
     let whole = bytes("ros1_zstd.mcap");
     let path = file("growing.mcap", &whole[..9000]);
     let mut source = McapTopic::open(&path, Some("/gate/image_raw")).unwrap();
-    let mut count = |source: &mut McapTopic| {
+    let count = |source: &mut McapTopic| {
         let (mut n, mut quiet) = (0, 0);
         while quiet < 3 {
             match source.next(PATIENCE) {

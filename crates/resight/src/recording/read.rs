@@ -1,7 +1,7 @@
 //! A recording from its start to its end, a record at a time.
 
 use super::records::{Channel, Contents, Message};
-use super::{MAX_RECORD_BYTES, RecordingError};
+use super::{MAX_RECORD_BYTES, RecordingError, topics};
 use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -40,13 +40,19 @@ pub struct Recording<R> {
 
 impl<R: Read + Seek> Recording<R> {
     /// Reads the messages of the topics that are wanted.
-    pub fn new(from: R, is_wanted: impl Fn(&Channel) -> bool + Send + 'static) -> Self {
+    pub fn new(mut from: R, is_wanted: impl Fn(&Channel) -> bool + Send + 'static) -> Self {
+        let mut contents = Contents::new(Box::new(is_wanted));
+        // Writers say once what a channel is, in the first chunk, and again in the summary: without that chunk the others mean nothing.
+        topics::summary(&mut from, &mut contents);
+        contents.counts.clear();
+        // Where this fails, reading fails too, and says so.
+        let _ = from.seek(SeekFrom::Start(0));
         let options =
             LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(MAX_RECORD_BYTES);
         Recording {
             from,
             reader: LinearReader::new_with_options(options),
-            contents: Contents::new(Box::new(is_wanted)),
+            contents,
             at: MAGIC_BYTES,
             is_over: false,
         }

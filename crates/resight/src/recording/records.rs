@@ -1,4 +1,8 @@
 //! The records of an MCAP file that matter here (mcap.dev/spec): schemas, channels, messages, and the chunks that hold them.
+//!
+//! The crate `mcap` frames records and unpacks chunks; these four kinds are taken apart here. Its own parser slices attachments
+//! without looking at their length, and a record that claims more than its chunk would count below zero: each chunk is therefore
+//! unpacked alone, by a reader that is given nothing else.
 
 use super::MAX_RECORD_BYTES;
 use mcap::McapError;
@@ -54,6 +58,14 @@ impl Contents {
     pub fn new(is_wanted: Box<dyn Fn(&Channel) -> bool + Send>) -> Self {
         let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
         Contents { is_wanted, schemas, channels, counts: BTreeMap::new(), waiting: VecDeque::new() }
+    }
+
+    /// As at the start.
+    pub fn forget(&mut self) {
+        self.schemas.clear();
+        self.channels.clear();
+        self.counts.clear();
+        self.waiting.clear();
     }
 
     pub fn channels(&self) -> impl Iterator<Item = (u16, &Arc<Channel>)> {

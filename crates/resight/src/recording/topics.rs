@@ -27,7 +27,8 @@ pub struct Topic {
 /// # Errors
 /// What the medium says, and files that are no MCAP. A file that is damaged later on gives the topics before the damage.
 pub fn topics<R: Read + Seek>(from: &mut R) -> Result<Vec<Topic>, RecordingError> {
-    if let Some(contents) = summary(from) {
+    let mut contents = Contents::new(Box::new(|_| false));
+    if summary(from, &mut contents) && !contents.counts.is_empty() && contents.channels().next().is_some() {
         return Ok(listed(&contents));
     }
     from.seek(SeekFrom::Start(0)).map_err(|e| RecordingError(format!("cannot be read: {e}")))?;
@@ -57,8 +58,16 @@ fn listed(contents: &Contents) -> Vec<Topic> {
     by_name.into_values().collect()
 }
 
-/// None where there is none, or none that says how many messages there are.
-fn summary<R: Read + Seek>(from: &mut R) -> Option<Contents> {
+/// Adds what the summary says of channels and counts; false, and nothing added, where there is none that can be read.
+pub(super) fn summary<R: Read + Seek>(from: &mut R, contents: &mut Contents) -> bool {
+    let is_read = summary_bytes(from).and_then(|bytes| fill(&bytes, contents)).is_some();
+    if !is_read {
+        contents.forget();
+    }
+    is_read
+}
+
+fn summary_bytes<R: Read + Seek>(from: &mut R) -> Option<Vec<u8>> {
     let end = from.seek(SeekFrom::End(-FOOTER_BYTES)).ok()?;
     let mut footer = [0; FOOTER_BYTES as usize];
     from.read_exact(&mut footer).ok()?;
@@ -70,18 +79,16 @@ fn summary<R: Read + Seek>(from: &mut R) -> Option<Contents> {
     from.seek(SeekFrom::Start(start)).ok()?;
     let mut bytes = Vec::new();
     from.by_ref().take(length).read_to_end(&mut bytes).ok()?;
-    let contents = contents_of(&bytes)?;
-    (!contents.counts.is_empty() && contents.channels().next().is_some()).then_some(contents)
+    Some(bytes)
 }
 
-fn contents_of(mut summary: &[u8]) -> Option<Contents> {
+fn fill(mut summary: &[u8], contents: &mut Contents) -> Option<()> {
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
         .with_emit_chunks(true)
         .with_record_length_limit(MAX_RECORD_BYTES);
     let mut reader = LinearReader::new_with_options(options);
-    let mut contents = Contents::new(Box::new(|_| false));
     while let Some(event) = reader.next_event() {
         match event.ok()? {
             LinearReadEvent::Record { opcode: op::CHUNK | op::MESSAGE, .. } => return None,
@@ -95,5 +102,5 @@ fn contents_of(mut summary: &[u8]) -> Option<Contents> {
             }
         }
     }
-    Some(contents)
+    Some(())
 }

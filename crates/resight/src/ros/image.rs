@@ -92,13 +92,13 @@ fn brightness<'a>(
     };
     let mut rows = rows;
     match pixels {
-        Gray | Planes => rows.flatten().copied().collect(),
+        Gray | Planes => rows.collect::<Vec<_>>().concat(),
         Gray16 => to_eight_bits(&words(&mut rows)),
         Color(channels, [r, g, b]) => rows
             .flat_map(|row| row.chunks_exact(*channels).map(|pixel| luma(pixel[*r], pixel[*g], pixel[*b])))
             .collect(),
         Yuv422(at) => rows.flat_map(|row| row.iter().skip(*at).step_by(2)).copied().collect(),
-        Bayer => bayer::gray(&rows.flatten().copied().collect::<Vec<_>>(), width, height),
+        Bayer => bayer::gray(&rows.collect::<Vec<_>>().concat(), width, height),
         Bayer16 => bayer::gray(&to_eight_bits(&words(&mut rows)), width, height),
     }
 }

@@ -102,8 +102,8 @@ impl<'a> Value<'a> {
     /// When the message's content was taken, seconds; none where it does not say or says 0.
     pub fn stamp_s(&self) -> Option<f64> {
         let stamp = ["header.stamp", "timestamp"].iter().find_map(|path| self.get(path))?;
-        let second = ["nanosec", "nsec"].iter().find_map(|name| stamp.number(name).ok())?;
-        let t_s = stamp.number("sec").ok()? + 1e-9 * second;
+        let nanosecond = ["nanosec", "nsec"].iter().find_map(|name| stamp.number(name).ok())?;
+        let t_s = stamp.number("sec").ok()? + nanosecond / 1e9;
         (t_s != 0.0).then_some(t_s)
     }
 }

@@ -64,7 +64,7 @@ impl McapTopic {
     }
 
     fn frame(&mut self, message: &Message) -> Frame {
-        let logged_s = 1e-9 * message.log_time_ns as f64;
+        let logged_s = message.log_time_ns as f64 / 1e9;
         let value = self.decoder.read(&message.data);
         let stamp_s = value.as_ref().ok().and_then(|value| value.stamp_s());
         let content = match value.and_then(|value| self.kind.sight(&value)) {

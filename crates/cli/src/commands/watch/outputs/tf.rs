@@ -114,7 +114,7 @@ impl Tf {
             time_ns,
             target_frame: self.frames.target(camera, target),
             cam_from_target: tracked.cam_from_target,
-            covariance: tracked.covariance,
+            covariance: Box::new(tracked.covariance),
         });
     }
 

@@ -28,7 +28,13 @@ pub enum Item {
     /// On `/tf_static`; without a time at that of the next message.
     Static(Option<u64>, Vec<Transform>),
     /// A camera's pose.
-    Pose { topic: String, time_ns: u64, target_frame: String, cam_from_target: Pose, covariance: Matrix6 },
+    Pose {
+        topic: String,
+        time_ns: u64,
+        target_frame: String,
+        cam_from_target: Pose,
+        covariance: Box<Matrix6>,
+    },
     /// On `/diagnostics`.
     Diagnostics(u64, Vec<Status>),
 }
