@@ -11,8 +11,10 @@ mod chessboard;
 pub mod corner;
 pub mod dots;
 pub mod families;
+pub mod follow;
 mod homography;
 mod joints;
+mod region;
 pub(crate) mod sigma;
 pub mod tags;
 
@@ -137,6 +139,15 @@ fn check_extent(target: &Target) -> Result<(), DetectError> {
     Ok(())
 }
 
+fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
+    let GrayImage { width_px, height_px, .. } = *image;
+    let seen = image.data.len();
+    match width_px as usize * height_px as usize == seen {
+        true => Ok(()),
+        false => Err(DetectError::ImageBuffer { width_px, height_px, seen }),
+    }
+}
+
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
@@ -203,20 +214,10 @@ impl Detector {
     }
 
     fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {
-        let GrayImage { width_px, height_px, .. } = *image;
-        let seen = image.data.len();
-        if width_px as usize * height_px as usize != seen {
-            return Err(DetectError::ImageBuffer { width_px, height_px, seen });
-        }
+        check_buffer(image)?;
         match &mut self.finder {
-            Finder::Tag(finder) => match tags::unique(&finder.find(image)) {
-                (_, copies) if !copies.is_empty() => {
-                    Err(DetectError::Copies { id: copies[0].0, count: copies[0].1 })
-                }
-                (detections, _) => Ok(detections),
-            },
-            // A copied tag of a map is left out: the others still say where the camera is.
-            Finder::TagMap(finder) => Ok(tags::unique(&finder.find(image)).0),
+            Finder::Tag(finder) => tags::single_or_unique(&finder.find(image), false),
+            Finder::TagMap(finder) => tags::single_or_unique(&finder.find(image), true),
             Finder::AprilGrid(finder) => Ok(finder.detect(image)),
             Finder::Chessboard(finder) => Ok(finder.detect(image)),
             Finder::Charuco(finder) => Ok(finder.detect(image)),

@@ -77,6 +77,13 @@ impl QuadDecoder {
         Some(decoder)
     }
 
+    /// Tiles whose grey levels differ by less than this hold no outline (the library's own: 5).
+    pub fn with_least_contrast(self, gray: u8) -> Self {
+        // SAFETY: the pointer is the library's own; the field lies among the leading ones, whose offsets agree.
+        unsafe { (*self.detector.as_ptr()).qtp.min_white_black_diff = gray.into() };
+        self
+    }
+
     /// Finds tags; quads are sought in the image reduced `decimate` times, edges and bits read at full size.
     pub fn detect(&mut self, image: &GrayImage, decimate: f32) -> Vec<DecodedTag> {
         let pixels = image.width_px as usize * image.height_px as usize;

@@ -117,6 +117,11 @@ impl Family {
         if self.hamming_distance <= 6 { 30.0 } else { 15.0 }
     }
 
+    /// Cells outside the square whose corners are reported, in edges of that square.
+    pub fn rim_edges(&self) -> f64 {
+        0.5 * (self.total_width - self.border_width).max(0) as f64 / self.border_width.max(1) as f64
+    }
+
     /// An OpenCV dictionary. Its tables here are row-major, least significant bit first, black = 1; the decoder rotates codes by a quarter of
     /// their bits, so the bits must be listed quadrant by quadrant, each the quarter turn of the one before.
     fn aruco(dictionary: &Dictionary) -> Self {

@@ -2,6 +2,7 @@
 
 use super::apriltag::{DecodedTag, QuadDecoder};
 use super::families::Family;
+use super::region::{Region, longer_side_px};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -27,6 +28,10 @@ pub struct TagFinder {
     min_margin_gray: f64,
     /// How many tags end the search early: all that are wanted.
     wanted: usize,
+    /// Width of what the family has outside the corners, in edges.
+    rim_edges: f64,
+    /// The part of an image searched last; its memory is used again.
+    part: GrayImage,
 }
 
 impl TagFinder {
@@ -42,42 +47,67 @@ impl TagFinder {
 
     fn build(family: Family, wanted: usize) -> Result<Self, DetectError> {
         let min_margin_gray = family.min_margin_gray();
+        let rim_edges = family.rim_edges();
+        // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
+        // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
         let decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
-        Ok(TagFinder { decoder, min_margin_gray, wanted })
+        let decoder = decoder.with_least_contrast(min_margin_gray as u8);
+        Ok(TagFinder { decoder, min_margin_gray, wanted, rim_edges, part: GrayImage::filled(0, 0, 0) })
     }
 
     /// The tags in an image, by id, then from the left.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        let mut all: Vec<DecodedTag> = Vec::new();
-        for level in self.levels() {
-            if level == FINEST && !all.is_empty() && FINEST_PIXELS < image.data.len() {
-                break;
-            }
-            for tag in self.find_at(image, level) {
-                if !all.iter().any(|known| same_place(known, &tag)) {
-                    all.push(tag);
-                }
-            }
-            if self.wanted <= all.len() {
-                break;
-            }
-        }
-        let mut found: Vec<FoundTag> = all.iter().map(FoundTag::new).collect();
+        // A large tag shows at a quarter of the size, in a sixteenth of the time; looking there first costs 5 % when it does not.
+        // With many tags some are small, so the coarse look rarely ends the search.
+        let levels: &[f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
+        let mut found: Vec<FoundTag> = self.search(image, levels).iter().map(FoundTag::new).collect();
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         found
     }
 
-    /// From coarse to fine. A large tag shows at a quarter of the size, in a sixteenth of the time; looking there
-    /// first costs 5 % when it does not. With many tags some are small, so the coarse look rarely ends the search.
-    fn levels(&self) -> impl Iterator<Item = f32> + use<> {
-        let levels: &'static [f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
-        levels.iter().copied()
+    /// The tags that show at these reductions, from coarse to fine, until all that are wanted are found.
+    pub(super) fn search(&mut self, image: &GrayImage, levels: &[f32]) -> Vec<DecodedTag> {
+        let mut all: Vec<DecodedTag> = Vec::new();
+        for &level in levels {
+            if level == FINEST && !all.is_empty() && FINEST_PIXELS < image.data.len() {
+                break;
+            }
+            add_new(&mut all, self.find_at(image, level));
+            if self.wanted <= all.len() {
+                break;
+            }
+        }
+        all
+    }
+
+    /// How many tags there can be without copies.
+    pub(super) fn wanted(&self) -> usize {
+        self.wanted
+    }
+
+    /// Tags in a part of an image, corners in the pixels of the whole.
+    pub(super) fn find_in(&mut self, image: &GrayImage, region: &Region, level: f32) -> Vec<DecodedTag> {
+        let mut part = std::mem::replace(&mut self.part, GrayImage::filled(0, 0, 0));
+        let mut found = match region.cut(image, &mut part) {
+            Some(()) => self.find_at(&part, level),
+            None => Vec::new(),
+        };
+        self.part = part;
+        found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
+        found
+    }
+
+    /// The part of an image that a tag with these corners is found in, `reach_px` around where it may be: with its rim, its quiet zone
+    /// and the tiles that the threshold looks at.
+    pub(super) fn region(&self, corners: &[Pixel], reach_px: f64, size_px: [u32; 2]) -> Option<Region> {
+        let margin_px = 16.0 + (self.rim_edges + 0.2) * longer_side_px(corners) + reach_px;
+        Region::around(corners, margin_px, size_px)
     }
 
     fn find_at(&mut self, image: &GrayImage, level: f32) -> Vec<DecodedTag> {
         let clear = self.min_margin_gray;
-        let tags: Vec<DecodedTag> =
-            self.decoder.detect(image, level).into_iter().filter(|tag| clear <= tag.margin_gray).collect();
+        let mut tags = self.decoder.detect(image, level);
+        tags.retain(|tag| clear <= tag.margin_gray);
         if level < COARSE {
             return tags;
         }
@@ -87,19 +117,25 @@ impl TagFinder {
     }
 
     fn measure_again(&mut self, image: &GrayImage, tag: &DecodedTag) -> Option<DecodedTag> {
-        let (part, origin) = surroundings(image, tag)?;
-        let found = self.decoder.detect(&part, FINE).into_iter().map(|mut found| {
-            found.corners.iter_mut().for_each(|corner| *corner += origin);
-            found
-        });
-        found.filter(|found| same_place(found, tag)).max_by(|a, b| a.margin_gray.total_cmp(&b.margin_gray))
+        let region = self.region(&tag.corners, 0.0, [image.width_px, image.height_px])?;
+        let found = self.find_in(image, &region, FINE).into_iter().filter(|found| same_place(found, tag));
+        found.max_by(|a, b| a.margin_gray.total_cmp(&b.margin_gray))
+    }
+}
+
+/// Adds the tags that are not there yet.
+pub(super) fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
+    for tag in found {
+        if !all.iter().any(|known| same_place(known, &tag)) {
+            all.push(tag);
+        }
     }
 }
 
 /// Reductions at which outlines are sought.
-const COARSE: f32 = 4.0;
-const FINE: f32 = 2.0;
-const FINEST: f32 = 1.0;
+pub(super) const COARSE: f32 = 4.0;
+pub(super) const FINE: f32 = 2.0;
+pub(super) const FINEST: f32 = 1.0;
 /// Largest image, pixels, searched at full size although tags were found at half: at full size tags of 12 to 20 px
 /// are found too (46 instead of 33 of 47 in photographs of 799 × 533 px), at four times the cost.
 const FINEST_PIXELS: usize = 1_000_000;
@@ -110,28 +146,8 @@ fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
     a.id == b.id && (centre(a) - centre(b)).norm() < 0.5 * sigma::shortest_edge_px(&a.corners)
 }
 
-/// The part of the image around a tag, with its quiet zone and the tiles the threshold looks at, and where it starts.
-fn surroundings(image: &GrayImage, tag: &DecodedTag) -> Option<(GrayImage, Pixel)> {
-    let span = |values: [f64; 4], n: u32| {
-        let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), &x| (a.min(x), b.max(x)));
-        let margin = 16.0 + 0.3 * (max - min);
-        // An even start keeps the reduced image on the same pixels as that of the whole image.
-        let first = ((min - margin).max(0.0) / 2.0).floor() as u32 * 2;
-        (first, ((max + margin).max(0.0).ceil() as u32).min(n))
-    };
-    let (u0, u1) = span(tag.corners.map(|c| c.x), image.width_px);
-    let (v0, v1) = span(tag.corners.map(|c| c.y), image.height_px);
-    if u1 <= u0 || v1 <= v0 {
-        return None;
-    }
-    let rows = (v0..v1).map(|v| v as usize * image.width_px as usize);
-    let data =
-        rows.flat_map(|row| image.data[row + u0 as usize..row + u1 as usize].iter().copied()).collect();
-    Some((GrayImage { width_px: u1 - u0, height_px: v1 - v0, data }, Pixel::new(u0 as f64, v0 as f64)))
-}
-
 impl FoundTag {
-    fn new(tag: &DecodedTag) -> Self {
+    pub(super) fn new(tag: &DecodedTag) -> Self {
         FoundTag {
             id: tag.id,
             corners: tag.corners,
@@ -151,8 +167,19 @@ impl FoundTag {
     }
 }
 
+/// Corners of the tags found, by id. A copied tag of a map is left out, for the others still say where the camera is; of a single tag
+/// copies are an error.
+pub(super) fn single_or_unique(found: &[FoundTag], is_map: bool) -> Result<Vec<Detection>, DetectError> {
+    match unique(found) {
+        (_, copies) if !is_map && !copies.is_empty() => {
+            Err(DetectError::Copies { id: copies[0].0, count: copies[0].1 })
+        }
+        (detections, _) => Ok(detections),
+    }
+}
+
 /// Corners of the tags whose id is seen once; the ids seen more often, with how often.
-pub(super) fn unique(found: &[FoundTag]) -> (Vec<Detection>, Vec<(u32, usize)>) {
+fn unique(found: &[FoundTag]) -> (Vec<Detection>, Vec<(u32, usize)>) {
     let mut detections = Vec::with_capacity(4 * found.len());
     let mut copies = Vec::new();
     for same in found.chunk_by(|a, b| a.id == b.id) {

@@ -1,8 +1,9 @@
 //! One camera and one target: detection, pose, pose through time, decision.
 
+use super::expect::Expectation;
 use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
-use crate::detect::Detector;
+use crate::detect::follow::Follower;
 use crate::live::{LiveConfig, Observation, State, Watched};
 use crate::source::Frame;
 use resight_core::consistency::Consistency;
@@ -20,7 +21,8 @@ use std::time::Instant;
 pub(super) struct Pair {
     camera: Camera,
     target: Arc<Target>,
-    detector: Detector,
+    follower: Follower,
+    expectation: Expectation,
     tracker: Tracker,
     stage: Stage,
     config: LiveConfig,
@@ -62,7 +64,8 @@ impl Pair {
         };
         Ok(Pair {
             camera: camera.clone(),
-            detector: Detector::new(&watched.target)?,
+            follower: Follower::new(&watched.target)?,
+            expectation: Expectation::new(&watched.target),
             target: Arc::clone(&watched.target),
             tracker: Tracker::new(&config.track)?,
             stage,
@@ -123,7 +126,7 @@ impl Pair {
         observation: &mut Observation,
     ) -> Result<(), String> {
         let started = Instant::now();
-        let detections = self.detections(sight);
+        let detections = self.detections(frame.capture_s, sight);
         observation.times.detect_us = micros(started);
         let detections = detections?;
         let started = Instant::now();
@@ -145,11 +148,14 @@ impl Pair {
         Ok(())
     }
 
-    fn detections<'a>(&mut self, sight: &Sight<'a>) -> Result<Cow<'a, [Detection]>, String> {
+    fn detections<'a>(&mut self, t_s: f64, sight: &Sight<'a>) -> Result<Cow<'a, [Detection]>, String> {
         let found = match sight {
             Sight::Detections(detections) => Cow::Borrowed(*detections),
             Sight::Image(image, camera) => {
-                Cow::Owned(self.detector.detect_with_camera(image, camera).map_err(|e| e.to_string())?)
+                let predicted = self.tracker.predicted(t_s);
+                let expected = self.expectation.of(predicted.as_ref(), camera);
+                let found = self.follower.detect(image, camera, t_s, expected);
+                Cow::Owned(found.map_err(|e| e.to_string())?)
             }
         };
         if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
