@@ -49,6 +49,7 @@ impl Look {
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
     pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
         let lens = self.lens(frame);
+        let blank = blank(frame, waited_us, lens.is_ok() && !matches!(frame.content, Content::Unreadable(_)));
         let look = |pair: &mut Pair| {
             let sight = match (&frame.content, &lens) {
                 (_, Err(reason)) => Err(reason.clone()),
@@ -56,12 +57,11 @@ impl Look {
                 (Content::Detections(detections), Ok(_)) => Ok(Sight::Detections(detections)),
                 (Content::Unreadable(reason), Ok(_)) => Err(reason.clone()),
             };
-            let blank = blank(frame, waited_us, sight.is_ok());
-            pair.take(frame, sight, blank)
+            pair.take(frame, sight, blank.clone())
         };
         let mut looked: Vec<Looked> = self.pairs.iter_mut().map(look).collect();
         if let Some(landmarks) = &mut self.landmarks {
-            landmarks.stand_in(frame, &lens, &mut looked, blank(frame, waited_us));
+            landmarks.stand_in(frame, &lens, &mut looked, blank.clone());
         }
         looked
     }

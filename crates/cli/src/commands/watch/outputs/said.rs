@@ -214,6 +214,10 @@ fn clock_words(step_s: f64) -> String {
     format!("the clock of its frames went {way} by {:.3} s; times go on without that", step_s.abs())
 }
 
+/// All words of `word`.
+pub const WORDS: [&str; 7] =
+    ["learning", "steady", "settling", "drifted", "unseen", "inconsistent", "followed"];
+
 /// The contract's word.
 pub fn word(state: &State) -> &'static str {
     match state {

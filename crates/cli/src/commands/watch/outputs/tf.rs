@@ -89,7 +89,11 @@ impl Output for Tf {
             }
             Event::StateChanged { camera, target, t_s, state } => self.state(*camera, *target, *t_s, state),
             Event::Source { camera, is_there, reason } => self.source(*camera, *is_there, reason.as_deref()),
-            Event::Dropped { .. } | Event::Ended { .. } | Event::Attributed { .. } => {}
+            Event::Dropped { .. }
+            | Event::LeftOut { .. }
+            | Event::Clock { .. }
+            | Event::Ended { .. }
+            | Event::Attributed { .. } => {}
         }
         Ok(())
     }
@@ -174,7 +178,7 @@ fn moved(drift: &Drift) -> Pose {
 
 fn level(state: &State) -> Level {
     match state {
-        State::Steady | State::Learning { .. } => Level::Ok,
+        State::Steady | State::Learning { .. } | State::Followed => Level::Ok,
         State::Settling => Level::Warn,
         State::Drifted(_) | State::Inconsistent => Level::Error,
         State::Unseen { .. } => Level::Stale,

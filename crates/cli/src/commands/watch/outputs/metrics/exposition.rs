@@ -2,19 +2,18 @@
 
 use super::tally::{CameraTally, Deviation, PairTally, Tally};
 use super::write::{Page, number};
-use crate::commands::watch::outputs::said::word;
+use crate::commands::watch::outputs::said::{WORDS, word};
 use resight::live::State;
 
 /// Of the pages.
 pub const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-const STATES: [&str; 6] = ["learning", "steady", "settling", "drifted", "unseen", "inconsistent"];
 const STAGES: [&str; 4] = ["waited", "detect", "solve", "decide"];
 
 /// A metric of one number for each camera or pair: name, type, help, value where there is one.
 type Family<T> = (&'static str, &'static str, &'static str, fn(&Tally, &T) -> Option<f64>);
 
-const OF_CAMERAS: [Family<CameraTally>; 3] = [
+const OF_CAMERAS: [Family<CameraTally>; 5] = [
     ("resight_source_up", "gauge", "Whether the camera's source gives frames.", |_, c| {
         Some(f64::from(u8::from(c.is_there)))
     }),
@@ -27,6 +26,15 @@ const OF_CAMERAS: [Family<CameraTally>; 3] = [
         "Frames dropped because those before them took too long.",
         |_, c| Some(c.dropped as f64),
     ),
+    (
+        "resight_frames_left_out_total",
+        "counter",
+        "Frames that could not be decoded or came out of order.",
+        |_, c| Some(c.left_out as f64),
+    ),
+    ("resight_clock_steps_total", "counter", "How often the clock of the frames was set.", |_, c| {
+        Some(c.clock_steps as f64)
+    }),
 ];
 
 const OF_PAIRS: [Family<PairTally>; 13] = [
@@ -138,7 +146,7 @@ fn states(page: &mut Page, tally: &Tally) {
     );
     for pair in &tally.pairs {
         let now = pair.state.as_ref().map_or("unseen", word);
-        for state in STATES {
+        for state in WORDS {
             let labels = [("camera", pair.camera.as_str()), ("target", &pair.target), ("state", state)];
             page.sample(name, &labels, f64::from(u8::from(state == now)));
         }

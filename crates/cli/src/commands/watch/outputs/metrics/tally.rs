@@ -40,6 +40,10 @@ pub struct CameraTally {
     pub name: String,
     /// Frames dropped because its queue was full.
     pub dropped: u64,
+    /// Frames that its source could not use.
+    pub left_out: u64,
+    /// How often its clock was set.
+    pub clock_steps: u64,
     /// Whether its source gives frames.
     pub is_there: bool,
     /// How often its source was lost.
@@ -145,6 +149,8 @@ impl Tally {
                 self.pair(*camera, *target, |pair| pair.reference = Some(**reference));
             }
             Event::Dropped { camera, frames } => self.camera(*camera, |camera| camera.dropped += frames),
+            Event::LeftOut { camera, frames, .. } => self.camera(*camera, |camera| camera.left_out += frames),
+            Event::Clock { camera, .. } => self.camera(*camera, |camera| camera.clock_steps += 1),
             Event::Source { camera, is_there, .. } => self.camera(*camera, |camera| {
                 camera.is_there = *is_there;
                 camera.losses += u64::from(!is_there);
@@ -159,7 +165,10 @@ impl Tally {
     /// Whether every source gives frames and every camera is where it was, or about to be known to be.
     pub fn is_well(&self) -> bool {
         let is_well = |pair: &PairTally| {
-            matches!(pair.state, Some(State::Steady | State::Settling | State::Learning { .. }))
+            matches!(
+                pair.state,
+                Some(State::Steady | State::Settling | State::Learning { .. } | State::Followed)
+            )
         };
         self.cameras.iter().all(|camera| camera.is_there) && self.pairs.iter().all(is_well)
     }

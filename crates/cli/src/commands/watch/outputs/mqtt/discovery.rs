@@ -3,6 +3,7 @@
 use super::link::Message;
 use super::topics::Topics;
 use crate::commands::watch::names::Names;
+use crate::commands::watch::outputs::said;
 use serde_json::json;
 
 /// A sensor of the state for each pair, all of one device.
@@ -20,7 +21,7 @@ pub fn messages(prefix: &str, topics: &Topics, names: &Names) -> Vec<Message> {
             "json_attributes_topic": state,
             "availability_topic": topics.availability(),
             "device_class": "enum",
-            "options": ["learning", "steady", "settling", "drifted", "unseen", "inconsistent"],
+            "options": said::WORDS,
             "icon": "mdi:cctv",
             "device": {
                 "identifiers": [identifier(&topics.availability())],
