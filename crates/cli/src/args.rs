@@ -1,7 +1,7 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
 use crate::commands::{
-    advise, compare, convert, demo, detect, explain, locate, measure, rig, solve, watch, whisker,
+    advise, compare, convert, demo, detect, explain, history, locate, measure, rig, solve, watch, whisker,
 };
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
@@ -49,6 +49,8 @@ pub enum Command {
     Whisker(whisker::Whisker),
     /// Watches cameras over time and raises an alarm when one moved.
     Watch(watch::Watch),
+    /// What `watch --history` wrote: a summary, or a table as CSV or Parquet.
+    History(history::History),
 }
 
 /// How answers leave the program.

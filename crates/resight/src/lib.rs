@@ -16,6 +16,7 @@ pub mod scene;
 pub mod report;
 pub mod advise;
 pub mod measure;
+pub mod history;
 pub mod live;
 
 pub use self::image::GrayImage;

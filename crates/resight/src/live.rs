@@ -7,9 +7,11 @@ mod look;
 mod queue;
 pub mod reference;
 mod session;
+mod state;
 
 pub use look::{Look, LookError, Looked};
-pub use session::run;
+pub use session::{run, run_from};
+pub use state::StateFile;
 
 use crate::source::Source;
 use resight_core::locate::PoseEstimate;

@@ -15,8 +15,9 @@ use names::{Names, by_name, split};
 use outputs::OutputArgs;
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::core::track::TrackConfig;
-use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
+use resight::live::{self, Event, LiveCamera, LiveConfig, State, StateFile, Watched, reference};
 use sources::SourceArgs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -46,6 +47,10 @@ pub struct Watch {
     /// Where a learned reference is written.
     #[arg(long, value_name = "[NAME=]FILE")]
     save_reference: Vec<String>,
+    /// Keeps trackers, monitors and what is learned so far in FILE, about a second behind at most, and goes on from there: a restart loses
+    /// nothing. One session at a time.
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
     #[arg(long)]
     once: bool,
@@ -68,7 +73,8 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
     let stop = Arc::new(AtomicBool::new(false));
-    live::run(cameras, &config(args, &names), &stop, |event| {
+    let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
+    live::run_from(cameras, &config(args, &names), &stop, state.as_ref(), |event| {
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
@@ -124,6 +130,11 @@ fn config(args: &Watch, names: &Names) -> LiveConfig {
         queue_frames: 2,
         retry_s: 1.0,
     }
+}
+
+fn remembered(path: &Path, log: &Log) -> Result<StateFile> {
+    let log = log.clone();
+    Ok(StateFile::open(path, move |text| log.say("state", text))?)
 }
 
 fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {

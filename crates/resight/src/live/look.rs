@@ -2,6 +2,7 @@
 
 mod pair;
 
+use super::state::{CameraRecord, unix_s};
 use super::{LiveCamera, LiveConfig, Observation, StageTimes, State};
 use crate::GrayImage;
 use crate::detect::DetectError;
@@ -17,6 +18,8 @@ pub struct Look {
     pairs: Vec<Pair>,
     /// Hash of the last picture: a camera that froze sends it again and again.
     last_picture: Option<u64>,
+    /// Capture time of the last frame of an earlier session: up to then all was taken in already.
+    resumed_s: Option<f64>,
 }
 
 /// What a frame changed for one target.
@@ -35,11 +38,67 @@ impl Look {
     pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, LookError> {
         let pair = |watched| Pair::new(&camera.camera, watched, config);
         let pairs = camera.targets.iter().map(pair).collect::<Result<Vec<_>, _>>()?;
-        Ok(Look { camera: camera.camera.clone(), pairs, last_picture: None })
+        Ok(Look { camera: camera.camera.clone(), pairs, last_picture: None, resumed_s: None })
+    }
+
+    /// All that a restart needs, after a frame taken at `last_s` that came `ago_s` before now.
+    pub(super) fn record(&self, name: &str, last_s: f64, ago_s: f64) -> CameraRecord {
+        CameraRecord {
+            name: name.to_string(),
+            last_s,
+            last_unix_s: unix_s() - ago_s,
+            last_picture: self.last_picture.map(|hash| format!("{hash:016x}")),
+            pairs: self.pairs.iter().map(Pair::record).collect(),
+        }
+    }
+
+    /// Goes on where another session stopped; true where there was something to go on from. `refused` is told which target begins anew,
+    /// by its place, and why.
+    pub(super) fn restore(&mut self, record: &CameraRecord, mut refused: impl FnMut(usize, String)) -> bool {
+        let mut is_any = false;
+        for (target, pair) in self.pairs.iter_mut().enumerate() {
+            match pair.restore(&record.pairs) {
+                Ok(is_restored) => is_any |= is_restored,
+                Err(reason) => refused(target, reason),
+            }
+        }
+        if is_any {
+            self.resumed_s = Some(record.last_s);
+            let hash = record.last_picture.as_ref();
+            self.last_picture = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
+        }
+        is_any
+    }
+
+    /// The time of a frame: one that an earlier session has seen counts as its last.
+    pub fn time_s(&self, frame: &Frame) -> f64 {
+        self.resumed_s.map_or(frame.capture_s, |resumed_s| frame.capture_s.max(resumed_s))
+    }
+
+    fn is_old(&self, frame: &Frame) -> bool {
+        let is_readable = !matches!(frame.content, Content::Unreadable(_));
+        is_readable && self.resumed_s.is_some_and(|resumed_s| frame.capture_s <= resumed_s)
+    }
+
+    fn passed_over(&self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+        let states = self.states(self.time_s(frame)).into_iter();
+        let reason = Some(format!(
+            "taken before {:.3} s, where the state file goes on; for another recording give another state file",
+            self.time_s(frame)
+        ));
+        let looked = |state| Looked {
+            observation: Observation { reason: reason.clone(), ..blank(frame, waited_us) },
+            state,
+            learned: None,
+        };
+        states.map(looked).collect()
     }
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
     pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+        if self.is_old(frame) {
+            return self.passed_over(frame, waited_us);
+        }
         let lens = self.lens(frame);
         let look = |pair: &mut Pair| {
             let sight = match (&frame.content, &lens) {

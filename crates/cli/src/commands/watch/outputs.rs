@@ -1,11 +1,13 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
+mod history;
 pub mod said;
 
 use super::log::Log;
 use super::names::Names;
 use anyhow::Result;
 use clap::Args;
+use history::HistoryArgs;
 use resight::live::Event;
 use said::Said;
 
@@ -30,9 +32,13 @@ pub struct OutputArgs {
     /// Also says what every frame showed.
     #[arg(long)]
     frames: bool,
+    #[command(flatten)]
+    history: HistoryArgs,
 }
 
 /// Opens what was asked for.
-pub fn open(args: &OutputArgs, names: &Names, _log: &Log) -> Result<Vec<Box<dyn Output>>> {
-    Ok(vec![Box::new(Said::new(names, args.json, args.frames))])
+pub fn open(args: &OutputArgs, names: &Names, log: &Log) -> Result<Vec<Box<dyn Output>>> {
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    outputs.extend(history::open(&args.history, names, args.json, log)?);
+    Ok(outputs)
 }

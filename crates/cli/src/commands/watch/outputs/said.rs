@@ -38,7 +38,7 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>]) -> Result<Ou
 }
 
 /// Line by line, each flushed: another program may be waiting for it.
-fn print(line: &str) -> Result<()> {
+pub fn print(line: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}")?;
     Ok(out.flush()?)
@@ -96,7 +96,8 @@ impl Said {
         }
     }
 
-    fn object(&self, event: &Event) -> Value {
+    /// The event as one JSON object.
+    pub fn object(&self, event: &Event) -> Value {
         match event {
             Event::Observed { camera, target, observation } => {
                 let mut object = observed_object(observation);
@@ -131,7 +132,7 @@ impl Said {
 }
 
 /// The contract's word.
-fn word(state: &State) -> &'static str {
+pub fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
