@@ -1,7 +1,8 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
 use crate::commands::{
-    advise, compare, convert, demo, detect, explain, landmarks, locate, measure, rig, solve, watch, whisker,
+    advise, compare, convert, demo, detect, explain, history, landmarks, locate, measure, rig, solve, watch,
+    whisker,
 };
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
@@ -51,6 +52,8 @@ pub enum Command {
     Watch(watch::Watch),
     /// How a camera turned since a reference picture, without any target.
     Landmarks(landmarks::Landmarks),
+    /// What `watch --history` wrote: a summary, or a table as CSV or Parquet.
+    History(history::History),
 }
 
 /// How answers leave the program.

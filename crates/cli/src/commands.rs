@@ -6,6 +6,7 @@ pub mod convert;
 pub mod demo;
 pub mod detect;
 pub mod explain;
+pub mod history;
 pub mod locate;
 pub mod rig;
 pub mod landmarks;
@@ -39,6 +40,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
         Command::Landmarks(args) => landmarks::run(&args),
+        Command::History(args) => history::run(&args),
     }
 }
 

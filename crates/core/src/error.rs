@@ -426,6 +426,24 @@ pub enum Error {
         /// Its body.
         body: usize,
     },
+    /// A snapshot with other fields.
+    #[error("the snapshot has version {seen}, this program reads version {needed}; begin anew")]
+    SnapshotVersion {
+        /// Its version.
+        seen: u32,
+        /// The version read here.
+        needed: u32,
+    },
+    /// A snapshot that is none.
+    #[error(
+        "the {seen} numbers of the snapshot are no state ({unread} of them could not be used); begin anew"
+    )]
+    SnapshotNumbers {
+        /// How many there are.
+        seen: usize,
+        /// How many were left when reading stopped.
+        unread: usize,
+    },
 }
 
 /// Numbers in words: `0, 2, 5`.

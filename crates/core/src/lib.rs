@@ -63,6 +63,8 @@ pub mod compare;
 #[cfg(feature = "std")]
 pub mod advise;
 #[cfg(feature = "std")]
+pub mod snapshot;
+#[cfg(feature = "std")]
 pub mod track;
 #[cfg(feature = "std")]
 pub mod monitor;

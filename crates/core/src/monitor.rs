@@ -19,6 +19,7 @@ pub mod rig;
 pub use onsets::Course;
 pub use test::DriftNoise;
 
+use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use gate::{Gate, Passed};
 use nalgebra::{Matrix3, Vector3};
@@ -145,6 +146,8 @@ pub struct Monitor {
     pub out_of_order: u64,
 }
 
+/// Of `snapshot`: raised when a field, or the meaning of one, changes.
+const SNAPSHOT_VERSION: u32 = 1;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -239,6 +242,31 @@ impl Monitor {
             Some(drift) => Some((drift.old_from_new, drift.covariance)),
             None => self.test.level_after_jump(onset_s),
         }
+    }
+
+    /// All of its state: what `restore` makes of it goes on as this one would.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot::of(self, SNAPSHOT_VERSION)
+    }
+
+    /// Goes on from a snapshot. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    ///
+    /// # Errors
+    /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
+    pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
+        let monitor: Monitor = snapshot.state(SNAPSHOT_VERSION)?;
+        check(&monitor.config)?;
+        Ok(monitor)
+    }
+
+    /// What it compares with.
+    pub fn reference(&self) -> &Reference {
+        &self.reference
+    }
+
+    /// Time of the last reading, or of the start, seconds.
+    pub fn last_s(&self) -> f64 {
+        self.last_s
     }
 
     /// Alarm at this R: decisions between two false alarms.
@@ -339,3 +367,26 @@ fn check(config: &MonitorConfig) -> Result<(), Error> {
     }
     Ok(())
 }
+
+numbers!(Monitor {
+    reference,
+    config,
+    old_from_level,
+    test,
+    gate,
+    drift,
+    last_s,
+    last_usable_s,
+    inconsistent_share,
+    outliers,
+    out_of_order,
+});
+numbers!(MonitorConfig {
+    false_alarms_per_day,
+    decision_period_s,
+    unseen_after_s,
+    tolerance_rotation_rad,
+    tolerance_translation_m,
+});
+numbers!(Reference { a_from_b, noise });
+numbers!(Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability });

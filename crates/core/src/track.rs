@@ -9,6 +9,7 @@
 
 mod filter;
 
+use crate::snapshot::{Numbers, Rest, Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use arrayvec::ArrayVec;
 use filter::{Filter, Noise};
@@ -81,6 +82,8 @@ pub struct Tracked {
     pub candidate: Option<usize>,
 }
 
+/// Of `snapshot`: raised when a field, or the meaning of one, changes.
+const SNAPSHOT_VERSION: u32 = 1;
 /// Poses followed at once.
 const TRACKS: usize = 6;
 /// Candidates looked at in a reading.
@@ -127,7 +130,21 @@ impl Tracker {
                 });
             }
         }
-        Ok(Tracker { config: *config, noise, tracks: ArrayVec::new(), t_s: f64::NEG_INFINITY })
+        Ok(Tracker { config: *config, noise, tracks: ArrayVec::new(), t_s: f64::MIN })
+    }
+
+    /// All of its state: what `restore` makes of it goes on as this one would.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot::of(self, SNAPSHOT_VERSION)
+    }
+
+    /// Goes on from a snapshot; the motion expected in the time since then widens what was known.
+    ///
+    /// # Errors
+    /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no tracker's, `InvalidSetting` as `new`.
+    pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
+        let tracker: Tracker = snapshot.state(SNAPSHOT_VERSION)?;
+        Ok(Tracker { tracks: tracker.tracks, t_s: tracker.t_s, ..Tracker::new(&tracker.config)? })
     }
 
     /// Takes in a reading. None while nothing has been seen; readings before the last one's time, and candidates that are no
@@ -230,4 +247,37 @@ impl Candidate {
 fn nowhere_special(candidate: &Candidate) -> f64 {
     let reach_m = 2.0 * candidate.cam_from_target.translation.norm().max(1e-3);
     1.0 / (8.0 * std::f64::consts::PI.powi(2) * reach_m.powi(3))
+}
+
+numbers!(Track { filter, weight, innovation_chi2, candidate });
+numbers!(Tracker { config, noise, tracks, t_s });
+numbers!(TrackConfig { motion, outlier_probability, jump_probability });
+
+impl Numbers for Motion {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        let (is_moving, rotation, translation) = match *self {
+            Motion::Static { rotation_rad_per_sqrt_s: rotation, translation_m_per_sqrt_s: translation } => {
+                (false, rotation, translation)
+            }
+            Motion::ConstantVelocity {
+                rotation_rad_per_s_sqrt_s: rotation,
+                translation_m_per_s_sqrt_s: translation,
+            } => (true, rotation, translation),
+        };
+        is_moving.put(numbers);
+        [rotation, translation].put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        let is_moving = bool::take(rest)?;
+        let [rotation, translation] = Numbers::take(rest)?;
+        Some(if is_moving {
+            Motion::ConstantVelocity {
+                rotation_rad_per_s_sqrt_s: rotation,
+                translation_m_per_s_sqrt_s: translation,
+            }
+        } else {
+            Motion::Static { rotation_rad_per_sqrt_s: rotation, translation_m_per_sqrt_s: translation }
+        })
+    }
 }

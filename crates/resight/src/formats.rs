@@ -71,7 +71,7 @@ mod rig_files;
 mod scene;
 mod convert;
 
-pub use atomic::write_atomically;
+pub use atomic::{stream_atomically, write_atomically};
 pub use convert::{Conversion, convert};
 pub use explain::{explain, explain_from_bytes};
 pub use format::Format;

@@ -19,6 +19,7 @@ pub mod report;
 pub mod advise;
 pub mod measure;
 pub mod landmarks;
+pub mod history;
 pub mod live;
 
 pub use self::image::GrayImage;

@@ -10,9 +10,11 @@ mod reader;
 pub mod reference;
 pub mod rig;
 mod session;
+mod state;
 
 pub use look::{Look, LookError, Looked};
-pub use session::run;
+pub use session::{run, run_from};
+pub use state::StateFile;
 
 use crate::GrayImage;
 use crate::landmarks::Sighting;

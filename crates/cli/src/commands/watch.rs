@@ -22,9 +22,10 @@ use outputs::{OutputArgs, Session};
 use resight::core::Camera;
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::formats::NamedCamera;
-use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
+use resight::live::{self, Event, LiveCamera, LiveConfig, State, StateFile, Watched, reference};
 use rig::RigArgs;
 use sources::SourceArgs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -60,6 +61,10 @@ pub struct Watch {
     /// Where a learned reference is written.
     #[arg(long, value_name = "[NAME=]FILE")]
     save_reference: Vec<String>,
+    /// Keeps trackers, monitors and what is learned so far in FILE, about a second behind at most, and goes on from there: a restart loses
+    /// nothing. One session at a time.
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
     #[arg(long)]
     once: bool,
@@ -101,7 +106,8 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let (mut failed, mut moved) = (None, Moved::default());
     let stop = Arc::new(AtomicBool::new(false));
-    live::run(cameras, &config, &stop, |event| {
+    let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
+    live::run_from(cameras, &config, &stop, state.as_ref(), |event| {
         moved.take(event);
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
@@ -166,6 +172,9 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
 
 fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {
     let rig = args.rig.config(cameras, names.cameras.len())?;
+    if rig.is_some() && args.state.is_some() {
+        bail!("--state keeps cameras against targets that stand still; with --moving-target leave it out");
+    }
     if rig.is_some() && args.landmarks.count() != 0 {
         bail!(
             "--moving-target watches the cameras' places among each other; landmarks go with targets that stand still, or with none"
@@ -195,6 +204,11 @@ fn monitors(args: &Watch, names: &Names) -> usize {
         true => names.pairs().len(),
         false => names.pairs().len() + args.landmarks.count(),
     }
+}
+
+fn remembered(path: &Path, log: &Log) -> Result<StateFile> {
+    let log = log.clone();
+    Ok(StateFile::open(path, move |text| log.say("state", text))?)
 }
 
 fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {

@@ -8,6 +8,7 @@
 //! ```
 //! Derivation: docs/math/monitor.md eqs. (1)–(4).
 
+use crate::snapshot::numbers;
 use nalgebra::{Matrix4, Vector4};
 
 /// A day, seconds.
@@ -138,3 +139,6 @@ impl AxisFilter {
 pub(super) fn read(x: &Vector4<f64>) -> f64 {
     x[0] + x[1] + x[2]
 }
+
+numbers!(AxisNoise { reference_sigma, bias_sigma, bias_time_s, daily_sigma });
+numbers!(AxisFilter { mean, covariance });

@@ -4,6 +4,7 @@
 //! therefore waits until `CONFIRM` readings in a row agree with each other, and is dropped when the next ones are where they were.
 
 use super::test::{DriftTest, Whitened};
+use crate::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
 
@@ -45,7 +46,7 @@ impl Gate {
     pub fn new(period_s: f64) -> Self {
         Gate {
             period_s,
-            last_decision_s: f64::NEG_INFINITY,
+            last_decision_s: f64::MIN,
             joining: Joining::default(),
             waiting: ArrayVec::new(),
             confirmed: None,
@@ -119,3 +120,7 @@ fn agree(a: &Whitened, b: &Whitened) -> bool {
     let chi2: f64 = (0..6).map(|axis| difference[axis].powi(2) / (a.variance[axis] + b.variance[axis])).sum();
     chi2 < SURPRISE
 }
+
+numbers!(Passed { t_s, reading });
+numbers!(Joining { last_s, readings, information, weighted });
+numbers!(Gate { period_s, last_decision_s, joining, waiting, confirmed });

@@ -11,6 +11,7 @@
 //! Derivation: docs/math/monitor.md eqs. (5)–(12).
 
 use super::axis::{Innovation, Transition, read};
+use crate::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix6, Vector4, Vector6};
 
@@ -252,4 +253,18 @@ fn shift(gathered: &[Gathered; AXES], sigma: f64) -> (Vector6<f64>, Vector6<f64>
         }),
         Vector6::from_fn(|axis, _| variance(&gathered[axis]) * gathered[axis].signature[0].powi(2)),
     )
+}
+
+numbers!(Gathered { signature, score, information });
+numbers!(Onset { t_s, gathered, weights });
+numbers!(Onsets { onsets, directions, statistic });
+
+impl Numbers for Course {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        (*self == Course::Slow).put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Some(COURSES[usize::from(bool::take(rest)?)])
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::axis::{AxisFilter, AxisNoise, Transition};
 use super::onsets::{AXES, Change, Onsets};
+use crate::snapshot::numbers;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
 /// What is no drift, for the six coordinates of the small motion `[rotation_rad; translation_m]`.
@@ -156,3 +157,7 @@ fn whitening(covariance: &Matrix6<f64>) -> Option<(Matrix6<f64>, Matrix6<f64>)> 
     let back = Matrix6::from_fn(|i, j| eigen.eigenvectors[(i, j)] * roots[j] * scale[i]);
     Some((forward, back))
 }
+
+numbers!(DriftNoise { reference, reading, bias, bias_time_s, daily });
+numbers!(DriftTest { whitened_from_motion, motion_from_whitened, noise, filters, onsets, last_s });
+numbers!(Whitened { value, variance });

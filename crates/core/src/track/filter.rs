@@ -1,6 +1,7 @@
 //! One track: the error-state Kalman filter of a pose and, for a moving camera, its twist.
 
 use super::{Candidate, Motion};
+use crate::snapshot::numbers;
 use crate::{Error, Matrix6, Pose, Vector6};
 
 /// What the motion adds in a second.
@@ -134,3 +135,6 @@ fn scaled(covariance: &Matrix6) -> Option<Factor> {
 fn symmetric(m: &Matrix6) -> Matrix6 {
     (m + m.transpose()) * 0.5
 }
+
+numbers!(Noise { per_s, is_moving });
+numbers!(Filter { cam_from_target, velocity, pose, cross, twist });

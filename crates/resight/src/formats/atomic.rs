@@ -10,11 +10,22 @@ use std::path::{Path, PathBuf};
 /// The bytes go to a new file in the same folder, are synced, renamed over `path`, and the folder is synced.
 /// Permissions of an existing file are kept. On an error the old file is untouched and the new one removed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    stream_atomically(path, |file| file.write_all(bytes))
+}
+
+/// The same for bytes that are not all there at once: `write` puts them into the new file, one after the other.
+///
+/// # Errors
+/// What the disk, or `write`, says; the old file is untouched.
+pub fn stream_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut File) -> std::io::Result<()>,
+) -> Result<(), FileError> {
     let told = |e: std::io::Error| FileError::new(path, format!("cannot write: {e}"));
     // A symbolic link stays one; what it points to is replaced.
     let destination = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let (temporary, file) = create_beside(&destination).map_err(told)?;
-    let written = fill(file, bytes, &destination).and_then(|()| fs::rename(&temporary, &destination));
+    let written = fill(file, write, &destination).and_then(|()| fs::rename(&temporary, &destination));
     if let Err(e) = written {
         // The error to report is the first one; a leftover that cannot be removed either adds nothing.
         let _ = fs::remove_file(&temporary);
@@ -43,11 +54,15 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     Err(std::io::Error::other("100 temporary files of this name already lie in the folder; remove them"))
 }
 
-fn fill(mut file: File, bytes: &[u8], destination: &Path) -> std::io::Result<()> {
+fn fill(
+    mut file: File,
+    write: impl FnOnce(&mut File) -> std::io::Result<()>,
+    destination: &Path,
+) -> std::io::Result<()> {
     if let Ok(existing) = fs::metadata(destination) {
         file.set_permissions(existing.permissions())?;
     }
-    file.write_all(bytes)?;
+    write(&mut file)?;
     file.sync_all()
 }
 

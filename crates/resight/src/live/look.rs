@@ -4,6 +4,7 @@ mod expect;
 mod landmarks;
 mod pair;
 
+use super::state::{CameraRecord, unix_s};
 use super::{LiveCamera, LiveConfig, Observation, StageTimes, State};
 use crate::GrayImage;
 use crate::detect::DetectError;
@@ -22,6 +23,8 @@ pub struct Look {
     landmarks: Option<LandmarkWatch>,
     /// Hash of the last picture: a camera that froze sends it again and again.
     last_picture: Option<u64>,
+    /// Capture time of the last frame of an earlier session: up to then all was taken in already.
+    resumed_s: Option<f64>,
 }
 
 /// What a frame changed for one target.
@@ -43,11 +46,79 @@ impl Look {
         let landmarks = camera.landmarks.as_ref();
         let landmarks =
             landmarks.map(|watched| LandmarkWatch::new(&camera.camera, watched, config)).transpose()?;
-        Ok(Look { camera: camera.camera.clone(), pairs, landmarks, last_picture: None })
+        Ok(Look { camera: camera.camera.clone(), pairs, landmarks, last_picture: None, resumed_s: None })
+    }
+
+    /// What each target is compared with, where that is known.
+    pub(super) fn references(&self) -> impl Iterator<Item = Option<Reference>> {
+        self.pairs.iter().map(Pair::reference)
+    }
+
+    /// All that a restart needs, after a frame taken at `last_s` that came `ago_s` before now.
+    pub(super) fn record(&self, name: &str, last_s: f64, ago_s: f64) -> CameraRecord {
+        CameraRecord {
+            name: name.to_string(),
+            last_s,
+            last_unix_s: unix_s() - ago_s,
+            last_picture: self.last_picture.map(|hash| format!("{hash:016x}")),
+            pairs: self.pairs.iter().map(Pair::record).collect(),
+            landmarks: self.landmarks.as_ref().and_then(LandmarkWatch::record),
+        }
+    }
+
+    /// Goes on where another session stopped; true where there was something to go on from. `refused` is told which target begins anew,
+    /// by its place, and why.
+    pub(super) fn restore(&mut self, record: &CameraRecord, mut refused: impl FnMut(usize, String)) -> bool {
+        let mut is_any = false;
+        for (target, pair) in self.pairs.iter_mut().enumerate() {
+            match pair.restore(&record.pairs) {
+                Ok(is_restored) => is_any |= is_restored,
+                Err(reason) => refused(target, reason),
+            }
+        }
+        if let (Some(landmarks), Some(record)) = (&mut self.landmarks, &record.landmarks) {
+            match landmarks.restore(record) {
+                Ok(()) => is_any = true,
+                Err(reason) => refused(self.pairs.len(), reason),
+            }
+        }
+        if is_any {
+            self.resumed_s = Some(record.last_s);
+            let hash = record.last_picture.as_ref();
+            self.last_picture = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
+        }
+        is_any
+    }
+
+    /// The time of a frame: one that an earlier session has seen counts as its last.
+    pub fn time_s(&self, frame: &Frame) -> f64 {
+        self.resumed_s.map_or(frame.capture_s, |resumed_s| frame.capture_s.max(resumed_s))
+    }
+
+    fn is_old(&self, frame: &Frame) -> bool {
+        let is_readable = !matches!(frame.content, Content::Unreadable(_));
+        is_readable && self.resumed_s.is_some_and(|resumed_s| frame.capture_s <= resumed_s)
+    }
+
+    fn passed_over(&self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+        let states = self.states(self.time_s(frame)).into_iter();
+        let reason = Some(format!(
+            "taken before {:.3} s, where the state file goes on; for another recording give another state file",
+            self.time_s(frame)
+        ));
+        let looked = |state| Looked {
+            observation: Observation { reason: reason.clone(), ..blank(frame, waited_us, true) },
+            state,
+            learned: None,
+        };
+        states.map(looked).collect()
     }
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
     pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+        if self.is_old(frame) {
+            return self.passed_over(frame, waited_us);
+        }
         let lens = self.lens(frame);
         let blank = blank(frame, waited_us, lens.is_ok() && !matches!(frame.content, Content::Unreadable(_)));
         let look = |pair: &mut Pair| {

@@ -4,6 +4,7 @@ use super::look::{Look, LookError, Looked};
 use super::queue::{Queue, Taken};
 use super::reader::{PATIENCE, Reader};
 use super::rig::{Nodes, Relations};
+use super::state::{EVERY, StateFile, unix_s};
 use super::{Event, LiveCamera, LiveConfig, State};
 use crate::source::{Frame, Source};
 use std::sync::Arc;
@@ -23,21 +24,40 @@ pub fn run(
     cameras: Vec<LiveCamera>,
     config: &LiveConfig,
     stop: &Arc<AtomicBool>,
+    listener: impl FnMut(&Event) -> bool,
+) -> Result<(), LookError> {
+    run_from(cameras, config, stop, None, listener)
+}
+
+/// As `run`, going on from the state in a file, and keeping that file up to date: never more than about a second behind.
+///
+/// # Errors
+/// As `run`; a state that is not one of these cameras is no error but begins anew.
+pub fn run_from(
+    cameras: Vec<LiveCamera>,
+    config: &LiveConfig,
+    stop: &Arc<AtomicBool>,
+    state: Option<&StateFile>,
     mut listener: impl FnMut(&Event) -> bool,
 ) -> Result<(), LookError> {
-    let mut relations = Relations::new(nodes(&cameras), config);
+    let mut nodes = nodes(&cameras);
     let prepared =
-        cameras.into_iter().map(|camera| prepare(camera, config)).collect::<Result<Vec<_>, _>>()?;
+        cameras.into_iter().map(|camera| prepare(camera, config, state)).collect::<Result<Vec<_>, _>>()?;
+    nodes.references = prepared.iter().flat_map(|(look, ..)| look.references()).collect();
+    let mut relations = Relations::new(nodes, config);
     let (sender, events) = sync_channel(EVENTS);
     thread::scope(|scope| {
-        for (index, (look, source)) in prepared.into_iter().enumerate() {
+        if let Some(state) = state {
+            scope.spawn(|| state.keep());
+        }
+        for (index, (look, source, memory)) in prepared.into_iter().enumerate() {
             let queue = Arc::new(Queue::new(config.queue_frames));
             let (to_look, told) = (Arc::clone(&queue), sender.clone());
             scope.spawn(move || {
                 Reader { camera: index, config, queue: &queue, told: &told, stop }.read(source);
             });
             let told = sender.clone();
-            scope.spawn(move || watch(look, index, &to_look, &told));
+            scope.spawn(move || watch(look, memory, index, &to_look, &told));
         }
         drop(sender); // The channel ends with the last thread.
         let mut tell = |event: &Event| {
@@ -49,6 +69,9 @@ pub fn run(
             relations.take(event).iter().for_each(&mut tell);
         }
         relations.finish().iter().for_each(&mut tell);
+        if let Some(state) = state {
+            state.close();
+        }
     });
     Ok(())
 }
@@ -61,29 +84,84 @@ fn nodes(cameras: &[LiveCamera]) -> Nodes {
         lenses: cameras.iter().map(|camera| camera.camera.clone()).collect(),
         targets: targets.iter().map(|watched| watched.name.clone()).collect(),
         is_live: cameras.iter().map(|camera| camera.source.is_live()).collect(),
-        references: cameras
-            .iter()
-            .flat_map(|camera| &camera.targets)
-            .map(|watched| watched.reference)
-            .collect(),
+        references: Vec::new(),
     }
 }
 
-fn prepare(camera: LiveCamera, config: &LiveConfig) -> Result<(Look, Box<dyn Source>), LookError> {
-    Ok((Look::new(&camera, config)?, camera.source))
+fn prepare<'a>(
+    camera: LiveCamera,
+    config: &LiveConfig,
+    state: Option<&'a StateFile>,
+) -> Result<(Look, Box<dyn Source>, Memory<'a>), LookError> {
+    let mut look = Look::new(&camera, config)?;
+    let mut memory = Memory { name: camera.name.clone(), state, resumed: None, due: Instant::now() };
+    memory.restore(&mut look, &camera);
+    Ok((look, camera.source, memory))
+}
+
+/// What a camera remembers from one session to the next.
+struct Memory<'a> {
+    name: String,
+    state: Option<&'a StateFile>,
+    /// Capture time of the earlier session's last frame, and how long ago that was, seconds.
+    resumed: Option<(f64, f64)>,
+    due: Instant,
+}
+
+impl Memory<'_> {
+    fn restore(&mut self, look: &mut Look, camera: &LiveCamera) {
+        let Some((state, record)) = self.state.and_then(|state| Some((state, state.of(&camera.name)?)))
+        else {
+            return;
+        };
+        let refused = |target: usize, reason: String| {
+            let target = camera.targets.get(target).map_or("landmarks", |watched| watched.name.as_str());
+            state.say(&format!("{} with {target} begins anew: {reason}", camera.name));
+        };
+        if look.restore(&record, refused) {
+            let ago_s = (unix_s() - record.last_unix_s).max(0.0);
+            state.say(&format!("{} goes on from {:.3} s, {ago_s:.1} s ago", camera.name, record.last_s));
+            self.resumed = Some((record.last_s, ago_s));
+        }
+    }
+
+    /// Hands the state over when it is time; at the end it always is.
+    /// True when it did.
+    fn keep(&mut self, look: &Look, last: Option<(f64, Instant)>, is_end: bool) -> bool {
+        let (Some(state), Some((last_s, arrived))) = (self.state, last) else { return false };
+        let is_due = is_end || self.due <= Instant::now();
+        if is_due {
+            self.due = Instant::now() + EVERY;
+            state.put(look.record(&self.name, last_s, arrived.elapsed().as_secs_f64()));
+        }
+        is_due
+    }
 }
 
 /// Looks at the frames until the queue is closed and empty.
-fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &SyncSender<Event>) {
+fn watch(
+    mut look: Look,
+    mut memory: Memory,
+    camera: usize,
+    queue: &Queue<(Instant, Frame)>,
+    told: &SyncSender<Event>,
+) {
     let mut teller = Teller { camera, told, states: Vec::new() };
     // Capture time and arrival of the last frame: what the clock of the frames says while none comes.
     let mut last: Option<(f64, Instant)> = None;
+    if let Some((last_s, ago_s)) = memory.resumed {
+        // How things stand after the pause: what was not looked at was not seen.
+        let is_told = teller.states(last_s + ago_s, look.states(last_s + ago_s));
+        last = is_told.then(|| (last_s + ago_s, Instant::now()));
+    }
+    let mut is_new = false;
     loop {
         let is_told = match queue.take(PATIENCE) {
             Taken::Item((arrived, frame)) => {
-                last = Some((frame.capture_s, arrived));
+                let t_s = look.time_s(&frame);
+                (last, is_new) = (Some((t_s, arrived)), true);
                 let looked = look.take(&frame, arrived.elapsed().as_secs_f64() * 1e6);
-                teller.looked(frame.capture_s, looked) && teller.dropped(queue.take_dropped())
+                teller.looked(t_s, looked) && teller.dropped(queue.take_dropped())
             }
             Taken::Nothing => {
                 let now_s = last.map(|(capture_s, arrived)| capture_s + arrived.elapsed().as_secs_f64());
@@ -96,10 +174,14 @@ fn watch(mut look: Look, camera: usize, queue: &Queue<(Instant, Frame)>, told: &
                 break;
             }
         };
+        is_new = is_new && !memory.keep(&look, last, !is_told);
         if !is_told {
             queue.close();
             return;
         }
+    }
+    if is_new {
+        memory.keep(&look, last, true);
     }
     teller.tell(Event::Ended { camera });
 }

@@ -1,5 +1,6 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
+mod history;
 pub mod said;
 mod tf;
 mod outbox;
@@ -16,6 +17,7 @@ use super::log::Log;
 use super::names::Names;
 use anyhow::Result;
 use clap::Args;
+use history::HistoryArgs;
 use outbox::Counted;
 use resight::core::monitor::Reference;
 use resight::live::Event;
@@ -44,6 +46,8 @@ pub struct OutputArgs {
     /// Also says what every frame showed.
     #[arg(long)]
     frames: bool,
+    #[command(flatten)]
+    history: HistoryArgs,
     #[command(flatten)]
     tf: tf::TfArgs,
     #[command(flatten)]
@@ -91,6 +95,7 @@ pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Outp
     let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
     let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    outputs.extend(history::open(&args.history, names, args.json, log)?);
     outputs.extend(tf::open(&args.tf, session)?);
     outputs.extend(webhook::open(&args.webhook, &mut common)?);
     outputs.extend(mqtt::open(&args.mqtt, &mut common)?);

@@ -3,11 +3,13 @@
 use super::{LookError, Looked, micros};
 use crate::GrayImage;
 use crate::landmarks::{Landmarks, Sighting};
+use crate::live::state::{LandmarksRecord, changed, landmark_settings};
 use crate::live::{LiveConfig, Observation, State, WatchedLandmarks};
 use crate::source::{Content, Frame};
 use nalgebra::{Matrix3, Vector3};
 use resight_core::monitor::{DriftNoise, Monitor, Reading, Reference};
 use resight_core::{Camera, Matrix6, Pose};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -20,6 +22,8 @@ pub(super) struct LandmarkWatch {
     near: Option<Matrix3<f64>>,
     first_s: Option<f64>,
     config: LiveConfig,
+    /// What its state depends on; none where the picture is this session's own.
+    settings: Option<BTreeMap<String, String>>,
 }
 
 /// Errors common to all landmarks that last for minutes (shadows that wander, a lens that warms up), px of the picture. Two
@@ -36,7 +40,28 @@ impl LandmarkWatch {
     pub fn new(camera: &Camera, watched: &WatchedLandmarks, config: &LiveConfig) -> Result<Self, LookError> {
         let landmarks =
             watched.picture.as_ref().map(|picture| Landmarks::new(picture, camera)).transpose()?;
-        Ok(LandmarkWatch { landmarks, monitor: None, near: None, first_s: None, config: config.clone() })
+        let settings = watched.picture.as_ref().map(|picture| landmark_settings(camera, picture, config));
+        let config = config.clone();
+        Ok(LandmarkWatch { landmarks, monitor: None, near: None, first_s: None, config, settings })
+    }
+
+    /// All that a restart needs; none where there is nothing yet, or the picture is this session's own.
+    pub fn record(&self) -> Option<LandmarksRecord> {
+        let (monitor, settings) = self.monitor.as_ref().zip(self.settings.clone())?;
+        Some(LandmarksRecord { settings, monitor: monitor.snapshot().into() })
+    }
+
+    /// Goes on where another session stopped.
+    ///
+    /// # Errors
+    /// Why the record is not one of these landmarks; nothing has changed then.
+    pub fn restore(&mut self, record: &LandmarksRecord) -> Result<(), String> {
+        let own = self.settings.as_ref().ok_or("the picture of the landmarks is taken anew")?;
+        if let Some(words) = changed(&record.settings, own) {
+            return Err(words);
+        }
+        self.monitor = Some(Monitor::restore(&record.monitor.snapshot()).map_err(|e| e.to_string())?);
+        Ok(())
     }
 
     /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0.

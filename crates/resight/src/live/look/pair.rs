@@ -4,6 +4,7 @@ use super::expect::Expectation;
 use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
 use crate::detect::follow::Follower;
+use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
 use crate::live::{LiveConfig, Observation, State, Watched};
 use crate::source::Frame;
 use resight_core::consistency::Consistency;
@@ -14,6 +15,7 @@ use resight_core::monitor::{Monitor, Reading, Reference, Watch};
 use resight_core::track::{Candidate, Motion, Tracked, Tracker};
 use resight_core::{Camera, Correspondence, Target};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,6 +28,9 @@ pub(super) struct Pair {
     tracker: Tracker,
     stage: Stage,
     config: LiveConfig,
+    /// Its target's name, and what a state that it can go on from must agree with.
+    name: String,
+    settings: BTreeMap<String, String>,
 }
 
 /// Before and after the reference is known.
@@ -70,7 +75,57 @@ impl Pair {
             tracker: Tracker::new(&config.track)?,
             stage,
             config: config.clone(),
+            name: watched.name.clone(),
+            settings: settings(camera, watched, config),
         })
+    }
+
+    /// What the pose is compared with, where that is known.
+    pub fn reference(&self) -> Option<Reference> {
+        match &self.stage {
+            Stage::Starting(reference) => Some(**reference),
+            Stage::Watching(monitor) => Some(*monitor.reference()),
+            Stage::Learning(_) | Stage::Following { .. } => None,
+        }
+    }
+
+    /// All that a restart needs.
+    pub fn record(&self) -> PairRecord {
+        let stage = match &self.stage {
+            Stage::Starting(_) => StageRecord::Starting,
+            Stage::Learning(readings) => {
+                StageRecord::Learning(readings.iter().map(ReadingRecord::from).collect())
+            }
+            Stage::Watching(monitor) => StageRecord::Watching(monitor.snapshot().into()),
+            Stage::Following { last_s, .. } => StageRecord::Following(*last_s),
+        };
+        let tracker = self.tracker.snapshot().into();
+        PairRecord { target: self.name.clone(), settings: self.settings.clone(), tracker, stage }
+    }
+
+    /// Goes on where another session stopped: false where that had nothing of this target.
+    ///
+    /// # Errors
+    /// Why the record is not one of this pair; nothing has changed then.
+    pub fn restore(&mut self, records: &[PairRecord]) -> Result<bool, String> {
+        let Some(record) = records.iter().find(|record| record.target == self.name) else { return Ok(false) };
+        if let Some(words) = changed(&record.settings, &self.settings) {
+            return Err(words);
+        }
+        let tracker = Tracker::restore(&record.tracker.snapshot()).map_err(|e| e.to_string())?;
+        let stage = match &record.stage {
+            StageRecord::Starting => return Ok(false),
+            StageRecord::Learning(readings) => {
+                let readings = readings.iter().map(ReadingRecord::reading).collect::<Option<_>>();
+                Stage::Learning(readings.ok_or("a reading learned so far is damaged")?)
+            }
+            StageRecord::Watching(monitor) => {
+                Stage::Watching(Box::new(Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?))
+            }
+            StageRecord::Following(last_s) => Stage::Following { last_s: *last_s, is_seen: last_s.is_some() },
+        };
+        (self.tracker, self.stage) = (tracker, stage);
+        Ok(true)
     }
 
     /// The next frame, or why it shows nothing.

@@ -79,7 +79,7 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>], moved: &Move
 }
 
 /// Line by line, each flushed: another program may be waiting for it.
-fn print(line: &str) -> Result<()> {
+pub fn print(line: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}")?;
     Ok(out.flush()?)
@@ -151,7 +151,7 @@ impl Said {
         }
     }
 
-    /// An event as JSON.
+    /// The event as one JSON object.
     pub fn object(&self, event: &Event) -> Value {
         match event {
             Event::Observed { camera, target, observation } => {

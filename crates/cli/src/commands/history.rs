@@ -1,0 +1,158 @@
+//! `history`: what `watch --history` wrote, in words or as a table for other programs.
+
+mod when;
+
+use crate::output::{Outcome, print};
+use anyhow::{Result, bail};
+use clap::Args;
+use resight::history::export::{Table, export};
+use resight::history::{History as File, PairSummary, Selection, StoredEvent};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Says what a history holds: cameras, times, states, drifts. With --export, writes it as a table.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    resight history gate.sqlite\n  \
+    resight history gate.sqlite --export gate.csv --camera gate --from 2026-11-20 --to 2026-11-21T06:00:00\n  \
+    resight history gate.sqlite --export gate.parquet\n  \
+    resight history gate.sqlite --export events.csv --events\n\n\
+    Times are UTC; in the tables, seconds as the frames had them (since 1970, or since the start of a recording).")]
+pub struct History {
+    /// The history: a file written by `resight watch --history`, also while it is being written.
+    file: PathBuf,
+    /// Writes rows to FILE, .csv or .parquet, complete or not at all.
+    #[arg(long, value_name = "FILE")]
+    export: Option<PathBuf>,
+    /// Exports events (states, references learned, sources lost) instead of frames.
+    #[arg(long, requires = "export")]
+    events: bool,
+    /// Only this camera; may be given several times.
+    #[arg(long, value_name = "NAME")]
+    camera: Vec<String>,
+    /// Only from this time on: seconds, or 2026-11-22, or 2026-11-22T06:30:00 (UTC).
+    #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Only before this time.
+    #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
+    to: Option<f64>,
+    /// The summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// See `History`.
+pub fn run(args: &History) -> Result<Outcome> {
+    let history = File::open(&args.file)?;
+    let pairs = history.pairs()?;
+    for name in &args.camera {
+        if !pairs.iter().any(|pair| pair.camera == *name) {
+            let known: Vec<&str> = pairs.iter().map(|pair| pair.camera.as_str()).collect();
+            bail!("--camera {name}: the history has no rows of it; there are {}", known.join(", "));
+        }
+    }
+    let selection = Selection { cameras: args.camera.clone(), from_s: args.from, to_s: args.to };
+    match &args.export {
+        Some(path) => {
+            let table = if args.events { Table::Events } else { Table::Frames };
+            let rows = export(&history, table, &selection, path)?;
+            let said = json!({"event": "exported", "rows": rows, "file": path});
+            print(&if args.json {
+                format!("{said}\n")
+            } else {
+                format!("{rows} rows in {}\n", path.display())
+            })?;
+        }
+        None => summary(args, &history, &pairs, &selection)?,
+    }
+    Ok(Outcome::Answered)
+}
+
+/// Drifts told in words; a history may have many more.
+const TOLD: usize = 20;
+
+fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Selection) -> Result<()> {
+    let is_asked = |pair: &&PairSummary| args.camera.is_empty() || args.camera.contains(&pair.camera);
+    let pairs: Vec<&PairSummary> = pairs.iter().filter(is_asked).collect();
+    let mut drifts = Vec::new();
+    history.events(selection, &["state"], |event| {
+        if event.state.as_deref() == Some("drifted") {
+            drifts.push(event);
+        }
+        true
+    })?;
+    let mut events = std::collections::BTreeMap::new();
+    history.events(selection, &[], |event| {
+        *events.entry(event.row.kind).or_insert(0u64) += 1;
+        true
+    })?;
+    let (sessions, ended) = history.sessions()?;
+    if args.json {
+        let pairs: Vec<Value> = pairs.iter().map(|pair| object(pair)).collect();
+        let drifts: Vec<Value> = drifts.iter().map(detail).collect();
+        let all = json!({"event": "history", "bytes": history.bytes(), "sessions": sessions, "sessions_ended": ended,
+            "pairs": pairs, "events": events, "drifts": drifts});
+        return print(&format!("{all}\n"));
+    }
+    print(&format!(
+        "{}: {:.1} MB, {sessions} sessions, {} of them cut off or still running\n",
+        args.file.display(),
+        history.bytes() as f64 / 1e6,
+        sessions - ended
+    ))?;
+    for pair in pairs {
+        print(&words(pair))?;
+    }
+    let events: Vec<String> = events.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+    print(&format!("events: {}\n", if events.is_empty() { "none".to_string() } else { events.join(", ") }))?;
+    for drift in drifts.iter().rev().take(TOLD).rev() {
+        print(&drift_words(drift))?;
+    }
+    let earlier = drifts.len().saturating_sub(TOLD);
+    if 0 < earlier {
+        print(&format!("and {earlier} earlier drifts; --export events.csv --events has all\n"))
+    } else {
+        Ok(())
+    }
+}
+
+fn words(pair: &PairSummary) -> String {
+    let [frames, minutes, hours] = pair.rows;
+    let total: u64 = pair.states.iter().map(|share| share.frames).sum();
+    let seen: u64 = pair.states.iter().map(|share| share.readings).sum();
+    let share = |n: u64| 100.0 * n as f64 / total.max(1) as f64;
+    let states: Vec<String> =
+        pair.states.iter().map(|s| format!("{} {:.1} %", s.state, share(s.frames))).collect();
+    let rms = pair.rms_px.map_or(String::new(), |rms_px| format!(", rms {rms_px:.3} px"));
+    format!(
+        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}\n    {}\n",
+        pair.camera,
+        pair.target,
+        when::words(pair.span_s.0),
+        when::words(pair.span_s.1),
+        share(seen),
+        states.join(", ")
+    )
+}
+
+fn object(pair: &PairSummary) -> Value {
+    let states: serde_json::Map<String, Value> = pair
+        .states
+        .iter()
+        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings})))
+        .collect();
+    let [frames, minutes, hours] = pair.rows;
+    json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,
+        "rows": {"frames": frames, "minutes": minutes, "hours": hours}, "rms_px": pair.rms_px, "states": states})
+}
+
+fn detail(event: &StoredEvent) -> Value {
+    serde_json::from_str(&event.row.detail).unwrap_or(Value::Null)
+}
+
+fn drift_words(event: &StoredEvent) -> String {
+    let detail = detail(event);
+    let message = detail["message"].as_str().unwrap_or("drifted");
+    let camera = event.row.camera.as_deref().unwrap_or("?");
+    format!("{camera}  {}  {message}\n", event.row.t_s.map_or("?".to_string(), when::words))
+}

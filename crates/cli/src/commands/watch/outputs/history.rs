@@ -1,0 +1,222 @@
+//! Every frame and event into a history file, by a thread of its own.
+
+use super::super::log::Log;
+use super::super::names::Names;
+use super::Output;
+use super::said::{Said, print, word};
+use anyhow::{Result, bail};
+use clap::Args;
+use resight::history::{
+    EventRow, FrameRow, HistoryError, Measured, NotStored, Recorder, Recording, Retention, Store, Stored,
+    Told, recorder,
+};
+use resight::live::{Event, Observation};
+use serde_json::json;
+use std::path::PathBuf;
+use std::thread::{self, JoinHandle};
+
+/// The history.
+#[derive(Debug, Args)]
+pub struct HistoryArgs {
+    /// Keeps the pose, covariance, residual and state of every frame, and every event, in this SQLite file; read it with `resight history`.
+    /// With --json an object {"event": "stored"} says what is on the disk for good.
+    #[arg(long, value_name = "FILE")]
+    history: Option<PathBuf>,
+    /// Every frame is kept this long, then one row a minute.
+    #[arg(long, value_name = "DAYS", default_value_t = 7.0, value_parser = crate::args::positive, requires = "history")]
+    history_full_days: f64,
+    /// Rows of a minute are kept until they are this old, then one an hour [default: 90, or as long as all is kept].
+    #[arg(long, value_name = "DAYS", value_parser = crate::args::positive, requires = "history")]
+    history_minute_days: Option<f64>,
+    /// Rows of an hour are kept until they are this old; events for good.
+    #[arg(long, value_name = "DAYS", default_value_t = 1100.0, value_parser = crate::args::positive, requires = "history")]
+    history_keep_days: f64,
+    /// Beyond this size of the file the oldest rows are joined, and then removed, before their time.
+    #[arg(long, value_name = "MB", value_parser = crate::args::positive, requires = "history")]
+    history_max_mb: Option<f64>,
+    /// Longest time until a frame is on the disk, as far as that keeps up.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::positive, requires = "history")]
+    history_commit_s: f64,
+}
+
+impl HistoryArgs {
+    fn retention(&self) -> Result<Retention> {
+        let (full, keep) = (self.history_full_days, self.history_keep_days);
+        let minute = self.history_minute_days.unwrap_or(90.0_f64.max(full).min(keep));
+        if !(full <= minute && minute <= keep) {
+            bail!(
+                "--history-full-days {full}, --history-minute-days {minute} and --history-keep-days {keep} must not fall: rows grow coarser with age"
+            );
+        }
+        const DAY_S: f64 = 86_400.0;
+        Ok(Retention {
+            full_s: full * DAY_S,
+            minutes_s: minute * DAY_S,
+            keep_s: keep * DAY_S,
+            largest_bytes: self.history_max_mb.map(|mb| (mb * 1e6) as u64),
+        })
+    }
+}
+
+/// Frames waiting for the disk: some 20 MB, half a minute of 20 cameras at 30 frames a second.
+const WAITING: usize = 20_000;
+
+/// The output, where one was asked for.
+pub fn open(args: &HistoryArgs, names: &Names, json: bool, log: &Log) -> Result<Option<Box<dyn Output>>> {
+    let Some(path) = &args.history else { return Ok(None) };
+    let pairs: Vec<(String, String)> = names
+        .cameras
+        .iter()
+        .flat_map(|camera| names.targets.iter().map(move |target| (camera.clone(), target.clone())))
+        .collect();
+    let recording = Recording {
+        path: path.clone(),
+        pairs: pairs.clone(),
+        commit_s: args.history_commit_s,
+        waiting: WAITING,
+        retry_s: 1.0,
+        retention: args.retention()?,
+    };
+    let told = Teller { pairs: names.pairs(), json, log: log.clone() };
+    let store = begin(&recording, &told)?;
+    let (recorder, writer) = recorder(recording, store);
+    let thread = thread::spawn(move || writer.run(|what| told.tell(what)));
+    let states = vec!["unseen"; pairs.len()];
+    let said = Said::new(names, true, true);
+    Ok(Some(Box::new(Kept { names: names.clone(), said, states, recorder, thread: Some(thread) })))
+}
+
+/// What somebody must do something about ends the program here; a full disk does not: it is tried again.
+fn begin(recording: &Recording, told: &Teller) -> Result<Option<Store>, HistoryError> {
+    match Store::open(&recording.path, &recording.pairs) {
+        Ok(opened) => {
+            if let Some((path, reason)) = opened.put_aside {
+                told.tell(Told::PutAside(path, reason));
+            }
+            Ok(Some(opened.store))
+        }
+        Err(error) if error.may_pass() => {
+            told.tell(Told::Degraded(error));
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+struct Kept {
+    names: Names,
+    said: Said,
+    /// The state of each pair, as last told.
+    states: Vec<&'static str>,
+    recorder: Recorder,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Output for Kept {
+    fn take(&mut self, event: &Event) -> Result<()> {
+        if let Event::Observed { camera, target, observation } = event {
+            let pair = self.names.pair_index(*camera, *target);
+            self.recorder.frame(frame(pair, self.states[pair], observation));
+            return Ok(());
+        }
+        if let Event::StateChanged { camera, target, state, .. } = event {
+            let pair = self.names.pair_index(*camera, *target);
+            self.states[pair] = word(state);
+        }
+        let row = self.row(event);
+        self.recorder.event(row);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.recorder.close();
+        if let Some(thread) = self.thread.take() {
+            // A writer that panicked has said so itself.
+            let _ = thread.join();
+        }
+        Ok(())
+    }
+}
+
+impl Kept {
+    fn row(&self, event: &Event) -> EventRow {
+        let detail = self.said.object(event);
+        let text = |key: &str| detail[key].as_str().map(str::to_string);
+        let (state, pair) = match event {
+            Event::StateChanged { camera, target, state, .. } => {
+                (Some(word(state)), Some(self.names.pair_index(*camera, *target)))
+            }
+            _ => (None, None),
+        };
+        EventRow {
+            t_s: detail["t_s"].as_f64(),
+            camera: text("camera"),
+            target: text("target"),
+            kind: text("event").unwrap_or_default(),
+            state,
+            pair,
+            detail: detail.to_string(),
+        }
+    }
+}
+
+/// The frame's own pose, the one of its minima that time chose: a filtered one could not be averaged any more.
+fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
+    let measured =
+        observation.reading.zip(observation.estimate.as_ref()).map(|(reading, estimate)| Measured {
+            cam_from_target: reading.a_from_b,
+            covariance: reading.covariance,
+            rms_px: estimate.rms_px,
+        });
+    FrameRow {
+        pair,
+        t_s: observation.capture_s,
+        number: observation.number,
+        state,
+        n_points: observation.n_points,
+        measured,
+        reason: observation.reason.clone(),
+    }
+}
+
+/// Says how it goes.
+struct Teller {
+    pairs: Vec<String>,
+    json: bool,
+    log: Log,
+}
+
+impl Teller {
+    fn tell(&self, what: Told) {
+        let say = |text: &str| self.log.say("history", text);
+        match what {
+            Told::Stored(stored) if self.json => {
+                // Where nobody reads any more, the session itself finds out.
+                let _ = print(&self.object(&stored).to_string());
+            }
+            Told::Stored(_) => {}
+            Told::Degraded(reason) => say(&format!(
+                "degraded: {reason}; frames go on, and what waits is stored as soon as it can be"
+            )),
+            Told::Recovered(lost) if lost == NotStored::default() => say("stored again; nothing was lost"),
+            Told::Recovered(lost) => say(&format!("stored again; {} were not stored", count(&lost))),
+            Told::PutAside(path, reason) => say(&format!(
+                "the file was damaged ({reason}); it is now {}, and a new one begun",
+                path.display()
+            )),
+            Told::Lost(lost) => say(&format!("the session ended; {} were not stored", count(&lost))),
+        }
+    }
+
+    fn object(&self, stored: &Stored) -> serde_json::Value {
+        let through = self.pairs.iter().zip(&stored.through_s);
+        let through: serde_json::Map<_, _> =
+            through.filter_map(|(pair, t_s)| Some((pair.clone(), json!((*t_s)?)))).collect();
+        json!({"event": "stored", "session": stored.session, "frames": stored.frames, "events": stored.events,
+            "not_stored": {"frames": stored.not_stored.frames, "events": stored.not_stored.events}, "through_s": through})
+    }
+}
+
+fn count(lost: &NotStored) -> String {
+    format!("{} frames and {} events", lost.frames, lost.events)
+}

@@ -1,0 +1,21 @@
+//! The history of a session in one SQLite file: a row for every frame, thinned as it ages, and every event, for good.
+//!
+//! `Recorder` takes rows without waiting and `Writer` stores them, in batches, on the thread that runs it. What `Writer` has told to be
+//! stored is on the disk: it survives the end of the program at any instant and a power cut. `History` reads such a file.
+
+mod error;
+mod rows;
+mod schema;
+mod mean;
+mod store;
+mod thin;
+mod recorder;
+mod read;
+pub mod export;
+
+pub use error::HistoryError;
+pub use read::{History, PairSummary, Selection, StateShare};
+pub use recorder::{NotStored, Recorder, Recording, Stored, Told, Writer, recorder};
+pub use rows::{EventRow, FrameRow, Measured, Span, StoredEvent, StoredRow, Summary};
+pub use store::{Opened, Store};
+pub use thin::Retention;

@@ -1,0 +1,325 @@
+//! Reading: summaries, and rows one after the other.
+
+use super::rows::{
+    EventRow, Measured, Span, StoredEvent, StoredRow, Summary, matrix_from_bytes, vector_from_bytes,
+};
+use super::{HistoryError, schema};
+use resight_core::{Matrix6, Pose};
+use rusqlite::{Connection, OpenFlags, Row, ToSql, params};
+use std::path::{Path, PathBuf};
+
+/// A history open for reading, also while a session writes it.
+pub struct History {
+    connection: Connection,
+    path: PathBuf,
+}
+
+/// Which rows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Selection {
+    /// Of these cameras; of all where empty.
+    pub cameras: Vec<String>,
+    /// From this time on, seconds.
+    pub from_s: Option<f64>,
+    /// Before this time, seconds.
+    pub to_s: Option<f64>,
+}
+
+/// What a history holds of a camera and a target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairSummary {
+    /// The camera.
+    pub camera: String,
+    /// The target.
+    pub target: String,
+    /// Time of the first row and end of the last, seconds.
+    pub span_s: (f64, f64),
+    /// Rows of frames, minutes and hours.
+    pub rows: [u64; 3],
+    /// Root mean square of the reprojection error, pixels.
+    pub rms_px: Option<f64>,
+    /// By state.
+    pub states: Vec<StateShare>,
+}
+
+/// Frames in one state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StateShare {
+    /// The state.
+    pub state: String,
+    /// Frames in it.
+    pub frames: u64,
+    /// Those with a pose.
+    pub readings: u64,
+}
+
+impl History {
+    /// # Errors
+    /// No such file, no history, a later version.
+    pub fn open(path: &Path) -> Result<Self, HistoryError> {
+        if !path.is_file() {
+            let reason = "there is no such file".to_string();
+            return Err(HistoryError::NoAccess { path: path.to_path_buf(), reason });
+        }
+        let connection = connect(path)?;
+        let history = History { connection, path: path.to_path_buf() };
+        match history.number("application_id")? {
+            0 => Err(HistoryError::Foreign { path: path.to_path_buf() }),
+            _ => Ok(history),
+        }
+    }
+
+    /// Bytes of the file.
+    pub fn bytes(&self) -> u64 {
+        std::fs::metadata(&self.path).map_or(0, |file| file.len())
+    }
+
+    /// Runs of the program that wrote it, and those that ended in good order.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn sessions(&self) -> Result<(u64, u64), HistoryError> {
+        let select = "SELECT count(*), count(ended_unix_s) FROM session";
+        self.told(self.connection.query_row(select, [], |row| Ok((count(row, 0)?, count(row, 1)?))))
+    }
+
+    /// What there is of each camera and target, by name.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn pairs(&self) -> Result<Vec<PairSummary>, HistoryError> {
+        self.told(self.try_pairs())
+    }
+
+    /// Hands on the selected rows, pair by pair, in order of time; memory does not grow with their number. Rows stored meanwhile do not
+    /// show up. False from `take` ends it.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn rows(
+        &self,
+        selection: &Selection,
+        mut take: impl FnMut(StoredRow) -> bool,
+    ) -> Result<(), HistoryError> {
+        self.told(self.try_rows(selection, &mut take))
+    }
+
+    /// The selected events, in the order in which they were told; `kinds` empty means all.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn events(
+        &self,
+        selection: &Selection,
+        kinds: &[&str],
+        mut take: impl FnMut(StoredEvent) -> bool,
+    ) -> Result<(), HistoryError> {
+        self.told(self.try_events(selection, kinds, &mut take))
+    }
+
+    fn told<T>(&self, result: rusqlite::Result<T>) -> Result<T, HistoryError> {
+        result.map_err(|e| HistoryError::of(&self.path, &e))
+    }
+
+    fn number(&self, pragma: &str) -> Result<i64, HistoryError> {
+        self.told(schema::number(&self.connection, pragma))
+    }
+
+    fn try_pairs(&self) -> rusqlite::Result<Vec<PairSummary>> {
+        let select =
+            "SELECT pair.id, camera, target, min(t_s), max(t_s + span_s), sum(span_s = 0), sum(span_s = 60),
+            sum(span_s = 3600), sum(readings * rms_px * rms_px) / nullif(sum(readings), 0)
+            FROM pair JOIN frame ON frame.pair = pair.id GROUP BY pair.id ORDER BY camera, target";
+        let mut select = self.connection.prepare(select)?;
+        let mut found = select.query([])?;
+        let mut pairs = Vec::new();
+        while let Some(row) = found.next()? {
+            pairs.push(PairSummary {
+                camera: row.get(1)?,
+                target: row.get(2)?,
+                span_s: (row.get(3)?, row.get(4)?),
+                rows: [count(row, 5)?, count(row, 6)?, count(row, 7)?],
+                rms_px: row.get::<_, Option<f64>>(8)?.map(f64::sqrt),
+                states: self.states(row.get(0)?)?,
+            });
+        }
+        Ok(pairs)
+    }
+
+    fn states(&self, pair: i64) -> rusqlite::Result<Vec<StateShare>> {
+        let select = "SELECT state, sum(frames), sum(readings) FROM frame WHERE pair = ?1 GROUP BY state ORDER BY 2 DESC";
+        let mut select = self.connection.prepare(select)?;
+        let share = |row: &Row| {
+            Ok(StateShare { state: row.get(0)?, frames: count(row, 1)?, readings: count(row, 2)? })
+        };
+        select.query_map(params![pair], share)?.collect()
+    }
+
+    fn try_rows(
+        &self,
+        selection: &Selection,
+        take: &mut impl FnMut(StoredRow) -> bool,
+    ) -> rusqlite::Result<()> {
+        let (condition, values) = condition(selection, &[]);
+        // By pair, then by the index on time: nothing is sorted in memory.
+        let select = format!(
+            "SELECT {ROW_COLUMNS} FROM pair JOIN frame ON pair.id = frame.pair WHERE pair.id = ?1 AND {condition} ORDER BY t_s"
+        );
+        let reading = self.connection.unchecked_transaction()?;
+        let mut statement = self.connection.prepare(&select)?;
+        let pairs: Vec<i64> = {
+            let mut all = self.connection.prepare("SELECT id FROM pair ORDER BY camera, target")?;
+            all.query_map([], |row| row.get(0))?.collect::<rusqlite::Result<_>>()?
+        };
+        for pair in pairs {
+            let own: Vec<&dyn ToSql> =
+                std::iter::once(&pair as &dyn ToSql).chain(values.iter().map(AsRef::as_ref)).collect();
+            let mut rows = statement.query(own.as_slice())?;
+            while let Some(found) = rows.next()? {
+                if !take(row(found)?) {
+                    return Ok(());
+                }
+            }
+        }
+        reading.finish()
+    }
+
+    fn try_events(
+        &self,
+        selection: &Selection,
+        kinds: &[&str],
+        take: &mut impl FnMut(StoredEvent) -> bool,
+    ) -> rusqlite::Result<()> {
+        let (condition, values) = condition(selection, kinds);
+        let select = format!(
+            "SELECT session, unix_s, t_s, camera, target, kind, state, detail FROM event WHERE ?1 AND {condition} ORDER BY id"
+        );
+        let mut statement = self.connection.prepare(&select)?;
+        let all: Vec<&dyn ToSql> =
+            std::iter::once(&true as &dyn ToSql).chain(values.iter().map(AsRef::as_ref)).collect();
+        let mut rows = statement.query(all.as_slice())?;
+        while let Some(found) = rows.next()? {
+            if !take(event(found)?) {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A folder that cannot be written has no room for the shared index of the write-ahead log; then only what the file itself holds is read.
+fn connect(path: &Path) -> Result<Connection, HistoryError> {
+    let told = |e: rusqlite::Error| HistoryError::of(path, &e);
+    let open = |name: &str, flags| -> Result<Connection, HistoryError> {
+        let connection = Connection::open_with_flags(name, flags).map_err(told)?;
+        connection.busy_timeout(std::time::Duration::from_secs(5)).map_err(told)?;
+        schema::check(&connection, path)?;
+        Ok(connection)
+    };
+    let name = path.to_string_lossy();
+    match open(&name, OpenFlags::SQLITE_OPEN_READ_ONLY) {
+        Err(HistoryError::NoAccess { .. }) => {
+            let escaped = name.replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+            let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI;
+            open(&format!("file:{escaped}?immutable=1"), flags)
+        }
+        opened => opened,
+    }
+}
+
+/// A condition whose values are numbered from 2 on.
+fn condition(selection: &Selection, kinds: &[&str]) -> (String, Vec<Box<dyn ToSql>>) {
+    let (mut parts, mut values) = (vec!["1".to_string()], Vec::<Box<dyn ToSql>>::new());
+    let mut is_one_of = |column: &str, names: Vec<String>, values: &mut Vec<Box<dyn ToSql>>| {
+        if names.is_empty() {
+            return;
+        }
+        let places: Vec<String> = (0..names.len()).map(|i| format!("?{}", values.len() + 2 + i)).collect();
+        parts.push(format!("{column} IN ({})", places.join(", ")));
+        values.extend(names.into_iter().map(|name| Box::new(name) as Box<dyn ToSql>));
+    };
+    is_one_of("camera", selection.cameras.clone(), &mut values);
+    is_one_of("kind", kinds.iter().map(|kind| kind.to_string()).collect(), &mut values);
+    for (limit, compared) in [(selection.from_s, ">="), (selection.to_s, "<")] {
+        if let Some(limit_s) = limit {
+            parts.push(format!("t_s {compared} ?{}", values.len() + 2));
+            values.push(Box::new(limit_s));
+        }
+    }
+    (parts.join(" AND "), values)
+}
+
+/// What `row` reads, in its order.
+pub(super) const ROW_COLUMNS: &str = "camera, target, frame.session, frame.t_s, frame.span_s, frame.frames, frame.readings,
+    frame.state, frame.n_points, frame.rms_px, frame.qw, frame.qx, frame.qy, frame.qz, frame.x_m, frame.y_m, frame.z_m,
+    frame.covariance, frame.reason, frame.scatter, frame.least, frame.most, frame.most_rms_px";
+
+pub(super) fn row(row: &Row) -> rusqlite::Result<StoredRow> {
+    Ok(StoredRow {
+        camera: row.get(0)?,
+        target: row.get(1)?,
+        session: row.get(2)?,
+        t_s: row.get(3)?,
+        span: Span::from_seconds(row.get(4)?),
+        frames: count(row, 5)?,
+        readings: count(row, 6)?,
+        state: row.get(7)?,
+        n_points: row.get(8)?,
+        measured: measured(row)?,
+        reason: row.get(18)?,
+        summary: summary(row)?,
+    })
+}
+
+/// Counts are never negative; one that is shows a damaged file, not a count.
+fn count(row: &Row, column: usize) -> rusqlite::Result<u64> {
+    Ok(row.get::<_, Option<i64>>(column)?.and_then(|n| u64::try_from(n).ok()).unwrap_or(0))
+}
+
+fn measured(row: &Row) -> rusqlite::Result<Option<Measured>> {
+    let numbers: Vec<Option<f64>> = (9..17).map(|column| row.get(column)).collect::<rusqlite::Result<_>>()?;
+    let covariance = matrix(row, 17)?;
+    let (
+        [Some(rms_px), Some(w), Some(x), Some(y), Some(z), Some(x_m), Some(y_m), Some(z_m)],
+        Some(covariance),
+    ) = (numbers.as_slice(), covariance)
+    else {
+        return Ok(None);
+    };
+    let cam_from_target = Pose::from_quaternion_wxyz([*w, *x, *y, *z], [*x_m, *y_m, *z_m].into());
+    Ok(Some(Measured { cam_from_target, covariance, rms_px: *rms_px }))
+}
+
+fn summary(row: &Row) -> rusqlite::Result<Option<Summary>> {
+    let vector =
+        |column| row.get::<_, Option<Vec<u8>>>(column).map(|b| b.and_then(|b| vector_from_bytes(&b)));
+    let (scatter, least, most) = (matrix(row, 19)?, vector(20)?, vector(21)?);
+    let most_rms_px: Option<f64> = row.get(22)?;
+    Ok(match (scatter, least, most, most_rms_px) {
+        (Some(scatter), Some(least), Some(most), Some(most_rms_px)) => {
+            Some(Summary { scatter, least, most, most_rms_px })
+        }
+        _ => None,
+    })
+}
+
+fn matrix(row: &Row, column: usize) -> rusqlite::Result<Option<Matrix6>> {
+    row.get::<_, Option<Vec<u8>>>(column).map(|bytes| bytes.and_then(|bytes| matrix_from_bytes(&bytes)))
+}
+
+fn event(row: &Row) -> rusqlite::Result<StoredEvent> {
+    Ok(StoredEvent {
+        session: row.get(0)?,
+        unix_s: row.get(1)?,
+        row: EventRow {
+            t_s: row.get(2)?,
+            camera: row.get(3)?,
+            target: row.get(4)?,
+            kind: row.get(5)?,
+            state: None,
+            pair: None,
+            detail: row.get(7)?,
+        },
+        state: row.get(6)?,
+    })
+}

@@ -1,0 +1,175 @@
+//! Rows of a history, and covariances as bytes.
+
+use resight_core::{Matrix6, Pose, Vector6};
+
+/// What one frame said of a camera and one of its targets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameRow {
+    /// Which of the session's pairs.
+    pub pair: usize,
+    /// When the frame was taken, seconds.
+    pub t_s: f64,
+    /// Its number in the source.
+    pub number: u64,
+    /// The state of the pair, as last known.
+    pub state: &'static str,
+    /// Points found.
+    pub n_points: usize,
+    /// The pose of this frame alone.
+    pub measured: Option<Measured>,
+    /// Why there is none.
+    pub reason: Option<String>,
+}
+
+/// A pose, how well it is known, and how well it fits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// x_in_cam = cam_from_target · x_in_target.
+    pub cam_from_target: Pose,
+    /// Its 6×6 covariance, left motion `[rotation_rad; translation_m]` in the camera frame.
+    pub covariance: Matrix6,
+    /// Root mean square of the reprojection error, pixels.
+    pub rms_px: f64,
+}
+
+/// Something that happened.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EventRow {
+    /// When, seconds of capture, if it has such a time.
+    pub t_s: Option<f64>,
+    /// The camera concerned.
+    pub camera: Option<String>,
+    /// The target concerned.
+    pub target: Option<String>,
+    /// `state`, `learned`, `moved`, `source`, `dropped`, `ended`, `not_stored`.
+    pub kind: String,
+    /// The new state, of a change of state.
+    pub state: Option<&'static str>,
+    /// Which of the session's pairs changed its state.
+    pub pair: Option<usize>,
+    /// All that is known of it, as a JSON object.
+    pub detail: String,
+}
+
+/// What a stored row stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Span {
+    /// One frame.
+    Frame,
+    /// The frames of a minute in one state.
+    Minute,
+    /// The frames of an hour in one state.
+    Hour,
+}
+
+impl Span {
+    /// Length, seconds; zero for a single frame.
+    pub fn seconds(self) -> f64 {
+        match self {
+            Span::Frame => 0.0,
+            Span::Minute => 60.0,
+            Span::Hour => 3600.0,
+        }
+    }
+
+    pub(super) fn from_seconds(seconds: f64) -> Self {
+        match seconds {
+            s if s < 1.0 => Span::Frame,
+            s if s < 3600.0 => Span::Minute,
+            _ => Span::Hour,
+        }
+    }
+}
+
+/// What the readings of a minute or an hour have in common. Motions are relative to the mean, `[rotation_rad; translation_m]`, left, in
+/// the camera frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Summary {
+    /// Covariance of the readings about their mean, as they were seen.
+    pub scatter: Matrix6,
+    /// Smallest motion from the mean, each coordinate for itself.
+    pub least: Vector6,
+    /// Largest.
+    pub most: Vector6,
+    /// Largest rms of a frame, pixels.
+    pub most_rms_px: f64,
+}
+
+/// A row as it is stored: a frame, or several in one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredRow {
+    /// The camera.
+    pub camera: String,
+    /// The target.
+    pub target: String,
+    /// The run of the program that saw it.
+    pub session: i64,
+    /// When the frame was taken, or the minute or hour began, seconds.
+    pub t_s: f64,
+    /// What it stands for.
+    pub span: Span,
+    /// Frames in it.
+    pub frames: u64,
+    /// Those with a pose.
+    pub readings: u64,
+    /// The state in which the frame left the pair; a minute in two states has two rows.
+    pub state: String,
+    /// Points found, on average.
+    pub n_points: f64,
+    /// The pose, or the mean of those; `covariance` is that of a single frame, on average, and rms_px the root of the mean square.
+    pub measured: Option<Measured>,
+    /// How several readings lie about their mean.
+    pub summary: Option<Summary>,
+    /// Why there is no pose.
+    pub reason: Option<String>,
+}
+
+/// An event as it is stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredEvent {
+    /// The run of the program that told it.
+    pub session: i64,
+    /// When it was told, seconds since 1970.
+    pub unix_s: f64,
+    /// What it was; `pair` is none.
+    pub row: EventRow,
+    /// The new state, of a change of state.
+    pub state: Option<String>,
+}
+
+/// Numbers of the upper triangle.
+pub(super) const TRIANGLE: usize = 21;
+
+/// Rows and columns of the upper triangle, row by row.
+pub(super) fn triangle() -> impl Iterator<Item = (usize, usize)> {
+    (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
+}
+
+/// The upper triangle, row by row, as little-endian doubles.
+pub(super) fn matrix_to_bytes(matrix: &Matrix6) -> Vec<u8> {
+    triangle().flat_map(|(i, j)| matrix[(i, j)].to_le_bytes()).collect()
+}
+
+/// None where the bytes are no triangle.
+pub(super) fn matrix_from_bytes(bytes: &[u8]) -> Option<Matrix6> {
+    let numbers = numbers(bytes, TRIANGLE)?;
+    let mut matrix = Matrix6::zeros();
+    for ((i, j), value) in triangle().zip(numbers) {
+        (matrix[(i, j)], matrix[(j, i)]) = (value, value);
+    }
+    Some(matrix)
+}
+
+pub(super) fn vector_to_bytes(vector: &Vector6) -> Vec<u8> {
+    vector.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// None where the bytes are no six numbers.
+pub(super) fn vector_from_bytes(bytes: &[u8]) -> Option<Vector6> {
+    numbers(bytes, 6).map(Vector6::from_iterator)
+}
+
+fn numbers(bytes: &[u8], n: usize) -> Option<impl Iterator<Item = f64>> {
+    let (eights, rest) = bytes.as_chunks::<8>();
+    (eights.len() == n && rest.is_empty()).then(|| eights.iter().map(|eight| f64::from_le_bytes(*eight)))
+}

@@ -1,0 +1,14 @@
+//! The state file: trackers, monitors and readings learned so far, so that a session goes on where another stopped, or was killed.
+//!
+//! Two lines of JSON: what the file is with the SHA-256 of the second line, and the state. It is replaced as a whole, at most half a second
+//! after something new. Only a state of the same camera, target, reference and settings is taken up; a damaged one is put aside.
+
+mod keep;
+mod record;
+
+pub use keep::StateFile;
+pub(super) use keep::{EVERY, unix_s};
+pub(super) use record::{
+    CameraRecord, LandmarksRecord, PairRecord, ReadingRecord, StageRecord, changed, landmark_settings,
+    settings,
+};

@@ -1,0 +1,181 @@
+//! What is written of each camera, and of which configuration.
+
+use crate::GrayImage;
+use crate::live::{LiveConfig, Watched};
+use crate::rig::digest::sha256;
+use resight_core::monitor::learn::LearnConfig;
+use resight_core::monitor::{MonitorConfig, Reading};
+use resight_core::snapshot::Snapshot;
+use resight_core::{Camera, Matrix6, Pose};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A camera with all its targets.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct CameraRecord {
+    pub name: String,
+    /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
+    pub last_s: f64,
+    pub last_unix_s: f64,
+    /// Hash of the last picture, hexadecimal.
+    pub last_picture: Option<String>,
+    pub pairs: Vec<PairRecord>,
+    /// Of its landmarks, where those of a saved picture are watched.
+    #[serde(default)]
+    pub landmarks: Option<LandmarksRecord>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct LandmarksRecord {
+    /// What the state depends on, by name.
+    pub settings: BTreeMap<String, String>,
+    pub monitor: SnapshotRecord,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct PairRecord {
+    pub target: String,
+    /// What the state depends on, by name.
+    pub settings: BTreeMap<String, String>,
+    pub tracker: SnapshotRecord,
+    pub stage: StageRecord,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::live) enum StageRecord {
+    Starting,
+    Learning(Vec<ReadingRecord>),
+    Watching(SnapshotRecord),
+    /// When it was last seen, seconds.
+    Following(Option<f64>),
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct SnapshotRecord {
+    version: u32,
+    numbers: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct ReadingRecord {
+    t_s: f64,
+    /// Column by column, as all matrices here.
+    rotation: Vec<f64>,
+    translation_m: [f64; 3],
+    covariance: Vec<f64>,
+    is_consistent: bool,
+}
+
+impl From<Snapshot> for SnapshotRecord {
+    fn from(snapshot: Snapshot) -> Self {
+        SnapshotRecord { version: snapshot.version, numbers: snapshot.numbers }
+    }
+}
+
+impl SnapshotRecord {
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot { version: self.version, numbers: self.numbers.clone() }
+    }
+}
+
+impl From<&Reading> for ReadingRecord {
+    fn from(reading: &Reading) -> Self {
+        ReadingRecord {
+            t_s: reading.t_s,
+            rotation: reading.a_from_b.rotation.as_slice().to_vec(),
+            translation_m: reading.a_from_b.translation.into(),
+            covariance: reading.covariance.as_slice().to_vec(),
+            is_consistent: reading.is_consistent,
+        }
+    }
+}
+
+impl ReadingRecord {
+    /// None where the numbers are of another count.
+    pub fn reading(&self) -> Option<Reading> {
+        let of_size = self.rotation.len() == 9 && self.covariance.len() == 36;
+        of_size.then(|| Reading {
+            t_s: self.t_s,
+            a_from_b: Pose::new(
+                nalgebra::Matrix3::from_column_slice(&self.rotation),
+                self.translation_m.into(),
+            ),
+            covariance: Matrix6::from_column_slice(&self.covariance),
+            is_consistent: self.is_consistent,
+        })
+    }
+}
+
+/// What a state depends on: with any of these changed it would be a state of something else.
+pub(in crate::live) fn settings(
+    camera: &Camera,
+    watched: &Watched,
+    config: &LiveConfig,
+) -> BTreeMap<String, String> {
+    let reference = watched.reference.as_ref().map(|reference| digest(reference));
+    let own = [
+        ("target", digest(watched.target.as_ref())),
+        ("reference", reference.unwrap_or_else(|| "learned".to_string())),
+    ];
+    with_common(camera, config, own)
+}
+
+/// The same of landmarks: their picture takes the place of a target.
+pub(in crate::live) fn landmark_settings(
+    camera: &Camera,
+    picture: &GrayImage,
+    config: &LiveConfig,
+) -> BTreeMap<String, String> {
+    with_common(camera, config, [("picture", sha256(&picture.data)[..16].to_string())])
+}
+
+fn with_common<const N: usize>(
+    camera: &Camera,
+    config: &LiveConfig,
+    own: [(&str, String); N],
+) -> BTreeMap<String, String> {
+    let MonitorConfig {
+        false_alarms_per_day,
+        decision_period_s,
+        unseen_after_s,
+        tolerance_rotation_rad,
+        tolerance_translation_m,
+    } = &config.monitor;
+    let LearnConfig { bias, bias_time_s, daily } = &config.lasting;
+    let all = [
+        ("camera", digest(camera)),
+        ("false_alarms_per_day", false_alarms_per_day.to_string()),
+        ("decision_period_s", decision_period_s.to_string()),
+        ("unseen_after_s", unseen_after_s.to_string()),
+        ("tolerance_rotation_rad", tolerance_rotation_rad.to_string()),
+        ("tolerance_translation_m", tolerance_translation_m.to_string()),
+        ("bias", digest(bias)),
+        ("bias_time_s", bias_time_s.to_string()),
+        ("daily", digest(daily)),
+        ("motion", format!("{:?}", config.track)),
+        ("learn_readings", config.learn_readings.to_string()),
+    ];
+    all.into_iter().chain(own).map(|(name, value)| (name.to_string(), value)).collect()
+}
+
+/// Stands for what is too long to be written out.
+fn digest(of: &impl std::fmt::Debug) -> String {
+    sha256(format!("{of:?}").as_bytes())[..16].to_string()
+}
+
+/// The settings that differ, in words; none where all agree.
+pub(in crate::live) fn changed(
+    was: &BTreeMap<String, String>,
+    is: &BTreeMap<String, String>,
+) -> Option<String> {
+    let value = |of: &BTreeMap<String, String>, name: &str| of.get(name).cloned().unwrap_or_default();
+    let differs = |name: &&String| was.get(*name) != is.get(*name);
+    let words: Vec<String> = is
+        .keys()
+        .chain(was.keys().filter(|name| !is.contains_key(*name)))
+        .filter(differs)
+        .map(|name| format!("{name} was {} and is {}", value(was, name), value(is, name)))
+        .collect();
+    (!words.is_empty()).then(|| words.join(", "))
+}
