@@ -4,8 +4,9 @@
 
 A session of the program is fed with dots seen by a camera that is knocked. `prometheus_client` must read the metrics page, with the types
 and names that its own conventions want; a subscriber (`paho-mqtt`) must get, from the broker (`mosquitto` where it is installed, else
-`amqtt`), each state, then find the last one and `offline` kept; Python's web server must get the same objects. Both over TLS by a certificate
-that the session was told to believe; a web server and a broker with another certificate get nothing. Needs prometheus-client, paho-mqtt, amqtt, trustme.
+`amqtt`), each state, then find the last one and `offline` kept; Python's web server must get the same objects. Both speak TLS with a
+certificate that the session was told to believe; a web server and a broker with another one get nothing. Needs prometheus-client,
+paho-mqtt, amqtt, trustme.
 """
 
 import atexit
@@ -93,7 +94,7 @@ class Session:
         command = [resight, "watch", "--camera", f"gate={camera}", "--target", f"dots={target}", "--source", "-"]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            [*command, "--json", *more], stdin=pipe, stdout=pipe, stderr=pipe, text=True, env={"NO_PROXY": "*"}
+            [*command, "--json", "--unseen-after-s", "600", *more], stdin=pipe, stdout=pipe, stderr=pipe, text=True, env={"NO_PROXY": "*"}
         )
         atexit.register(self.process.kill)
         self.events, self.log = [], []

@@ -1,14 +1,13 @@
-//! `watch --metrics`, `--webhook`, `--mqtt`: who is told what, and that whoever is slow or away delays nothing.
+//! `watch --webhook`, `--mqtt`: who is told what, and that whoever is slow or away delays nothing.
 
 mod receivers;
 mod support;
 
 use receivers::broker::{Broker, Deed};
-use receivers::web::{Asked, Web, get};
+use receivers::web::{Asked, Web, metrics_place, page};
 use receivers::{Ended, Session, lines, times, wait_for};
 use serde_json::Value;
-use std::collections::BTreeMap;
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::time::Duration;
 use support::{demo, folder};
 
@@ -190,7 +189,7 @@ fn a_broker_keeps_the_last_state_and_knows_who_is_there() {
     assert_eq!(times(&ended.log, "p@ss") + times(&ended.log, "p%40ss"), 0);
 }
 
-/// The third message's acknowledgement is lost: it comes again, and what is kept is told again to a broker that may have forgotten it.
+/// The third message is lost with the connection: it comes again, and what is kept is told again to a broker that may have forgotten it.
 #[test]
 fn a_broken_connection_loses_no_state() {
     let broker = Broker::start(|n| if n == 2 { Deed::BreakOff } else { Deed::Acknowledge });
@@ -206,6 +205,7 @@ fn a_broken_connection_loses_no_state() {
             .filter(|came| came.topic.ends_with("/state"))
             .map(|came| serde_json::from_str::<Value>(&came.payload).expect("JSON")["id"].to_string())
             .collect();
+        assert_eq!(told.len(), ended.notices().len() + 1, "the one that was kept is told again");
         told.sort();
         told.dedup();
         assert_eq!(told.len(), ended.notices().len(), "each arrived at least once");
@@ -232,28 +232,9 @@ fn a_killed_session_is_offline() {
 #[test]
 fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
     let broker = Broker::start(|_| Deed::Acknowledge);
-    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
-    let cameras = [format!("gate={camera}"), format!("yard={camera}")];
-    let targets = [format!("a={target}"), format!("b={target}")];
-    let url = format!("mqtt://{}", broker.place);
-    let mut session = Session::of(&[
-        "--camera",
-        &cameras[0],
-        "--camera",
-        &cameras[1],
-        "--target",
-        &targets[0],
-        "--target",
-        &targets[1],
-        "--mqtt",
-        &url,
-        "--mqtt-frames",
-        "--mqtt-discovery",
-        "--metrics",
-        "127.0.0.1:0",
-    ]);
+    let mut session = four_pairs(&format!("mqtt://{}", broker.place));
     let place = metrics_place(&session);
-    broker_is_there(&session);
+    session.told("connected");
     session.feed(&lines(Some("gate"), 0..60, NEVER));
     session.feed(&lines(Some("yard"), 0..60, 30));
     let page = wait_for("all frames counted", || {
@@ -278,139 +259,11 @@ fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
     });
 }
 
-fn broker_is_there(session: &Session) {
-    session.told("connected");
-}
-
-/// Where the metrics are, as the log says.
-fn metrics_place(session: &Session) -> String {
-    session.told("metrics: http://").trim_end_matches("/metrics").to_string()
-}
-
-/// Samples by name and labels.
-fn page(place: &str, head: &str) -> BTreeMap<String, f64> {
-    let (status, page) =
-        get(place, &format!("GET /metrics HTTP/1.1\r\nHost: {place}{head}")).expect("an answer");
-    assert_eq!(status, 200);
-    let samples = page.lines().filter(|line| !line.starts_with('#'));
-    samples
-        .map(|line| {
-            let (name, value) = line.rsplit_once(' ').expect("a sample");
-            (name.to_string(), value.parse().expect("a number"))
-        })
-        .collect()
-}
-
-#[test]
-fn metrics_say_what_happened() {
-    let web = Web::start(|_| Some("200 OK"));
-    let url = format!("http://{}/", web.place);
-    let mut session =
-        Session::start(&["--metrics", "127.0.0.1:0", "--webhook", &url, "--false-alarms-per-day", "0.25"]);
-    let place = metrics_place(&session);
-    let health = || get(&place, &format!("GET /healthz HTTP/1.1\r\nHost: {place}")).expect("an answer");
-    assert_eq!(health(), (503, "degraded\n".to_string()), "nothing has been seen yet");
-    let of = |name: &str| format!("{name}{{camera=\"cam0\",target=\"target0\"}}");
-    let state =
-        |state: &str| format!("resight_state{{camera=\"cam0\",target=\"target0\",state=\"{state}\"}}");
-    session.feed(&format!("{}no JSON\n", lines(None, 0..80, NEVER)));
-    let steady = wait_for("81 frames", || {
-        Some(page(&place, "")).filter(|page| page[&of("resight_frames_total")] == 81.0)
-    });
-    assert_eq!(
-        (steady[&state("steady")], steady[&state("unseen")], steady[&state("drifted")]),
-        (1.0, 0.0, 0.0)
-    );
-    assert_eq!(
-        (steady[&of("resight_frames_with_pose_total")], steady[&of("resight_frames_unreadable_total")]),
-        (80.0, 1.0)
-    );
-    assert_eq!(
-        steady["resight_frame_trouble{camera=\"cam0\",target=\"target0\",reason=\"unreadable\"}"],
-        1.0
-    );
-    assert_eq!(
-        (steady["resight_source_up{camera=\"cam0\"}"], steady["resight_allowed_false_alarms_per_day"]),
-        (1.0, 0.25)
-    );
-    assert_eq!(health(), (200, "ok\n".to_string()));
-    session.feed(&lines(None, 81..120, 0));
-    let moved = wait_for("all frames", || {
-        Some(page(&place, "")).filter(|page| page[&of("resight_frames_total")] == 120.0)
-    });
-    assert_eq!(
-        (moved[&state("drifted")], moved[&state("steady")], moved[&of("resight_alarms_total")]),
-        (1.0, 0.0, 1.0)
-    );
-    let turn_rad = moved[&of("resight_deviation_rotation_radians")];
-    let sigma_rad = moved[&of("resight_deviation_rotation_sigma_radians")];
-    assert!(
-        (turn_rad - f64::to_radians(1.0)).abs() < 4.0 * sigma_rad && sigma_rad < 0.01,
-        "{turn_rad} ± {sigma_rad}"
-    );
-    let stage = "{camera=\"cam0\",target=\"target0\",stage=\"solve\"";
-    assert_eq!(moved[&format!("resight_stage_seconds_count{stage}}}")], 119.0);
-    assert_eq!(moved[&format!("resight_stage_seconds_bucket{stage},le=\"+Inf\"}}")], 119.0);
-    assert!(0.0 < moved[&format!("resight_stage_seconds_sum{stage}}}")]);
-    assert_eq!(health().0, 503);
-    let delivered = "resight_notices_total{output=\"webhook\",outcome=\"delivered\"}";
-    wait_for("deliveries counted", || {
-        (page(&place, "")[delivered] == web.asked().len() as f64).then_some(())
-    });
-    assert_eq!(session.end().code, 3);
-}
-
-#[test]
-fn metrics_are_for_those_who_may_read_them() {
-    let file = folder("outputs-token").join("token");
-    std::fs::write(&file, "0123456789abcdef0123456789abcdef\n").expect("written");
-    private(&file);
-    let file = file.to_str().expect("a path");
-    let session = Session::start(&[
-        "--metrics",
-        "127.0.0.1:0",
-        "--metrics-token-file",
-        file,
-        "--metrics-host",
-        "watch.example",
-    ]);
-    let place = metrics_place(&session);
-    let status =
-        |path: &str, head: &str| get(&place, &format!("GET {path} HTTP/1.1{head}")).expect("an answer").0;
-    let own = format!("\r\nHost: {place}");
-    let right = "\r\nAuthorization: Bearer 0123456789abcdef0123456789abcdef";
-    assert_eq!(status("/metrics", &format!("{own}{right}")), 200);
-    assert_eq!(status("/metrics", &format!("\r\nHost: watch.example{right}")), 200);
-    assert_eq!(status("/metrics", &own), 401);
-    assert_eq!(status("/metrics", &format!("{own}{}", right.replace("f0", "f1"))), 401);
-    assert_eq!(status("/metrics", &format!("\r\nHost: evil.example{right}")), 403);
-    assert_eq!(status("/nowhere", "\r\nHost: evil.example"), 403, "the name comes before the path");
-    assert_eq!(status("/healthz", &own), 503, "no token, no details");
-    let (status, page) = get(&place, &format!("GET /etc/passwd HTTP/1.1{own}")).expect("an answer");
-    assert_eq!((status, page.as_str()), (404, "not found\n"));
-    assert_eq!(get(&place, &format!("POST /metrics HTTP/1.1{own}{right}")).expect("an answer").0, 405);
-    session.end();
-}
-
-#[cfg(unix)]
-fn private(file: &std::path::Path) {
-    use std::os::unix::fs::PermissionsExt;
-    std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600)).expect("private");
-}
-
-#[cfg(not(unix))]
-fn private(_file: &std::path::Path) {}
-
-/// More connections that say nothing than are served at once: frames go on at once, and askers are served when those have been cut off.
-#[test]
-fn idle_connections_delay_no_frame() {
-    let mut session = Session::start(&["--metrics", "127.0.0.1:0"]);
-    let place = metrics_place(&session);
-    let idle: Vec<TcpStream> = (0..300).map(|_| TcpStream::connect(&place).expect("a connection")).collect();
-    session.feed(&lines(None, 0..60, NEVER));
-    let counted = wait_for("an answer", || get(&place, &format!("GET /metrics HTTP/1.1\r\nHost: {place}")));
-    assert_eq!(counted.0, 200);
-    drop(idle);
-    let ended = session.end();
-    assert_eq!(ended.code, 0, "{}", ended.log);
+/// Two cameras, two targets.
+fn four_pairs(broker: &str) -> Session {
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    let [gate, yard] = ["gate", "yard"].map(|name| format!("--camera={name}={camera}"));
+    let [a, b] = ["a", "b"].map(|name| format!("--target={name}={target}"));
+    let told = ["--mqtt", broker, "--mqtt-frames", "--mqtt-discovery", "--metrics", "127.0.0.1:0"];
+    Session::of(&[&[gate.as_str(), &yard, &a, &b], told.as_slice()].concat())
 }

@@ -20,6 +20,8 @@ pub struct Came {
 #[derive(Debug, Default)]
 pub struct Seen {
     pub came: Vec<Came>,
+    /// Those that came and those that were lost.
+    pub sent: usize,
     /// As a late subscriber would get them.
     pub retained: BTreeMap<String, String>,
     pub connections: usize,
@@ -38,7 +40,7 @@ pub struct Broker {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Deed {
     Acknowledge,
-    /// Takes it, but the acknowledgement is lost with the connection.
+    /// It is lost with the connection.
     BreakOff,
 }
 
@@ -81,17 +83,16 @@ fn serve(mut stream: TcpStream, seen: &Mutex<Seen>, deeds: fn(usize) -> Deed) {
             }
             3 => {
                 let (came, id) = publish(kind, &body);
+                seen.sent += 1;
+                if deeds(seen.sent - 1) == Deed::BreakOff {
+                    break;
+                }
                 if came.is_retained {
                     seen.retained.insert(came.topic.clone(), came.payload.clone());
                 }
                 seen.came.push(came);
-                match deeds(seen.came.len() - 1) {
-                    Deed::BreakOff => break,
-                    Deed::Acknowledge => {
-                        if let Some([high, low]) = id {
-                            stream.write_all(&[0x40, 2, high, low]).expect("PUBACK");
-                        }
-                    }
+                if let Some([high, low]) = id {
+                    stream.write_all(&[0x40, 2, high, low]).expect("PUBACK");
                 }
             }
             12 => stream.write_all(&[0xD0, 0]).expect("PINGRESP"),

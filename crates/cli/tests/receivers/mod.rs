@@ -98,7 +98,8 @@ impl Session {
     /// Cameras and targets among the arguments.
     pub fn of(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_resight"))
-            .args(["watch", "--source", "-", "--once", "--json"])
+            // A machine that is busy elsewhere is not blind.
+            .args(["watch", "--source", "-", "--once", "--json", "--unseen-after-s", "600"])
             .args(arguments)
             .envs([("NO_PROXY", "*"), ("no_proxy", "*")])
             .stdin(Stdio::piped())

@@ -1,5 +1,6 @@
 //! A web server that answers as told, and remembers what it was asked.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
@@ -101,4 +102,23 @@ pub fn get(place: &str, head: &str) -> Option<(u16, String)> {
     let (head, page) = text.split_once("\r\n\r\n")?;
     let status = head.split(' ').nth(1)?.parse().ok()?;
     Some((status, page.to_string()))
+}
+
+/// Where the metrics are, as the log says.
+pub fn metrics_place(session: &super::Session) -> String {
+    session.told("metrics: http://").trim_end_matches("/metrics").to_string()
+}
+
+/// Samples by name and labels.
+pub fn page(place: &str, head: &str) -> BTreeMap<String, f64> {
+    let (status, page) =
+        get(place, &format!("GET /metrics HTTP/1.1\r\nHost: {place}{head}")).expect("an answer");
+    assert_eq!(status, 200);
+    let samples = page.lines().filter(|line| !line.starts_with('#'));
+    samples
+        .map(|line| {
+            let (name, value) = line.rsplit_once(' ').expect("a sample");
+            (name.to_string(), value.parse().expect("a number"))
+        })
+        .collect()
 }
