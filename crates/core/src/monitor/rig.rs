@@ -4,8 +4,8 @@
 //! stated rate of false alarms, and says which camera moved, or that two or more explain what is seen equally well.
 //! Derivation: docs/math/monitor.md, section 7.
 
-mod filter;
 mod star;
+mod filter;
 mod evidence;
 mod which;
 mod held;
@@ -44,7 +44,7 @@ pub struct MovedCameras {
     pub moved: Vec<MovedNode>,
     /// Other sets that explain what is seen about as well: when there are any, it is not decided which of them moved.
     pub rivals: Vec<Vec<usize>>,
-    /// Since when, seconds; NaN-free: zero where nothing moved.
+    /// Since when, seconds; zero where nothing moved.
     pub began_s: f64,
 }
 

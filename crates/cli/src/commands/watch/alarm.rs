@@ -20,12 +20,13 @@ pub struct AlarmArgs {
     /// Shifts below this are no drift.
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     tolerance_mm: f64,
-    /// Errors of the pose that last from frame to frame, as far as they are known beforehand: of the rotation.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
-    bias_deg: f64,
-    /// The same of the place.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
-    bias_mm: f64,
+    /// Errors of the pose that last from frame to frame, as far as they are known beforehand: of the rotation
+    /// [default: 0, with --moving-target 0.2].
+    #[arg(long, value_name = "DEGREES")]
+    bias_deg: Option<f64>,
+    /// The same of the place [default: 0, with --moving-target 2].
+    #[arg(long, value_name = "MM")]
+    bias_mm: Option<f64>,
     /// How long such errors last.
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::positive)]
     bias_time_s: f64,
@@ -36,6 +37,10 @@ pub struct AlarmArgs {
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     daily_mm: f64,
 }
+
+/// What a lens model leaves over changes as the target is carried through the picture, and a short look shows little of it: degrees and
+/// millimetres that four webcams need to be quiet (docs/watch.md).
+const CARRIED_ABOUT: [f64; 2] = [0.2, 2.0];
 
 impl AlarmArgs {
     /// Shared among the pairs watched, so that the rate holds for all of them together.
@@ -50,9 +55,10 @@ impl AlarmArgs {
     }
 
     /// Errors known beforehand.
-    pub fn lasting(&self) -> LearnConfig {
+    pub fn lasting(&self, is_target_moving: bool) -> LearnConfig {
+        let [bias_deg, bias_mm] = if is_target_moving { CARRIED_ABOUT } else { [0.0, 0.0] };
         LearnConfig {
-            bias: spread(self.bias_deg, self.bias_mm),
+            bias: spread(self.bias_deg.unwrap_or(bias_deg), self.bias_mm.unwrap_or(bias_mm)),
             bias_time_s: self.bias_time_s,
             daily: spread(self.daily_deg, self.daily_mm),
         }

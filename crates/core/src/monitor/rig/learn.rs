@@ -119,7 +119,8 @@ pub(super) fn stars(moment: &RigMoment, cam_from_rig: &[Pose]) -> Vec<(f64, Vec<
     targets.sort_unstable();
     targets.dedup();
     let of = |target: usize| {
-        let own: Vec<Glance> = moment.glances.iter().copied().filter(|g| g.target == target).collect();
+        let is_own = |glance: &Glance| glance.target == target && glance.camera < cam_from_rig.len();
+        let own: Vec<Glance> = moment.glances.iter().copied().filter(is_own).collect();
         (moment.t_s, star(&own, cam_from_rig))
     };
     targets.into_iter().map(of).filter(|(_, star)| 2 <= star.len()).collect()

@@ -37,8 +37,12 @@ pub(super) struct Sight {
     pub covariance: Matrix6,
 }
 
-/// A step of the linearised camera beyond this is no small motion, radians; and metres, as a share of the target's distance.
-const SMALL: f64 = 0.15;
+/// A camera that seems to have moved farther than this may be on another branch of its view: radians, and share of the target's
+/// distance.
+const SMALL: f64 = 0.3;
+/// Steps of one camera alone, and the χ² of a step that is the last.
+const STEPS_ALONE: usize = 12;
+const CONVERGED: f64 = 1e-3;
 /// Starts that are refined.
 const STARTS: usize = 3;
 /// Steps of the refinement; it only has to come near.
@@ -67,11 +71,29 @@ fn sight(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
     let near = linear(glance, predicted_from_target).and_then(|linear| {
         let covariance = inverse(&linear.information)?;
         let step = covariance * linear.score;
-        let is_small = step.fixed_rows::<3>(0).norm() < SMALL
-            && step.fixed_rows::<3>(3).norm() < SMALL * predicted_from_target.translation.norm();
-        is_small.then(|| Sight { camera: glance.camera, motion: -step, covariance })
+        let is_near = linear.score.dot(&step) < ROBUST;
+        is_near.then(|| Sight { camera: glance.camera, motion: -step, covariance })
     });
-    near.or_else(|| own(glance, predicted_from_target))
+    near.or_else(|| reached(glance, predicted_from_target)).or_else(|| own(glance, predicted_from_target))
+}
+
+/// The minimum that the camera's own pixels lead to. Far from it one step would err by more than the pixels do, and most where a turn and a
+/// shift look alike.
+fn reached(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
+    let mut cam_from_target = *predicted_from_target;
+    for _ in 0..STEPS_ALONE {
+        let linear = linear(glance, &cam_from_target)?;
+        let covariance = inverse(&linear.information)?;
+        let step = covariance * linear.score;
+        cam_from_target = Pose::exp(&step) * cam_from_target;
+        if linear.score.dot(&step) < CONVERGED {
+            let motion = (*predicted_from_target * cam_from_target.inverse()).log();
+            let is_small = motion.fixed_rows::<3>(0).norm() < SMALL
+                && motion.fixed_rows::<3>(3).norm() < SMALL * predicted_from_target.translation.norm();
+            return is_small.then_some(Sight { camera: glance.camera, motion, covariance });
+        }
+    }
+    None
 }
 
 /// The camera's own pose, the minimum that is nearest: where it turned far, a step from the predicted pose leads nowhere.

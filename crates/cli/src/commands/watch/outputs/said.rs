@@ -42,7 +42,7 @@ impl Moved {
             |set: &Vec<String>| set.iter().map(|node| names.kind(node)).collect::<Vec<_>>().join(" and ");
         let others: Vec<String> = self.rivals.iter().map(set).collect();
         match others.as_slice() {
-            _ if self.nodes.is_empty() => "nothing has moved any more".to_string(),
+            _ if self.nodes.is_empty() => "all is back where it was".to_string(),
             [] => format!("{} moved", set(&self.nodes)),
             others => format!("one of {}, {} moved", set(&self.nodes), others.join(", ")),
         }
