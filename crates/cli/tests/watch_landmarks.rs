@@ -9,7 +9,7 @@ use landmarks_support::{camera, exposed, picture, turned};
 use resight::core::target::Tag;
 use resight::core::{Camera, Pose, Target, Vector6};
 use resight::formats::write_atomically;
-use resight::render::{Finish, Pcg, Placed, Scene, render};
+use resight::render::{Finish, Pcg, Placed, Scene, Style, render};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use support::folder;
@@ -146,7 +146,7 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
     let night = Night::new("landmarks-stand-in");
     let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });
     let cam_from_target = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
-    let placed = Placed { target, cam_from_target };
+    let placed = Placed { target, cam_from_target, style: Style::default() };
     let scene = Scene { placed: vec![placed], background: 128.0, clutter: Vec::new() };
     let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
     let tag = render(&scene, &small(), &finish).expect("a picture");
