@@ -120,7 +120,7 @@ fn a_knock_to_the_left_is_told_in_words_and_numbers() {
     assert!(drifted.contains("left 0.2") && drifted.contains("to put it back: right 0.2"), "{drifted}");
     assert!(!drifted.contains("mm"), "landmarks know of no shift: {drifted}");
     let told = night.watch(&["--landmarks", &landmarks, "--json"]);
-    let drift = &told.events("state")[1];
+    let drift = told.events("state").pop().expect("a state");
     let turn = numbers(&drift["pure_rotation_rad"]);
     assert!((turn[1].to_degrees() + 0.2).abs() < 0.02, "{drift}");
 }
@@ -200,8 +200,9 @@ fn another_scene_and_a_wrong_picture_are_named() {
         ("gate=no/such.png".to_string(), format!("gate={}", night.folder.join("night/0000.png").display()));
     refused(&["--landmarks", &missing], "no/such.png");
     refused(&["--landmarks", &blank], "0 landmarks, 30 are needed");
-    refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one of");
+    refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one is needed");
     refused(&["--landmarks", "door=a.png"], "there is no such name");
+    refused(&["--landmarks", &landmarks, "--reference", "a.toml"], "belong to a --target");
     refused(&[], "--target");
 }
 

@@ -65,6 +65,11 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
+    if args.target.is_empty() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
+        bail!(
+            "--reference and --save-reference belong to a --target; landmarks have --landmarks and --save-landmarks"
+        );
+    }
     let names = Names::new(&args.camera, &args.target);
     let cameras = cameras(args, &names)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
