@@ -9,7 +9,7 @@ use landmarks_support::{camera, exposed, picture, turned};
 use resight::core::target::Tag;
 use resight::core::{Camera, Pose, Target, Vector6};
 use resight::formats::write_atomically;
-use resight::render::{Finish, Pcg, Placed, Scene, render};
+use resight::render::{Finish, Pcg, Placed, Scene, Style, render};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use support::folder;
@@ -120,7 +120,7 @@ fn a_knock_to_the_left_is_told_in_words_and_numbers() {
     assert!(drifted.contains("left 0.2") && drifted.contains("to put it back: right 0.2"), "{drifted}");
     assert!(!drifted.contains("mm"), "landmarks know of no shift: {drifted}");
     let told = night.watch(&["--landmarks", &landmarks, "--json"]);
-    let drift = &told.events("state")[1];
+    let drift = told.events("state").pop().expect("a state");
     let turn = numbers(&drift["pure_rotation_rad"]);
     assert!((turn[1].to_degrees() + 0.2).abs() < 0.02, "{drift}");
 }
@@ -146,7 +146,7 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
     let night = Night::new("landmarks-stand-in");
     let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });
     let cam_from_target = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
-    let placed = Placed { target, cam_from_target };
+    let placed = Placed { target, cam_from_target, style: Style::default() };
     let scene = Scene { placed: vec![placed], background: 128.0, clutter: Vec::new() };
     let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
     let tag = render(&scene, &small(), &finish).expect("a picture");
@@ -200,8 +200,9 @@ fn another_scene_and_a_wrong_picture_are_named() {
         ("gate=no/such.png".to_string(), format!("gate={}", night.folder.join("night/0000.png").display()));
     refused(&["--landmarks", &missing], "no/such.png");
     refused(&["--landmarks", &blank], "0 landmarks, 30 are needed");
-    refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one of");
+    refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one is needed");
     refused(&["--landmarks", "door=a.png"], "there is no such name");
+    refused(&["--landmarks", &landmarks, "--reference", "a.toml"], "belong to a --target");
     refused(&[], "--target");
 }
 

@@ -3,7 +3,7 @@
 mod landmarks_support;
 mod real_support;
 
-use landmarks_support::{camera, exposed, turned, warped};
+use landmarks_support::{camera, exposed, photographed, turned};
 use nalgebra::{Matrix3, Rotation3};
 use real_support::real_data;
 use resight::GrayImage;
@@ -30,15 +30,18 @@ fn photographs_turned_by_known_angles() {
     for (set, name) in photographs {
         let Some(folder) = real_data(set) else { return };
         let image = GrayImage::read(&folder.join(name)).expect("a photograph");
-        let camera = camera(image.width_px, image.height_px, 0.9 * f64::from(image.width_px));
-        let landmarks = Landmarks::new(&image, &camera).expect("landmarks");
+        let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
         let mut chance = Pcg::new(5);
+        let still = photographed(&image, &camera, &Matrix3::identity());
+        let reference = exposed(&camera, &still, 1.0, 1.0, &mut chance);
+        let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
         for degrees in
             [[0.02, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, 0.0, 0.3], [0.5, -1.0, 0.7], [2.0, 4.0, -2.0]]
         {
             let truth = turned(degrees);
             for (light, noise) in [(1.0, 1.0), (0.6, 3.0), (1.2, 2.0)] {
-                let seen = exposed(&camera, &warped(&image, &camera, &truth), light, noise, &mut chance);
+                let seen =
+                    exposed(&camera, &photographed(&image, &camera, &truth), light, noise, &mut chance);
                 let sighting =
                     landmarks.sight(&seen, None).unwrap_or_else(|e| panic!("{name} {degrees:?}: {e}"));
                 let (off, sigmas) = error(&sighting, &truth);

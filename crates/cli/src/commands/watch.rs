@@ -83,6 +83,11 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
+    if args.target.is_empty() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
+        bail!(
+            "--reference and --save-reference belong to a --target; landmarks have --landmarks and --save-landmarks"
+        );
+    }
     if args.motion.moves() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!("--motion moving compares with no reference; leave --reference and --save-reference out");
     }

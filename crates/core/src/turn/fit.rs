@@ -166,7 +166,7 @@ fn agreeing(all: &[Prepared], camera: &Camera, r: &Matrix3<f64>, threshold_px: f
     let mut chi2: Vec<f64> = rows.iter().map(Row::chi2).collect();
     chi2.sort_unstable_by(f64::total_cmp);
     let Some(median) = chi2.get(chi2.len() / 2) else { return rows };
-    let limit = GATE * GATE * (median / MEDIAN_OF_TWO);
+    let limit = GATE * GATE * (median / MEDIAN_OF_TWO).max(LEAST_NOISE_FACTOR);
     rows.retain(|row| row.chi2() <= limit);
     rows
 }

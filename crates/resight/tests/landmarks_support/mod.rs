@@ -79,16 +79,24 @@ pub fn turned(degrees: [f64; 3]) -> Matrix3<f64> {
     Rotation3::new(Vector3::from(degrees.map(f64::to_radians))).inverse().into_inner()
 }
 
-/// A picture seen by the same camera after a turn: exact directions, greys by the cubic convolution of Keys (1981). What was not in the
-/// picture is black.
-pub fn warped(image: &GrayImage, camera: &Camera, now_from_reference: &Matrix3<f64>) -> Vec<f64> {
+/// A photograph as a scene at infinity, seen by a turned camera of half its columns and rows: each pixel is the mean of 3 × 3 exact
+/// directions, greys between the photograph's by the cubic convolution of Keys (1981). What is not in the photograph is black.
+pub fn photographed(photograph: &GrayImage, camera: &Camera, now_from_reference: &Matrix3<f64>) -> Vec<f64> {
     let reference_from_now = now_from_reference.transpose();
-    let pixel = |(u, v): (u32, u32)| {
-        let bearing = camera.bearing(&Vector2::new(f64::from(u), f64::from(v))).ok()?;
-        sampled(image, camera.project(&(reference_from_now * bearing.into_inner()))?)
+    let size = camera.size.expect("a size");
+    let at = |u: f64, v: f64| {
+        let bearing = camera.bearing(&Vector2::new(u, v)).ok()?;
+        let pixel = camera.project(&(reference_from_now * bearing.into_inner()))?;
+        sampled(photograph, pixel.map(|x| 2.0 * x + 0.5))
     };
-    let all = (0..image.height_px).flat_map(|v| (0..image.width_px).map(move |u| (u, v)));
-    all.map(|at| pixel(at).unwrap_or(0.0)).collect()
+    let steps = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
+    let pixel = |(u, v): (u32, u32)| {
+        let of_row = |dv: f64| -> f64 {
+            steps.iter().map(|du| at(f64::from(u) + du, f64::from(v) + dv).unwrap_or(0.0)).sum()
+        };
+        steps.iter().map(|dv| of_row(*dv)).sum::<f64>() / 9.0
+    };
+    (0..size.height_px).flat_map(|v| (0..size.width_px).map(move |u| (u, v))).map(pixel).collect()
 }
 
 fn keys(f: f64) -> [f64; 4] {
