@@ -1,4 +1,4 @@
-//! The four cameras: a tag of middle size, a small one, a wall of twelve, and one that is knocked every second.
+//! The four cameras: a tag of middle size, a small one, a wall of twelve, and one that is knocked four times a second.
 
 use crate::live_support::{Pace, Replay, film, map, tag, tag_pose, trembling, watched};
 use nalgebra::Vector6;

@@ -5,9 +5,11 @@ use crate::live_support::{HEIGHT_PX, WIDTH_PX, watched};
 use resight::live::LiveCamera;
 use resight::source::video::Video;
 use resight::source::{Content, Frame, Next, Source};
+use resight::{FileError, GrayImage};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Seconds of a film; it is decoded again and again.
@@ -17,15 +19,12 @@ pub fn cameras(seconds: f64) -> Result<Vec<LiveCamera>, String> {
     let camera = |i: usize| {
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live-{i}.mp4"));
         encode(i, &path)?;
-        Ok(watched(
-            &target(i),
-            Camera { path, video: None, started: None, next: 0, n: (seconds * RATE_HZ) as u64 },
-        ))
+        Ok(watched(&target(i), Camera::new(path, (seconds * RATE_HZ) as u64)))
     };
     (0..CAMERAS).map(camera).collect()
 }
 
-/// Writes a camera's pictures as a film, at the quality of a surveillance camera.
+/// Writes a camera's pictures as a film with the bits of a network camera, 4 Mbit/s.
 fn encode(camera: usize, path: &Path) -> Result<(), String> {
     let size = format!("{WIDTH_PX}x{HEIGHT_PX}");
     let rate = RATE_HZ.to_string();
@@ -33,7 +32,7 @@ fn encode(camera: usize, path: &Path) -> Result<(), String> {
         .args([
             "-nostdin", "-v", "fatal", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", &size, "-r", &rate,
         ])
-        .args(["-i", "-", "-c:v", "libx264", "-preset", "veryfast", "-crf", "23", "-pix_fmt", "yuv420p"])
+        .args(["-i", "-", "-c:v", "libx264", "-preset", "veryfast", "-b:v", "4M", "-pix_fmt", "yuv420p"])
         .arg(path)
         .stdin(Stdio::piped())
         .spawn()
@@ -49,13 +48,39 @@ fn encode(camera: usize, path: &Path) -> Result<(), String> {
     if ended.success() { Ok(()) } else { Err("ffmpeg has no libx264".to_string()) }
 }
 
-/// A film given frame by frame as a camera would.
+/// A film given frame by frame as a camera would, again and again.
 struct Camera {
     path: PathBuf,
     video: Option<Video>,
+    /// The next run of the film, started beforehand: a camera does not pause while a program starts.
+    upcoming: Option<JoinHandle<Result<Video, FileError>>>,
     started: Option<Instant>,
     next: u64,
     n: u64,
+}
+
+impl Camera {
+    fn new(path: PathBuf, n: u64) -> Self {
+        let upcoming = Some(opening(&path));
+        Camera { path, video: None, upcoming, started: None, next: 0, n }
+    }
+
+    fn picture(&mut self) -> Result<GrayImage, FileError> {
+        loop {
+            if let Some(picture) = self.video.as_mut().and_then(Iterator::next) {
+                return picture;
+            }
+            let opening = self.upcoming.replace(opening(&self.path));
+            let opened = opening.and_then(|opening| opening.join().ok());
+            self.video =
+                Some(opened.unwrap_or_else(|| Err(FileError::new(&self.path, "cannot be opened again")))?);
+        }
+    }
+}
+
+fn opening(path: &Path) -> JoinHandle<Result<Video, FileError>> {
+    let path = path.to_path_buf();
+    std::thread::spawn(move || Video::open(&path))
 }
 
 impl Source for Camera {
@@ -64,29 +89,24 @@ impl Source for Camera {
             return Next::End;
         }
         let capture_s = self.next as f64 / RATE_HZ;
-        let due = *self.started.get_or_insert_with(Instant::now) + Duration::from_secs_f64(capture_s);
-        let wait = due.saturating_duration_since(Instant::now());
-        std::thread::sleep(wait.min(patience));
-        if patience < wait {
-            return Next::Nothing;
-        }
-        let picture = loop {
-            let video = match &mut self.video {
-                Some(video) => video,
-                None => match Video::open(&self.path) {
-                    Ok(video) => self.video.insert(video),
-                    Err(reason) => return Next::Lost(reason),
-                },
-            };
-            match video.next() {
-                Some(Ok(picture)) => break picture,
-                Some(Err(reason)) => return Next::Lost(reason),
-                None => self.video = None,
+        if let Some(started) = self.started {
+            let due = started + Duration::from_secs_f64(capture_s);
+            let wait = due.saturating_duration_since(Instant::now());
+            std::thread::sleep(wait.min(patience));
+            if patience < wait {
+                return Next::Nothing;
             }
-        };
-        let (number, name) = (self.next, String::new());
-        self.next += 1;
-        Next::Frame(Frame { number, capture_s, name, content: Content::Image(picture) })
+        }
+        match self.picture() {
+            Ok(picture) => {
+                // The first picture sets the clock.
+                self.started.get_or_insert_with(Instant::now);
+                let (number, name) = (self.next, String::new());
+                self.next += 1;
+                Next::Frame(Frame { number, capture_s, name, content: Content::Image(picture) })
+            }
+            Err(reason) => Next::Lost(reason),
+        }
     }
 
     fn is_live(&self) -> bool {

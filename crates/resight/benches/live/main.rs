@@ -4,7 +4,7 @@
 //! cargo bench -p resight --bench live                                  # a minute of each part
 //! cargo bench -p resight --bench live -- --part memory --seconds 3600  # memory over an hour
 //! ```
-//! `memory`: rendered pictures held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
+//! `search`: one picture. `memory`: rendered pictures held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
 //! Exit status 1 when a bar is missed.
 #![allow(missing_docs)]
 
@@ -13,11 +13,14 @@ mod figures;
 mod films;
 mod process;
 mod readings;
+mod search;
 mod session;
 #[path = "../../tests/live_support/mod.rs"]
 mod live_support;
 
 use std::process::ExitCode;
+
+const PARTS: [&str; 5] = ["search", "readings", "memory", "films", "all"];
 
 /// What is run.
 struct Arguments {
@@ -32,14 +35,12 @@ fn arguments() -> Result<Arguments, String> {
     while let Some(word) = words.next() {
         let value = words.next().ok_or_else(|| format!("{word} needs a value"))?;
         match word.as_str() {
-            "--part" if ["memory", "films", "readings", "all"].contains(&value.as_str()) => {
-                parsed.part = value
-            }
+            "--part" if PARTS.contains(&value.as_str()) => parsed.part = value,
             "--seconds" => {
                 parsed.seconds = value.parse().map_err(|_| format!("--seconds {value}: not a number"))?
             }
             _ => {
-                return Err(format!("{word} {value}: give --part memory|films|readings|all or --seconds N"));
+                return Err(format!("{word} {value}: give --part {} or --seconds N", PARTS.join("|")));
             }
         }
     }
@@ -56,6 +57,9 @@ fn main() -> ExitCode {
     };
     let is_run = |part: &str| [part, "all"].contains(&arguments.part.as_str());
     let mut bars = figures::Bars::default();
+    if is_run("search") {
+        search::run();
+    }
     if is_run("readings") {
         readings::run(&mut bars);
     }

@@ -197,8 +197,10 @@ impl Pair {
             observation.seen = points;
             return Ok(());
         }
-        observation.tracked = self.tracker.push(frame.capture_s, &candidates(&estimate));
-        observation.reading = observation.tracked.as_ref().map(|tracked| reading(frame, &estimate, tracked));
+        let candidates = candidates(&estimate);
+        observation.tracked = self.tracker.push(frame.capture_s, &candidates);
+        let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
+        observation.reading = observation.tracked.as_ref().map(reading);
         observation.times.decide_us = micros(started);
         Ok(())
     }
@@ -264,8 +266,7 @@ fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
 }
 
 /// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
-fn reading(frame: &Frame, estimate: &PoseEstimate, tracked: &Tracked) -> Reading {
-    let all = candidates(estimate);
+fn reading(frame: &Frame, estimate: &PoseEstimate, all: &[Candidate], tracked: &Tracked) -> Reading {
     let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
     Reading {
         t_s: frame.capture_s,
