@@ -100,7 +100,7 @@ pub(in crate::live) fn settings(
     watched: &Watched,
     config: &LiveConfig,
 ) -> BTreeMap<String, String> {
-    let reference = watched.reference.as_ref().map(|reference| digest(reference));
+    let reference = watched.reference.as_ref().map(digest);
     let MonitorConfig {
         false_alarms_per_day,
         decision_period_s,
