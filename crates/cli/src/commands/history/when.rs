@@ -43,7 +43,7 @@ fn days(year: i64, month: i64, day: i64) -> i64 {
 
 /// As a date where it is one, as seconds otherwise.
 pub fn words(t_s: f64) -> String {
-    if !(A_DATE_S <= t_s && t_s < 2e11) {
+    if !(A_DATE_S..2e11).contains(&t_s) {
         return format!("{t_s:.3} s");
     }
     let whole_days = (t_s / DAY_S).floor();

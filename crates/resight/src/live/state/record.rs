@@ -113,7 +113,7 @@ pub(in crate::live) fn settings(
     watched: &Watched,
     config: &LiveConfig,
 ) -> BTreeMap<String, String> {
-    let reference = watched.reference.as_ref().map(|reference| digest(reference));
+    let reference = watched.reference.as_ref().map(digest);
     let own = [
         ("target", digest(watched.target.as_ref())),
         ("reference", reference.unwrap_or_else(|| "learned".to_string())),
