@@ -12,7 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use log::Log;
 use names::{Names, by_name, split};
-use outputs::OutputArgs;
+use outputs::{OutputArgs, Session};
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::core::track::TrackConfig;
 use resight::live::{self, Event, LiveCamera, LiveConfig, State, Watched, reference};
@@ -63,11 +63,18 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let names = Names::new(&args.camera, &args.target);
     let cameras = cameras(args, &names)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
-    let log = Log;
-    let mut outputs = outputs::open(&args.outputs, &names, &log)?;
+    let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
+    let references = cameras.iter().flat_map(|camera| camera.targets.iter().map(|watched| watched.reference));
+    let session = Session {
+        names: &names,
+        references: references.collect(),
+        log: &log,
+        stop: &stop,
+        is_once: args.once,
+    };
+    let mut outputs = outputs::open(&args.outputs, &session)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let mut failed = None;
-    let stop = Arc::new(AtomicBool::new(false));
     live::run(cameras, &config(args, &names), &stop, |event| {
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
@@ -79,15 +86,21 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let finished = outputs.iter_mut().try_for_each(|output| output.finish());
     match failed {
         Some(reason) => Err(reason),
-        None => finished.and_then(|()| verdict(args, &names, &states)),
+        None => finished.and_then(|()| verdict(args, &names, &states, &log)),
     }
 }
 
-fn verdict(args: &Watch, names: &Names, states: &[Option<State>]) -> Result<Outcome> {
-    match args.once {
-        true => outputs::said::verdict(names, args.outputs.json, states),
-        false => Ok(Outcome::Answered),
+fn verdict(args: &Watch, names: &Names, states: &[Option<State>], log: &Log) -> Result<Outcome> {
+    if !args.once {
+        return Ok(Outcome::Answered);
     }
+    if args.outputs.is_printed() {
+        return outputs::said::verdict(names, args.outputs.json, states);
+    }
+    for (name, state) in names.pairs().iter().zip(states) {
+        log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("unseen", outputs::said::word)));
+    }
+    Ok(outputs::said::outcome(states))
 }
 
 fn cameras(args: &Watch, names: &Names) -> Result<Vec<LiveCamera>> {

@@ -27,14 +27,19 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>]) -> Result<Ou
             false => print(&format!("{name}: {word}"))?,
         }
     }
+    Ok(outcome(states))
+}
+
+/// How a session of these last states ends.
+pub fn outcome(states: &[Option<State>]) -> Outcome {
     let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
     let blind = states.iter().any(Option::is_none)
         || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
-    Ok(match is(|s| matches!(s, State::Drifted(_))) {
+    match is(|s| matches!(s, State::Drifted(_))) {
         true => Outcome::Moved,
         false if blind => Outcome::SomeUnanswered,
         false => Outcome::Answered,
-    })
+    }
 }
 
 /// Line by line, each flushed: another program may be waiting for it.
@@ -58,7 +63,8 @@ impl Said {
         Said { names: names.clone(), json, frames }
     }
 
-    fn words(&self, event: &Event) -> String {
+    /// An event in words.
+    pub fn words(&self, event: &Event) -> String {
         match event {
             Event::Observed { camera, target, observation } => {
                 format!("{}  {}", self.names.pair(*camera, *target), observed_words(observation))
@@ -131,7 +137,7 @@ impl Said {
 }
 
 /// The contract's word.
-fn word(state: &State) -> &'static str {
+pub fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
@@ -142,7 +148,8 @@ fn word(state: &State) -> &'static str {
     }
 }
 
-fn state_words(state: &State) -> String {
+/// A state in words.
+pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
