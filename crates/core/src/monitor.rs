@@ -97,14 +97,21 @@ impl Drift {
     /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
     pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let shift: Vector3<f64> = self.old_from_new.fixed_rows::<3>(3).into();
-        let turn: Vector3<f64> = self.old_from_new.fixed_rows::<3>(0).into();
-        let block = |i, j| -> Matrix3<f64> { self.covariance.fixed_view::<3, 3>(i, j).into() };
-        let of_shift = block(3, 3).cholesky()?;
-        let chi2 = shift.dot(&of_shift.solve(&shift));
-        let gain = of_shift.solve(&block(3, 0)).transpose();
+        let of_shift: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();
+        let chi2 = shift.dot(&of_shift.cholesky()?.solve(&shift));
         let is_likely = PURE_ROTATION_PROBABILITY < crate::frames::chi_square::tail(3, chi2);
-        is_likely.then(|| (turn - gain * shift, block(0, 0) - gain * block(3, 0)))
+        if is_likely { turn_alone(&self.old_from_new, &self.covariance) } else { None }
     }
+}
+
+/// The turn of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
+/// docs/math/monitor.md eq. (17). None where the covariance of the shift is not positive definite.
+pub fn turn_alone(motion: &Vector6, covariance: &Matrix6) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let shift: Vector3<f64> = motion.fixed_rows::<3>(3).into();
+    let turn: Vector3<f64> = motion.fixed_rows::<3>(0).into();
+    let block = |i, j| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(i, j).into() };
+    let gain = block(3, 3).cholesky()?.solve(&block(3, 0)).transpose();
+    Some((turn - gain * shift, block(0, 0) - gain * block(3, 0)))
 }
 
 /// What the monitor says.

@@ -7,6 +7,7 @@ mod motion;
 mod names;
 mod outputs;
 mod rig;
+mod signals;
 mod sources;
 
 use crate::output::Outcome;
@@ -100,17 +101,19 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let cameras = cameras(args, &names, rig)?;
     let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
     let pictures = args.landmarks.saved(&names)?;
-    let log = Log;
+    let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
+    signals::stop_at_request(&stop)?;
     let session = Session {
         names: &names,
         references: cameras.iter().flat_map(|camera| &camera.targets).map(|t| t.reference).collect(),
         false_alarms_per_day: args.alarm.false_alarms_per_day,
         log: &log,
+        stop: &stop,
+        is_once: args.once,
     };
     let mut outputs = outputs::open(&args.outputs, &session)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
     let (mut failed, mut moved) = (None, Moved::default());
-    let stop = Arc::new(AtomicBool::new(false));
     let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
     live::run_from(cameras, &config, &stop, state.as_ref(), |event| {
         moved.take(event);
@@ -126,15 +129,27 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let finished = outputs.iter_mut().try_for_each(|output| output.finish());
     match failed {
         Some(reason) => Err(reason),
-        None => finished.and_then(|()| verdict(args, &names, &states, &moved)),
+        None => finished.and_then(|()| verdict(args, &names, &states, &moved, &log)),
     }
 }
 
-fn verdict(args: &Watch, names: &Names, states: &[Option<State>], moved: &Moved) -> Result<Outcome> {
-    match args.once {
-        true => outputs::said::verdict(names, args.outputs.json, states, moved),
-        false => Ok(Outcome::Answered),
+fn verdict(
+    args: &Watch,
+    names: &Names,
+    states: &[Option<State>],
+    moved: &Moved,
+    log: &Log,
+) -> Result<Outcome> {
+    if !args.once {
+        return Ok(Outcome::Answered);
     }
+    if args.outputs.is_printed() {
+        return outputs::said::verdict(names, args.outputs.json, states, moved);
+    }
+    for (name, state) in names.pairs().iter().zip(states) {
+        log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("unseen", outputs::said::word)));
+    }
+    Ok(outputs::said::outcome(states, moved))
 }
 
 fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<LiveCamera>> {

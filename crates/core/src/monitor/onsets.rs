@@ -26,6 +26,11 @@ const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
 const CHANGES: usize = AXES + 1;
+/// Prior weights of the courses: any that add up to one keep the promise, docs/math/monitor.md eq. (9). A step is urgent; a slow drift
+/// makes up for a factor of five within minutes of its hours.
+const COURSE_WEIGHTS: [f64; COURSES.len()] = [0.9, 0.1];
+/// And of the changes: mounts turn (three directions), shift less often (three), or do it all at once.
+const CHANGE_WEIGHTS: [f64; CHANGES] = [0.2, 0.2, 0.2, 1.0 / 15.0, 1.0 / 15.0, 1.0 / 15.0, 0.2];
 
 /// How a change goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,11 +75,10 @@ struct Onset {
 impl Onset {
     fn new(t_s: f64) -> Self {
         let jump = Gathered { signature: Vector4::x(), ..Gathered::default() };
-        let weight = 1.0 / (COURSES.len() * CHANGES) as f64;
         Onset {
             t_s,
             gathered: [[jump; AXES], [Gathered::default(); AXES]],
-            weights: [[weight; CHANGES]; COURSES.len()],
+            weights: COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| course * change)),
         }
     }
 

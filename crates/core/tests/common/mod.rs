@@ -7,6 +7,9 @@ pub mod outliers;
 pub mod accident;
 pub mod views;
 pub mod rooms;
+pub mod sentry;
+pub mod rivals;
+pub mod delay;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

@@ -12,6 +12,7 @@ mod notice;
 mod metrics;
 mod webhook;
 mod mqtt;
+mod tui;
 
 use super::log::Log;
 use super::names::Names;
@@ -24,6 +25,7 @@ use resight::live::Event;
 use said::Said;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Takes every event, in order, and never waits for anybody else: an output that talks to a server has a thread and a bounded
 /// queue of its own, and says in the log what went wrong. An error ends the session.
@@ -62,6 +64,15 @@ pub struct OutputArgs {
     /// At the end of a session, how long --webhook and --mqtt each may take for what still waits.
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::positive)]
     flush_s: f64,
+    #[command(flatten)]
+    tui: tui::TuiArgs,
+}
+
+impl OutputArgs {
+    /// Standard output is lines of text; otherwise a view is drawn there.
+    pub fn is_printed(&self) -> bool {
+        self.json || !self.tui.tui
+    }
 }
 
 /// What is known of a session before it starts.
@@ -74,6 +85,10 @@ pub struct Session<'a> {
     pub false_alarms_per_day: f64,
     /// What the session itself has to say.
     pub log: &'a Log,
+    /// Ends the session.
+    pub stop: &'a Arc<AtomicBool>,
+    /// The session ends with its sources.
+    pub is_once: bool,
 }
 
 /// What outputs that talk to servers have in common.
@@ -89,16 +104,20 @@ struct Common<'a> {
 /// Opens what was asked for.
 ///
 /// # Errors
-/// An address, a file or a port that cannot be used.
+/// An address, a file or a port that cannot be used; a view without a terminal.
 pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Output>>> {
     let Session { names, log, .. } = session;
     let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
     let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
-    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(Said::new(names, args.json, args.frames))];
+    let mut outputs: Vec<Box<dyn Output>> = Vec::new();
+    if args.is_printed() {
+        outputs.push(Box::new(Said::new(names, args.json, args.frames)));
+    }
     outputs.extend(history::open(&args.history, names, args.json, log)?);
     outputs.extend(tf::open(&args.tf, session)?);
     outputs.extend(webhook::open(&args.webhook, &mut common)?);
     outputs.extend(mqtt::open(&args.mqtt, &mut common)?);
     outputs.extend(metrics::open(&args.metrics, session, common.counted)?); // last: it counts what the others deliver
+    outputs.extend(tui::open(&args.tui, args.json, session)?); // last: the others end while it is still there
     Ok(outputs)
 }

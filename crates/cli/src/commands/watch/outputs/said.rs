@@ -68,14 +68,19 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>], moved: &Move
             false => print(&format!("{name}: {word}"))?,
         }
     }
+    Ok(outcome(states, moved))
+}
+
+/// How a session of these last states ends.
+pub fn outcome(states: &[Option<State>], moved: &Moved) -> Outcome {
     let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
     let blind = states.iter().any(Option::is_none)
         || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
-    Ok(match !moved.nodes.is_empty() || is(|s| matches!(s, State::Drifted(_))) {
+    match !moved.nodes.is_empty() || is(|s| matches!(s, State::Drifted(_))) {
         true => Outcome::Moved,
         false if blind => Outcome::SomeUnanswered,
         false => Outcome::Answered,
-    })
+    }
 }
 
 /// Line by line, each flushed: another program may be waiting for it.
@@ -231,7 +236,8 @@ pub fn word(state: &State) -> &'static str {
     }
 }
 
-pub(super) fn state_words(state: &State) -> String {
+/// A state in words.
+pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),

@@ -1,0 +1,132 @@
+//! The chosen camera: its state in words, times, scatter, and the turn through time.
+
+use super::board::PairBoard;
+use super::statistics::Rolling;
+use super::trail::bars;
+use super::view::{Picture, duration};
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Color;
+use ratatui::text::{Line, Span, Text};
+use ratatui::widgets::Paragraph;
+use resight::core::Vector6;
+use resight::core::monitor::{Reading, turn_alone};
+
+/// A turn below this is drawn small even where nothing is known of the noise.
+const LEAST_SCALE_RAD: f64 = 1e-5;
+/// Lines of the words of a state.
+const WORDS: usize = 3;
+
+/// Draws it; there are at least eight lines.
+pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
+    let Some(pair) = picture.board.pairs.get(picture.view.chosen) else { return };
+    let words = words(picture, area.width);
+    let [said, times, caption, drawn] = Layout::vertical([
+        Constraint::Length(words.len() as u16),
+        Constraint::Length(4),
+        Constraint::Length(1),
+        Constraint::Min(1),
+    ])
+    .areas(area);
+    frame.render_widget(Paragraph::new(words), said);
+    let [left, right] = Layout::horizontal([Constraint::Length(46), Constraint::Min(0)]).areas(times);
+    frame.render_widget(stages(picture, pair), left);
+    frame.render_widget(scatter(picture, pair), right);
+    trail(frame, caption, drawn, picture, pair);
+}
+
+/// The state in words, and why nothing is seen; broken into lines, at most three.
+pub fn words<'a>(picture: &Picture<'_>, width: u16) -> Vec<Line<'a>> {
+    let Some(pair) = picture.board.pairs.get(picture.view.chosen) else { return Vec::new() };
+    let (sign, _, color) = picture.sign(picture.view.chosen);
+    let camera = picture.board.camera_of(picture.view.chosen);
+    let mut text = format!("{sign} {}", pair.words(picture.now));
+    if let Some(reason) = camera.and_then(|camera| camera.lost.as_ref()) {
+        text += &format!("; source lost: {reason}");
+    } else if camera.is_some_and(|camera| camera.has_ended) {
+        text += "; its source has ended";
+    }
+    let lines = wrapped(&text, usize::from(width));
+    lines.into_iter().take(WORDS).map(|line| Line::styled(line, picture.color(color))).collect()
+}
+
+/// Broken at blanks; words longer than a line are left to be cut.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if Line::from(line.as_str()).width() + 1 + Line::from(word).width() <= width => {
+                *line += &format!(" {word}");
+            }
+            _ => lines.push(word.to_string()),
+        }
+    }
+    lines
+}
+
+/// Microseconds of each stage.
+fn stages<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
+    let stages = [&pair.waited_us, &pair.detect_us, &pair.solve_us, &pair.decide_us];
+    let line = |name: &str, number: &dyn Fn(&Rolling) -> Option<f64>| {
+        let numbers = stages.map(|stage| format!("{:>9}", number(stage).map_or("–".to_string(), us)));
+        Line::raw(format!("{name:<7}{}", numbers.concat()))
+    };
+    let heads = format!("{:<7}{:>9}{:>9}{:>9}{:>9}", "µs", "waited", "detect", "solve", "decide");
+    Text::from(vec![
+        Line::styled(heads, picture.color(Color::DarkGray)),
+        line("last", &|stage| stage.last()),
+        line("median", &|stage| stage.quantile(0.5)),
+        line("p99", &|stage| stage.quantile(0.99)),
+    ])
+}
+
+fn us(us: f64) -> String {
+    if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") }
+}
+
+/// Standard deviations of the pose of a frame.
+fn scatter<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
+    let sigma = pair.spread.sigma();
+    let line = |name: &str, first: usize, scale: f64, decimals: usize| {
+        let number = |i: usize| sigma.map_or("–".to_string(), |s| format!("{:.decimals$}", s[i] * scale));
+        Line::raw(format!("{name:<7}{:>8}{:>8}{:>8}", number(first), number(first + 1), number(first + 2)))
+    };
+    Text::from(vec![
+        Line::styled(format!("{:<7}{:>8}{:>8}{:>8}", "±", "x", "y", "z"), picture.color(Color::DarkGray)),
+        line("turn °", 0, f64::to_degrees(1.0), 4),
+        line("mm", 3, 1e3, 3),
+        Line::styled(format!("std-dev of {} frames", pair.spread.len()), picture.color(Color::DarkGray)),
+    ])
+}
+
+fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_>, pair: &PairBoard) {
+    let columns = picture.board.trail_columns(picture.view.chosen, usize::from(drawn.width), picture.now);
+    let most_rad = scale_rad(pair, &columns);
+    let says = match columns.iter().any(Option::is_some) {
+        true => format!(
+            "turn against the reference{}, over {}; full height {:.3}°",
+            if pair.has_shifted() { "" } else { " if it only turned" },
+            duration(pair.trail().span_s()),
+            most_rad.to_degrees()
+        ),
+        false => "turn against the reference: nothing to compare yet".to_string(),
+    };
+    frame.render_widget(Span::styled(says, picture.color(Color::DarkGray)), caption);
+    let (_, _, color) = picture.sign(picture.view.chosen);
+    let lines = bars(&columns, most_rad, usize::from(drawn.height).clamp(1, 5));
+    let lines = lines.into_iter().map(|line| Line::styled(line, picture.color(color)));
+    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), drawn);
+}
+
+/// The turn of a full bar: the largest, but not so small that a steady camera's noise fills the picture.
+pub fn scale_rad(pair: &PairBoard, columns: &[Option<f64>]) -> f64 {
+    let noise_rad = |reading: &Reading| {
+        let turn = match pair.has_shifted() {
+            true => reading.covariance.fixed_view::<3, 3>(0, 0).trace(),
+            false => turn_alone(&Vector6::zeros(), &reading.covariance).map_or(0.0, |(_, turn)| turn.trace()),
+        };
+        turn.max(0.0).sqrt()
+    };
+    let noise_rad = pair.last.as_ref().and_then(|last| last.reading.as_ref()).map_or(0.0, noise_rad);
+    columns.iter().flatten().copied().fold((2.0 * noise_rad).max(LEAST_SCALE_RAD), f64::max)
+}
