@@ -10,6 +10,7 @@
 mod words;
 
 use crate::GrayImage;
+use std::cmp::Ordering;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
@@ -27,6 +28,8 @@ const MAX_HEADER_BYTES: u64 = 1024;
 const MAX_WORDS_BYTES: u64 = 1 << 16;
 /// Decoded frames waiting to be taken; then ffmpeg waits.
 const WAITING: usize = 2;
+/// The line about a frame is written before the frame; it only has to be read.
+const LINE_PATIENCE: Duration = Duration::from_secs(1);
 /// How long ffmpeg may take to end after its last word.
 const ENDING: Duration = Duration::from_secs(2);
 
@@ -93,6 +96,7 @@ impl Ffmpeg {
             .arg("-i")
             .arg(input)
             .args(["-map", "0:v:0", "-vf", "showinfo=checksum=0,settb=1/30,setpts=N"])
+            .args(["-enc_time_base", "1/30"])
             .args(self.each_frame_once)
             .args(["-pix_fmt", "gray", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
@@ -188,8 +192,11 @@ struct Pictures {
     to_taker: SyncSender<Decoded>,
     /// Columns and rows, once the header has come.
     size_px: Option<[u32; 2]>,
-    /// What ffmpeg will call the next frame.
+    /// Frames so far, and how many there were when ffmpeg began to count.
     next_number: u64,
+    first_number: u64,
+    /// What was said of a later frame.
+    kept: Option<Told>,
     time_base_s: Option<f64>,
     /// Why the next frame is not to be trusted.
     complaint: Option<String>,
@@ -198,65 +205,89 @@ struct Pictures {
 impl Pictures {
     fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>) -> Self {
         let pipe = BufReader::with_capacity(1 << 20, stdout);
-        Pictures { pipe, to_taker, size_px: None, next_number: 0, time_base_s: None, complaint: None }
+        Pictures {
+            pipe,
+            to_taker,
+            size_px: None,
+            next_number: 0,
+            first_number: 0,
+            kept: None,
+            time_base_s: None,
+            complaint: None,
+        }
     }
 
-    /// A frame for each line about one, until ffmpeg falls silent or nobody takes them.
+    /// Every frame with what was said of it, until the pipe ends or nobody takes them. The pipe of frames leads: ffmpeg waits while it
+    /// is full, whatever became of a line.
     fn read(mut self, told: Receiver<Told>) {
-        for told in told {
-            let decoded = match told {
-                Told::TimeBase { seconds } => {
-                    self.time_base_s = Some(seconds);
-                    continue;
-                }
-                Told::CorruptFrame(words) => {
-                    self.complaint = Some(words);
-                    continue;
-                }
-                Told::NoFrame(words) => Decoded::Damaged(words),
-                Told::Frame { number, ticks, size_px } => match self.frame(number, ticks, size_px) {
-                    Ok(decoded) => decoded,
-                    Err(reason) => Decoded::End(reason),
-                },
+        loop {
+            let decoded = match self.frame(&told) {
+                Ok(decoded) => decoded,
+                Err(reason) => Decoded::End(reason),
             };
             let is_over = matches!(decoded, Decoded::End(_));
+            if is_over {
+                self.said_of_next(&told); // What was said after the last frame.
+            }
+            // The taker may be gone.
             if self.to_taker.send(decoded).is_err() || is_over {
                 return;
             }
         }
-        // The taker may be gone.
-        let _ = self.to_taker.send(Decoded::End(None));
     }
 
-    /// The frame that was announced; an error, with or without a reason of its own, where the pipe ends instead.
-    fn frame(
-        &mut self,
-        number: u64,
-        ticks: Option<i64>,
-        told_px: [u32; 2],
-    ) -> Result<Decoded, Option<String>> {
+    /// The next frame; an error, with or without a reason of its own, where the pipe ends instead.
+    fn frame(&mut self, told: &Receiver<Told>) -> Result<Decoded, Option<String>> {
         let size_px = match self.size_px {
             Some(size_px) => size_px,
             None => self.header()?,
         };
         self.size_px = Some(size_px);
-        // Lines of several threads may run into each other, so that one about a frame is not understood.
-        let missed = number.saturating_sub(self.next_number);
-        for _ in 0..missed {
-            self.pixels(size_px)?;
-        }
-        self.next_number = number.saturating_add(1);
         let data = self.pixels(size_px)?;
+        let arrived = Instant::now();
+        let said = self.said_of_next(told);
+        self.next_number += 1;
         // ffmpeg scales every later frame to the size of the first.
-        if told_px != size_px {
-            return Ok(Decoded::Resized { from_px: size_px, to_px: told_px });
+        if let Some((_, to_px)) = said
+            && to_px != size_px
+        {
+            return Ok(Decoded::Resized { from_px: size_px, to_px });
         }
         if let Some(words) = self.complaint.take() {
             return Ok(Decoded::Damaged(words));
         }
+        let ticks = said.and_then(|(ticks, _)| ticks);
         let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
         let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
-        Ok(Decoded::Frame(Shot { time_s, arrived: Instant::now(), image }))
+        Ok(Decoded::Frame(Shot { time_s, arrived, image }))
+    }
+
+    /// Stamp and size of the next frame; none where its line was not understood, because those of several threads ran into each other.
+    fn said_of_next(&mut self, told: &Receiver<Told>) -> Option<(Option<i64>, [u32; 2])> {
+        loop {
+            let next = self.kept.take().or_else(|| told.recv_timeout(LINE_PATIENCE).ok())?;
+            match next {
+                // Numbers begin again with every configuration of the filter.
+                Told::TimeBase { seconds } => {
+                    (self.time_base_s, self.first_number) = (Some(seconds), self.next_number);
+                }
+                Told::CorruptFrame(words) => self.complaint = Some(words),
+                Told::NoFrame(words) => {
+                    // The taker may be gone.
+                    let _ = self.to_taker.send(Decoded::Damaged(words));
+                }
+                Told::Frame { number, ticks, size_px } => {
+                    match (self.first_number.saturating_add(number)).cmp(&self.next_number) {
+                        Ordering::Less => {}
+                        Ordering::Equal => return Some((ticks, size_px)),
+                        Ordering::Greater => {
+                            self.kept = Some(next);
+                            return None;
+                        }
+                    }
+                }
+            }
+        }
     }
 
     fn pixels(&mut self, size_px: [u32; 2]) -> Result<Vec<u8>, Option<String>> {
