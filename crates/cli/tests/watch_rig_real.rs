@@ -38,11 +38,14 @@ struct Turn {
     from: usize,
 }
 
+/// Time of a frame, seconds, and its corners by number.
+type Corners = (f64, Vec<(usize, Pixel)>);
+
 struct Recording {
     folder: PathBuf,
     lenses: Vec<Camera>,
     /// By sync index and camera: when, and corners by number.
-    frames: BTreeMap<(usize, usize), (f64, Vec<(usize, Pixel)>)>,
+    frames: BTreeMap<(usize, usize), Corners>,
     moments: Vec<usize>,
 }
 

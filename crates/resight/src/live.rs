@@ -21,9 +21,10 @@ use crate::landmarks::Sighting;
 use crate::source::Source;
 use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;
+use resight_core::monitor::learn::LearnConfig;
 use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference};
 use resight_core::track::{TrackConfig, Tracked};
-use resight_core::{Camera, Correspondence, Target};
+use resight_core::{Camera, Correspondence, Matrix6, Target};
 use std::sync::Arc;
 
 /// One camera of a session.
@@ -66,13 +67,29 @@ pub struct LiveConfig {
     /// Readings from which a missing reference is learned.
     pub learn_readings: usize,
     /// What is known of lasting errors beforehand.
-    pub lasting: resight_core::monitor::learn::LearnConfig,
+    pub lasting: LearnConfig,
     /// Frames waiting for each camera; further ones push out the oldest.
     pub queue_frames: usize,
     /// The cameras are a rig and look at targets that are carried about: only their relations are watched. None: targets stand still.
     pub rig: Option<rig::RigConfig>,
     /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
     pub retry_s: f64,
+}
+
+impl Default for LiveConfig {
+    /// A mounted camera, one false alarm a month, a reference learned from 50 readings.
+    fn default() -> Self {
+        let none = Matrix6::zeros();
+        LiveConfig {
+            monitor: MonitorConfig::default(),
+            track: TrackConfig::default(),
+            learn_readings: 50,
+            lasting: LearnConfig { bias: none, bias_time_s: 60.0, daily: none },
+            queue_frames: 2,
+            retry_s: 1.0,
+            rig: None,
+        }
+    }
 }
 
 /// Microseconds spent on a frame.

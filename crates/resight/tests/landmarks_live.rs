@@ -26,14 +26,8 @@ fn look(picture: Option<GrayImage>, false_alarms_per_day: f64) -> Look {
         landmarks: Some(WatchedLandmarks { picture }),
         source: Box::new(Pictures::new(Vec::new(), Clock::Every(1.0))),
     };
-    let config = LiveConfig {
-        monitor: MonitorConfig { false_alarms_per_day, ..MonitorConfig::default() },
-        track: TrackConfig::default(),
-        learn_readings: 50,
-        lasting: LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() },
-        queue_frames: 2,
-        retry_s: 1.0,
-    };
+    let monitor = MonitorConfig { false_alarms_per_day, ..MonitorConfig::default() };
+    let config = LiveConfig { monitor, ..LiveConfig::default() };
     Look::new(&watched, &config).expect("a session")
 }
 
@@ -158,14 +152,6 @@ fn a_reference_that_shows_nothing_is_refused() {
         landmarks: Some(WatchedLandmarks { picture: Some(GrayImage::filled(480, 360, 90)) }),
         source: Box::new(Pictures::new(Vec::new(), Clock::Every(1.0))),
     };
-    let config = LiveConfig {
-        monitor: MonitorConfig::default(),
-        track: TrackConfig::default(),
-        learn_readings: 50,
-        lasting: LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() },
-        queue_frames: 2,
-        retry_s: 1.0,
-    };
-    let reason = Look::new(&watched, &config).err().expect("refused").to_string();
+    let reason = Look::new(&watched, &LiveConfig::default()).err().expect("refused").to_string();
     assert!(reason.contains("0 landmarks, 30 are needed"), "{reason}");
 }

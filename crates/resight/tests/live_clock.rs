@@ -64,16 +64,9 @@ fn frame(i: u64, capture_s: f64, pan_deg: f64) -> Frame {
 fn watch(frames: Vec<Frame>, pace: Option<Duration>) -> Vec<Event> {
     let source = Box::new(Script { frames: frames.into(), pace });
     let targets = vec![Watched { name: "tag".to_string(), target: Arc::new(target()), reference: None }];
-    let cameras = vec![LiveCamera { name: "gate".to_string(), camera: camera(), targets, source }];
-    let lasting = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
-    let config = LiveConfig {
-        monitor: MonitorConfig::default(),
-        track: TrackConfig::default(),
-        learn_readings: 50,
-        lasting,
-        queue_frames: 1000,
-        retry_s: 0.1,
-    };
+    let cameras =
+        vec![LiveCamera { name: "gate".to_string(), camera: camera(), targets, landmarks: None, source }];
+    let config = LiveConfig { queue_frames: 1000, retry_s: 0.1, ..LiveConfig::default() };
     let mut events = Vec::new();
     run(cameras, &config, &Arc::new(AtomicBool::new(false)), |event| {
         events.push(event.clone());

@@ -212,9 +212,8 @@ fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Resul
         track: args.motion.track()?,
         learn_readings: args.learn,
         lasting: args.alarm.lasting(rig.is_some()),
-        queue_frames: 2,
-        retry_s: 1.0,
         rig,
+        ..LiveConfig::default()
     })
 }
 

@@ -40,7 +40,7 @@ pub(super) enum Relations {
     /// One camera and one target: nobody can tell which moved.
     None,
     /// Targets that stand still.
-    Pairs(Pairs),
+    Pairs(Box<Pairs>),
     /// Targets that are carried about.
     Cameras(Box<Cameras>),
 }
@@ -52,7 +52,7 @@ impl Relations {
             // Landmarks alone tell each camera's turn for itself.
             None if nodes.targets.is_empty() => Relations::None,
             None if 2 < nodes.cameras.len() + nodes.targets.len() => {
-                Relations::Pairs(Pairs::new(nodes, config))
+                Relations::Pairs(Box::new(Pairs::new(nodes, config)))
             }
             None => Relations::None,
         }

@@ -4,10 +4,8 @@
 use nalgebra::Vector6;
 use resight::GrayImage;
 use resight::core::camera::{ImageSize, Pinhole};
-use resight::core::monitor::MonitorConfig;
 use resight::core::monitor::learn::LearnConfig;
 use resight::core::target::{MapTag, Tag, TagMap};
-use resight::core::track::TrackConfig;
 use resight::core::{Camera, CameraMatrix, Lens, Matrix6, Pose, Target};
 use resight::live::{LiveCamera, LiveConfig, Watched};
 use resight::render::{Finish, Scene, Style, clutter, render};
@@ -83,18 +81,9 @@ pub fn trembling(cam_from_target: Pose, n: usize) -> Vec<Pose> {
 }
 
 pub fn config() -> LiveConfig {
-    LiveConfig {
-        monitor: MonitorConfig::default(),
-        track: TrackConfig::default(),
-        learn_readings: 50,
-        lasting: LearnConfig {
-            bias: Matrix6::identity() * 1e-8,
-            bias_time_s: 60.0,
-            daily: Matrix6::identity() * 1e-8,
-        },
-        queue_frames: 2,
-        retry_s: 1.0,
-    }
+    let known = Matrix6::identity() * 1e-8;
+    let lasting = LearnConfig { bias: known, bias_time_s: 60.0, daily: known };
+    LiveConfig { lasting, ..LiveConfig::default() }
 }
 
 pub fn watched(target: &Target, source: impl Source + 'static) -> LiveCamera {
@@ -103,6 +92,7 @@ pub fn watched(target: &Target, source: impl Source + 'static) -> LiveCamera {
         name: "camera".to_string(),
         camera: camera(),
         targets: vec![watched],
+        landmarks: None,
         source: Box::new(source),
     }
 }
