@@ -106,7 +106,7 @@ pub struct StageTimes {
 }
 
 /// What one frame said.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Observation {
     /// The frame's number, capture time (s) and name.
     pub number: u64,

@@ -3,12 +3,10 @@
 mod landmarks_support;
 
 use landmarks_support::{camera, exposed, picture, turned};
-use nalgebra::{Matrix3, Matrix6};
+use nalgebra::Matrix3;
 use resight::GrayImage;
 use resight::core::Camera;
-use resight::core::monitor::learn::LearnConfig;
 use resight::core::monitor::{Drift, MonitorConfig};
-use resight::core::track::TrackConfig;
 use resight::live::{LiveCamera, LiveConfig, Look, State, WatchedLandmarks};
 use resight::render::Pcg;
 use resight::source::pictures::{Clock, Pictures};

@@ -172,15 +172,8 @@ fn blank(frame: &Frame, waited_us: f64, is_readable: bool) -> Observation {
         capture_s: frame.capture_s,
         name: frame.name.clone(),
         is_readable,
-        n_points: 0,
-        estimate: None,
-        seen: Vec::new(),
-        reason: None,
-        tracked: None,
-        reading: None,
-        landmarks: None,
-        reference_picture: None,
         times: StageTimes { waited_us, ..StageTimes::default() },
+        ..Observation::default()
     }
 }
 

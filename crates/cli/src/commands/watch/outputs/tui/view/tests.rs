@@ -74,11 +74,11 @@ fn observed(camera: usize, number: u64, turn_rad: f64, told: &PoseEstimate) -> E
         capture_s,
         name: format!("{number:06}.png"),
         n_points: 4,
+        is_readable: true,
         estimate: Some(*told),
-        reason: None,
-        tracked: None,
         reading: Some(reading),
         times,
+        ..Observation::default()
     };
     Event::Observed { camera, target: 0, observation: Box::new(observation) }
 }
@@ -112,7 +112,14 @@ impl Made {
         let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
         log.hold(); // A test says nothing on stderr.
         let references = vec![Some(reference()); cameras.len()];
-        let session = Session { names: &names, references, log: &log, stop: &stop, is_once: false };
+        let session = Session {
+            names: &names,
+            references,
+            false_alarms_per_day: 1.0 / 30.0,
+            log: &log,
+            stop: &stop,
+            is_once: false,
+        };
         let board = Board::new(&session, 100);
         Made { board, log, now: Moment { up_s: 3600.0, unix_s: 45_000.0 } }
     }
