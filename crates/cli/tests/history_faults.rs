@@ -131,7 +131,9 @@ fn a_session_that_ends_with_a_full_disk_says_what_was_lost() {
     let script = with_limit(200_000);
     let before: Vec<&str> = script.iter().map(String::as_str).chain(["sh"]).collect();
     let mut session = start(&before, &["--history", text(&path), "--history-commit-s", "0.02"]);
-    session.feed(&lines(0..2000, 1.0 / 30.0, 0x75, still));
+    session.feed(&lines(0..100, 1.0 / 30.0, 0x75, still));
+    session.wait_until("stored", |session| session.events().iter().any(|event| event["event"] == "stored"));
+    session.feed(&lines(100..2000, 1.0 / 30.0, 0x75, still));
     session.end();
     let kept = all_acknowledged_is_there(&path, &session);
     assert!(0 < kept && kept < 2000, "{kept}");

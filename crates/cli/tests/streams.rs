@@ -201,7 +201,7 @@ fn rtsp_is_watched() {
     let studio = studio("streams-rtsp");
     let (film, port) = (film(&studio), free_port());
     let address = format!("rtsp://127.0.0.1:{port}/gate");
-    let listen = ["--ffmpeg-input-options", "-rtsp_flags listen", "--lost-after-s", "30"];
+    let listen = ["--ffmpeg-input-options", "-rtsp_flags listen -listen_timeout 60", "--lost-after-s", "30"];
     let session = [&["--source", &address, "--learn", "20", "--frames"][..], &listen].concat();
     let mut watching = Watching::start(&studio, &session);
     wait_for_listener(port);

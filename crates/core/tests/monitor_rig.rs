@@ -120,8 +120,12 @@ fn moment<'a>(lens: &'a Camera, (t_s, seen): &'a (f64, Vec<Seen>)) -> RigMoment<
     RigMoment { t_s: *t_s, glances: seen.iter().map(glance).collect() }
 }
 
+/// 0.2° and 2 mm, as `watch --moving-target` states unless told otherwise: cameras that fire 8 ms apart see a board that moves at 0.3 m/s
+/// 2.4 mm apart, for as long as it moves that way.
 fn lasting() -> LearnConfig {
-    LearnConfig { bias: Matrix6::zeros(), bias_time_s: 1.0, daily: Matrix6::zeros() }
+    let (r, t) = (0.2_f64.to_radians().powi(2), 0.002_f64.powi(2));
+    let bias = Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t));
+    LearnConfig { bias, bias_time_s: 1.0, daily: Matrix6::zeros() }
 }
 
 /// One false alarm in `decisions` is allowed.
@@ -149,7 +153,7 @@ fn runs() -> u64 {
 }
 
 /// Places and noise learned in 60 moments, 100 moments watched, one alarm in 1000 decisions allowed; lens errors and late cameras are in
-/// the data and not in the model. A Poisson count exceeds its mean by more than 3.1 roots once in a thousand.
+/// the data, and in the model only as a stated lasting error. A Poisson count exceeds its mean by more than 3.1 roots once in a thousand.
 #[test]
 fn false_alarms_of_the_whole_rig_are_as_rare_as_stated() {
     let lens = lens();

@@ -8,13 +8,21 @@ mod process;
 use live_support::{Pace, Replay, config, film, tag, tag_pose, trembling, watched};
 use resight::live::{self, Event};
 use resight::source::{Next, Source};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+/// The memory of the process is looked at: one test at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Twenty seconds of two cameras, as fast as they are looked at.
 #[test]
 fn memory_threads_and_files_stay_as_they_are() {
+    let _alone = alone();
     const FRAMES: u64 = 600;
     /// A leak of one picture in a hundred would be 15 MB; the C library's own heap breathes by less.
     const GROWTH_BYTES: f64 = 12e6;
@@ -88,6 +96,7 @@ impl Source for Burst {
 /// nothing is left of it.
 #[test]
 fn overload_drops_the_oldest_counts_them_and_passes() {
+    let _alone = alone();
     const CAMERAS: usize = 4;
     /// A hundred events a second, of four hundred.
     const TAKES: Duration = Duration::from_millis(10);
@@ -136,6 +145,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
 /// A listener that says stop is the last to hear anything, and every thread ends.
 #[test]
 fn a_session_that_is_stopped_ends() {
+    let _alone = alone();
     let pictures = film(&tag(), &trembling(tag_pose(80.0, 150.0, -80.0), 2), 400);
     let cameras = vec![watched(&tag(), Replay::new(&pictures, Pace::Live, 30.0, u64::MAX))];
     let stop = Arc::new(AtomicBool::new(false));
