@@ -126,6 +126,20 @@ fn bad_lines_are_named_and_the_rest_goes_on() {
     }
 }
 
+/// One dot is not where the target's file says: that is told while the reference is being learned, and never learned as one.
+#[test]
+fn a_wrong_target_is_told_while_learning() {
+    let shifted = |line: &str| {
+        let mut frame: Value = serde_json::from_str(line).expect("JSON");
+        let u_px = frame["detections"][0]["u_px"].as_f64().expect("a pixel");
+        frame["detections"][0]["u_px"] = json!(u_px + 40.0 * SIGMA_PX);
+        format!("{frame}\n")
+    };
+    let input: String = lines(0..100, 0x57, |_| Vector6::zeros()).lines().map(shifted).collect();
+    let run = watch(&input, &["--source", "-"]);
+    assert_eq!((run.code, states(&run)), (1, vec!["learning", "inconsistent"]), "{}", run.stderr);
+}
+
 /// A frozen stream sends its last picture again and again: that is no reading.
 #[test]
 fn a_frozen_camera_is_not_steady() {

@@ -139,9 +139,9 @@ fn lasting(drawing: &mut Drawing, corner: Vector2<f64>, rows: &[Row]) {
         let means = curve(rows, "lasting", size, "sentry", mean);
         axes.curve(drawing, &curve(rows, "lasting", size, "sentry", p90), &Pen { color, ..LINES[1].1 });
         axes.curve(drawing, &means, &pen);
-        if let Some(first) = means.first() {
-            let at = axes.at(first) + Vector2::new(4.0, -9.0);
-            drawing.text(&format!("{size}σ"), at, 8.0, color, Anchor::Start);
+        if let Some(last) = means.last() {
+            let at = axes.at(last) + Vector2::new(-2.0, -9.0);
+            drawing.text(&format!("{size}σ"), at, 8.0, color, Anchor::End);
         }
     }
 }

@@ -149,6 +149,7 @@ impl Pair {
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
             Stage::Starting(_) => State::Unseen { for_s: 0.0 },
+            Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
             Stage::Learning(readings) => {
                 State::Learning { readings: readings.len(), needed: self.config.learn_readings }
             }
@@ -248,6 +249,12 @@ impl Pair {
         self.stage = Stage::Watching(Box::new(monitor));
         Some(Box::new(reference))
     }
+}
+
+/// Whether there will be no reference to learn: intrinsics or target are wrong.
+fn mostly_contradict(readings: &[Reading]) -> bool {
+    let contradict = readings.iter().filter(|reading| !reading.is_consistent).count();
+    LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
 /// All minima of a frame: time chooses among them.
