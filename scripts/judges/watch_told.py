@@ -33,7 +33,7 @@ from prometheus_client.parser import text_string_to_metric_families
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEMO = ROOT / "testdata" / "demo"
 PATIENCE_S = 60.0
-STATES = {"learning", "steady", "settling", "drifted", "unseen", "inconsistent"}
+STATES = {"learning", "steady", "settling", "drifted", "unseen", "inconsistent", "followed"}
 
 
 def program():
