@@ -126,13 +126,13 @@ fn bad_lines_are_named_and_the_rest_goes_on() {
     }
 }
 
-/// One dot is not where the target's file says: that is told while the reference is being learned, and never learned as one.
+/// The middle dot is not on the line, as the target's file says it is: that is told while the reference is being learned, and never learned as one.
 #[test]
 fn a_wrong_target_is_told_while_learning() {
     let shifted = |line: &str| {
         let mut frame: Value = serde_json::from_str(line).expect("JSON");
-        let u_px = frame["detections"][0]["u_px"].as_f64().expect("a pixel");
-        frame["detections"][0]["u_px"] = json!(u_px + 40.0 * SIGMA_PX);
+        let v_px = frame["detections"][1]["v_px"].as_f64().expect("a pixel");
+        frame["detections"][1]["v_px"] = json!(v_px + 40.0 * SIGMA_PX);
         format!("{frame}\n")
     };
     let input: String = lines(0..100, 0x57, |_| Vector6::zeros()).lines().map(shifted).collect();
