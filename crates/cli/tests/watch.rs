@@ -2,39 +2,17 @@
 
 mod rig_support;
 mod support;
+mod watch_support;
 
 use assert_cmd::Command;
 use nalgebra::Vector6;
-use resight::core::target::Feature;
-use resight::core::{Camera, Pose, Target};
-use rig_support::{Chance, SIGMA_PX};
+use rig_support::SIGMA_PX;
 use serde_json::{Value, json};
 use support::{demo, folder};
 
 /// The dots seen once a second by a camera whose motion is given for each second, as lines of JSON.
 fn lines(seconds: std::ops::Range<usize>, seed: u64, old_from_new: impl Fn(usize) -> Vector6<f64>) -> String {
-    let camera: Camera = resight::formats::read_camera(&demo("left.toml")).expect("a camera").camera;
-    let target: Target = resight::formats::read_target(demo("dots.toml").as_ref()).expect("a target").target;
-    let cam_from_target = Pose::exp(&Vector6::new(0.35, -0.25, 0.1, -0.03, -0.02, 0.6));
-    let mut chance = Chance(seed);
-    let mut all = String::new();
-    for second in seconds {
-        let now = Pose::exp(&old_from_new(second)).inverse() * cam_from_target;
-        let seen: Vec<Value> = target
-            .features()
-            .into_iter()
-            .map(|feature| {
-                let Feature { id, corner } = feature;
-                let known = target.point(feature).expect("a known point");
-                let x_in_cam = now.rotation * known.position + now.translation;
-                let pixel = camera.project(&x_in_cam).expect("in the picture");
-                let (u, v) = (pixel.x + SIGMA_PX * chance.normal(), pixel.y + SIGMA_PX * chance.normal());
-                json!({"id": id, "corner": corner, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX})
-            })
-            .collect();
-        all += &format!("{}\n", json!({"t_s": second as f64, "detections": seen}));
-    }
-    all
+    watch_support::lines(seconds, 1.0, seed, old_from_new).concat()
 }
 
 struct Run {
