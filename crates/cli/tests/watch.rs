@@ -175,3 +175,22 @@ fn a_moving_camera_is_followed() {
     let fixed = watch("", &["--source", "-", "--agility-mm-per-s", "1"]);
     assert!(fixed.code == 2 && fixed.stderr.contains("--sway-mm"), "{}", fixed.stderr);
 }
+
+/// A blind camera is told as such from the start; seen again, it goes on learning.
+#[test]
+fn a_camera_that_sees_nothing_does_not_learn() {
+    let blind = |t_s: std::ops::Range<u32>| {
+        t_s.map(|t_s| format!("{{\"t_s\": {t_s}, \"detections\": []}}\n")).collect::<String>()
+    };
+    let never = watch(&blind(0..20), &["--source", "-"]);
+    assert_eq!((never.code, states(&never)), (1, vec!["learning", "unseen"]), "{}", never.stderr);
+    let seen = |t_s| lines(t_s, 0x5a, |_| Vector6::zeros());
+    let input = [seen(0..20), blind(20..40), seen(40..90)].concat();
+    let again = watch(&input, &["--source", "-"]);
+    assert_eq!(
+        (again.code, states(&again)),
+        (0, vec!["learning", "unseen", "learning", "steady"]),
+        "{}",
+        again.stderr
+    );
+}

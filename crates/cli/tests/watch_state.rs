@@ -190,3 +190,18 @@ fn a_state_in_no_folder_is_refused() {
     assert_eq!(session.end(), 2);
     assert!(session.log().contains("there is no folder"), "{}", session.log());
 }
+
+/// The first goes on; a killed one leaves no claim.
+#[test]
+fn a_state_in_use_is_refused() {
+    let state = folder("state-shared").join("gate.state");
+    let mut first = start(&[], &["--state", text(&state)]);
+    first.feed(&lines(0..20, 1.0, 0x87, still));
+    first.wait_until("a checkpoint", |_| camera(&state).is_some());
+    let mut second = start(&[], &["--state", text(&state), "--once"]);
+    assert_eq!(second.end(), 2);
+    assert!(second.log().contains("is used by another session"), "{}", second.log());
+    first.kill();
+    let third = run(&state, &lines(20..60, 1.0, 0x87, still), &PATIENT[..0]);
+    assert!(third.log().contains("goes on from"), "{}", third.log());
+}

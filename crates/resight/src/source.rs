@@ -58,4 +58,8 @@ pub trait Source: Send {
 
     /// Whether frames come at their own pace, so that a slow reader must drop some; recordings wait.
     fn is_live(&self) -> bool;
+
+    /// Takes back a picture that has been looked at: its memory may hold one to come. Megabytes asked of the system anew for each frame
+    /// cost time, and leave it in pieces.
+    fn reuse(&mut self, _spent: GrayImage) {}
 }

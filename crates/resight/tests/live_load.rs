@@ -6,6 +6,7 @@ mod live_support;
 mod process;
 
 use live_support::{Pace, Replay, config, film, tag, tag_pose, trembling, watched};
+use resight::GrayImage;
 use resight::live::{self, Event};
 use resight::source::{Next, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -89,6 +90,10 @@ impl Source for Burst {
 
     fn is_live(&self) -> bool {
         true
+    }
+
+    fn reuse(&mut self, spent: GrayImage) {
+        self.replay.reuse(spent);
     }
 }
 

@@ -112,4 +112,10 @@ impl Source for Camera {
     fn is_live(&self) -> bool {
         true
     }
+
+    fn reuse(&mut self, spent: GrayImage) {
+        if let Some(video) = &mut self.video {
+            video.reuse(spent);
+        }
+    }
 }

@@ -13,6 +13,8 @@ pub(super) struct Queue<T> {
 
 struct Inner<T> {
     waiting: VecDeque<T>,
+    /// Items that nobody needs any more, on their way back to the writer.
+    spent: Vec<T>,
     dropped: u64,
     is_closed: bool,
 }
@@ -26,7 +28,7 @@ pub(super) enum Taken<T> {
 
 impl<T> Queue<T> {
     pub fn new(capacity: usize) -> Self {
-        let inner = Inner { waiting: VecDeque::new(), dropped: 0, is_closed: false };
+        let inner = Inner { waiting: VecDeque::new(), spent: Vec::new(), dropped: 0, is_closed: false };
         Queue { inner: Mutex::new(inner), changed: Condvar::new(), capacity: capacity.max(1) }
     }
 
@@ -39,7 +41,8 @@ impl<T> Queue<T> {
     pub fn push_dropping(&self, item: T) {
         let mut inner = self.lock();
         if self.capacity <= inner.waiting.len() {
-            inner.waiting.pop_front();
+            let oldest = inner.waiting.pop_front();
+            inner.spent.extend(oldest);
             inner.dropped += 1;
         }
         inner.waiting.push_back(item);
@@ -79,6 +82,16 @@ impl<T> Queue<T> {
         taken
     }
 
+    /// The reader is done with an item.
+    pub fn give_back(&self, item: T) {
+        self.lock().spent.push(item);
+    }
+
+    /// Items that the writer may use again: those given back, and those dropped.
+    pub fn take_back(&self) -> Vec<T> {
+        std::mem::take(&mut self.lock().spent)
+    }
+
     /// No more will come, or nobody reads any more.
     pub fn close(&self) {
         self.lock().is_closed = true;
@@ -108,6 +121,14 @@ mod tests {
         (0..5).for_each(|i| queue.push_dropping(i));
         assert_eq!((item(&queue), item(&queue), item(&queue)), (Some(3), Some(4), None));
         assert_eq!((queue.take_dropped(), queue.take_dropped()), (3, 0));
+    }
+
+    #[test]
+    fn what_is_dropped_or_done_with_goes_back_to_the_writer() {
+        let queue = Queue::new(2);
+        (0..3).for_each(|i| queue.push_dropping(i));
+        item(&queue).into_iter().for_each(|i| queue.give_back(i));
+        assert_eq!((queue.take_back(), queue.take_back()), (vec![0, 1], vec![]));
     }
 
     #[test]

@@ -55,6 +55,11 @@ impl Reader<'_> {
             left_out: LeftOut::default(),
         };
         while !self.stop.load(Ordering::Relaxed) {
+            for (_, spent) in self.queue.take_back() {
+                if let Content::Image(picture) = spent.content {
+                    source.reuse(picture);
+                }
+            }
             match source.next(PATIENCE) {
                 Next::Frame(frame) => {
                     if !self.take(frame, source.is_live(), &mut progress) {

@@ -161,6 +161,7 @@ fn watch(
                 let t_s = look.time_s(&frame);
                 (last, is_new) = (Some((t_s, arrived)), true);
                 let looked = look.take(&frame, arrived.elapsed().as_secs_f64() * 1e6);
+                queue.give_back((arrived, frame));
                 teller.looked(t_s, looked) && teller.dropped(queue.take_dropped())
             }
             Taken::Nothing => {

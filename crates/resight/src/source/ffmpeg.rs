@@ -14,7 +14,7 @@ use std::cmp::Ordering;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -71,6 +71,7 @@ pub(super) struct Shot {
 pub(super) struct Decoder {
     process: Child,
     decoded: Receiver<Decoded>,
+    to_reader: Sender<GrayImage>,
     last_words: Arc<Mutex<Option<String>>>,
 }
 
@@ -106,6 +107,7 @@ impl Ffmpeg {
             .map_err(cannot_start)?;
         let pipes = (process.stdout.take(), process.stderr.take());
         let (to_taker, decoded) = sync_channel(WAITING);
+        let (to_reader, spent) = channel();
         let last_words = Arc::new(Mutex::new(None));
         if let (Some(stdout), Some(stderr)) = pipes {
             let (to_pictures, told) = channel();
@@ -116,9 +118,9 @@ impl Ffmpeg {
                     let _ = to_pictures.send(told);
                 });
             });
-            thread::spawn(move || Pictures::new(stdout, to_taker).read(told));
+            thread::spawn(move || Pictures::new(stdout, to_taker, spent).read(told));
         }
-        Ok(Decoder { process, decoded, last_words })
+        Ok(Decoder { process, decoded, to_reader, last_words })
     }
 }
 
@@ -131,6 +133,12 @@ impl Decoder {
             Ok(decoded) => decoded,
             Err(RecvTimeoutError::Timeout) => Decoded::Nothing,
         }
+    }
+
+    /// Takes back a picture whose memory may hold one to come.
+    pub fn reuse(&mut self, spent: GrayImage) {
+        // The reader may have ended.
+        let _ = self.to_reader.send(spent);
     }
 
     /// What ffmpeg last complained of.
@@ -190,6 +198,8 @@ fn listen(stderr: ChildStderr, last_words: &Mutex<Option<String>>, mut hand_on: 
 struct Pictures {
     pipe: BufReader<ChildStdout>,
     to_taker: SyncSender<Decoded>,
+    /// Pictures that were looked at.
+    spent: Receiver<GrayImage>,
     /// Columns and rows, once the header has come.
     size_px: Option<[u32; 2]>,
     /// Frames so far, and how many there were when ffmpeg began to count.
@@ -203,11 +213,12 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>) -> Self {
+    fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>, spent: Receiver<GrayImage>) -> Self {
         let pipe = BufReader::with_capacity(1 << 20, stdout);
         Pictures {
             pipe,
             to_taker,
+            spent,
             size_px: None,
             next_number: 0,
             first_number: 0,
@@ -294,7 +305,8 @@ impl Pictures {
         if !self.line()?.starts_with("FRAME") {
             return Err(None);
         }
-        let mut data = vec![0; size_px[0] as usize * size_px[1] as usize];
+        let mut data = self.spent.try_recv().map_or_else(|_| Vec::new(), |spent| spent.data);
+        data.resize(size_px[0] as usize * size_px[1] as usize, 0);
         self.pipe.read_exact(&mut data).map_err(|_| None)?;
         Ok(data)
     }

@@ -8,7 +8,7 @@ mod clock;
 use super::ffmpeg::{Decoded, Decoder, Ffmpeg};
 use super::video::resized;
 use super::{Content, Frame, Next, Source};
-use crate::FileError;
+use crate::{FileError, GrayImage};
 use address::Address;
 pub use address::is_stream;
 use clock::StreamClock;
@@ -160,5 +160,11 @@ impl Source for Stream {
 
     fn is_live(&self) -> bool {
         true
+    }
+
+    fn reuse(&mut self, spent: GrayImage) {
+        if let Some(connection) = &mut self.connection {
+            connection.decoder.reuse(spent);
+        }
     }
 }

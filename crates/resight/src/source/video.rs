@@ -66,6 +66,11 @@ impl Video {
         Ok(Video { path: path.to_path_buf(), decoder, first: Some(first), is_over: false })
     }
 
+    /// Takes back a frame whose memory may hold one to come.
+    pub fn reuse(&mut self, spent: GrayImage) {
+        self.decoder.reuse(spent);
+    }
+
     /// What comes next, waiting at most about `patience` for it.
     fn decoded(&mut self, patience: Duration) -> Decoded {
         if self.is_over {
@@ -158,5 +163,9 @@ impl Source for Film {
 
     fn is_live(&self) -> bool {
         false
+    }
+
+    fn reuse(&mut self, spent: GrayImage) {
+        self.video.reuse(spent);
     }
 }

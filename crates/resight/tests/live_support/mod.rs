@@ -114,11 +114,13 @@ pub struct Replay {
     pub n_frames: u64,
     pub next: u64,
     pub started: Option<Instant>,
+    pub spent: Vec<GrayImage>,
 }
 
 impl Replay {
     pub fn new(pictures: &Arc<Vec<GrayImage>>, pace: Pace, rate_hz: f64, n_frames: u64) -> Self {
-        Replay { pictures: Arc::clone(pictures), pace, rate_hz, n_frames, next: 0, started: None }
+        let pictures = Arc::clone(pictures);
+        Replay { pictures, pace, rate_hz, n_frames, next: 0, started: None, spent: Vec::new() }
     }
 }
 
@@ -140,7 +142,14 @@ impl Source for Replay {
         let picture = &self.pictures[self.next as usize % self.pictures.len()];
         let (number, name) = (self.next, String::new());
         self.next += 1;
-        Next::Frame(Frame { number, capture_s, name, content: Content::Image(picture.clone()) })
+        let mut shown = self.spent.pop().unwrap_or_else(|| GrayImage::filled(0, 0, 0));
+        (shown.width_px, shown.height_px) = (picture.width_px, picture.height_px);
+        shown.data.clone_from(&picture.data);
+        Next::Frame(Frame { number, capture_s, name, content: Content::Image(shown) })
+    }
+
+    fn reuse(&mut self, spent: GrayImage) {
+        self.spent.push(spent);
     }
 
     fn is_live(&self) -> bool {

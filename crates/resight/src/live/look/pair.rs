@@ -27,6 +27,8 @@ pub(super) struct Pair {
     expectation: Expectation,
     tracker: Tracker,
     stage: Stage,
+    /// Capture time of the first frame.
+    began_s: Option<f64>,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -74,6 +76,7 @@ impl Pair {
             target: Arc::clone(&watched.target),
             tracker: Tracker::new(&config.track)?,
             stage,
+            began_s: None,
             config: config.clone(),
             name: watched.name.clone(),
             settings: settings(camera, watched, config),
@@ -150,9 +153,7 @@ impl Pair {
         match &self.stage {
             Stage::Starting(_) => State::Unseen { for_s: 0.0 },
             Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
-            Stage::Learning(readings) => {
-                State::Learning { readings: readings.len(), needed: self.config.learn_readings }
-            }
+            Stage::Learning(readings) => self.learning(readings, t_s),
             Stage::Watching(monitor) => monitor.watch(t_s).into(),
             Stage::Following { last_s, is_seen } => {
                 let for_s = t_s - last_s.unwrap_or(t_s);
@@ -162,8 +163,18 @@ impl Pair {
         }
     }
 
+    /// Who sees nothing does not learn.
+    fn learning(&self, readings: &[Reading], t_s: f64) -> State {
+        let seen_s = readings.last().map(|reading| reading.t_s).or(self.began_s).unwrap_or(t_s);
+        if self.config.monitor.unseen_after_s < t_s - seen_s {
+            return State::Unseen { for_s: t_s - seen_s };
+        }
+        State::Learning { readings: readings.len(), needed: self.config.learn_readings }
+    }
+
     /// The first frame sets the clock: what is not seen from then on is unseen.
     fn start(&mut self, t_s: f64) {
+        self.began_s.get_or_insert(t_s);
         match &mut self.stage {
             Stage::Starting(reference) => {
                 if let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s) {

@@ -5,6 +5,8 @@ use crate::FileError;
 use crate::formats::write_atomically;
 use crate::rig::digest::sha256;
 use serde::{Deserialize, Serialize};
+use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -34,6 +36,8 @@ pub struct StateFile {
     say: Say,
     inner: Mutex<Inner>,
     changed: Condvar,
+    /// Held as long as this lives.
+    _claim: File,
 }
 
 #[derive(Default)]
@@ -48,7 +52,7 @@ impl StateFile {
     /// Reads what there is; `say` is told what could not be used and why, now and later.
     ///
     /// # Errors
-    /// A folder that does not exist, a file that cannot be read or put aside.
+    /// A folder that does not exist, a file that another session uses, or that cannot be read or put aside.
     pub fn open(path: &Path, say: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, FileError> {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
@@ -57,8 +61,9 @@ impl StateFile {
                 format!("there is no folder {}; make it first", folder.display()),
             ));
         }
+        let claim = claim(path)?;
         let cameras = match std::fs::read(path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(e) if e.kind() == ErrorKind::NotFound => Vec::new(),
             Err(e) => return Err(FileError::new(path, format!("cannot be read: {e}"))),
             Ok(bytes) => match parse(&bytes) {
                 Ok(body) => body.cameras,
@@ -74,7 +79,13 @@ impl StateFile {
             },
         };
         let inner = Mutex::new(Inner { cameras, ..Inner::default() });
-        Ok(StateFile { path: path.to_path_buf(), say: Box::new(say), inner, changed: Condvar::new() })
+        Ok(StateFile {
+            path: path.to_path_buf(),
+            say: Box::new(say),
+            inner,
+            changed: Condvar::new(),
+            _claim: claim,
+        })
     }
 
     /// A thread that panicked while it held the lock left records that are still whole.
@@ -147,6 +158,23 @@ impl StateFile {
             let left = until.saturating_duration_since(Instant::now());
             inner = self.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0;
         }
+    }
+}
+
+/// The state itself is replaced whenever it is written, so a file beside it is locked. It stays; the lock ends with the process.
+fn claim(path: &Path) -> Result<File, FileError> {
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".lock");
+    let told = |reason: String| FileError::new(path, reason);
+    let file = File::create(PathBuf::from(name)).map_err(|e| told(format!("cannot be locked: {e}")))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            Err(told("is used by another session; give each a state file of its own".to_string()))
+        }
+        // File systems without locks: one session at a time is then the user's care.
+        Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(file),
+        Err(TryLockError::Error(e)) => Err(told(format!("cannot be locked: {e}"))),
     }
 }
 
