@@ -225,9 +225,12 @@ impl RigMonitor {
         let carried = self.filter.predict(moment.t_s);
         self.evidence.predict(&carried);
         self.typical.add(moment, &self.reference.noise);
-        if self.last_onset_s + self.config.decision_period_s <= onset_s || onset_s < self.last_onset_s {
-            self.evidence.begin(onset_s, self.typical.variances());
-            self.last_onset_s = onset_s.max(self.last_onset_s);
+        // A decision period has one onset, shared among its moments: were there only one place for it, no camera's motion would explain
+        // the moments on both sides of a change elsewhere.
+        let share = ((onset_s - self.last_onset_s) / self.config.decision_period_s).clamp(0.0, 1.0);
+        if 0.0 < share {
+            self.evidence.begin(onset_s, share, self.typical.variances());
+            self.last_onset_s = onset_s;
         }
         let Some(innovation) = self.filter.innovation(&moment.stars) else { return };
         self.evidence.add(&innovation);

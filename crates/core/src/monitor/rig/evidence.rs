@@ -72,10 +72,11 @@ impl Gathered {
 }
 
 impl Onset {
-    pub fn new(t_s: f64, typical: &DVector<f64>) -> Self {
+    /// `share`: weight of all cameras and kinds together.
+    pub fn new(t_s: f64, share: f64, typical: &DVector<f64>) -> Self {
         let cameras = typical.len() / 6;
         let jump = unit(cameras);
-        let weight = 1.0 / (COURSES.len() * cameras * KINDS.len()) as f64;
+        let weight = share / (COURSES.len() * cameras * KINDS.len()) as f64;
         let weights = vec![weight; cameras * KINDS.len()];
         Onset {
             t_s,
@@ -179,12 +180,12 @@ impl Evidence {
         self.onsets.iter_mut().for_each(|onset| onset.predict(carried));
     }
 
-    /// Lets a change begin at `t_s` too.
-    pub fn begin(&mut self, t_s: f64, typical: &DVector<f64>) {
+    /// Lets a change begin at `t_s` too, with a weight of `share`.
+    pub fn begin(&mut self, t_s: f64, share: f64, typical: &DVector<f64>) {
         if self.onsets.len() == ONSETS {
             self.merge_two();
         }
-        self.onsets.push(Onset::new(t_s, typical));
+        self.onsets.push(Onset::new(t_s, share, typical));
     }
 
     pub fn add(&mut self, innovation: &Innovation) {

@@ -52,7 +52,7 @@ impl Held {
         innovation: &Innovation,
         typical: &DVector<f64>,
     ) -> (Vec<Moment>, u64) {
-        let mut onset = Onset::new(moment.t_s, typical);
+        let mut onset = Onset::new(moment.t_s, 1.0, typical);
         onset.add(innovation);
         let attribution = which(onset.gathered(0), 1);
         let mut suspects: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
@@ -85,7 +85,7 @@ impl Held {
 
     /// Those whose motion explains all waiting moments together.
     fn agreed(&self, filter: &RigFilter, typical: &DVector<f64>) -> Option<Vec<usize>> {
-        let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, typical));
+        let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical));
         for (moment, _) in &self.waiting {
             let innovation = filter.innovation(&moment.stars)?;
             onset.add(&innovation);
