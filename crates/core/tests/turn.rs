@@ -148,6 +148,62 @@ fn common_errors_widen_the_covariance() {
     assert!(widened < 6.0 && 15.0 < alone, "{widened} {alone}");
 }
 
+/// A turn that is near is taken where most landmarks agree with it, and is no more than a start: one that is far off is left.
+#[test]
+fn near_is_a_start_and_no_answer() {
+    let camera = barrel(900.0);
+    let mut rng = Rng::new(0x7a8);
+    for _ in 0..20 {
+        let truth = some_turn(&mut rng, 0.3);
+        let mut seen = landmarks(&mut rng, &camera, &truth, 60, 1.0);
+        seen[..15].iter_mut().for_each(|l| l.pixel.x += 25.0);
+        let alone = turn(&seen, &camera, None, &config()).expect("a turn");
+        let precision = alone.covariance.try_inverse().expect("a covariance");
+        let beside = some_turn(&mut rng, 2e-4) * truth;
+        let far = some_turn(&mut rng, 0.3) * truth;
+        for near in [truth, beside, far, truth.transpose()] {
+            let found = turn(&seen, &camera, Some(&near), &config()).expect("a turn");
+            // Those at the gate may come and go with the start.
+            assert!(40 <= found.used.len() && found.used.iter().all(|i| 15 <= *i), "{:?}", found.used);
+            let apart = error(&alone.now_from_reference, &found);
+            assert!(apart.dot(&(precision * apart)) < 0.5, "{apart}");
+            assert!(nees(&truth, &found) < 27.9, "one in 10⁵ by χ² of three");
+        }
+        // With a turn that most agree with, nothing is drawn: no seed changes anything, not even with no samples allowed.
+        let none = TurnConfig { max_samples: 0, ..config() };
+        let drawn = TurnConfig { seed: 7, ..config() };
+        let [found, other] = [none, drawn].map(|c| turn(&seen, &camera, Some(&truth), &c).expect("a turn"));
+        assert_eq!(found, other);
+        assert!(turn(&seen, &camera, None, &none).is_err());
+    }
+}
+
+/// Landmarks found where the lens has no direction, a fisheye's dark corners for one: they are left out, the others keep their numbers.
+#[test]
+fn landmarks_outside_the_field_are_left_out() {
+    let camera = barrel(900.0);
+    let mut rng = Rng::new(0x7a9);
+    let outside = Vector2::new(40_000.0, -30_000.0);
+    assert!(camera.bearing(&outside).is_err());
+    let truth = some_turn(&mut rng, 0.05);
+    let all = landmarks(&mut rng, &camera, &truth, 60, 1.0);
+    let mut seen = all.clone();
+    for i in [0, 7, 31, 59] {
+        seen[i].pixel = outside;
+    }
+    let found = turn(&seen, &camera, None, &config()).expect("a turn");
+    let without: Vec<Landmark> = seen.iter().copied().filter(|l| l.pixel != outside).collect();
+    let wanted = turn(&without, &camera, None, &config()).expect("a turn");
+    assert!(error(&wanted.now_from_reference, &found).norm() < 1e-9);
+    assert!((found.covariance - wanted.covariance).norm() < 1e-6 * wanted.covariance.norm());
+    assert_eq!(found.given, 56);
+    let pixels = |turn: &Turn, of: &[Landmark]| turn.used.iter().map(|i| of[*i].pixel).collect::<Vec<_>>();
+    assert_eq!(pixels(&found, &seen), pixels(&wanted, &without));
+    seen[10..].iter_mut().for_each(|l| l.pixel = outside);
+    let refused = turn(&seen, &camera, None, &config());
+    assert!(matches!(refused, Err(Error::TooFewPoints { seen: 8, needed: 15 })), "{refused:?}");
+}
+
 #[test]
 fn most_against_it_is_inconsistent() {
     let camera = pinhole(900.0);
