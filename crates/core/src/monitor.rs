@@ -55,6 +55,14 @@ impl Default for MonitorConfig {
     }
 }
 
+impl MonitorConfig {
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, or a tolerance below zero.
+    pub fn check(&self) -> Result<(), Error> {
+        check(self)
+    }
+}
+
 /// What is compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {

@@ -20,6 +20,16 @@ pub struct LearnConfig {
     pub daily: Matrix6,
 }
 
+impl LearnConfig {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub fn check(&self) -> Result<(), Error> {
+        let nothing = Matrix6::zeros();
+        let LearnConfig { bias, bias_time_s, daily } = *self;
+        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
+    }
+}
+
 /// Readings needed.
 pub const LEAST_READINGS: usize = 20;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.

@@ -18,7 +18,7 @@ impl LogSum {
 
     /// What is no number says nothing.
     fn add(&mut self, x: f64) {
-        let x = x.min(f64::MAX);
+        let x = if x == f64::INFINITY { f64::MAX } else { x };
         if self.peak < x {
             self.sum = self.sum * (self.peak - x).exp() + 1.0;
             self.peak = x;
