@@ -8,21 +8,24 @@
 //!   y = Log(a_from_b of the reference · (a_from_b now)⁻¹)    small motion of frame a: where it is now, in its own old frame
 //! ```
 
+mod log_sum;
 mod axis;
 mod onsets;
 mod test;
 mod gate;
+mod drift;
 pub mod learn;
 pub mod attribute;
 pub mod rig;
 
+pub use drift::{Drift, turn_alone};
 pub use onsets::Course;
 pub use test::DriftNoise;
 
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use gate::{Gate, Passed};
-use nalgebra::{Matrix3, Vector3};
+use log_sum::LogSum;
 use test::DriftTest;
 
 /// What counts as an alarm, and as seeing nothing.
@@ -34,9 +37,9 @@ pub struct MonitorConfig {
     pub decision_period_s: f64,
     /// Without a usable reading for this long the monitor is blind, seconds.
     pub unseen_after_s: f64,
-    /// Rotations below this are nobody's concern, radians.
+    /// Rotations up to this are nobody's concern, radians.
     pub tolerance_rotation_rad: f64,
-    /// Translations below this are nobody's concern, metres.
+    /// Translations up to this are nobody's concern, metres; one that chance explains is none.
     pub tolerance_translation_m: f64,
 }
 
@@ -49,6 +52,14 @@ impl Default for MonitorConfig {
             tolerance_rotation_rad: 0.0,
             tolerance_translation_m: 0.0,
         }
+    }
+}
+
+impl MonitorConfig {
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, or a tolerance below zero.
+    pub fn check(&self) -> Result<(), Error> {
+        check(self)
     }
 }
 
@@ -72,46 +83,6 @@ pub struct Reading {
     pub covariance: Matrix6,
     /// Whether residuals agree with the stated noise; a reading that contradicts itself says nothing of drift.
     pub is_consistent: bool,
-}
-
-/// How far it moved.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drift {
-    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward.
-    pub old_from_new: Vector6,
-    /// Its covariance.
-    pub covariance: Matrix6,
-    /// When it began, seconds.
-    pub began_s: f64,
-    /// How sure that is, seconds.
-    pub began_sigma_s: f64,
-    /// At once or slowly.
-    pub course: Course,
-    /// Probability of that course.
-    pub course_probability: f64,
-}
-
-impl Drift {
-    /// The turn alone, radians about x, y, z, and its covariance, if the camera only turned about its own centre; none where its
-    /// translation is larger than that allows (one in twenty). A turn and a shift look much alike from a small target: where a
-    /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
-    pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        let shift: Vector3<f64> = self.old_from_new.fixed_rows::<3>(3).into();
-        let of_shift: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();
-        let chi2 = shift.dot(&of_shift.cholesky()?.solve(&shift));
-        let is_likely = PURE_ROTATION_PROBABILITY < crate::frames::chi_square::tail(3, chi2);
-        if is_likely { turn_alone(&self.old_from_new, &self.covariance) } else { None }
-    }
-}
-
-/// The turn of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
-/// docs/math/monitor.md eq. (17). None where the covariance of the shift is not positive definite.
-pub fn turn_alone(motion: &Vector6, covariance: &Matrix6) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-    let shift: Vector3<f64> = motion.fixed_rows::<3>(3).into();
-    let turn: Vector3<f64> = motion.fixed_rows::<3>(0).into();
-    let block = |i, j| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(i, j).into() };
-    let gain = block(3, 3).cholesky()?.solve(&block(3, 0)).transpose();
-    Some((turn - gain * shift, block(0, 0) - gain * block(3, 0)))
 }
 
 /// What the monitor says.
@@ -154,7 +125,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 1;
+const SNAPSHOT_VERSION: u32 = 2;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -164,9 +135,10 @@ impl Monitor {
     /// Starts at `t_s`, seconds, of the same clock as the readings.
     ///
     /// # Errors
-    /// `InvalidSetting` for a rate, period or time that is not positive, or a covariance that is not positive definite.
+    /// `InvalidSetting` for a rate, period or time that is not positive, a tolerance below zero, or noise that is none.
     pub fn new(reference: &Reference, config: &MonitorConfig, t_s: f64) -> Result<Self, Error> {
         check(config)?;
+        reference.check()?;
         let test = DriftTest::new(&reference.noise).ok_or(NOT_POSITIVE)?;
         Ok(Monitor {
             reference: *reference,
@@ -205,6 +177,8 @@ impl Monitor {
     pub fn watch(&self, t_s: f64) -> Watch {
         let for_s = t_s - self.last_usable_s;
         match self.drift {
+            // Contradictions of long ago say nothing of now.
+            _ if self.config.unseen_after_s < t_s - self.last_s => Watch::Unseen { for_s },
             _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
             Some(drift) => Watch::Drifted(self.refined(&drift)),
@@ -263,6 +237,10 @@ impl Monitor {
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
         let monitor: Monitor = snapshot.state(SNAPSHOT_VERSION)?;
         check(&monitor.config)?;
+        monitor.reference.check()?;
+        if !monitor.test.is_sound() {
+            return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
+        }
         Ok(monitor)
     }
 
@@ -276,9 +254,9 @@ impl Monitor {
         self.last_s
     }
 
-    /// Alarm at this R: decisions between two false alarms.
-    fn threshold(&self) -> f64 {
-        axis::DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)
+    /// Alarm at this ln R: R is the decisions between two false alarms.
+    fn log_threshold(&self) -> f64 {
+        (axis::DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)).ln()
     }
 
     fn accepts(&mut self, reading: &Reading) -> bool {
@@ -298,12 +276,13 @@ impl Monitor {
 
     /// All that comes through at once is read before anything is decided: what waited together says the same.
     fn decide(&mut self, passed: &[Passed]) {
-        let statistic = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
-        if !statistic.is_some_and(|statistic| self.threshold() <= statistic) {
+        let log_r = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
+        if !log_r.is_some_and(|log_r| self.log_threshold() <= log_r) {
             return;
         }
         let Some(moved) = self.moved() else { return };
-        if self.matters(&moved.old_from_new) || self.drift.is_some() {
+        let covariance = moved.covariance + self.reference.noise.reference;
+        if (Drift { covariance, ..moved }).matters(&self.config) || self.drift.is_some() {
             self.start_again(moved);
         }
     }
@@ -321,13 +300,6 @@ impl Monitor {
             course_probability: change.course_probability,
         });
         Some(Drift { old_from_new: (self.old_from_level * Pose::exp(&motion)).log(), covariance, ..first })
-    }
-
-    fn matters(&self, motion: &Vector6) -> bool {
-        let rotation_rad = motion.fixed_rows::<3>(0).norm();
-        let translation_m = motion.fixed_rows::<3>(3).norm();
-        self.config.tolerance_rotation_rad < rotation_rad
-            || self.config.tolerance_translation_m < translation_m
     }
 
     /// From here on the test asks whether it moves away from where it is now; back at the reference it is steady again. Where it is
@@ -350,8 +322,6 @@ fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
     chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::frames::chi_square::tail(6, chi2))
 }
 
-/// A translation that chance makes larger this often speaks against a pure rotation.
-const PURE_ROTATION_PROBABILITY: f64 = 0.05;
 /// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
 const RETURN_PROBABILITY: f64 = 0.01;
 
@@ -361,15 +331,38 @@ const NOT_POSITIVE: Error = Error::InvalidSetting {
     needed: "it must be positive definite; state how well a single reading is known",
 };
 
+impl Reference {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub fn check(&self) -> Result<(), Error> {
+        let pose = self.a_from_b.rotation.iter().chain(self.a_from_b.translation.iter());
+        if let Some(seen) = pose.copied().find(|x| !x.is_finite()) {
+            let (setting, needed) = ("pose of a reference", "it must hold finite numbers");
+            return Err(Error::InvalidSetting { setting, seen, needed });
+        }
+        self.noise.check()
+    }
+}
+
 fn check(config: &MonitorConfig) -> Result<(), Error> {
-    let settings = [
+    let positive = [
         ("false_alarms_per_day", config.false_alarms_per_day),
         ("decision_period_s", config.decision_period_s),
         ("unseen_after_s", config.unseen_after_s),
     ];
-    for (setting, seen) in settings {
+    for (setting, seen) in positive {
         if !(seen.is_finite() && 0.0 < seen) {
             return Err(Error::InvalidSetting { setting, seen, needed: "it must be a positive number" });
+        }
+    }
+    let tolerances = [
+        ("tolerance_rotation_rad", config.tolerance_rotation_rad),
+        ("tolerance_translation_m", config.tolerance_translation_m),
+    ];
+    for (setting, seen) in tolerances {
+        if !(seen.is_finite() && 0.0 <= seen) {
+            let needed = "it must be a number, and not below zero";
+            return Err(Error::InvalidSetting { setting, seen, needed });
         }
     }
     Ok(())
@@ -396,4 +389,3 @@ numbers!(MonitorConfig {
     tolerance_translation_m,
 });
 numbers!(Reference { a_from_b, noise });
-numbers!(Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability });

@@ -61,7 +61,7 @@ pub struct Turn {
     pub covariance: Matrix3<f64>,
     /// Landmarks that agree, ascending, by number in the input.
     pub used: Vec<usize>,
-    /// Landmarks given.
+    /// Landmarks given that lie within the lens' field.
     pub given: usize,
     /// s²: variances over those stated, as the residuals have it.
     pub noise_factor: f64,
@@ -88,7 +88,7 @@ impl Turn {
     }
 }
 
-/// The turn that the most landmarks agree with, refined over them. `near` is tried first.
+/// The turn that the most landmarks agree with, refined over them. `near` is tried first. Landmarks outside the lens' field are left out.
 ///
 /// # Errors
 /// `InvalidSetting`, `NotFinite` and `CovarianceNotPositive` for input that cannot be; `TooFewPoints` for fewer landmarks than must
@@ -101,10 +101,13 @@ pub fn turn(
 ) -> Result<Turn, Error> {
     let least = check(landmarks, config)?;
     let prepared = Prepared::all(landmarks, camera)?;
+    if prepared.len() < least {
+        return Err(Error::TooFewPoints { seen: prepared.len(), needed: least });
+    }
     let start = agreement(&prepared, near, config)?;
     let found = |best: usize| Error::NoConsensus {
         best,
-        n: landmarks.len(),
+        n: prepared.len(),
         needed: least,
         what: "landmarks",
         samples: start.samples,

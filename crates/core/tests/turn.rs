@@ -148,6 +148,57 @@ fn common_errors_widen_the_covariance() {
     assert!(widened < 6.0 && 15.0 < alone, "{widened} {alone}");
 }
 
+/// A turn that is near is taken where most landmarks agree with it, and is no more than a start: one that is far off is left.
+#[test]
+fn near_is_a_start_and_no_answer() {
+    let camera = barrel(900.0);
+    let mut rng = Rng::new(0x7a8);
+    for _ in 0..20 {
+        let truth = some_turn(&mut rng, 0.3);
+        let mut seen = landmarks(&mut rng, &camera, &truth, 60, 0.0);
+        seen[..15].iter_mut().for_each(|l| l.pixel.x += 25.0);
+        let beside = some_turn(&mut rng, 2e-4) * truth;
+        let far = some_turn(&mut rng, 0.3) * truth;
+        for near in [truth, beside, far, truth.transpose()] {
+            let found = turn(&seen, &camera, Some(&near), &config()).expect("a turn");
+            assert!(error(&truth, &found).norm() < 1e-9, "{}", error(&truth, &found));
+            assert!(found.used.iter().copied().eq(15..60), "{:?}", found.used);
+        }
+        // With a turn that most agree with nothing is drawn.
+        let none = TurnConfig { max_samples: 0, ..config() };
+        assert!(turn(&seen, &camera, Some(&beside), &none).is_ok());
+        assert!(
+            turn(&seen, &camera, Some(&far), &none).is_err() && turn(&seen, &camera, None, &none).is_err()
+        );
+    }
+}
+
+/// Landmarks found where the lens has no direction, a fisheye's dark corners for one: they are left out, the others keep their numbers.
+#[test]
+fn landmarks_outside_the_field_are_left_out() {
+    let camera = barrel(900.0);
+    let mut rng = Rng::new(0x7a9);
+    let outside = Vector2::new(40_000.0, -30_000.0);
+    assert!(camera.bearing(&outside).is_err());
+    let truth = some_turn(&mut rng, 0.05);
+    let all = landmarks(&mut rng, &camera, &truth, 60, 1.0);
+    let mut seen = all.clone();
+    for i in [0, 7, 31, 59] {
+        seen[i].pixel = outside;
+    }
+    let found = turn(&seen, &camera, None, &config()).expect("a turn");
+    let without: Vec<Landmark> = seen.iter().copied().filter(|l| l.pixel != outside).collect();
+    let wanted = turn(&without, &camera, None, &config()).expect("a turn");
+    assert!(error(&wanted.now_from_reference, &found).norm() < 1e-9);
+    assert!((found.covariance - wanted.covariance).norm() < 1e-6 * wanted.covariance.norm());
+    assert_eq!(found.given, 56);
+    let pixels = |turn: &Turn, of: &[Landmark]| turn.used.iter().map(|i| of[*i].pixel).collect::<Vec<_>>();
+    assert_eq!(pixels(&found, &seen), pixels(&wanted, &without));
+    seen[10..].iter_mut().for_each(|l| l.pixel = outside);
+    let refused = turn(&seen, &camera, None, &config());
+    assert!(matches!(refused, Err(Error::TooFewPoints { seen: 8, needed: 15 })), "{refused:?}");
+}
+
 #[test]
 fn most_against_it_is_inconsistent() {
     let camera = pinhole(900.0);

@@ -111,6 +111,13 @@ expected = alpha - adjoint(pose) * beta
 assert mp.norm(seen - expected) < mp.mpf(10) ** -38, mp.norm(seen - expected)
 print("ok  (13) an edge and its nodes, to first order")
 
+# (13) as a whole: exact for motions of any size.
+alpha, beta = vector(mp.mpf("0.4")), vector(mp.mpf("0.4"))
+now = exp(-alpha) * pose * exp(beta)
+whole = pose * exp(-beta) * pose**-1 * exp(alpha)
+assert mp.norm(pose * now**-1 - whole) < TINY
+print("ok  (13) as a whole")
+
 # (17): the conditional Gaussian, by information.
 a = mp.matrix(6, 6)
 for i in range(6):

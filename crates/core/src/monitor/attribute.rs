@@ -1,11 +1,15 @@
 //! Which of several cameras and targets moved: the smallest set whose motion explains all that is seen between them.
 //!
 //! ```text
-//!   α, β  old_from_new of nodes a, b      y = α − Ad(a_from_b) β        docs/math/monitor.md eq. (13)
+//!   α, β  old_from_new of nodes a, b      y = Log(a_from_b Exp(−β) a_from_b⁻¹ Exp(α)) ≈ α − Ad(a_from_b) β
+//!         docs/math/monitor.md eq. (13)
 //! ```
+
+mod edges;
 
 use crate::frames::chi_square::tail;
 use crate::{Matrix6, Pose, Vector6};
+use edges::Edges;
 use nalgebra::{DMatrix, DVector};
 
 /// What one monitor says of frames a and b since a common time.
@@ -49,18 +53,19 @@ pub struct Attribution {
 
 /// A set is good enough when chance leaves a larger χ² this often,
 const ACCEPTED: f64 = 1e-4;
-/// or when it leaves no more than this share of what there was to explain: small motions are linear to that.
-const NEGLIGIBLE: f64 = 0.02;
+/// or when it leaves no more than this share of what there was to explain, and no larger set is clearly better: two hundredths of the
+/// motion, which grow with it (a lens, the size of a target). It is a square: 2 % of χ² would hide a motion of a seventh.
+const NEGLIGIBLE: f64 = 4e-4;
 /// A rival's χ² may be larger by this much: odds of 8000 to 1.
 const ABOUT_AS_WELL: f64 = 18.0;
 /// Sets looked at.
 const MAX_SETS: usize = 20_000;
 
-/// Which of `nodes` nodes moved. Edges must name nodes below `nodes`; others are left out.
+/// Which of `nodes` nodes moved. Edges must name nodes below `nodes`; others are left out, and those whose covariance is none.
 pub fn attribute(nodes: usize, edges: &[Edge]) -> Attribution {
-    let edges: Vec<&Edge> = edges.iter().filter(|edge| edge.a < nodes && edge.b < nodes).collect();
+    let edges = Edges::new(nodes, edges);
     let all: Vec<usize> = (0..nodes).collect();
-    smallest(&all, 0..=nodes, |set| fit(set, &edges))
+    smallest(&all, 0..=nodes, |set| edges.fit(set))
 }
 
 /// The smallest set of `nodes`, of a size in `sizes`, that `fit` finds to explain everything; sets it has no fit for are left out.
@@ -80,8 +85,14 @@ pub(super) fn smallest(
         }
         fits.sort_by(|x, y| x.1.chi2.total_cmp(&y.1.chi2));
         let Some((set, first)) = fits.first() else { continue };
+        if best.is_explained {
+            // It leaves little, but more than chance does: another that moved a little beside it?
+            let is_better = first.is_likely() && first.chi2 + first.worth(size, &best) < best.chi2;
+            return if is_better { answer(set, first, &fits, unexplained) } else { best };
+        }
         best = answer(set, first, &fits, unexplained);
-        if best.is_explained || MAX_SETS <= looked_at {
+        let is_settled = best.is_explained && (first.is_likely() || first.chi2 < ABOUT_AS_WELL);
+        if is_settled || MAX_SETS <= looked_at {
             break;
         }
     }
@@ -91,14 +102,12 @@ pub(super) fn smallest(
 fn answer(set: &[usize], first: &Fit, fits: &[(Vec<usize>, Fit)], unexplained: f64) -> Attribution {
     let moved = set.iter().enumerate().map(|(i, node)| first.node(i, *node)).collect();
     let rivals = fits[1..].iter().take_while(|(_, fit)| fit.chi2 < first.chi2 + ABOUT_AS_WELL);
-    let is_likely = 0 < first.degrees_of_freedom && ACCEPTED < tail(first.degrees_of_freedom, first.chi2);
+    let is_little = !set.is_empty() && first.chi2 < NEGLIGIBLE * unexplained;
     Attribution {
         moved,
         chi2: first.chi2,
         rivals: rivals.map(|(set, _)| set.clone()).collect(),
-        is_explained: is_likely
-            || first.chi2 == 0.0
-            || (!set.is_empty() && first.chi2 < NEGLIGIBLE * unexplained),
+        is_explained: first.is_likely() || first.chi2 == 0.0 || is_little,
     }
 }
 
@@ -118,51 +127,15 @@ impl Fit {
             covariance: self.covariance.fixed_view::<6, 6>(6 * i, 6 * i).into(),
         }
     }
-}
 
-/// None where the edges do not determine the set's motions.
-fn fit(set: &[usize], edges: &[&Edge]) -> Option<Fit> {
-    let n = 6 * set.len();
-    let (mut information, mut score, mut chi2) = (DMatrix::zeros(n, n), DVector::zeros(n), 0.0);
-    for edge in edges {
-        let weight = edge.covariance.cholesky()?.inverse();
-        let mut by_motions = DMatrix::zeros(6, n);
-        let mut put = |node: usize, block: Matrix6| {
-            if let Some(i) = set.iter().position(|member| *member == node) {
-                by_motions.fixed_view_mut::<6, 6>(0, 6 * i).copy_from(&block);
-            }
-        };
-        put(edge.a, Matrix6::identity());
-        put(edge.b, -edge.a_from_b.adjoint());
-        information += by_motions.transpose() * weight * &by_motions;
-        score += by_motions.transpose() * weight * edge.motion;
-        chi2 += edge.motion.dot(&(weight * edge.motion));
+    fn is_likely(&self) -> bool {
+        0 < self.degrees_of_freedom && ACCEPTED < tail(self.degrees_of_freedom, self.chi2)
     }
-    let (motions, covariance) = match n {
-        0 => (score.clone(), information),
-        _ => {
-            let factor = scaled_cholesky(&information)?;
-            (&factor * &score, factor)
-        }
-    };
-    let chi2 = (chi2 - score.dot(&motions)).max(0.0);
-    Some(Fit { motions, covariance, chi2, degrees_of_freedom: (6 * edges.len()).saturating_sub(n) })
-}
 
-/// Inverse of a positive definite matrix of radians and metres, scaled first; none where it is singular.
-fn scaled_cholesky(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let scale = information.diagonal().map(|v| 1.0 / v.sqrt());
-    if !scale.iter().all(|s| s.is_finite()) {
-        return None;
+    /// χ² that a set of `size` must save over a smaller one: more than its further numbers do by chance.
+    fn worth(&self, size: usize, smaller: &Attribution) -> f64 {
+        ABOUT_AS_WELL + 6.0 * size.saturating_sub(smaller.moved.len()) as f64
     }
-    let scaled = DMatrix::from_fn(information.nrows(), information.ncols(), |i, j| {
-        information[(i, j)] * scale[i] * scale[j]
-    });
-    // A pair that only its own edge ties: its common motion is free.
-    let factor = scaled.cholesky()?;
-    let is_singular = factor.l_dirty().diagonal().iter().any(|pivot| *pivot < 1e-6);
-    let inverse = (!is_singular).then(|| factor.inverse())?;
-    Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
 }
 
 /// The first `at_most` sets of `size` numbers below `n`, in lexical order.

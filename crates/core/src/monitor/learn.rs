@@ -20,6 +20,16 @@ pub struct LearnConfig {
     pub daily: Matrix6,
 }
 
+impl LearnConfig {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub fn check(&self) -> Result<(), Error> {
+        let nothing = Matrix6::zeros();
+        let LearnConfig { bias, bias_time_s, daily } = *self;
+        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
+    }
+}
+
 /// Readings needed.
 pub const LEAST_READINGS: usize = 20;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.
@@ -28,8 +38,8 @@ const OUTLIER: f64 = 27.9;
 /// The mean pose with its covariance, and what of the scatter lasts.
 ///
 /// # Errors
-/// `TooFewPoints` for fewer than twenty readings that agree with each other; `InvalidSetting` for a covariance that is not positive
-/// definite.
+/// `TooFewPoints` for fewer than twenty readings that agree with each other; `InvalidSetting` where what is known beforehand makes
+/// noise that is none: covariances that hold no numbers, a bias that is forgotten in no time.
 pub fn learn(readings: &[Reading], config: &LearnConfig) -> Result<Reference, Error> {
     let too_few = |seen| Error::TooFewPoints { seen, needed: LEAST_READINGS };
     let usable: Vec<&Reading> = readings.iter().filter(|reading| reading.is_consistent).collect();
@@ -47,7 +57,8 @@ pub fn learn(readings: &[Reading], config: &LearnConfig) -> Result<Reference, Er
         let step = kept.iter().map(|reading| motion(&mean, reading)).sum::<Vector6>() / kept.len() as f64;
         mean = Pose::exp(&(-step)) * mean;
     }
-    Ok(reference(&mean, &kept, config))
+    let learned = reference(&mean, &kept, config);
+    learned.check().map(|()| learned)
 }
 
 /// y.

@@ -8,8 +8,10 @@
 //!   Λ = (1 + Γ D)^(−½) exp(½ Γ C²/(1 + Γ D))  likelihood ratio, the change's size having variance Γ
 //!   R = Σ w Λ over onsets and changes; while nothing happens E R grows by one a step, so E T ≥ A when R = A is the alarm
 //! ```
+//! Λ, w and R are kept by their logarithms: no change is so gross that they leave the range of numbers.
 //! Derivation: docs/math/monitor.md eqs. (5)–(12).
 
+use super::LogSum;
 use super::axis::{Innovation, Transition, read};
 use crate::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -69,7 +71,8 @@ impl Gathered {
 struct Onset {
     t_s: f64,
     gathered: [[Gathered; AXES]; COURSES.len()],
-    weights: [[f64; CHANGES]; COURSES.len()],
+    /// ln w.
+    log_weights: [[f64; CHANGES]; COURSES.len()],
 }
 
 impl Onset {
@@ -78,7 +81,7 @@ impl Onset {
         Onset {
             t_s,
             gathered: [[jump; AXES], [Gathered::default(); AXES]],
-            weights: COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| course * change)),
+            log_weights: COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| (course * change).ln())),
         }
     }
 
@@ -109,6 +112,22 @@ impl Onset {
         }
         ratios
     }
+
+    /// ln wΛ of every change of one course.
+    fn log_masses(&self, course: usize, directions: &Matrix6<f64>) -> [f64; CHANGES] {
+        let ratios = self.log_ratios(course, directions);
+        std::array::from_fn(|change| self.log_weights[course][change] + ratios[change])
+    }
+
+    /// What an onset that goes is worth is added to this one: (12).
+    fn inherit(&mut self, gone: &Onset, directions: &Matrix6<f64>) {
+        for course in 0..COURSES.len() {
+            let (stays, goes) = (self.log_ratios(course, directions), gone.log_masses(course, directions));
+            for (change, log_weight) in self.log_weights[course].iter_mut().enumerate() {
+                *log_weight = LogSum::of([*log_weight, goes[change] - stays[change]]).ln();
+            }
+        }
+    }
 }
 
 /// ln Λ.
@@ -116,9 +135,6 @@ fn log_ratio(variance: f64, score: f64, information: f64) -> f64 {
     let spread = 1.0 + variance * information;
     0.5 * (variance * score * score / spread - spread.ln())
 }
-
-/// Beyond e^600 the alarm is certain; an infinite ratio would make the weights NaN.
-const LARGEST: f64 = 600.0;
 
 /// What the readings say of a change.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,21 +159,19 @@ pub(super) struct Onsets {
     onsets: ArrayVec<Onset, { ONSETS + 1 }>,
     /// Columns: unit changes of the motion's coordinates in whitened coordinates, of length one.
     directions: Matrix6<f64>,
-    /// R.
-    pub statistic: f64,
 }
 
 impl Onsets {
     pub fn new(directions: Matrix6<f64>) -> Self {
-        Onsets { onsets: ArrayVec::new(), directions, statistic: 0.0 }
+        Onsets { onsets: ArrayVec::new(), directions }
     }
 
     pub fn predict(&mut self, transitions: &[Transition; AXES]) {
         self.onsets.iter_mut().for_each(|onset| onset.predict(transitions));
     }
 
-    /// Takes in the readings at `t_s`, at which a change may have begun too.
-    pub fn add(&mut self, t_s: f64, innovations: &[Innovation; AXES]) {
+    /// Takes in the readings at `t_s`, at which a change may have begun too: ln R.
+    pub fn add(&mut self, t_s: f64, innovations: &[Innovation; AXES]) -> f64 {
         if self.onsets.len() == ONSETS {
             self.merge_two();
         }
@@ -167,24 +181,20 @@ impl Onsets {
                 gathered.iter_mut().zip(innovations).for_each(|(g, innovation)| g.add(innovation));
             }
         }
-        self.statistic = self.masses(0.0).iter().flatten().sum();
+        LogSum::of(self.onsets.iter().flat_map(|onset| self.log_masses(onset))).ln()
     }
 
-    /// Σ wΛe^−peak of each onset and course.
-    fn masses(&self, peak: f64) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
-        self.onsets.iter().map(|onset| [0, 1].map(|course| self.mass(onset, course, peak))).collect()
+    fn log_masses(&self, onset: &Onset) -> impl Iterator<Item = f64> + use<> {
+        [0, 1].map(|course| onset.log_masses(course, &self.directions)).into_iter().flatten()
     }
 
-    fn mass(&self, onset: &Onset, course: usize, peak: f64) -> f64 {
-        let ratios = onset.log_ratios(course, &self.directions);
-        let masses = ratios.iter().zip(&onset.weights[course]);
-        masses.map(|(ratio, weight)| (ratio - peak).min(LARGEST).exp() * weight).sum()
-    }
-
-    /// The largest ln Λ of all.
-    fn peak(&self) -> f64 {
-        let of = |onset: &Onset| [0, 1].map(|course| onset.log_ratios(course, &self.directions));
-        self.onsets.iter().flat_map(of).flatten().fold(0.0, f64::max)
+    /// Probability of each onset and course, were one of them what happened.
+    fn probabilities(&self) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
+        let log_mass = |onset: &Onset, course| LogSum::of(onset.log_masses(course, &self.directions)).ln();
+        let of = |onset: &Onset| [0, 1].map(|course| log_mass(onset, course));
+        let log_masses: ArrayVec<_, { ONSETS + 1 }> = self.onsets.iter().map(of).collect();
+        let all = LogSum::of(log_masses.iter().flatten().copied()).ln();
+        log_masses.into_iter().map(|of| of.map(|log_mass| (log_mass - all).exp())).collect()
     }
 
     /// Joins the neighbours that lie closest for their age; the heavier stands for both, so that R does not change.
@@ -198,39 +208,29 @@ impl Onsets {
         else {
             return;
         };
-        let (mut kept, mut gone) = (self.onsets[first].clone(), self.onsets[first + 1].clone());
-        let total = |onset: &Onset| self.mass(onset, 0, 0.0) + self.mass(onset, 1, 0.0);
-        if total(&kept) < total(&gone) {
-            std::mem::swap(&mut kept, &mut gone);
+        let mut gone = self.onsets.remove(first + 1);
+        let log_mass = |onset: &Onset| LogSum::of(self.log_masses(onset)).ln();
+        if log_mass(&self.onsets[first]) < log_mass(&gone) {
+            std::mem::swap(&mut self.onsets[first], &mut gone);
         }
-        for course in 0..COURSES.len() {
-            let stays = kept.log_ratios(course, &self.directions);
-            let goes = gone.log_ratios(course, &self.directions);
-            for change in 0..CHANGES {
-                let ratio = (goes[change] - stays[change]).min(LARGEST).exp();
-                kept.weights[course][change] += gone.weights[course][change] * ratio;
-            }
-        }
-        self.onsets[first] = kept;
-        self.onsets.remove(first + 1);
+        self.onsets[first].inherit(&gone, &self.directions);
     }
 
     /// The change that explains the readings; none before the first reading.
     pub fn change(&self) -> Option<Change> {
-        // Gross changes have ratios beyond any number: seen from the largest, their order is kept.
-        let masses = self.masses(self.peak());
-        let (best, _) = masses.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
-        let by_course = [0, 1].map(|course| masses.iter().map(|m| m[course]).sum::<f64>());
+        let probabilities = self.probabilities();
+        let (best, _) = probabilities.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
+        let by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);
         let at = self.onsets.get(best)?;
-        let spread: f64 =
-            masses.iter().zip(&self.onsets).map(|(m, o)| sum(m) * (o.t_s - at.t_s).powi(2)).sum();
+        let away = |(p, onset): (&[f64; 2], &Onset)| sum(p) * (onset.t_s - at.t_s).powi(2);
+        let spread: f64 = probabilities.iter().zip(&self.onsets).map(away).sum();
         let (shift, variance) = shift(&at.gathered[course], WIDE * SIZES[course]);
         Some(Change {
             onset_s: at.t_s,
-            onset_sigma_s: (spread / masses.iter().map(sum).sum::<f64>()).sqrt(),
+            onset_sigma_s: spread.sqrt(),
             course: COURSES[course],
-            course_probability: by_course[course] / (by_course[0] + by_course[1]),
+            course_probability: by_course[course].min(1.0),
             shift,
             variance,
         })
@@ -244,8 +244,8 @@ impl Onsets {
     }
 }
 
-fn sum(masses: &[f64; COURSES.len()]) -> f64 {
-    masses.iter().sum()
+fn sum(of_courses: &[f64; COURSES.len()]) -> f64 {
+    of_courses.iter().sum()
 }
 
 /// Mean and variance of what a change adds to the filters' constant part: its posterior size, expected below `sigma`, times g.
@@ -260,8 +260,8 @@ fn shift(gathered: &[Gathered; AXES], sigma: f64) -> (Vector6<f64>, Vector6<f64>
 }
 
 numbers!(Gathered { signature, score, information });
-numbers!(Onset { t_s, gathered, weights });
-numbers!(Onsets { onsets, directions, statistic });
+numbers!(Onset { t_s, gathered, log_weights });
+numbers!(Onsets { onsets, directions });
 
 impl Numbers for Course {
     fn put(&self, numbers: &mut Vec<f64>) {

@@ -2,6 +2,7 @@
 
 use super::axis::{AxisFilter, AxisNoise, Transition};
 use super::onsets::{AXES, Change, Onsets};
+use crate::Error;
 use crate::snapshot::numbers;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
@@ -18,6 +19,28 @@ pub struct DriftNoise {
     pub bias_time_s: f64,
     /// Covariance of the daily wobble.
     pub daily: Matrix6<f64>,
+}
+
+impl DriftNoise {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let DriftNoise { reference, reading, bias, bias_time_s, daily } = self;
+        let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
+        for covariance in [reference, reading, bias, daily] {
+            if let Some(seen) = covariance.iter().copied().find(|x| !x.is_finite()) {
+                return invalid("covariance of a reference", seen, "it must hold finite numbers");
+            }
+            let least = covariance.diagonal().min();
+            if least < 0.0 {
+                return invalid("variance in a reference", least, "it must not be below zero");
+            }
+        }
+        if !(bias_time_s.is_finite() && 0.0 < *bias_time_s) {
+            return invalid("bias_time_s", *bias_time_s, "it must be a positive number of seconds");
+        }
+        Ok(())
+    }
 }
 
 /// Says at a stated rate of false alarms that the stream has left its reference.
@@ -67,6 +90,11 @@ impl DriftTest {
         })
     }
 
+    /// Whether its noise is such as `new` makes: numbers of a file may be any.
+    pub fn is_sound(&self) -> bool {
+        self.noise.iter().all(|axis| 0.0 < axis.bias_time_s)
+    }
+
     /// A reading of the small motion from the reference, its covariance, in whitened coordinates.
     pub fn whitened(&self, motion: &Vector6<f64>, covariance: &Matrix6<f64>) -> Whitened {
         Whitened {
@@ -88,7 +116,7 @@ impl DriftTest {
         (0..AXES).map(of_axis).sum()
     }
 
-    /// R after a reading. Readings come in order of time.
+    /// ln R after a reading. Readings come in order of time.
     pub fn push(&mut self, t_s: f64, reading: &Whitened) -> f64 {
         if let Some(last_s) = self.last_s {
             let transitions = self.noise.map(|axis| Transition::new(&axis, t_s - last_s));
@@ -103,8 +131,7 @@ impl DriftTest {
             self.filters[axis].innovation(reading.value[axis], reading.variance[axis])
         });
         self.filters.iter_mut().zip(&innovations).for_each(|(filter, innovation)| filter.update(innovation));
-        self.onsets.add(t_s, &innovations);
-        self.onsets.statistic
+        self.onsets.add(t_s, &innovations)
     }
 
     /// What would explain the readings best; none before the first.

@@ -6,6 +6,8 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
 /// A landmark as the search and the fit need it.
 pub(super) struct Prepared {
+    /// In the input.
+    index: usize,
     pub in_reference: Bearing,
     /// Direction of the pixel now.
     pub now: Bearing,
@@ -16,14 +18,19 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
+    /// Those within the lens' field: what is found elsewhere, in a fisheye's dark corners for one, has no direction.
+    ///
     /// # Errors
-    /// `OutsideField` for a pixel that the lens cannot have; `CovarianceNotPositive`.
+    /// `CovarianceNotPositive`.
     pub fn all(landmarks: &[Landmark], camera: &Camera) -> Result<Vec<Self>, Error> {
-        landmarks.iter().enumerate().map(|(index, landmark)| Prepared::new(index, landmark, camera)).collect()
+        let prepared = |(index, landmark): (usize, &Landmark)| {
+            let now = camera.bearing(&landmark.pixel).ok()?;
+            Some(Prepared::new(index, landmark, now, camera))
+        };
+        landmarks.iter().enumerate().filter_map(prepared).collect()
     }
 
-    fn new(index: usize, landmark: &Landmark, camera: &Camera) -> Result<Self, Error> {
-        let now = camera.bearing(&landmark.pixel)?;
+    fn new(index: usize, landmark: &Landmark, now: Bearing, camera: &Camera) -> Result<Self, Error> {
         let slope = camera.project_with_jacobian(&now).map_or(0.0, |(_, slope)| slope.norm());
         let covariance = &landmark.covariance_px2;
         let factor = covariance.cholesky().ok_or_else(|| Error::CovarianceNotPositive {
@@ -31,6 +38,7 @@ impl Prepared {
             seen: covariance.symmetric_eigenvalues().min(),
         })?;
         Ok(Prepared {
+            index,
             in_reference: landmark.in_reference,
             now,
             px_per_rad: slope * core::f64::consts::FRAC_1_SQRT_2,
@@ -50,11 +58,12 @@ struct Row {
 
 impl Row {
     /// None where the turn puts it out of the lens' field.
-    fn new(index: usize, landmark: &Prepared, camera: &Camera, r: &Matrix3<f64>) -> Option<Self> {
+    fn new(landmark: &Prepared, camera: &Camera, r: &Matrix3<f64>) -> Option<Self> {
         let y = r * landmark.in_reference.into_inner();
         let (at, slope) = camera.project_with_jacobian(&y)?;
         let j = -(slope * y.cross_matrix());
-        Some(Row { index, e: landmark.pixel - at, j, information: landmark.information })
+        let (index, information) = (landmark.index, landmark.information);
+        Some(Row { index, e: landmark.pixel - at, j, information })
     }
 
     /// eᵀ C⁻¹ e.
@@ -160,8 +169,7 @@ const LEAST_EXPECTED: f64 = 1.0;
 
 /// Those within the threshold and within the gate of the robust scatter.
 fn agreeing(all: &[Prepared], camera: &Camera, r: &Matrix3<f64>, threshold_px: f64) -> Vec<Row> {
-    let row = |(index, landmark)| Row::new(index, landmark, camera, r);
-    let mut rows: Vec<Row> = all.iter().enumerate().filter_map(row).collect();
+    let mut rows: Vec<Row> = all.iter().filter_map(|landmark| Row::new(landmark, camera, r)).collect();
     rows.retain(|row| row.e.norm() <= threshold_px);
     let mut chi2: Vec<f64> = rows.iter().map(Row::chi2).collect();
     chi2.sort_unstable_by(f64::total_cmp);

@@ -50,7 +50,7 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
 /// Reads what `to_text` wrote.
 ///
 /// # Errors
-/// No such file, no such keys, a quaternion that is none, a covariance that is not symmetric.
+/// No such file, no such keys, a quaternion that is none, a covariance that is not symmetric, noise that is none.
 pub fn read(path: &Path) -> Result<Reference, FileError> {
     let told = |reason: String| FileError::new(path, reason);
     let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
@@ -68,7 +68,9 @@ pub fn read(path: &Path) -> Result<Reference, FileError> {
         daily: matrix(&file.daily_covariance).map_err(told)?,
     };
     let a_from_b = Pose::from_quaternion_wxyz(wxyz, file.cam_from_target.translation_m.into());
-    Ok(Reference { a_from_b, noise })
+    let reference = Reference { a_from_b, noise };
+    reference.check().map_err(|e| told(e.to_string()))?;
+    Ok(reference)
 }
 
 fn rows(matrix: &Matrix6) -> Rows {
@@ -107,5 +109,25 @@ mod tests {
         assert_eq!(read.noise, noise);
         assert!(read.a_from_b.angle_to_rad(&a_from_b) < 1e-15);
         assert_eq!(read.a_from_b.translation, a_from_b.translation);
+    }
+
+    #[test]
+    fn noise_that_is_none_is_named() {
+        let noise = DriftNoise {
+            reference: Matrix6::identity(),
+            reading: Matrix6::identity(),
+            bias: Matrix6::identity(),
+            bias_time_s: 0.0,
+            daily: Matrix6::identity(),
+        };
+        let text = |noise| to_text(&Reference { a_from_b: Pose::identity(), noise }).expect("text");
+        let path = std::env::temp_dir().join(format!("no-reference-{}.toml", std::process::id()));
+        let negative = DriftNoise { daily: -noise.daily, bias_time_s: 1.0, ..noise };
+        for (noise, named) in [(noise, "bias_time_s"), (negative, "variance in a reference")] {
+            std::fs::write(&path, text(noise)).expect("written");
+            let error = read(&path).expect_err("no noise").to_string();
+            assert!(error.contains(named), "{error}");
+        }
+        std::fs::remove_file(&path).expect("removed");
     }
 }

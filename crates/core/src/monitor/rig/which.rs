@@ -16,12 +16,31 @@ const FREE: f64 = 1e-4;
 pub(super) fn which(gathered: &Gathered, at_least: usize) -> Attribution {
     let seen = seen(gathered);
     let all = motions(gathered, &seen).map_or(0.0, |(_, _, explained)| explained);
-    let determined = seen.len().saturating_sub(1);
+    let determined = determined(gathered, &seen);
     smallest(&seen, at_least..=determined, |set| {
         let (motions, covariance, explained) = motions(gathered, set)?;
-        let degrees_of_freedom = 6 * determined.saturating_sub(set.len());
+        let taken = set.len() - whole_groups(gathered, &seen, set);
+        let degrees_of_freedom = 6 * (determined - taken);
         Some(Fit { motions, covariance, chi2: (all - explained).max(0.0), degrees_of_freedom })
     })
+}
+
+/// Motions that are determined: all but one of each group of cameras that targets tie, whose common motion nobody sees.
+fn determined(gathered: &Gathered, seen: &[usize]) -> usize {
+    seen.len() - whole_groups(gathered, seen, seen)
+}
+
+/// Groups of which all cameras that were seen are in the set.
+fn whole_groups(gathered: &Gathered, seen: &[usize], set: &[usize]) -> usize {
+    let is_whole = |group: &usize| {
+        let of_group = |camera: &&usize| gathered.groups[**camera] == *group;
+        seen.iter().filter(of_group).all(|camera| set.contains(camera))
+    };
+    let is_first = |camera: &&usize| {
+        let group = gathered.groups[**camera];
+        seen.iter().find(|other| gathered.groups[**other] == group) == Some(*camera)
+    };
+    seen.iter().filter(is_first).map(|camera| gathered.groups[*camera]).filter(is_whole).count()
 }
 
 /// Cameras that took part.
@@ -44,4 +63,31 @@ fn motions(gathered: &Gathered, set: &[usize]) -> Option<(DVector<f64>, DMatrix<
     let motions = &covariance * &score;
     let explained = score.dot(&motions);
     explained.is_finite().then_some((motions, covariance, explained))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::monitor::rig::evidence::Onset;
+    use crate::monitor::rig::evidence::tests::{SIGMA, difference};
+
+    /// Four cameras in two groups that no target ties: two motions are determined, not three.
+    #[test]
+    fn groups_that_nothing_ties_have_a_free_motion_each() {
+        let mut onset = Onset::new(0.0, &DVector::from_element(24, SIGMA * SIGMA));
+        onset.add(&difference(4, [0, 1], 100.0 * SIGMA));
+        onset.add(&difference(4, [2, 3], 5.75 * SIGMA));
+        let gathered = onset.gathered(0);
+        assert_eq!(
+            (gathered.groups.as_slice(), determined(gathered, &seen(gathered))),
+            (&[0, 0, 2, 2][..], 2)
+        );
+        // One in the first group leaves χ² = 33 in the second: too much for six numbers, though not for twelve.
+        let moved = which(gathered, 1).moved;
+        assert_eq!(moved.len(), 2, "{moved:?}");
+        assert!(moved[0].node < 2 && 2 <= moved[1].node, "{moved:?}");
+        onset.add(&difference(4, [1, 2], 0.0));
+        let gathered = onset.gathered(0);
+        assert_eq!((gathered.groups.as_slice(), determined(gathered, &seen(gathered))), (&[0; 4][..], 3));
+    }
 }

@@ -60,6 +60,9 @@ impl Pair {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
     pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
+        // Said now: a monitor that cannot be would only show as learning that never ends.
+        config.monitor.check()?;
+        config.lasting.check()?;
         let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
         let stage = match &watched.reference {
             _ if moves || config.rig.is_some() => Stage::Following { last_s: None, is_seen: false },
