@@ -22,7 +22,7 @@ use crate::consistency::Consistency;
 use crate::frames::chi_square::tail;
 use crate::{Error, Matrix6, Pose, Vector6};
 use evidence::Evidence;
-use filter::RigFilter;
+use filter::{Carried, Innovation, RigFilter};
 use held::{Held, Moment};
 use nalgebra::{DMatrix, DVector};
 
@@ -61,6 +61,8 @@ pub struct RigMonitor {
     typical: Typical,
     last_onset_s: f64,
     last_s: f64,
+    /// When each camera last saw a target at all, and when others saw it too, seconds.
+    glanced_s: Vec<f64>,
     seen_s: Vec<f64>,
     inconsistent_share: Vec<f64>,
     drifts: Vec<Option<Drift>>,
@@ -79,15 +81,12 @@ pub struct RigMonitor {
 struct Open {
     attribution: Attribution,
     drifts: Vec<Drift>,
-    moments: usize,
 }
 
 /// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
 const CHOSEN: f64 = 4.0;
 /// Chance of a moment as far from what was expected as this, or farther: it waits for others.
 const SURPRISE: f64 = 1e-6;
-/// Moments after an alarm that are waited for a decision which camera it was; then the test starts anew, and rivals stay rivals.
-const PATIENCE: usize = 40;
 
 impl RigMonitor {
     /// Starts at `t_s`, seconds, of the same clock as the moments.
@@ -107,6 +106,7 @@ impl RigMonitor {
             typical: Typical::new(n),
             last_onset_s: f64::NEG_INFINITY,
             last_s: t_s,
+            glanced_s: vec![t_s; n],
             seen_s: vec![t_s; n],
             inconsistent_share: vec![0.0; n],
             drifts: vec![None; n],
@@ -128,6 +128,7 @@ impl RigMonitor {
         let known = moment.glances.iter().filter(|glance| glance.camera < self.seen_s.len());
         let mut usable = RigMoment { t_s: moment.t_s, glances: Vec::new() };
         for glance in known {
+            self.glanced_s[glance.camera] = moment.t_s;
             let is_consistent = matches!(glance.estimate.consistency, Consistency::Consistent);
             let share = &mut self.inconsistent_share[glance.camera];
             *share += (f64::from(u8::from(!is_consistent)) - *share) / SHARE_OVER;
@@ -137,7 +138,6 @@ impl RigMonitor {
         }
         let stars = learn::stars(&usable, &self.places()).into_iter().map(|(_, star)| star).collect();
         let moment = Moment { t_s: moment.t_s, stars };
-        moment.cameras().for_each(|camera| self.seen_s[camera] = moment.t_s);
         self.weigh(moment);
     }
 
@@ -148,6 +148,8 @@ impl RigMonitor {
         let is_rival = !self.rivals.is_empty()
             && (self.drifts[camera].is_some() || self.rivals.iter().flatten().any(|rival| *rival == camera));
         match self.drifts[camera] {
+            // What contradicted itself before the camera went blind says nothing of now.
+            _ if self.config.unseen_after_s < t_s - self.glanced_s[camera] => Watch::Unseen { for_s },
             _ if MOSTLY < self.inconsistent_share[camera] => Watch::Inconsistent,
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
             _ if is_rival => Watch::Settling,
@@ -202,11 +204,13 @@ impl RigMonitor {
     /// A moment that is as expected goes to the test; one that is not waits until others agree with it.
     fn weigh(&mut self, moment: Moment) {
         let mut ahead = self.filter.clone();
-        ahead.predict(moment.t_s);
+        let carried = ahead.predict(moment.t_s);
         let Some(innovation) = ahead.innovation(&moment.stars) else { return };
+        moment.cameras().for_each(|camera| self.seen_s[camera] = moment.t_s);
         if SURPRISE < tail(innovation.degrees_of_freedom(), innovation.chi2()) {
             self.outliers += self.held.clear(&moment);
-            self.take(&moment, moment.t_s);
+            self.filter = ahead;
+            self.read(&moment, moment.t_s, &carried, &innovation);
             self.decide();
             return;
         }
@@ -214,16 +218,20 @@ impl RigMonitor {
         self.outliers += dropped;
         // Seen one after the other, told at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);
-        passed.iter().for_each(|moment| self.take(moment, began_s));
+        for moment in &passed {
+            let carried = self.filter.predict(moment.t_s);
+            if let Some(innovation) = self.filter.innovation(&moment.stars) {
+                self.read(moment, began_s, &carried, &innovation);
+            }
+        }
         if !passed.is_empty() {
             self.decide();
         }
     }
 
-    /// The test reads a moment; a change may have begun at `onset_s`.
-    fn take(&mut self, moment: &Moment, onset_s: f64) {
-        let carried = self.filter.predict(moment.t_s);
-        self.evidence.predict(&carried);
+    /// The test reads a moment, to which the filter has been carried; a change may have begun at `onset_s`.
+    fn read(&mut self, moment: &Moment, onset_s: f64, carried: &Carried, innovation: &Innovation) {
+        self.evidence.predict(carried);
         self.typical.add(moment, &self.reference.noise);
         // A decision period has one onset, shared among its moments: were there only one place for it, no camera's motion would explain
         // the moments on both sides of a change elsewhere.
@@ -232,23 +240,23 @@ impl RigMonitor {
             self.evidence.begin(onset_s, share, self.typical.variances());
             self.last_onset_s = onset_s;
         }
-        let Some(innovation) = self.filter.innovation(&moment.stars) else { return };
-        self.evidence.add(&innovation);
-        self.filter.update(&innovation);
+        self.evidence.add(innovation);
+        self.filter.update(innovation);
     }
 
     fn decide(&mut self) {
         let threshold = DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day);
-        if self.open.is_none() && self.evidence.statistic < threshold {
+        let is_over = threshold <= self.evidence.statistic;
+        if self.open.is_none() && !is_over {
             return;
         }
         let Some(open) = self.attributed() else { return };
-        if !open.drifts.iter().any(|drift| self.matters(&drift.old_from_new)) && !self.has_moved() {
+        if !self.matters(&open) && !self.has_moved() {
             return;
         }
+        // Two cameras stay rivals; of more, whoever is taken for the one that moved on a guess makes another look as if it had.
         let is_decided = open.attribution.is_explained && open.attribution.rivals.is_empty();
-        let is_hopeless = self.seen_s.len() == 2 || PATIENCE < open.moments;
-        if is_decided || is_hopeless {
+        if is_decided || self.seen_s.len() == 2 {
             self.start_again(&open);
         } else {
             self.open = Some(open);
@@ -259,9 +267,13 @@ impl RigMonitor {
         self.drifts.iter().any(Option::is_some)
     }
 
-    fn matters(&self, motion: &Vector6) -> bool {
-        self.config.tolerance_rotation_rad < motion.fixed_rows::<3>(0).norm()
-            || self.config.tolerance_translation_m < motion.fixed_rows::<3>(3).norm()
+    /// The reference may err too.
+    fn matters(&self, open: &Open) -> bool {
+        let cameras = open.attribution.moved.iter().map(|moved| self.own_covariance(moved.node));
+        let mut drifts = cameras.zip(&open.drifts);
+        drifts.any(|(own, drift)| {
+            Drift { covariance: drift.covariance + own, ..*drift }.matters(&self.config)
+        })
     }
 
     /// Who explains the evidence, and how far they moved.
@@ -284,8 +296,7 @@ impl RigMonitor {
             }
         };
         let drifts = attribution.moved.iter().map(drift).collect();
-        let moments = self.open.as_ref().map_or(0, |open| open.moments + 1);
-        (!attribution.moved.is_empty()).then_some(Open { attribution, drifts, moments })
+        (!attribution.moved.is_empty()).then_some(Open { attribution, drifts })
     }
 
     /// From here on the test asks whether anything moves away from where it is now; where the moved cameras are is learned anew, because
@@ -395,6 +406,11 @@ fn check_reference(reference: &RigReference) -> Result<(), Error> {
         let SightNoise { white, lasting, lasting_time_s, .. } = *noise;
         if !(0.0 < white && 0.0 <= lasting && 0.0 < lasting_time_s && (white + lasting).is_finite()) {
             return invalid("noise of a sight", white, "variances and times that are positive");
+        }
+        let is_covariance =
+            |m: &Matrix6| m.iter().all(|v| v.is_finite()) && m.diagonal().iter().all(|v| 0.0 <= *v);
+        if !(is_covariance(&noise.bias) && is_covariance(&noise.daily)) {
+            return invalid("lasting error of a camera", noise.bias[(0, 0)], "covariances, or zero");
         }
     }
     Ok(())

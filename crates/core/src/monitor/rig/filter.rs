@@ -198,10 +198,30 @@ impl RigFilter {
         add(0, ad);
         add(12, ad);
         if lasting.iter().any(|v| *v != 0.0) {
-            add(6, ad * lasting.cholesky()?.l());
+            add(6, ad * root(&lasting));
         }
         Some(())
     }
+}
+
+/// L of a covariance = L Lᵀ, by Cholesky; coordinates that it holds for exactly known (a bias stated of turns alone) stay so.
+fn root(covariance: &Matrix6) -> Matrix6 {
+    /// Share of a variance that rounding leaves where nothing is left.
+    const NOTHING: f64 = 1e-12;
+    let mut lower = Matrix6::zeros();
+    for j in 0..6 {
+        let explained: f64 = (0..j).map(|k| lower[(j, k)] * lower[(j, k)]).sum();
+        let left = covariance[(j, j)] - explained;
+        if left <= NOTHING * covariance[(j, j)] {
+            continue;
+        }
+        lower[(j, j)] = left.sqrt();
+        for i in j + 1..6 {
+            let shared: f64 = (0..j).map(|k| lower[(i, k)] * lower[(j, k)]).sum();
+            lower[(i, j)] = (covariance[(i, j)] - shared) / lower[(j, j)];
+        }
+    }
+    lower
 }
 
 /// Cholesky's factor of S; none where it is no covariance.

@@ -1,10 +1,13 @@
 //! Moments that are far from what was expected wait until three agree on who moved: a flipped pose, a hand in the picture or a frame of
 //! another time is alone, a knocked camera stays where it is.
 
+use super::SURPRISE;
 use super::evidence::Onset;
 use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
-use super::which::which;
+use super::which::{explained, which};
+use crate::frames::chi_square::tail;
+use crate::monitor::attribute::NEGLIGIBLE;
 use nalgebra::DVector;
 
 /// What the cameras saw at one time, a star for each target.
@@ -36,11 +39,14 @@ impl Held {
         self.waiting.iter().flat_map(|(_, suspects)| suspects.iter().copied())
     }
 
-    /// A moment in which all is well speaks for those who waited as suspects and are in it; how many moments are given up.
+    /// A moment in which all is well speaks for every suspect who is in it; how many moments are given up, their last suspect cleared.
     pub fn clear(&mut self, moment: &Moment) -> u64 {
         let before = self.waiting.len();
         let is_in = |camera: &usize| moment.cameras().any(|seen| seen == *camera);
-        self.waiting.retain(|(_, suspects)| !suspects.iter().all(is_in));
+        for (_, suspects) in &mut self.waiting {
+            suspects.retain(|suspect| !is_in(suspect));
+        }
+        self.waiting.retain(|(_, suspects)| !suspects.is_empty());
         (before - self.waiting.len()) as u64
     }
 
@@ -83,17 +89,23 @@ impl Held {
         }
     }
 
-    /// Those whose motion explains all waiting moments together.
+    /// Those whose motion explains all waiting moments together: the same motion in each. Who it was could be said of any three outliers.
     fn agreed(&self, filter: &RigFilter, typical: &DVector<f64>) -> Option<Vec<usize>> {
         let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical));
+        let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
         for (moment, _) in &self.waiting {
             let innovation = filter.innovation(&moment.stars)?;
+            chi2 += innovation.chi2();
+            degrees_of_freedom += innovation.degrees_of_freedom();
             onset.add(&innovation);
             filter.update(&innovation);
         }
         let attribution = which(onset.gathered(0), 1);
         let mut cameras: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
+        let left = chi2 - explained(onset.gathered(0), &cameras);
+        let is_one_motion = left < NEGLIGIBLE * chi2
+            || SURPRISE < tail(degrees_of_freedom.saturating_sub(6 * cameras.len()).max(1), left.max(0.0));
         cameras.extend(attribution.rivals.iter().flatten());
-        attribution.is_explained.then_some(cameras)
+        (attribution.is_explained && is_one_motion).then_some(cameras)
     }
 }

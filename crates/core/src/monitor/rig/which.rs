@@ -15,7 +15,7 @@ const FREE: f64 = 1e-4;
 /// Nobody or some of the cameras that were seen; with `at_least` one, somebody.
 pub(super) fn which(gathered: &Gathered, at_least: usize) -> Attribution {
     let seen = seen(gathered);
-    let all = motions(gathered, &seen).map_or(0.0, |(_, _, explained)| explained);
+    let all = explained(gathered, &seen);
     let determined = determined(gathered, &seen);
     smallest(&seen, at_least..=determined, |set| {
         let (motions, covariance, explained) = motions(gathered, set)?;
@@ -23,6 +23,11 @@ pub(super) fn which(gathered: &Gathered, at_least: usize) -> Attribution {
         let degrees_of_freedom = 6 * (determined - taken);
         Some(Fit { motions, covariance, chi2: (all - explained).max(0.0), degrees_of_freedom })
     })
+}
+
+/// χ² that the motions of a set explain.
+pub(super) fn explained(gathered: &Gathered, set: &[usize]) -> f64 {
+    motions(gathered, set).map_or(0.0, |(_, _, explained)| explained)
 }
 
 /// Motions that are determined: all but one of each group of cameras that targets tie, whose common motion nobody sees.
@@ -74,7 +79,7 @@ mod tests {
     /// Four cameras in two groups that no target ties: two motions are determined, not three.
     #[test]
     fn groups_that_nothing_ties_have_a_free_motion_each() {
-        let mut onset = Onset::new(0.0, &DVector::from_element(24, SIGMA * SIGMA));
+        let mut onset = Onset::new(0.0, 1.0, &DVector::from_element(24, SIGMA * SIGMA));
         onset.add(&difference(4, [0, 1], 100.0 * SIGMA));
         onset.add(&difference(4, [2, 3], 5.75 * SIGMA));
         let gathered = onset.gathered(0);
