@@ -194,11 +194,11 @@ fn tolerated_drifts_raise_no_alarm() {
 }
 
 /// Either tolerance alone: turns in each direction, shifts none, and the other way round. The other three coordinates are never exactly
-/// zero; a hundred streams, each looked at a thousand times, have them as large as chance makes them. (The tolerated motion is four
+/// zero; fifty streams, each looked at a thousand times, have them as large as chance makes them. (The tolerated motion is four
 /// standard deviations of a reading below its tolerance: an alarm after two readings errs by that much once in a thousand.)
 #[test]
 fn one_tolerance_alone_silences_what_it_names() {
-    for seed in 0..100 {
+    for seed in 0..50 {
         for (mut sentry, tolerated) in [(tolerant(0.3, 0.0), pan(0.1)), (tolerant(0.0, 0.014), shift(0.006))]
         {
             let mut stream = Stream::new(WHITE, 0x8_8000 + seed);
