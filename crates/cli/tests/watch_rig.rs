@@ -108,8 +108,15 @@ impl Run {
         self.events.iter().filter(|e| e["event"] == "moved").collect()
     }
 
-    fn last(&self, camera: &str) -> &str {
-        let is_its = |e: &&Value| e["event"] == "verdict" && e["camera"] == camera;
+    /// The verdict on a camera, or on a `camera/target`.
+    fn last(&self, pair: &str) -> &str {
+        let (camera, target) =
+            pair.split_once('/').map_or((pair, None), |(camera, target)| (camera, Some(target)));
+        let is_its = |e: &&Value| {
+            e["event"] == "verdict"
+                && e["camera"] == camera
+                && target.is_none_or(|target| e["target"] == target)
+        };
         self.events.iter().find(is_its).and_then(|e| e["state"].as_str()).expect("a verdict")
     }
 }

@@ -83,7 +83,7 @@ struct Mqtt {
 impl Output for Mqtt {
     fn take(&mut self, event: &Event) -> Result<()> {
         if let Event::Observed { camera, target, .. } = event {
-            if !self.sources.get(*camera).is_none_or(|is_told| *is_told) {
+            if self.sources.get(*camera) == Some(&false) {
                 self.tell(&Event::Source { camera: *camera, is_there: true, reason: None });
             }
             if self.frames && self.is_there.load(Ordering::Relaxed) {
