@@ -241,10 +241,11 @@ def judge_session(resight, folder, authority):
         assert said[0][:2] == ("site/availability", "online"), said[0]
         got = [json.loads(payload) for topic, payload, _ in said if topic == "site/gate/dots/state"]
         late, kept = subscribe(port, "site/#", ca)
-        found = dict(kept.get(timeout=PATIENCE_S)[:2] for _ in range(2))
+        found = dict(kept.get(timeout=PATIENCE_S)[:2] for _ in range(3))  # availability, source, state
         for other in (client, late):
             other.loop_stop()
         assert found["site/availability"] == "offline" and json.loads(found["site/gate/dots/state"]) == got[-1]
+        assert json.loads(found["site/gate/source"])["is_there"] is True, found
     finally:
         broker.terminate()
         broker.wait()

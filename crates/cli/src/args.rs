@@ -102,6 +102,16 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Seconds: no clock counts for ever, and whoever means "never" means a year.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    /// Thirty years.
+    const MOST_S: f64 = 1e9;
+    match positive(text) {
+        Ok(s) if s <= MOST_S => Ok(s),
+        _ => Err(format!("a positive number of seconds is needed, at most {MOST_S}")),
+    }
+}
+
 /// Name of a solver: `auto` decides from the configuration of the points.
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {

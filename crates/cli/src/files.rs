@@ -64,17 +64,21 @@ pub fn must_be_writable(path: &Path) -> Result<()> {
             path.join("results.jsonl").display()
         );
     }
-    let folder = folder_of(path);
+    can_be_written("-o", path)
+}
+
+/// The same for the file of any flag.
+pub fn can_be_written(flag: &str, path: &Path) -> Result<()> {
+    let (folder, file) = (folder_of(path), path.display());
+    if path.is_dir() {
+        bail!("{flag} {file}: this is a folder; give a file in it");
+    }
     if !folder.is_dir() {
-        bail!("-o {}: there is no folder {}; make it first", path.display(), folder.display());
+        bail!("{flag} {file}: there is no folder {}; make it first", folder.display());
     }
     let probe = folder.join(format!(".resight-{}.probe", std::process::id()));
     if let Err(reason) = std::fs::File::create_new(&probe) {
-        bail!(
-            "-o {}: nothing can be written to {} ({reason}); write elsewhere",
-            path.display(),
-            folder.display()
-        );
+        bail!("{flag} {file}: nothing can be written to {} ({reason}); write elsewhere", folder.display());
     }
     let _ = std::fs::remove_file(&probe); // It was made a line above.
     Ok(())

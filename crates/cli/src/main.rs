@@ -22,7 +22,7 @@ fn main() -> ExitCode {
     match commands::run(arguments.command) {
         Ok(outcome) => outcome.into(),
         Err(reason) => {
-            eprintln!("error: {reason:#}");
+            output::remark(&format!("error: {reason:#}"));
             ExitCode::from(2)
         }
     }

@@ -70,7 +70,7 @@ impl Printer {
     /// A remark on stderr, unless quiet.
     pub fn remark(&self, text: &str) {
         if !self.args.quiet {
-            self.bar.suspend(|| eprintln!("{text}"));
+            self.bar.suspend(|| remark(text));
         }
     }
 
@@ -86,6 +86,12 @@ impl Printer {
     fn print(&self, text: &str) -> Result<()> {
         self.bar.suspend(|| print(text))
     }
+}
+
+/// Writes a line to stderr. Where that cannot be written (its reader is gone, the disk is full) there is nobody left to tell, and the work
+/// goes on.
+pub fn remark(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Writes to stdout. A reader that has gone away (`| head`) ends the program quietly.

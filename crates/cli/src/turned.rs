@@ -21,8 +21,21 @@ pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
     (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
 }
 
-/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`.
+/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A turn that most of what was found
+/// contradicts is told as that first.
 pub fn words(sighting: &Sighting) -> String {
+    let turned = turned_words(sighting);
+    let (agree, found) = (sighting.turn.used.len(), sighting.turn.given);
+    match sighting.turn.is_consistent() {
+        true => turned,
+        false => format!(
+            "inconsistent: {agree} of the {found} landmarks found agree, half are needed: near things as the camera shifts, or much that moves; \
+            they say: {turned}"
+        ),
+    }
+}
+
+fn turned_words(sighting: &Sighting) -> String {
     let (turn, covariance) = sighting.turn.old_from_new();
     let part = |i: usize| {
         let direction = TURNS[i][usize::from(turn[i] < 0.0)];
@@ -62,4 +75,29 @@ pub fn add_to(object: &mut Value, sighting: &Sighting) {
     object["n_in_view"] = json!(sighting.in_view);
     object["rms_px"] = json!(turn.rms_px);
     object["is_consistent"] = json!(turn.is_consistent());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+    use resight::core::turn::Turn;
+
+    #[test]
+    fn a_contradictory_turn_is_told_as_one() {
+        let said = |agree: usize| {
+            let turn = Turn {
+                now_from_reference: Matrix3::identity(),
+                covariance: Matrix3::identity() * 1e-8,
+                used: (0..agree).collect(),
+                given: 100,
+                noise_factor: 1.0,
+                coherence: 1.0,
+                rms_px: 0.1,
+            };
+            words(&Sighting { turn, shift: None, found: Vec::new(), in_view: 120 })
+        };
+        assert!(said(49).starts_with("inconsistent: 49 of the 100 landmarks found agree"), "{}", said(49));
+        assert!(said(50).starts_with("turned "), "{}", said(50));
+    }
 }

@@ -1,4 +1,5 @@
-//! `watch --history` under faults: killed, full disk, no access, two at once, damaged files. What was acknowledged is there.
+//! `watch --history` under faults: killed, full disk, no access, two at once, damaged files. What was acknowledged is there. And what else a
+//! session writes, on a disk that is full.
 
 mod rig_support;
 mod support;
@@ -261,4 +262,116 @@ fn a_history_that_was_moved_away_is_begun_anew() {
     assert!(session.log().contains("moved or replaced"), "{}", session.log());
     let rows = |name: &str| count(&Connection::open(folder.join(name)).expect("a history"), "frame", 1);
     assert_eq!((rows("old.sqlite"), rows("history.sqlite")), (100, 100));
+}
+
+fn limit(session: &Session, bytes: u64) {
+    let pid = session.child.id().to_string();
+    let limit = format!("--fsize={bytes}:unlimited");
+    let limited = std::process::Command::new("prlimit").args(["--pid", &pid, &limit]).status();
+    assert!(limited.expect("prlimit").success());
+}
+
+/// The log is on the full disk too: nobody can be told, and all goes on.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_that_cannot_be_written_stops_nothing() {
+    if !is_there("prlimit") {
+        println!("skipped: prlimit is not installed");
+        return;
+    }
+    let folder = folder("faults-log");
+    let (path, reference) = (folder.join("history.sqlite"), folder.join("gate.ref.toml"));
+    let script = "trap '' XFSZ; exec prlimit --fsize=200000:unlimited \"$@\" 2> /dev/full";
+    let arguments =
+        ["--history", text(&path), "--history-commit-s", "0.02", "--save-reference", text(&reference)];
+    let mut session = start(&["sh", "-c", script, "sh"], &arguments);
+    session.feed(&lines(0..2000, 1.0 / 30.0, 0x7a, still));
+    session.wait_until("frames go on", |session| 2000 < session.n_said());
+    // Long enough for several commits: the disk is full, and said to be.
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(stored(&session).is_some_and(|stored| stored["frames"].as_u64() < Some(2000)));
+    lift_limit(&session);
+    session.wait_until("stored", |session| stored(session).is_some_and(|stored| stored["frames"] == 2000));
+    assert_eq!(session.end(), 0);
+    assert_eq!(all_acknowledged_is_there(&path, &session), 2000);
+    assert!(reference.is_file());
+}
+
+fn recordings(folder: &Path) -> Vec<(String, u64)> {
+    let entries = std::fs::read_dir(folder).expect("the folder").map(|entry| entry.expect("an entry"));
+    let of = |entry: std::fs::DirEntry| {
+        (entry.file_name().to_string_lossy().to_string(), entry.metadata().expect("its size").len())
+    };
+    let mut all: Vec<_> = entries.map(of).filter(|(name, _)| name.ends_with(".mcap")).collect();
+    all.sort();
+    all
+}
+
+fn feed(session: &mut Session, next: &mut usize, n: usize) {
+    session.feed(&lines(*next..*next + n, 1.0 / 30.0, 0x7b, still));
+    *next += n;
+}
+
+fn feed_until(session: &mut Session, next: &mut usize, words: &str) {
+    for _ in 0..1000 {
+        if session.log().contains(words) {
+            return;
+        }
+        feed(session, next, 3);
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    panic!("not said: {words}; the log: {}", session.log());
+}
+
+/// Full for several tries: said once, and no empty file for each of them.
+#[test]
+fn a_recording_waits_for_room_without_a_word_and_without_leavings() {
+    if !is_there("prlimit") {
+        println!("skipped: prlimit is not installed");
+        return;
+    }
+    let folder = folder("faults-tf");
+    let path = folder.join("poses.mcap");
+    let mut session = start(&["sh", "-c", "trap '' XFSZ; exec \"$@\"", "sh"], &["--tf", text(&path)]);
+    let mut next = 0;
+    feed(&mut session, &mut next, 60);
+    session.wait_until("a first chunk", |_| recordings(&folder).iter().any(|(_, bytes)| 1000 < *bytes));
+    limit(&session, 0);
+    feed_until(&mut session, &mut next, "cannot be written");
+    for _ in 0..40 {
+        feed(&mut session, &mut next, 3);
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    assert_eq!(session.log().lines().filter(|line| line.contains(" tf: ")).count(), 1, "{}", session.log());
+    assert!(recordings(&folder).len() <= 2, "{:?}", recordings(&folder));
+    lift_limit(&session);
+    feed_until(&mut session, &mut next, "goes on in");
+    assert_eq!(session.end(), 0);
+    let all = recordings(&folder);
+    assert!(all.len() == 2 && all.iter().all(|(_, bytes)| 1000 < *bytes), "{all:?}");
+}
+
+/// The reference is learned while the disk is full: the session goes on, and writes it when there is room.
+#[test]
+fn what_is_learned_on_a_full_disk_is_written_later() {
+    if !is_there("prlimit") {
+        println!("skipped: prlimit is not installed");
+        return;
+    }
+    for is_lifted in [true, false] {
+        let reference = folder(&format!("faults-reference-{is_lifted}")).join("gate.ref.toml");
+        let script = with_limit(0);
+        let before: Vec<&str> = script.iter().map(String::as_str).chain(["sh"]).collect();
+        let mut session = start(&before, &["--save-reference", text(&reference), "--once"]);
+        session.feed(&lines(0..100, 1.0, 0x7d, still));
+        session.wait_until("told", |session| session.log().contains("tried again every 10 s and at the end"));
+        session.feed(&lines(100..150, 1.0, 0x7e, still));
+        session.wait_until("frames go on", |session| 150 < session.n_said());
+        if is_lifted {
+            lift_limit(&session);
+        }
+        assert_eq!(session.end(), if is_lifted { 0 } else { 2 }, "{}", session.log());
+        assert_eq!(session.events().last().expect("a verdict")["state"], "steady");
+        assert_eq!(reference.is_file(), is_lifted, "{}", session.log());
+    }
 }

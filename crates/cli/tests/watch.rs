@@ -194,3 +194,33 @@ fn a_camera_that_sees_nothing_does_not_learn() {
         again.stderr
     );
 }
+
+/// Knocked in the last second: nobody can say yet what it is, so it is not "all is well".
+#[test]
+fn a_camera_that_settles_at_the_end_is_not_answered() {
+    let knocked = |second: usize| if second < 100 { Vector6::zeros() } else { pan(1.0) };
+    let run = watch(&lines(0..102, 0x5b, knocked), &["--source", "-"]);
+    assert_eq!(states(&run).last(), Some(&"settling"), "{}", run.stderr);
+    let verdict = run.events.last().expect("a verdict");
+    assert_eq!((run.code, &verdict["state"]), (1, &json!("settling")), "{verdict}");
+    assert_eq!((&verdict["camera"], &verdict["target"]), (&json!("cam0"), &json!("target0")), "{verdict}");
+}
+
+#[test]
+fn what_does_not_go_together_is_refused_by_name() {
+    let named = |kind: &str, name: &str| format!("{name}={}", demo(kind));
+    let [gate, twice] = ["dots.toml", "dots.toml"].map(|file| named(file, "cam0"));
+    for (arguments, words) in [
+        (vec!["--motion", "moving", "--landmarks", "a.png"], "leave --landmarks and --save-landmarks out"),
+        (vec!["--target", &gate], "are called cam0"),
+        (vec!["--target", &gate, "--target", &twice], "are called cam0"),
+        (
+            vec!["--save-reference", "no/such/folder/a.toml"],
+            "--save-reference no/such/folder/a.toml: there is no folder",
+        ),
+        (vec!["--lost-after-s", "1e20"], "a positive number of seconds is needed"),
+    ] {
+        let run = watch("", &[&["--source", "-"], arguments.as_slice()].concat());
+        assert!(run.code == 2 && run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
+    }
+}

@@ -94,8 +94,13 @@ fn a_camera_that_stays_is_steady_and_says_its_numbers() {
     let night = Night::new("landmarks-steady");
     night.take(0..8, [0.0; 3], |_| ());
     let landmarks = format!("gate={}", night.reference);
-    let run = night.watch(&["--landmarks", &landmarks, "--json", "--frames"]);
+    let history = night.folder.join("gate.sqlite").display().to_string();
+    let run = night.watch(&["--landmarks", &landmarks, "--json", "--frames", "--history", &history]);
     assert_eq!((run.code, run.states()), (0, vec!["steady".to_string()]), "{}{}", run.stdout, run.stderr);
+    let stored = rusqlite::Connection::open(&history).expect("the history");
+    let in_words = "SELECT count(*) FROM frame WHERE readings = 0 AND reason LIKE 'turned %landmarks agree'";
+    let n: i64 = stored.query_row(in_words, [], |row| row.get(0)).expect("a count");
+    assert_eq!(n, 8);
     let frames = run.events("frame");
     assert_eq!(frames.len(), 8);
     for frame in &frames {
@@ -200,6 +205,7 @@ fn another_scene_and_a_wrong_picture_are_named() {
         ("gate=no/such.png".to_string(), format!("gate={}", night.folder.join("night/0000.png").display()));
     refused(&["--landmarks", &missing], "no/such.png");
     refused(&["--landmarks", &blank], "0 landmarks, 30 are needed");
+    refused(&["--landmarks", &blank], &format!("--landmarks {}: camera gate", &blank["gate=".len()..]));
     refused(&["--landmarks", &landmarks, "--save-landmarks", &landmarks], "one is needed");
     refused(&["--landmarks", "door=a.png"], "there is no such name");
     refused(&["--landmarks", &landmarks, "--reference", "a.toml"], "belong to a --target");
@@ -223,4 +229,34 @@ fn pictures_beside_a_reference_alone() {
     assert!((turn[1].to_degrees() - 1.0).abs() < 0.005, "{}", rows[0]);
     assert!(rows[1]["message"].as_str().expect("a reason").contains("corners"), "{}", rows[1]);
     assert!(resight::GrayImage::read(Path::new(&drawn.join("0000.png"))).is_ok());
+}
+
+/// The cameras of a rig's file, without any target.
+#[test]
+fn a_rig_is_watched_by_landmarks_alone() {
+    let night = Night::new("landmarks-rig");
+    night.take(0..6, [0.0; 3], |_| ());
+    let placement =
+        "placement = { b = \"gate\", a = \"rig\", rotation_wxyz = [1, 0, 0, 0], translation_m = [0, 0, 0] }";
+    let text = format!("[[camera]]\nname = \"gate\"\n{CAMERA}{placement}\n");
+    let rig = write(night.folder.join("rig.toml"), text.as_bytes());
+    let (source, landmarks) =
+        (format!("gate={}", night.folder.join("night").display()), format!("gate={}", night.reference));
+    let fixed = ["watch", "--rig", &rig, "--source", &source, "--period-s", "1", "--once"];
+    let run = run(&[&fixed[..], &["--landmarks", &landmarks]].concat());
+    assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.contains("gate: steady"), "{}", run.stdout);
+}
+
+/// Three thirds of the picture that turned in three ways: what most contradict is no answer.
+#[test]
+fn a_turn_that_most_contradict_is_told_as_one() {
+    let night = Night::new("landmarks-contradict");
+    let thirds = [0.0, 0.3, -0.3].map(|pan| picture(&small(), &turned([0.0, pan, 0.0]), 31));
+    let mixed: Vec<f64> = (0..480 * 360).map(|i| thirds[i % 480 / 160][i]).collect();
+    let image = exposed(&small(), &mixed, 1.0, 2.0, &mut Pcg::new(7));
+    let mixed = write(night.folder.join("mixed.png"), &image.png().expect("a PNG"));
+    let run = run(&["landmarks", &night.reference, &mixed, "--camera", &night.camera]);
+    assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.contains("  inconsistent: "), "{}", run.stdout);
 }

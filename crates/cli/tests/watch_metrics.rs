@@ -129,3 +129,22 @@ fn idle_connections_delay_no_frame() {
     let ended = session.end();
     assert_eq!(ended.code, 0, "{}", ended.log);
 }
+
+/// A reference that an earlier session learned is compared with from the first frame on.
+#[test]
+fn a_restart_knows_what_was_learned() {
+    let state = folder("outputs-restart").join("gate.state");
+    let state = state.to_str().expect("a path");
+    let mut first = Session::start(&["--state", state]);
+    first.feed(&lines(None, 0..80, NEVER));
+    assert_eq!(first.end().code, 0);
+    let mut second = Session::start(&["--state", state, "--metrics", "127.0.0.1:0"]);
+    let place = metrics_place(&second);
+    second.feed(&lines(None, 80..90, NEVER));
+    let page = page_after(&place, 10.0);
+    let turn_rad = page.get(&of("resight_deviation_rotation_radians"));
+    assert!(turn_rad.is_some_and(|turn_rad| *turn_rad < 0.01), "{turn_rad:?}");
+    let ended = second.end();
+    assert_eq!(ended.code, 0, "{}", ended.log);
+    assert_eq!(receivers::times(&ended.log, "goes on from"), 1, "{}", ended.log);
+}

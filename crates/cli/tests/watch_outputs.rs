@@ -6,7 +6,7 @@ mod support;
 use receivers::broker::{Broker, Deed};
 use receivers::web::{Asked, Web, metrics_place, page};
 use receivers::{Ended, Session, lines, times, wait_for};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::net::TcpListener;
 use std::time::Duration;
 use support::{demo, folder};
@@ -95,6 +95,9 @@ fn a_webhook_that_refuses_is_not_asked_again() {
     assert_same(&web.asked(), &ended);
     assert_eq!(times(&ended.log, "answers 404 Not Found: not tried again"), 1, "{}", ended.log);
     assert_eq!(times(&ended.log, "answers 302 Found (redirects are not followed"), 1, "{}", ended.log);
+    let told = ended.notices().len();
+    let lost = format!("{told} of {told} never arrived: 0 dropped, {told} refused, 0 not taken");
+    assert_eq!(times(&ended.log, &lost), 1, "{}", ended.log);
 }
 
 #[test]
@@ -107,7 +110,8 @@ fn a_webhook_may_ask_for_patience() {
     session.end();
 }
 
-/// All frames, in order, none dropped, whoever is told.
+/// All frames, in order, none dropped, none late, whoever is told. Lines come as fast as they are read, so that whoever waited for a receiver
+/// would keep the frame behind him waiting for as long: a receiver that hangs is given 10 s.
 #[test]
 fn receivers_that_hang_or_are_dead_delay_nothing() {
     let (web, dead) = (Web::start(|_| None), deserted());
@@ -123,8 +127,11 @@ fn receivers_that_hang_or_are_dead_delay_nothing() {
         let times_s: Vec<f64> = frames.iter().map(|frame| frame["t_s"].as_f64().expect("a time")).collect();
         assert_eq!(times_s, (0..1500).map(f64::from).collect::<Vec<_>>());
         assert!(ended.events.iter().all(|event| event["event"] != "dropped"));
-        let told = ended.notices().len();
-        for part in ["webhook", "mqtt"] {
+        let waited_us = frames.iter().map(|frame| frame["times_us"]["waited"].as_f64().expect("a time"));
+        let longest_us = waited_us.fold(0.0, f64::max);
+        assert!(longest_us < 5e6, "a frame waited for {longest_us} µs");
+        // The broker is also told that the source is there.
+        for (part, told) in [("webhook", ended.notices().len()), ("mqtt", ended.notices().len() + 1)] {
             let wanted = format!("{told} of {told} never arrived");
             let of_part = ended.log.lines().filter(|line| line.contains(&format!(" {part}: ")));
             assert_eq!(of_part.filter(|line| line.contains(&wanted)).count(), 1, "{part}\n{}", ended.log);
@@ -135,7 +142,8 @@ fn receivers_that_hang_or_are_dead_delay_nothing() {
 
 #[test]
 fn addresses_that_cannot_be_are_refused_before_the_session() {
-    let private = folder("outputs-refused").join("token");
+    let folder = folder("outputs-refused");
+    let private = folder.join("token");
     std::fs::write(&private, "short\n").expect("written");
     let file = private.to_str().expect("a path");
     let cases: [(&[&str], &str); 7] = [
@@ -147,8 +155,11 @@ fn addresses_that_cannot_be_are_refused_before_the_session() {
         (&["--metrics", "nonsense"], "--metrics nonsense"),
         (&["--metrics", "127.0.0.1:0", "--metrics-token-file", file], "--metrics-token-file"),
     ];
+    let files = ["poses.mcap", "gate.sqlite"].map(|name| folder.join(name));
+    let [tf, history] = files.each_ref().map(|file| file.to_str().expect("a path"));
     for (arguments, reason) in cases {
-        let ended = run(arguments, "");
+        let ended = run(&[&["--tf", tf, "--history", history], arguments].concat(), "");
+        assert!(files.iter().all(|file| !file.exists()), "{arguments:?}: a file was begun");
         assert_eq!(ended.code, 2, "{arguments:?}");
         assert!(ended.log.contains(reason) && !ended.log.contains("secret"), "{arguments:?}: {}", ended.log);
     }
@@ -183,16 +194,19 @@ fn a_broker_keeps_the_last_state_and_knows_who_is_there() {
         let told: Vec<&Value> = states.iter().map(|state| &state["state"]).collect();
         let lines: Vec<&Value> = ended.notices().iter().map(|line| &line["state"]).collect();
         assert_eq!(told, lines);
+        // What an earlier session said of the source no longer holds.
+        let source: Value = serde_json::from_str(&seen.retained["site/cam0/source"]).expect("JSON");
+        assert_eq!((&source["event"], &source["is_there"]), (&json!("source"), &json!(true)), "{source}");
         assert_eq!(seen.came.last().map(|came| came.payload.as_str()), Some("offline"));
     });
     assert_eq!(times(&ended.log, "connected"), 1, "{}", ended.log);
     assert_eq!(times(&ended.log, "p@ss") + times(&ended.log, "p%40ss"), 0);
 }
 
-/// The third message is lost with the connection: it comes again, and what is kept is told again to a broker that may have forgotten it.
+/// The fourth message is lost with the connection: it comes again, and what is kept is told again to a broker that may have forgotten it.
 #[test]
 fn a_broken_connection_loses_no_state() {
-    let broker = Broker::start(|n| if n == 2 { Deed::BreakOff } else { Deed::Acknowledge });
+    let broker = Broker::start(|n| if n == 3 { Deed::BreakOff } else { Deed::Acknowledge });
     let ended = run(&["--mqtt", &format!("mqtt://{}", broker.place), "--flush-s", "30"], &knocked());
     broker.see(|seen| {
         assert_eq!((seen.connections, seen.farewells), (2, 1), "{}", ended.log);
@@ -257,6 +271,35 @@ fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
             seen.retained.keys().filter(|topic| topic.starts_with("homeassistant/sensor/")).count();
         assert_eq!(announced, 4);
     });
+}
+
+/// Nobody reads what it prints, the disk of its log is full: the session ends, but not before it is told elsewhere.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_broken_output_keeps_nothing_from_the_others() {
+    let web = Web::start(|_| Some("200 OK"));
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    let url = format!("http://{}/", web.place);
+    let mut session = std::process::Command::new("sh")
+        .args([
+            "-c",
+            "exec \"$@\" > /dev/full 2> /dev/full",
+            "sh",
+            env!("CARGO_BIN_EXE_resight"),
+            "watch",
+            "--once",
+        ])
+        .args(["--camera", &camera, "--target", &target, "--source", "-", "--webhook", &url])
+        .stdin(std::process::Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    let stdin = session.stdin.take();
+    // A session that has ended reads no more.
+    let _ = std::io::Write::write_all(&mut stdin.expect("stdin"), lines(None, 0..60, NEVER).as_bytes());
+    let status = session.wait().expect("its end");
+    assert_eq!(status.code(), Some(2));
+    let told: Vec<Value> = web.asked().iter().map(|asked| asked.json()["state"].clone()).collect();
+    assert_eq!(told, ["learning"]);
 }
 
 /// Two cameras, two targets.

@@ -108,8 +108,15 @@ impl Run {
         self.events.iter().filter(|e| e["event"] == "moved").collect()
     }
 
-    fn last(&self, camera: &str) -> &str {
-        let is_its = |e: &&Value| e["event"] == "verdict" && e["camera"] == camera;
+    /// The verdict on a camera, or on a `camera/target`.
+    fn last(&self, pair: &str) -> &str {
+        let (camera, target) =
+            pair.split_once('/').map_or((pair, None), |(camera, target)| (camera, Some(target)));
+        let is_its = |e: &&Value| {
+            e["event"] == "verdict"
+                && e["camera"] == camera
+                && target.is_none_or(|target| e["target"] == target)
+        };
         self.events.iter().find(is_its).and_then(|e| e["state"].as_str()).expect("a verdict")
     }
 }
@@ -165,9 +172,16 @@ fn turned(axis: usize, degrees: f64) -> Vector6<f64> {
 #[test]
 fn a_rig_that_stays_is_steady_learned_or_from_its_file() {
     for is_sure in [true, false] {
-        let arguments = rig_arguments(&format!("watch-rig-stays-{is_sure}"), 4, is_sure);
+        let mut arguments = rig_arguments(&format!("watch-rig-stays-{is_sure}"), 4, is_sure);
+        let history = folder(&format!("watch-rig-history-{is_sure}")).join("rig.sqlite");
+        arguments.extend(["--history".to_string(), history.display().to_string()]);
         let run = watch(&arguments, &carried_lines(4, 150, 0x21, |_, _| Some(Vector6::zeros())));
         assert_eq!((run.code, run.moved().len()), (0, 0), "{:?}{}", run.moved(), run.stderr);
+        let stored = rusqlite::Connection::open(&history).expect("the history");
+        let with_pose =
+            "SELECT count(*) FROM frame WHERE readings = 1 AND rms_px < 1 AND covariance IS NOT NULL";
+        let n: i64 = stored.query_row(with_pose, [], |row| row.get(0)).expect("a count");
+        assert_eq!(n, 600, "each frame keeps the pose of the target that is carried about");
     }
 }
 

@@ -113,7 +113,7 @@ pub enum NotSighted {
     TooFew {
         /// That agree.
         agreeing: usize,
-        /// Of the reference.
+        /// That could have been found: those of the reference, or as many of them as the turn leaves in the picture.
         landmarks: usize,
         /// Needed.
         needed: usize,
@@ -237,23 +237,20 @@ impl Landmarks {
         let (landmarks, found): (Vec<Landmark>, Vec<Found>) = expected.into_iter().filter_map(align).unzip();
         let config = TurnConfig::with_threshold_px(FINE_PX);
         let turn = turn(&landmarks, &self.camera, Some(near), &config).map_err(|e| self.refused(&e))?;
-        if (turn.used.len() as f64) < LEAST_SHARE * in_view as f64 {
-            return Err(self.too_few(turn.used.len()));
+        let (agreeing, needed) = (turn.used.len(), LEAST.max((LEAST_SHARE * in_view as f64).ceil() as usize));
+        if agreeing < needed {
+            return Err(NotSighted::TooFew { agreeing, landmarks: in_view, needed });
         }
         Ok(Sighting { shift: self.shift(&turn), turn, found, in_view })
     }
 
-    fn too_few(&self, agreeing: usize) -> NotSighted {
-        let needed = LEAST.max((LEAST_SHARE * self.marks.len() as f64).ceil() as usize);
-        NotSighted::TooFew { agreeing, landmarks: self.marks.len(), needed }
-    }
-
     fn refused(&self, reason: &CoreError) -> NotSighted {
-        match reason {
-            CoreError::NoConsensus { best, .. } => self.too_few(*best),
-            CoreError::TooFewPoints { seen, .. } => self.too_few(*seen),
-            _ => self.too_few(0),
-        }
+        let agreeing = match reason {
+            CoreError::NoConsensus { best, .. } => *best,
+            CoreError::TooFewPoints { seen, .. } => *seen,
+            _ => 0,
+        };
+        NotSighted::TooFew { agreeing, landmarks: self.marks.len(), needed: LEAST }
     }
 
     /// Where a turn puts a landmark, and how it draws its neighbourhood (pixels now by pixels of the reference).

@@ -4,6 +4,7 @@
 //! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
 
 mod clock;
+mod known;
 mod look;
 mod queue;
 mod reader;
@@ -12,6 +13,7 @@ pub mod rig;
 mod session;
 mod state;
 
+pub use known::references;
 pub use look::{Look, LookError, Looked};
 pub use session::{run, run_from};
 pub use state::StateFile;

@@ -68,7 +68,8 @@ fn the_shift_of_the_image_is_told() {
     assert!(0.001 < sigma.x && sigma.x < 0.02, "{sigma}");
 }
 
-/// Twenty scenes, each with a reference and a turn of its own: the mean of χ²₃ is 3 ± 0.55.
+/// Twenty scenes, each with a reference and a turn of its own: the mean of χ²₃ is 3 ± 0.55, and within three times that here (of these scenes
+/// 1.94, of sixty others 2.69). Sigmas that are off by a factor of two either way cannot pass: they make it 12, or 0.75.
 #[test]
 fn covariances_cover_the_errors() {
     let camera = small();
@@ -82,7 +83,7 @@ fn covariances_cover_the_errors() {
     }
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     println!("NEES {mean:.2}: {all:.1?}");
-    assert!((1.0..6.0).contains(&mean), "{mean}");
+    assert!((3.0 - 3.0 * 0.55..3.0 + 3.0 * 0.55).contains(&mean), "{mean}");
 }
 
 #[test]

@@ -36,7 +36,7 @@ pub struct Landmarks {
 /// What one picture said.
 struct Compared {
     view: String,
-    seen: Result<(GrayImage, Sighting), String>,
+    seen: Result<Sighting, String>,
 }
 
 /// See `Landmarks`.
@@ -44,38 +44,55 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
     let drawn = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
-    let mut drawn = drawn.unwrap_or_default().into_iter();
     let mut printer = Printer::new(&args.output, images.len());
     let camera = super::camera(&args.camera)?;
     let picture = GrayImage::read(&args.reference)?;
     let reference =
         Reference::new(&picture, &camera).with_context(|| args.reference.display().to_string())?;
+    let drawn = |i: usize| drawn.as_ref().and_then(|drawn| drawn.get(i).cloned());
+    let jobs: Vec<(PathBuf, Option<PathBuf>)> =
+        images.into_iter().enumerate().map(|(i, image)| (image, drawn(i))).collect();
     super::in_order(
-        &images,
-        |path| compared(&reference, path),
-        |compared: Compared| {
-            if let Some(file) = drawn.next() {
-                compared.draw(&file)?;
-            }
-            printer.result(&compared.object(), &compared.words(), compared.seen.is_ok())
+        &jobs,
+        |(image, drawn)| compared(&reference, image, drawn.as_deref()),
+        |compared: Result<Compared>| {
+            let compared = compared?;
+            printer.result(&compared.object(), &compared.words(), compared.is_answered())
         },
     )?;
     printer.finish()
 }
 
-fn compared(reference: &Reference, path: &Path) -> Compared {
-    let sight = |image: GrayImage| {
-        let sighting = reference.sight(&image, None).map_err(|e| e.to_string())?;
-        Ok((image, sighting))
+/// Also draws it: pictures of a whole night do not wait in memory for their turn to be told.
+fn compared(reference: &Reference, path: &Path, drawn: Option<&Path>) -> Result<Compared> {
+    let view = path.display().to_string();
+    let image = match GrayImage::read(path) {
+        Ok(image) => image,
+        Err(reason) => return Ok(Compared { view, seen: Err(reason.to_string()) }),
     };
-    let seen = GrayImage::read(path).map_err(|e| e.to_string()).and_then(sight);
-    Compared { view: path.display().to_string(), seen }
+    let seen = reference.sight(&image, None).map_err(|reason| reason.to_string());
+    if let (Some(file), Ok(sighting)) = (drawn, &seen) {
+        draw(&image, sighting, file)?;
+    }
+    Ok(Compared { view, seen })
+}
+
+fn draw(image: &GrayImage, sighting: &Sighting, file: &Path) -> Result<()> {
+    let png = resight::landmarks::draw(image, sighting)
+        .png()
+        .map_err(|reason| anyhow::anyhow!("{}: {reason}", file.display()))?;
+    Ok(resight::formats::write_atomically(file, &png)?)
 }
 
 impl Compared {
+    /// A turn that most landmarks contradict is shown, but no answer.
+    fn is_answered(&self) -> bool {
+        self.seen.as_ref().is_ok_and(|sighting| sighting.turn.is_consistent())
+    }
+
     fn words(&self) -> String {
         match &self.seen {
-            Ok((_, sighting)) => format!("{}\n  {}\n", self.view, turned::words(sighting)),
+            Ok(sighting) => format!("{}\n  {}\n", self.view, turned::words(sighting)),
             Err(reason) => format!("{}\n  {reason}\n", self.view),
         }
     }
@@ -83,17 +100,9 @@ impl Compared {
     fn object(&self) -> Value {
         let mut object = json!({"view": self.view});
         match &self.seen {
-            Ok((_, sighting)) => turned::add_to(&mut object, sighting),
+            Ok(sighting) => turned::add_to(&mut object, sighting),
             Err(reason) => object["message"] = json!(reason),
         }
         object
-    }
-
-    fn draw(&self, file: &Path) -> Result<()> {
-        let Ok((image, sighting)) = &self.seen else { return Ok(()) };
-        let png = resight::landmarks::draw(image, sighting)
-            .png()
-            .map_err(|reason| anyhow::anyhow!("{}: {reason}", file.display()))?;
-        Ok(resight::formats::write_atomically(file, &png)?)
     }
 }

@@ -7,6 +7,7 @@ mod motion;
 mod names;
 mod outputs;
 mod rig;
+mod saved;
 mod signals;
 mod sources;
 
@@ -21,10 +22,12 @@ use names::{Names, by_name, split};
 use outputs::said::Moved;
 use outputs::{OutputArgs, Session};
 use resight::core::Camera;
+use resight::core::monitor::Reference;
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::formats::NamedCamera;
-use resight::live::{self, Event, LiveCamera, LiveConfig, State, StateFile, Watched, reference};
+use resight::live::{self, Event, LiveCamera, LiveConfig, LookError, State, StateFile, Watched, reference};
 use rig::RigArgs;
+use saved::Saved;
 use sources::SourceArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,7 +43,7 @@ use std::sync::atomic::AtomicBool;
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
     detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n  \
     resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
-    Exit status with --once: 0 all steady, 3 something moved, 1 a camera was not seen or contradicts itself.")]
+    Exit status with --once: 0 all steady, 3 something moved, 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
 pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
     #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]
@@ -92,20 +95,32 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     if args.motion.moves() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!("--motion moving compares with no reference; leave --reference and --save-reference out");
     }
+    if args.motion.moves() && args.landmarks.count() != 0 {
+        bail!(
+            "--motion moving follows a pose; landmarks watch cameras that stand still: leave --landmarks and --save-landmarks out"
+        );
+    }
     let rig = args.rig.cameras()?;
     let names = match &rig {
         Some(rig) => Names::of_rig(rig, &args.target),
         None => Names::new(&args.camera, &args.target),
     };
+    let names = names.distinct()?;
     let config = config(args, &names, rig.as_deref())?;
     let cameras = cameras(args, &names, rig)?;
-    let saved = by_name("--save-reference", &args.save_reference, &names.pairs())?;
-    let pictures = args.landmarks.saved(&names)?;
+    watch(args, &names, cameras, &config)
+}
+
+/// Opens what the session writes to, runs it, and says how it ended.
+fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: &LiveConfig) -> Result<Outcome> {
     let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
     signals::stop_at_request(&stop)?;
+    let files = by_name("--save-reference", &args.save_reference, &names.pairs())?;
+    let mut saved = Saved::new(names, files, args.landmarks.saved(names)?, &log)?;
+    let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
     let session = Session {
-        names: &names,
-        references: cameras.iter().flat_map(|camera| &camera.targets).map(|t| t.reference).collect(),
+        names,
+        references: references(args, names, &cameras, config, state.as_ref())?,
         false_alarms_per_day: args.alarm.false_alarms_per_day,
         log: &log,
         stop: &stop,
@@ -113,24 +128,47 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     };
     let mut outputs = outputs::open(&args.outputs, &session)?;
     let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
-    let (mut failed, mut moved) = (None, Moved::default());
-    let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
-    live::run_from(cameras, &config, &stop, state.as_ref(), |event| {
+    let (mut told, mut moved) = (Ok(()), Moved::default());
+    live::run_from(cameras, config, &stop, state.as_ref(), |event| {
         moved.take(event);
         if let Event::StateChanged { camera, target, state, .. } = event {
             states[names.pair_index(*camera, *target)] = Some(state.clone());
         }
-        let told = outputs.iter_mut().try_for_each(|output| output.take(event));
-        let saved =
-            save(event, &names, &saved, &log).and_then(|()| landmarks::save(event, &names, &pictures, &log));
-        failed = saved.and(told).err();
-        failed.is_none()
+        saved.take(event);
+        told = outputs::tell(&mut outputs, |output| output.take(event));
+        told.is_ok()
     })?;
-    let finished = outputs.iter_mut().try_for_each(|output| output.finish());
-    match failed {
-        Some(reason) => Err(reason),
-        None => finished.and_then(|()| verdict(args, &names, &states, &moved, &log)),
+    let finished = outputs::tell(&mut outputs, |output| output.finish());
+    let saved = saved.finish();
+    told.and(finished)?;
+    match (verdict(args, names, &states, &moved, &log)?, saved) {
+        (Outcome::Moved, Err(reason)) => {
+            log.say("watch", &format!("{reason:#}"));
+            Ok(Outcome::Moved) // What moved matters more than a file.
+        }
+        (outcome, saved) => saved.map(|()| outcome),
     }
+}
+
+/// What each pair is compared with, where that is known before the first frame. Also says now which camera cannot be watched.
+fn references(
+    args: &Watch,
+    names: &Names,
+    cameras: &[LiveCamera],
+    config: &LiveConfig,
+    state: Option<&StateFile>,
+) -> Result<Vec<Option<Reference>>> {
+    let mut all = Vec::new();
+    for (i, camera) in cameras.iter().enumerate() {
+        let known = live::references(camera, config, state).map_err(|reason| {
+            let is_picture = matches!(reason, LookError::Landmarks(_));
+            let file = args.landmarks.file(names, i).filter(|_| is_picture);
+            let file = file.map_or(String::new(), |file| format!("--landmarks {file}: "));
+            anyhow::Error::new(reason).context(format!("{file}camera {}", camera.name))
+        });
+        all.extend(known?);
+    }
+    Ok(all)
 }
 
 fn verdict(
@@ -185,8 +223,7 @@ fn lenses(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
-    let read =
-        |argument: &String| super::target(split(argument).1.as_ref(), |warning| eprintln!("{warning}"));
+    let read = |argument: &String| super::target(split(argument).1.as_ref(), crate::output::remark);
     args.target.iter().map(|argument| Ok(Arc::new(read(argument)?))).collect()
 }
 
@@ -228,15 +265,4 @@ fn monitors(args: &Watch, names: &Names) -> usize {
 fn remembered(path: &Path, log: &Log) -> Result<StateFile> {
     let log = log.clone();
     Ok(StateFile::open(path, move |text| log.say("state", text))?)
-}
-
-fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {
-    let Event::Learned { camera, target, reference } = event else { return Ok(()) };
-    let Some(file) = files.get(names.pair_index(*camera, *target)).and_then(Option::as_ref) else {
-        return Ok(());
-    };
-    let text = reference::to_text(reference).map_err(|reason| anyhow::anyhow!("{file}: {reason}"))?;
-    resight::formats::write_atomically(file.as_ref(), text.as_bytes())?;
-    log.say("reference", &format!("{} is saved in {file}", names.pair(*camera, *target)));
-    Ok(())
 }

@@ -2,25 +2,25 @@
 
 use crate::GrayImage;
 use nalgebra::Vector2;
+use std::borrow::Cow;
 
 /// Columns that a reduced picture has at most.
 const MOST_COLUMNS: u32 = 800;
 
 /// A picture whose pixels are means of `factor` × `factor` ones.
-pub(super) struct Reduced {
-    pub image: GrayImage,
+pub(super) struct Reduced<'a> {
+    /// That picture itself where it is small enough.
+    pub image: Cow<'a, GrayImage>,
     pub factor: u32,
 }
 
-impl Reduced {
+impl<'a> Reduced<'a> {
     /// Halved until it is small enough.
-    pub fn new(image: &GrayImage) -> Self {
+    pub fn new(image: &'a GrayImage) -> Self {
         let factor = factor(image.width_px);
-        let mut reduced = Reduced { image: image.clone(), factor };
-        for _ in 0..factor.trailing_zeros() {
-            reduced.image = halved(&reduced.image);
-        }
-        reduced
+        let halvings = 0..factor.trailing_zeros();
+        let image = halvings.fold(Cow::Borrowed(image), |image, _| Cow::Owned(halved(&image)));
+        Reduced { image, factor }
     }
 
     /// A place of this picture in the full-size one.

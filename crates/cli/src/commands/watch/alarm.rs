@@ -12,7 +12,7 @@ pub struct AlarmArgs {
     #[arg(long, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is unseen.
-    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
     unseen_after_s: f64,
     /// Turns below this are no drift.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
@@ -28,7 +28,7 @@ pub struct AlarmArgs {
     #[arg(long, value_name = "MM")]
     bias_mm: Option<f64>,
     /// How long such errors last.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::seconds)]
     bias_time_s: f64,
     /// The wobble of every day (sun, load), as a standard deviation: of the rotation.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
@@ -69,4 +69,66 @@ impl AlarmArgs {
 fn spread(degrees: f64, mm: f64) -> Matrix6<f64> {
     let (r, t) = (degrees.to_radians().powi(2), (1e-3 * mm).powi(2));
     Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        alarm: AlarmArgs,
+    }
+
+    fn read(line: &str) -> AlarmArgs {
+        Line::parse_from(line.split_whitespace()).alarm
+    }
+
+    /// All different, so that no two can be mistaken for each other.
+    const ALL: &str = "watch --false-alarms-per-day 0.6 --unseen-after-s 7 --tolerance-deg 0.5 --tolerance-mm 3 \
+        --bias-deg 0.2 --bias-mm 4 --bias-time-s 90 --daily-deg 0.1 --daily-mm 5";
+
+    fn is_spread(covariance: &Matrix6<f64>, degrees: f64, metres: f64) -> bool {
+        let sigma = covariance.diagonal().map(f64::sqrt);
+        let (turn, shift) = (degrees.to_radians(), metres);
+        let is_diagonal = (covariance - Matrix6::from_diagonal(&covariance.diagonal())).norm() == 0.0;
+        is_diagonal && (0..6).all(|i| (sigma[i] - if i < 3 { turn } else { shift }).abs() < 1e-15)
+    }
+
+    #[test]
+    fn the_rate_is_shared_and_units_are_ours() {
+        let monitor = read(ALL).monitor(3);
+        assert!((monitor.false_alarms_per_day - 0.2).abs() < 1e-15);
+        assert_eq!(monitor.unseen_after_s, 7.0);
+        assert!((monitor.tolerance_rotation_rad - 0.5_f64.to_radians()).abs() < 1e-15);
+        assert!((monitor.tolerance_translation_m - 0.003).abs() < 1e-15);
+    }
+
+    #[test]
+    fn errors_known_beforehand_reach_the_monitor() {
+        for is_target_moving in [false, true] {
+            let lasting = read(ALL).lasting(is_target_moving);
+            assert!(is_spread(&lasting.bias, 0.2, 0.004) && is_spread(&lasting.daily, 0.1, 0.005));
+            assert_eq!(lasting.bias_time_s, 90.0);
+        }
+        let default = read("watch");
+        assert!(is_spread(&default.lasting(false).bias, 0.0, 0.0));
+        assert!(is_spread(&default.lasting(true).bias, 0.2, 0.002));
+    }
+
+    /// A clock takes no more.
+    #[test]
+    fn seconds_are_bounded() {
+        let read = |line: &str| Line::try_parse_from(line.split_whitespace());
+        assert!(read("watch --unseen-after-s 1e9").is_ok());
+        for bad in ["1e20", "0", "-1", "NaN", "inf"] {
+            let refused = read(&format!("watch --unseen-after-s={bad}")).err().expect("refused").to_string();
+            assert!(
+                refused.contains("a positive number of seconds is needed, at most 1000000000"),
+                "{refused}"
+            );
+        }
+    }
 }

@@ -1,11 +1,10 @@
-//! Natural landmarks: reference pictures read, and saved.
+//! Natural landmarks: reference pictures read.
 
-use super::log::Log;
 use super::names::{Names, by_name};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use resight::GrayImage;
-use resight::live::{Event, WatchedLandmarks};
+use resight::live::WatchedLandmarks;
 use std::path::Path;
 
 /// The landmarks.
@@ -44,22 +43,13 @@ impl LandmarkArgs {
         pictures.into_iter().zip(&saved).zip(&names.cameras).map(watched).collect()
     }
 
+    /// The file of a camera's reference picture.
+    pub fn file(&self, names: &Names, camera: usize) -> Option<String> {
+        by_name("--landmarks", &self.landmarks, &names.cameras).ok()?.get(camera)?.clone()
+    }
+
     /// Where each camera's reference picture is written.
     pub fn saved(&self, names: &Names) -> Result<Vec<Option<String>>> {
         by_name("--save-landmarks", &self.save_landmarks, &names.cameras)
     }
-}
-
-/// Writes a picture that has just become the reference.
-pub fn save(event: &Event, names: &Names, files: &[Option<String>], log: &Log) -> Result<()> {
-    let Event::Observed { camera, target: 0, observation } = event else { return Ok(()) };
-    let (Some(picture), Some(Some(file))) = (&observation.reference_picture, files.get(*camera)) else {
-        return Ok(());
-    };
-    let png = picture.png().map_err(|reason| anyhow::anyhow!("{file}: {reason}"))?;
-    resight::formats::write_atomically(file.as_ref(), &png)
-        .with_context(|| format!("--save-landmarks {file}"))?;
-    let (name, of) = (names.camera(*camera), &observation.name);
-    log.say("landmarks", &format!("the reference picture of {name} is {of}, saved in {file}"));
-    Ok(())
 }

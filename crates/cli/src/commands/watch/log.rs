@@ -1,6 +1,7 @@
 //! What the session itself has to say (a broker that cannot be reached, a disk that is full): one line each, on stderr. While a
 //! terminal view is open the lines are held: the view shows them, and they go to stderr when it is closed.
 
+use crate::output::remark;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -56,7 +57,7 @@ impl Log {
         let mut kept = self.lock();
         kept.is_held = false;
         if 0 < kept.forgotten {
-            eprintln!("{} earlier lines are not shown; {KEPT} are held at most", kept.forgotten);
+            remark(&format!("{} earlier lines are not shown; {KEPT} are held at most", kept.forgotten));
         }
         let said = kept.lines.len().saturating_sub(kept.unsaid);
         kept.lines.iter().skip(said).for_each(print);
@@ -87,7 +88,7 @@ impl Kept {
 }
 
 fn print(line: &Line) {
-    eprintln!("{:.3} {}", line.unix_s, line.text);
+    remark(&format!("{:.3} {}", line.unix_s, line.text));
 }
 
 /// Seconds since 1970.

@@ -64,3 +64,56 @@ impl MotionArgs {
         Ok(TrackConfig { motion, ..TrackConfig::default() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        motion: MotionArgs,
+    }
+
+    fn motion(line: &str) -> Motion {
+        Line::parse_from(line.split_whitespace()).motion.track().expect("a motion").motion
+    }
+
+    fn near(seen: f64, needed: f64) -> bool {
+        (seen / needed - 1.0).abs() < 1e-12
+    }
+
+    #[test]
+    fn sway_and_agility_are_radians_and_metres() {
+        let Motion::Static { rotation_rad_per_sqrt_s: turn, translation_m_per_sqrt_s: shift } =
+            motion("watch --sway-deg 0.02 --sway-mm 0.7")
+        else {
+            panic!("static")
+        };
+        assert!(near(turn, 0.02_f64.to_radians()) && near(shift, 0.7e-3), "{turn} {shift}");
+        let Motion::ConstantVelocity { rotation_rad_per_s_sqrt_s: turn, translation_m_per_s_sqrt_s: shift } =
+            motion("watch --motion moving --agility-deg-per-s 12 --agility-mm-per-s 80")
+        else {
+            panic!("moving")
+        };
+        assert!(near(turn, 12_f64.to_radians()) && near(shift, 0.08), "{turn} {shift}");
+    }
+
+    /// As the help states them, in its digits.
+    #[test]
+    fn defaults_are_those_of_the_help() {
+        let Motion::Static { rotation_rad_per_sqrt_s: turn, translation_m_per_sqrt_s: shift } =
+            motion("watch")
+        else {
+            panic!("static")
+        };
+        assert!((turn.to_degrees() - 0.006).abs() < 5e-4 && near(shift, 1e-4), "{turn} {shift}");
+        let Motion::ConstantVelocity { rotation_rad_per_s_sqrt_s: turn, translation_m_per_s_sqrt_s: shift } =
+            motion("watch --motion moving")
+        else {
+            panic!("moving")
+        };
+        assert!(near(turn, 30_f64.to_radians()) && near(shift, 0.5), "{turn} {shift}");
+    }
+}

@@ -13,19 +13,30 @@ pub struct Names {
 }
 
 impl Names {
-    /// Those given, `cam0` and `target0` and so on otherwise; without a target its place is that of the landmarks.
+    /// Those given, `cam0` and `target0` and so on otherwise.
     pub fn new(cameras: &[String], targets: &[String]) -> Self {
-        let targets = match targets {
-            [] => vec!["landmarks".to_string()],
-            targets => given(targets, "target"),
-        };
-        Names { cameras: given(cameras, "cam"), targets }
+        Names { cameras: given(cameras, "cam"), targets: of_targets(targets) }
     }
 
     /// Those of a rig's file.
     pub fn of_rig(rig: &[NamedCamera], targets: &[String]) -> Self {
         let cameras = rig.iter().map(|camera| camera.name.clone()).collect();
-        Names { cameras, targets: given(targets, "target") }
+        Names { cameras, targets: of_targets(targets) }
+    }
+
+    /// The same, where each name stands for one camera, target or pair: what moved is told by its name alone.
+    ///
+    /// # Errors
+    /// A name that stands for two.
+    pub fn distinct(self) -> Result<Self> {
+        let pairs = if 1 < self.targets.len() { self.pairs() } else { Vec::new() };
+        let all: Vec<&String> = self.cameras.iter().chain(&self.targets).chain(&pairs).collect();
+        match all.iter().enumerate().find(|(i, name)| all[..*i].contains(name)) {
+            None => Ok(self),
+            Some((_, name)) => bail!(
+                "two cameras or targets are called {name}; give each a name of its own: --camera NAME=FILE, --target NAME=FILE"
+            ),
+        }
     }
 
     /// `camera gate` or `target door`.
@@ -60,9 +71,23 @@ impl Names {
         (0..self.cameras.len() * targets).map(|i| self.pair(i / targets, i % targets)).collect()
     }
 
+    /// Camera and target of a pair, by its place among `pairs`.
+    pub fn of_pair(&self, pair: usize) -> (usize, usize) {
+        let targets = self.targets.len().max(1);
+        (pair / targets, pair % targets)
+    }
+
     /// The place of a pair among `pairs`.
     pub fn pair_index(&self, camera: usize, target: usize) -> usize {
         camera * self.targets.len() + target
+    }
+}
+
+/// Without a target its place is that of the landmarks.
+fn of_targets(targets: &[String]) -> Vec<String> {
+    match targets {
+        [] => vec!["landmarks".to_string()],
+        targets => given(targets, "target"),
     }
 }
 
@@ -107,4 +132,29 @@ pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec
         }
     }
     Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distinct(cameras: &[&str], targets: &[&str]) -> Result<Names> {
+        let owned = |all: &[&str]| all.iter().map(|text| text.to_string()).collect::<Vec<_>>();
+        Names::new(&owned(cameras), &owned(targets)).distinct()
+    }
+
+    #[test]
+    fn a_name_stands_for_one() {
+        assert!(distinct(&["gate=a", "yard=b"], &["door=c", "wall=d"]).is_ok());
+        assert!(distinct(&["a.toml", "b.toml"], &[]).is_ok());
+        for (cameras, targets) in [
+            (&["gate=a", "gate=b"][..], &["door=c"][..]),
+            (&["gate=a"], &["door=c", "door=d"]),
+            (&["gate=a"], &["gate=c"]),
+            (&["cam1=a", "b.toml"], &[]),
+            (&["a=a", "a/b=b"], &["b/c=c", "c=d"]),
+        ] {
+            assert!(distinct(cameras, targets).is_err(), "{cameras:?} {targets:?}");
+        }
+    }
 }

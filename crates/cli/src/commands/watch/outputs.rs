@@ -1,6 +1,7 @@
 //! Where the events of a session go. One file for each kind of output, with its arguments.
 
 mod history;
+mod measured;
 pub mod said;
 mod tf;
 mod outbox;
@@ -39,6 +40,14 @@ pub trait Output {
     }
 }
 
+/// Tells every output, whatever becomes of the others: an alarm must not get lost because a terminal is closed. The first error is kept.
+pub fn tell(
+    outputs: &mut [Box<dyn Output>],
+    mut each: impl FnMut(&mut dyn Output) -> Result<()>,
+) -> Result<()> {
+    outputs.iter_mut().map(|output| each(output.as_mut())).fold(Ok(()), Result::and)
+}
+
 /// The outputs.
 #[derive(Debug, Args)]
 pub struct OutputArgs {
@@ -62,7 +71,7 @@ pub struct OutputArgs {
     #[arg(long, value_name = "FILE")]
     ca_file: Option<PathBuf>,
     /// At the end of a session, how long --webhook and --mqtt each may take for what still waits.
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     flush_s: f64,
     #[command(flatten)]
     tui: tui::TuiArgs,
@@ -109,15 +118,15 @@ pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Outp
     let Session { names, log, .. } = session;
     let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
     let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
-    let mut outputs: Vec<Box<dyn Output>> = Vec::new();
-    if args.is_printed() {
-        outputs.push(Box::new(Said::new(names, args.json, args.frames)));
-    }
-    outputs.extend(history::open(&args.history, names, args.json, log)?);
-    outputs.extend(tf::open(&args.tf, session)?);
-    outputs.extend(webhook::open(&args.webhook, &mut common)?);
-    outputs.extend(mqtt::open(&args.mqtt, &mut common)?);
-    outputs.extend(metrics::open(&args.metrics, session, common.counted)?); // last: it counts what the others deliver
-    outputs.extend(tui::open(&args.tui, args.json, session)?); // last: the others end while it is still there
-    Ok(outputs)
+    let said = args.is_printed().then(|| Said::new(names, args.json, args.frames));
+    let webhook = webhook::open(&args.webhook, &mut common)?;
+    let mqtt = mqtt::open(&args.mqtt, &mut common)?;
+    let metrics = metrics::open(&args.metrics, session, common.counted)?; // After those whose deliveries it counts.
+    let tui = tui::open(&args.tui, args.json, session)?;
+    // Files are begun when all that may be refused was accepted.
+    let history = history::open(&args.history, names, args.json, log)?;
+    let tf = tf::open(&args.tf, session)?;
+    let said = said.map(|said| Box::new(said) as Box<dyn Output>);
+    // The view is last: the others end while it is still there.
+    Ok([said, history, tf, webhook, mqtt, metrics, tui].into_iter().flatten().collect())
 }

@@ -21,7 +21,7 @@ pub struct RigArgs {
     #[arg(long)]
     pub moving_target: bool,
     /// Frames of different cameras within this time belong to one moment.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]
     sync_tolerance_s: f64,
     /// How well the rig file's places are known where it does not say so: of each turn. Without it such places are learned anew.
     #[arg(long, value_name = "DEGREES", requires_all = ["rig", "rig_sigma_mm"], value_parser = crate::args::positive)]
@@ -38,7 +38,7 @@ impl RigArgs {
             return Ok(None);
         }
         let CameraFile { cameras, warnings, .. } = read_rig(&self.rig)?;
-        warnings.iter().for_each(|warning| eprintln!("{warning}"));
+        warnings.iter().for_each(|warning| crate::output::remark(warning));
         Ok(Some(cameras))
     }
 

@@ -21,10 +21,10 @@ pub struct SourceArgs {
     #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
     /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
-    #[arg(long, value_name = "SECONDS", value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", value_parser = crate::args::seconds)]
     period_s: Option<f64>,
     /// A stream without a frame for this long is lost, and opened again.
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::positive)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     lost_after_s: f64,
     /// Further options for ffmpeg, before its input: "-video_size 1280x720 -framerate 30" for a camera, "-t 60" for the first
     /// minute. NAME=OPTIONS for the stream of one camera.

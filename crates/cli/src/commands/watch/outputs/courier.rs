@@ -60,12 +60,12 @@ impl<T: Send + 'static> Courier<T> {
         // Whether it ended or not, what is left is counted.
         let _ = self.done.recv_timeout(Duration::from_secs_f64(self.flush_s));
         let counts = self.outbox.counts();
-        let (taken, dropped, waiting) = (counts.taken, counts.dropped, counts.waiting());
-        if 0 < dropped + waiting {
+        let (taken, lost) = (counts.taken, counts.taken.saturating_sub(counts.delivered));
+        if 0 < lost {
+            let (dropped, refused, waiting) = (counts.dropped, counts.refused, counts.waiting());
             let flush_s = self.flush_s;
             self.standing.say(&format!(
-                "{} of {taken} never arrived: {dropped} dropped, {waiting} not taken within --flush-s {flush_s}",
-                dropped + waiting
+                "{lost} of {taken} never arrived: {dropped} dropped, {refused} refused, {waiting} not taken within --flush-s {flush_s}"
             ));
         }
     }

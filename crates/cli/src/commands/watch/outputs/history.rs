@@ -3,12 +3,13 @@
 use super::super::log::Log;
 use super::super::names::Names;
 use super::Output;
+use super::measured::measured;
 use super::said::{Said, print, word};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::history::{
-    EventRow, FrameRow, HistoryError, Measured, NotStored, Recorder, Recording, Retention, Store, Stored,
-    Told, recorder,
+    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Retention, Store, Stored, Told,
+    recorder,
 };
 use resight::live::{Event, Observation};
 use serde_json::json;
@@ -35,7 +36,7 @@ pub struct HistoryArgs {
     #[arg(long, value_name = "MB", value_parser = crate::args::positive, requires = "history")]
     history_max_mb: Option<f64>,
     /// Longest time until a frame is on the disk, as far as that keeps up.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::positive, requires = "history")]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::seconds, requires = "history")]
     history_commit_s: f64,
 }
 
@@ -160,22 +161,18 @@ impl Kept {
     }
 }
 
-/// The frame's own pose, the one of its minima that time chose: a filtered one could not be averaged any more.
+/// The frame's own pose: a filtered one could not be averaged any more. The turn of natural landmarks is no pose against the target and not
+/// averaged with such; it is stored in words, where the reason for having no pose is.
 fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
-    let measured =
-        observation.reading.zip(observation.estimate.as_ref()).map(|(reading, estimate)| Measured {
-            cam_from_target: reading.a_from_b,
-            covariance: reading.covariance,
-            rms_px: estimate.rms_px,
-        });
+    let turn = || observation.landmarks.as_ref().map(|sighting| crate::turned::words(sighting));
     FrameRow {
         pair,
         t_s: observation.capture_s,
         number: observation.number,
         state,
         n_points: observation.n_points,
-        measured,
-        reason: observation.reason.clone(),
+        measured: measured(observation),
+        reason: observation.reason.clone().or_else(turn),
     }
 }
 

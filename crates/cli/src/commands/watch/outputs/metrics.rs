@@ -3,6 +3,7 @@
 mod access;
 mod exposition;
 mod histogram;
+mod rate;
 mod server;
 mod tally;
 mod write;

@@ -65,7 +65,8 @@ pub fn open(args: &MqttArgs, common: &mut Common<'_>) -> Result<Option<Box<dyn O
             runtime.block_on(link.run(&outbox, standing));
         })?;
     let notices = Notices::new(common.names);
-    Ok(Some(Box::new(Mqtt { notices, courier, topics, is_there, frames: args.mqtt_frames })))
+    let sources = vec![false; common.names.cameras.len()];
+    Ok(Some(Box::new(Mqtt { notices, courier, topics, is_there, frames: args.mqtt_frames, sources })))
 }
 
 struct Mqtt {
@@ -75,11 +76,16 @@ struct Mqtt {
     /// Whether the broker is; frames do not wait for it.
     is_there: Arc<AtomicBool>,
     frames: bool,
+    /// Of which cameras it was told whether the source is there: the broker may still hold what an earlier session said of it.
+    sources: Vec<bool>,
 }
 
 impl Output for Mqtt {
     fn take(&mut self, event: &Event) -> Result<()> {
         if let Event::Observed { camera, target, .. } = event {
+            if self.sources.get(*camera) == Some(&false) {
+                self.tell(&Event::Source { camera: *camera, is_there: true, reason: None });
+            }
             if self.frames && self.is_there.load(Ordering::Relaxed) {
                 let payload = self.notices.frame(event).to_string();
                 self.courier
@@ -87,21 +93,32 @@ impl Output for Mqtt {
             }
             return Ok(());
         }
-        let Some(notice) = self.notices.of(event) else { return Ok(()) };
-        let payload = notice.body.to_string();
-        let message = match event {
-            Event::StateChanged { camera, target, .. } => {
-                Message::kept(self.topics.state(*camera, *target), payload)
-            }
-            Event::Source { camera, .. } => Message::kept(self.topics.source(*camera), payload),
-            _ => Message::sure(self.topics.moved(), payload),
-        };
-        self.courier.tell(notice.weight, message);
+        self.tell(event);
         Ok(())
     }
 
     fn finish(&mut self) -> Result<()> {
         self.courier.finish();
         Ok(())
+    }
+}
+
+impl Mqtt {
+    fn tell(&mut self, event: &Event) {
+        let Some(notice) = self.notices.of(event) else { return };
+        let payload = notice.body.to_string();
+        let message = match event {
+            Event::StateChanged { camera, target, .. } => {
+                Message::kept(self.topics.state(*camera, *target), payload)
+            }
+            Event::Source { camera, .. } => {
+                if let Some(is_told) = self.sources.get_mut(*camera) {
+                    *is_told = true;
+                }
+                Message::kept(self.topics.source(*camera), payload)
+            }
+            _ => Message::sure(self.topics.moved(), payload),
+        };
+        self.courier.tell(notice.weight, message);
     }
 }

@@ -47,7 +47,7 @@ pub struct Outbox<T> {
 struct Inner<T> {
     waiting: VecDeque<(Weight, T)>,
     counts: Counts,
-    /// Dropped since the receiver last took something.
+    /// Dropped since nothing waited any more.
     dropped_lately: u64,
     is_closed: bool,
 }
@@ -81,7 +81,7 @@ impl<T> Outbox<T> {
     }
 
     /// Adds an item. A full queue drops the oldest of those that weigh least, which may be the new one; true when this is the first
-    /// one dropped since the receiver last took something.
+    /// one dropped since nothing waited any more.
     pub fn push(&self, weight: Weight, item: T) -> bool {
         let mut inner = self.lock();
         inner.counts.taken += 1;
@@ -116,18 +116,18 @@ impl<T> Outbox<T> {
         self.lock().waiting.push_front((weight, item));
     }
 
-    /// The receiver acknowledged an item; how many were dropped since it last did.
+    /// The receiver acknowledged an item. Where nothing waits any more: how many were dropped since the last time it was so.
     pub fn delivered(&self) -> u64 {
         let mut inner = self.lock();
         inner.counts.delivered += 1;
-        std::mem::take(&mut inner.dropped_lately)
+        inner.dropped_meanwhile()
     }
 
     /// The receiver does not want an item.
     pub fn refused(&self) -> u64 {
         let mut inner = self.lock();
         inner.counts.refused += 1;
-        std::mem::take(&mut inner.dropped_lately)
+        inner.dropped_meanwhile()
     }
 
     /// Nothing more will come; a pause of the reader ends at once, so that it tries again while there is time.
@@ -157,6 +157,11 @@ impl<T> Outbox<T> {
 }
 
 impl<T> Inner<T> {
+    /// A receiver that is a little too slow all the time drops something at every step: that is one story, told at its beginning and its end.
+    fn dropped_meanwhile(&mut self) -> u64 {
+        if self.waiting.is_empty() { std::mem::take(&mut self.dropped_lately) } else { 0 }
+    }
+
     fn drop_least(&mut self) {
         let least = self.waiting.iter().map(|(weight, _)| *weight).min();
         if let Some(place) = self.waiting.iter().position(|(weight, _)| Some(*weight) == least) {
@@ -202,6 +207,28 @@ mod tests {
         }
         outbox.push(Weight::Frame, 9);
         assert_eq!(all(&outbox), [2, 3]);
+    }
+
+    /// Slower than what is to be told, for long: one beginning and, when it has caught up, one end.
+    #[test]
+    fn a_slow_receiver_is_one_story() {
+        let outbox = Outbox::new(3);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().expect("a runtime");
+        let take = || {
+            runtime.block_on(outbox.next()).expect("an item");
+            outbox.delivered()
+        };
+        let (mut begun, mut ended) = (0, Vec::new());
+        for item in 0..100 {
+            begun += u32::from(outbox.push(Weight::Alarm, item));
+            if item % 2 == 0 {
+                ended.push(take());
+            }
+        }
+        ended.extend([take(), take(), take()]);
+        ended.retain(|dropped| *dropped != 0);
+        assert_eq!((begun, ended), (1, vec![outbox.counts().dropped]));
+        assert!(!outbox.push(Weight::Alarm, 0));
     }
 
     #[test]

@@ -109,7 +109,7 @@ impl Standing {
         }
     }
 
-    /// Something was taken; `dropped` were pushed out meanwhile.
+    /// Something was taken; `dropped` were pushed out until nothing waited any more.
     pub fn delivered(&mut self, dropped: u64) {
         self.refusal = None;
         self.answered(dropped);
@@ -122,7 +122,9 @@ impl Standing {
                 let (since_s, tries) = (trouble.since.elapsed().as_secs_f64(), trouble.tries);
                 self.say(&format!("answers again after {since_s:.1} s and {tries} failed tries{lost}"));
             }
-            None if dropped != 0 => self.say(&format!("is too slow: {dropped} were dropped")),
+            None if dropped != 0 => {
+                self.say(&format!("has caught up; {dropped} were dropped while too many waited"));
+            }
             None => {}
         }
     }

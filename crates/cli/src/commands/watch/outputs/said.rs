@@ -2,6 +2,7 @@
 
 use super::super::names::Names;
 use super::Output;
+use super::measured::measured;
 use crate::answer::TransformObject;
 use crate::output::Outcome;
 use crate::turned::{self, parts};
@@ -61,25 +62,29 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>], moved: &Move
             false => print(&moved.words(names))?,
         }
     }
-    for (name, state) in names.pairs().iter().zip(states) {
+    for (index, (pair, state)) in names.pairs().iter().zip(states).enumerate() {
         let word = state.as_ref().map_or("unseen", word);
+        let (camera, target) = names.of_pair(index);
         match json {
-            true => print(&json!({"event": "verdict", "camera": name, "state": word}).to_string())?,
-            false => print(&format!("{name}: {word}"))?,
+            true => print(
+                &json!({"event": "verdict", "camera": names.camera(camera), "target": names.target(target),
+                    "state": word})
+                .to_string(),
+            )?,
+            false => print(&format!("{pair}: {word}"))?,
         }
     }
     Ok(outcome(states, moved))
 }
 
-/// How a session of these last states ends.
+/// How a session of these last states ends. Only who is where it was is answered; who may just have been knocked is not.
 pub fn outcome(states: &[Option<State>], moved: &Moved) -> Outcome {
-    let is = |test: fn(&State) -> bool| states.iter().flatten().any(test);
-    let blind = states.iter().any(Option::is_none)
-        || is(|s| matches!(s, State::Unseen { .. } | State::Inconsistent | State::Learning { .. }));
-    match !moved.nodes.is_empty() || is(|s| matches!(s, State::Drifted(_))) {
-        true => Outcome::Moved,
-        false if blind => Outcome::SomeUnanswered,
-        false => Outcome::Answered,
+    let is_drifted = |state: &Option<State>| matches!(state, Some(State::Drifted(_)));
+    let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Followed));
+    match states {
+        _ if !moved.nodes.is_empty() || states.iter().any(is_drifted) => Outcome::Moved,
+        _ if states.iter().all(is_well) => Outcome::Answered,
+        _ => Outcome::SomeUnanswered,
     }
 }
 
@@ -337,8 +342,8 @@ fn observed_object(observation: &Observation) -> Value {
         object["cam_from_target"] = json!(TransformObject::from(tracked.cam_from_target));
         object["probability"] = json!(tracked.probability);
     }
-    if let Some(estimate) = &observation.estimate {
-        object["rms_px"] = json!(estimate.rms_px);
+    if let Some(measured) = measured(observation) {
+        object["rms_px"] = json!(measured.rms_px);
     }
     if let Some(sighting) = &observation.landmarks {
         turned::add_to(&mut object, sighting);

@@ -49,8 +49,8 @@ pub struct Tf {
     names: Names,
     frames: Frames,
     recorder: Recorder,
-    /// Capture time of the last frame of each camera, ns: what has no time of its own happened then.
-    last_ns: Vec<u64>,
+    /// Capture time of the last frame of each camera, ns: what has no time of its own happened then. None before the first frame.
+    last_ns: Vec<Option<u64>>,
     /// Which pairs are told to have moved.
     corrected: Vec<bool>,
 }
@@ -68,7 +68,7 @@ pub fn open(args: &TfArgs, session: &Session<'_>) -> Result<Option<Box<dyn Outpu
         frames: Frames::new(names, args.tf_parent == Parent::Target, &args.tf_frame)?,
         names: names.clone(),
         recorder: Recorder::open(path, session.log)?,
-        last_ns: vec![0; names.cameras.len()],
+        last_ns: vec![None; names.cameras.len()],
         corrected: vec![false; names.pairs().len()],
     };
     // References that are known from the start hold from the start.
@@ -85,7 +85,7 @@ impl Output for Tf {
         match event {
             Event::Observed { camera, target, observation } => self.pose(*camera, *target, observation),
             Event::Learned { camera, target, reference } => {
-                self.reference(*camera, *target, reference, Some(self.last_ns[*camera]));
+                self.reference(*camera, *target, reference, self.last_ns[*camera]);
             }
             Event::StateChanged { camera, target, t_s, state } => self.state(*camera, *target, *t_s, state),
             Event::Source { camera, is_there, reason } => self.source(*camera, *is_there, reason.as_deref()),
@@ -107,7 +107,7 @@ impl Output for Tf {
 impl Tf {
     fn pose(&mut self, camera: usize, target: usize, observation: &Observation) {
         let time_ns = nanoseconds(observation.capture_s);
-        self.last_ns[camera] = time_ns;
+        self.last_ns[camera] = Some(time_ns);
         let Some(tracked) = &observation.tracked else { return };
         self.recorder.push(Item::Transforms(
             time_ns,
@@ -151,7 +151,7 @@ impl Tf {
             hardware_id: self.names.camera(camera).to_string(),
             values: values(self.names.target(target), state),
         };
-        self.recorder.push(Item::Diagnostics(time_ns, vec![status]));
+        self.recorder.push(Item::Diagnostics(Some(time_ns), vec![status]));
     }
 
     fn source(&mut self, camera: usize, is_there: bool, reason: Option<&str>) {

@@ -39,7 +39,7 @@ pub struct TuiArgs {
     #[arg(long)]
     pub tui: bool,
     /// Frames over which --tui takes medians, percentiles and standard deviations.
-    #[arg(long, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    #[arg(long, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1000))]
     tui_window: u32,
 }
 

@@ -105,7 +105,9 @@ async fn metrics(State(shared): State<Shared>, headers: HeaderMap) -> Response {
         let asked = [(header::WWW_AUTHENTICATE, "Bearer")];
         return (StatusCode::UNAUTHORIZED, asked, "a token is needed\n").into_response();
     }
-    let page = exposition::page(&shared.tally.lock().unwrap_or_else(PoisonError::into_inner));
+    // Written from a copy: whoever brings the next event does not wait for the page.
+    let tally = shared.tally.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let page = exposition::page(&tally);
     ([(header::CONTENT_TYPE, exposition::CONTENT_TYPE)], page).into_response()
 }
 

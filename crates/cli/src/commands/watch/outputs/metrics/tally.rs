@@ -1,7 +1,9 @@
 //! What has been counted and seen last, for each camera and for each of its targets.
 
 use super::histogram::Histogram;
+use super::rate::Rate;
 use crate::commands::watch::outputs::Session;
+use crate::commands::watch::outputs::measured::measured;
 use crate::commands::watch::outputs::outbox::Counted;
 use resight::core::Matrix6;
 use resight::core::choose::Ambiguity;
@@ -12,12 +14,11 @@ use resight::live::{Event, Observation, State};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Seconds over which the frame rate is taken.
-const RATE_OVER_S: u64 = 10;
 /// Of the innovation of a pose.
 const DEGREES_OF_FREEDOM: f64 = 6.0;
 
 /// A whole session.
+#[derive(Clone)]
 pub struct Tally {
     /// For each camera.
     pub cameras: Vec<CameraTally>,
@@ -80,7 +81,7 @@ pub struct PairTally {
 pub struct Last {
     /// Points found.
     pub n_points: usize,
-    /// Root mean square reprojection error, px.
+    /// Root mean square reprojection error, px, of the pose that time chose.
     pub rms_px: Option<f64>,
     /// χ² of its pose against the tracked one, over its degrees of freedom.
     pub innovation_ratio: Option<f64>,
@@ -139,7 +140,8 @@ impl Tally {
         match event {
             Event::Observed { camera, target, observation } => {
                 let second = self.started.elapsed().as_secs();
-                self.camera(*camera, |camera| camera.is_there = true);
+                // Frames that waited in a queue come after the loss of their source; only its return is told.
+                self.camera(*camera, |camera| camera.is_there |= camera.losses == 0);
                 self.pair(*camera, *target, |pair| pair.observe(observation, second));
             }
             Event::StateChanged { camera, target, state, .. } => {
@@ -244,7 +246,7 @@ fn last(observation: &Observation, reference: Option<&Reference>) -> Last {
     named.iter_mut().zip(troubles).for_each(|(named, is)| named.1 = is);
     Last {
         n_points: observation.n_points,
-        rms_px: estimate.map(|estimate| estimate.rms_px),
+        rms_px: measured(observation).map(|measured| measured.rms_px),
         innovation_ratio: tracked.and_then(|t| t.innovation_chi2).map(|chi2| chi2 / DEGREES_OF_FREEDOM),
         deviation: tracked.zip(reference).map(|(tracked, reference)| deviation(tracked, reference)),
         troubles: named,
@@ -271,58 +273,55 @@ fn deviation(tracked: &Tracked, reference: &Reference) -> Deviation {
     Deviation { rotation_rad, rotation_sigma_rad, translation_m, translation_sigma_m }
 }
 
-/// Frames of the last seconds, second by second.
-#[derive(Debug, Clone, Default)]
-struct Rate {
-    /// Of the seconds `last`, `last` − 1, … each at its number modulo the length.
-    frames: [u32; RATE_OVER_S as usize + 1],
-    last: u64,
-}
-
-impl Rate {
-    fn count(&mut self, second: u64) {
-        self.forget_until(second);
-        self.frames[(second % (RATE_OVER_S + 1)) as usize] += 1;
-    }
-
-    /// Seconds without a frame count too.
-    fn forget_until(&mut self, second: u64) {
-        let first = (self.last + 1).max(second.saturating_sub(RATE_OVER_S));
-        for passed in first..=second {
-            self.frames[(passed % (RATE_OVER_S + 1)) as usize] = 0;
-        }
-        self.last = self.last.max(second);
-    }
-
-    /// The second that is not over yet is left out.
-    fn hz(&self, second: u64) -> f64 {
-        let mut now = self.clone();
-        now.forget_until(second);
-        now.frames[(second % (RATE_OVER_S + 1)) as usize] = 0;
-        let over_s = second.clamp(1, RATE_OVER_S) as f64;
-        f64::from(now.frames.iter().sum::<u32>()) / over_s
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commands::watch::log::Log;
+    use crate::commands::watch::names::Names;
     use resight::core::monitor::DriftNoise;
     use resight::core::{Pose, Vector6};
 
+    /// A session of one camera and one target.
+    fn tally() -> Tally {
+        let names = Names::new(&["gate=a".to_string()], &["door=b".to_string()]);
+        let (log, stop) = (Log::default(), Arc::default());
+        let session = Session {
+            names: &names,
+            references: vec![None],
+            false_alarms_per_day: 1.0,
+            log: &log,
+            stop: &stop,
+            is_once: true,
+        };
+        Tally::new(&session, Vec::new())
+    }
+
+    /// Frames that waited when their source was lost are looked at later; they do not bring it back.
     #[test]
-    fn the_rate_is_that_of_the_last_ten_whole_seconds() {
-        let mut rate = Rate::default();
-        for second in 0..20 {
-            (0..30).for_each(|_| rate.count(second));
+    fn a_lost_source_is_down_until_it_is_back() {
+        let mut tally = tally();
+        let up = |tally: &Tally| {
+            let page = super::super::exposition::page(tally);
+            let sample = "resight_source_up{camera=\"gate\"} ";
+            page.lines().find_map(|line| line.strip_prefix(sample)).map(str::to_string).expect("a sample")
+        };
+        let frame = Event::Observed { camera: 0, target: 0, observation: Box::default() };
+        let source = |is_there| Event::Source { camera: 0, is_there, reason: None };
+        for (event, wanted) in [
+            (&source(false), "0"),
+            (&frame, "0"),
+            (&source(true), "1"),
+            (&frame, "1"),
+            (&source(false), "0"),
+            (&frame, "0"),
+        ] {
+            tally.take(event);
+            assert_eq!(up(&tally), wanted, "after {event:?}");
         }
-        assert_eq!(
-            (rate.hz(20), rate.hz(25), rate.hz(29), rate.hz(30), rate.hz(1000)),
-            (30.0, 15.0, 3.0, 0.0, 0.0)
-        );
-        let mut young = Rate::default();
-        (0..4).for_each(|_| young.count(0));
-        assert_eq!((young.hz(0), young.hz(1), young.hz(2)), (0.0, 4.0, 2.0));
+        let mut fresh = self::tally();
+        assert_eq!(up(&fresh), "0");
+        fresh.take(&frame);
+        assert_eq!(up(&fresh), "1");
     }
 
     #[test]

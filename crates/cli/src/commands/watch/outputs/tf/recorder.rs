@@ -17,7 +17,9 @@ const WAITING: usize = 4096;
 /// What was written longer ago than this is on its way to the disk.
 const FLUSH: Duration = Duration::from_secs(1);
 /// After a failure a new file is tried at these times.
-const RETRY: Duration = Duration::from_secs(10);
+const RETRY: Duration = Duration::from_secs(1);
+/// A disk that is too slow all the time is not told all the time.
+const SAYING: Duration = Duration::from_secs(60);
 /// Names tried beside an existing file.
 const NAMES: usize = 10_000;
 
@@ -35,8 +37,18 @@ pub enum Item {
         cam_from_target: Pose,
         covariance: Box<Matrix6>,
     },
-    /// On `/diagnostics`.
-    Diagnostics(u64, Vec<Status>),
+    /// On `/diagnostics`; without a time at that of the next message.
+    Diagnostics(Option<u64>, Vec<Status>),
+}
+
+impl Item {
+    /// Its own time.
+    fn time_ns(&self) -> Option<u64> {
+        match self {
+            Item::Transforms(time_ns, _) | Item::Pose { time_ns, .. } => Some(*time_ns),
+            Item::Static(time_ns, _) | Item::Diagnostics(time_ns, _) => *time_ns,
+        }
+    }
 }
 
 /// Writes items in order.
@@ -45,6 +57,8 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
     log: Log,
     left_out: u64,
+    /// When that was said last.
+    said: Option<Instant>,
 }
 
 impl Recorder {
@@ -64,20 +78,23 @@ impl Recorder {
         let mut disk = Disk::new(path, log);
         disk.begin(file)?;
         let thread = std::thread::spawn(move || disk.run(&waiting));
-        Ok(Recorder { items: Some(items), thread: Some(thread), log: log.clone(), left_out: 0 })
+        Ok(Recorder { items: Some(items), thread: Some(thread), log: log.clone(), left_out: 0, said: None })
     }
 
     /// Hands an item over, without waiting.
     pub fn push(&mut self, item: Item) {
         let Some(items) = &self.items else { return };
         match items.try_send(item) {
-            Ok(()) if self.left_out == 0 => {}
-            Ok(()) => {
-                let n = std::mem::take(&mut self.left_out);
-                self.log.say("tf", &format!("{n} messages were left out: the disk was too slow"));
-            }
+            Ok(()) if self.left_out == 0 || self.said.is_some_and(|said| said.elapsed() < SAYING) => {}
+            Ok(()) => self.say_left_out(),
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.left_out += 1,
         }
+    }
+
+    fn say_left_out(&mut self) {
+        let n = std::mem::take(&mut self.left_out);
+        self.said = Some(Instant::now());
+        self.log.say("tf", &format!("{n} messages were left out: the disk is too slow"));
     }
 
     /// Closes the file.
@@ -88,8 +105,8 @@ impl Recorder {
         {
             self.log.say("tf", "the thread that writes the recording has failed; the file is not closed");
         }
-        if 0 < std::mem::take(&mut self.left_out) {
-            self.log.say("tf", "messages at the end were left out: the disk was too slow");
+        if 0 < self.left_out {
+            self.say_left_out();
         }
     }
 }
@@ -103,6 +120,8 @@ struct Disk {
     failed: Instant,
     /// Static transforms that wait for the clock of the frames.
     untimed: Vec<Transform>,
+    /// Diagnostics that wait for it, the latest of each name.
+    untimed_statuses: Vec<Status>,
     /// The latest static transform of each child, for a new file.
     latched: Vec<Transform>,
 }
@@ -111,7 +130,16 @@ impl Disk {
     fn new(path: &Path, log: &Log) -> Self {
         let now = Instant::now();
         let (path, log) = (path.to_path_buf(), log.clone());
-        Disk { path, log, writer: None, flushed: now, failed: now, untimed: Vec::new(), latched: Vec::new() }
+        Disk {
+            path,
+            log,
+            writer: None,
+            flushed: now,
+            failed: now,
+            untimed: Vec::new(),
+            untimed_statuses: Vec::new(),
+            latched: Vec::new(),
+        }
     }
 
     fn begin(&mut self, (file, _): (File, PathBuf)) -> Result<(), RecordingError> {
@@ -135,51 +163,64 @@ impl Disk {
 
     fn take(&mut self, item: &Item) {
         self.keep(item);
-        if self.writer.is_none() && !self.begin_anew() {
+        let Some(time_ns) = item.time_ns() else { return };
+        if self.writer.is_none() && !self.begin_anew(time_ns) {
             return;
         }
-        let written = self.write(item);
+        let written = self.write(time_ns, item);
         self.check(written);
     }
 
-    /// A frame that never moves is told again in a new file.
+    /// A frame that never moves is told again in a new file; what has no time waits for one.
     fn keep(&mut self, item: &Item) {
-        let Item::Static(time_ns, transforms) = item else { return };
-        for transform in transforms {
-            self.latched.retain(|known| known.child != transform.child);
-            self.latched.push(transform.clone());
-        }
-        if time_ns.is_none() && self.writer.is_some() {
-            self.untimed.extend(transforms.iter().cloned());
+        match item {
+            Item::Static(time_ns, transforms) => {
+                for transform in transforms {
+                    self.latched.retain(|known| known.child != transform.child);
+                    self.latched.push(transform.clone());
+                }
+                if time_ns.is_none() && self.writer.is_some() {
+                    self.untimed.extend(transforms.iter().cloned());
+                }
+            }
+            Item::Diagnostics(None, statuses) => {
+                for status in statuses {
+                    self.untimed_statuses.retain(|known| known.name != status.name);
+                    self.untimed_statuses.push(status.clone());
+                }
+            }
+            _ => {}
         }
     }
 
-    fn begin_anew(&mut self) -> bool {
+    /// A disk that is still full may well take a name and nothing more: only a file that holds something counts, and is told.
+    fn begin_anew(&mut self, time_ns: u64) -> bool {
         if self.failed.elapsed() < RETRY {
             return false;
         }
         self.failed = Instant::now();
         let Ok(file) = create(&self.path) else { return false };
-        let name = file.1.display().to_string();
-        let begun = self.begin(file).is_ok();
-        if begun {
-            self.log.say("tf", &format!("goes on in {name}"));
+        let name = file.1.clone();
+        let begun = self.begin(file).and_then(|()| self.begun(time_ns));
+        match begun {
+            Ok(()) => self.log.say("tf", &format!("goes on in {}", name.display())),
+            Err(_) => {
+                self.writer = None;
+                // One that cannot be removed stays, empty; the next try takes the next name.
+                let _ = std::fs::remove_file(&name);
+            }
         }
-        begun
+        begun.is_ok()
     }
 
-    fn write(&mut self, item: &Item) -> Result<(), RecordingError> {
+    fn begun(&mut self, time_ns: u64) -> Result<(), RecordingError> {
+        self.write_untimed(time_ns)?;
+        self.writer.as_mut().map_or(Ok(()), RosWriter::flush)
+    }
+
+    fn write(&mut self, time_ns: u64, item: &Item) -> Result<(), RecordingError> {
+        self.write_untimed(time_ns)?;
         let Some(writer) = &mut self.writer else { return Ok(()) };
-        let time_ns = match item {
-            Item::Static(None, _) => return Ok(()),
-            Item::Static(Some(time_ns), _) | Item::Transforms(time_ns, _) | Item::Diagnostics(time_ns, _) => {
-                *time_ns
-            }
-            Item::Pose { time_ns, .. } => *time_ns,
-        };
-        if !self.untimed.is_empty() {
-            writer.static_transforms(time_ns, &std::mem::take(&mut self.untimed))?;
-        }
         match item {
             Item::Transforms(_, transforms) => writer.transforms(time_ns, transforms),
             Item::Static(_, transforms) => writer.static_transforms(time_ns, transforms),
@@ -188,6 +229,20 @@ impl Disk {
             }
             Item::Diagnostics(_, statuses) => writer.diagnostics(time_ns, statuses),
         }
+    }
+
+    /// What waited for the clock of the frames happened before this.
+    fn write_untimed(&mut self, time_ns: u64) -> Result<(), RecordingError> {
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        if !self.untimed.is_empty() {
+            writer.static_transforms(time_ns, &self.untimed)?;
+            self.untimed.clear();
+        }
+        if !self.untimed_statuses.is_empty() {
+            writer.diagnostics(time_ns, &self.untimed_statuses)?;
+            self.untimed_statuses.clear();
+        }
+        Ok(())
     }
 
     fn flush(&mut self) {
@@ -211,9 +266,8 @@ impl Disk {
             self.log.say(
                 "tf",
                 &format!(
-                    "{} cannot be written: {reason}. The session goes on; a new file is tried every {} s",
-                    self.path.display(),
-                    RETRY.as_secs()
+                    "{} cannot be written: {reason}. The session goes on, and in a new file when there is room",
+                    self.path.display()
                 ),
             );
             self.writer = None;
@@ -234,4 +288,57 @@ fn create(path: &Path) -> std::io::Result<(File, PathBuf)> {
         }
     }
     Err(std::io::Error::other("10000 files of this name lie beside it; remove some"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resight::recording::{Next, Recording};
+    use resight::ros::write::Level;
+
+    /// Topics and times, ns, of a recording.
+    fn told(path: &Path) -> Vec<(String, u64)> {
+        let mut recording = Recording::new(File::open(path).expect("the file"), |_| true);
+        let mut all = Vec::new();
+        loop {
+            match recording.read_next().expect("a recording") {
+                Next::Message(message) => all.push((message.channel.topic.clone(), message.log_time_ns)),
+                Next::Nothing | Next::Unfinished => {}
+                Next::Damaged(reason) => panic!("{reason}"),
+                Next::End => return all,
+            }
+        }
+    }
+
+    /// A source that is lost before its first frame, a reference that is known before: no message of 1970.
+    #[test]
+    fn what_has_no_time_waits_for_one() {
+        let path = std::env::temp_dir().join(format!("resight-untimed-{}.mcap", std::process::id()));
+        let _ = std::fs::remove_file(&path);
+        let status = |message: &str| Status {
+            level: Level::Stale,
+            name: "resight: gate".to_string(),
+            message: message.to_string(),
+            hardware_id: "gate".to_string(),
+            values: Vec::new(),
+        };
+        let fixed = Transform {
+            parent: "door".to_string(),
+            child: "gate/reference".to_string(),
+            parent_from_child: Pose::identity(),
+        };
+        let seen = Transform { child: "gate".to_string(), ..fixed.clone() };
+        let time_ns = 1_700_000_000_000_000_000;
+        let mut recorder = Recorder::open(&path, &Log::default()).expect("a file");
+        recorder.push(Item::Diagnostics(None, vec![status("lost")]));
+        recorder.push(Item::Static(None, vec![fixed]));
+        recorder.push(Item::Diagnostics(None, vec![status("lost again")]));
+        recorder.push(Item::Transforms(time_ns, vec![seen]));
+        recorder.finish();
+        let all = told(&path);
+        std::fs::remove_file(&path).expect("removed");
+        let topics: Vec<&str> = all.iter().map(|(topic, _)| topic.as_str()).collect();
+        assert_eq!(topics, ["/tf_static", "/diagnostics", "/tf"]);
+        assert!(all.iter().all(|(_, at_ns)| *at_ns == time_ns), "{all:?}");
+    }
 }

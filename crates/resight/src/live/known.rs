@@ -1,0 +1,22 @@
+//! What cameras are compared with, before their session begins.
+
+use super::look::{Look, LookError};
+use super::{LiveCamera, LiveConfig, StateFile};
+use resight_core::monitor::Reference;
+
+/// What a camera is compared with, target by target, where that is known when its session begins: what it brings with it, or what an earlier
+/// session learned and left in a state that it goes on from.
+///
+/// # Errors
+/// A camera that cannot be watched.
+pub fn references(
+    camera: &LiveCamera,
+    config: &LiveConfig,
+    state: Option<&StateFile>,
+) -> Result<Vec<Option<Reference>>, LookError> {
+    let mut look = Look::new(camera, config)?;
+    if let Some(record) = state.and_then(|state| state.of(&camera.name)) {
+        look.restore(&record, |_, _| ()); // Why a state is not gone on from, the session says.
+    }
+    Ok(look.references().collect())
+}
