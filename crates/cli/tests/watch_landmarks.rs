@@ -54,6 +54,12 @@ impl Night {
         }
     }
 
+    /// The file of the tag that `tag_in_view` draws.
+    fn tag(&self) -> String {
+        let text = b"kind = \"tag\"\nfamily = \"tag36h11\"\nid = 3\nsize_m = 0.1\n";
+        write(self.folder.join("tag.toml"), text)
+    }
+
     fn watch(&self, arguments: &[&str]) -> Run {
         let source = format!("gate={}", self.folder.join("night").display());
         let camera = format!("gate={}", self.camera);
@@ -143,30 +149,37 @@ fn a_saved_reference_serves_the_next_night() {
     night.take(0..10, [0.3, 0.0, 0.0], |_| ());
     let next = night.watch(&["--landmarks", &learned]);
     assert!(next.code == 3 && next.stdout.contains("turned up 0.3"), "{}{}", next.stdout, next.stderr);
+    // The same command every night: the picture stays the one of the first.
+    let saved = std::fs::read(&file).expect("the picture");
+    let again = night.watch(&["--save-landmarks", &learned]);
+    assert!(again.code == 3 && again.stdout.contains("turned up 0.3"), "{}{}", again.stdout, again.stderr);
+    assert_eq!(std::fs::read(&file).expect("the picture"), saved);
 }
 
-/// A tag, while it is there, gives the pose; when it is taken away the landmarks go on.
-#[test]
-fn landmarks_stand_in_for_a_target_that_is_gone() {
-    let night = Night::new("landmarks-stand-in");
+/// Draws a tag into a picture.
+fn tag_in_view() -> impl Fn(&mut resight::GrayImage) {
     let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });
     let cam_from_target = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
     let placed = Placed { target, cam_from_target, style: Style::default() };
     let scene = Scene { placed: vec![placed], background: 128.0, clutter: Vec::new() };
     let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
     let tag = render(&scene, &small(), &finish).expect("a picture");
-    let with_tag = |image: &mut resight::GrayImage| {
+    move |image: &mut resight::GrayImage| {
         let all = image.data.iter_mut().zip(&tag.data);
         // What is not background is the tag, with a little of the picture's noise.
         all.filter(|(_, tag)| **tag != 128).for_each(|(grey, tag)| *grey = (*grey % 4) + (*tag).min(250));
-    };
+    }
+}
+
+/// A tag, while it is there, gives the pose; when it is taken away the landmarks go on.
+#[test]
+fn landmarks_stand_in_for_a_target_that_is_gone() {
+    let night = Night::new("landmarks-stand-in");
+    let with_tag = tag_in_view();
     night.take(0..30, [0.0; 3], with_tag);
     night.take(30..45, [0.0; 3], |_| ());
     night.take(45..60, [0.0, 0.0, 0.5], |_| ());
-    let target = write(
-        night.folder.join("tag.toml"),
-        b"kind = \"tag\"\nfamily = \"tag36h11\"\nid = 3\nsize_m = 0.1\n",
-    );
+    let target = night.tag();
     let landmarks = format!("gate={}", night.reference);
     let run =
         night.watch(&["--target", &target, "--landmarks", &landmarks, "--learn", "20", "--json", "--frames"]);
@@ -186,6 +199,20 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
             && last["message"].to_string().contains(" clockwise 0.5"),
         "{last}"
     );
+}
+
+/// The picture is taken while the tag is still there: a knock that comes as it is taken away is found.
+#[test]
+fn a_knock_while_the_target_is_taken_away_is_found() {
+    let night = Night::new("landmarks-away");
+    night.take(0..30, [0.0; 3], tag_in_view());
+    night.take(30..45, [0.0, 0.0, 0.5], |_| ());
+    let (target, file) = (night.tag(), night.folder.join("saved.png"));
+    let saved = format!("gate={}", file.display());
+    let run = night.watch(&["--target", &target, "--save-landmarks", &saved, "--learn", "20", "--json"]);
+    assert_eq!(run.code, 3, "{:?}{}", run.states(), run.stderr);
+    assert!(run.stderr.contains("night/0000.png, saved in"), "{}", run.stderr);
+    assert_eq!(run.states().last().map(String::as_str), Some("drifted"));
 }
 
 #[test]

@@ -121,11 +121,14 @@ fn a_pause_is_time_unseen() {
     assert_eq!(after.events().last().expect("a verdict")["state"], "unseen");
 }
 
+/// All that the folder holds was there before: nothing is known of now, but what the clock says.
 #[test]
 fn frames_taken_in_before_are_passed_over() {
     let state = learned("state-again");
     let before = camera(&state).expect("a state");
-    let again = run(&state, &lines(50..100, 1.0, 0x83, still), &PATIENT);
+    let mut again = start(&[], &["--state", text(&state), "--once", PATIENT[0], PATIENT[1]]);
+    again.feed(&lines(50..100, 1.0, 0x83, still));
+    assert_eq!(again.end(), 0, "{}", again.log());
     let frames: Vec<Value> = again.events().into_iter().filter(|event| event["event"] == "frame").collect();
     assert_eq!(frames.len(), 50);
     for frame in frames {
@@ -134,7 +137,28 @@ fn frames_taken_in_before_are_passed_over() {
             "{frame}"
         );
     }
-    assert_eq!(camera(&state).expect("a state")["pairs"], before["pairs"]);
+    let after = camera(&state).expect("a state");
+    for key in ["pairs", "last_s", "last_unix_s"] {
+        assert_eq!(after[key], before[key], "{key}");
+    }
+}
+
+/// The camera died yesterday, and its folder is looked through every night.
+#[test]
+fn frames_taken_in_before_do_not_make_a_blind_camera_steady() {
+    let state = folder("state-blind").join("gate.state");
+    let blind = ["--unseen-after-s", "1"];
+    let first = run(&state, &lines(0..100, 0.05, 0x88, still), &blind);
+    assert_eq!(first.events().last().expect("a verdict")["state"], "steady");
+    for _ in 0..2 {
+        std::thread::sleep(Duration::from_millis(1200));
+        let mut again = start(&[], &["--state", text(&state), "--once", blind[0], blind[1]]);
+        again.feed(&lines(0..100, 0.05, 0x88, still));
+        assert_eq!(again.end(), 1, "{}", again.log());
+        let states: Vec<Value> = again.events().into_iter().filter(|e| e["event"] == "state").collect();
+        assert!(states.iter().all(|event| event["state"] == "unseen"), "{states:?}");
+        assert_eq!(again.events().last().expect("a verdict")["state"], "unseen");
+    }
 }
 
 #[test]
@@ -166,7 +190,8 @@ fn a_damaged_state_is_put_aside() {
         ("torn", good[..good.len() / 2].to_string(), "SHA-256"),
         ("flipped", spoilt("\"last_s\":99.0", "\"last_s\":98.0"), "SHA-256"),
         ("newer", spoilt("\"version\":1,", "\"version\":2,"), "was written in version 2"),
-        ("other", "{\"format\": \"x\"}\n{}\n".to_string(), "is no state of a session"),
+        ("zeros", "\0".repeat(500), "is damaged"),
+        ("cut", good[..20].to_string(), "is damaged"),
     ];
     for (name, text, words) in cases {
         let folder = folder(&format!("state-damaged-{name}"));
@@ -181,6 +206,25 @@ fn a_damaged_state_is_put_aside() {
         assert_eq!(std::fs::read_to_string(&aside[0]).expect("read"), text);
         assert_eq!(camera(&state).expect("a new state")["last_s"], 59.0);
     }
+}
+
+/// Somebody's own file, named by mistake, stays as it is; so does one whose name is that of the claim.
+#[test]
+fn a_file_that_is_no_state_is_left_alone() {
+    let folder = folder("state-mistaken");
+    let (gate, lock) = (folder.join("gate.toml"), folder.join("gate.toml.lock"));
+    for text in ["model = \"pinhole\"\n", "{\"format\": \"x\"}\n{}\n"] {
+        std::fs::write(&gate, text).expect("written");
+        let mut session = start(&[], &["--state", gate.to_str().expect("a path"), "--once"]);
+        assert_eq!(session.end(), 2);
+        assert!(session.log().contains("gate.toml: is no state of a session"), "{}", session.log());
+        assert_eq!(std::fs::read_to_string(&gate).expect("read"), text);
+        assert_eq!(std::fs::read_dir(&folder).expect("the folder").count(), 1, "nothing else is there");
+    }
+    std::fs::remove_file(&gate).expect("removed");
+    std::fs::write(&lock, "mine").expect("written");
+    run(&gate, &lines(0..5, 1.0, 0x89, still), &PATIENT);
+    assert_eq!(std::fs::read_to_string(&lock).expect("read"), "mine");
 }
 
 #[test]

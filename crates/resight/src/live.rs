@@ -5,13 +5,18 @@
 
 mod clock;
 mod known;
+mod guard;
 mod look;
+mod memory;
+mod pace;
 mod queue;
 mod reader;
 pub mod reference;
 pub mod rig;
 mod session;
+mod sparingly;
 mod state;
+mod watcher;
 
 pub use known::references;
 pub use look::{Look, LookError, Looked};
@@ -124,6 +129,8 @@ pub struct Observation {
     pub estimate: Option<PoseEstimate>,
     /// The points it rests on; kept only where the cameras are watched as a rig.
     pub seen: Vec<Correspondence>,
+    /// The lens that saw them, at the size of the picture; kept with them.
+    pub lens: Option<Box<Camera>>,
     /// Why there is none.
     pub reason: Option<String>,
     /// The pose through time.
@@ -131,7 +138,7 @@ pub struct Observation {
     /// What went to the monitor.
     pub reading: Option<Reading>,
     /// The turn since the reference picture, where no target was seen.
-    pub landmarks: Option<Box<Sighting>>,
+    pub landmarks: Option<Arc<Sighting>>,
     /// The picture that has just become the reference of the landmarks.
     pub reference_picture: Option<Arc<GrayImage>>,
     /// How long it took.
@@ -206,14 +213,15 @@ pub enum Event {
         /// The reference.
         reference: Box<Reference>,
     },
-    /// Frames dropped since the last such event, because the camera's queue was full.
+    /// Frames dropped since the last such event, because the camera's queue was full. Told at once, then together every minute, and at
+    /// the end.
     Dropped {
         /// Index of the camera.
         camera: usize,
         /// How many.
         frames: u64,
     },
-    /// Frames left out since the last such event: they could not be read, or came out of order.
+    /// Frames left out since the last such event, told as those dropped: they could not be read, or came out of order.
     LeftOut {
         /// Index of the camera.
         camera: usize,

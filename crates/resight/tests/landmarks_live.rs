@@ -5,12 +5,14 @@ mod landmarks_support;
 use landmarks_support::{camera, exposed, picture, turned};
 use nalgebra::Matrix3;
 use resight::GrayImage;
-use resight::core::Camera;
 use resight::core::monitor::{Drift, MonitorConfig};
-use resight::live::{LiveCamera, LiveConfig, Look, State, WatchedLandmarks};
-use resight::render::Pcg;
+use resight::core::target::Tag;
+use resight::core::{Camera, Pose, Target, Vector6};
+use resight::live::{LiveCamera, LiveConfig, Look, State, Watched, WatchedLandmarks};
+use resight::render::{Finish, Pcg, Scene, Style, render};
 use resight::source::pictures::{Clock, Pictures};
 use resight::source::{Content, Frame};
+use std::sync::Arc;
 
 fn small() -> Camera {
     camera(480, 360, 400.0)
@@ -152,4 +154,51 @@ fn a_reference_that_shows_nothing_is_refused() {
     };
     let reason = Look::new(&watched, &LiveConfig::default()).err().expect("refused").to_string();
     assert!(reason.contains("0 landmarks, 30 are needed"), "{reason}");
+}
+
+fn tag() -> Target {
+    Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 })
+}
+
+/// A picture with a tag in front of it.
+fn with_tag(mut image: GrayImage) -> GrayImage {
+    let cam_from_tag = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
+    let scene = Scene { background: 128.0, ..Scene::of(tag(), cam_from_tag, Style::default()) };
+    let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
+    let drawn = render(&scene, &small(), &finish).expect("a picture");
+    let all = image.data.iter_mut().zip(&drawn.data);
+    // What is not background is the tag, with a little of the picture's noise.
+    all.filter(|(_, tag)| **tag != 128).for_each(|(grey, tag)| *grey = (*grey % 4) + (*tag).min(250));
+    image
+}
+
+/// A camera that watches a tag, and takes its reference picture from the stream.
+fn look_at_tag() -> Look {
+    let watched = LiveCamera {
+        name: "gate".to_string(),
+        camera: small(),
+        targets: vec![Watched { name: "tag".to_string(), target: Arc::new(tag()), reference: None }],
+        landmarks: Some(WatchedLandmarks { picture: None }),
+        source: Box::new(Pictures::new(Vec::new(), Clock::Every(1.0))),
+    };
+    Look::new(&watched, &LiveConfig { learn_readings: 20, ..LiveConfig::default() }).expect("a session")
+}
+
+/// The reference picture is the first, with the tag in it, so a knock that comes as the tag is taken away is found.
+#[test]
+fn a_knock_while_the_target_is_taken_away_is_found() {
+    let mut chance = Pcg::new(0x2a5);
+    let (home, rolled) = (still([0.0; 3]), still([0.0, 0.0, 0.5]));
+    let mut look = look_at_tag();
+    for number in 0..30 {
+        let image = with_tag(exposure(&home, &mut chance));
+        let looked = look.take(&frame(number, image), 0.0).remove(0);
+        assert_eq!(looked.observation.reference_picture.is_some(), number == 0);
+        assert!(looked.observation.estimate.is_some());
+        assert_eq!(matches!(looked.state, State::Learning { .. }), number < 19, "{:?}", looked.state);
+    }
+    let states: Vec<State> =
+        (30..45).map(|n| watched(&mut look, n, exposure(&rolled, &mut chance))).collect();
+    let roll_deg = drift(&states[14]).old_from_new[2].to_degrees();
+    assert!((roll_deg - 0.5).abs() < 0.02, "{roll_deg}");
 }

@@ -1,6 +1,6 @@
 //! A session whose frames have clocks that are set: it says so, and goes on watching.
 
-use resight::live::{Event, LiveCamera, LiveConfig, State, Watched, run};
+use resight::live::{Event, LiveCamera, LiveConfig, State, StateFile, Watched, run_from};
 use resight::render::Pcg;
 use resight::source::{Content, Frame, Next, Source};
 use resight_core::camera::{CameraMatrix, ImageSize, Pinhole};
@@ -59,13 +59,17 @@ fn frame(i: u64, capture_s: f64, pan_deg: f64) -> Frame {
 }
 
 fn watch(frames: Vec<Frame>, pace: Option<Duration>) -> Vec<Event> {
+    watch_from(frames, pace, None)
+}
+
+fn watch_from(frames: Vec<Frame>, pace: Option<Duration>, state: Option<&StateFile>) -> Vec<Event> {
     let source = Box::new(Script { frames: frames.into(), pace });
     let targets = vec![Watched { name: "tag".to_string(), target: Arc::new(target()), reference: None }];
     let cameras =
         vec![LiveCamera { name: "gate".to_string(), camera: camera(), targets, landmarks: None, source }];
     let config = LiveConfig { queue_frames: 1000, retry_s: 0.1, ..LiveConfig::default() };
     let mut events = Vec::new();
-    run(cameras, &config, &Arc::new(AtomicBool::new(false)), |event| {
+    run_from(cameras, &config, &Arc::new(AtomicBool::new(false)), state, |event| {
         events.push(event.clone());
         true
     })
@@ -79,6 +83,22 @@ fn steps_s(events: &[Event]) -> Vec<f64> {
         _ => None,
     };
     events.iter().filter_map(step).collect()
+}
+
+fn times_s(events: &[Event]) -> Vec<f64> {
+    let time = |event: &Event| match event {
+        Event::Observed { observation, .. } => Some(observation.capture_s),
+        _ => None,
+    };
+    events.iter().filter_map(time).collect()
+}
+
+fn left_out(events: &[Event]) -> u64 {
+    let frames = |event: &Event| match event {
+        Event::LeftOut { frames, .. } => *frames,
+        _ => 0,
+    };
+    events.iter().map(frames).sum()
 }
 
 fn began_s(events: &[Event]) -> Option<f64> {
@@ -100,14 +120,7 @@ fn an_hour_back_does_not_make_the_monitor_deaf() {
     assert!((step_s + 3600.0).abs() < 1e-9, "{step_s}");
     let began_s = began_s(&events).expect("a drift");
     assert!((began_s - 5150.0).abs() <= 3.0, "{began_s}");
-    let times: Vec<f64> = events
-        .iter()
-        .filter_map(|event| match event {
-            Event::Observed { observation, .. } => Some(observation.capture_s),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(times, (0..200).map(|i| 5000.0 + i as f64).collect::<Vec<_>>());
+    assert_eq!(times_s(&events), (0..200).map(|i| 5000.0 + i as f64).collect::<Vec<_>>());
 }
 
 /// A live camera whose clock is set two hours forward, and back again.
@@ -131,13 +144,72 @@ fn small_disorder_is_counted() {
     (5..200).step_by(10).for_each(|i| frames.swap(i, i - 1));
     let events = watch(frames, None);
     assert!(steps_s(&events).is_empty());
-    let left_out: u64 = events
-        .iter()
-        .map(|event| match event {
-            Event::LeftOut { frames, .. } => *frames,
-            _ => 0,
-        })
-        .sum();
-    assert_eq!(left_out, 20);
+    assert_eq!(left_out(&events), 20);
     assert_eq!(began_s(&events), None);
+}
+
+/// A recording in which one frame has a time of the year 55000: it alone is left out, and the knock is found when it came.
+#[test]
+fn one_wrong_time_does_not_spoil_a_recording() {
+    let at = |i: u64| if i == 40 { 1.7e12 } else { 5000.0 + i as f64 };
+    let frames = (0..200).map(|i| frame(i, at(i), if i < 150 { 0.0 } else { 0.5 }));
+    let events = watch(frames.collect(), None);
+    assert_eq!((steps_s(&events), left_out(&events)), (vec![], 1));
+    assert!(times_s(&events).iter().all(|t_s| (5000.0..5200.0).contains(t_s)));
+    let began_s = began_s(&events).expect("a drift");
+    assert!((began_s - 5150.0).abs() <= 3.0, "{began_s}");
+}
+
+/// Pictures that cannot be read have the date of their file, hours off; what comes after them is not shifted. While there is nothing
+/// else the camera is unseen, whatever their dates.
+#[test]
+fn a_frame_that_cannot_be_read_does_not_set_the_clock() {
+    for off_s in [-7200.0, 7200.0, 1e9] {
+        let torn = |i: u64| i.is_multiple_of(10) || (100..130).contains(&i);
+        let frames = (0..200).map(|i| match torn(i) {
+            true => Frame {
+                content: Content::Unreadable("torn".to_string()),
+                ..frame(i, 5000.0 + off_s + i as f64, 0.0)
+            },
+            false => frame(i, 5000.0 + i as f64, if i < 150 { 0.0 } else { 0.5 }),
+        });
+        let events = watch(frames.collect(), None);
+        assert_eq!(steps_s(&events), Vec::<f64>::new(), "{off_s}");
+        let readable =
+            |event: &&Event| matches!(event, Event::Observed { observation, .. } if observation.is_readable);
+        let good: Vec<Event> = events.iter().filter(readable).cloned().collect();
+        let wanted = (0..200).filter(|i| !torn(*i)).map(|i| 5000.0 + i as f64);
+        assert_eq!(times_s(&good), wanted.collect::<Vec<_>>(), "{off_s}");
+        assert!((began_s(&events).expect("a drift") - 5150.0).abs() <= 3.0, "{off_s}");
+        let unseen = |event: &Event| match event {
+            Event::StateChanged { t_s, state: State::Unseen { .. }, .. } => Some(*t_s),
+            _ => None,
+        };
+        let unseen_s: Vec<f64> = events.iter().filter_map(unseen).collect();
+        assert!(unseen_s.iter().any(|t_s| (5104.0..5110.0).contains(t_s)), "{off_s}: {unseen_s:?}");
+    }
+}
+
+/// A live camera whose clock was set back by an hour while nothing watched it, or that does not know the time yet: every frame is older
+/// than the last one of the session before, and is looked at all the same.
+#[test]
+fn a_restart_is_not_deaf_to_a_clock_that_was_set_back() {
+    let folder = std::env::temp_dir().join(format!("live-clock-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let pace = Some(Duration::from_millis(5));
+    let frames = |from: u64, start_s: f64, pan_deg: f64| {
+        let frames = (from..from + 80).map(|i| frame(i, start_s + 0.005 * i as f64, pan_deg));
+        frames.collect::<Vec<_>>()
+    };
+    for start_s in [1e9 - 3600.0, 0.0] {
+        let path = folder.join(format!("{start_s}.state"));
+        let open = || StateFile::open(&path, |_| ()).expect("a state file");
+        let first = watch_from(frames(0, 1e9, 0.0), pace, Some(&open()));
+        assert!(steps_s(&first).is_empty());
+        let second = watch_from(frames(80, start_s, 0.5), pace, Some(&open()));
+        let [step_s] = steps_s(&second)[..] else { panic!("{:?}", steps_s(&second)) };
+        assert!((step_s + 1e9 - start_s).abs() < 60.0, "{step_s}");
+        assert!(began_s(&second).is_some(), "the knock in between is found");
+    }
+    std::fs::remove_dir_all(&folder).expect("removed");
 }

@@ -7,12 +7,14 @@
 //!   Δ < −1 s, or t − e > 1 h, or an earlier step undone: the clock was set; the offset is chosen anew so that t = e
 //! ```
 //! The monotonic clock of this machine says e where frames come at their own pace. A recording is read as fast as it goes: there e is one
-//! period after the last frame, and a leap forward is a pause.
+//! period after the last frame, and a leap forward is a pause, unless the next frame says that only the time of one was wrong.
 
 /// Frames that come in disorder by less than this are left out; a clock that went back further was set, seconds.
 const DISORDER_S: f64 = 1.0;
 /// A leap forward beyond this is no late frame, seconds.
 const LEAP_S: f64 = 3600.0;
+/// Between frames of a recording of which only one has been seen, seconds.
+const UNKNOWN_PERIOD_S: f64 = 1.0;
 
 /// The clock of one source.
 #[derive(Debug, Default)]
@@ -20,6 +22,8 @@ pub(super) struct CaptureClock {
     /// Added to capture times since the clock was set, seconds.
     offset_s: f64,
     last: Option<Last>,
+    /// Frames without a time of their own since the last that had one.
+    untimed: u32,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -40,9 +44,47 @@ pub(super) enum Stamp {
     Late { t_s: f64, by_s: f64 },
 }
 
+impl Last {
+    /// The longest gap after it that is no leap, seconds.
+    fn gap_s(&self) -> f64 {
+        self.period_s + self.period_s.max(DISORDER_S)
+    }
+}
+
 impl CaptureClock {
+    /// Goes on from a frame taken at `last_s`, `ago_s` ago: a clock that was set in between is found out.
+    pub fn after(last_s: f64, ago_s: f64) -> Self {
+        let last = Last { t_s: last_s, arrived_s: -ago_s, period_s: 0.0 };
+        CaptureClock { last: Some(last), ..CaptureClock::default() }
+    }
+
+    /// Whether a frame of a recording comes so long after the last that its time may be wrong: the next one tells.
+    pub fn doubts(&self, capture_s: f64) -> bool {
+        self.last.is_some_and(|last| last.gap_s() < capture_s + self.offset_s - last.t_s)
+    }
+
+    /// Whether a frame goes on from before a doubtful one, so that the time of that one was wrong.
+    pub fn refutes(&self, capture_s: f64, doubtful_s: f64) -> bool {
+        let is_after = |last: Last| last.t_s - DISORDER_S <= capture_s + self.offset_s;
+        self.last.is_some_and(is_after) && capture_s < doubtful_s - DISORDER_S
+    }
+
+    /// When a frame was taken that could not be read. Its time may be another clock's (the file's date for the picture's), so it is
+    /// believed only where it is near, and changes nothing. What is seen of no frame is unseen for longer and longer, so time goes on.
+    pub fn guess(&mut self, capture_s: f64, arrived_s: f64, at_own_pace: bool) -> f64 {
+        let Some(last) = self.last else { return if capture_s.is_finite() { capture_s } else { 0.0 } };
+        self.untimed += 1;
+        let period_s = if 0.0 < last.period_s { last.period_s } else { UNKNOWN_PERIOD_S };
+        let elapsed_s =
+            if at_own_pace { arrived_s - last.arrived_s } else { period_s * f64::from(self.untimed) };
+        let t_s = capture_s + self.offset_s;
+        let is_near = (last.t_s..=last.t_s + elapsed_s + last.gap_s()).contains(&t_s);
+        if is_near { t_s } else { last.t_s + elapsed_s }
+    }
+
     /// For a frame that arrived at `arrived_s` of the monotonic clock; `at_own_pace` where it was waited for.
     pub fn stamp(&mut self, capture_s: f64, arrived_s: f64, at_own_pace: bool) -> Stamp {
+        self.untimed = 0;
         let Some(last) = self.last else {
             self.last = Some(Last { t_s: capture_s, arrived_s, period_s: 0.0 });
             return Stamp::At { t_s: capture_s };
@@ -58,7 +100,10 @@ impl CaptureClock {
             return Stamp::Late { t_s: last.t_s, by_s: -delta_s };
         }
         let now_s = if is_set { expected_s } else { t_s };
-        self.last = Some(Last { t_s: now_s, arrived_s, period_s: now_s - last.t_s });
+        // A pause is not how far frames are apart.
+        let is_pause = 0.0 < last.period_s && last.gap_s() < now_s - last.t_s;
+        let period_s = if is_pause { last.period_s } else { now_s - last.t_s };
+        self.last = Some(Last { t_s: now_s, arrived_s, period_s });
         if !is_set {
             return Stamp::At { t_s };
         }
@@ -128,5 +173,51 @@ mod tests {
         let mut clock = CaptureClock::default();
         clock.stamp(10.0, 0.0, true);
         assert_eq!(clock.stamp(7210.5, 7200.0, true), at(7210.5));
+    }
+
+    /// Switched off for a day: the clock of a camera that then is an hour behind, or has none yet, was set.
+    #[test]
+    fn a_restart_finds_a_clock_that_was_set() {
+        let day_s = 86_400.0;
+        let stamp = |capture_s| CaptureClock::after(1e9, day_s).stamp(capture_s, 2.0, true);
+        assert_eq!(stamp(1e9 + day_s + 1.5), at(1e9 + day_s + 1.5));
+        for capture_s in [1e9 - 3600.0, 30.0, 2e9] {
+            let Stamp::Stepped { t_s, .. } = stamp(capture_s) else { panic!("{:?}", stamp(capture_s)) };
+            assert_eq!(t_s, 1e9 + day_s + 2.0);
+        }
+    }
+
+    /// Ten frames a second; one has a time of a thousand years.
+    #[test]
+    fn one_wrong_time_is_told_from_a_pause() {
+        let mut clock = CaptureClock::default();
+        for i in 0..10 {
+            let t_s = 0.1 * f64::from(i);
+            assert!(!clock.doubts(t_s));
+            clock.stamp(t_s, 0.0, false);
+        }
+        assert!(clock.doubts(1.7e12) && clock.doubts(3.0) && !clock.doubts(1.5));
+        assert!(clock.refutes(1.1, 1.7e12), "the next frame goes on from before");
+        assert!(!clock.refutes(1.7e12 + 0.1, 1.7e12), "a pause");
+        assert!(!clock.refutes(-500.0, 1.7e12), "a clock that was set back");
+        // After a pause frames are as far apart as before.
+        clock.stamp(500.0, 0.0, false);
+        let Stamp::Stepped { t_s, .. } = clock.stamp(10.0, 0.0, false) else { panic!("set back") };
+        assert!((t_s - 500.1).abs() < 1e-9, "{t_s}");
+    }
+
+    /// A torn picture has the date of its file, hours after the clock of the pictures; or its own time. Neither moves the clock.
+    #[test]
+    fn what_cannot_be_read_does_not_set_the_clock() {
+        let mut clock = CaptureClock::default();
+        (0..3).for_each(|i| assert_eq!(clock.stamp(f64::from(i), 0.0, false), at(f64::from(i))));
+        let guesses: Vec<f64> = (0..3).map(|_| clock.guess(7200.0, 0.0, false)).collect();
+        assert_eq!(guesses, [3.0, 4.0, 5.0], "time goes on");
+        assert_eq!(clock.guess(6.25, 0.0, false), 6.25);
+        assert_eq!(clock.stamp(7.0, 0.0, false), at(7.0));
+        let mut live = CaptureClock::default();
+        live.stamp(100.0, 0.0, true);
+        assert_eq!((live.guess(-5.0, 8.0, true), live.guess(107.9, 8.0, true)), (108.0, 107.9));
+        assert_eq!(live.stamp(109.0, 9.0, true), at(109.0));
     }
 }

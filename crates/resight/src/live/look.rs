@@ -12,7 +12,7 @@ use crate::landmarks::LandmarksError;
 use crate::source::{Content, Frame};
 use landmarks::LandmarkWatch;
 use pair::{Pair, Sight};
-use resight_core::monitor::Reference;
+use resight_core::monitor::{Monitor, Reference};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
@@ -54,6 +54,11 @@ impl Look {
         self.pairs.iter().map(Pair::reference)
     }
 
+    /// What watches each target, where that has begun.
+    pub(super) fn monitors(&self) -> impl Iterator<Item = Option<Monitor>> {
+        self.pairs.iter().map(|pair| pair.monitor().cloned())
+    }
+
     /// All that a restart needs, after a frame taken at `last_s` that came `ago_s` before now.
     pub(super) fn record(&self, name: &str, last_s: f64, ago_s: f64) -> CameraRecord {
         CameraRecord {
@@ -90,21 +95,18 @@ impl Look {
         is_any
     }
 
-    /// The time of a frame: one that an earlier session has seen counts as its last.
-    pub fn time_s(&self, frame: &Frame) -> f64 {
-        self.resumed_s.map_or(frame.capture_s, |resumed_s| frame.capture_s.max(resumed_s))
-    }
-
-    fn is_old(&self, frame: &Frame) -> bool {
+    /// Whether an earlier session took the frame in already.
+    pub(super) fn is_old(&self, frame: &Frame) -> bool {
         let is_readable = !matches!(frame.content, Content::Unreadable(_));
         is_readable && self.resumed_s.is_some_and(|resumed_s| frame.capture_s <= resumed_s)
     }
 
-    fn passed_over(&self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
-        let states = self.states(self.time_s(frame)).into_iter();
+    /// An old frame says nothing of how things stand: they stand as at `now_s` without it.
+    pub(super) fn passed_over(&self, frame: &Frame, waited_us: f64, now_s: f64) -> Vec<Looked> {
+        let states = self.states(now_s).into_iter();
         let reason = Some(format!(
             "taken before {:.3} s, where the state file goes on; for another recording give another state file",
-            self.time_s(frame)
+            self.resumed_s.unwrap_or(now_s)
         ));
         let looked = |state| Looked {
             observation: Observation { reason: reason.clone(), ..blank(frame, waited_us, true) },
@@ -116,9 +118,6 @@ impl Look {
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
     pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
-        if self.is_old(frame) {
-            return self.passed_over(frame, waited_us);
-        }
         let lens = self.lens(frame);
         let blank = blank(frame, waited_us, lens.is_ok() && !matches!(frame.content, Content::Unreadable(_)));
         let look = |pair: &mut Pair| {
@@ -132,7 +131,8 @@ impl Look {
         };
         let mut looked: Vec<Looked> = self.pairs.iter_mut().map(look).collect();
         if let Some(landmarks) = &mut self.landmarks {
-            landmarks.stand_in(frame, &lens, &mut looked, blank.clone());
+            let has_moved = self.pairs.iter().any(|pair| pair.may_have_moved(frame.capture_s));
+            landmarks.stand_in(frame, &lens, &mut looked, (blank, has_moved));
         }
         looked
     }

@@ -17,6 +17,8 @@ struct Inner<T> {
     spent: Vec<T>,
     dropped: u64,
     is_closed: bool,
+    /// Why no more will come, where that is not the end of the source.
+    failure: Option<String>,
 }
 
 /// What a reader got.
@@ -28,7 +30,13 @@ pub(super) enum Taken<T> {
 
 impl<T> Queue<T> {
     pub fn new(capacity: usize) -> Self {
-        let inner = Inner { waiting: VecDeque::new(), spent: Vec::new(), dropped: 0, is_closed: false };
+        let inner = Inner {
+            waiting: VecDeque::new(),
+            spent: Vec::new(),
+            dropped: 0,
+            is_closed: false,
+            failure: None,
+        };
         Queue { inner: Mutex::new(inner), changed: Condvar::new(), capacity: capacity.max(1) }
     }
 
@@ -37,9 +45,12 @@ impl<T> Queue<T> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an item; the oldest makes room.
-    pub fn push_dropping(&self, item: T) {
+    /// Adds an item; the oldest makes room. False when nobody reads any more.
+    pub fn push_dropping(&self, item: T) -> bool {
         let mut inner = self.lock();
+        if inner.is_closed {
+            return false;
+        }
         if self.capacity <= inner.waiting.len() {
             let oldest = inner.waiting.pop_front();
             inner.spent.extend(oldest);
@@ -48,6 +59,7 @@ impl<T> Queue<T> {
         inner.waiting.push_back(item);
         drop(inner);
         self.changed.notify_all();
+        true
     }
 
     /// Adds an item when there is room. False when nobody reads any more.
@@ -98,6 +110,17 @@ impl<T> Queue<T> {
         self.changed.notify_all();
     }
 
+    /// No more will come, because the writer failed.
+    pub fn fail(&self, reason: String) {
+        self.lock().failure = Some(reason);
+        self.close();
+    }
+
+    /// Why the writer failed.
+    pub fn take_failure(&self) -> Option<String> {
+        self.lock().failure.take()
+    }
+
     /// Items dropped since the last call.
     pub fn take_dropped(&self) -> u64 {
         std::mem::take(&mut self.lock().dropped)
@@ -118,7 +141,7 @@ mod tests {
     #[test]
     fn a_full_queue_forgets_its_oldest_and_counts() {
         let queue = Queue::new(2);
-        (0..5).for_each(|i| queue.push_dropping(i));
+        (0..5).for_each(|i| assert!(queue.push_dropping(i)));
         assert_eq!((item(&queue), item(&queue), item(&queue)), (Some(3), Some(4), None));
         assert_eq!((queue.take_dropped(), queue.take_dropped()), (3, 0));
     }
@@ -126,7 +149,7 @@ mod tests {
     #[test]
     fn what_is_dropped_or_done_with_goes_back_to_the_writer() {
         let queue = Queue::new(2);
-        (0..3).for_each(|i| queue.push_dropping(i));
+        (0..3).for_each(|i| assert!(queue.push_dropping(i)));
         item(&queue).into_iter().for_each(|i| queue.give_back(i));
         assert_eq!((queue.take_back(), queue.take_back()), (vec![0, 1], vec![]));
     }
@@ -154,8 +177,9 @@ mod tests {
     #[test]
     fn a_writer_is_told_that_nobody_reads() {
         let queue = Queue::new(1);
-        queue.push_dropping(1);
+        assert!(queue.push_dropping(1));
         queue.close();
-        assert!(!queue.push_waiting(2));
+        assert!(!queue.push_waiting(2) && !queue.push_dropping(2));
+        assert_eq!((item(&queue), item(&queue)), (Some(1), None));
     }
 }

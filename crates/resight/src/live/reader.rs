@@ -1,7 +1,9 @@
 //! The thread that reads a source: frames into the queue, losses and steps of the clock told.
 
 use super::clock::{CaptureClock, Stamp};
+use super::pace::Pace;
 use super::queue::Queue;
+use super::sparingly::Sparingly;
 use super::{Event, LiveConfig};
 use crate::source::{Content, Frame, Next, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,8 +15,6 @@ use std::time::{Duration, Instant};
 pub(super) const PATIENCE: Duration = Duration::from_millis(100);
 /// Longest pause before a lost source is tried again, in first pauses.
 const LONGEST_RETRY: f64 = 32.0;
-/// Frames left out are told at once, then together for this long.
-const TELL_AGAIN: Duration = Duration::from_secs(60);
 
 /// Reads one source until it ends.
 pub(super) struct Reader<'a> {
@@ -23,6 +23,9 @@ pub(super) struct Reader<'a> {
     pub queue: &'a Queue<(Instant, Frame)>,
     pub told: &'a SyncSender<Event>,
     pub stop: &'a AtomicBool,
+    pub pace: &'a Pace,
+    /// Capture time of an earlier session's last frame, and how long ago that was, seconds.
+    pub resumed: Option<(f64, f64)>,
 }
 
 /// What is remembered between frames.
@@ -33,46 +36,62 @@ struct Progress {
     started: Instant,
     /// Whether the source made us wait for the next frame.
     waited: bool,
-    left_out: LeftOut,
-}
-
-/// Frames left out that are not yet told.
-#[derive(Default)]
-struct LeftOut {
-    frames: u64,
+    /// A frame of a recording whose time may be wrong; the next one tells.
+    doubtful: Option<Frame>,
+    left_out: Sparingly,
+    /// Why the last frame left out was.
     reason: String,
-    told: Option<Instant>,
 }
 
 impl Reader<'_> {
     pub fn read(&self, mut source: Box<dyn Source>) {
-        let mut progress = Progress {
-            is_there: true,
-            pause_s: self.config.retry_s,
-            clock: CaptureClock::default(),
-            started: Instant::now(),
-            waited: false,
-            left_out: LeftOut::default(),
-        };
+        let mut progress = self.start(source.is_live());
         while !self.stop.load(Ordering::Relaxed) {
             for (_, spent) in self.queue.take_back() {
                 if let Content::Image(picture) = spent.content {
                     source.reuse(picture);
                 }
             }
-            match source.next(PATIENCE) {
-                Next::Frame(frame) => {
-                    if !self.take(frame, source.is_live(), &mut progress) {
-                        break;
-                    }
+            if !self.pace.may_read(self.camera, PATIENCE) {
+                continue;
+            }
+            let is_read = match source.next(PATIENCE) {
+                Next::Frame(frame) => self.take(frame, source.is_live(), &mut progress),
+                Next::Nothing => {
+                    progress.waited = true;
+                    self.pace.fell_silent(self.camera, Instant::now());
+                    self.believe(&mut progress)
                 }
-                Next::Nothing => progress.waited = true,
-                Next::Lost(reason) => self.lost(&reason.to_string(), &mut progress),
+                Next::Lost(reason) => {
+                    let is_read = self.believe(&mut progress);
+                    self.lost(&reason.to_string(), &mut progress);
+                    is_read
+                }
                 Next::End => break,
+            };
+            if !is_read {
+                break;
             }
         }
-        self.left_out(&mut progress.left_out, Duration::ZERO);
+        self.believe(&mut progress);
+        self.left_out(&mut progress, true);
         self.queue.close();
+    }
+
+    /// The clock of frames that come at their own pace goes on where an earlier session stopped; a recording read again has its own times.
+    fn start(&self, is_live: bool) -> Progress {
+        let resumed = self.resumed.filter(|_| is_live);
+        Progress {
+            is_there: true,
+            pause_s: self.config.retry_s,
+            clock: resumed
+                .map_or_else(CaptureClock::default, |(last_s, ago_s)| CaptureClock::after(last_s, ago_s)),
+            started: Instant::now(),
+            waited: false,
+            doubtful: None,
+            left_out: Sparingly::default(),
+            reason: String::new(),
+        }
     }
 
     /// A listener that is gone needs no telling.
@@ -81,29 +100,63 @@ impl Reader<'_> {
     }
 
     /// False when nobody looks at the frames any more.
-    fn take(&self, mut frame: Frame, is_live: bool, progress: &mut Progress) -> bool {
+    fn take(&self, frame: Frame, is_live: bool, progress: &mut Progress) -> bool {
         if !progress.is_there {
             self.tell(Event::Source { camera: self.camera, is_there: true, reason: None });
         }
         (progress.is_there, progress.pause_s) = (true, self.config.retry_s);
-        let arrived = Instant::now();
-        self.stamp(&mut frame, arrived, is_live, progress);
-        if let Content::Unreadable(reason) = &frame.content {
-            progress.left_out.frames += 1;
-            progress.left_out.reason.clone_from(reason);
+        self.pace.gave(self.camera);
+        let at_own_pace = is_live || std::mem::take(&mut progress.waited);
+        if matches!(frame.content, Content::Unreadable(_)) {
+            return self.pass(frame, at_own_pace, is_live, progress);
         }
-        self.left_out(&mut progress.left_out, TELL_AGAIN);
-        if is_live {
-            self.queue.push_dropping((arrived, frame));
+        if let Some(doubtful) = progress.doubtful.take() {
+            let doubtful = match progress.clock.refutes(frame.capture_s, doubtful.capture_s) {
+                true => wrongly_timed(doubtful, frame.capture_s),
+                false => doubtful,
+            };
+            if !self.pass(doubtful, false, is_live, progress) {
+                return false;
+            }
+        }
+        if !at_own_pace && progress.clock.doubts(frame.capture_s) {
+            progress.doubtful = Some(frame);
             return true;
         }
-        self.queue.push_waiting((arrived, frame))
+        self.pass(frame, at_own_pace, is_live, progress)
+    }
+
+    /// Nothing came to contradict a doubtful frame: there was a pause. False when nobody looks at the frames any more.
+    fn believe(&self, progress: &mut Progress) -> bool {
+        let doubtful = progress.doubtful.take();
+        doubtful.is_none_or(|doubtful| self.pass(doubtful, false, false, progress))
+    }
+
+    /// Into the queue. False when nobody looks at the frames any more.
+    fn pass(&self, mut frame: Frame, at_own_pace: bool, is_live: bool, progress: &mut Progress) -> bool {
+        let arrived = Instant::now();
+        self.stamp(&mut frame, arrived, at_own_pace, progress);
+        if let Content::Unreadable(reason) = &frame.content {
+            progress.left_out.add(1);
+            progress.reason.clone_from(reason);
+        }
+        self.left_out(progress, false);
+        match is_live {
+            true => self.queue.push_dropping((arrived, frame)),
+            false => self.queue.push_waiting((arrived, frame)),
+        }
     }
 
     /// Puts the frame on the clock that only goes forward.
-    fn stamp(&self, frame: &mut Frame, arrived: Instant, is_live: bool, progress: &mut Progress) {
+    fn stamp(&self, frame: &mut Frame, arrived: Instant, at_own_pace: bool, progress: &mut Progress) {
         let arrived_s = arrived.saturating_duration_since(progress.started).as_secs_f64();
-        let at_own_pace = is_live || std::mem::take(&mut progress.waited);
+        if !frame.capture_s.is_finite() {
+            frame.content = Content::Unreadable(format!("{}: its time is not a number", frame.name));
+        }
+        if matches!(frame.content, Content::Unreadable(_)) {
+            frame.capture_s = progress.clock.guess(frame.capture_s, arrived_s, at_own_pace);
+            return;
+        }
         match progress.clock.stamp(frame.capture_s, arrived_s, at_own_pace) {
             Stamp::At { t_s } => frame.capture_s = t_s,
             Stamp::Stepped { t_s, step_s } => {
@@ -119,12 +172,10 @@ impl Reader<'_> {
         }
     }
 
-    fn left_out(&self, left_out: &mut LeftOut, again: Duration) {
-        let is_due = left_out.told.is_none_or(|told| again <= told.elapsed());
-        if 0 < left_out.frames && is_due {
-            let reason = std::mem::take(&mut left_out.reason);
-            self.tell(Event::LeftOut { camera: self.camera, frames: left_out.frames, reason });
-            *left_out = LeftOut { told: Some(Instant::now()), ..LeftOut::default() };
+    fn left_out(&self, progress: &mut Progress, is_end: bool) {
+        if let Some(frames) = progress.left_out.due(Instant::now(), is_end) {
+            let reason = std::mem::take(&mut progress.reason);
+            self.tell(Event::LeftOut { camera: self.camera, frames, reason });
         }
     }
 
@@ -134,6 +185,7 @@ impl Reader<'_> {
             self.tell(Event::Source { camera: self.camera, is_there: false, reason });
         }
         progress.is_there = false;
+        self.pace.fell_silent(self.camera, Instant::now());
         self.rest(progress.pause_s);
         progress.pause_s = (2.0 * progress.pause_s).min(LONGEST_RETRY * self.config.retry_s);
     }
@@ -145,4 +197,14 @@ impl Reader<'_> {
             thread::sleep(PATIENCE.min(until.saturating_duration_since(Instant::now())));
         }
     }
+}
+
+/// A frame whose successor goes on from before it.
+fn wrongly_timed(frame: Frame, next_s: f64) -> Frame {
+    let content = Content::Unreadable(format!(
+        "{}: its time is {:.3} s after that of the next frame, so it is wrong",
+        frame.name,
+        frame.capture_s - next_s
+    ));
+    Frame { content, ..frame }
 }

@@ -7,11 +7,13 @@ mod attributed;
 mod moments;
 mod watched;
 
+use super::pace::Pace;
 use super::{Event, LiveConfig};
 use attributed::Pairs;
 use nalgebra::DMatrix;
-use resight_core::monitor::Reference;
+use resight_core::monitor::{Monitor, Reference};
 use resight_core::{Camera, Pose};
+use std::sync::Arc;
 use std::time::Instant;
 use watched::Cameras;
 
@@ -33,6 +35,10 @@ pub(super) struct Nodes {
     pub is_live: Vec<bool>,
     /// Of each camera against each target, camera by camera, where they are known.
     pub references: Vec<Option<Reference>>,
+    /// As an earlier session left them, in the same order.
+    pub monitors: Vec<Option<Monitor>>,
+    /// Who must wait for whom.
+    pub pace: Arc<Pace>,
 }
 
 /// Stands between the cameras' threads and the listener, and adds what only all of them together say.
@@ -67,11 +73,20 @@ impl Relations {
         }
     }
 
+    /// What follows from nobody having said anything for a while.
+    pub fn idle(&mut self) -> Vec<Event> {
+        match self {
+            Relations::Cameras(cameras) => cameras.idle(Instant::now()),
+            _ => Vec::new(),
+        }
+    }
+
     /// What is still to be told when all sources have ended.
     pub fn finish(&mut self) -> Vec<Event> {
         match self {
             Relations::Cameras(cameras) => cameras.finish(),
-            _ => Vec::new(),
+            Relations::Pairs(pairs) => pairs.finish(),
+            Relations::None => Vec::new(),
         }
     }
 }

@@ -13,7 +13,8 @@ pub struct LandmarkArgs {
     /// Reference picture (PNG or JPEG) of a camera: while it sees no target, its turn since that picture is watched.
     #[arg(long, value_name = "[NAME=]FILE")]
     landmarks: Vec<String>,
-    /// The same with the first picture that shows enough, which is written to this PNG file.
+    /// The same with the first picture that shows enough, which is written to this PNG file. A file that is there already is not
+    /// overwritten but is the reference picture; remove it to take another.
     #[arg(long, value_name = "[NAME=]FILE")]
     save_landmarks: Vec<String>,
 }
@@ -37,7 +38,12 @@ impl LandmarkArgs {
                     let picture = GrayImage::read(Path::new(&file))?;
                     Ok(Some(WatchedLandmarks { picture: Some(picture) }))
                 }
-                (None, Some(_)) => Ok(Some(WatchedLandmarks { picture: None })),
+                // Taken anew at each restart it would be a picture from after whatever happened in between.
+                (None, Some(file)) => {
+                    let file = Path::new(file);
+                    let picture = file.exists().then(|| GrayImage::read(file)).transpose()?;
+                    Ok(Some(WatchedLandmarks { picture }))
+                }
                 (None, None) => Ok(None),
             };
         pictures.into_iter().zip(&saved).zip(&names.cameras).map(watched).collect()

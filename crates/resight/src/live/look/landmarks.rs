@@ -21,6 +21,8 @@ pub(super) struct LandmarkWatch {
     /// The turn of the picture before: the next is near.
     near: Option<Matrix3<f64>>,
     first_s: Option<f64>,
+    /// When a reference picture was last tried, seconds.
+    tried_s: Option<f64>,
     config: LiveConfig,
     /// What its state depends on; none where the picture is this session's own.
     settings: Option<BTreeMap<String, String>>,
@@ -33,6 +35,8 @@ const LASTING_PX: f64 = 0.1;
 const TRANSLATION_M2: f64 = 1.0;
 /// How badly a reading knows the translation, m²: 10⁴ readings that all say zero are worth one. Docs/math/turn.md section 4.
 const UNKNOWN_M2: f64 = 1e4;
+/// While a target is seen a reference picture is tried this often, seconds: it takes long, and the target must not wait for it.
+const TRY_AGAIN_S: f64 = 1.0;
 
 impl LandmarkWatch {
     /// # Errors
@@ -42,7 +46,15 @@ impl LandmarkWatch {
             watched.picture.as_ref().map(|picture| Landmarks::new(picture, camera)).transpose()?;
         let settings = watched.picture.as_ref().map(|picture| landmark_settings(camera, picture, config));
         let config = config.clone();
-        Ok(LandmarkWatch { landmarks, monitor: None, near: None, first_s: None, config, settings })
+        Ok(LandmarkWatch {
+            landmarks,
+            monitor: None,
+            near: None,
+            first_s: None,
+            tried_s: None,
+            config,
+            settings,
+        })
     }
 
     /// All that a restart needs; none where there is nothing yet, or the picture is this session's own.
@@ -64,25 +76,40 @@ impl LandmarkWatch {
         Ok(())
     }
 
-    /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0.
+    /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0. `has_moved` says whether a
+    /// target may be elsewhere than it was: then the picture is no reference.
     pub fn stand_in(
         &mut self,
         frame: &Frame,
         lens: &Result<Camera, String>,
         looked: &mut Vec<Looked>,
-        blank: Observation,
+        (blank, has_moved): (Observation, bool),
     ) {
-        self.first_s.get_or_insert(frame.capture_s);
-        if looked.is_empty() {
-            looked.push(Looked { observation: blank, state: State::Settling, learned: None });
+        if !matches!(frame.content, Content::Unreadable(_)) {
+            self.first_s.get_or_insert(frame.capture_s);
         }
-        if looked.iter().all(|looked| looked.observation.estimate.is_none()) {
-            let seen = self.take(frame, lens, &mut looked[0].observation);
-            self.tell(seen, looked);
+        if looked.is_empty() {
+            looked.push(Looked { observation: blank, state: State::Unseen { for_s: 0.0 }, learned: None });
+        }
+        let is_seen = looked.iter().any(|looked| looked.observation.estimate.is_some());
+        let observation = &mut looked[0].observation;
+        let said = match self.landmarks {
+            None if is_seen && !self.is_due(frame.capture_s) => Ok(()),
+            None if has_moved => Err(MOVED.to_string()),
+            None => self.learn(frame, lens, observation),
+            Some(_) if is_seen => Ok(()),
+            Some(_) => self.take(frame, lens, observation),
+        };
+        if !is_seen {
+            self.tell(said, looked);
         }
         for looked in looked {
             looked.state = self.state_of(frame.capture_s, looked.state.clone());
         }
+    }
+
+    fn is_due(&self, t_s: f64) -> bool {
+        self.tried_s.is_none_or(|tried_s| TRY_AGAIN_S <= (t_s - tried_s).abs())
     }
 
     /// How things stand at a time, given how they stand with the targets.
@@ -99,9 +126,8 @@ impl LandmarkWatch {
             Some(monitor) => monitor.watch(t_s).into(),
             None => State::Unseen { for_s: self.first_s.map_or(0.0, |first_s| t_s - first_s) },
         };
-        match (&target, &own) {
-            (State::Learning { readings, .. }, State::Unseen { .. }) if 0 < *readings => target,
-            (State::Unseen { .. } | State::Learning { .. } | State::Settling, _) => own,
+        match &target {
+            State::Unseen { .. } | State::Learning { readings: 0, .. } => own,
             _ => target,
         }
     }
@@ -113,14 +139,9 @@ impl LandmarkWatch {
         lens: &Result<Camera, String>,
         observation: &mut Observation,
     ) -> Result<(), String> {
-        let lens = lens.as_ref().map_err(Clone::clone)?;
-        let image = match &frame.content {
-            Content::Image(image) => image,
-            Content::Unreadable(reason) => return Err(reason.clone()),
-            Content::Detections(_) => return Err("landmarks are found in pictures, not in detections".into()),
-        };
+        let (image, lens) = picture(frame, lens)?;
         let started = Instant::now();
-        let Some(landmarks) = &self.landmarks else { return self.learn(image, lens, observation) };
+        let Some(landmarks) = &self.landmarks else { return Ok(()) };
         let sighting = landmarks.sight(image, self.near.as_ref());
         observation.times.detect_us += micros(started);
         self.near = sighting.as_ref().ok().map(|sighting| sighting.turn.now_from_reference);
@@ -131,19 +152,27 @@ impl LandmarkWatch {
         observation.times.decide_us += micros(started);
         observation.n_points = sighting.turn.used.len();
         observation.reading = Some(reading);
-        observation.landmarks = Some(Box::new(sighting));
+        observation.landmarks = Some(Arc::new(sighting));
         Ok(())
     }
 
-    /// The first picture with enough to see becomes the reference.
+    /// The first picture with enough to see becomes the reference, whether a target is seen in it or not: one taken later, when the
+    /// target is gone, may be from after a knock.
     fn learn(
         &mut self,
-        image: &GrayImage,
-        lens: &Camera,
+        frame: &Frame,
+        lens: &Result<Camera, String>,
         observation: &mut Observation,
     ) -> Result<(), String> {
-        let landmarks = Landmarks::new(image, lens).map_err(|e| e.to_string())?;
-        observation.n_points = landmarks.count();
+        let (image, lens) = picture(frame, lens)?;
+        self.tried_s = Some(frame.capture_s);
+        let started = Instant::now();
+        let landmarks = Landmarks::new(image, lens);
+        observation.times.detect_us += micros(started);
+        let landmarks = landmarks.map_err(|e| e.to_string())?;
+        if observation.estimate.is_none() {
+            observation.n_points = landmarks.count();
+        }
         observation.reference_picture = Some(Arc::new(image.clone()));
         (self.landmarks, self.near) = (Some(landmarks), Some(Matrix3::identity()));
         Ok(())
@@ -176,6 +205,22 @@ impl LandmarkWatch {
             other.observation.reading = first.observation.reading;
             other.observation.n_points = first.observation.n_points;
         }
+    }
+}
+
+/// Why no picture is taken for a reference.
+const MOVED: &str = "the target may have moved, so this is no reference picture of the landmarks";
+
+/// The picture of a frame with its lens, or why there is none.
+fn picture<'a>(
+    frame: &'a Frame,
+    lens: &'a Result<Camera, String>,
+) -> Result<(&'a GrayImage, &'a Camera), String> {
+    let lens = lens.as_ref().map_err(Clone::clone)?;
+    match &frame.content {
+        Content::Image(image) => Ok((image, lens)),
+        Content::Unreadable(reason) => Err(reason.clone()),
+        Content::Detections(_) => Err("landmarks are found in pictures, not in detections".into()),
     }
 }
 
@@ -217,4 +262,27 @@ fn with_translation(rotation: &Matrix3<f64>, translation_m2: f64) -> Matrix6 {
     let mut covariance = Matrix6::from_diagonal_element(translation_m2);
     covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
     covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resight_core::Lens;
+    use resight_core::camera::{CameraMatrix, Pinhole};
+
+    /// Landmarks that see nothing do not make a target unseen that is seen; nor do they speak for it.
+    #[test]
+    fn a_target_that_is_seen_speaks_for_itself() {
+        let matrix = CameraMatrix { fx_px: 400.0, fy_px: 400.0, cx_px: 240.0, cy_px: 180.0 };
+        let lens = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
+        let watched = WatchedLandmarks { picture: None };
+        let landmarks = LandmarkWatch::new(&lens, &watched, &LiveConfig::default()).expect("landmarks");
+        let learning = |readings| State::Learning { readings, needed: 50 };
+        for seen in [State::Settling, State::Steady, State::Inconsistent, learning(1)] {
+            assert_eq!(landmarks.states(7.0, vec![seen.clone()]), [seen]);
+        }
+        for unseen in [State::Unseen { for_s: 6.0 }, learning(0)] {
+            assert!(matches!(landmarks.states(7.0, vec![unseen])[0], State::Unseen { .. }));
+        }
+    }
 }

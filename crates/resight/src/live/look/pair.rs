@@ -6,7 +6,7 @@ use crate::GrayImage;
 use crate::detect::follow::Follower;
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
 use crate::live::{LiveConfig, Observation, State, Watched};
-use crate::source::Frame;
+use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::{Detection, correspond};
 use resight_core::locate::{Config, PoseEstimate, locate};
@@ -27,8 +27,8 @@ pub(super) struct Pair {
     expectation: Expectation,
     tracker: Tracker,
     stage: Stage,
-    /// Capture time of the first frame.
-    began_s: Option<f64>,
+    /// Capture time of the first frame, and whether it could be read.
+    began: Option<(f64, bool)>,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -56,6 +56,16 @@ pub(super) enum Sight<'a> {
     Detections(&'a [Detection]),
 }
 
+impl<'a> Sight<'a> {
+    /// The lens at the size of the picture; features found by another program are those of the calibration's own size.
+    fn lens(&self) -> Option<&'a Camera> {
+        match self {
+            Sight::Image(_, lens) => Some(lens),
+            Sight::Detections(_) => None,
+        }
+    }
+}
+
 impl Pair {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
@@ -79,7 +89,7 @@ impl Pair {
             target: Arc::clone(&watched.target),
             tracker: Tracker::new(&config.track)?,
             stage,
-            began_s: None,
+            began: None,
             config: config.clone(),
             name: watched.name.clone(),
             settings: settings(camera, watched, config),
@@ -93,6 +103,23 @@ impl Pair {
             Stage::Watching(monitor) => Some(*monitor.reference()),
             Stage::Learning(_) | Stage::Following { .. } => None,
         }
+    }
+
+    /// What watches it, where that has begun.
+    pub fn monitor(&self) -> Option<&Monitor> {
+        match &self.stage {
+            Stage::Watching(monitor) => Some(monitor),
+            _ => None,
+        }
+    }
+
+    /// Whether the target is not, or perhaps not, where it was; seen or not. The monitor says nothing of the first decision period.
+    pub fn may_have_moved(&self, t_s: f64) -> bool {
+        let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
+        let is_suspect = |monitor: &Monitor| {
+            monitor.drift().is_some() || monitor.watch(monitor.last_usable_s()) == Watch::Settling
+        };
+        self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
 
     /// All that a restart needs.
@@ -141,7 +168,7 @@ impl Pair {
         sight: Result<Sight<'_>, String>,
         mut observation: Observation,
     ) -> Looked {
-        self.start(frame.capture_s);
+        self.start(frame.capture_s, !matches!(frame.content, Content::Unreadable(_)));
         if let Err(reason) = sight.and_then(|sight| self.observe(frame, &sight, &mut observation)) {
             observation.reason = Some(reason);
         }
@@ -154,7 +181,9 @@ impl Pair {
     /// How things stand at a time, also when no frame has come.
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
-            Stage::Starting(_) => State::Unseen { for_s: 0.0 },
+            Stage::Starting(_) => {
+                State::Unseen { for_s: self.began.map_or(0.0, |(began_s, _)| t_s - began_s) }
+            }
             Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
             Stage::Learning(readings) => self.learning(readings, t_s),
             Stage::Watching(monitor) => monitor.watch(t_s).into(),
@@ -168,24 +197,29 @@ impl Pair {
 
     /// Who sees nothing does not learn.
     fn learning(&self, readings: &[Reading], t_s: f64) -> State {
-        let seen_s = readings.last().map(|reading| reading.t_s).or(self.began_s).unwrap_or(t_s);
+        let seen_s =
+            readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
         if self.config.monitor.unseen_after_s < t_s - seen_s {
             return State::Unseen { for_s: t_s - seen_s };
         }
         State::Learning { readings: readings.len(), needed: self.config.learn_readings }
     }
 
-    /// The first frame sets the clock: what is not seen from then on is unseen.
-    fn start(&mut self, t_s: f64) {
-        self.began_s.get_or_insert(t_s);
+    /// The first frame sets the clock: what is not seen from then on is unseen. One that cannot be read may have another clock's time,
+    /// so the first that can sets it for good.
+    fn start(&mut self, t_s: f64, is_readable: bool) {
+        if self.began.is_some_and(|(_, is_sure)| is_sure || !is_readable) {
+            return;
+        }
+        self.began = Some((t_s, is_readable));
         match &mut self.stage {
-            Stage::Starting(reference) => {
+            Stage::Starting(reference) if is_readable => {
                 if let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
                     self.stage = Stage::Watching(Box::new(monitor));
                 }
             }
-            Stage::Following { last_s, .. } => *last_s = last_s.or(Some(t_s)),
-            Stage::Learning(_) | Stage::Watching(_) => {}
+            Stage::Following { last_s, is_seen: false } => *last_s = Some(t_s),
+            _ => {}
         }
     }
 
@@ -200,16 +234,17 @@ impl Pair {
         observation.times.detect_us = micros(started);
         let detections = detections?;
         let started = Instant::now();
-        let (seen, _) = correspond(&detections, &self.target, &self.camera);
+        let lens = sight.lens().unwrap_or(&self.camera);
+        let (seen, _) = correspond(&detections, &self.target, lens);
         let points: Vec<Correspondence> = seen.into_iter().map(|(_, c)| c).collect();
         observation.n_points = points.len();
-        let estimate = locate(&points, &self.camera, &Config::default()).map_err(|e| e.to_string())?;
+        let estimate = locate(&points, lens, &Config::default()).map_err(|e| e.to_string())?;
         observation.times.solve_us = micros(started);
         let started = Instant::now();
         observation.estimate = Some(estimate);
         if let (Some(_), Stage::Following { last_s, is_seen }) = (&self.config.rig, &mut self.stage) {
             (*last_s, *is_seen) = (Some(frame.capture_s), true);
-            observation.seen = points;
+            (observation.seen, observation.lens) = (points, Some(Box::new(lens.clone())));
             return Ok(());
         }
         let candidates = candidates(&estimate);

@@ -1,9 +1,11 @@
 //! Frames of several cameras put together into moments: each camera reads at its own pace, and some run ahead.
 
+use crate::live::pace::Pace;
 use crate::rig::synchronise::{TimedFrame, by_time};
-use resight_core::Correspondence;
 use resight_core::locate::PoseEstimate;
+use resight_core::{Camera, Correspondence};
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// What one camera saw of one target.
@@ -11,6 +13,8 @@ use std::time::{Duration, Instant};
 pub(super) struct Seen {
     pub target: usize,
     pub points: Vec<Correspondence>,
+    /// At the size of the picture.
+    pub lens: Camera,
     pub estimate: PoseEstimate,
 }
 
@@ -29,16 +33,21 @@ pub(super) struct Together {
     pub frames: Vec<Shown>,
 }
 
-/// A live camera that says nothing for this long is not waited for; nor a recorded one, which may only be slow.
+/// A live camera that says nothing for this long is not waited for;
 const PATIENCE: Duration = Duration::from_secs(1);
+/// nor a recording that has had nothing to give for this long (a front end that hangs). While it is read it is waited for.
 const PATIENCE_RECORDED: Duration = Duration::from_secs(10);
-/// Frames of a camera that wait for the others; then the others are not waited for.
+/// Frames of a camera that wait for the others. Then the others of a live camera are not waited for, and a recording is read no further.
 const WAITING: usize = 2000;
+/// The most that can come of a recording that is read no further, or whose frames all have one time.
+const WAITING_RECORDED: usize = 2 * WAITING;
 
 /// Frames that wait for those of other cameras.
 pub(super) struct Moments {
     tolerance_s: f64,
     cameras: Vec<Queue>,
+    pace: Arc<Pace>,
+    held: Vec<bool>,
 }
 
 struct Queue {
@@ -51,7 +60,7 @@ struct Queue {
 }
 
 impl Moments {
-    pub fn new(is_live: &[bool], tolerance_s: f64, now: Instant) -> Self {
+    pub fn new(is_live: &[bool], tolerance_s: f64, pace: &Arc<Pace>, now: Instant) -> Self {
         let queue = |is_live: &bool| Queue {
             waiting: VecDeque::new(),
             newest_s: None,
@@ -59,7 +68,8 @@ impl Moments {
             has_ended: false,
             spoke: now,
         };
-        Moments { tolerance_s, cameras: is_live.iter().map(queue).collect() }
+        let cameras: Vec<Queue> = is_live.iter().map(queue).collect();
+        Moments { tolerance_s, held: vec![false; cameras.len()], cameras, pace: Arc::clone(pace) }
     }
 
     pub fn ended(&mut self, camera: usize) {
@@ -79,22 +89,42 @@ impl Moments {
 
     /// Moments to which nothing can be added any more, in order of time.
     pub fn complete(&mut self, now: Instant) -> Vec<Together> {
-        let until_s = self.horizon_s(now) - self.tolerance_s;
+        let horizon_s = self.horizon_s(now);
+        let until_s = horizon_s - self.tolerance_s;
         let is_any = self.cameras.iter().any(|q| q.waiting.front().is_some_and(|first| first.t_s < until_s));
-        if is_any { self.taken(until_s) } else { Vec::new() }
+        let complete = if is_any { self.taken(until_s) } else { Vec::new() };
+        self.hold(horizon_s);
+        complete
+    }
+
+    /// A recording that is far ahead of the others is read no further until they have come as far.
+    fn hold(&mut self, horizon_s: f64) {
+        let is_ahead = |queue: &Queue| queue.newest_s.is_some_and(|newest_s| horizon_s < newest_s);
+        let is_held = |queue: &Queue| !queue.is_live && WAITING <= queue.waiting.len() && is_ahead(queue);
+        let held: Vec<bool> = self.cameras.iter().map(is_held).collect();
+        if held != self.held {
+            self.pace.hold(&held);
+            self.held = held;
+        }
     }
 
     /// Up to when every camera that is waited for has shown its frames.
     fn horizon_s(&self, now: Instant) -> f64 {
-        let is_full = self.cameras.iter().any(|queue| WAITING <= queue.waiting.len());
-        let is_waited_for = |queue: &&Queue| {
-            let patience = if queue.is_live { PATIENCE } else { PATIENCE_RECORDED };
-            let is_silent = patience < now.saturating_duration_since(queue.spoke);
-            !queue.has_ended && !is_silent && !is_full
+        let is_full = self.cameras.iter().any(Queue::is_full);
+        let is_waited_for = |(camera, queue): &(usize, &Queue)| {
+            !queue.has_ended && !self.is_silent(*camera, queue, now) && !is_full
         };
-        let newest =
-            self.cameras.iter().filter(is_waited_for).map(|q| q.newest_s.unwrap_or(f64::NEG_INFINITY));
+        let waited_for = self.cameras.iter().enumerate().filter(is_waited_for);
+        let newest = waited_for.map(|(_, queue)| queue.newest_s.unwrap_or(f64::NEG_INFINITY));
         newest.fold(f64::INFINITY, f64::min)
+    }
+
+    fn is_silent(&self, camera: usize, queue: &Queue, now: Instant) -> bool {
+        if queue.is_live {
+            return PATIENCE < now.saturating_duration_since(queue.spoke);
+        }
+        let since = self.pace.silent_since(camera).map(|since| since.max(queue.spoke));
+        since.is_some_and(|since| PATIENCE_RECORDED < now.saturating_duration_since(since))
     }
 
     fn taken(&mut self, until_s: f64) -> Vec<Together> {
@@ -117,6 +147,13 @@ impl Moments {
     }
 }
 
+impl Queue {
+    fn is_full(&self) -> bool {
+        let most = if self.is_live { WAITING } else { WAITING_RECORDED };
+        most <= self.waiting.len()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,11 +166,16 @@ mod tests {
         moments.iter().map(|moment| moment.frames.iter().map(|frame| frame.camera).collect()).collect()
     }
 
+    fn moments(is_live: &[bool], now: Instant) -> (Moments, Arc<Pace>) {
+        let pace = Arc::new(Pace::new(is_live.len()));
+        (Moments::new(is_live, 0.02, &pace, now), pace)
+    }
+
     /// One camera is far ahead of the other; its frames wait.
     #[test]
     fn a_moment_is_told_when_nothing_can_join_it() {
         let now = Instant::now();
-        let mut moments = Moments::new(&[false, false], 0.02, now);
+        let (mut moments, _) = moments(&[false, false], now);
         (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
         assert!(moments.complete(now).is_empty());
         moments.push(frame(1, 0.01), now);
@@ -150,11 +192,42 @@ mod tests {
     #[test]
     fn a_live_camera_that_hangs_is_not_waited_for() {
         let now = Instant::now();
-        let mut moments = Moments::new(&[true, true], 0.02, now);
+        let (mut moments, _) = moments(&[true, true], now);
         (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
         assert!(moments.complete(now).is_empty());
         let later = now + PATIENCE + Duration::from_millis(1);
         moments.push(frame(0, 5.0), later);
         assert_eq!(moments.complete(later).len(), 5);
+    }
+
+    /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is told without the
+    /// slow one. One that has nothing to give is not waited for.
+    #[test]
+    fn a_fast_recording_waits_for_a_slow_one() {
+        let now = Instant::now();
+        let (mut moments, pace) = moments(&[false, false], now);
+        (0..WAITING).for_each(|i| moments.push(frame(0, i as f64), now));
+        let later = now + 10 * PATIENCE_RECORDED;
+        assert!(moments.complete(later).is_empty());
+        assert!(!pace.may_read(0, Duration::ZERO) && pace.may_read(1, Duration::ZERO));
+        moments.push(frame(1, 5.5), later);
+        assert_eq!(moments.complete(later).len(), 6);
+        assert!(pace.may_read(0, Duration::ZERO), "it was caught up with");
+        pace.fell_silent(1, later);
+        assert!(moments.complete(later + PATIENCE_RECORDED / 2).is_empty());
+        assert_eq!(moments.complete(later + 2 * PATIENCE_RECORDED).len(), WAITING - 6);
+    }
+
+    /// Pictures without times of their own: nobody is ahead, and nobody waits for ever.
+    #[test]
+    fn recordings_of_one_time_do_not_wait_for_each_other() {
+        let now = Instant::now();
+        let (mut moments, pace) = moments(&[false, false], now);
+        for _ in 0..WAITING_RECORDED {
+            (0..2).for_each(|camera| moments.push(frame(camera, 7.0), now));
+            moments.complete(now);
+            assert!((0..2).all(|camera| pace.may_read(camera, Duration::ZERO)));
+        }
+        assert!(moments.cameras.iter().all(|queue| queue.waiting.len() < WAITING_RECORDED));
     }
 }

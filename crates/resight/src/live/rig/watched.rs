@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use resight_core::monitor::learn::LEAST_READINGS;
 use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, learn_rig, learn_sight_noise};
 use resight_core::{Camera, Error, Pose};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Cameras of a rig, before and after their noise, and where it is not known their place, is learned.
 pub(in crate::live) struct Cameras {
@@ -21,11 +21,28 @@ pub(in crate::live) struct Cameras {
     open: Vec<Option<Shown>>,
     /// When each camera was last seen together with another; from the first frame on.
     last_s: f64,
+    /// What the clock says that goes on while no camera says anything; none while one does.
+    idle_s: Option<f64>,
+    /// What each camera said last: a capture time, and when.
+    heard: Vec<Option<(f64, Instant)>>,
+    lost: Vec<Lost>,
     first_s: Option<f64>,
     seen_s: Vec<Option<f64>>,
     told: Vec<Option<State>>,
     told_moved: (Vec<usize>, Vec<Vec<usize>>),
 }
+
+/// Whether a camera's source gives frames, and will.
+#[derive(Clone, Copy, PartialEq)]
+enum Lost {
+    No,
+    ForNow,
+    /// It ended while it was lost: how the camera stands is not known.
+    ForGood,
+}
+
+/// Cameras that say nothing for this long, all of them, are silent.
+const SILENT: Duration = Duration::from_secs(1);
 
 impl Cameras {
     pub fn new(nodes: Nodes, rig: &RigConfig, config: &LiveConfig) -> Self {
@@ -33,11 +50,14 @@ impl Cameras {
         Cameras {
             reference: rig.reference.clone(),
             config: config.clone(),
-            moments: Moments::new(&nodes.is_live, rig.sync_tolerance_s, Instant::now()),
+            moments: Moments::new(&nodes.is_live, rig.sync_tolerance_s, &nodes.pace, Instant::now()),
             learning: Vec::new(),
             monitor: None,
             open: vec![None; n],
             last_s: 0.0,
+            idle_s: None,
+            heard: vec![None; n],
+            lost: vec![Lost::No; n],
             first_s: None,
             seen_s: vec![None; n],
             told: vec![None; n],
@@ -60,17 +80,46 @@ impl Cameras {
                     self.last_s = self.last_s.max(t_s);
                 }
             }
+            Event::Source { camera, is_there, reason } => {
+                self.lost[camera] = if is_there { Lost::No } else { Lost::ForNow };
+                events.push(Event::Source { camera, is_there, reason });
+            }
             Event::Ended { camera } => {
                 self.moments.ended(camera);
+                self.heard[camera] = None;
+                if self.lost[camera] == Lost::ForNow {
+                    self.lost[camera] = Lost::ForGood;
+                }
                 events.push(Event::Ended { camera });
             }
             other => events.push(other),
         }
+        events.extend(self.flow(now));
+        events
+    }
+
+    /// Nobody has said anything for a while: the clock of those that have not ended goes on.
+    pub fn idle(&mut self, now: Instant) -> Vec<Event> {
+        let heard = || self.heard.iter().flatten();
+        let silent = |at: &Instant| now.saturating_duration_since(*at);
+        let all_silent = heard().all(|(_, at)| SILENT < silent(at));
+        let now_s = heard().map(|(t_s, at)| t_s + silent(at).as_secs_f64()).fold(f64::INFINITY, f64::min);
+        self.idle_s = (all_silent && now_s.is_finite()).then_some(now_s);
+        self.flow(now)
+    }
+
+    fn now_s(&self) -> f64 {
+        self.idle_s.map_or(self.last_s, |idle_s| idle_s.max(self.last_s))
+    }
+
+    /// Moments that are complete, and what follows from them.
+    fn flow(&mut self, now: Instant) -> Vec<Event> {
+        let mut events = Vec::new();
         for moment in self.moments.complete(now) {
             self.push(moment);
-            events.extend(self.told(self.last_s));
+            events.extend(self.told(self.now_s()));
         }
-        events.extend(self.told(self.last_s));
+        events.extend(self.told(self.now_s()));
         events
     }
 
@@ -88,13 +137,14 @@ impl Cameras {
     /// What a camera saw of one target; the frame is whole with the last of them.
     fn shown(&mut self, camera: usize, target: usize, observation: &mut Observation, now: Instant) {
         let t_s = observation.capture_s;
+        (self.heard[camera], self.idle_s) = (Some((t_s, now)), None);
         let mut frame = match self.open[camera].take() {
             Some(frame) if frame.t_s == t_s => frame,
             _ => Shown { camera, t_s, seen: Vec::new() },
         };
-        if let Some(estimate) = observation.estimate {
+        if let (Some(estimate), Some(lens)) = (observation.estimate, observation.lens.take()) {
             let points = std::mem::take(&mut observation.seen);
-            frame.seen.push(Seen { target, points, estimate });
+            frame.seen.push(Seen { target, points, lens: *lens, estimate });
         }
         if target + 1 < self.nodes.targets.len() {
             self.open[camera] = Some(frame);
@@ -110,7 +160,7 @@ impl Cameras {
             self.seen_s[frame.camera] = Some(moment.t_s);
         }
         match &mut self.monitor {
-            Some(monitor) => monitor.push(&borrowed(&self.nodes.lenses, &moment)),
+            Some(monitor) => monitor.push(&borrowed(&moment)),
             None if moment.frames.iter().any(|frame| is_shared(&moment, frame)) => self.learn(moment),
             None => {}
         }
@@ -122,8 +172,7 @@ impl Cameras {
         if self.learning.len() < self.config.learn_readings.max(LEAST_READINGS) {
             return;
         }
-        let moments: Vec<RigMoment> =
-            self.learning.iter().map(|moment| borrowed(&self.nodes.lenses, moment)).collect();
+        let moments: Vec<RigMoment> = self.learning.iter().map(borrowed).collect();
         match self.learned(&moments) {
             Ok(mut monitor) => {
                 if self.reference.is_some() {
@@ -147,15 +196,26 @@ impl Cameras {
                 cam_from_rig: cam_from_rig.clone(),
                 covariance: covariance.clone(),
             },
-            None => learn_rig(&self.nodes.lenses, moments, lasting)?,
+            None => learn_rig(&self.lenses(), moments, lasting)?,
         };
         let known = self.reference.is_some();
         let start_s = if known { moments.first() } else { moments.last() }.map_or(0.0, |moment| moment.t_s);
         RigMonitor::new(&reference, &self.config.monitor, start_s)
     }
 
+    /// At the size of the pictures that are learned from.
+    fn lenses(&self) -> Vec<Camera> {
+        let frames = || self.learning.iter().rev().flat_map(|moment| &moment.frames);
+        let seen = |camera| frames().filter(move |f| f.camera == camera).find_map(|f| f.seen.first());
+        let lens = |(camera, own): (usize, &Camera)| seen(camera).map_or(own, |seen| &seen.lens).clone();
+        self.nodes.lenses.iter().enumerate().map(lens).collect()
+    }
+
     fn states(&self, t_s: f64) -> Vec<State> {
         let state = |camera: usize| match &self.monitor {
+            _ if self.lost[camera] == Lost::ForGood => {
+                State::Unseen { for_s: self.seen_s[camera].map_or(0.0, |seen_s| t_s - seen_s) }
+            }
             Some(monitor) => monitor.watch(camera, t_s).into(),
             None => {
                 let since_s = self.seen_s[camera].or(self.first_s).unwrap_or(t_s);
@@ -229,11 +289,11 @@ fn is_shared(moment: &Together, frame: &Shown) -> bool {
     frame.seen.iter().any(|seen| others().any(|other| sees(other, seen.target)))
 }
 
-fn borrowed<'a>(lenses: &'a [Camera], moment: &'a Together) -> RigMoment<'a> {
+fn borrowed<'a>(moment: &'a Together) -> RigMoment<'a> {
     let glance = |frame: &'a Shown, seen: &'a Seen| Glance {
         camera: frame.camera,
         target: seen.target,
-        lens: &lenses[frame.camera],
+        lens: &seen.lens,
         seen: &seen.points,
         estimate: &seen.estimate,
     };

@@ -5,7 +5,8 @@ use crate::FileError;
 use crate::formats::write_atomically;
 use crate::rig::digest::sha256;
 use serde::{Deserialize, Serialize};
-use std::fs::{File, TryLockError};
+use std::collections::BTreeSet;
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -44,6 +45,8 @@ pub struct StateFile {
 struct Inner {
     /// As read at the start, then as handed over last.
     cameras: Vec<CameraRecord>,
+    /// Cameras and targets that could not be handed over; said once.
+    left_out: BTreeSet<(String, String)>,
     is_new: bool,
     is_closed: bool,
 }
@@ -52,7 +55,7 @@ impl StateFile {
     /// Reads what there is; `say` is told what could not be used and why, now and later.
     ///
     /// # Errors
-    /// A folder that does not exist, a file that another session uses, or that cannot be read or put aside.
+    /// A folder that does not exist, a file that is something else, that another session uses, or that cannot be read or put aside.
     pub fn open(path: &Path, say: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, FileError> {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
@@ -61,22 +64,20 @@ impl StateFile {
                 format!("there is no folder {}; make it first", folder.display()),
             ));
         }
+        read(path)?; // A file that is something else is left alone, also by the claim.
         let claim = claim(path)?;
-        let cameras = match std::fs::read(path) {
-            Err(e) if e.kind() == ErrorKind::NotFound => Vec::new(),
-            Err(e) => return Err(FileError::new(path, format!("cannot be read: {e}"))),
-            Ok(bytes) => match parse(&bytes) {
-                Ok(body) => body.cameras,
-                Err(reason) => {
-                    let aside = put_aside(path)?;
-                    say(&format!(
-                        "{}: {reason}; it is now {} and the session begins anew",
-                        path.display(),
-                        aside.display()
-                    ));
-                    Vec::new()
-                }
-            },
+        let parsed = read(path)?.map(|bytes| parse(&bytes)).transpose();
+        let cameras = match parsed {
+            Ok(body) => body.map(|body| body.cameras).unwrap_or_default(),
+            Err(reason) => {
+                let aside = put_aside(path)?;
+                say(&format!(
+                    "{}: {reason}; it is now {} and the session begins anew",
+                    path.display(),
+                    aside.display()
+                ));
+                Vec::new()
+            }
         };
         let inner = Mutex::new(Inner { cameras, ..Inner::default() });
         Ok(StateFile {
@@ -104,7 +105,14 @@ impl StateFile {
 
     /// Hands over how things stand.
     pub(in crate::live) fn put(&self, record: CameraRecord) {
+        let (record, left_out) = record.without_holes();
         let mut inner = self.lock();
+        for target in left_out {
+            let words = format!("{} with {target} is left out: its numbers are not finite", record.name);
+            if inner.left_out.insert((record.name.clone(), target)) {
+                self.say(&words);
+            }
+        }
         match inner.cameras.iter_mut().find(|known| known.name == record.name) {
             Some(known) => *known = record,
             None => inner.cameras.push(record),
@@ -166,7 +174,9 @@ fn claim(path: &Path) -> Result<File, FileError> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".lock");
     let told = |reason: String| FileError::new(path, reason);
-    let file = File::create(PathBuf::from(name)).map_err(|e| told(format!("cannot be locked: {e}")))?;
+    // A file of this name that is somebody's own keeps what it holds.
+    let file = OpenOptions::new().create(true).write(true).truncate(false).open(PathBuf::from(name));
+    let file = file.map_err(|e| told(format!("cannot be locked: {e}")))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => {
@@ -176,6 +186,26 @@ fn claim(path: &Path) -> Result<File, FileError> {
         Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(file),
         Err(TryLockError::Error(e)) => Err(told(format!("cannot be locked: {e}"))),
     }
+}
+
+/// The bytes, where there is a file.
+fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
+    match std::fs::read(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(FileError::new(path, format!("cannot be read: {e}"))),
+        Ok(bytes) if is_ours(&bytes) => Ok(Some(bytes)),
+        Ok(_) => Err(FileError::new(
+            path,
+            "is no state of a session, and is left as it is; give the state a file of its own".to_string(),
+        )),
+    }
+}
+
+/// Whether a file begins as ours do, as far as it goes. One that is empty, or of which a power cut left nothing but zeros, is nobody's.
+fn is_ours(bytes: &[u8]) -> bool {
+    let head = format!("{{\"format\":\"{FORMAT}\"");
+    let n = head.len().min(bytes.len());
+    bytes.iter().all(|byte| *byte == 0 || byte.is_ascii_whitespace()) || bytes[..n] == head.as_bytes()[..n]
 }
 
 fn parse(bytes: &[u8]) -> Result<Body, String> {

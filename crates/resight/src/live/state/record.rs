@@ -73,7 +73,41 @@ impl From<Snapshot> for SnapshotRecord {
     }
 }
 
+impl CameraRecord {
+    /// Leaves out what is not made of numbers, which JSON cannot hold and no session could go on from; told by its name.
+    pub fn without_holes(mut self) -> (Self, Vec<String>) {
+        let mut left_out = Vec::new();
+        self.pairs.retain(|pair| {
+            let is_whole = pair.is_finite();
+            if !is_whole {
+                left_out.push(pair.target.clone());
+            }
+            is_whole
+        });
+        if self.landmarks.take_if(|landmarks| !landmarks.monitor.is_finite()).is_some() {
+            left_out.push("landmarks".to_string());
+        }
+        (self, left_out)
+    }
+}
+
+impl PairRecord {
+    fn is_finite(&self) -> bool {
+        let stage = match &self.stage {
+            StageRecord::Starting => true,
+            StageRecord::Learning(readings) => readings.iter().all(ReadingRecord::is_finite),
+            StageRecord::Watching(monitor) => monitor.is_finite(),
+            StageRecord::Following(last_s) => last_s.is_none_or(f64::is_finite),
+        };
+        stage && self.tracker.is_finite()
+    }
+}
+
 impl SnapshotRecord {
+    fn is_finite(&self) -> bool {
+        self.numbers.iter().all(|number| number.is_finite())
+    }
+
     pub fn snapshot(&self) -> Snapshot {
         Snapshot { version: self.version, numbers: self.numbers.clone() }
     }
@@ -92,6 +126,11 @@ impl From<&Reading> for ReadingRecord {
 }
 
 impl ReadingRecord {
+    fn is_finite(&self) -> bool {
+        let numbers = self.rotation.iter().chain(&self.translation_m).chain(&self.covariance);
+        self.t_s.is_finite() && numbers.into_iter().all(|number| number.is_finite())
+    }
+
     /// None where the numbers are of another count.
     pub fn reading(&self) -> Option<Reading> {
         let of_size = self.rotation.len() == 9 && self.covariance.len() == 36;
@@ -178,4 +217,41 @@ pub(in crate::live) fn changed(
         .map(|name| format!("{name} was {} and is {}", value(was, name), value(is, name)))
         .collect();
     (!words.is_empty()).then(|| words.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(target: &str, number: f64) -> PairRecord {
+        let numbers = |number| SnapshotRecord { version: 1, numbers: vec![1.0, number] };
+        PairRecord {
+            target: target.to_string(),
+            settings: BTreeMap::new(),
+            tracker: numbers(0.0),
+            stage: StageRecord::Watching(numbers(number)),
+        }
+    }
+
+    #[test]
+    fn one_pair_without_numbers_does_not_spoil_the_others() {
+        let landmarks = LandmarksRecord {
+            settings: BTreeMap::new(),
+            monitor: SnapshotRecord { version: 1, numbers: vec![f64::NAN] },
+        };
+        let record = CameraRecord {
+            name: "gate".to_string(),
+            last_s: 1.0,
+            last_unix_s: 2.0,
+            last_picture: None,
+            pairs: vec![pair("door", 3.0), pair("wall", f64::INFINITY)],
+            landmarks: Some(landmarks),
+        };
+        let (whole, left_out) = record.without_holes();
+        assert_eq!(left_out, ["wall", "landmarks"]);
+        let names: Vec<&str> = whole.pairs.iter().map(|pair| pair.target.as_str()).collect();
+        assert!(names == ["door"] && whole.landmarks.is_none());
+        let text = serde_json::to_string(&whole).expect("JSON");
+        serde_json::from_str::<CameraRecord>(&text).expect("what was written is read");
+    }
 }

@@ -1,0 +1,49 @@
+//! What happens with every frame is told at once, then together: an event for each would fill a disk and an inbox.
+
+use std::time::{Duration, Instant};
+
+/// What has been told is told again after this long.
+const AGAIN: Duration = Duration::from_secs(60);
+
+/// Counts what is told now and then.
+#[derive(Default)]
+pub(super) struct Sparingly {
+    untold: u64,
+    told: Option<Instant>,
+}
+
+impl Sparingly {
+    pub fn add(&mut self, count: u64) {
+        self.untold += count;
+    }
+
+    /// How many are to be told now; at the end all that are not told yet.
+    pub fn due(&mut self, now: Instant, is_end: bool) -> Option<u64> {
+        let is_due = is_end || self.told.is_none_or(|told| AGAIN <= now.saturating_duration_since(told));
+        if self.untold == 0 || !is_due {
+            return None;
+        }
+        self.told = Some(now);
+        Some(std::mem::take(&mut self.untold))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hundred a second for two minutes and a half: four events, and none is lost.
+    #[test]
+    fn the_first_at_once_then_a_minute_together_and_the_rest_at_the_end() {
+        let (mut count, began) = (Sparingly::default(), Instant::now());
+        let mut told = Vec::new();
+        for i in 0..15_000 {
+            count.add(1);
+            told.extend(count.due(began + Duration::from_millis(10 * i), false));
+        }
+        let end = began + Duration::from_secs(150);
+        told.extend(count.due(end, true));
+        assert_eq!(told, [1, 6000, 6000, 2999]);
+        assert_eq!(count.due(end, true), None);
+    }
+}

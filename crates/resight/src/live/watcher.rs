@@ -1,0 +1,176 @@
+//! The thread that looks at the frames of one camera, and tells what it saw and how things stand.
+
+use super::look::{Look, Looked};
+use super::memory::Memory;
+use super::queue::{Queue, Taken};
+use super::reader::PATIENCE;
+use super::sparingly::Sparingly;
+use super::{Event, State};
+use crate::source::{Content, Frame};
+use std::sync::mpsc::SyncSender;
+use std::time::Instant;
+
+/// Looks at frames until their queue is closed and empty.
+pub(super) struct Watcher<'a> {
+    look: Look,
+    memory: Memory<'a>,
+    queue: &'a Queue<(Instant, Frame)>,
+    teller: Teller,
+    /// Capture time and arrival of the last frame taken in: what the clock of the frames says while none comes.
+    last: Option<(f64, Instant)>,
+    /// Whether a frame could be read; before that frames have no time that is sure to be of this camera's clock.
+    has_begun: bool,
+    /// Whether there is something that the state file does not have yet.
+    is_new: bool,
+}
+
+impl<'a> Watcher<'a> {
+    pub fn new(
+        camera: usize,
+        (look, memory): (Look, Memory<'a>),
+        queue: &'a Queue<(Instant, Frame)>,
+        told: SyncSender<Event>,
+    ) -> Self {
+        let teller = Teller { camera, told, states: Vec::new(), dropped: Sparingly::default() };
+        Watcher { look, memory, queue, teller, last: None, has_begun: false, is_new: false }
+    }
+
+    pub fn watch(&mut self) {
+        let mut is_told = self.resume();
+        while is_told {
+            is_told = match self.queue.take(PATIENCE) {
+                Taken::Item((arrived, frame)) => self.frame(arrived, frame),
+                Taken::Nothing => self.silence(),
+                Taken::Closed => return self.end(),
+            };
+            // What nobody heard is not remembered: it is looked at again.
+            self.is_new = self.is_new && !(is_told && self.memory.keep(&self.look, self.last, false));
+        }
+        self.queue.close();
+    }
+
+    /// This thread or the one that reads has failed: nobody knows any more how things stand.
+    pub fn fail(&mut self, reason: String) {
+        self.queue.close();
+        let camera = self.teller.camera;
+        self.teller.tell(Event::Source { camera, is_there: false, reason: Some(reason) });
+        let t_s = self.now_s().unwrap_or(0.0);
+        self.teller.states(t_s, self.teller.states.iter().map(|_| State::Unseen { for_s: 0.0 }).collect());
+        self.teller.tell(Event::Ended { camera });
+    }
+
+    fn now_s(&self) -> Option<f64> {
+        self.last.map(|(capture_s, arrived)| capture_s + arrived.elapsed().as_secs_f64())
+    }
+
+    /// How things stand after the pause: what was not looked at was not seen.
+    fn resume(&mut self) -> bool {
+        let Some((last_s, ago_s)) = self.memory.resumed else { return true };
+        self.last = Some((last_s + ago_s, Instant::now()));
+        self.teller.states(last_s + ago_s, self.look.states(last_s + ago_s))
+    }
+
+    fn frame(&mut self, arrived: Instant, mut frame: Frame) -> bool {
+        let waited_us = arrived.elapsed().as_secs_f64() * 1e6;
+        let now_s = self.now_s().filter(|_| self.memory.resumed.is_some());
+        let (t_s, looked) = match now_s {
+            // Taken in long ago, it says nothing of how things stand.
+            Some(now_s) if self.look.is_old(&frame) => {
+                (now_s, self.look.passed_over(&frame, waited_us, now_s))
+            }
+            now_s => {
+                self.has_begun |= !matches!(frame.content, Content::Unreadable(_));
+                frame.capture_s = now_s.filter(|_| !self.has_begun).unwrap_or(frame.capture_s);
+                if self.has_begun || now_s.is_none() {
+                    self.last = Some((frame.capture_s, arrived));
+                }
+                self.is_new |= self.has_begun;
+                (frame.capture_s, self.look.take(&frame, waited_us))
+            }
+        };
+        self.queue.give_back((arrived, frame));
+        self.teller.looked(t_s, looked) && self.dropped(false)
+    }
+
+    fn silence(&mut self) -> bool {
+        let now_s = self.now_s();
+        now_s.is_none_or(|now_s| self.teller.states(now_s, self.look.states(now_s))) && self.dropped(false)
+    }
+
+    fn dropped(&mut self, is_end: bool) -> bool {
+        self.teller.dropped(self.queue.take_dropped(), is_end)
+    }
+
+    fn end(&mut self) {
+        if let Some(reason) = self.queue.take_failure() {
+            return self.fail(reason);
+        }
+        self.dropped(true);
+        if let Some((t_s, _)) = self.last {
+            self.teller.at_the_end(t_s, self.look.states(t_s));
+        }
+        if self.is_new {
+            self.memory.keep(&self.look, self.last, true);
+        }
+        self.teller.tell(Event::Ended { camera: self.teller.camera });
+    }
+}
+
+/// Tells what is new. Every method is false once nobody listens.
+struct Teller {
+    camera: usize,
+    told: SyncSender<Event>,
+    /// As last told, for each target.
+    states: Vec<Option<State>>,
+    dropped: Sparingly,
+}
+
+impl Teller {
+    fn tell(&self, event: Event) -> bool {
+        self.told.send(event).is_ok()
+    }
+
+    fn looked(&mut self, t_s: f64, looked: Vec<Looked>) -> bool {
+        let camera = self.camera;
+        looked.into_iter().enumerate().all(|(target, looked)| {
+            let observation = Box::new(looked.observation);
+            let learned = looked.learned.map(|reference| Event::Learned { camera, target, reference });
+            self.tell(Event::Observed { camera, target, observation })
+                && learned.is_none_or(|event| self.tell(event))
+                && self.state(target, t_s, looked.state)
+        })
+    }
+
+    fn states(&mut self, t_s: f64, states: Vec<State>) -> bool {
+        states.into_iter().enumerate().all(|(target, state)| self.state(target, t_s, state))
+    }
+
+    /// A change of kind, or of a drift's size: not the seconds that something has been unseen, nor each reading learned.
+    fn state(&mut self, target: usize, t_s: f64, state: State) -> bool {
+        self.states.resize(self.states.len().max(target + 1), None);
+        let is_new = match (&self.states[target], &state) {
+            (Some(State::Learning { .. }), State::Learning { .. })
+            | (Some(State::Unseen { .. }), State::Unseen { .. }) => false,
+            (Some(State::Drifted(before)), State::Drifted(now)) => before.began_s != now.began_s,
+            (before, now) => before.as_ref() != Some(now),
+        };
+        self.states[target] = Some(state.clone());
+        !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
+    }
+
+    /// A drift is known better at the end than when it was told.
+    fn at_the_end(&self, t_s: f64, states: Vec<State>) {
+        let camera = self.camera;
+        for (target, state) in states.into_iter().enumerate() {
+            if matches!(state, State::Drifted(_)) {
+                self.tell(Event::StateChanged { camera, target, t_s, state });
+            }
+        }
+    }
+
+    fn dropped(&mut self, frames: u64, is_end: bool) -> bool {
+        self.dropped.add(frames);
+        let due = self.dropped.due(Instant::now(), is_end);
+        due.is_none_or(|frames| self.tell(Event::Dropped { camera: self.camera, frames }))
+    }
+}
