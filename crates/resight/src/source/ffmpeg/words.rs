@@ -150,7 +150,10 @@ mod tests {
         assert_eq!(told(&without), [decoded(None)]);
         let begun = "[Parsed_showinfo_0 @ 0x7f] [info] n:  18 pts: 162000 pts_time:1.8 fmt:yuv420p s:320x240 i:P type:P ";
         let shown = Told::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240] };
-        assert_eq!(told(&format!("{begun}{given}"))[..], [shown.clone(), decoded(Some(171_000.0 * (1.0 / 90000.0)))]);
+        assert_eq!(
+            told(&format!("{begun}{given}"))[..],
+            [shown.clone(), decoded(Some(171_000.0 * (1.0 / 90000.0)))]
+        );
         let torn = Told::CorruptFrame(CORRUPT.to_string());
         assert_eq!(told(&format!("{begun}{CORRUPT}\n")), [shown, torn]);
     }
