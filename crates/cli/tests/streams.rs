@@ -87,6 +87,8 @@ fn capture_times_are_those_of_the_camera(events: &[Value]) {
     let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let even = steps.iter().filter(|step| ((**step / 0.1).round() - **step / 0.1).abs() < 0.05).count();
     assert!(2 * steps.len() < 3 * even, "{even} of {}: {steps:?}", steps.len());
+    let span_s = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
+    assert!(0.09 * steps.len() as f64 <= span_s, "{} steps in {span_s} s", steps.len());
 }
 
 /// The program is killed outright: its ffmpeg notices that nobody reads.

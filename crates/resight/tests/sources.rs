@@ -2,9 +2,9 @@
 
 use resight::source::pictures::{Clock, Folder, Pictures};
 use resight::source::{Content, Frame, Next, Source, lines};
-use std::io::Cursor;
+use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const SOON: Duration = Duration::from_millis(20);
 
@@ -50,6 +50,53 @@ fn a_folder_gives_what_appears_in_it_by_name_and_only_once() {
     assert!(matches!(frame(&mut source).content, Content::Image(_)));
 }
 
+/// The first half of a picture, and the rest when the uplink rests for longer than a writer does.
+#[test]
+fn a_slow_upload_is_read_when_it_is_whole() {
+    let path = folder("slow");
+    let whole = std::fs::read(picture()).expect("a picture");
+    let slow = path.join("a.png");
+    std::fs::write(&slow, &whole[..whole.len() / 2]).expect("written");
+    let mut source = Folder::open(&path, Clock::Every(1.0)).expect("a folder").as_it_is();
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_millis(600) {
+        assert!(matches!(source.next(SOON), Next::Nothing), "it may be whole later");
+    }
+    std::fs::write(&slow, &whole).expect("written");
+    let late = frame(&mut source);
+    assert!(matches!(late.content, Content::Image(_)) && late.number == 0, "{late:?}");
+    assert!(matches!(source.next(SOON), Next::End));
+}
+
+/// Told once that it is torn; when it grows all the same, it is read again.
+#[test]
+fn a_torn_picture_that_grows_after_all_is_read() {
+    let path = folder("torn");
+    let whole = std::fs::read(picture()).expect("a picture");
+    let torn = path.join("a.png");
+    std::fs::write(&torn, &whole[..whole.len() / 2]).expect("written");
+    let mut source = Folder::open(&path, Clock::Every(1.0)).expect("a folder");
+    assert!(matches!(frame(&mut source).content, Content::Unreadable(_)));
+    for _ in 0..20 {
+        assert!(matches!(source.next(SOON), Next::Nothing), "it is told once");
+    }
+    std::fs::write(&torn, &whole).expect("written");
+    assert!(matches!(frame(&mut source).content, Content::Image(_)));
+}
+
+/// A ring of few names, the oldest deleted: a name that comes again is a new picture, and nothing is kept of what is gone.
+#[test]
+fn a_name_that_comes_again_is_a_new_picture() {
+    let path = folder("ring");
+    let mut source = Folder::open(&path, Clock::Modified).expect("a folder");
+    for _ in 0..3 {
+        std::fs::copy(picture(), path.join("a.png")).expect("copied");
+        assert!(matches!(frame(&mut source).content, Content::Image(_)));
+        std::fs::remove_file(path.join("a.png")).expect("removed");
+        assert!(matches!(source.next(SOON), Next::Nothing));
+    }
+}
+
 #[test]
 fn a_folder_that_goes_away_is_lost_and_may_come_back() {
     let path = folder("leaving");
@@ -90,4 +137,36 @@ fn lines_go_to_the_camera_they_name() {
     for source in &mut sources {
         assert!(matches!(source.next(Duration::from_secs(5)), Next::End));
     }
+}
+
+/// Each camera has its own clock: a bad line has the time of that camera's last one, and belongs to the camera it names.
+#[test]
+fn a_bad_line_has_no_other_camera_s_time() {
+    let text = r#"{"camera": "a", "t_s": 5.0, "detections": []}
+{"camera": "b", "t_s": 90000.0, "detections": []}
+{"camera": "b", "t_s": "late"}
+no JSON
+{"camera": "c", "t_s": 7.0, "detections": []}
+"#;
+    let mut sources = lines::sources(Cursor::new(text), &["a".to_string(), "b".to_string()]);
+    let mut told = |camera: usize, n: usize| {
+        (0..n).map(|_| frame(&mut sources[camera])).map(|f| (f.name, f.capture_s)).collect::<Vec<_>>()
+    };
+    let line = |number: u32, t_s: f64| (format!("line {number}"), t_s);
+    assert_eq!(told(0, 3), [line(1, 5.0), line(4, 5.0), line(5, 5.0)]);
+    assert_eq!(told(1, 2), [line(2, 90000.0), line(3, 90000.0)]);
+}
+
+/// A line without end, as of a front end that runs wild, 64 MB of it: it is passed over, and the next is read.
+#[test]
+fn a_line_without_end_is_refused_and_the_next_is_read() {
+    let good = b"\n{\"t_s\": 2.0, \"detections\": []}\n";
+    let input = std::io::repeat(b'x').take(64 << 20).chain(Cursor::new(good));
+    let mut sources = lines::sources(BufReader::new(input), &["a".to_string()]);
+    let long = frame(&mut sources[0]);
+    assert!(
+        matches!(&long.content, Content::Unreadable(reason) if reason.contains("67108865 bytes; the limit is 4194304")),
+        "{long:?}"
+    );
+    assert_eq!(frame(&mut sources[0]).capture_s, 2.0);
 }

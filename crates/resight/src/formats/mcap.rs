@@ -47,36 +47,54 @@ pub(super) fn document(path: &Path, from: &mut (impl Read + Seek)) -> Result<Doc
     }
     from.seek(SeekFrom::Start(0)).map_err(|e| Fault::new(e.to_string()))?;
     let mut recording = Recording::new(from, |channel| Kind::of(&channel.kind) == Some(Kind::CameraInfo));
-    let mut entries = Vec::new();
+    let (mut entries, mut lacking) = (Vec::new(), String::new());
     while !waiting.is_empty() {
-        match recording.read_next().map_err(|e| Fault::new(e.0))? {
-            Next::Message(message) => {
+        match recording.read_next() {
+            Ok(Next::Message(message)) => {
                 if let Some(topic) = waiting.remove(&message.channel.topic) {
-                    entries.push((message.channel.topic.clone(), fields(&topic, &message.data)?));
+                    entries.push((message.channel.topic.clone(), fields(&topic, &message.data)));
                 }
             }
-            Next::Nothing | Next::Damaged(_) => {}
-            Next::Unfinished => drop(recording.close().map_err(|e| Fault::new(e.0))?),
-            Next::End => break,
+            Ok(Next::Nothing) => {}
+            Ok(Next::Damaged(reason)) => lacking = format!(" ({reason})"),
+            Ok(Next::Unfinished) => drop(recording.close().map_err(|e| Fault::new(e.0))?),
+            Ok(Next::End) => break,
+            Err(reason) if entries.is_empty() => return Err(Fault::new(reason.0)),
+            Err(reason) => {
+                lacking = format!(" ({reason})");
+                break;
+            }
         }
     }
+    let reason = format!("no message of this topic can be read{lacking}");
+    entries.extend(waiting.into_keys().map(|topic| (topic, node(Value::Text(reason.clone())))));
     entries.sort_by(|a, b| a.0.cmp(&b.0));
     let root = node(Value::Map(entries));
     Ok(Document { path: path.to_path_buf(), syntax: Syntax::Mcap, text: String::new(), root })
 }
 
-fn fields(topic: &Topic, data: &[u8]) -> Result<Node, Fault> {
+/// The fields of a message; of one that cannot be read the reason, as a text: the recording's other cameras are none the worse.
+fn fields(topic: &Topic, data: &[u8]) -> Node {
     let channel = &topic.channel;
-    let told = |reason: String| Fault::new(format!("{}: {reason}", channel.topic));
     let decoder = Decoder::new(
         &channel.kind,
         &channel.message_encoding,
         &channel.definition_encoding,
         &channel.definition,
     );
-    let decoder = decoder.map_err(told)?;
-    let message = decoder.read(data).map_err(told)?;
-    Ok(tree(&message))
+    let read = decoder.and_then(|decoder| match decoder.read(data)? {
+        message @ value::Value::Message(_) => Ok(tree(&message)),
+        _ => Err("the message has no fields".to_string()),
+    });
+    read.unwrap_or_else(|reason| node(Value::Text(reason)))
+}
+
+/// What every camera of a recording must be: readable, and of whole pictures.
+fn usable(entry: &Entry<'_>) -> Result<(), Fault> {
+    match &entry.node.value {
+        Value::Text(reason) => Err(entry.fault(reason)),
+        _ => ros::refuse_crops(entry),
+    }
 }
 
 /// A recording has no lines.
@@ -104,7 +122,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let mut first = None;
     for entry in document.entry().entries()? {
         let topic = entry.path.clone();
-        if let Err(fault) = ros::camera(&entry, topic, &mut contents) {
+        if let Err(fault) = usable(&entry).and_then(|()| ros::camera(&entry, topic, &mut contents)) {
             contents.warnings.push(format!("left out: {}", fault.reason));
             first = first.or(Some(fault));
         }
@@ -121,7 +139,7 @@ pub(super) fn camera(document: &Document, name: &str) -> Option<Result<NamedCame
     let of = |topic: &str| entries.iter().find(|entry| entry.path == topic);
     if let Some(entry) = of(name) {
         let mut contents = Contents::default();
-        let read = ros::camera(entry, name.to_string(), &mut contents);
+        let read = usable(entry).and_then(|()| ros::camera(entry, name.to_string(), &mut contents));
         return Some(
             read.and_then(|()| contents.cameras.pop().ok_or_else(|| entry.fault("holds no camera"))),
         );
@@ -131,6 +149,7 @@ pub(super) fn camera(document: &Document, name: &str) -> Option<Result<NamedCame
 }
 
 fn rectified(entry: &Entry<'_>, name: &str) -> Result<NamedCamera, Fault> {
+    usable(entry)?;
     let missing = || entry.fault("has no P; publish camera_info with a projection matrix");
     let p = entry.first_of(&["p", "P"]).ok_or_else(missing)?.matrix(3, 4)?;
     let three: DMatrix<f64> = p.columns(0, 3).into();

@@ -100,13 +100,13 @@ fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {
     lens
 }
 
-/// Binned or cropped images need other intrinsics than the file's.
-fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
+/// Binned or cropped images need other intrinsics than the file's, rectified or not.
+pub(super) fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
     for key in ["binning_x", "binning_y"] {
         if let Some(binning) = root.get(key).filter(|b| b.number().is_ok_and(|n| 1.0 < n)) {
             let seen = binning.number()?;
             return Err(binning.fault(format!(
-                "is {seen}: K belongs to unbinned images; give the camera_info of the images themselves"
+                "is {seen}: K and P belong to unbinned images; give the camera_info of the images themselves"
             )));
         }
     }
@@ -118,7 +118,7 @@ fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
         return Ok(());
     }
     Err(roi.fault(
-        "is a part of the image; K belongs to the whole. Subtract x_offset, y_offset from cx, \
+        "is a part of the image; K and P belong to the whole. Subtract x_offset, y_offset from cx, \
         cy and remove roi",
     ))
 }

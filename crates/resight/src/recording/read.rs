@@ -1,6 +1,6 @@
 //! A recording from its start to its end, a record at a time.
 
-use super::records::{Channel, Contents, Message};
+use super::records::{Channel, Contents, Message, NOT_YET, is_open};
 use super::{MAX_RECORD_BYTES, RecordingError, topics};
 use mcap::McapError;
 use mcap::records::op;
@@ -47,15 +47,8 @@ impl<R: Read + Seek> Recording<R> {
         contents.counts.clear();
         // Where this fails, reading fails too, and says so.
         let _ = from.seek(SeekFrom::Start(0));
-        let options =
-            LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(MAX_RECORD_BYTES);
-        Recording {
-            from,
-            reader: LinearReader::new_with_options(options),
-            contents,
-            at: MAGIC_BYTES,
-            is_over: false,
-        }
+        let reader = LinearReader::new_with_options(options());
+        Recording { from, reader, contents, at: MAGIC_BYTES, is_over: false }
     }
 
     pub(super) fn contents(&self) -> &Contents {
@@ -73,6 +66,10 @@ impl<R: Read + Seek> Recording<R> {
         while !self.is_over {
             match self.reader.next_event() {
                 None => self.is_over = true,
+                // The length is there, the sizes behind it are not yet: the writer is at them just now.
+                Some(Ok(LinearReadEvent::Record { opcode: op::CHUNK, data })) if is_open(data) => {
+                    return self.unfinished();
+                }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                     self.at += RECORD_HEADER_BYTES + data.len() as u64;
                     return Ok(match self.contents.take(opcode, data) {
@@ -85,6 +82,9 @@ impl<R: Read + Seek> Recording<R> {
                         return Ok(Next::Unfinished);
                     }
                 }
+                Some(Err(McapError::RecordTooLarge { opcode: op::CHUNK, len: NOT_YET })) => {
+                    return self.unfinished();
+                }
                 Some(Err(reason)) => {
                     self.is_over = true;
                     return Err(broken(&reason, self.at));
@@ -92,6 +92,13 @@ impl<R: Read + Seek> Recording<R> {
             }
         }
         Ok(Next::End)
+    }
+
+    /// A chunk whose header is a placeholder: the next look reads it anew.
+    fn unfinished(&mut self) -> Result<Next, RecordingError> {
+        self.reader = LinearReader::new_with_options(options().with_skip_start_magic(true));
+        self.from.seek(SeekFrom::Start(self.at)).map_err(unread)?;
+        Ok(Next::Unfinished)
     }
 
     fn fill(&mut self, wanted: usize) -> Result<usize, RecordingError> {
@@ -106,7 +113,7 @@ impl<R: Read + Seek> Recording<R> {
                     return Ok(n);
                 }
                 Err(reason) if reason.kind() == ErrorKind::Interrupted => {}
-                Err(reason) => return Err(RecordingError(format!("cannot be read: {reason}"))),
+                Err(reason) => return Err(unread(reason)),
             }
         }
     }
@@ -117,11 +124,10 @@ impl<R: Read + Seek> Recording<R> {
     /// What the medium says.
     pub fn close(&mut self) -> Result<String, RecordingError> {
         self.is_over = true;
-        let told = |reason: std::io::Error| RecordingError(format!("cannot be read: {reason}"));
-        self.from.seek(SeekFrom::Start(self.at)).map_err(told)?;
+        self.from.seek(SeekFrom::Start(self.at)).map_err(unread)?;
         let mut tail = Vec::new();
         let limit = RECORD_HEADER_BYTES + MAX_RECORD_BYTES as u64;
-        self.from.by_ref().take(limit).read_to_end(&mut tail).map_err(told)?;
+        self.from.by_ref().take(limit).read_to_end(&mut tail).map_err(unread)?;
         let before = self.contents.waiting.len();
         if tail.first() == Some(&op::CHUNK) && RECORD_HEADER_BYTES < tail.len() as u64 {
             // What cannot be read of a torn chunk was never whole.
@@ -139,6 +145,14 @@ impl<R: Read + Seek> Recording<R> {
             ),
         })
     }
+}
+
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(MAX_RECORD_BYTES)
+}
+
+fn unread(reason: std::io::Error) -> RecordingError {
+    RecordingError(format!("cannot be read: {reason}"))
 }
 
 fn broken(reason: &McapError, at: u64) -> RecordingError {

@@ -131,28 +131,31 @@ impl Contents {
     }
 
     /// All messages of a chunk, or none where its checksum is wrong. Of a torn one (`is_torn`: the file ends in it), which has no
-    /// checksum yet, those that are whole.
+    /// checksum yet and perhaps no sizes, those that are whole.
     pub fn chunk(&mut self, chunk: &[u8], is_torn: bool) -> Result<(), String> {
-        let mut fields = Fields(chunk);
-        fields.take(8 + 8)?;
-        let (uncompressed, _crc) = (fields.u64()?, fields.u32()?);
-        fields.text()?;
-        let compressed = fields.u64()?;
-        let there = fields.0.len() as u64;
-        if (compressed != there && !is_torn) || MAX_RECORD_BYTES as u64 <= uncompressed {
+        let ChunkHead { compressed, uncompressed, records } = ChunkHead::read(chunk)?;
+        let there = records.len() as u64;
+        let is_open = is_torn && is_open(chunk);
+        let is_short = compressed != there && !is_torn;
+        if !is_open && (is_short || MAX_RECORD_BYTES as u64 <= uncompressed) {
             return Err(format!(
                 "a chunk of {compressed} bytes, {uncompressed} unpacked, where {there} are; at most {MAX_RECORD_BYTES} are read"
             ));
         }
+        let mut head = chunk[..chunk.len() - records.len()].to_vec();
+        if is_open {
+            ChunkHead::fill(&mut head, there);
+        }
         // What the record claims, so that a torn one is read as far as it goes.
-        let header = (chunk.len() as u64 - there).saturating_add(compressed).to_le_bytes();
-        let start = [&[op::CHUNK][..], &header].concat();
+        let compressed = if is_open { there } else { compressed };
+        let length = (head.len() as u64).saturating_add(compressed).to_le_bytes();
+        let start = [&[op::CHUNK][..], &length, &head].concat();
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(!is_torn)
             .with_record_length_limit(MAX_RECORD_BYTES);
-        self.unpack(LinearReader::new_with_options(options), [&start, chunk], is_torn)
+        self.unpack(LinearReader::new_with_options(options), [&start, records], is_torn)
     }
 
     fn unpack(&mut self, mut reader: LinearReader, parts: [&[u8]; 2], is_torn: bool) -> Result<(), String> {
@@ -176,6 +179,40 @@ impl Contents {
             }
         }
     }
+}
+
+/// What stands before the records of a chunk: two times of 8 bytes, the size unpacked (8), a checksum (4), the name of the compression,
+/// the size as it lies there (8).
+struct ChunkHead<'a> {
+    compressed: u64,
+    uncompressed: u64,
+    records: &'a [u8],
+}
+
+/// What some writers (the crate `mcap`, unless told otherwise) put for the length and the sizes of a chunk until it is whole.
+pub(super) const NOT_YET: u64 = u64::MAX;
+
+impl<'a> ChunkHead<'a> {
+    fn read(chunk: &'a [u8]) -> Result<Self, String> {
+        let mut fields = Fields(chunk);
+        fields.take(8 + 8)?;
+        let (uncompressed, _crc) = (fields.u64()?, fields.u32()?);
+        fields.text()?;
+        let compressed = fields.u64()?;
+        Ok(ChunkHead { compressed, uncompressed, records: fields.0 })
+    }
+
+    /// Sizes in the place of those that are not there yet: what is there, and at most what is read.
+    fn fill(head: &mut [u8], there: u64) {
+        let at = head.len() - 8;
+        head[16..24].copy_from_slice(&(MAX_RECORD_BYTES as u64 - 1).to_le_bytes());
+        head[at..].copy_from_slice(&there.to_le_bytes());
+    }
+}
+
+/// Whether a chunk is one that is still being written, so that its sizes are not there yet.
+pub(super) fn is_open(chunk: &[u8]) -> bool {
+    ChunkHead::read(chunk).is_ok_and(|head| head.compressed == NOT_YET || head.uncompressed == NOT_YET)
 }
 
 /// The fields of a record, little end first.

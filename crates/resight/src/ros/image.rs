@@ -166,11 +166,13 @@ mod tests {
     fn every_layout_gives_its_brightness() {
         assert_eq!(read("mono8", (2, 2), 3, &[1, 2, 9, 3, 4, 9]), [1, 2, 3, 4], "rows end in padding");
         assert_eq!(read("mono8", (2, 2), 3, &[1, 2, 9, 3, 4]), [1, 2, 3, 4], "but for the last");
-        let (red, grey) = (luma(200, 0, 0), 7);
-        assert_eq!(read("rgb8", (2, 1), 0, &[200, 0, 0, 7, 7, 7]), [red, grey]);
-        assert_eq!(read("bgr8", (2, 1), 0, &[0, 0, 200, 7, 7, 7]), [red, grey]);
-        assert_eq!(read("rgba8", (1, 1), 0, &[200, 0, 0, 99]), [red]);
-        assert_eq!(read("bgra8", (1, 1), 0, &[0, 0, 200, 99]), [red]);
+        // 200 times 0.2126, 0.7152 and 0.0722, without what follows the point.
+        let (red, green, blue, grey) = (42, 143, 14, 7);
+        let rgb = [200, 0, 0, 0, 200, 0, 0, 0, 200, 7, 7, 7];
+        assert_eq!(read("rgb8", (4, 1), 0, &rgb), [red, green, blue, grey]);
+        assert_eq!(read("bgr8", (4, 1), 0, &rgb), [blue, green, red, grey]);
+        assert_eq!(read("rgba8", (2, 1), 0, &[200, 0, 0, 99, 0, 200, 0, 99]), [red, green]);
+        assert_eq!(read("bgra8", (2, 1), 0, &[200, 0, 0, 99, 0, 200, 0, 99]), [blue, green]);
         assert_eq!(read("yuv422", (2, 1), 0, &[128, 5, 128, 6]), [5, 6]);
         assert_eq!(read("yuyv", (2, 1), 0, &[5, 128, 6, 128]), [5, 6]);
         assert_eq!(read("nv12", (2, 2), 2, &[1, 2, 3, 4, 128, 128]), [1, 2, 3, 4]);

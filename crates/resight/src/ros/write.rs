@@ -67,6 +67,11 @@ impl<W: Write + Seek> RosWriter<W> {
         Ok(RosWriter { file: Writer::new(to, "ros2", 1 << 20)?, channels: BTreeMap::new() })
     }
 
+    /// About how many chunks the file has; see `Writer::chunks`.
+    pub fn chunks(&self) -> u64 {
+        self.file.chunks()
+    }
+
     fn write(&mut self, topic: &str, kind: &str, time_ns: u64, message: Cdr) -> Result<(), RecordingError> {
         let channel = match self.channels.get(topic) {
             Some(channel) => *channel,

@@ -7,9 +7,12 @@
 //! or doubles one: the n-th line is that of the n-th frame. Containers that carry stamps (NUT, Matroska) do not do: their muxers round
 //! to a time base of their own, refuse a stamp that goes back, and the picture's size is stated only once.
 
+mod release;
+mod torn;
 mod words;
 
 use crate::GrayImage;
+pub(super) use release::Release;
 use std::cmp::Ordering;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
@@ -18,6 +21,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, s
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+use torn::Torn;
 use words::Told;
 
 /// Largest frame accepted, pixels, as for pictures.
@@ -36,8 +40,8 @@ const ENDING: Duration = Duration::from_secs(2);
 /// An `ffmpeg` that is installed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ffmpeg {
-    /// Each frame once, as this release spells it.
-    each_frame_once: [&'static str; 2],
+    /// Options are spelt differently.
+    pub release: Release,
 }
 
 /// What came out of a decoder.
@@ -83,7 +87,7 @@ impl Ffmpeg {
     pub fn find() -> Result<Self, String> {
         let told =
             Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output().map_err(cannot_start)?;
-        Ok(Ffmpeg { each_frame_once: each_frame_once(&String::from_utf8_lossy(&told.stdout)) })
+        Ok(Ffmpeg { release: Release::read(&String::from_utf8_lossy(&told.stdout)) })
     }
 
     /// Starts to decode the first video stream of an input.
@@ -93,12 +97,13 @@ impl Ffmpeg {
     pub fn decode(&self, input_options: &[String], input: &OsStr) -> Result<Decoder, String> {
         let mut process = Command::new("ffmpeg")
             .args(["-nostdin", "-hide_banner", "-nostats", "-v", "repeat+level+info"])
+            .args(self.release.decoder_says())
             .args(input_options)
             .arg("-i")
             .arg(input)
             .args(["-map", "0:v:0", "-vf", "showinfo=checksum=0,settb=1/30,setpts=N"])
             .args(["-enc_time_base", "1/30"])
-            .args(self.each_frame_once)
+            .args(self.release.each_frame_once())
             .args(["-pix_fmt", "gray", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -188,9 +193,7 @@ fn listen(stderr: ChildStderr, last_words: &Mutex<Option<String>>, mut hand_on: 
         if let Some(complaint) = words::complaint(&line) {
             *last_words.lock().unwrap_or_else(PoisonError::into_inner) = Some(complaint);
         }
-        if let Some(told) = words::told(&line) {
-            hand_on(told);
-        }
+        words::told(&line).into_iter().for_each(&mut hand_on);
     }
 }
 
@@ -208,8 +211,8 @@ struct Pictures {
     /// What was said of a later frame.
     kept: Option<Told>,
     time_base_s: Option<f64>,
-    /// Why the next frame is not to be trusted.
-    complaint: Option<String>,
+    /// Frames that are not to be trusted.
+    torn: Torn,
 }
 
 impl Pictures {
@@ -224,7 +227,7 @@ impl Pictures {
             first_number: 0,
             kept: None,
             time_base_s: None,
-            complaint: None,
+            torn: Torn::default(),
         }
     }
 
@@ -264,11 +267,15 @@ impl Pictures {
         {
             return Ok(Decoded::Resized { from_px: size_px, to_px });
         }
-        if let Some(words) = self.complaint.take() {
-            return Ok(Decoded::Damaged(words));
-        }
         let ticks = said.and_then(|(ticks, _)| ticks);
         let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
+        let torn = match said {
+            Some(_) => self.torn.take(time_s, self.time_base_s.unwrap_or_default()),
+            None => self.torn.take_any(),
+        };
+        if let Some(words) = torn {
+            return Ok(Decoded::Damaged(words));
+        }
         let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
         Ok(Decoded::Frame(Shot { time_s, arrived, image }))
     }
@@ -282,7 +289,8 @@ impl Pictures {
                 Told::TimeBase { seconds } => {
                     (self.time_base_s, self.first_number) = (Some(seconds), self.next_number);
                 }
-                Told::CorruptFrame(words) => self.complaint = Some(words),
+                Told::CorruptFrame(words) => self.torn.complain(words),
+                Told::Decoded { time_s } => self.torn.name(time_s),
                 Told::NoFrame(words) => {
                     // The taker may be gone.
                     let _ = self.to_taker.send(Decoded::Damaged(words));
@@ -330,16 +338,6 @@ impl Pictures {
     }
 }
 
-/// The option that passes frames through was renamed with release 5.1, and its old name has been removed since.
-fn each_frame_once(version: &str) -> [&'static str; 2] {
-    let number = version.split_whitespace().nth(2).unwrap_or_default().trim_start_matches('n');
-    let mut parts = number.split(['.', '-']).map(|part| part.parse::<u32>().ok());
-    match (parts.next().flatten(), parts.next().flatten()) {
-        (Some(major), minor) if (major, minor.unwrap_or(0)) < (5, 1) => ["-vsync", "passthrough"],
-        _ => ["-fps_mode", "passthrough"], // Snapshots have names instead of numbers.
-    }
-}
-
 fn cannot_start(reason: std::io::Error) -> String {
     match reason.kind() {
         std::io::ErrorKind::NotFound => {
@@ -369,18 +367,6 @@ mod tests {
         for bad in ["", "YUV4MPEG2 W1280 F30:1 Cmono", "YUV4MPEG2 W0 H720 Cmono", "YUV4MPEG2 W2 H2 C420jpeg"]
         {
             assert_eq!(size(bad), None, "{bad}");
-        }
-    }
-
-    #[test]
-    fn releases_before_5_1_have_another_name_for_passing_frames_through() {
-        let name = |version: &str| each_frame_once(&format!("ffmpeg version {version} Copyright (c) …"))[0];
-        for old in ["4.4.2-0ubuntu0.22.04.1", "n4.4", "5.0.1", "4.2.7"] {
-            assert_eq!(name(old), "-vsync", "{old}");
-        }
-        for new in ["5.1.9-0+deb12u1", "n9.0.2-17-g2a571b6068", "6.1", "7.0.2-static", "N-12345-gabcdef", ""]
-        {
-            assert_eq!(name(new), "-fps_mode", "{new}");
         }
     }
 }

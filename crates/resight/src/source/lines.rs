@@ -7,13 +7,15 @@ use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::io::BufRead;
+use std::io::{BufRead, Read};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
 /// A longer line is no list of detections.
 const MAX_LINE_BYTES: usize = 4 << 20;
+/// Of the rest of such a line so much is held at a time.
+const SKIPPED_BYTES: u64 = 1 << 16;
 /// Lines waiting for a camera that looks at them; then the reader waits.
 const WAITING: usize = 64;
 
@@ -33,6 +35,12 @@ struct Found {
     sigma_px: f64,
 }
 
+/// What of a line says whose it is, where the rest cannot be read.
+#[derive(Deserialize)]
+struct Whose {
+    camera: Option<String>,
+}
+
 /// The lines that belong to one camera.
 pub struct Lines {
     frames: Receiver<Frame>,
@@ -41,73 +49,90 @@ pub struct Lines {
 /// Sources for `cameras` from lines of text, read on a thread of its own. A line without `camera` belongs to the only one; a line that
 /// cannot be read is an unreadable frame of the camera it names, or of the first.
 pub fn sources(input: impl BufRead + Send + 'static, cameras: &[String]) -> Vec<Lines> {
-    let (mut senders, mut sources) = (BTreeMap::new(), Vec::new());
+    let (mut to_cameras, mut sources) = (BTreeMap::new(), Vec::new());
     for camera in cameras {
         let (sender, frames) = sync_channel(WAITING);
-        senders.insert(camera.clone(), sender);
+        to_cameras.insert(camera.clone(), Camera { sender, last_s: 0.0 });
         sources.push(Lines { frames });
     }
     let first = cameras.first().cloned().unwrap_or_default();
-    thread::spawn(move || read(input, &senders, &first));
+    thread::spawn(move || read(input, to_cameras, &first));
     sources
 }
 
-fn read(mut input: impl BufRead, cameras: &BTreeMap<String, SyncSender<Frame>>, first: &str) {
-    let (mut number, mut last_s) = (0, 0.0);
+/// Who looks at a camera's lines.
+struct Camera {
+    sender: SyncSender<Frame>,
+    /// Time of its last line: what cannot be read has this one.
+    last_s: f64,
+}
+
+fn read(mut input: impl BufRead, mut cameras: BTreeMap<String, Camera>, first: &str) {
     let mut line = Vec::new();
-    loop {
-        line.clear();
-        match input.read_until(b'\n', &mut line) {
+    for number in 1u64.. {
+        let bytes = match read_line(&mut input, &mut line) {
             Ok(0) | Err(_) => return, // The end, or a pipe that broke: the same to whoever listens.
-            Ok(_) => number += 1,
-        }
+            Ok(bytes) => bytes,
+        };
         if line.iter().all(u8::is_ascii_whitespace) {
             continue;
         }
-        let (camera, frame) = frame(&line, number, first, cameras, last_s);
-        last_s = frame.capture_s;
+        let told = match bytes {
+            ..=MAX_LINE_BYTES => told(&line, first, &cameras),
+            _ => Err(format!("{bytes} bytes; the limit is {MAX_LINE_BYTES}")),
+        };
+        let (name, t_s, content) = told.unwrap_or_else(|reason| {
+            let named = whose(&line).filter(|camera| cameras.contains_key(camera));
+            (named.unwrap_or_else(|| first.to_string()), None, Err(reason))
+        });
+        let Some(camera) = cameras.get_mut(&name) else { continue };
+        camera.last_s = t_s.unwrap_or(camera.last_s);
+        let content =
+            content.unwrap_or_else(|reason| Content::Unreadable(format!("line {number}: {reason}")));
+        let (capture_s, name) = (camera.last_s, format!("line {number}"));
         // A camera that no longer listens has ended; the others go on.
-        if let Some(sender) = cameras.get(&camera) {
-            let _ = sender.send(frame);
-        }
+        let _ = camera.sender.send(Frame { number: number - 1, capture_s, name, content });
     }
 }
 
-/// The camera and its frame; one that cannot be read has the time of the line before.
-fn frame(
-    line: &[u8],
-    number: u64,
-    first: &str,
-    cameras: &BTreeMap<String, SyncSender<Frame>>,
-    last_s: f64,
-) -> (String, Frame) {
-    let name = format!("line {number}");
-    let unreadable = |reason: String| {
-        let content = Content::Unreadable(format!("line {number}: {reason}"));
-        (first.to_string(), Frame { number: number - 1, capture_s: last_s, name: name.clone(), content })
-    };
-    if MAX_LINE_BYTES < line.len() {
-        return unreadable(format!("{} bytes; the limit is {MAX_LINE_BYTES}", line.len()));
-    }
-    let parsed: Line = match serde_json::from_slice(line) {
-        Ok(parsed) => parsed,
-        Err(reason) => {
-            return unreadable(format!("not as {{\"camera\",\"t_s\",\"detections\":[…]}}: {reason}"));
+/// Reads a line, of one that is too long only the beginning; how long it was, 0 at the end.
+fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Result<usize> {
+    line.clear();
+    let mut bytes = input.by_ref().take(MAX_LINE_BYTES as u64 + 1).read_until(b'\n', line)?;
+    while MAX_LINE_BYTES < bytes && line.last() != Some(&b'\n') {
+        let mut rest = Vec::new();
+        match input.by_ref().take(SKIPPED_BYTES).read_until(b'\n', &mut rest)? {
+            0 => break,
+            n => bytes += n,
         }
-    };
+        if rest.last() == Some(&b'\n') {
+            break;
+        }
+    }
+    Ok(bytes)
+}
+
+/// The camera that a line names, whatever else it holds.
+fn whose(line: &[u8]) -> Option<String> {
+    serde_json::from_slice::<Whose>(line).ok()?.camera
+}
+
+/// Camera, time and content, where the content may be bad at a good time.
+type Told = (String, Option<f64>, Result<Content, String>);
+
+fn told(line: &[u8], first: &str, cameras: &BTreeMap<String, Camera>) -> Result<Told, String> {
+    let parsed: Line = serde_json::from_slice(line)
+        .map_err(|reason| format!("not as {{\"camera\",\"t_s\",\"detections\":[…]}}: {reason}"))?;
     let camera = parsed.camera.unwrap_or_else(|| first.to_string());
     if !cameras.contains_key(&camera) {
         let known: Vec<&str> = cameras.keys().map(String::as_str).collect();
-        return unreadable(format!("no camera is called {camera:?}; there are {}", known.join(", ")));
+        return Err(format!("no camera is called {camera:?}; there are {}", known.join(", ")));
     }
     if !parsed.t_s.is_finite() {
-        return unreadable("t_s is not a finite number".to_string());
+        return Err("t_s is not a finite number".to_string());
     }
-    let content = match parsed.detections.iter().map(Found::detection).collect() {
-        Ok(detections) => Content::Detections(detections),
-        Err(reason) => Content::Unreadable(format!("line {number}: {reason}")),
-    };
-    (camera, Frame { number: number - 1, capture_s: parsed.t_s, name, content })
+    let detections: Result<Vec<Detection>, String> = parsed.detections.iter().map(Found::detection).collect();
+    Ok((camera, Some(parsed.t_s), detections.map(Content::Detections)))
 }
 
 impl Found {

@@ -16,10 +16,42 @@ pub struct McapTopic {
     kind: Kind,
     decoder: Decoder,
     number: u64,
+    times: Times,
     last_s: f64,
     is_growing: bool,
     /// How the file was cut off, to be told behind its last message.
     cut: Option<String>,
+}
+
+/// Whose clock a topic's times are of. The first message that can be read decides for all: the recorder's clock may be another than that
+/// of the stamps, and a time of the one among times of the other would be a leap.
+enum Times {
+    Undecided,
+    Recorded,
+    /// By how much the last stamp was ahead of the recorder.
+    Stamped {
+        ahead_s: f64,
+    },
+}
+
+impl Times {
+    /// When a message was taken, and what to say of it.
+    fn of(&mut self, stamp_s: Option<f64>, logged_s: f64, is_read: bool) -> (f64, &'static str) {
+        if is_read && matches!(self, Times::Undecided) {
+            *self = stamp_s.map_or(Times::Recorded, |_| Times::Stamped { ahead_s: 0.0 });
+        }
+        match (self, stamp_s) {
+            (Times::Stamped { ahead_s }, Some(stamp_s)) => {
+                *ahead_s = stamp_s - logged_s;
+                (stamp_s, "")
+            }
+            (Times::Stamped { ahead_s }, None) => {
+                (logged_s + *ahead_s, " (no stamp: time of recording by the clock of the stamps)")
+            }
+            (_, Some(_)) => (logged_s, " (time of recording, as the topic began)"),
+            (_, None) => (logged_s, " (no stamp: time of recording)"),
+        }
+    }
 }
 
 impl McapTopic {
@@ -52,6 +84,7 @@ impl McapTopic {
             kind,
             decoder,
             number: 0,
+            times: Times::Undecided,
             last_s: 0.0,
             is_growing: true,
             cut: None,
@@ -66,15 +99,16 @@ impl McapTopic {
     fn frame(&mut self, message: &Message) -> Frame {
         let logged_s = message.log_time_ns as f64 / 1e9;
         let value = self.decoder.read(&message.data);
+        let is_read = value.is_ok();
         let stamp_s = value.as_ref().ok().and_then(|value| value.stamp_s());
         let content = match value.and_then(|value| self.kind.sight(&value)) {
             Ok(Sight::Image(image)) => Content::Image(image),
             Ok(Sight::Detections(detections)) => Content::Detections(detections),
             Err(reason) => Content::Unreadable(format!("{} {}: {reason}", self.topic, self.number)),
         };
-        let remark = if stamp_s.is_some() { "" } else { " (no stamp: time of recording)" };
+        let (capture_s, remark) = self.times.of(stamp_s, logged_s, is_read);
         let name = format!("{} {}{remark}", self.topic, self.number);
-        self.last_s = stamp_s.unwrap_or(logged_s);
+        self.last_s = capture_s;
         self.number += 1;
         Frame { number: self.number - 1, capture_s: self.last_s, name, content }
     }

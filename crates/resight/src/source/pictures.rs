@@ -4,7 +4,7 @@ mod exif;
 
 use super::{Content, Frame, Next, Source};
 use crate::{FileError, GrayImage};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -12,6 +12,8 @@ use std::time::{Duration, SystemTime};
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// A file that was changed within this time may still be being written.
 const SETTLED: Duration = Duration::from_millis(200);
+/// A slow upload may rest for longer: a picture that cannot be decoded is given up only when it has been left alone for this time.
+const RESTING: Duration = Duration::from_secs(2);
 
 /// When pictures were taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,10 +56,20 @@ impl Source for Pictures {
 pub struct Folder {
     path: PathBuf,
     clock: Clock,
-    taken: BTreeSet<PathBuf>,
+    /// Pictures of the last listing that were taken; what is deleted is forgotten, and its name may come again.
+    taken: BTreeMap<PathBuf, Taken>,
     waiting: VecDeque<PathBuf>,
     number: u64,
     is_filling: bool,
+}
+
+/// What became of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Taken {
+    /// Given, or waiting.
+    Whole,
+    /// It could not be decoded at this size: looked at again when it has grown, and once more, for good, when nobody writes any more.
+    Torn { bytes: u64, is_told: bool },
 }
 
 impl Folder {
@@ -65,7 +77,7 @@ impl Folder {
     /// No such folder.
     pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
         std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
-        let (taken, waiting) = (BTreeSet::new(), VecDeque::new());
+        let (taken, waiting) = (BTreeMap::new(), VecDeque::new());
         Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0, is_filling: true })
     }
 
@@ -76,19 +88,55 @@ impl Folder {
 
     /// Takes note of new pictures that nobody writes any more, by name; whether others are still being written.
     fn look(&mut self) -> std::io::Result<bool> {
-        let (mut new, mut is_growing) = (Vec::new(), false);
+        let (mut there, mut new, mut is_growing) = (BTreeSet::new(), Vec::new(), false);
         for entry in std::fs::read_dir(&self.path)? {
             let path = entry?.path();
-            if is_picture(&path) && !self.taken.contains(&path) {
-                let is_whole = is_settled(&path);
-                is_growing |= !is_whole;
-                new.extend(is_whole.then_some(path));
+            if !is_picture(&path) {
+                continue;
             }
+            match self.state(&path) {
+                Some(true) => new.push(path.clone()),
+                Some(false) => is_growing = true,
+                None => {}
+            }
+            there.insert(path);
         }
         new.sort();
-        self.taken.extend(new.iter().cloned());
+        self.taken.retain(|path, _| there.contains(path));
+        self.taken.extend(new.iter().map(|path| (path.clone(), Taken::Whole)));
         self.waiting.extend(new);
         Ok(is_growing)
+    }
+
+    /// Whether a picture is to be read now (or else later); none where it has been.
+    fn state(&self, path: &Path) -> Option<bool> {
+        let is_due = match self.taken.get(path) {
+            None => true,
+            Some(Taken::Whole) => return None,
+            Some(Taken::Torn { bytes, is_told }) => {
+                let has_grown = size(path) != *bytes;
+                if *is_told && !has_grown {
+                    return None;
+                }
+                has_grown || has_rested(path, RESTING)
+            }
+        };
+        Some(is_due && has_rested(path, SETTLED))
+    }
+
+    /// The picture, or none where it may be whole later.
+    fn read(&mut self, path: &Path) -> Option<Frame> {
+        let bytes = size(path); // Before it is read: what grows meanwhile has grown.
+        let frame = picture(path, self.number, self.clock);
+        if matches!(frame.content, Content::Unreadable(_)) {
+            let is_told = has_rested(path, RESTING);
+            self.taken.insert(path.to_path_buf(), Taken::Torn { bytes, is_told });
+            if !is_told {
+                return None;
+            }
+        }
+        self.number += 1;
+        Some(frame)
     }
 }
 
@@ -109,8 +157,7 @@ impl Source for Folder {
             }
         }
         let Some(path) = self.waiting.pop_front() else { return Next::Nothing };
-        self.number += 1;
-        Next::Frame(picture(&path, self.number - 1, self.clock))
+        self.read(&path).map_or(Next::Nothing, Next::Frame)
     }
 
     /// Its files wait on the disk.
@@ -150,8 +197,14 @@ fn is_picture(path: &Path) -> bool {
     !is_hidden && ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
-fn is_settled(path: &Path) -> bool {
+/// Whether nobody has written a file for so long.
+fn has_rested(path: &Path, time: Duration) -> bool {
     let age = std::fs::metadata(path).and_then(|data| data.modified()).map(|at| at.elapsed());
     // A time in the future is another clock's: nothing to wait for.
-    !matches!(age, Ok(Ok(age)) if age < SETTLED)
+    !matches!(age, Ok(Ok(age)) if age < time)
+}
+
+/// 0 of a file that is gone.
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |data| data.len())
 }

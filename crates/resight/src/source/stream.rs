@@ -25,7 +25,7 @@ pub struct StreamConfig {
     pub input_options: Vec<String>,
     /// Without a frame for this long the stream is lost, seconds; the first frame may take 15 s longer.
     pub lost_after_s: f64,
-    /// Whether the stream's end is the end of the source; otherwise it is opened again.
+    /// Whether the source ends where the stream ends or is lost; otherwise it is opened again.
     pub ends: bool,
 }
 
@@ -66,7 +66,7 @@ impl Stream {
     }
 
     fn connect(&self) -> Result<Connection, FileError> {
-        let options = self.address.input_options(self.config.lost_after_s);
+        let options = self.address.input_options(self.config.lost_after_s, self.ffmpeg.release);
         let options = [options, self.config.input_options.clone()].concat();
         let decoder = self.ffmpeg.decode(&options, OsStr::new(&self.address.input));
         let now = Instant::now();
@@ -91,7 +91,7 @@ impl Stream {
                 Some((connection.clock.last_s(), Content::Unreadable(reason)))
             }
             Decoded::Resized { from_px, to_px } => return Err(Gone::Lost(resized(from_px, to_px))),
-            Decoded::End(_) => return Err(Gone::Ended(self.last_words(connection))),
+            Decoded::End(reason) => return Err(Gone::Ended(self.last_words(connection, reason))),
             Decoded::Nothing => None,
         };
         if came.is_some() {
@@ -100,29 +100,26 @@ impl Stream {
         }
         let patience_s = self.config.lost_after_s + if connection.has_given { 0.0 } else { OPENING_S };
         if Duration::from_secs_f64(patience_s) < connection.alive.elapsed() {
-            return Err(Gone::Lost(format!("no frame for {patience_s} s{}", self.last_words(connection))));
+            let words = self.last_words(connection, None);
+            return Err(Gone::Lost(format!("no frame for {patience_s} s{words}")));
         }
         Ok(None)
     }
 
-    /// In brackets.
-    fn last_words(&self, connection: &Connection) -> String {
-        connection
-            .decoder
-            .last_words()
-            .map_or(String::new(), |words| format!(" ({})", self.address.hide(&words)))
+    /// In brackets: our own reason before ffmpeg's.
+    fn last_words(&self, connection: &Connection, reason: Option<String>) -> String {
+        let words = reason.or_else(|| connection.decoder.last_words());
+        words.map_or(String::new(), |words| format!(" ({})", self.address.hide(&words)))
     }
 
+    /// Who wants an end gets it with the first loss: a camera that says nothing would be opened for ever.
     fn lost(&mut self, gone: Gone, has_given: bool) -> Next {
         self.is_over = self.config.ends;
         let reason = match gone {
             Gone::Ended(_) if self.config.ends && has_given => return Next::End,
             Gone::Ended(words) if has_given => format!("the stream ended{words}"),
             Gone::Ended(words) => format!("no stream{words}"),
-            Gone::Lost(reason) => {
-                self.is_over = false;
-                reason
-            }
+            Gone::Lost(reason) => reason,
         };
         Next::Lost(FileError::new(&self.address.shown, reason))
     }
@@ -144,7 +141,10 @@ impl Source for Stream {
         let connected = self.connection.take().map_or_else(|| self.connect(), Ok);
         let mut connection = match connected {
             Ok(connection) => connection,
-            Err(reason) => return Next::Lost(reason),
+            Err(reason) => {
+                self.is_over = self.config.ends;
+                return Next::Lost(reason);
+            }
         };
         match self.look(&mut connection, patience) {
             Err(gone) => self.lost(gone, connection.has_given),

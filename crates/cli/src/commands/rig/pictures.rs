@@ -116,26 +116,29 @@ fn watch(
 ) -> Result<()> {
     let mut frames = Video::open(path)?.enumerate();
     let size = 4 * rayon::current_num_threads();
-    loop {
+    while let Some(block) = block(&mut frames, size) {
         let mut jobs = Vec::with_capacity(size);
-        for (number, frame) in frames.by_ref().take(size) {
+        for (number, frame) in block {
+            let name = number.to_string();
             match frame {
-                Ok(image) => {
-                    jobs.push(Job { camera, name: number.to_string(), image: Source::Memory(image) })
-                }
+                Ok(image) => jobs.push(Job { camera, name, image: Source::Memory(image) }),
                 Err(reason) => collected.left_out.push(LeftOut {
                     camera: collected.cameras[camera].name.clone(),
-                    view: number.to_string(),
+                    view: name,
                     what: "frame".into(),
                     reason: reason.to_string(),
                 }),
             }
         }
-        if jobs.is_empty() {
-            return Ok(());
-        }
         detect(args, &jobs, lenses, collected)?;
     }
+    Ok(())
+}
+
+/// The next so many; none at the end. A block in which nothing could be decoded is not the end.
+fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>> {
+    let block: Vec<T> = frames.take(size).collect();
+    (!block.is_empty()).then_some(block)
 }
 
 /// Looks for every target in a list of frames, on all cores.
@@ -278,4 +281,19 @@ fn stamp(times: &Times, collected: &mut Collected) -> Result<()> {
         );
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight damaged frames in a row are a whole block; what follows them belongs to the video all the same.
+    #[test]
+    fn a_block_of_damaged_frames_is_not_the_end() {
+        let mut frames = (0..21).map(|i| if (4..14).contains(&i) { Err(i) } else { Ok(i) });
+        let blocks: Vec<Vec<Result<i32, i32>>> = std::iter::from_fn(|| block(&mut frames, 4)).collect();
+        assert!(blocks[1..3].iter().all(|block| block.iter().all(Result::is_err)));
+        assert_eq!(blocks.iter().map(Vec::len).collect::<Vec<_>>(), [4, 4, 4, 4, 4, 1]);
+        assert_eq!(blocks.concat().len(), 21);
+    }
 }

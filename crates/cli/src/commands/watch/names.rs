@@ -124,8 +124,10 @@ pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec
             None if i < names.len() => Some(i),
             None => None,
         };
+        // What stands behind `=` may hold a password.
         let place = place.with_context(|| {
-            format!("{flag} {argument}: there is no such name; there are {}", names.join(", "))
+            let shown = name.map_or("…".to_string(), |name| format!("{name}=…"));
+            format!("{flag} {shown}: there is no such name; there are {}", names.join(", "))
         })?;
         if values[place].replace(value.to_string()).is_some() {
             bail!("{flag} is given twice for {}; once is needed", names[place]);

@@ -57,6 +57,13 @@ fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool)
         let config = StreamConfig { input_options, lost_after_s: args.lost_after_s, ends: once };
         return Ok(Box::new(Stream::open(value, config)?));
     }
+    if value.contains("://") && !path.exists() {
+        // What stands behind may hold a password.
+        let before = value.split("://").next().unwrap_or_default();
+        bail!(
+            "--source of camera {name}: `{before}://…` is no address; its protocol is written in small letters, as in rtsp://…"
+        );
+    }
     let clock = args.period_s.map_or(Clock::Taken, Clock::Every);
     if path.is_dir() {
         let folder = Folder::open(path, clock)?;
@@ -92,7 +99,9 @@ fn input_options(given: &[String], name: &str, names: &[String]) -> Result<Vec<S
             _ => (None, argument.as_str()),
         };
         if whose.is_none_or(|whose| whose == name) {
-            all.extend(words(options).with_context(|| format!("--ffmpeg-input-options {argument}"))?);
+            // Options may hold a password.
+            let shown = whose.map_or("…".to_string(), |whose| format!("{whose}=…"));
+            all.extend(words(options).with_context(|| format!("--ffmpeg-input-options {shown}"))?);
         }
     }
     Ok(all)
@@ -137,5 +146,30 @@ mod tests {
         let given = ["-t 60".to_string(), "door=-framerate 5".to_string()];
         let of = |name: &str| input_options(&given, name, &names).expect("options").join(" ");
         assert_eq!((of("gate").as_str(), of("door").as_str()), ("-t 60", "-t 60 -framerate 5"));
+    }
+
+    /// Not even in what is said of a typing error.
+    #[test]
+    fn passwords_are_not_shown() {
+        let args = |source: &str, options: &str| SourceArgs {
+            source: vec![source.to_string()],
+            period_s: None,
+            lost_after_s: 1.0,
+            ffmpeg_input_options: vec![options.to_string()],
+        };
+        let names = ["gate".to_string()];
+        for (source, options, said) in [
+            ("gaet=rtsp://me:secret@cam/x", "", "--source gaet=…: there is no such name; there are gate"),
+            ("gate=RTSP://me:secret@cam/x", "", "--source of camera gate: `RTSP://…` is no address"),
+            ("gate=rtsp://cam/x", "gate=-headers 'X: secret", "--ffmpeg-input-options gate=…: a ' is not"),
+            ("gate=rtsp://cam/x", "-headers 'X: secret", "--ffmpeg-input-options …: a ' is not closed"),
+        ] {
+            let told = open(&args(source, options), &names, true).err().expect("refused");
+            let told = format!("{told:#}");
+            assert!(told.starts_with(said) && !told.contains("secret"), "{told}");
+        }
+        let more = ["rtsp://cam/x".to_string(), "rtsp://me:secret@cam/x".to_string()];
+        let told = by_name("--source", &more, &names).err().expect("refused").to_string();
+        assert_eq!(told, "--source …: there is no such name; there are gate");
     }
 }

@@ -17,8 +17,13 @@ pub(super) enum Told {
         /// Columns and rows.
         size_px: [u32; 2],
     },
-    /// The frame that goes out next was pieced together from damaged data.
+    /// The frame that the decoder gives next was pieced together from damaged data.
     CorruptFrame(String),
+    /// The decoder gives a frame.
+    Decoded {
+        /// Its presentation time; none where the stream states none.
+        time_s: Option<f64>,
+    },
     /// Data that gave no frame.
     NoFrame(String),
 }
@@ -31,16 +36,32 @@ const GAVE_NO_FRAME: [&str; 4] = [
     "partial file",
 ];
 
-/// What a line says of the frames, if anything.
-pub(super) fn told(line: &str) -> Option<Told> {
-    if let Some((_, shown)) = line.split_once("Parsed_showinfo") {
-        return time_base(shown).or_else(|| frame(shown));
+/// What the decoder says of a frame that was pieced together.
+const CORRUPT: &str = "corrupt decoded frame";
+
+/// What a line says of the frames. Two threads may share one: the filter begins it, the decoder ends it, without its marks.
+pub(super) fn told(line: &str) -> Vec<Told> {
+    let shown = line.split_once("Parsed_showinfo").map(|(_, shown)| shown);
+    let of_filter = shown.and_then(|shown| time_base(shown).or_else(|| frame(shown)));
+    of_filter.into_iter().chain(of_decoder(line)).collect()
+}
+
+fn of_decoder(line: &str) -> Option<Told> {
+    if line.contains(CORRUPT) {
+        return Some(Told::CorruptFrame(complaint(line).unwrap_or_else(|| CORRUPT.to_string())));
+    }
+    if let Some((_, given)) = line.split_once("decoder -> pts:") {
+        return Some(Told::Decoded { time_s: decoded_s(given) });
     }
     let complaint = complaint(line)?;
-    if complaint.contains("corrupt decoded frame") {
-        return Some(Told::CorruptFrame(complaint));
-    }
     GAVE_NO_FRAME.iter().any(|words| complaint.contains(words)).then_some(Told::NoFrame(complaint))
+}
+
+/// `171000 pts_time:1.9 … time_base:1/90000`; without a stamp `NOPTS …`. The time itself is rounded there.
+fn decoded_s(given: &str) -> Option<f64> {
+    let ticks: i64 = given.split_whitespace().next()?.parse().ok()?;
+    let (_, base) = given.rsplit_once("time_base:")?;
+    Some(ratio(base.split_whitespace().next()?)? * ticks as f64)
 }
 
 /// What went wrong, without the marks before it; none where the line is no complaint.
@@ -54,9 +75,14 @@ pub(super) fn complaint(line: &str) -> Option<String> {
 /// `config in time_base: 1/90000, frame_rate: 25/1`
 fn time_base(shown: &str) -> Option<Told> {
     let (_, after) = shown.split_once("config in time_base: ")?;
-    let (ticks, seconds) = after.split(',').next()?.trim().split_once('/')?;
-    let seconds = ticks.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
-    (seconds.is_finite() && 0.0 < seconds).then_some(Told::TimeBase { seconds })
+    ratio(after.split(',').next()?.trim()).map(|seconds| Told::TimeBase { seconds })
+}
+
+/// `1/90000`
+fn ratio(text: &str) -> Option<f64> {
+    let (over, under) = text.split_once('/')?;
+    let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
+    (ratio.is_finite() && 0.0 < ratio).then_some(ratio)
 }
 
 /// `n:   7 pts:   3570 pts_time:0.297 … s:640x480 i:P …`; without a stamp `pts:  NOPTS`.
@@ -76,22 +102,19 @@ mod tests {
     #[test]
     fn stamps_and_sizes_are_read() {
         let line = "[Parsed_showinfo_0 @ 0x55] [info] config in time_base: 1/90000, frame_rate: 25/1";
-        assert_eq!(told(line), Some(Told::TimeBase { seconds: 1.0 / 90000.0 }));
-        assert_eq!(
-            told("[Parsed_showinfo_0 @ 0x55] [info] config out time_base: 0/0, frame_rate: 0/0"),
-            None
-        );
+        assert_eq!(told(line), [Told::TimeBase { seconds: 1.0 / 90000.0 }]);
+        assert_eq!(told("[Parsed_showinfo_0 @ 0x55] [info] config out time_base: 0/0, frame_rate: 0/0"), []);
         let of_5_1 = "[Parsed_showinfo_0 @ 0x55] [info] n:   7 pts:   3570 pts_time:0.297  pos:  48 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:1 type:I ";
         let of_9 = "[Parsed_showinfo_0 @ 0x7f] [info] n:  20 pts:   3570 pts_time:1.7     duration:     33 duration_time:0.033   fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:0 type:P ";
         for (line, number) in [(of_5_1, 7), (of_9, 20)] {
             let frame = Told::Frame { number, ticks: Some(3570), size_px: [640, 480] };
-            assert_eq!(told(line), Some(frame), "{line}");
+            assert_eq!(told(line), [frame], "{line}");
         }
         let without =
             "[Parsed_showinfo_0 @ 0x55] [info] n:   0 pts:  NOPTS pts_time:NOPTS fmt:gray sar:0/1 s:2x3 i:P";
-        assert_eq!(told(without), Some(Told::Frame { number: 0, ticks: None, size_px: [2, 3] }));
+        assert_eq!(told(without), [Told::Frame { number: 0, ticks: None, size_px: [2, 3] }]);
         for other in ["[Parsed_showinfo_0 @ 0x55] [info]   side data - User Data", "[info] frame=  12", ""] {
-            assert_eq!((told(other), complaint(other)), (None, None), "{other}");
+            assert_eq!((told(other), complaint(other)), (Vec::new(), None), "{other}");
         }
     }
 
@@ -103,13 +126,35 @@ mod tests {
             "Connection to tcp://h:1 failed: refused"
         );
         let torn = "[warning] tcp://h:1: corrupt decoded frame in stream 0";
-        assert!(matches!(told(torn), Some(Told::CorruptFrame(words)) if words.ends_with("in stream 0")));
+        assert!(matches!(&told(torn)[..], [Told::CorruptFrame(words)] if words.ends_with("in stream 0")));
         for lost in [
             "[error] Error while decoding stream #0:0: Invalid data found when processing input",
             "[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] Error submitting packet to decoder: Invalid data found",
         ] {
-            assert!(matches!(told(lost), Some(Told::NoFrame(words)) if words.starts_with("Error")), "{lost}");
+            assert!(
+                matches!(&told(lost)[..], [Told::NoFrame(words)] if words.starts_with("Error")),
+                "{lost}"
+            );
         }
-        assert_eq!(told("[h264 @ 0x5] [error] error while decoding MB 6 3"), None);
+        assert_eq!(told("[h264 @ 0x5] [error] error while decoding MB 6 3"), []);
+    }
+
+    /// As release 9 says it with `-debug_ts`, on a line of its own or behind what the filter had begun.
+    #[test]
+    fn what_the_decoder_gives_is_read() {
+        let given = "decoder -> pts:171000 pts_time:1.9 pkt_dts:NOPTS pkt_dts_time:NOPTS duration:9000 keyframe:0 frame_type:2 time_base:1/90000 \n";
+        let decoded = |time_s| Told::Decoded { time_s };
+        let alone = format!("[vist#0:0/h264 @ 0x56] [dec:h264 @ 0x57] [info] {given}");
+        assert_eq!(told(&alone), [decoded(Some(171_000.0 * (1.0 / 90000.0)))]);
+        let without = alone.replace("pts:171000", "pts:NOPTS");
+        assert_eq!(told(&without), [decoded(None)]);
+        let begun = "[Parsed_showinfo_0 @ 0x7f] [info] n:  18 pts: 162000 pts_time:1.8 fmt:yuv420p s:320x240 i:P type:P ";
+        let shown = Told::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240] };
+        assert_eq!(
+            told(&format!("{begun}{given}"))[..],
+            [shown.clone(), decoded(Some(171_000.0 * (1.0 / 90000.0)))]
+        );
+        let torn = Told::CorruptFrame(CORRUPT.to_string());
+        assert_eq!(told(&format!("{begun}{CORRUPT}\n")), [shown, torn]);
     }
 }

@@ -1,5 +1,7 @@
 //! Where a stream is, what ffmpeg needs to be told about it, and what of it may be shown.
 
+use super::super::ffmpeg::Release;
+
 /// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`).
 pub fn is_stream(source: &str) -> bool {
     scheme(source).is_some() || is_device(source)
@@ -26,14 +28,19 @@ impl Address {
     }
 
     /// Options for the input: little waiting, and an end to waiting for ever.
-    pub fn input_options(&self, patience_s: f64) -> Vec<String> {
+    pub fn input_options(&self, patience_s: f64, release: Release) -> Vec<String> {
         let patience_us = format!("{:.0}", 1e6 * patience_s);
         let specific: &[&str] = match scheme(&self.input) {
             None => &["-f", "v4l2"],
             // Without TCP, lost packets tear frames.
-            Some("rtsp" | "rtsps") => {
-                &["-rtsp_transport", "tcp", "-allowed_media_types", "video", "-timeout", &patience_us]
-            }
+            Some("rtsp" | "rtsps") => &[
+                "-rtsp_transport",
+                "tcp",
+                "-allowed_media_types",
+                "video",
+                release.rtsp_patience(),
+                &patience_us,
+            ],
             Some("http" | "https" | "tcp" | "tls" | "udp" | "rtmp" | "rtmps" | "rtmpt") => {
                 &["-rw_timeout", &patience_us]
             }
@@ -111,11 +118,14 @@ mod tests {
 
     #[test]
     fn each_protocol_gets_its_own_options() {
-        let options = |given: &str| Address::new(given).input_options(2.5).join(" ");
-        assert!(
-            options("rtsp://cam/x")
-                .ends_with("-rtsp_transport tcp -allowed_media_types video -timeout 2500000")
-        );
+        let of = |version: &str, given: &str| {
+            let release = Release::read(&format!("ffmpeg version {version} Copyright"));
+            Address::new(given).input_options(2.5, release).join(" ")
+        };
+        let options = |given: &str| of("5.1.9", given);
+        let rtsp = "-rtsp_transport tcp -allowed_media_types video";
+        assert!(options("rtsp://cam/x").ends_with(&format!("{rtsp} -timeout 2500000")));
+        assert!(of("4.4.2", "rtsps://cam/x").ends_with(&format!("{rtsp} -stimeout 2500000")));
         assert!(options("http://cam/x").ends_with("-rw_timeout 2500000"));
         assert!(options("/dev/video0").ends_with("-f v4l2"));
         assert!(options("srt://cam:9000").ends_with("-analyzeduration 1000000"));

@@ -20,6 +20,8 @@ const FLUSH: Duration = Duration::from_secs(1);
 const RETRY: Duration = Duration::from_secs(1);
 /// A disk that is too slow all the time is not told all the time.
 const SAYING: Duration = Duration::from_secs(60);
+/// Chunks of one file, a day of them: what its index takes in memory until it is closed stays below about 20 MB.
+const CHUNKS: u64 = 86_400;
 /// Names tried beside an existing file.
 const NAMES: usize = 10_000;
 
@@ -249,6 +251,9 @@ impl Disk {
         self.flushed = Instant::now();
         let flushed = self.writer.as_mut().map_or(Ok(()), RosWriter::flush);
         self.check(flushed);
+        if self.writer.as_ref().is_some_and(|writer| CHUNKS <= writer.chunks()) {
+            self.finish(); // The next item begins a new file.
+        }
     }
 
     fn finish(&mut self) {
@@ -340,5 +345,29 @@ mod tests {
         let topics: Vec<&str> = all.iter().map(|(topic, _)| topic.as_str()).collect();
         assert_eq!(topics, ["/tf_static", "/diagnostics", "/tf"]);
         assert!(all.iter().all(|(_, at_ns)| *at_ns == time_ns), "{all:?}");
+    }
+
+    /// A day of flushes: the file is closed, so that its index need not be kept, and the next item begins another.
+    #[test]
+    fn a_long_session_begins_a_new_file() {
+        let folder = std::env::temp_dir().join(format!("resight-long-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let path = folder.join("poses.mcap");
+        let mut disk = Disk::new(&path, &Log::default());
+        disk.begin(create(&path).expect("a file")).expect("begun");
+        let item = |i| Item::Diagnostics(Some(i), Vec::new());
+        for i in 0..CHUNKS {
+            assert!(disk.writer.is_some(), "{i}");
+            disk.take(&item(i));
+            disk.flush();
+        }
+        assert!(disk.writer.is_none());
+        let bytes = std::fs::read(&path).expect("the first file");
+        assert!(bytes.ends_with(b"\x89MCAP0\r\n"), "it is closed");
+        disk.failed = Instant::now().checked_sub(RETRY).unwrap_or(disk.failed);
+        disk.take(&item(CHUNKS));
+        assert!(disk.writer.is_some() && folder.join("poses-2.mcap").exists());
+        drop(disk);
+        std::fs::remove_dir_all(&folder).expect("removed");
     }
 }
