@@ -169,7 +169,7 @@ mod tests {
             assert!(told.starts_with(said) && !told.contains("secret"), "{told}");
         }
         let more = ["rtsp://cam/x".to_string(), "rtsp://me:secret@cam/x".to_string()];
-        let told = by_name("--source", &more, &names).err().expect("refused").to_string();
+        let told = by_name("--source", &more, &names).expect_err("refused").to_string();
         assert_eq!(told, "--source …: there is no such name; there are gate");
     }
 }
