@@ -20,7 +20,7 @@ use super::axis::DAY_S;
 use super::{Drift, MOSTLY, MonitorConfig, NOT_POSITIVE, SHARE_OVER, Watch, check, is_likely};
 use crate::consistency::Consistency;
 use crate::frames::chi_square::tail;
-use crate::{Error, Matrix6, Pose, Vector6};
+use crate::{Error, Matrix6, Pose};
 use evidence::Evidence;
 use filter::{Carried, Innovation, RigFilter};
 use held::{Held, Moment};
@@ -271,9 +271,8 @@ impl RigMonitor {
     fn matters(&self, open: &Open) -> bool {
         let cameras = open.attribution.moved.iter().map(|moved| self.own_covariance(moved.node));
         let mut drifts = cameras.zip(&open.drifts);
-        drifts.any(|(own, drift)| {
-            Drift { covariance: drift.covariance + own, ..*drift }.matters(&self.config)
-        })
+        drifts
+            .any(|(own, drift)| Drift { covariance: drift.covariance + own, ..*drift }.matters(&self.config))
     }
 
     /// Who explains the evidence, and how far they moved.
