@@ -139,11 +139,20 @@ fn config(decisions: f64) -> MonitorConfig {
 
 /// A rig that has learned where its cameras are.
 fn learned(scene: &mut Scene, moments: usize, config: &MonitorConfig) -> RigMonitor {
+    learned_with(scene, moments, config, &lasting())
+}
+
+fn learned_with(
+    scene: &mut Scene,
+    moments: usize,
+    config: &MonitorConfig,
+    lasting: &LearnConfig,
+) -> RigMonitor {
     let lens = lens();
     let seen: Vec<(f64, Vec<Seen>)> = (0..moments).map(|_| scene.next(|_| Vector6::zeros())).collect();
     let all: Vec<RigMoment> = seen.iter().map(|seen| moment(&lens, seen)).collect();
     let lenses = vec![lens.clone(); scene.places.len()];
-    let reference = learn_rig(&lenses, &all, &lasting()).expect("a rig");
+    let reference = learn_rig(&lenses, &all, lasting).expect("a rig");
     RigMonitor::new(&reference, config, seen[moments - 1].0).expect("a sentry")
 }
 
@@ -298,4 +307,40 @@ fn what_cannot_be_is_named_or_left_out() {
     assert!(RigMonitor::new(&silent, &MonitorConfig::default(), 0.0).is_err());
     let few = learn_rig(&[lens(), lens()], &[], &lasting());
     assert_eq!(few.err(), Some(Error::TooFewPoints { seen: 0, needed: 20 }));
+}
+
+/// Who moved could be said of any three outliers; here they contradict each other in how far.
+#[test]
+fn three_outliers_in_a_row_that_disagree_are_no_drift() {
+    let lens = lens();
+    let mut outliers = 0;
+    for run in 0..20 {
+        let mut scene = Scene::new(4, 0x3a_0000 + run);
+        let mut sentry = learned(&mut scene, 60, &MonitorConfig::default());
+        for i in 0..30 {
+            let strays = |c| c == 1 && (10..13).contains(&i);
+            let motion = |c| if strays(c) { Vector6::ith(i % 3, 0.09) } else { Vector6::zeros() };
+            let seen = scene.next(motion);
+            sentry.push(&moment(&lens, &seen));
+            assert!(sentry.moved().moved.is_empty(), "run {run}, moment {i}: {:?}", sentry.moved());
+        }
+        outliers += sentry.outliers;
+    }
+    assert!(30 <= outliers, "{outliers} of at most 60 were seen as outliers");
+}
+
+/// A lasting error stated of turns alone has a covariance without a root of full rank; the sentry watches all the same.
+#[test]
+fn an_error_of_turns_alone_can_be_stated() {
+    let lens = lens();
+    let mut scene = Scene::new(4, 0x70_0000);
+    let mut stated = lasting();
+    (3..6).for_each(|i| stated.bias[(i, i)] = 0.0);
+    let mut sentry = learned_with(&mut scene, 60, &MonitorConfig::default(), &stated);
+    for i in 0..20 {
+        let seen = scene.next(|c| if c == 2 && 5 <= i { Vector6::ith(1, 0.09) } else { Vector6::zeros() });
+        sentry.push(&moment(&lens, &seen));
+    }
+    let nodes: Vec<usize> = sentry.moved().moved.iter().map(|moved| moved.node).collect();
+    assert_eq!(nodes, [2]);
 }

@@ -55,7 +55,7 @@ pub struct Attribution {
 const ACCEPTED: f64 = 1e-4;
 /// or when it leaves no more than this share of what there was to explain, and no larger set is clearly better: two hundredths of the
 /// motion, which grow with it (a lens, the size of a target). It is a square: 2 % of χ² would hide a motion of a seventh.
-pub(super) const NEGLIGIBLE: f64 = 4e-4;
+const NEGLIGIBLE: f64 = 4e-4;
 /// A rival's χ² may be larger by this much: odds of 8000 to 1.
 const ABOUT_AS_WELL: f64 = 18.0;
 /// Sets looked at.

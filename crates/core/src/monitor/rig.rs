@@ -214,7 +214,7 @@ impl RigMonitor {
             self.decide();
             return;
         }
-        let (passed, dropped) = self.held.push(moment, &ahead, &innovation, self.typical.variances());
+        let (passed, dropped) = self.held.push(moment, &self.filter, &innovation, self.typical.variances());
         self.outliers += dropped;
         // Seen one after the other, told at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);

@@ -7,7 +7,6 @@ use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
 use super::which::{explained, which};
 use crate::frames::chi_square::tail;
-use crate::monitor::attribute::NEGLIGIBLE;
 use nalgebra::DVector;
 
 /// What the cameras saw at one time, a star for each target.
@@ -25,6 +24,9 @@ impl Moment {
 
 /// Surprising moments that agree.
 const CONFIRM: usize = 3;
+/// Share of χ² that one motion may leave of moments that agree: they differ by less than a third of it, as frames do that were not taken at
+/// quite one time. Of three outliers that have nothing to do with each other their mean leaves two thirds.
+const SCATTER: f64 = 0.1;
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Held {
@@ -50,7 +52,7 @@ impl Held {
         (before - self.waiting.len()) as u64
     }
 
-    /// A surprising moment: what passes now, and how many are given up. `filter` is at its time.
+    /// A surprising moment: what passes now, and how many are given up. `filter` is as the last moment that passed left it.
     pub fn push(
         &mut self,
         moment: Moment,
@@ -94,6 +96,7 @@ impl Held {
         let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical));
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
         for (moment, _) in &self.waiting {
+            onset.predict(&filter.predict(moment.t_s));
             let innovation = filter.innovation(&moment.stars)?;
             chi2 += innovation.chi2();
             degrees_of_freedom += innovation.degrees_of_freedom();
@@ -103,7 +106,7 @@ impl Held {
         let attribution = which(onset.gathered(0), 1);
         let mut cameras: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
         let left = chi2 - explained(onset.gathered(0), &cameras);
-        let is_one_motion = left < NEGLIGIBLE * chi2
+        let is_one_motion = left < SCATTER * chi2
             || SURPRISE < tail(degrees_of_freedom.saturating_sub(6 * cameras.len()).max(1), left.max(0.0));
         cameras.extend(attribution.rivals.iter().flatten());
         (attribution.is_explained && is_one_motion).then_some(cameras)
