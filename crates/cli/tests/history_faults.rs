@@ -289,7 +289,8 @@ fn a_log_that_cannot_be_written_stops_nothing() {
     session.wait_until("frames go on", |session| 2000 < session.n_said());
     // Long enough for several commits: the disk is full, and said to be.
     std::thread::sleep(Duration::from_secs(1));
-    assert!(stored(&session).is_some_and(|stored| stored["frames"].as_u64() < Some(2000)));
+    // On a busy machine the first commit may be too large already.
+    assert!(stored(&session).is_none_or(|stored| stored["frames"].as_u64() < Some(2000)));
     lift_limit(&session);
     session.wait_until("stored", |session| stored(session).is_some_and(|stored| stored["frames"] == 2000));
     assert_eq!(session.end(), 0);
