@@ -25,7 +25,7 @@ pub use test::DriftNoise;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use gate::{Gate, Passed};
-use log_sum::LogSum;
+use log_sum::{LogSum, Scaled};
 use test::DriftTest;
 
 /// What counts as an alarm, and as seeing nothing.

@@ -8,14 +8,15 @@
 //!   Λ = (1 + Γ D)^(−½) exp(½ Γ C²/(1 + Γ D))  likelihood ratio, the change's size having variance Γ
 //!   R = Σ w Λ over onsets and changes; while nothing happens E R grows by one a step, so E T ≥ A when R = A is the alarm
 //! ```
-//! Λ, w and R are kept by their logarithms: no change is so gross that they leave the range of numbers.
+//! Λ, w and R are kept by their exponents: no change is so gross that they leave the range of numbers.
 //! Derivation: docs/math/monitor.md eqs. (5)–(12).
 
-use super::LogSum;
 use super::axis::{Innovation, Transition, read};
+use super::{LogSum, Scaled};
 use crate::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix6, Vector4, Vector6};
+use std::sync::LazyLock;
 
 /// Coordinates of a small motion.
 pub(super) const AXES: usize = 6;
@@ -33,6 +34,9 @@ const CHANGES: usize = AXES + 1;
 const COURSE_WEIGHTS: [f64; COURSES.len()] = [0.9, 0.1];
 /// And of the changes: mounts turn (three directions), shift less often (three), or do it all at once.
 const CHANGE_WEIGHTS: [f64; CHANGES] = [0.2, 0.2, 0.2, 1.0 / 15.0, 1.0 / 15.0, 1.0 / 15.0, 0.2];
+/// ln w of an onset that begins.
+static LOG_WEIGHTS: LazyLock<[[f64; CHANGES]; COURSES.len()]> =
+    LazyLock::new(|| COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| (course * change).ln())));
 
 /// How a change goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,11 +82,7 @@ struct Onset {
 impl Onset {
     fn new(t_s: f64) -> Self {
         let jump = Gathered { signature: Vector4::x(), ..Gathered::default() };
-        Onset {
-            t_s,
-            gathered: [[jump; AXES], [Gathered::default(); AXES]],
-            log_weights: COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| (course * change).ln())),
-        }
+        Onset { t_s, gathered: [[jump; AXES], [Gathered::default(); AXES]], log_weights: *LOG_WEIGHTS }
     }
 
     fn predict(&mut self, transitions: &[Transition; AXES]) {
@@ -96,44 +96,64 @@ impl Onset {
         }
     }
 
-    /// ln Λ of every change of one course.
-    fn log_ratios(&self, course: usize, directions: &Matrix6<f64>) -> [f64; CHANGES] {
+    /// Λ of every change of one course.
+    fn ratios(&self, course: usize, directions: &Directions) -> [Scaled; CHANGES] {
         let (gathered, variance) = (&self.gathered[course], SIZES[course].powi(2));
-        let all: f64 = gathered.iter().map(|g| log_ratio(variance, g.score, g.information)).sum();
-        let mut ratios = [all; CHANGES];
-        for direction in 0..AXES {
-            let (mut score, mut information) = (0.0, 0.0);
-            for axis in 0..AXES {
-                let u = directions[(axis, direction)];
-                score += u * gathered[axis].score;
-                information += u * u * gathered[axis].information;
-            }
-            ratios[direction] = log_ratio(variance, score, information);
+        let (mut score, mut information) = (Vector6::zeros(), Vector6::zeros());
+        let (mut along, mut squared) = (Vector6::zeros(), Vector6::zeros());
+        for (axis, gathered) in gathered.iter().enumerate() {
+            (score[axis], information[axis]) = (gathered.score, gathered.information);
+            along += directions.by_axis.column(axis) * gathered.score;
+            squared += directions.squares.column(axis) * gathered.information;
         }
-        ratios
+        let of_axes = ratios(variance, &score, &information);
+        let all = Scaled { exponent: of_axes.0.sum(), factor: of_axes.1.product().sqrt() };
+        let (exponents, shrinkages) = ratios(variance, &along, &squared);
+        let mut of_changes = [all; CHANGES];
+        for direction in 0..AXES {
+            of_changes[direction] =
+                Scaled { exponent: exponents[direction], factor: shrinkages[direction].sqrt() };
+        }
+        of_changes
     }
 
-    /// ln wΛ of every change of one course.
-    fn log_masses(&self, course: usize, directions: &Matrix6<f64>) -> [f64; CHANGES] {
-        let ratios = self.log_ratios(course, directions);
-        std::array::from_fn(|change| self.log_weights[course][change] + ratios[change])
+    /// wΛ of every change of one course.
+    fn masses(&self, course: usize, directions: &Directions) -> [Scaled; CHANGES] {
+        let mut masses = self.ratios(course, directions);
+        masses.iter_mut().zip(&self.log_weights[course]).for_each(|(mass, log_w)| mass.exponent += log_w);
+        masses
     }
 
     /// What an onset that goes is worth is added to this one: (12).
-    fn inherit(&mut self, gone: &Onset, directions: &Matrix6<f64>) {
+    fn inherit(&mut self, gone: &Onset, directions: &Directions) {
         for course in 0..COURSES.len() {
-            let (stays, goes) = (self.log_ratios(course, directions), gone.log_masses(course, directions));
+            let (stays, goes) = (self.ratios(course, directions), gone.masses(course, directions));
             for (change, log_weight) in self.log_weights[course].iter_mut().enumerate() {
-                *log_weight = LogSum::of([*log_weight, goes[change] - stays[change]]).ln();
+                *log_weight = LogSum::of([*log_weight, goes[change].ln() - stays[change].ln()]).ln();
             }
         }
     }
 }
 
-/// ln Λ.
-fn log_ratio(variance: f64, score: f64, information: f64) -> f64 {
-    let spread = 1.0 + variance * information;
-    0.5 * (variance * score * score / spread - spread.ln())
+/// Exponents of six Λ, and the squares of their factors.
+fn ratios(variance: f64, score: &Vector6<f64>, information: &Vector6<f64>) -> (Vector6<f64>, Vector6<f64>) {
+    let shrinkages = information.map(|d| 1.0 / (1.0 + variance * d));
+    (shrinkages.zip_map(score, |shrinkage, c| 0.5 * variance * c * c * shrinkage), shrinkages)
+}
+
+/// The directions looked along: unit changes of the motion's coordinates in whitened coordinates, of length one.
+#[derive(Debug, Clone, PartialEq)]
+struct Directions {
+    /// Columns: the whitened coordinates. Rows: the directions.
+    by_axis: Matrix6<f64>,
+    /// u².
+    squares: Matrix6<f64>,
+}
+
+impl Directions {
+    fn new(by_axis: Matrix6<f64>) -> Self {
+        Directions { by_axis, squares: by_axis.component_mul(&by_axis) }
+    }
 }
 
 /// What the readings say of a change.
@@ -157,13 +177,13 @@ pub(super) struct Change {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Onsets {
     onsets: ArrayVec<Onset, { ONSETS + 1 }>,
-    /// Columns: unit changes of the motion's coordinates in whitened coordinates, of length one.
-    directions: Matrix6<f64>,
+    directions: Directions,
 }
 
 impl Onsets {
+    /// Columns of `directions`: unit changes of the motion's coordinates in whitened coordinates, of length one.
     pub fn new(directions: Matrix6<f64>) -> Self {
-        Onsets { onsets: ArrayVec::new(), directions }
+        Onsets { onsets: ArrayVec::new(), directions: Directions::new(directions.transpose()) }
     }
 
     pub fn predict(&mut self, transitions: &[Transition; AXES]) {
@@ -181,16 +201,23 @@ impl Onsets {
                 gathered.iter_mut().zip(innovations).for_each(|(g, innovation)| g.add(innovation));
             }
         }
-        LogSum::of(self.onsets.iter().flat_map(|onset| self.log_masses(onset))).ln()
+        self.log_mass(&self.onsets)
     }
 
-    fn log_masses(&self, onset: &Onset) -> impl Iterator<Item = f64> + use<> {
-        [0, 1].map(|course| onset.log_masses(course, &self.directions)).into_iter().flatten()
+    /// ln Σ wΛ of these onsets.
+    fn log_mass(&self, onsets: &[Onset]) -> f64 {
+        let mut sum = LogSum::nothing();
+        for onset in onsets {
+            for course in 0..COURSES.len() {
+                onset.masses(course, &self.directions).into_iter().for_each(|mass| sum.add(mass));
+            }
+        }
+        sum.ln()
     }
 
     /// Probability of each onset and course, were one of them what happened.
     fn probabilities(&self) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
-        let log_mass = |onset: &Onset, course| LogSum::of(onset.log_masses(course, &self.directions)).ln();
+        let log_mass = |onset: &Onset, course| LogSum::of(onset.masses(course, &self.directions)).ln();
         let of = |onset: &Onset| [0, 1].map(|course| log_mass(onset, course));
         let log_masses: ArrayVec<_, { ONSETS + 1 }> = self.onsets.iter().map(of).collect();
         let all = LogSum::of(log_masses.iter().flatten().copied()).ln();
@@ -209,8 +236,7 @@ impl Onsets {
             return;
         };
         let mut gone = self.onsets.remove(first + 1);
-        let log_mass = |onset: &Onset| LogSum::of(self.log_masses(onset)).ln();
-        if log_mass(&self.onsets[first]) < log_mass(&gone) {
+        if self.log_mass(&self.onsets[first..=first]) < self.log_mass(std::slice::from_ref(&gone)) {
             std::mem::swap(&mut self.onsets[first], &mut gone);
         }
         self.onsets[first].inherit(&gone, &self.directions);
@@ -262,6 +288,16 @@ fn shift(gathered: &[Gathered; AXES], sigma: f64) -> (Vector6<f64>, Vector6<f64>
 numbers!(Gathered { signature, score, information });
 numbers!(Onset { t_s, gathered, log_weights });
 numbers!(Onsets { onsets, directions });
+
+impl Numbers for Directions {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        self.by_axis.put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Some(Directions::new(Matrix6::take(rest)?))
+    }
+}
 
 impl Numbers for Course {
     fn put(&self, numbers: &mut Vec<f64>) {
