@@ -5,7 +5,7 @@
 //! by a white dot before the tags are sought. And Kalibr's border is two cells wide; both borders are looked for.
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
-use super::apriltag::{DecodedTag, QuadDecoder};
+use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
@@ -79,7 +79,7 @@ impl AprilGridFinder {
         let decimate =
             if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
         let cut = cut_joints(image, &joints, decimate);
-        let tags = one_border(self.decoder.detect(&cut, decimate));
+        let tags = one_border(self.decoder.detect(&cut, decimate, Edges::FullSize));
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
         let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
         let decoded = tags.iter().flat_map(|tag| corners(tag, &joints));

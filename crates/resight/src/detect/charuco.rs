@@ -8,7 +8,7 @@
 //! 33 % of the corners of a real 4 × 5 board that this finds.
 
 use super::DetectError;
-use super::apriltag::{DecodedTag, QuadDecoder};
+use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{CornerWindow, Joint, joints, nearest};
@@ -60,7 +60,7 @@ impl CharucoFinder {
     fn markers(&mut self, image: &GrayImage) -> Vec<DecodedTag> {
         let mut best = Vec::new();
         for decimate in [2.0, 1.0] {
-            let mut seen = self.decoder.detect(image, decimate);
+            let mut seen = self.decoder.detect(image, decimate, Edges::FullSize);
             seen.iter_mut()
                 .filter(|m| MIRRORED[m.family])
                 .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));

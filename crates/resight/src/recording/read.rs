@@ -94,7 +94,7 @@ impl<R: Read + Seek> Recording<R> {
         Ok(Next::End)
     }
 
-    /// A chunk whose header is a placeholder: the next look reads it anew.
+    /// A chunk whose length is not filled in yet: the next look reads it anew.
     fn unfinished(&mut self) -> Result<Next, RecordingError> {
         self.reader = LinearReader::new_with_options(options().with_skip_start_magic(true));
         self.from.seek(SeekFrom::Start(self.at)).map_err(unread)?;
