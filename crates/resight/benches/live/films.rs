@@ -2,24 +2,27 @@
 
 use crate::cameras::{CAMERAS, RATE_HZ, pictures, target};
 use crate::live_support::{HEIGHT_PX, WIDTH_PX, watched};
+use resight::GrayImage;
 use resight::live::LiveCamera;
 use resight::source::video::Video;
 use resight::source::{Content, Frame, Next, Source};
-use resight::{FileError, GrayImage};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Seconds of a film; it is decoded again and again.
-const FILM_S: f64 = 20.0;
+/// Seconds that are encoded; a film repeats them, whole, for as long as is asked. One ffmpeg a camera decodes it from beginning to end:
+/// no camera starts programs while it runs.
+const SCENE_S: f64 = 20.0;
 
 pub fn cameras(seconds: f64) -> Result<Vec<LiveCamera>, String> {
     let camera = |i: usize| {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live-{i}.mp4"));
-        encode(i, &path)?;
-        Ok(watched(&target(i), Camera::new(path, (seconds * RATE_HZ) as u64)))
+        let file = |name: &str| Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live-{name}-{i}.mp4"));
+        let (scene, film) = (file("scene"), file("film"));
+        encode(i, &scene)?;
+        repeat(&scene, &film, seconds)?;
+        let video = Video::open(&film).map_err(|reason| reason.to_string())?;
+        Ok(watched(&target(i), Camera::new(video, (seconds * RATE_HZ) as u64)))
     };
     (0..CAMERAS).map(camera).collect()
 }
@@ -39,7 +42,7 @@ fn encode(camera: usize, path: &Path) -> Result<(), String> {
         .map_err(|reason| format!("ffmpeg cannot be started: {reason}"))?;
     let pictures = pictures(camera);
     let mut pipe = encoder.stdin.take().ok_or("ffmpeg takes no input")?;
-    for i in 0..(FILM_S * RATE_HZ) as usize {
+    for i in 0..(SCENE_S * RATE_HZ) as usize {
         let picture = &pictures[i % pictures.len()];
         pipe.write_all(&picture.data).map_err(|reason| format!("ffmpeg takes no more: {reason}"))?;
     }
@@ -48,39 +51,27 @@ fn encode(camera: usize, path: &Path) -> Result<(), String> {
     if ended.success() { Ok(()) } else { Err("ffmpeg has no libx264".to_string()) }
 }
 
-/// A film given frame by frame as a camera would, again and again.
+/// Writes a film of at least these seconds, the scene again and again.
+fn repeat(scene: &Path, film: &Path, seconds: f64) -> Result<(), String> {
+    let again = (seconds / SCENE_S).ceil() as u64;
+    let mut copier = Command::new("ffmpeg");
+    copier.args(["-nostdin", "-v", "fatal", "-y", "-stream_loop", &again.to_string(), "-i"]).arg(scene);
+    let copied = copier.args(["-c", "copy"]).arg(film).status().map_err(|reason| reason.to_string())?;
+    if copied.success() { Ok(()) } else { Err("ffmpeg cannot repeat a film".to_string()) }
+}
+
+/// A film given frame by frame as a camera would.
 struct Camera {
-    path: PathBuf,
-    video: Option<Video>,
-    /// The next run of the film, started beforehand: a camera does not pause while a program starts.
-    upcoming: Option<JoinHandle<Result<Video, FileError>>>,
+    video: Video,
     started: Option<Instant>,
     next: u64,
     n: u64,
 }
 
 impl Camera {
-    fn new(path: PathBuf, n: u64) -> Self {
-        let upcoming = Some(opening(&path));
-        Camera { path, video: None, upcoming, started: None, next: 0, n }
+    fn new(video: Video, n: u64) -> Self {
+        Camera { video, started: None, next: 0, n }
     }
-
-    fn picture(&mut self) -> Result<GrayImage, FileError> {
-        loop {
-            if let Some(picture) = self.video.as_mut().and_then(Iterator::next) {
-                return picture;
-            }
-            let opening = self.upcoming.replace(opening(&self.path));
-            let opened = opening.and_then(|opening| opening.join().ok());
-            self.video =
-                Some(opened.unwrap_or_else(|| Err(FileError::new(&self.path, "cannot be opened again")))?);
-        }
-    }
-}
-
-fn opening(path: &Path) -> JoinHandle<Result<Video, FileError>> {
-    let path = path.to_path_buf();
-    std::thread::spawn(move || Video::open(&path))
 }
 
 impl Source for Camera {
@@ -97,15 +88,16 @@ impl Source for Camera {
                 return Next::Nothing;
             }
         }
-        match self.picture() {
-            Ok(picture) => {
+        match self.video.next() {
+            None => Next::End,
+            Some(Ok(picture)) => {
                 // The first picture sets the clock.
                 self.started.get_or_insert_with(Instant::now);
                 let (number, name) = (self.next, String::new());
                 self.next += 1;
                 Next::Frame(Frame { number, capture_s, name, content: Content::Image(picture) })
             }
-            Err(reason) => Next::Lost(reason),
+            Some(Err(reason)) => Next::Lost(reason),
         }
     }
 
@@ -114,8 +106,6 @@ impl Source for Camera {
     }
 
     fn reuse(&mut self, spent: GrayImage) {
-        if let Some(video) = &mut self.video {
-            video.reuse(spent);
-        }
+        self.video.reuse(spent);
     }
 }
