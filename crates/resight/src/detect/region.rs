@@ -50,12 +50,6 @@ impl Region {
         edge(0) * edge(1)
     }
 
-    /// The larger of its width and height.
-    pub fn longer_side_px(&self) -> u32 {
-        let edge = |axis: usize| self.end[axis] - self.first[axis];
-        edge(0).max(edge(1))
-    }
-
     /// Whether a place lies in it.
     pub fn contains(&self, pixel: &Pixel) -> bool {
         (0..2).all(|axis| (self.first[axis] as f64..self.end[axis] as f64).contains(&pixel[axis]))

@@ -4,7 +4,7 @@ use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
 use crate::detect::DetectError;
 use crate::detect::apriltag::DecodedTag;
-use crate::detect::region::{Region, joined};
+use crate::detect::region::{Region, joined, longer_side_px};
 use crate::detect::tags::{COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, single_or_unique};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -27,6 +27,8 @@ pub(super) struct TagFollower {
 /// Where a tag may be. Where the pose puts it and where it was last need not agree while something moves: both are searched.
 struct Place {
     id: u32,
+    /// Its longer side.
+    side_px: f64,
     last: Option<Region>,
     by_pose: Option<Region>,
 }
@@ -49,8 +51,10 @@ const STRIPS: u32 = 8;
 const OVERLAP_PX: u32 = 64;
 /// Overlap of strips at full size: tags too small for half of the size.
 const SMALL_OVERLAP_PX: u32 = 32;
-/// A tag not found near is sought at full size where its part is at most this wide and high, pixels: larger ones show at half size.
-const SMALL_PX: u32 = 160;
+/// A tag not found near is sought at full size where its longer side is at most this, pixels: larger ones show at half size;
+const SMALL_PX: f64 = 64.0;
+/// and where the part to search is at most this share of the picture.
+const SMALL_SHARE: u64 = 16;
 /// Searched in parts, more than this share of a picture costs as much as all of it.
 const MOST_OF_IT: f64 = 0.7;
 
@@ -98,10 +102,11 @@ impl TagFollower {
                 add_new(&mut found, self.finder.find_in(image, part, FINE));
             }
         }
-        for place in places {
+        let is_small = |region: &Region| SMALL_SHARE * region.area_px() <= image.data.len() as u64;
+        for place in places.iter().filter(|place| place.side_px <= SMALL_PX) {
             if !found.iter().any(|tag| place.holds(tag)) {
-                for region in place.regions().filter(|region| region.longer_side_px() <= SMALL_PX) {
-                    add_new(&mut found, self.finder.find_in(image, &region, FINEST));
+                for region in joined(place.regions().collect()).iter().filter(|region| is_small(region)) {
+                    add_new(&mut found, self.finder.find_in(image, region, FINEST));
                 }
             }
         }
@@ -112,8 +117,13 @@ impl TagFollower {
     fn places(&self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Vec<Place> {
         let size_px = [image.width_px, image.height_px];
         let region = |corners: &[Pixel]| self.finder.region(corners, REACH_PX, size_px);
-        let last = |tag: &DecodedTag| Place { id: tag.id, last: region(&tag.corners), by_pose: None };
-        let mut places: Vec<Place> = self.seen.iter().map(last).collect();
+        let place = |tag: &DecodedTag| Place {
+            id: tag.id,
+            side_px: longer_side_px(&tag.corners),
+            last: region(&tag.corners),
+            by_pose: None,
+        };
+        let mut places: Vec<Place> = self.seen.iter().map(place).collect();
         for corners in expected.chunk_by(|a, b| a.0.id == b.0.id) {
             let id = corners[0].0.id;
             let pixels: Vec<Pixel> = corners.iter().map(|(_, pixel)| *pixel).collect();
@@ -122,7 +132,8 @@ impl TagFollower {
                 (Some(alone), None) => alone.by_pose = region(&pixels),
                 // A tag that the edge cuts is not decoded.
                 (None, _) if is_inside(&pixels, size_px) => {
-                    places.push(Place { id, last: None, by_pose: region(&pixels) });
+                    let side_px = longer_side_px(&pixels);
+                    places.push(Place { id, side_px, last: None, by_pose: region(&pixels) });
                 }
                 _ => {}
             }
