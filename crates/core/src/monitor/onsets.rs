@@ -308,3 +308,33 @@ impl Numbers for Course {
         Some(COURSES[usize::from(bool::take(rest)?)])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Λ by eq. (8), from the logarithm of each, along the columns that were given.
+    #[test]
+    fn each_direction_is_looked_along() {
+        let mut directions = Matrix6::from_fn(|i, j| ((1 + 2 * i + 5 * j) as f64).sin());
+        directions.column_iter_mut().for_each(|mut column| {
+            column.normalize_mut();
+        });
+        let onsets = Onsets::new(directions);
+        let mut onset = Onset::new(0.0);
+        for (axis, gathered) in onset.gathered[0].iter_mut().enumerate() {
+            (gathered.score, gathered.information) = ((axis as f64 + 0.3).cos(), 0.5 + axis as f64);
+        }
+        let variance = SIZES[0] * SIZES[0];
+        let log_ratio =
+            |c: f64, d: f64| 0.5 * (variance * c * c / (1.0 + variance * d) - (1.0 + variance * d).ln());
+        let ratios = onset.ratios(0, &onsets.directions).map(|ratio| ratio.ln());
+        for (direction, u) in directions.column_iter().enumerate() {
+            let c: f64 = u.iter().zip(&onset.gathered[0]).map(|(u, g)| u * g.score).sum();
+            let d: f64 = u.iter().zip(&onset.gathered[0]).map(|(u, g)| u * u * g.information).sum();
+            assert!((ratios[direction] - log_ratio(c, d)).abs() < 1e-12, "{direction}");
+        }
+        let all: f64 = onset.gathered[0].iter().map(|g| log_ratio(g.score, g.information)).sum();
+        assert!((ratios[AXES] - all).abs() < 1e-12);
+    }
+}
