@@ -276,6 +276,30 @@ fn unprotected(name: &str) -> Vec<u8> {
     out.into_inner().into_inner()
 }
 
+/// A file cut off in a chunk whose size was damaged too: never more than it claims is read, whole messages only.
+#[test]
+fn a_torn_chunk_that_claims_too_little_gives_what_it_claims() {
+    let whole = unprotected("ros1_zstd.mcap");
+    let word = |at: usize| u64::from_le_bytes(whole[at..at + 8].try_into().unwrap()) as usize;
+    let mut chunk = 8;
+    while whole[chunk] != mcap::records::op::CHUNK {
+        chunk += 9 + word(chunk + 1);
+    }
+    // Behind opcode and length: two times, a size, a checksum, and the empty name of no compression.
+    let size = chunk + 9 + 8 + 8 + 8 + 4 + 4;
+    let torn = size + 8 + word(size) - 1;
+    let all = messages(&whole[..torn]).0.len();
+    let mut least = all;
+    for claimed in (0..word(size)).step_by(97) {
+        let mut bytes = whole[..torn].to_vec();
+        bytes[size..size + 8].copy_from_slice(&(claimed as u64).to_le_bytes());
+        let (found, told) = messages(&bytes);
+        assert!(found.len() <= all && told.iter().any(|t| t.contains("cut off")), "{claimed}: {told:?}");
+        least = least.min(found.len());
+    }
+    assert!(0 < all && least == 0, "{least} of {all}");
+}
+
 fn look(message: &Message) {
     if let (Some(kind), Ok(decoder)) = (Kind::of(&message.channel.kind), decoder(&message.channel))
         && let Ok(value) = decoder.read(&message.data)
@@ -303,7 +327,9 @@ const SAMPLES: [&str; 4] = ["ros1_zstd.mcap", "big_endian.mcap", "foxglove_json.
 fn damaged(mut bytes: Vec<u8>, edits: &[(f64, u8)], cut: f64) -> Vec<u8> {
     for (place, value) in edits {
         let at = (place * bytes.len() as f64) as usize;
-        bytes[at] = *value;
+        if let Some(byte) = bytes.get_mut(at) {
+            *byte = *value; // A message cut off before its first byte has none to change.
+        }
     }
     bytes.truncate((cut * bytes.len() as f64) as usize);
     bytes

@@ -146,8 +146,9 @@ impl Contents {
         if is_open {
             ChunkHead::fill(&mut head, there);
         }
-        // What the record claims, so that a torn one is read as far as it goes.
+        // What the record claims, so that a torn one is read as far as it goes; never more than it claims: the reader counts down.
         let compressed = if is_open { there } else { compressed };
+        let records = &records[..compressed.min(there) as usize];
         let length = (head.len() as u64).saturating_add(compressed).to_le_bytes();
         let start = [&[op::CHUNK][..], &length, &head].concat();
         let options = LinearReaderOptions::default()
