@@ -5,7 +5,7 @@
 
 use crate::{Error, Pose};
 use arrayvec::ArrayVec;
-use nalgebra::SMatrix;
+use nalgebra::{DMatrix, DVector, SMatrix};
 use std::vec::Vec;
 
 /// All numbers of a state; finite, in SI units.
@@ -179,6 +179,58 @@ impl<const R: usize, const C: usize> Numbers for SMatrix<f64, R, C> {
             *entry = f64::take(rest)?;
         }
         Some(matrix)
+    }
+}
+
+impl<A: Numbers, B: Numbers> Numbers for (A, B) {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        self.0.put(numbers);
+        self.1.put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Some((A::take(rest)?, B::take(rest)?))
+    }
+}
+
+/// Every item takes a number at least, so a count that is not true ends with the numbers.
+impl<T: Numbers> Numbers for Vec<T> {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        self.len().put(numbers);
+        self.iter().for_each(|item| item.put(numbers));
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        (0..usize::take(rest)?).map(|_| T::take(rest)).collect()
+    }
+}
+
+impl Numbers for DMatrix<f64> {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        self.nrows().put(numbers);
+        self.ncols().put(numbers);
+        numbers.extend(self.iter());
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        let (rows, columns) = (usize::take(rest)?, usize::take(rest)?);
+        let (entries, others) = rest.numbers.split_at_checked(rows.checked_mul(columns)?)?;
+        rest.numbers = others;
+        entries
+            .iter()
+            .all(|entry| entry.is_finite())
+            .then(|| DMatrix::from_column_slice(rows, columns, entries))
+    }
+}
+
+impl Numbers for DVector<f64> {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        self.len().put(numbers);
+        numbers.extend(self.iter());
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Vec::take(rest).map(DVector::from_vec)
     }
 }
 

@@ -9,6 +9,7 @@ use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::monitor::learn::LearnConfig;
 use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, SightNoise, learn_rig};
 use resight_core::monitor::{MonitorConfig, Watch};
+use resight_core::snapshot::Snapshot;
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Point, Pose};
 
 const SIGMA_PX: f64 = 0.3;
@@ -343,4 +344,118 @@ fn an_error_of_turns_alone_can_be_stated() {
     }
     let nodes: Vec<usize> = sentry.moved().moved.iter().map(|moved| moved.node).collect();
     assert_eq!(nodes, [2]);
+}
+
+/// One camera is knocked, put back, and another one knocked: outliers wait, alarms stay open and are decided. A flip now and then.
+fn unquiet(moment: i32, camera: usize) -> Vector6<f64> {
+    match (moment, camera) {
+        (25..=60, 1) => Vector6::new(0.0, 0.02, 0.0, 0.01, 0.0, 0.0),
+        (90.., 2) => Vector6::new(0.015, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (11 | 75, 3) => Vector6::new(0.0, 0.0, 0.2, 0.0, 0.0, 0.0),
+        _ => Vector6::zeros(),
+    }
+}
+
+/// Put into numbers and back before every 3rd moment; equal to the one that was left alone, in state and word, to the last bit.
+#[test]
+fn a_restored_rig_goes_on_as_if_nothing_had_been() {
+    let lens = lens();
+    for cameras in [2, 4] {
+        let mut scene = Scene::new(cameras, 0x31);
+        let mut left_alone = learned(&mut scene, 60, &MonitorConfig::default());
+        let mut restored = left_alone.clone();
+        let mut told = Vec::new();
+        for i in 0..120 {
+            if i % 3 == 0 {
+                restored = RigMonitor::restore(&restored.snapshot()).expect("its own snapshot");
+            }
+            let seen = scene.next(|camera| unquiet(i, camera));
+            restored.push(&moment(&lens, &seen));
+            left_alone.push(&moment(&lens, &seen));
+            assert_eq!(restored, left_alone, "moment {i}");
+            assert_eq!(restored.moved(), left_alone.moved(), "moment {i}");
+            told.extend(restored.moved().moved.iter().map(|moved| moved.node));
+        }
+        told.dedup();
+        assert!(cameras == 2 || told.starts_with(&[1]) && told.ends_with(&[2]), "{told:?}");
+        assert!(cameras == 2 || 0 < restored.outliers);
+    }
+}
+
+#[test]
+fn a_night_without_the_program_is_a_night_unseen() {
+    let lens = lens();
+    let mut scene = Scene::new(3, 0x32);
+    let mut sentry = learned(&mut scene, 60, &MonitorConfig::default());
+    let seen = scene.next(|_| Vector6::zeros());
+    sentry.push(&moment(&lens, &seen));
+    let restored = RigMonitor::restore(&sentry.snapshot()).expect("its own snapshot");
+    let dawn_s = restored.last_s() + 30_000.0;
+    assert!((0..3).all(|i| matches!(restored.watch(i, dawn_s), Watch::Unseen { for_s } if 29_999.0 < for_s)));
+}
+
+/// As it is amid an alarm, with every part filled.
+fn amid_an_alarm() -> (Scene, RigMonitor) {
+    let lens = lens();
+    let mut scene = Scene::new(3, 0x33);
+    let mut sentry = learned(&mut scene, 60, &MonitorConfig::default());
+    for i in 0..28 {
+        let seen = scene.next(|camera| unquiet(i, camera));
+        sentry.push(&moment(&lens, &seen));
+    }
+    (scene, sentry)
+}
+
+/// Fields that come or go change what the numbers mean: then `SNAPSHOT_VERSION` must be raised, and this count with it.
+#[test]
+fn a_changed_layout_of_a_rig_needs_another_version() {
+    let mut scene = Scene::new(2, 0x34);
+    let mut sentry = learned(&mut scene, 60, &MonitorConfig::default());
+    let seen = scene.next(|_| Vector6::zeros());
+    sentry.push(&moment(&lens(), &seen));
+    let of_rig = sentry.snapshot();
+    assert_eq!((of_rig.version, of_rig.numbers.len()), (1, 3204));
+}
+
+#[test]
+fn numbers_of_no_rig_are_refused() {
+    let (_, sentry) = amid_an_alarm();
+    let good = sentry.snapshot();
+    let with = |numbers: Vec<f64>| Snapshot { numbers, ..good.clone() };
+    let later = Snapshot { version: 9, ..good.clone() };
+    assert_eq!(RigMonitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 1 }));
+    for length in (0..good.numbers.len()).step_by(17) {
+        let torn = with(good.numbers[..length].to_vec());
+        assert!(matches!(RigMonitor::restore(&torn), Err(Error::SnapshotNumbers { .. })), "{length}");
+    }
+    let longer = with(good.numbers.iter().copied().chain([0.0]).collect());
+    assert!(matches!(RigMonitor::restore(&longer), Err(Error::SnapshotNumbers { unread: 1, .. })));
+}
+
+/// Any number changed to anything: refused, or a sentry that still answers; never a panic. Counts and numbers of cameras are few among
+/// the others, and are all tried.
+#[test]
+fn spoilt_numbers_of_a_rig_never_panic() {
+    let lens = lens();
+    let (mut scene, sentry) = amid_an_alarm();
+    let good = sentry.snapshot();
+    let next: Vec<_> = (28..32).map(|i| scene.next(|camera| unquiet(i, camera))).collect();
+    let is_count = |place: usize| good.numbers[place].fract() == 0.0 && good.numbers[place] != 0.0;
+    let (mut tried, mut refused) = (0, 0);
+    for place in (0..good.numbers.len()).filter(|place| place % 61 == 0 || is_count(*place)) {
+        for spoilt in [f64::NAN, -1.0, 0.0, 1.0, 2.0, 3.0, 1e300] {
+            let mut numbers = good.numbers.clone();
+            numbers[place] = spoilt;
+            tried += 1;
+            match RigMonitor::restore(&Snapshot { numbers, ..good.clone() }) {
+                Ok(mut restored) => {
+                    assert!(spoilt.is_finite());
+                    next.iter().for_each(|seen| restored.push(&moment(&lens, seen)));
+                    restored.moved();
+                }
+                Err(_) => refused += 1,
+            }
+        }
+    }
+    assert!(1000 < tried && tried / 7 <= refused && refused < tried, "{refused} of {tried}");
 }

@@ -65,8 +65,8 @@ pub struct Watch {
     /// Where a learned reference is written.
     #[arg(long, value_name = "[NAME=]FILE")]
     save_reference: Vec<String>,
-    /// Keeps trackers, monitors and what is learned so far in FILE, about a second behind at most, and goes on from there: a restart loses
-    /// nothing. One session at a time.
+    /// Keeps trackers, monitors and what is learned so far in FILE, about a second behind at most (the more cameras --moving-target has, the
+    /// more: eight, fifteen seconds), and goes on from there: a restart loses nothing. One session at a time.
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
@@ -229,9 +229,6 @@ fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
 
 fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {
     let rig = args.rig.config(cameras, names.cameras.len())?;
-    if rig.is_some() && args.state.is_some() {
-        bail!("--state keeps cameras against targets that stand still; with --moving-target leave it out");
-    }
     if rig.is_some() && args.landmarks.count() != 0 {
         bail!(
             "--moving-target watches the cameras' places among each other; landmarks go with targets that stand still, or with none"
@@ -239,7 +236,7 @@ fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Resul
     }
     if rig.is_some() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!(
-            "--reference and --save-reference are of cameras against targets that stand still; with --moving-target give --rig"
+            "--reference and --save-reference are of cameras against targets that stand still; with --moving-target give --rig FILE (`resight rig -o` writes one), or --state to keep what is learned"
         );
     }
     // A rig is one test, pairs are one each.

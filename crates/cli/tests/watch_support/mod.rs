@@ -63,10 +63,15 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// `resight watch` with detections on stdin, events and frames as JSON; `before` is put in front of the program.
 pub fn start(before: &[&str], arguments: &[&str]) -> Session {
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    start_with(before, &[&["--camera", &camera, "--target", &target][..], arguments].concat())
+}
+
+/// The same of any cameras and targets.
+pub fn start_with(before: &[&str], arguments: &[&str]) -> Session {
     let program = assert_cmd::cargo::cargo_bin("resight");
     let program = program.to_str().expect("a path");
-    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
-    let fixed = ["watch", "--camera", &camera, "--target", &target, "--source", "-", "--json", "--frames"];
+    let fixed = ["watch", "--source", "-", "--json", "--frames"];
     let all: Vec<&str> =
         before.iter().copied().chain([program]).chain(fixed).chain(arguments.iter().copied()).collect();
     let mut child = Command::new(all[0])

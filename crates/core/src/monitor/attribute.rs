@@ -8,6 +8,7 @@
 mod edges;
 
 use crate::frames::chi_square::tail;
+use crate::snapshot::numbers;
 use crate::{Matrix6, Pose, Vector6};
 use edges::Edges;
 use nalgebra::{DMatrix, DVector};
@@ -155,3 +156,6 @@ fn sets(n: usize, size: usize, at_most: usize) -> Vec<Vec<usize>> {
     }
     found
 }
+
+numbers!(MovedNode { node, old_from_new, covariance });
+numbers!(Attribution { moved, chi2, rivals, is_explained });

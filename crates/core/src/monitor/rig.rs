@@ -6,6 +6,8 @@
 
 mod star;
 mod filter;
+mod typical;
+mod restore;
 mod evidence;
 mod which;
 mod held;
@@ -17,14 +19,15 @@ pub use star::Glance;
 
 use super::attribute::{Attribution, MovedNode};
 use super::axis::DAY_S;
-use super::{Drift, MOSTLY, MonitorConfig, NOT_POSITIVE, SHARE_OVER, Watch, check, is_likely};
+use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
 use crate::consistency::Consistency;
 use crate::frames::chi_square::tail;
 use crate::{Error, Matrix6, Pose};
 use evidence::Evidence;
 use filter::{Carried, Innovation, RigFilter};
 use held::{Held, Moment};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
+use typical::Typical;
 
 /// What the cameras are compared with.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +98,7 @@ impl RigMonitor {
     /// `InvalidSetting` for a rate, period or time that is not positive, numbers that do not fit together, or noise that is none.
     pub fn new(reference: &RigReference, config: &MonitorConfig, t_s: f64) -> Result<Self, Error> {
         check(config)?;
-        check_reference(reference)?;
+        reference.check()?;
         let n = reference.cam_from_rig.len();
         Ok(RigMonitor {
             config: *config,
@@ -104,7 +107,7 @@ impl RigMonitor {
             evidence: Evidence::default(),
             held: Held::default(),
             typical: Typical::new(n),
-            last_onset_s: f64::NEG_INFINITY,
+            last_onset_s: f64::MIN,
             last_s: t_s,
             glanced_s: vec![t_s; n],
             seen_s: vec![t_s; n],
@@ -317,7 +320,7 @@ impl RigMonitor {
         }
         self.filter = RigFilter::new(&self.places(), &self.prior(), &self.reference.noise);
         (self.evidence, self.held, self.open) = (Evidence::default(), Held::default(), None);
-        self.last_onset_s = f64::NEG_INFINITY;
+        self.last_onset_s = f64::MIN;
     }
 
     /// The reference's covariance, with cameras that moved as widely known as the alarm left them.
@@ -342,75 +345,4 @@ impl RigMonitor {
         let old_from_new = (self.old_from_level[camera] * Pose::exp(&motion)).log();
         Drift { old_from_new, covariance: covariance + self.own_covariance(camera), ..*drift }
     }
-}
-
-/// How well each camera's sights are known, on the whole: the size of motion that is looked for.
-#[derive(Debug, Clone, PartialEq)]
-struct Typical {
-    /// Mean of 1/σ² of each coordinate, 6 a camera.
-    information: DVector<f64>,
-    counts: Vec<f64>,
-    variances: DVector<f64>,
-}
-
-/// Before a camera has been seen: 1° and 1 cm.
-const UNSEEN_VARIANCES: [f64; 2] = [3e-4, 1e-4];
-/// Sights over which the mean is taken.
-const TYPICAL_OVER: f64 = 100.0;
-
-impl Typical {
-    fn new(cameras: usize) -> Self {
-        let variance = |i: usize, _| UNSEEN_VARIANCES[usize::from(3 <= i % 6)];
-        Typical {
-            information: DVector::zeros(6 * cameras),
-            counts: vec![0.0; cameras],
-            variances: DVector::from_fn(6 * cameras, variance),
-        }
-    }
-
-    fn variances(&self) -> &DVector<f64> {
-        &self.variances
-    }
-
-    fn spread(&self, camera: usize) -> Matrix6 {
-        Matrix6::from_diagonal(&self.variances.fixed_rows::<6>(6 * camera).into_owned())
-    }
-
-    fn add(&mut self, moment: &Moment, noise: &[SightNoise]) {
-        for sight in moment.stars.iter().flatten() {
-            let variances = noise[sight.camera].total(&sight.covariance).diagonal();
-            let count = &mut self.counts[sight.camera];
-            *count = (*count + 1.0).min(TYPICAL_OVER);
-            for (i, variance) in variances.iter().enumerate().filter(|(_, variance)| 0.0 < **variance) {
-                let at = 6 * sight.camera + i;
-                self.information[at] += (1.0 / variance - self.information[at]) / *count;
-                self.variances[at] = 1.0 / self.information[at];
-            }
-        }
-    }
-}
-
-fn check_reference(reference: &RigReference) -> Result<(), Error> {
-    let n = reference.cam_from_rig.len();
-    let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
-    if n < 2 || reference.noise.len() != n || reference.covariance.shape() != (6 * n, 6 * n) {
-        let needed = "two cameras at least, six rows of covariance and one noise for each";
-        return invalid("cameras of a rig", n as f64, needed);
-    }
-    let poses = reference.cam_from_rig.iter().flat_map(|p| p.rotation.iter().chain(p.translation.iter()));
-    if !poses.chain(reference.covariance.iter()).all(|v| v.is_finite()) {
-        return Err(NOT_POSITIVE);
-    }
-    for noise in &reference.noise {
-        let SightNoise { white, lasting, lasting_time_s, .. } = *noise;
-        if !(0.0 < white && 0.0 <= lasting && 0.0 < lasting_time_s && (white + lasting).is_finite()) {
-            return invalid("noise of a sight", white, "variances and times that are positive");
-        }
-        let is_covariance =
-            |m: &Matrix6| m.iter().all(|v| v.is_finite()) && m.diagonal().iter().all(|v| 0.0 <= *v);
-        if !(is_covariance(&noise.bias) && is_covariance(&noise.daily)) {
-            return invalid("lasting error of a camera", noise.bias[(0, 0)], "covariances, or zero");
-        }
-    }
-    Ok(())
 }

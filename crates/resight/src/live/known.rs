@@ -15,7 +15,8 @@ pub fn references(
     state: Option<&StateFile>,
 ) -> Result<Vec<Option<Reference>>, LookError> {
     let mut look = Look::new(camera, config)?;
-    if let Some(record) = state.and_then(|state| state.of(&camera.name)) {
+    let own = state.filter(|_| config.rig.is_none());
+    if let Some(record) = own.and_then(|state| state.of(&camera.name)) {
         look.restore(&record, |_, _| ()); // Why a state is not gone on from, the session says.
     }
     Ok(look.references().collect())

@@ -88,11 +88,16 @@ impl Look {
             }
         }
         if is_any {
-            self.resumed_s = Some(record.last_s);
+            self.resume(record.last_s);
             let hash = record.last_picture.as_ref();
             self.last_picture = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
         }
         is_any
+    }
+
+    /// An earlier session took in all up to then.
+    pub(super) fn resume(&mut self, last_s: f64) {
+        self.resumed_s = Some(last_s);
     }
 
     /// Whether an earlier session took the frame in already.

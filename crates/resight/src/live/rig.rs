@@ -8,14 +8,17 @@ mod moments;
 mod watched;
 
 use super::pace::Pace;
+use super::state::StateFile;
 use super::{Event, LiveConfig};
 use attributed::Pairs;
 use nalgebra::DMatrix;
 use resight_core::monitor::{Monitor, Reference};
 use resight_core::{Camera, Pose};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use watched::Cameras;
+pub(super) use watched::RigRecord;
 
 /// How the relations among the cameras of a rig are watched.
 #[derive(Debug, Clone)]
@@ -37,6 +40,8 @@ pub(super) struct Nodes {
     pub references: Vec<Option<Reference>>,
     /// As an earlier session left them, in the same order.
     pub monitors: Vec<Option<Monitor>>,
+    /// What the state of a rig whose targets are carried about depends on, by name.
+    pub settings: BTreeMap<String, String>,
     /// Who must wait for whom.
     pub pace: Arc<Pace>,
 }
@@ -52,9 +57,10 @@ pub(super) enum Relations {
 }
 
 impl Relations {
-    pub fn new(nodes: Nodes, config: &LiveConfig) -> Self {
+    /// A rig goes on from what an earlier session left in `state`.
+    pub fn new(nodes: Nodes, config: &LiveConfig, state: Option<&StateFile>) -> Self {
         match &config.rig {
-            Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config))),
+            Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config, state))),
             // Landmarks alone tell each camera's turn for itself.
             None if nodes.targets.is_empty() => Relations::None,
             None if 2 < nodes.cameras.len() + nodes.targets.len() => {
@@ -78,6 +84,21 @@ impl Relations {
         match self {
             Relations::Cameras(cameras) => cameras.idle(Instant::now()),
             _ => Vec::new(),
+        }
+    }
+
+    /// Up to when a camera was heard as part of a rig by an earlier session, a capture time, and how long ago that was, seconds.
+    pub fn resumed(&self, camera: usize) -> Option<(f64, f64)> {
+        match self {
+            Relations::Cameras(cameras) => cameras.resumed(camera),
+            _ => None,
+        }
+    }
+
+    /// Hands over how things stand when it is time, and at the end; cameras alone hand over their own.
+    pub fn keep(&mut self, state: Option<&StateFile>, is_end: bool) {
+        if let (Relations::Cameras(cameras), Some(state)) = (self, state) {
+            cameras.keep(state, is_end);
         }
     }
 

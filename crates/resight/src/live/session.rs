@@ -7,7 +7,7 @@ use super::pace::Pace;
 use super::queue::Queue;
 use super::reader::{PATIENCE, Reader};
 use super::rig::{Nodes, Relations};
-use super::state::StateFile;
+use super::state::{StateFile, rig_settings};
 use super::watcher::Watcher;
 use super::{Event, LiveCamera, LiveConfig};
 use crate::source::Source;
@@ -44,13 +44,21 @@ pub fn run_from(
     state: Option<&StateFile>,
     mut listener: impl FnMut(&Event) -> bool,
 ) -> Result<(), LookError> {
-    let mut nodes = nodes(&cameras);
-    let prepared =
-        cameras.into_iter().map(|camera| prepare(camera, config, state)).collect::<Result<Vec<_>, _>>()?;
+    let mut nodes = nodes(&cameras, config);
+    // A rig's cameras go on from where it was heard, and what is remembered is the rig's.
+    let own = state.filter(|_| config.rig.is_none());
+    let mut prepared =
+        cameras.into_iter().map(|camera| prepare(camera, config, own)).collect::<Result<Vec<_>, _>>()?;
     nodes.references = prepared.iter().flat_map(|camera| camera.look.references()).collect();
     nodes.monitors = prepared.iter().flat_map(|camera| camera.look.monitors()).collect();
     let pace = Arc::clone(&nodes.pace);
-    let mut relations = Relations::new(nodes, config);
+    let mut relations = Relations::new(nodes, config, state);
+    for (camera, Prepared { look, memory, .. }) in prepared.iter_mut().enumerate() {
+        if let Some(resumed) = relations.resumed(camera) {
+            look.resume(resumed.0);
+            memory.resumed = Some(resumed);
+        }
+    }
     let (sender, events) = sync_channel(EVENTS);
     thread::scope(|scope| {
         let _ending = Ending { stop, state };
@@ -77,7 +85,7 @@ pub fn run_from(
             });
         }
         drop(sender); // The channel ends with the last thread.
-        hear(events, &mut relations, &mut |event| {
+        hear(events, &mut relations, state, &mut |event| {
             let goes_on = listener(event);
             if !goes_on {
                 stop.store(true, Ordering::Relaxed);
@@ -89,7 +97,12 @@ pub fn run_from(
 }
 
 /// Until all threads have ended, or `tell` is false: then the threads find that nobody listens.
-fn hear(events: Receiver<Event>, relations: &mut Relations, tell: &mut impl FnMut(&Event) -> bool) {
+fn hear(
+    events: Receiver<Event>,
+    relations: &mut Relations,
+    state: Option<&StateFile>,
+    tell: &mut impl FnMut(&Event) -> bool,
+) {
     loop {
         let told = match events.recv_timeout(PATIENCE) {
             Ok(event) => relations.take(event),
@@ -97,20 +110,24 @@ fn hear(events: Receiver<Event>, relations: &mut Relations, tell: &mut impl FnMu
             Err(RecvTimeoutError::Disconnected) => break,
         };
         if !told.iter().all(&mut *tell) {
-            return;
+            return; // What nobody heard is not remembered: it is looked at again.
         }
+        relations.keep(state, false);
     }
-    relations.finish().iter().all(tell);
+    if relations.finish().iter().all(tell) {
+        relations.keep(state, true);
+    }
 }
 
 /// What all threads together are about. Every camera watches the same targets.
-fn nodes(cameras: &[LiveCamera]) -> Nodes {
+fn nodes(cameras: &[LiveCamera], config: &LiveConfig) -> Nodes {
     let targets = cameras.first().map(|camera| camera.targets.as_slice()).unwrap_or_default();
     Nodes {
         cameras: cameras.iter().map(|camera| camera.name.clone()).collect(),
         lenses: cameras.iter().map(|camera| camera.camera.clone()).collect(),
         targets: targets.iter().map(|watched| watched.name.clone()).collect(),
         is_live: cameras.iter().map(|camera| camera.source.is_live()).collect(),
+        settings: config.rig.as_ref().map(|rig| rig_settings(cameras, rig, config)).unwrap_or_default(),
         references: Vec::new(),
         monitors: Vec::new(),
         pace: Arc::new(Pace::new(cameras.len())),

@@ -9,6 +9,6 @@ mod record;
 pub use keep::StateFile;
 pub(super) use keep::{EVERY, unix_s};
 pub(super) use record::{
-    CameraRecord, LandmarksRecord, PairRecord, ReadingRecord, StageRecord, changed, landmark_settings,
-    settings,
+    CameraRecord, LandmarksRecord, PairRecord, ReadingRecord, SnapshotRecord, StageRecord, changed,
+    landmark_settings, rig_settings, settings,
 };

@@ -12,6 +12,7 @@ use super::filter::{Carried, Innovation, STATES};
 use crate::monitor::LogSum;
 use crate::monitor::axis::DAY_S;
 use crate::monitor::onsets::Course;
+use crate::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector};
 
@@ -65,6 +66,14 @@ impl Gathered {
         self.signature.fixed_view::<6, 6>(STATES * camera, 6 * camera).into()
     }
 
+    fn is_sound(&self, cameras: usize) -> bool {
+        let n = 6 * cameras;
+        self.signature.shape() == (STATES * cameras, n)
+            && (self.score.len(), self.information.shape()) == (n, (n, n))
+            && self.groups.len() == cameras
+            && self.groups.iter().all(|group| *group < cameras)
+    }
+
     fn add(&mut self, innovation: &Innovation) {
         self.tie(&innovation.design);
         let seen = &innovation.design * &self.signature;
@@ -100,6 +109,13 @@ impl Onset {
             log_weights: [log_weights.clone(), log_weights],
             typical: typical.clone(),
         }
+    }
+
+    fn is_sound(&self, cameras: usize) -> bool {
+        self.gathered.iter().all(|gathered| gathered.is_sound(cameras))
+            && self.log_weights.iter().all(|weights| weights.len() == cameras)
+            && self.typical.len() == 6 * cameras
+            && self.typical.iter().all(|variance| 0.0 <= *variance)
     }
 
     /// Of a jump (0) or a slow drift (1, per day).
@@ -203,6 +219,11 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
+    /// Whether it is such as a rig of this many cameras makes: numbers of a file may be any.
+    pub fn is_sound(&self, cameras: usize) -> bool {
+        self.onsets.len() <= ONSETS && self.onsets.iter().all(|onset| onset.is_sound(cameras))
+    }
+
     pub fn predict(&mut self, carried: &Carried) {
         self.onsets.iter_mut().for_each(|onset| onset.predict(carried));
     }
@@ -254,6 +275,10 @@ impl Evidence {
         Some(Began { onset, sigma_s: spread.sqrt(), course, course_probability: by_course[course].min(1.0) })
     }
 }
+
+numbers!(Gathered { signature, score, information, groups });
+numbers!(Onset { t_s, gathered, log_weights, typical });
+numbers!(Evidence { onsets, statistic });
 
 #[cfg(test)]
 pub(super) mod tests {

@@ -9,7 +9,8 @@
 
 use super::star::Sight;
 use crate::monitor::axis::DAY_S;
-use crate::{Matrix6, Pose};
+use crate::snapshot::numbers;
+use crate::{Error, Matrix6, Pose};
 use nalgebra::{DMatrix, DVector, Dyn};
 
 /// What is no drift of one camera's sights.
@@ -32,6 +33,22 @@ impl SightNoise {
     pub fn white() -> Self {
         let (bias, daily) = (Matrix6::zeros(), Matrix6::zeros());
         SightNoise { white: 1.0, lasting: 0.0, lasting_time_s: 1.0, bias, daily }
+    }
+
+    /// # Errors
+    /// `InvalidSetting` for variances and times that are not positive, or matrices that are no covariance.
+    pub fn check(&self) -> Result<(), Error> {
+        let SightNoise { white, lasting, lasting_time_s, bias, daily } = self;
+        let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
+        if !(0.0 < *white && 0.0 <= *lasting && 0.0 < *lasting_time_s && (white + lasting).is_finite()) {
+            return invalid("noise of a sight", *white, "variances and times that are positive");
+        }
+        let is_covariance =
+            |m: &Matrix6| m.iter().all(|v| v.is_finite()) && m.diagonal().iter().all(|v| 0.0 <= *v);
+        if !(is_covariance(bias) && is_covariance(daily)) {
+            return invalid("lasting error of a camera", bias[(0, 0)], "covariances, or zero");
+        }
+        Ok(())
     }
 
     /// Covariance of the whole error of a sight.
@@ -106,6 +123,15 @@ impl RigFilter {
             rig_from_cam: cam_from_rig.iter().map(|place| place.inverse().adjoint()).collect(),
             last_s: None,
         }
+    }
+
+    /// Whether it is such as a rig of this many cameras makes: numbers of a file may be any.
+    pub fn is_sound(&self, cameras: usize) -> bool {
+        let states = STATES * cameras;
+        self.mean.len() == states
+            && self.covariance.shape() == (states, states)
+            && [self.noise.len(), self.rig_from_cam.len()] == [cameras; 2]
+            && self.noise.iter().all(|noise| noise.check().is_ok())
     }
 
     /// F and Q over the time since the last moment.
@@ -231,3 +257,6 @@ fn factor(spread: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, Dyn>> {
     }
     ((&spread + spread.transpose()) * 0.5).cholesky()
 }
+
+numbers!(SightNoise { white, lasting, lasting_time_s, bias, daily });
+numbers!(RigFilter { mean, covariance, noise, rig_from_cam, last_s });

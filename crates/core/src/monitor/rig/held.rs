@@ -7,6 +7,7 @@ use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
 use super::which::{explained, which};
 use crate::frames::chi_square::tail;
+use crate::snapshot::numbers;
 use nalgebra::DVector;
 
 /// What the cameras saw at one time, a star for each target.
@@ -39,6 +40,14 @@ impl Held {
     /// Cameras that waiting moments speak against.
     pub fn suspects(&self) -> impl Iterator<Item = usize> + '_ {
         self.waiting.iter().flat_map(|(_, suspects)| suspects.iter().copied())
+    }
+
+    /// Whether it is such as a rig of this many cameras makes: numbers of a file may be any.
+    pub fn is_sound(&self, cameras: usize) -> bool {
+        let waiting = self.waiting.iter().all(|(moment, suspects)| {
+            moment.cameras().chain(suspects.iter().copied()).all(|camera| camera < cameras)
+        });
+        waiting && self.waiting.len() < CONFIRM && self.confirmed.iter().all(|camera| *camera < cameras)
     }
 
     /// A moment in which all is well speaks for every suspect who is in it; how many moments are given up, their last suspect cleared.
@@ -112,3 +121,6 @@ impl Held {
         (attribution.is_explained && is_one_motion).then_some(cameras)
     }
 }
+
+numbers!(Moment { t_s, stars });
+numbers!(Held { waiting, confirmed });

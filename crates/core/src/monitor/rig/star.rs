@@ -9,6 +9,7 @@
 
 use crate::locate::PoseEstimate;
 use crate::refine::information;
+use crate::snapshot::numbers;
 use crate::{Camera, Correspondence, Matrix6, Pose, Vector6};
 use nalgebra::Matrix2x6;
 
@@ -190,3 +191,5 @@ pub(super) fn inverse(matrix: &Matrix6) -> Option<Matrix6> {
     let back = Matrix6::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
     back.iter().all(|v| v.is_finite()).then_some(back)
 }
+
+numbers!(Sight { camera, motion, covariance });

@@ -1,9 +1,13 @@
 //! The relations among the cameras of a rig, from moments in which they see a target together.
 
+mod record;
+
 use super::moments::{Moments, Seen, Shown, Together};
 use super::{Nodes, RigConfig};
+use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
 use nalgebra::DMatrix;
+pub(in crate::live) use record::RigRecord;
 use resight_core::monitor::learn::LEAST_READINGS;
 use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, learn_rig, learn_sight_noise};
 use resight_core::{Camera, Error, Pose};
@@ -19,6 +23,13 @@ pub(in crate::live) struct Cameras {
     monitor: Option<RigMonitor>,
     /// The frame that is being put together, for each camera: a frame has an event a target.
     open: Vec<Option<Shown>>,
+    /// The last frame that is whole of each camera: a capture time, and when it came by the clock of the machine, seconds.
+    whole: Vec<Option<(f64, f64)>>,
+    /// Up to when each camera was heard by an earlier session, a capture time, and how long ago that was, seconds.
+    resumed: Vec<Option<(f64, f64)>>,
+    /// Whether there is something that the state file does not have yet, and when it is handed over.
+    is_new: bool,
+    due: Instant,
     /// When each camera was last seen together with another; from the first frame on.
     last_s: f64,
     /// What the clock says that goes on while no camera says anything; none while one does.
@@ -41,19 +52,25 @@ enum Lost {
     ForGood,
 }
 
+/// Numbers that are handed over as often as those of a camera alone.
+const AT_ONCE: f64 = 10_000.0;
 /// Cameras that say nothing for this long, all of them, are silent.
 const SILENT: Duration = Duration::from_secs(1);
 
 impl Cameras {
-    pub fn new(nodes: Nodes, rig: &RigConfig, config: &LiveConfig) -> Self {
+    pub fn new(nodes: Nodes, rig: &RigConfig, config: &LiveConfig, state: Option<&StateFile>) -> Self {
         let n = nodes.cameras.len();
-        Cameras {
+        let mut cameras = Cameras {
             reference: rig.reference.clone(),
             config: config.clone(),
             moments: Moments::new(&nodes.is_live, rig.sync_tolerance_s, &nodes.pace, Instant::now()),
             learning: Vec::new(),
             monitor: None,
             open: vec![None; n],
+            whole: vec![None; n],
+            resumed: vec![None; n],
+            is_new: false,
+            due: Instant::now(),
             last_s: 0.0,
             idle_s: None,
             heard: vec![None; n],
@@ -63,6 +80,29 @@ impl Cameras {
             told: vec![None; n],
             told_moved: Default::default(),
             nodes,
+        };
+        if let Some((state, record)) = state.and_then(|state| Some((state, state.rig()?))) {
+            state.say(&match cameras.restore(&record) {
+                Ok(()) => format!("the rig goes on from {:.3} s", cameras.last_s),
+                Err(reason) => format!("the rig begins anew: {reason}"),
+            });
+        }
+        cameras
+    }
+
+    /// Up to when a camera was heard by an earlier session, a capture time, and how long ago that was, seconds.
+    pub fn resumed(&self, camera: usize) -> Option<(f64, f64)> {
+        self.resumed[camera]
+    }
+
+    /// Hands over how things stand when it is time, and at the end.
+    pub fn keep(&mut self, state: &StateFile, is_end: bool) {
+        if self.is_new && (is_end || self.due <= Instant::now()) {
+            let record = self.record();
+            // The statistics of many cameras are many numbers: they are written as seldom as keeps the disk idle.
+            self.due = Instant::now() + EVERY.mul_f64(1.0_f64.max(record.size() as f64 / AT_ONCE));
+            self.is_new = false;
+            state.put_rig(record);
         }
     }
 
@@ -137,6 +177,9 @@ impl Cameras {
     /// What a camera saw of one target; the frame is whole with the last of them.
     fn shown(&mut self, camera: usize, target: usize, observation: &mut Observation, now: Instant) {
         let t_s = observation.capture_s;
+        if self.resumed[camera].is_some_and(|(last_s, _)| t_s <= last_s) {
+            return; // An earlier session took it in.
+        }
         (self.heard[camera], self.idle_s) = (Some((t_s, now)), None);
         let mut frame = match self.open[camera].take() {
             Some(frame) if frame.t_s == t_s => frame,
@@ -150,6 +193,7 @@ impl Cameras {
             self.open[camera] = Some(frame);
         } else {
             self.moments.push(frame, now);
+            (self.whole[camera], self.is_new) = (Some((t_s, unix_s())), true);
         }
     }
 

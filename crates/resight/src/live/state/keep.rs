@@ -3,6 +3,7 @@
 use super::record::CameraRecord;
 use crate::FileError;
 use crate::formats::write_atomically;
+use crate::live::rig::RigRecord;
 use crate::rig::digest::sha256;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -24,9 +25,12 @@ struct Head {
     sha256: String,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Body {
     cameras: Vec<CameraRecord>,
+    /// Of cameras whose places among each other are watched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rig: Option<RigRecord>,
 }
 
 type Say = Box<dyn Fn(&str) + Send + Sync>;
@@ -44,7 +48,7 @@ pub struct StateFile {
 #[derive(Default)]
 struct Inner {
     /// As read at the start, then as handed over last.
-    cameras: Vec<CameraRecord>,
+    body: Body,
     /// Cameras and targets that could not be handed over; said once.
     left_out: BTreeSet<(String, String)>,
     is_new: bool,
@@ -67,8 +71,8 @@ impl StateFile {
         read(path)?; // A file that is something else is left alone, also by the claim.
         let claim = claim(path)?;
         let parsed = read(path)?.map(|bytes| parse(&bytes)).transpose();
-        let cameras = match parsed {
-            Ok(body) => body.map(|body| body.cameras).unwrap_or_default(),
+        let body = match parsed {
+            Ok(body) => body.unwrap_or_default(),
             Err(reason) => {
                 let aside = put_aside(path)?;
                 say(&format!(
@@ -76,10 +80,10 @@ impl StateFile {
                     path.display(),
                     aside.display()
                 ));
-                Vec::new()
+                Body::default()
             }
         };
-        let inner = Mutex::new(Inner { cameras, ..Inner::default() });
+        let inner = Mutex::new(Inner { body, ..Inner::default() });
         Ok(StateFile {
             path: path.to_path_buf(),
             say: Box::new(say),
@@ -100,7 +104,7 @@ impl StateFile {
 
     /// What was written of a camera.
     pub(in crate::live) fn of(&self, camera: &str) -> Option<CameraRecord> {
-        self.lock().cameras.iter().find(|record| record.name == camera).cloned()
+        self.lock().body.cameras.iter().find(|record| record.name == camera).cloned()
     }
 
     /// Hands over how things stand.
@@ -113,10 +117,30 @@ impl StateFile {
                 self.say(&words);
             }
         }
-        match inner.cameras.iter_mut().find(|known| known.name == record.name) {
+        match inner.body.cameras.iter_mut().find(|known| known.name == record.name) {
             Some(known) => *known = record,
-            None => inner.cameras.push(record),
+            None => inner.body.cameras.push(record),
         }
+        inner.is_new = true;
+        drop(inner);
+        self.changed.notify_all();
+    }
+
+    /// What was written of cameras whose places among each other are watched.
+    pub(in crate::live) fn rig(&self) -> Option<RigRecord> {
+        self.lock().body.rig.clone()
+    }
+
+    /// Hands over how things stand with them.
+    pub(in crate::live) fn put_rig(&self, record: RigRecord) {
+        let mut inner = self.lock();
+        if !record.is_finite() {
+            if inner.left_out.insert(("rig".to_string(), String::new())) {
+                self.say("the rig is left out: its numbers are not finite");
+            }
+            return;
+        }
+        inner.body.rig = Some(record);
         inner.is_new = true;
         drop(inner);
         self.changed.notify_all();
@@ -132,9 +156,9 @@ impl StateFile {
     pub(in crate::live) fn keep(&self) {
         let mut is_failing = false;
         loop {
-            let (cameras, is_closed) = self.next();
-            if let Some(cameras) = cameras {
-                let written = write(&self.path, cameras);
+            let (body, is_closed) = self.next();
+            if let Some(body) = body {
+                let written = write(&self.path, &body);
                 match (&written, is_failing) {
                     (Err(reason), false) => self.say(&format!(
                         "degraded: {reason}; a restart would go on from the last state written"
@@ -152,11 +176,11 @@ impl StateFile {
     }
 
     /// Waits for something new or the end.
-    fn next(&self) -> (Option<Vec<CameraRecord>>, bool) {
+    fn next(&self) -> (Option<Body>, bool) {
         let nothing = |inner: &mut Inner| !inner.is_new && !inner.is_closed;
         let mut inner = self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
         let is_new = std::mem::take(&mut inner.is_new);
-        (is_new.then(|| inner.cameras.clone()), inner.is_closed)
+        (is_new.then(|| inner.body.clone()), inner.is_closed)
     }
 
     fn rest(&self) {
@@ -225,9 +249,9 @@ fn parse(bytes: &[u8]) -> Result<Body, String> {
     serde_json::from_str(body).map_err(|e| format!("is damaged: {e}"))
 }
 
-fn write(path: &Path, cameras: Vec<CameraRecord>) -> Result<(), FileError> {
+fn write(path: &Path, body: &Body) -> Result<(), FileError> {
     let told = |e: serde_json::Error| FileError::new(path, e.to_string());
-    let body = serde_json::to_string(&Body { cameras }).map_err(told)?;
+    let body = serde_json::to_string(body).map_err(told)?;
     let head = Head { format: FORMAT.to_string(), version: VERSION, sha256: sha256(body.as_bytes()) };
     let head = serde_json::to_string(&head).map_err(told)?;
     write_atomically(path, format!("{head}\n{body}\n").as_bytes())

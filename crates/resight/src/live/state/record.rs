@@ -1,12 +1,13 @@
 //! What is written of each camera, and of which configuration.
 
 use crate::GrayImage;
-use crate::live::{LiveConfig, Watched};
+use crate::live::rig::RigConfig;
+use crate::live::{LiveCamera, LiveConfig, Watched};
 use crate::rig::digest::sha256;
 use resight_core::monitor::learn::LearnConfig;
 use resight_core::monitor::{MonitorConfig, Reading};
 use resight_core::snapshot::Snapshot;
-use resight_core::{Camera, Matrix6, Pose};
+use resight_core::{Camera, Matrix6, Pose, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -104,8 +105,12 @@ impl PairRecord {
 }
 
 impl SnapshotRecord {
-    fn is_finite(&self) -> bool {
+    pub fn is_finite(&self) -> bool {
         self.numbers.iter().all(|number| number.is_finite())
+    }
+
+    pub fn len(&self) -> usize {
+        self.numbers.len()
     }
 
     pub fn snapshot(&self) -> Snapshot {
@@ -169,11 +174,39 @@ pub(in crate::live) fn landmark_settings(
     with_common(camera, config, [("picture", sha256(&picture.data)[..16].to_string())])
 }
 
+/// The same of a rig whose targets are carried about.
+pub(in crate::live) fn rig_settings(
+    cameras: &[LiveCamera],
+    rig: &RigConfig,
+    config: &LiveConfig,
+) -> BTreeMap<String, String> {
+    let lenses: Vec<(&str, &Camera)> =
+        cameras.iter().map(|camera| (camera.name.as_str(), &camera.camera)).collect();
+    let targets = cameras.first().map(|camera| camera.targets.as_slice()).unwrap_or_default();
+    let targets: Vec<(&str, &Target)> =
+        targets.iter().map(|watched| (watched.name.as_str(), watched.target.as_ref())).collect();
+    let own = [
+        ("cameras", digest(&lenses)),
+        ("targets", digest(&targets)),
+        ("places", rig.reference.as_ref().map_or("learned".to_string(), digest)),
+        ("sync_tolerance_s", rig.sync_tolerance_s.to_string()),
+    ];
+    common(config).into_iter().chain(named(own)).collect()
+}
+
 fn with_common<const N: usize>(
     camera: &Camera,
     config: &LiveConfig,
     own: [(&str, String); N],
 ) -> BTreeMap<String, String> {
+    common(config).into_iter().chain(named([("camera", digest(camera))])).chain(named(own)).collect()
+}
+
+fn named<const N: usize>(own: [(&str, String); N]) -> impl Iterator<Item = (String, String)> {
+    own.into_iter().map(|(name, value)| (name.to_string(), value))
+}
+
+fn common(config: &LiveConfig) -> BTreeMap<String, String> {
     let MonitorConfig {
         false_alarms_per_day,
         decision_period_s,
@@ -183,7 +216,6 @@ fn with_common<const N: usize>(
     } = &config.monitor;
     let LearnConfig { bias, bias_time_s, daily } = &config.lasting;
     let all = [
-        ("camera", digest(camera)),
         ("false_alarms_per_day", false_alarms_per_day.to_string()),
         ("decision_period_s", decision_period_s.to_string()),
         ("unseen_after_s", unseen_after_s.to_string()),
@@ -195,7 +227,7 @@ fn with_common<const N: usize>(
         ("motion", format!("{:?}", config.track)),
         ("learn_readings", config.learn_readings.to_string()),
     ];
-    all.into_iter().chain(own).map(|(name, value)| (name.to_string(), value)).collect()
+    named(all).collect()
 }
 
 /// Stands for what is too long to be written out.

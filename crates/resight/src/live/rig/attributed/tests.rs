@@ -44,6 +44,7 @@ impl Hall {
             lenses: Vec::new(),
             targets: vec!["door".to_string()],
             is_live: vec![false; 2],
+            settings: Default::default(),
             references: (0..2).map(|camera| Some(reference(camera))).collect(),
             monitors: (0..2).map(|camera| Some(own.as_ref()?[camera].clone())).collect(),
             pace: Arc::new(Pace::new(2)),
