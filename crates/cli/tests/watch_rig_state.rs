@@ -133,10 +133,15 @@ fn a_pause_of_a_rig_is_time_unseen() {
     let brief = ["--unseen-after-s", "2"];
     run(&state, &input, &brief);
     std::thread::sleep(Duration::from_millis(2200));
-    let after = run(&state, &[], &brief);
-    let verdicts = said(&after, 1e9);
-    assert_eq!(verdicts.len(), CAMERAS);
-    assert!(verdicts.iter().all(|verdict| verdict["state"] == "unseen"), "{verdicts:?}");
+    // With nothing on stdin for a while, the clock goes on.
+    let mut after = begin(&state, &[&["--once"], &brief[..]].concat());
+    after.wait_until("states", |session| CAMERAS <= session.events().len());
+    std::thread::sleep(Duration::from_millis(500));
+    after.end();
+    let told = after.events();
+    assert_eq!(told.iter().filter(|event| event["event"] == "verdict").count(), CAMERAS);
+    let states = told.iter().filter(|event| !event["state"].is_null());
+    assert!(states.clone().all(|event| event["state"] == "unseen"), "{told:?}");
 }
 
 #[test]

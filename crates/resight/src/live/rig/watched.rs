@@ -32,7 +32,7 @@ pub(in crate::live) struct Cameras {
     due: Instant,
     /// When each camera was last seen together with another; from the first frame on.
     last_s: f64,
-    /// What the clock says that goes on while no camera says anything; none while one does.
+    /// What the clock says that goes on while no camera says anything, also since an earlier session; none while one does.
     idle_s: Option<f64>,
     /// What each camera said last: a capture time, and when.
     heard: Vec<Option<(f64, Instant)>>,
@@ -144,7 +144,9 @@ impl Cameras {
         let silent = |at: &Instant| now.saturating_duration_since(*at);
         let all_silent = heard().all(|(_, at)| SILENT < silent(at));
         let now_s = heard().map(|(t_s, at)| t_s + silent(at).as_secs_f64()).fold(f64::INFINITY, f64::min);
-        self.idle_s = (all_silent && now_s.is_finite()).then_some(now_s);
+        if all_silent && now_s.is_finite() {
+            self.idle_s = Some(now_s);
+        }
         self.flow(now)
     }
 

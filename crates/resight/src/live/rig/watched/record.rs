@@ -161,6 +161,7 @@ impl Cameras {
         self.whole[camera] = heard.last;
         self.moments.resume(camera, last_s);
         let now_s = last_s + ago_s;
+        self.heard[camera] = Some((now_s, Instant::now()));
         self.idle_s = Some(self.idle_s.map_or(now_s, |idle_s| idle_s.min(now_s)));
     }
 }
