@@ -80,8 +80,8 @@ fn a_killed_rig_goes_on_as_if_nothing_had_been() {
     let alone = folder.join("alone.state");
     let whole = run(&alone, &input, &PATIENT);
     assert_eq!(whole.events().iter().filter(|event| event["event"] == "verdict").count(), 1 + CAMERAS);
-    // The checkpoint somewhere on the way, or with all that was seen: then an alarm is open, or decided.
-    for (killed_at, is_fresh) in [(25, false), (90, false), (123, true), (170, true)] {
+    // The checkpoint somewhere on the way, or with all that was seen: then it learns, an alarm is open, or decided.
+    for (killed_at, is_fresh) in [(25, true), (90, false), (123, true), (170, true)] {
         let state = folder.join(format!("{killed_at}.state"));
         let mut first = begin(&state, &PATIENT);
         // Frames come slowly, so that the checkpoint stands somewhere among them.
@@ -142,6 +142,25 @@ fn a_pause_of_a_rig_is_time_unseen() {
     assert_eq!(told.iter().filter(|event| event["event"] == "verdict").count(), CAMERAS);
     let states = told.iter().filter(|event| !event["state"].is_null());
     assert!(states.clone().all(|event| event["state"] == "unseen"), "{told:?}");
+}
+
+/// Three tenths of a second between moments, so that learning takes longer than a camera may stay unseen.
+#[test]
+fn a_rig_that_was_learning_goes_on_learning() {
+    let state = folder("rig-state-learning").join("rig.state");
+    let slower = |line: &String| {
+        let mut line: Value = serde_json::from_str(line).expect("JSON");
+        line["t_s"] = json!(3.0 * line["t_s"].as_f64().expect("a time"));
+        format!("{line}\n")
+    };
+    let input: Vec<String> = seen(60, 0x94).iter().map(slower).collect();
+    let brief = ["--unseen-after-s", "6"];
+    run(&state, &input[..90], &brief);
+    let after = run(&state, &input[90..], &brief);
+    let states: Vec<String> =
+        after.events().iter().filter_map(|event| event["state"].as_str().map(String::from)).collect();
+    assert_eq!((&states[0], states.contains(&"unseen".to_string())), (&"learning".to_string(), false));
+    assert_eq!(states.last().map(String::as_str), Some("steady"));
 }
 
 #[test]

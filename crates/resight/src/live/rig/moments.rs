@@ -92,11 +92,6 @@ impl Moments {
         self.cameras.iter().flat_map(|queue| &queue.waiting)
     }
 
-    /// A camera was heard up to then by an earlier session.
-    pub fn resume(&mut self, camera: usize, last_s: f64) {
-        self.cameras[camera].newest_s = Some(last_s);
-    }
-
     /// Moments to which nothing can be added any more, in order of time.
     pub fn complete(&mut self, now: Instant) -> Vec<Together> {
         let horizon_s = self.horizon_s(now);

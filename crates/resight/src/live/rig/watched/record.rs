@@ -159,7 +159,6 @@ impl Cameras {
         let ago_s = (unix_s() - last_unix_s).max(0.0);
         self.resumed[camera] = Some((last_s, ago_s));
         self.whole[camera] = heard.last;
-        self.moments.resume(camera, last_s);
         let now_s = last_s + ago_s;
         self.heard[camera] = Some((now_s, Instant::now()));
         self.idle_s = Some(self.idle_s.map_or(now_s, |idle_s| idle_s.min(now_s)));
