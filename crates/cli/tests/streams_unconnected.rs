@@ -55,7 +55,7 @@ fn a_udp_sender_that_falls_silent_is_lost_and_comes_back() {
     assert_eq!(lost["reason"], reason.as_str());
     let _sender = send_udp(&film, &address);
     watching.until("return", |event| is_source(event, true));
-    watching.frames(10);
+    watching.frames(5);
     nothing_else_was_told(&watching);
     nothing_stays_behind(watching, &format!("-i {address}"));
 }
