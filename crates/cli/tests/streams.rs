@@ -2,6 +2,9 @@
 
 mod film_support;
 
+use film_support::streamed::{
+    capture_times_are_those_of_the_camera, film, is_source, nothing_stays_behind, wait_for_listener,
+};
 use film_support::{
     H264, Running, Watching, encode, frames, free_port, has_ffmpeg, runs, said, serve, states, studio,
     watch_once,
@@ -9,24 +12,12 @@ use film_support::{
 use serde_json::Value;
 use std::io::Write;
 use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-
-/// Thirty seconds of a camera that stays.
-fn film(studio: &Path) -> PathBuf {
-    let film = studio.join("film.ts");
-    let all = frames(studio, (0..300).map(|_| 0.0));
-    encode(&all, 10, &[&H264[..], &[&film.display().to_string()]].concat());
-    film
-}
+use std::time::{Duration, Instant};
 
 fn serve_tcp(film: &Path, port: u16) -> Running {
     serve(film, &["-f", "mpegts", &format!("tcp://127.0.0.1:{port}?listen=1")])
-}
-
-fn is_source(event: &Value, is_there: bool) -> bool {
-    event["event"] == "source" && event["is_there"] == is_there
 }
 
 /// The server is killed and started again: the source is lost and is back, each told once, and nothing else changes.
@@ -77,34 +68,6 @@ fn a_stream_that_breaks_is_lost_and_comes_back() {
     nothing_stays_behind(watching, &format!("-i tcp://127.0.0.1:{port}"));
 }
 
-/// Frames were taken a tenth of a second apart, and about now.
-fn capture_times_are_those_of_the_camera(events: &[Value]) {
-    let times: Vec<f64> =
-        events.iter().filter(|e| e["event"] == "frame").filter_map(|e| e["t_s"].as_f64()).collect();
-    let now_s = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
-    assert!(times.iter().all(|t| (now_s - 300.0..=now_s).contains(t)), "{now_s}: {times:?}");
-    assert!(times.windows(2).all(|pair| pair[0] <= pair[1]), "{times:?}");
-    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let even = steps.iter().filter(|step| ((**step / 0.1).round() - **step / 0.1).abs() < 0.05).count();
-    assert!(2 * steps.len() < 3 * even, "{even} of {}: {steps:?}", steps.len());
-    let span_s = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
-    assert!(0.09 * steps.len() as f64 <= span_s, "{} steps in {span_s} s", steps.len());
-}
-
-/// The program is killed outright: its ffmpeg notices that nobody reads.
-fn nothing_stays_behind(watching: Watching, of: &str) {
-    assert_ne!(runs(of, &[]), Some(false), "{of} should run");
-    drop(watching);
-    let end = Instant::now() + Duration::from_secs(30);
-    while Instant::now() < end {
-        match runs(of, &[]) {
-            Some(true) => std::thread::sleep(Duration::from_millis(100)),
-            _ => return,
-        }
-    }
-    panic!("{of} still runs");
-}
-
 /// With `--once` a stream that ends has ended; HTTP, its password not shown.
 #[test]
 fn a_stream_that_ends_gives_a_verdict() {
@@ -120,20 +83,6 @@ fn a_stream_that_ends_gives_a_verdict() {
     let run = watch_once(&studio, &[&["--source", &source][..], &options].concat());
     assert_eq!((run.code, states(&run.events)), (0, vec!["learning", "steady"]), "{:?}", said(&run.events));
     assert!(run.events.iter().all(|event| !event.to_string().contains("secret")));
-}
-
-/// Until somebody listens on a port, without connecting to it: the server takes one visitor only.
-fn wait_for_listener(port: u16) {
-    let listening = format!(":{port:04X} 00000000:0000 0A");
-    let end = Instant::now() + Duration::from_secs(30);
-    while Instant::now() < end {
-        match std::fs::read_to_string("/proc/net/tcp") {
-            Ok(table) if table.contains(&listening) => return,
-            Ok(_) => std::thread::sleep(Duration::from_millis(50)),
-            // Another system: it will be there by then.
-            Err(_) => return std::thread::sleep(Duration::from_secs(5)),
-        }
-    }
 }
 
 /// A server that falls silent in the middle without ending.

@@ -2,6 +2,8 @@
 
 #![allow(dead_code)] // Each test file uses its part.
 
+pub mod streamed;
+
 use resight::core::{Camera, Pose, Target, Vector6};
 use resight::render::{Finish, Scene, Style, render};
 use serde_json::Value;
@@ -23,6 +25,17 @@ pub fn has_ffmpeg() -> bool {
         println!("ffmpeg is not installed: this test is skipped");
     }
     found
+}
+
+/// Whether there is an ffmpeg that speaks a protocol, at both ends; says so where there is none.
+pub fn speaks(protocol: &str) -> bool {
+    let asked = Command::new("ffmpeg").args(["-v", "error", "-protocols"]).output();
+    let listed = asked.map(|told| String::from_utf8_lossy(&told.stdout).into_owned()).unwrap_or_default();
+    let both = listed.lines().filter(|line| line.trim() == protocol).count() == 2;
+    if !both {
+        println!("no ffmpeg that reads and writes {protocol}: this test is skipped");
+    }
+    both
 }
 
 /// A folder with the camera and the target.
@@ -123,9 +136,25 @@ impl Watching {
         Watching::with(&arguments)
     }
 
+    /// The same with variables of the environment.
+    pub fn start_in<'a>(
+        studio: &Path,
+        more: &[&str],
+        environment: impl IntoIterator<Item = (&'a str, std::ffi::OsString)>,
+    ) -> Self {
+        let mut session = Command::new(assert_cmd::cargo::cargo_bin("resight"));
+        session.args(arguments(studio)).args(more).envs(environment);
+        Watching::of(session)
+    }
+
     pub fn with(arguments: &[&str]) -> Self {
-        let program = assert_cmd::cargo::cargo_bin("resight");
-        let child = Command::new(program).args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+        let mut session = Command::new(assert_cmd::cargo::cargo_bin("resight"));
+        session.args(arguments);
+        Watching::of(session)
+    }
+
+    fn of(mut session: Command) -> Self {
+        let child = session.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
         let mut process = Running(child.expect("it runs"));
         let stdout = process.0.stdout.take().expect("its output");
         let (sender, events) = channel();

@@ -36,6 +36,8 @@ const WAITING: usize = 2;
 const LINE_PATIENCE: Duration = Duration::from_secs(1);
 /// How long ffmpeg may take to end after its last word.
 const ENDING: Duration = Duration::from_secs(2);
+/// The last frames may come this long after ffmpeg has said why no more will.
+const AHEAD: Duration = Duration::from_secs(2);
 
 /// An `ffmpeg` that is installed.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +78,14 @@ pub(super) struct Decoder {
     process: Child,
     decoded: Receiver<Decoded>,
     to_reader: Sender<GrayImage>,
-    last_words: Arc<Mutex<Option<String>>>,
+    last_words: Arc<Mutex<Option<Words>>>,
+}
+
+/// What ffmpeg complained of.
+#[derive(Debug, Clone)]
+struct Words {
+    said: Instant,
+    words: String,
 }
 
 impl Ffmpeg {
@@ -117,8 +126,9 @@ impl Ffmpeg {
         if let (Some(stdout), Some(stderr)) = pipes {
             let (to_pictures, told) = channel();
             let words = Arc::clone(&last_words);
+            let input = input.to_string_lossy().into_owned();
             thread::spawn(move || {
-                listen(stderr, &words, |told| {
+                listen(stderr, &input, &words, |told| {
                     // Whoever reads the pictures may have stopped; ffmpeg's words are taken to the end all the same.
                     let _ = to_pictures.send(told);
                 });
@@ -148,6 +158,15 @@ impl Decoder {
 
     /// What ffmpeg last complained of.
     pub fn last_words(&self) -> Option<String> {
+        self.words().map(|last| last.words)
+    }
+
+    /// The same, unless it went on well afterwards: `alive` is when it last gave something.
+    pub fn last_words_since(&self, alive: Instant) -> Option<String> {
+        self.words().filter(|last| alive <= last.said + AHEAD).map(|last| last.words)
+    }
+
+    fn words(&self) -> Option<Words> {
         self.last_words.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
@@ -179,8 +198,13 @@ impl Drop for Decoder {
     }
 }
 
-/// Hands on what ffmpeg says, until it says no more.
-fn listen(stderr: ChildStderr, last_words: &Mutex<Option<String>>, mut hand_on: impl FnMut(Told)) {
+/// Hands on what ffmpeg says of an input, until it says no more.
+fn listen(
+    stderr: ChildStderr,
+    input: &str,
+    last_words: &Mutex<Option<Words>>,
+    mut hand_on: impl FnMut(Told),
+) {
     let mut stderr = BufReader::new(stderr);
     let mut line = Vec::new();
     loop {
@@ -190,8 +214,11 @@ fn listen(stderr: ChildStderr, last_words: &Mutex<Option<String>>, mut hand_on: 
             Ok(_) => {}
         }
         let line = String::from_utf8_lossy(&line);
-        if let Some(complaint) = words::complaint(&line) {
-            *last_words.lock().unwrap_or_else(PoisonError::into_inner) = Some(complaint);
+        if let Some(words) = words::complaint(&line) {
+            let mut last = last_words.lock().unwrap_or_else(PoisonError::into_inner);
+            if !last.as_ref().is_some_and(|last| words::sums_up(&words, &last.words, input)) {
+                *last = Some(Words { said: Instant::now(), words });
+            }
         }
         words::told(&line).into_iter().for_each(&mut hand_on);
     }

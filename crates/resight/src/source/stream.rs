@@ -108,7 +108,7 @@ impl Stream {
 
     /// In brackets: our own reason before ffmpeg's.
     fn last_words(&self, connection: &Connection, reason: Option<String>) -> String {
-        let words = reason.or_else(|| connection.decoder.last_words());
+        let words = reason.or_else(|| connection.decoder.last_words_since(connection.alive));
         words.map_or(String::new(), |words| format!(" ({})", self.address.hide(&words)))
     }
 

@@ -72,6 +72,14 @@ pub(super) fn complaint(line: &str) -> Option<String> {
     (!words.is_empty() && !words.starts_with("Did you mean")).then(|| words.to_string())
 }
 
+/// Whether a complaint only sums up, for an input that cannot be opened, what was said before it (`bind failed: Address already in use`).
+/// Its own reason is often another: the code of the error is lost on the way. An address in the words before may hold a password.
+pub(super) fn sums_up(complaint: &str, before: &str, input: &str) -> bool {
+    let of_input = complaint.strip_prefix(input).is_some_and(|rest| rest.starts_with(": "));
+    let is_sum = complaint.starts_with("Error opening input") || (of_input && !complaint.contains(CORRUPT));
+    is_sum && !before.contains("://")
+}
+
 /// `config in time_base: 1/90000, frame_rate: 25/1`
 fn time_base(shown: &str) -> Option<Told> {
     let (_, after) = shown.split_once("config in time_base: ")?;
@@ -137,6 +145,22 @@ mod tests {
             );
         }
         assert_eq!(told("[h264 @ 0x5] [error] error while decoding MB 6 3"), []);
+    }
+
+    #[test]
+    fn the_first_reason_is_kept() {
+        let taken = "bind failed: Address already in use";
+        let udp = "udp://127.0.0.1:1";
+        // Since and before release 6.
+        for sum in ["Error opening input: Inappropriate ioctl", "udp://127.0.0.1:1: Inappropriate ioctl"] {
+            assert!(sums_up(sum, taken, udp), "{sum}");
+            assert!(!sums_up(sum, "Connection to tcp://h:1 failed: refused", udp), "{sum}");
+        }
+        for other in
+            ["udp://127.0.0.1:1: corrupt decoded frame in stream 0", "Error during demuxing: timed out"]
+        {
+            assert!(!sums_up(other, taken, udp), "{other}");
+        }
     }
 
     /// As release 9 says it with `-debug_ts`, on a line of its own or behind what the filter had begun.

@@ -1,6 +1,7 @@
 //! Where a stream is, what ffmpeg needs to be told about it, and what of it may be shown.
 
 use super::super::ffmpeg::Release;
+use super::OPENING_S;
 
 /// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`).
 pub fn is_stream(source: &str) -> bool {
@@ -29,7 +30,9 @@ impl Address {
 
     /// Options for the input: little waiting, and an end to waiting for ever.
     pub fn input_options(&self, patience_s: f64, release: Release) -> Vec<String> {
-        let patience_us = format!("{:.0}", 1e6 * patience_s);
+        let us = |seconds: f64| format!("{:.0}", 1e6 * seconds);
+        let patience_us = us(patience_s);
+        let udp_us = us((patience_s + OPENING_S).min(MOST_UDP_S));
         let specific: &[&str] = match scheme(&self.input) {
             None => &["-f", "v4l2"],
             // Without TCP, lost packets tear frames.
@@ -41,14 +44,20 @@ impl Address {
                 release.rtsp_patience(),
                 &patience_us,
             ],
-            Some("http" | "https" | "tcp" | "tls" | "udp" | "rtmp" | "rtmps" | "rtmpt") => {
+            Some("http" | "https" | "tcp" | "tls" | "rtmp" | "rtmps" | "rtmpt") => {
                 &["-rw_timeout", &patience_us]
             }
+            // UDP has its own option. Silence is noticed here, and sooner: this one ends an ffmpeg that has outlived its session, which
+            // would wait for ever and keep the port.
+            Some("udp") => &["-timeout", &udp_us],
             Some(_) => &[], // Others know no such option; a stream that says nothing is given up all the same.
         };
         LITTLE_WAITING.iter().chain(specific).map(|word| word.to_string()).collect()
     }
 }
+
+/// What ffmpeg takes for UDP, seconds: an `int` of microseconds.
+const MOST_UDP_S: f64 = 2147.0;
 
 /// Decoding in slices, not frames, in parallel: the decoder gives each frame at once. (`-flags low_delay` would give frames in the order
 /// of decoding where a stream has B-frames.) A shorter look at what the stream is.
@@ -127,6 +136,11 @@ mod tests {
         assert!(options("rtsp://cam/x").ends_with(&format!("{rtsp} -timeout 2500000")));
         assert!(of("4.4.2", "rtsps://cam/x").ends_with(&format!("{rtsp} -stimeout 2500000")));
         assert!(options("http://cam/x").ends_with("-rw_timeout 2500000"));
+        assert!(options("rtmp://cam/live/x").ends_with("-rw_timeout 2500000"));
+        assert!(options("udp://@239.0.0.1:1234").ends_with("-analyzeduration 1000000 -timeout 17500000"));
+        let release = Release::read("ffmpeg version 5.1.9 Copyright");
+        let patient = Address::new("udp://:1234").input_options(1e5, release).join(" ");
+        assert!(patient.ends_with("-timeout 2147000000"), "{patient}");
         assert!(options("/dev/video0").ends_with("-f v4l2"));
         assert!(options("srt://cam:9000").ends_with("-analyzeduration 1000000"));
     }
