@@ -144,6 +144,18 @@ fn a_pause_of_a_rig_is_time_unseen() {
     assert!(states.clone().all(|event| event["state"] == "unseen"), "{told:?}");
 }
 
+/// The program is there again, the detector is not.
+#[test]
+fn a_rig_that_sees_nothing_after_a_restart_becomes_unseen() {
+    let (state, input) = (folder("rig-state-silent").join("rig.state"), seen(100, 0x95));
+    let brief = ["--unseen-after-s", "2"];
+    run(&state, &input, &brief);
+    let mut after = begin(&state, &brief);
+    let unseen = |session: &Session| session.events().iter().filter(|e| e["state"] == "unseen").count();
+    after.wait_until("every camera unseen", |session| unseen(session) == CAMERAS);
+    after.end();
+}
+
 /// Three tenths of a second between moments, so that learning takes longer than a camera may stay unseen.
 #[test]
 fn a_rig_that_was_learning_goes_on_learning() {
