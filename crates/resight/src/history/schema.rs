@@ -27,8 +27,7 @@ CREATE TABLE event (
     camera TEXT, target TEXT, kind TEXT NOT NULL, state TEXT, detail TEXT NOT NULL);
 ";
 
-/// Opens a file for writing, brings one of an earlier version up to date, and makes the tables where there are
-/// none.
+/// Opens a file for writing, brings one of an earlier version up to date, and makes the tables where there are none.
 pub(super) fn open(path: &Path) -> Result<Connection, HistoryError> {
     let told = |e: rusqlite::Error| HistoryError::of(path, &e);
     let mut connection = Connection::open(path).map_err(told)?;
