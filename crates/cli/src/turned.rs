@@ -21,17 +21,23 @@ pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
     (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
 }
 
+/// Why the turn is no answer: most of what was found contradicts it.
+pub fn contradiction(sighting: &Sighting) -> Option<String> {
+    let (agree, found) = (sighting.turn.used.len(), sighting.turn.given);
+    (!sighting.turn.is_consistent()).then(|| {
+        format!(
+            "inconsistent: {agree} of the {found} landmarks found agree, half are needed: near things as the camera shifts, or much that moves"
+        )
+    })
+}
+
 /// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A turn that most of what was found
 /// contradicts is told as that first.
 pub fn words(sighting: &Sighting) -> String {
     let turned = turned_words(sighting);
-    let (agree, found) = (sighting.turn.used.len(), sighting.turn.given);
-    match sighting.turn.is_consistent() {
-        true => turned,
-        false => format!(
-            "inconsistent: {agree} of the {found} landmarks found agree, half are needed: near things as the camera shifts, or much that moves; \
-            they say: {turned}"
-        ),
+    match contradiction(sighting) {
+        Some(why) => format!("{why}; they say: {turned}"),
+        None => turned,
     }
 }
 

@@ -215,7 +215,7 @@ fn histories_of_others_are_refused_and_left_alone() {
     change(&foreign, "CREATE TABLE album (title TEXT)");
     let nowhere = folder.join("no/such/folder/history.sqlite");
     for (path, words) in [
-        (&newer, "schema version 99, this program knows 1"),
+        (&newer, "schema version 99, this program knows 2"),
         (&foreign, "no history of Resight"),
         (&nowhere, "give a file in a folder that exists and can be written"),
     ] {

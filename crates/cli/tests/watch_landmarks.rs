@@ -100,13 +100,8 @@ fn a_camera_that_stays_is_steady_and_says_its_numbers() {
     let night = Night::new("landmarks-steady");
     night.take(0..8, [0.0; 3], |_| ());
     let landmarks = format!("gate={}", night.reference);
-    let history = night.folder.join("gate.sqlite").display().to_string();
-    let run = night.watch(&["--landmarks", &landmarks, "--json", "--frames", "--history", &history]);
+    let run = night.watch(&["--landmarks", &landmarks, "--json", "--frames"]);
     assert_eq!((run.code, run.states()), (0, vec!["steady".to_string()]), "{}{}", run.stdout, run.stderr);
-    let stored = rusqlite::Connection::open(&history).expect("the history");
-    let in_words = "SELECT count(*) FROM frame WHERE readings = 0 AND reason LIKE 'turned %landmarks agree'";
-    let n: i64 = stored.query_row(in_words, [], |row| row.get(0)).expect("a count");
-    assert_eq!(n, 8);
     let frames = run.events("frame");
     assert_eq!(frames.len(), 8);
     for frame in &frames {
@@ -116,6 +111,84 @@ fn a_camera_that_stays_is_steady_and_says_its_numbers() {
         assert!(30 <= frame["n_landmarks"].as_u64().expect("a count"), "{frame}");
         assert_eq!(frame["target"], "landmarks");
     }
+}
+
+/// The table's numbers are those of `--json`, to the last bit, and `reason` does not say them again.
+#[test]
+fn the_history_keeps_the_turn_that_json_says() {
+    let night = Night::new("landmarks-history");
+    night.take(0..6, [0.1, -0.2, 0.3], |_| ());
+    night.take(6..8, [0.0; 3], |image| image.data.fill(20));
+    let landmarks = format!("gate={}", night.reference);
+    let [history, table] =
+        ["gate.sqlite", "gate.csv"].map(|name| night.folder.join(name).display().to_string());
+    let watched = night.watch(&["--landmarks", &landmarks, "--json", "--frames", "--history", &history]);
+    let exported = run(&["history", &history, "--export", &table]);
+    assert_eq!(exported.code, 0, "{}", exported.stderr);
+    let mut table = csv::Reader::from_path(&table).expect("a table");
+    let names = table.headers().expect("names").clone();
+    let rows: Vec<csv::StringRecord> = table.records().map(|row| row.expect("a row")).collect();
+    let frames = watched.events("frame");
+    assert_eq!((rows.len(), frames.len()), (8, 8));
+    for (row, frame) in rows.iter().zip(&frames) {
+        let text = |name: &str| &row[names.iter().position(|n| n == name).expect("a column")];
+        let number = |name: &str| text(name).parse::<f64>().expect("a number");
+        assert_eq!((text("readings"), text("qw")), ("0", ""));
+        if frame["rotation_rad"].is_null() {
+            assert_eq!((text("turns"), text("turn_rx_rad"), text("n_landmarks")), ("0", "", ""));
+            assert_eq!(Some(text("reason")), frame["message"].as_str());
+            continue;
+        }
+        assert_eq!((text("turns"), text("reason")), ("1", ""));
+        assert_eq!(
+            ["turn_rx_rad", "turn_ry_rad", "turn_rz_rad"].map(number).to_vec(),
+            numbers(&frame["rotation_rad"])
+        );
+        assert_eq!(Some(number("n_landmarks")), frame["n_landmarks"].as_f64());
+        let covariance = &frame["rotation_covariance_rad2"];
+        for (i, j) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)] {
+            let name = format!("cov_turn_r{}_r{}_rad2", ["x", "y", "z"][i], ["x", "y", "z"][j]);
+            assert_eq!(Some(number(&name)), covariance[i][j].as_f64(), "{name}");
+        }
+    }
+    assert_eq!(
+        rows.iter()
+            .filter(|row| row[names.iter().position(|n| n == "turns").expect("turns")] == *"1")
+            .count(),
+        6
+    );
+    let said = run(&["history", &history]).stdout;
+    assert!(said.contains("a pose in 0.0 %, a turn of landmarks in 75.0 %"), "{said}");
+    let said: Value = serde_json::from_str(&run(&["history", &history, "--json"]).stdout).expect("JSON");
+    let states = said["pairs"][0]["states"].as_object().expect("states");
+    assert_eq!(
+        states.values().map(|state| state["turns"].as_u64().expect("a count")).sum::<u64>(),
+        6,
+        "{said}"
+    );
+}
+
+/// Three thirds of the picture that turned in three ways: such a frame must not count in a mean, and has its reason instead.
+#[test]
+fn the_history_keeps_no_turn_that_most_contradict() {
+    let night = Night::new("landmarks-history-contradict");
+    night.take(0..4, [0.0; 3], |_| ());
+    write(night.folder.join("night/0004.png"), &in_three_ways());
+    let landmarks = format!("gate={}", night.reference);
+    let history = night.folder.join("gate.sqlite").display().to_string();
+    let watched = night.watch(&["--landmarks", &landmarks, "--json", "--frames", "--history", &history]);
+    assert_eq!(watched.events("frame")[4]["is_consistent"], false, "{}", watched.stdout);
+    let stored = rusqlite::Connection::open(&history).expect("the history");
+    let mut select =
+        stored.prepare("SELECT turns, turn IS NULL, reason FROM frame ORDER BY t_s").expect("rows");
+    let row = |row: &rusqlite::Row| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
+    let mut rows: Vec<(i64, bool, Option<String>)> =
+        select.query_map([], row).expect("rows").collect::<Result<_, _>>().expect("rows");
+    let (turns, is_empty, reason) = rows.pop().expect("the last");
+    assert_eq!(rows, vec![(1, false, None); 4]);
+    let reason = reason.expect("a reason");
+    assert!(turns == 0 && is_empty && reason.starts_with("inconsistent: "), "{reason}");
+    assert!(reason.contains("landmarks found agree, half are needed") && !reason.contains('°'), "{reason}");
 }
 
 #[test]
@@ -275,14 +348,19 @@ fn a_rig_is_watched_by_landmarks_alone() {
     assert!(run.stdout.contains("gate: steady"), "{}", run.stdout);
 }
 
+/// A picture whose thirds turned in three ways.
+fn in_three_ways() -> Vec<u8> {
+    let thirds = [0.0, 0.3, -0.3].map(|pan| picture(&small(), &turned([0.0, pan, 0.0]), 31));
+    let mixed: Vec<f64> = (0..480 * 360).map(|i| thirds[i % 480 / 160][i]).collect();
+    let image = exposed(&small(), &mixed, 1.0, 2.0, &mut Pcg::new(7));
+    image.png().expect("a PNG")
+}
+
 /// Three thirds of the picture that turned in three ways: what most contradict is no answer.
 #[test]
 fn a_turn_that_most_contradict_is_told_as_one() {
     let night = Night::new("landmarks-contradict");
-    let thirds = [0.0, 0.3, -0.3].map(|pan| picture(&small(), &turned([0.0, pan, 0.0]), 31));
-    let mixed: Vec<f64> = (0..480 * 360).map(|i| thirds[i % 480 / 160][i]).collect();
-    let image = exposed(&small(), &mixed, 1.0, 2.0, &mut Pcg::new(7));
-    let mixed = write(night.folder.join("mixed.png"), &image.png().expect("a PNG"));
+    let mixed = write(night.folder.join("mixed.png"), &in_three_ways());
     let run = run(&["landmarks", &night.reference, &mixed, "--camera", &night.camera]);
     assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
     assert!(run.stdout.contains("  inconsistent: "), "{}", run.stdout);

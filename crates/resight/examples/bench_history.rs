@@ -24,6 +24,7 @@ fn row(i: usize) -> FrameRow {
         state: "steady",
         n_points: 36,
         measured: Some(measured),
+        turned: None,
         reason: None,
     }
 }

@@ -5,8 +5,11 @@
 
 mod error;
 mod rows;
+mod bytes;
+mod columns;
 mod schema;
 mod mean;
+mod join;
 mod store;
 mod thin;
 mod recorder;
@@ -16,6 +19,6 @@ pub mod export;
 pub use error::HistoryError;
 pub use read::{History, PairSummary, Selection, StateShare};
 pub use recorder::{NotStored, Recorder, Recording, Stored, Told, Writer, recorder};
-pub use rows::{EventRow, FrameRow, Measured, Span, StoredEvent, StoredRow, Summary};
+pub use rows::{EventRow, FrameRow, Measured, Span, StoredEvent, StoredRow, Summary, TurnSummary, Turned};
 pub use store::{Opened, Store};
 pub use thin::Retention;

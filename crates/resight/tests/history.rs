@@ -1,105 +1,20 @@
 //! The history: what ages is averaged honestly, events stay, the file stays small, tables hold what the rows hold.
 
-use nalgebra::{Matrix6, Vector6};
+mod history_support;
+
+use history_support::{
+    FOR_EVER, cells, every, file, frames, is_mean_of, keep, open, pairs, rows, thin, turns,
+};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use resight::core::Pose;
 use resight::history::export::{Table, export};
 use resight::history::{
-    EventRow, FrameRow, History, Measured, NotStored, Recording, Retention, Selection, Span, Store,
-    StoredRow, Told, recorder,
+    EventRow, FrameRow, History, Measured, NotStored, Recording, Retention, Selection, Span, StoredRow, Told,
+    Turned, recorder,
 };
-use std::path::{Path, PathBuf};
-
-const SIGMA: [f64; 6] = [1e-3, 2e-3, 5e-4, 1e-3, 1e-3, 4e-3];
-
-/// SplitMix64, and Box–Muller on it.
-struct Chance(u64);
-
-impl Chance {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5_f64.powi(53)
-    }
-
-    fn normal(&mut self) -> f64 {
-        let (u, v) = (1.0 - self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-    }
-}
-
-fn file(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("history-{name}"));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    folder.join("history.sqlite")
-}
-
-fn pairs() -> Vec<(String, String)> {
-    ["gate", "yard"].map(|camera| (camera.to_string(), "door".to_string())).to_vec()
-}
-
-fn open(path: &Path) -> Store {
-    Store::open(path, &pairs()).expect("a history").store
-}
-
-/// Frames of `gate` at these times, the pose scattered by SIGMA; every tenth sees nothing.
-fn frames(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64) -> Vec<FrameRow> {
-    let mut chance = Chance(seed);
-    let start = Pose::exp(&Vector6::new(0.2, -0.7, 0.1, 0.3, -0.2, 2.5));
-    let frame = |(i, t_s): (usize, f64)| {
-        let motion = Vector6::from_fn(|axis, _| SIGMA[axis] * chance.normal());
-        let scale = 1.0 + chance.uniform();
-        let measured = Measured {
-            cam_from_target: Pose::exp(&motion) * start,
-            covariance: Matrix6::from_diagonal(&Vector6::from(SIGMA.map(|s| scale * s * s))),
-            rms_px: 0.2 + 0.1 * chance.uniform(),
-        };
-        let is_seen = i % 10 != 9;
-        FrameRow {
-            pair: 0,
-            t_s,
-            number: i as u64,
-            state,
-            n_points: 4 * usize::from(is_seen),
-            measured: is_seen.then_some(measured),
-            reason: (!is_seen).then(|| "no tag in this frame".to_string()),
-        }
-    };
-    times_s.enumerate().map(frame).collect()
-}
-
-fn every(period_s: f64, from_s: f64, to_s: f64) -> impl Iterator<Item = f64> {
-    let n = ((to_s - from_s) / period_s).round() as usize;
-    (0..n).map(move |i| from_s + i as f64 * period_s)
-}
-
-fn rows(path: &Path) -> Vec<StoredRow> {
-    let mut rows = Vec::new();
-    let take = |row| {
-        rows.push(row);
-        true
-    };
-    History::open(path).expect("a history").rows(&Selection::default(), take).expect("rows");
-    rows
-}
-
-fn thin(store: &mut Store, keep: &Retention) {
-    let mut turns = 0;
-    while store.thin(keep).expect("thinned") {
-        turns += 1;
-        assert!(turns < 10_000, "it never ends");
-    }
-}
-
-const FOR_EVER: f64 = 1e12;
-
-fn keep(full_s: f64, minutes_s: f64, keep_s: f64) -> Retention {
-    Retention { full_s, minutes_s, keep_s, largest_bytes: None }
-}
+use std::path::Path;
 
 #[test]
 fn a_stored_row_is_the_row_that_came() {
@@ -122,30 +37,6 @@ fn a_stored_row_is_the_row_that_came() {
     }
 }
 
-/// The mean leaves no motion over, the scatter is that of the frames, the covariance that of one frame: nothing gets better by averaging.
-fn is_mean_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
-    let seen: Vec<&Measured> = frames.iter().filter_map(|frame| frame.measured.as_ref()).collect();
-    let n = seen.len() as f64;
-    assert_eq!((row.frames, row.readings), (frames.len() as u64, seen.len() as u64));
-    let (mean, summary) = (row.measured.expect("a mean"), row.summary.expect("a summary"));
-    let motions: Vec<Vector6<f64>> =
-        seen.iter().map(|m| (m.cam_from_target * mean.cam_from_target.inverse()).log()).collect();
-    let left_over = motions.iter().sum::<Vector6<f64>>() / n;
-    assert!(left_over.norm() < tolerance * SIGMA[5], "{left_over}");
-    let scatter = motions.iter().map(|m| m * m.transpose()).sum::<Matrix6<f64>>() / n;
-    assert!((summary.scatter - scatter).norm() < tolerance * scatter.norm(), "{scatter}");
-    let covariance = seen.iter().map(|m| m.covariance).sum::<Matrix6<f64>>() / n;
-    assert!((mean.covariance - covariance).norm() < 1e-12 * covariance.norm());
-    let extreme =
-        |of: fn(f64, f64) -> f64| motions.iter().copied().reduce(|a, b| a.zip_map(&b, of)).expect("some");
-    for (seen, wanted) in [(summary.least, extreme(f64::min)), (summary.most, extreme(f64::max))] {
-        assert!((seen - wanted).norm() < tolerance * SIGMA[5], "{seen} {wanted}");
-    }
-    let mean_square = seen.iter().map(|m| m.rms_px * m.rms_px).sum::<f64>() / n;
-    assert!((mean.rms_px - mean_square.sqrt()).abs() < 1e-12);
-    assert_eq!(summary.most_rms_px, seen.iter().map(|m| m.rms_px).fold(0.0, f64::max));
-}
-
 #[test]
 fn a_minute_is_the_mean_of_its_frames() {
     let path = file("minute");
@@ -159,6 +50,7 @@ fn a_minute_is_the_mean_of_its_frames() {
     assert_eq!(minutes.iter().map(|row| row.t_s).collect::<Vec<_>>(), [0.0, 60.0]);
     for minute in minutes {
         let within = |frame: &&FrameRow| (minute.t_s..minute.t_s + 60.0).contains(&frame.t_s);
+        assert_eq!(minute.frames, 120);
         is_mean_of(minute, &all.iter().filter(within).collect::<Vec<_>>(), 1e-9);
     }
     assert_eq!(read.iter().filter(|row| row.span == Span::Frame).count(), 160);
@@ -175,6 +67,7 @@ fn an_hour_of_minutes_is_the_mean_of_its_frames() {
     thin(&mut store, &keep(60.0, 3600.0, FOR_EVER));
     let read = rows(&path);
     assert_eq!(read.iter().map(|row| row.span).collect::<Vec<_>>(), [Span::Hour, Span::Frame]);
+    assert_eq!(read[0].frames, 720);
     is_mean_of(&read[0], &all.iter().collect::<Vec<_>>(), 5e-3);
     thin(&mut store, &keep(60.0, 3600.0, 5000.0));
     assert_eq!(rows(&path).len(), 1, "the hour is too old");
@@ -326,21 +219,16 @@ fn a_full_queue_gives_up_its_oldest_and_says_so() {
     assert_eq!(missing, [r#"{"frames": 151, "events": 30}"#]);
 }
 
-fn cells(path: &Path) -> Vec<Vec<Option<String>>> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(path).expect("a table");
-    let cell = |text: &str| (!text.is_empty()).then(|| text.to_string());
-    reader.records().map(|record| record.expect("a row").iter().map(cell).collect()).collect()
-}
-
 /// The same cells as CSV and as Parquet, numbers to the last bit.
 #[test]
 fn tables_hold_what_the_rows_hold() {
     let path = file("tables");
     let mut store = open(&path);
     store.append(&frames(every(1.0, 0.0, 300.0), "steady", 18), &[event()]).expect("stored");
+    store.append(&turns(every(1.0, 90.5, 270.5), "steady", 20), &[]).expect("stored");
     thin(&mut store, &keep(60.0, FOR_EVER, FOR_EVER));
     let history = History::open(&path).expect("a history");
-    for (table, columns, n_rows) in [(Table::Frames, 73, 123), (Table::Events, 8, 1)] {
+    for (table, columns, n_rows) in [(Table::Frames, 96, 213), (Table::Events, 8, 1)] {
         let [csv, parquet] = ["csv", "parquet"].map(|kind| path.with_extension(format!("{columns}.{kind}")));
         for file in [&csv, &parquet] {
             assert_eq!(export(&history, table, &Selection::default(), file).expect("exported"), n_rows);
@@ -406,13 +294,18 @@ fn the_judged_tables_are_what_is_written() {
         number: i as u64,
         state: if i < 12 { "steady" } else { "drifted" },
         n_points: i,
-        measured: (i % 5 != 4).then(|| Measured {
+        measured: (i % 5 < 3).then(|| Measured {
             cam_from_target: Pose::from_quaternion_wxyz(
                 [1.0, 0.1, -0.2, i as f64 / 7.0],
                 [0.1, -1e-9, i as f64].into(),
             ),
             covariance: Matrix6::from_fn(|row, column| 1e-6 / (1.0 + (row + column + i) as f64)),
             rms_px: 1.0 / (3.0 + i as f64),
+        }),
+        turned: (i % 5 == 3).then(|| Turned {
+            rotation_rad: Vector3::new(1e-4, -0.1, i as f64 / 7.0),
+            covariance_rad2: Matrix3::from_fn(|row, column| 1e-8 / (1.0 + (row + column + i) as f64)),
+            n_landmarks: 300.0 - i as f64,
         }),
         reason: (i % 5 == 4).then(|| "no \"tag\", none at all – naïve".to_string()),
     };

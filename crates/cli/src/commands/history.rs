@@ -120,12 +120,17 @@ fn words(pair: &PairSummary) -> String {
     let [frames, minutes, hours] = pair.rows;
     let total: u64 = pair.states.iter().map(|share| share.frames).sum();
     let seen: u64 = pair.states.iter().map(|share| share.readings).sum();
+    let turns: u64 = pair.states.iter().map(|share| share.turns).sum();
     let share = |n: u64| 100.0 * n as f64 / total.max(1) as f64;
     let states: Vec<String> =
         pair.states.iter().map(|s| format!("{} {:.1} %", s.state, share(s.frames))).collect();
     let rms = pair.rms_px.map_or(String::new(), |rms_px| format!(", rms {rms_px:.3} px"));
+    let turned = match turns {
+        0 => String::new(),
+        _ => format!(", a turn of landmarks in {:.1} %", share(turns)),
+    };
     format!(
-        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}\n    {}\n",
+        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}{turned}\n    {}\n",
         pair.camera,
         pair.target,
         when::words(pair.span_s.0),
@@ -139,7 +144,7 @@ fn object(pair: &PairSummary) -> Value {
     let states: serde_json::Map<String, Value> = pair
         .states
         .iter()
-        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings})))
+        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "turns": s.turns})))
         .collect();
     let [frames, minutes, hours] = pair.rows;
     json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,

@@ -1,10 +1,8 @@
 //! Reading: summaries, and rows one after the other.
 
-use super::rows::{
-    EventRow, Measured, Span, StoredEvent, StoredRow, Summary, matrix_from_bytes, vector_from_bytes,
-};
+use super::columns::{self, count};
+use super::rows::{EventRow, StoredEvent, StoredRow};
 use super::{HistoryError, schema};
-use resight_core::{Matrix6, Pose};
 use rusqlite::{Connection, OpenFlags, Row, ToSql, params};
 use std::path::{Path, PathBuf};
 
@@ -51,6 +49,8 @@ pub struct StateShare {
     pub frames: u64,
     /// Those with a pose.
     pub readings: u64,
+    /// Those with a turn.
+    pub turns: u64,
 }
 
 impl History {
@@ -125,6 +125,11 @@ impl History {
         self.told(schema::number(&self.connection, pragma))
     }
 
+    /// Of the tables as they are now: a session that begins meanwhile may bring them up to date.
+    fn version(&self) -> rusqlite::Result<i64> {
+        schema::number(&self.connection, "user_version")
+    }
+
     fn try_pairs(&self) -> rusqlite::Result<Vec<PairSummary>> {
         let select =
             "SELECT pair.id, camera, target, min(t_s), max(t_s + span_s), sum(span_s = 0), sum(span_s = 60),
@@ -147,10 +152,14 @@ impl History {
     }
 
     fn states(&self, pair: i64) -> rusqlite::Result<Vec<StateShare>> {
-        let select = "SELECT state, sum(frames), sum(readings) FROM frame WHERE pair = ?1 GROUP BY state ORDER BY 2 DESC";
-        let mut select = self.connection.prepare(select)?;
+        let turns = columns::selected("turns", self.version()?);
+        let select = format!(
+            "SELECT state, sum(frames), sum(readings), sum({turns}) FROM frame WHERE pair = ?1 GROUP BY state ORDER BY 2 DESC"
+        );
+        let mut select = self.connection.prepare(&select)?;
         let share = |row: &Row| {
-            Ok(StateShare { state: row.get(0)?, frames: count(row, 1)?, readings: count(row, 2)? })
+            let (frames, readings, turns) = (count(row, 1)?, count(row, 2)?, count(row, 3)?);
+            Ok(StateShare { state: row.get(0)?, frames, readings, turns })
         };
         select.query_map(params![pair], share)?.collect()
     }
@@ -163,7 +172,8 @@ impl History {
         let (condition, values) = condition(selection, &[]);
         // By pair, then by the index on time: nothing is sorted in memory.
         let select = format!(
-            "SELECT {ROW_COLUMNS} FROM pair JOIN frame ON pair.id = frame.pair WHERE pair.id = ?1 AND {condition} ORDER BY t_s"
+            "{} FROM pair JOIN frame ON pair.id = frame.pair WHERE pair.id = ?1 AND {condition} ORDER BY t_s",
+            columns::select(self.version()?)
         );
         let reading = self.connection.unchecked_transaction()?;
         let mut statement = self.connection.prepare(&select)?;
@@ -176,7 +186,7 @@ impl History {
                 std::iter::once(&pair as &dyn ToSql).chain(values.iter().map(AsRef::as_ref)).collect();
             let mut rows = statement.query(own.as_slice())?;
             while let Some(found) = rows.next()? {
-                if !take(row(found)?) {
+                if !take(columns::row(found)?) {
                     return Ok(());
                 }
             }
@@ -247,64 +257,6 @@ fn condition(selection: &Selection, kinds: &[&str]) -> (String, Vec<Box<dyn ToSq
         }
     }
     (parts.join(" AND "), values)
-}
-
-/// What `row` reads, in its order.
-pub(super) const ROW_COLUMNS: &str = "camera, target, frame.session, frame.t_s, frame.span_s, frame.frames, frame.readings,
-    frame.state, frame.n_points, frame.rms_px, frame.qw, frame.qx, frame.qy, frame.qz, frame.x_m, frame.y_m, frame.z_m,
-    frame.covariance, frame.reason, frame.scatter, frame.least, frame.most, frame.most_rms_px";
-
-pub(super) fn row(row: &Row) -> rusqlite::Result<StoredRow> {
-    Ok(StoredRow {
-        camera: row.get(0)?,
-        target: row.get(1)?,
-        session: row.get(2)?,
-        t_s: row.get(3)?,
-        span: Span::from_seconds(row.get(4)?),
-        frames: count(row, 5)?,
-        readings: count(row, 6)?,
-        state: row.get(7)?,
-        n_points: row.get(8)?,
-        measured: measured(row)?,
-        reason: row.get(18)?,
-        summary: summary(row)?,
-    })
-}
-
-/// Counts are never negative; one that is shows a damaged file, not a count.
-fn count(row: &Row, column: usize) -> rusqlite::Result<u64> {
-    Ok(row.get::<_, Option<i64>>(column)?.and_then(|n| u64::try_from(n).ok()).unwrap_or(0))
-}
-
-fn measured(row: &Row) -> rusqlite::Result<Option<Measured>> {
-    let numbers: Vec<Option<f64>> = (9..17).map(|column| row.get(column)).collect::<rusqlite::Result<_>>()?;
-    let covariance = matrix(row, 17)?;
-    let (
-        [Some(rms_px), Some(w), Some(x), Some(y), Some(z), Some(x_m), Some(y_m), Some(z_m)],
-        Some(covariance),
-    ) = (numbers.as_slice(), covariance)
-    else {
-        return Ok(None);
-    };
-    let cam_from_target = Pose::from_quaternion_wxyz([*w, *x, *y, *z], [*x_m, *y_m, *z_m].into());
-    Ok(Some(Measured { cam_from_target, covariance, rms_px: *rms_px }))
-}
-
-fn summary(row: &Row) -> rusqlite::Result<Option<Summary>> {
-    let vector =
-        |column| row.get::<_, Option<Vec<u8>>>(column).map(|b| b.and_then(|b| vector_from_bytes(&b)));
-    let (scatter, least, most) = (matrix(row, 19)?, vector(20)?, vector(21)?);
-    let most_rms_px: Option<f64> = row.get(22)?;
-    Ok(match (scatter, least, most, most_rms_px) {
-        (Some(scatter), Some(least), Some(most), Some(most_rms_px)) => {
-            Some(Summary { scatter, least, most, most_rms_px })
-        }
-        _ => None,
-    })
-}
-
-fn matrix(row: &Row, column: usize) -> rusqlite::Result<Option<Matrix6>> {
-    row.get::<_, Option<Vec<u8>>>(column).map(|bytes| bytes.and_then(|bytes| matrix_from_bytes(&bytes)))
 }
 
 fn event(row: &Row) -> rusqlite::Result<StoredEvent> {

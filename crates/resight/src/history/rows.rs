@@ -1,5 +1,6 @@
-//! Rows of a history, and covariances as bytes.
+//! Rows of a history.
 
+use nalgebra::{Matrix3, Vector3};
 use resight_core::{Matrix6, Pose, Vector6};
 
 /// What one frame said of a camera and one of its targets.
@@ -17,7 +18,9 @@ pub struct FrameRow {
     pub n_points: usize,
     /// The pose of this frame alone.
     pub measured: Option<Measured>,
-    /// Why there is none.
+    /// The turn since the reference picture, where natural landmarks were looked at.
+    pub turned: Option<Turned>,
+    /// Why there is neither.
     pub reason: Option<String>,
 }
 
@@ -30,6 +33,18 @@ pub struct Measured {
     pub covariance: Matrix6,
     /// Root mean square of the reprojection error, pixels.
     pub rms_px: f64,
+}
+
+/// How a camera has turned since the reference picture of its natural landmarks, as `watch --json --frames` says it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turned {
+    /// Rotation vector of old_from_new, where the camera is now in its own frame of the reference picture: radians about x right, y down,
+    /// z forward. Positive is up, right, clockwise.
+    pub rotation_rad: Vector3<f64>,
+    /// Its 3×3 covariance, rad²: of the small turn ω in Exp(ω) · old_from_new, about the same axes.
+    pub covariance_rad2: Matrix3<f64>,
+    /// Landmarks that agree with it; on average, where it stands for several frames.
+    pub n_landmarks: f64,
 }
 
 /// Something that happened.
@@ -95,6 +110,17 @@ pub struct Summary {
     pub most_rms_px: f64,
 }
 
+/// The same of turns: small turns from the mean turn, about the axes of the camera in the reference picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TurnSummary {
+    /// Covariance of the turns about their mean, as they were seen, rad².
+    pub scatter_rad2: Matrix3<f64>,
+    /// Smallest turn from the mean, each coordinate for itself, rad.
+    pub least_rad: Vector3<f64>,
+    /// Largest.
+    pub most_rad: Vector3<f64>,
+}
+
 /// A row as it is stored: a frame, or several in one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredRow {
@@ -112,6 +138,8 @@ pub struct StoredRow {
     pub frames: u64,
     /// Those with a pose.
     pub readings: u64,
+    /// Those with a turn.
+    pub turns: u64,
     /// The state in which the frame left the pair; a minute in two states has two rows.
     pub state: String,
     /// Points found, on average.
@@ -120,7 +148,11 @@ pub struct StoredRow {
     pub measured: Option<Measured>,
     /// How several readings lie about their mean.
     pub summary: Option<Summary>,
-    /// Why there is no pose.
+    /// The turn, or the mean of those; its covariance is that of a single frame, on average.
+    pub turned: Option<Turned>,
+    /// How several turns lie about their mean.
+    pub turn_summary: Option<TurnSummary>,
+    /// Why there is neither a pose nor a turn.
     pub reason: Option<String>,
 }
 
@@ -135,41 +167,4 @@ pub struct StoredEvent {
     pub row: EventRow,
     /// The new state, of a change of state.
     pub state: Option<String>,
-}
-
-/// Numbers of the upper triangle.
-pub(super) const TRIANGLE: usize = 21;
-
-/// Rows and columns of the upper triangle, row by row.
-pub(super) fn triangle() -> impl Iterator<Item = (usize, usize)> {
-    (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
-}
-
-/// The upper triangle, row by row, as little-endian doubles.
-pub(super) fn matrix_to_bytes(matrix: &Matrix6) -> Vec<u8> {
-    triangle().flat_map(|(i, j)| matrix[(i, j)].to_le_bytes()).collect()
-}
-
-/// None where the bytes are no triangle.
-pub(super) fn matrix_from_bytes(bytes: &[u8]) -> Option<Matrix6> {
-    let numbers = numbers(bytes, TRIANGLE)?;
-    let mut matrix = Matrix6::zeros();
-    for ((i, j), value) in triangle().zip(numbers) {
-        (matrix[(i, j)], matrix[(j, i)]) = (value, value);
-    }
-    Some(matrix)
-}
-
-pub(super) fn vector_to_bytes(vector: &Vector6) -> Vec<u8> {
-    vector.iter().flat_map(|x| x.to_le_bytes()).collect()
-}
-
-/// None where the bytes are no six numbers.
-pub(super) fn vector_from_bytes(bytes: &[u8]) -> Option<Vector6> {
-    numbers(bytes, 6).map(Vector6::from_iterator)
-}
-
-fn numbers(bytes: &[u8], n: usize) -> Option<impl Iterator<Item = f64>> {
-    let (eights, rest) = bytes.as_chunks::<8>();
-    (eights.len() == n && rest.is_empty()).then(|| eights.iter().map(|eight| f64::from_le_bytes(*eight)))
 }

@@ -1,12 +1,12 @@
 //! The tables, their version, and what a file is that one is asked to open.
 
-use super::HistoryError;
+use super::{HistoryError, columns};
 use rusqlite::Connection;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Version of the tables below.
-pub(super) const VERSION: i64 = 1;
+/// Version of the tables: 2 keeps turns beside the poses.
+pub(super) const VERSION: i64 = 2;
 /// "RSGT": tells a history from databases of other programs.
 const APPLICATION: i64 = 0x5253_4754;
 /// Another program may hold the file for a moment.
@@ -16,26 +16,18 @@ const CHECKED_BYTES: u64 = 64 << 20;
 /// The write-ahead log is cut back to this after it was longer.
 const LOG_BYTES: i64 = 16 << 20;
 
-/// A covariance is 21 doubles, the upper triangle row by row, of the left motion `[rotation_rad; translation_m]` in the camera frame;
-/// least and most are six doubles.
+/// All but that of frames, which `columns` spells.
 const TABLES: &str = "
 CREATE TABLE session (
     id INTEGER PRIMARY KEY, began_unix_s REAL NOT NULL, ended_unix_s REAL, program TEXT NOT NULL);
 CREATE TABLE pair (
     id INTEGER PRIMARY KEY, camera TEXT NOT NULL, target TEXT NOT NULL, UNIQUE (camera, target));
-CREATE TABLE frame (
-    id INTEGER PRIMARY KEY, pair INTEGER NOT NULL REFERENCES pair, session INTEGER NOT NULL REFERENCES session,
-    t_s REAL NOT NULL, span_s REAL NOT NULL, number INTEGER, frames INTEGER NOT NULL, readings INTEGER NOT NULL,
-    state TEXT NOT NULL, n_points REAL NOT NULL, rms_px REAL,
-    qw REAL, qx REAL, qy REAL, qz REAL, x_m REAL, y_m REAL, z_m REAL, covariance BLOB, reason TEXT,
-    scatter BLOB, least BLOB, most BLOB, most_rms_px REAL);
-CREATE INDEX frame_of_pair ON frame (pair, span_s, t_s);
 CREATE TABLE event (
     id INTEGER PRIMARY KEY, session INTEGER NOT NULL REFERENCES session, unix_s REAL NOT NULL, t_s REAL,
     camera TEXT, target TEXT, kind TEXT NOT NULL, state TEXT, detail TEXT NOT NULL);
 ";
 
-/// Opens a file for writing and makes the tables where there are none.
+/// Opens a file for writing, brings one of an earlier version up to date, and makes the tables where there are none.
 pub(super) fn open(path: &Path) -> Result<Connection, HistoryError> {
     let told = |e: rusqlite::Error| HistoryError::of(path, &e);
     let mut connection = Connection::open(path).map_err(told)?;
@@ -52,9 +44,15 @@ fn prepare(connection: &mut Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update_and_check(None, "journal_size_limit", LOG_BYTES, |_| Ok(()))?;
     let transaction = connection.transaction_with_behavior(rusqlite::TransactionBehavior::Immediate)?;
-    if number(&transaction, "user_version")? == 0 {
+    let seen = number(&transaction, "user_version")?;
+    if seen == 0 {
         transaction.execute_batch(TABLES)?;
+        transaction.execute_batch(&columns::table())?;
         transaction.pragma_update(None, "application_id", APPLICATION)?;
+    } else {
+        transaction.execute_batch(&columns::additions(seen))?;
+    }
+    if seen < VERSION {
         transaction.pragma_update(None, "user_version", VERSION)?;
     }
     transaction.commit()

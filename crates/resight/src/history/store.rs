@@ -1,8 +1,9 @@
 //! Writing: batches of rows in one transaction each, and a new file where the old one is damaged.
 
-use super::rows::{EventRow, FrameRow, StoredRow, matrix_to_bytes, vector_to_bytes};
+use super::columns::Written;
+use super::rows::{EventRow, FrameRow};
 use super::{HistoryError, schema};
-use rusqlite::{Connection, Statement, Transaction, TransactionBehavior, params};
+use rusqlite::{Connection, Transaction, TransactionBehavior, params};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -82,9 +83,11 @@ impl Store {
         }
         let (session, pairs) = (self.session, &self.pairs);
         let stored = write(&mut self.connection, |transaction| {
-            let mut insert = transaction.prepare(INSERT_FRAME)?;
+            let mut insert = transaction.prepare(&Written::statement())?;
             for frame in frames {
-                insert_frame(&mut insert, session, pairs, frame)?;
+                // A pair that the session did not name has no row; the recorder's caller numbers both.
+                let Some(pair) = pairs.get(frame.pair) else { continue };
+                Written::frame(*pair, session, frame).insert(&mut insert)?;
             }
             events.iter().try_for_each(|event| insert_event(transaction, session, pairs, event))
         });
@@ -139,44 +142,6 @@ fn begin(connection: &mut Connection, pairs: &[(String, String)]) -> rusqlite::R
     })
 }
 
-const INSERT_FRAME: &str =
-    "INSERT INTO frame (pair, session, t_s, span_s, number, frames, readings, state, n_points, rms_px,
-    qw, qx, qy, qz, x_m, y_m, z_m, covariance, reason)
-    VALUES (?1, ?2, ?3, 0, ?4, 1, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17)";
-
-fn insert_frame(
-    insert: &mut Statement,
-    session: i64,
-    pairs: &[i64],
-    frame: &FrameRow,
-) -> rusqlite::Result<()> {
-    // A pair that the session did not name has no row; the recorder's caller numbers both.
-    let Some(pair) = pairs.get(frame.pair) else { return Ok(()) };
-    let measured = frame.measured.as_ref();
-    let q = measured.map(|m| m.cam_from_target.quaternion_wxyz());
-    let t = measured.map(|m| m.cam_from_target.translation);
-    insert.execute(params![
-        pair,
-        session,
-        frame.t_s,
-        frame.number as i64,
-        i64::from(measured.is_some()),
-        frame.state,
-        frame.n_points as i64,
-        measured.map(|m| m.rms_px),
-        q.map(|q| q[0]),
-        q.map(|q| q[1]),
-        q.map(|q| q[2]),
-        q.map(|q| q[3]),
-        t.map(|t| t.x),
-        t.map(|t| t.y),
-        t.map(|t| t.z),
-        measured.map(|m| matrix_to_bytes(&m.covariance)),
-        frame.reason,
-    ])?;
-    Ok(())
-}
-
 fn insert_event(
     transaction: &Transaction,
     session: i64,
@@ -203,44 +168,6 @@ fn insert_event(
             "UPDATE frame SET state = ?1 WHERE pair = ?2 AND span_s = 0 AND t_s = ?3 AND session = ?4";
         transaction.execute(update, params![state, pair, event.t_s, session])?;
     }
-    Ok(())
-}
-
-/// A summary in the place of the rows it stands for.
-pub(super) fn insert_summary(transaction: &Transaction, pair: i64, row: &StoredRow) -> rusqlite::Result<()> {
-    let insert = "INSERT INTO frame (pair, session, t_s, span_s, frames, readings, state, n_points, rms_px,
-        qw, qx, qy, qz, x_m, y_m, z_m, covariance, reason, scatter, least, most, most_rms_px)
-        VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22)";
-    let (measured, summary) = (row.measured.as_ref(), row.summary.as_ref());
-    let q = measured.map(|m| m.cam_from_target.quaternion_wxyz());
-    let t = measured.map(|m| m.cam_from_target.translation);
-    transaction.execute(
-        insert,
-        params![
-            pair,
-            row.session,
-            row.t_s,
-            row.span.seconds(),
-            row.frames as i64,
-            row.readings as i64,
-            row.state,
-            row.n_points,
-            measured.map(|m| m.rms_px),
-            q.map(|q| q[0]),
-            q.map(|q| q[1]),
-            q.map(|q| q[2]),
-            q.map(|q| q[3]),
-            t.map(|t| t.x),
-            t.map(|t| t.y),
-            t.map(|t| t.z),
-            measured.map(|m| matrix_to_bytes(&m.covariance)),
-            row.reason,
-            summary.map(|s| matrix_to_bytes(&s.scatter)),
-            summary.map(|s| vector_to_bytes(&s.least)),
-            summary.map(|s| vector_to_bytes(&s.most)),
-            summary.map(|s| s.most_rms_px),
-        ],
-    )?;
     Ok(())
 }
 

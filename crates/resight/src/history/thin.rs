@@ -1,9 +1,9 @@
 //! What becomes of rows as they age: every frame, then one row a minute, then one an hour, then none. Events stay for good.
 
-use super::mean::joined;
-use super::read::{ROW_COLUMNS, row};
+use super::columns::{self, Written};
+use super::join::join;
 use super::rows::{Span, StoredRow};
-use super::store::{Store, insert_summary, unix_s, write};
+use super::store::{Store, unix_s, write};
 use super::{HistoryError, schema};
 use rusqlite::{Transaction, params};
 use std::collections::BTreeMap;
@@ -167,14 +167,16 @@ fn join_one(
     let range = "frame.pair = ?1 AND frame.span_s = ?2 AND frame.t_s >= ?3 AND frame.t_s < ?4";
     let limits = params![pair, span.seconds(), begin_s, begin_s + into.seconds()];
     let select = format!(
-        "SELECT {ROW_COLUMNS} FROM frame JOIN pair ON pair.id = frame.pair WHERE {range} ORDER BY frame.t_s"
+        "{} FROM frame JOIN pair ON pair.id = frame.pair WHERE {range} ORDER BY frame.t_s",
+        columns::select(schema::VERSION) // A file open for writing has been brought up to date.
     );
     let mut select = transaction.prepare(&select)?;
-    for found in select.query_map(limits, row)? {
+    for found in select.query_map(limits, columns::row)? {
         let found = found?;
         groups.entry((found.session, found.state.clone())).or_default().push(found);
     }
     transaction.execute(&format!("DELETE FROM frame WHERE {range}"), limits)?;
-    let joined = groups.values().filter_map(|rows| joined(rows, begin_s, into));
-    joined.into_iter().try_for_each(|summary| insert_summary(transaction, pair, &summary))
+    let mut insert = transaction.prepare(&Written::statement())?;
+    let mut joined = groups.values().filter_map(|rows| join(rows, begin_s, into));
+    joined.try_for_each(|row| Written::stored(pair, &row).insert(&mut insert))
 }

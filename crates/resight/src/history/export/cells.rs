@@ -1,7 +1,8 @@
 //! The columns of the tables, and the cells of a row.
 
-use super::super::rows::{StoredEvent, StoredRow, triangle};
-use resight_core::{Matrix6, Vector6};
+use super::super::bytes::triangle;
+use super::super::rows::{StoredEvent, StoredRow};
+use nalgebra::{SMatrix, SVector};
 
 /// What to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,27 +73,35 @@ impl Table {
                     &["n_points", "rms_px", "max_rms_px", "qw", "qx", "qy", "qz", "x_m", "y_m", "z_m"],
                     Kind::Real,
                 ),
-                matrix_columns("cov"),
-                matrix_columns("scatter"),
-                vector_columns("min"),
-                vector_columns("max"),
+                matrix_columns("cov", 6),
+                matrix_columns("scatter", 6),
+                vector_columns("min", 6),
+                vector_columns("max", 6),
+                of(&["turns"], Kind::Whole),
+                of(&["n_landmarks"], Kind::Real),
+                vector_columns("turn", 3),
+                matrix_columns("cov_turn", 3),
+                matrix_columns("scatter_turn", 3),
+                vector_columns("min_turn", 3),
+                vector_columns("max_turn", 3),
             ]
             .concat(),
         }
     }
 }
 
-fn matrix_columns(name: &str) -> Vec<(String, Kind)> {
+/// A turn has the first three coordinates.
+fn matrix_columns(name: &str, n: usize) -> Vec<(String, Kind)> {
     let column = |(i, j): (usize, usize)| {
         let ((a, of_a), (b, of_b)) = (COORDINATES[i], COORDINATES[j]);
         let unit = if of_a == of_b { format!("{of_a}2") } else { format!("{of_a}_{of_b}") };
         (format!("{name}_{a}_{b}_{unit}"), Kind::Real)
     };
-    triangle().map(column).collect()
+    triangle(n).map(column).collect()
 }
 
-fn vector_columns(name: &str) -> Vec<(String, Kind)> {
-    COORDINATES.iter().map(|(a, unit)| (format!("{name}_{a}_{unit}"), Kind::Real)).collect()
+fn vector_columns(name: &str, n: usize) -> Vec<(String, Kind)> {
+    COORDINATES[..n].iter().map(|(a, unit)| (format!("{name}_{a}_{unit}"), Kind::Real)).collect()
 }
 
 pub(super) fn of_row(row: &StoredRow) -> Vec<Cell> {
@@ -118,15 +127,22 @@ pub(super) fn of_row(row: &StoredRow) -> Vec<Cell> {
     cells.extend(matrix_cells(summary.map(|s| &s.scatter)));
     cells.extend(vector_cells(summary.map(|s| &s.least)));
     cells.extend(vector_cells(summary.map(|s| &s.most)));
+    let (turned, turns) = (row.turned.as_ref(), row.turn_summary.as_ref());
+    cells.extend([row.turns.into(), turned.map(|t| t.n_landmarks).into()]);
+    cells.extend(vector_cells(turned.map(|t| &t.rotation_rad)));
+    cells.extend(matrix_cells(turned.map(|t| &t.covariance_rad2)));
+    cells.extend(matrix_cells(turns.map(|s| &s.scatter_rad2)));
+    cells.extend(vector_cells(turns.map(|s| &s.least_rad)));
+    cells.extend(vector_cells(turns.map(|s| &s.most_rad)));
     cells
 }
 
-fn matrix_cells(matrix: Option<&Matrix6>) -> impl Iterator<Item = Cell> {
-    triangle().map(move |place| matrix.map(|m| m[place]).into())
+fn matrix_cells<const N: usize>(matrix: Option<&SMatrix<f64, N, N>>) -> impl Iterator<Item = Cell> {
+    triangle(N).map(move |place| matrix.map(|m| m[place]).into())
 }
 
-fn vector_cells(vector: Option<&Vector6>) -> impl Iterator<Item = Cell> {
-    (0..6).map(move |i| vector.map(|v| v[i]).into())
+fn vector_cells<const N: usize>(vector: Option<&SVector<f64, N>>) -> impl Iterator<Item = Cell> {
+    (0..N).map(move |i| vector.map(|v| v[i]).into())
 }
 
 pub(super) fn of_event(event: &StoredEvent) -> Vec<Cell> {

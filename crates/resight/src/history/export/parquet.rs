@@ -13,7 +13,7 @@ use std::io::BufWriter;
 use std::sync::Arc;
 
 /// Rows kept in memory; about 20 MB of frames.
-const ROWS: usize = 32_768;
+const ROWS: usize = 8_192;
 
 struct Groups {
     writer: SerializedFileWriter<BufWriter<File>>,

@@ -5,12 +5,14 @@ use super::super::names::Names;
 use super::Output;
 use super::measured::measured;
 use super::said::{Said, print, word};
+use crate::turned::contradiction;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::history::{
-    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Retention, Store, Stored, Told,
+    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Retention, Store, Stored, Told, Turned,
     recorder,
 };
+use resight::landmarks::Sighting;
 use resight::live::{Event, Observation};
 use serde_json::json;
 use std::path::PathBuf;
@@ -19,7 +21,7 @@ use std::thread::{self, JoinHandle};
 /// The history.
 #[derive(Debug, Args)]
 pub struct HistoryArgs {
-    /// Keeps the pose, covariance, residual and state of every frame, and every event, in this SQLite file; read it with `resight history`.
+    /// Keeps the pose (or turn of landmarks), covariance, residual and state of every frame, and every event, in this SQLite file; read it with `resight history`.
     /// With --json an object {"event": "stored"} says what is on the disk for good.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
@@ -161,10 +163,10 @@ impl Kept {
     }
 }
 
-/// The frame's own pose: a filtered one could not be averaged any more. The turn of natural landmarks is no pose against the target and not
-/// averaged with such; it is stored in words, where the reason for having no pose is.
+/// The frame's own pose: a filtered one could not be averaged any more. A turn of natural landmarks is no pose against the target: it has a
+/// place of its own.
 fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
-    let turn = || observation.landmarks.as_ref().map(|sighting| crate::turned::words(sighting));
+    let sighting = observation.landmarks.as_deref();
     FrameRow {
         pair,
         t_s: observation.capture_s,
@@ -172,8 +174,16 @@ fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRo
         state,
         n_points: observation.n_points,
         measured: measured(observation),
-        reason: observation.reason.clone().or_else(turn),
+        turned: sighting.and_then(turned),
+        reason: observation.reason.clone().or_else(|| sighting.and_then(contradiction)),
     }
+}
+
+/// A turn that most of what was found contradicts is no answer, and must not count in a mean.
+fn turned(sighting: &Sighting) -> Option<Turned> {
+    let (rotation_rad, covariance_rad2) = sighting.turn.old_from_new();
+    let n_landmarks = sighting.turn.used.len() as f64;
+    sighting.turn.is_consistent().then_some(Turned { rotation_rad, covariance_rad2, n_landmarks })
 }
 
 /// Says how it goes.
