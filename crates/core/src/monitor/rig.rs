@@ -6,11 +6,11 @@
 
 mod star;
 mod filter;
-mod typical;
-mod restore;
 mod evidence;
 mod which;
 mod held;
+mod typical;
+mod restore;
 mod learn;
 
 pub use filter::SightNoise;
