@@ -97,6 +97,7 @@ mod tests {
                 covariance: Matrix3::identity() * 1e-8,
                 used: (0..agree).collect(),
                 given: 100,
+                bend: 0.0,
                 noise_factor: 1.0,
                 coherence: 1.0,
                 rms_px: 0.1,

@@ -17,7 +17,7 @@ mod agreement;
 use crate::{Bearing, Camera, Error, Pixel};
 use agreement::agreement;
 use fit::{Fit, Prepared};
-use nalgebra::{Matrix2, Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 /// A landmark found again.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,12 @@ pub struct Landmark {
     pub covariance_px2: Matrix2<f64>,
     /// Landmarks of one neighbourhood may err alike (one near thing, one tree in the wind).
     pub neighbourhood: u32,
+    /// How far a tone curve bent by one standard deviation puts it beside its place, px; the bend is common to all landmarks and is
+    /// estimated. Zero where there is none.
+    pub bent_px: Vector2<f64>,
+    /// Errors common to all landmarks that no residual shows (reading between pixels): column k is how far one standard deviation of
+    /// error k puts this one beside its place, px. They widen the covariance. Zero where there are none.
+    pub unseen_px: Matrix2<f64>,
 }
 
 /// What counts as agreeing.
@@ -63,6 +69,8 @@ pub struct Turn {
     pub used: Vec<usize>,
     /// Landmarks given that lie within the lens' field.
     pub given: usize,
+    /// The tone curve's bend, in its standard deviations.
+    pub bend: f64,
     /// s²: variances over those stated, as the residuals have it.
     pub noise_factor: f64,
     /// κ²: how much more whole neighbourhoods err than their landmarks' own errors would make them; 1 where they do not.
@@ -133,6 +141,7 @@ fn check(landmarks: &[Landmark], config: &TurnConfig) -> Result<usize, Error> {
     }
     for (index, landmark) in landmarks.iter().enumerate() {
         let numbers = landmark.in_reference.sum() + landmark.pixel.sum() + landmark.covariance_px2.sum();
+        let numbers = numbers + landmark.bent_px.sum() + landmark.unseen_px.sum();
         if !numbers.is_finite() {
             return Err(Error::NotFinite { what: "a number", index });
         }

@@ -69,7 +69,7 @@ fn the_shift_of_the_image_is_told() {
 }
 
 /// Twenty scenes, each with a reference and a turn of its own: the mean of χ²₃ is 3 ± 0.55, and within three times that here (of these scenes
-/// 1.94, of sixty others 2.69). Sigmas that are off by a factor of two either way cannot pass: they make it 12, or 0.75.
+/// 2.01). Sigmas that are off by a factor of two either way cannot pass: they make it 12, or 0.75.
 #[test]
 fn covariances_cover_the_errors() {
     let camera = small();
@@ -84,6 +84,24 @@ fn covariances_cover_the_errors() {
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     println!("NEES {mean:.2}: {all:.1?}");
     assert!((3.0 - 3.0 * 0.55..3.0 + 3.0 * 0.55).contains(&mean), "{mean}");
+}
+
+/// Noise alone: what each landmark is said to err by, it errs by, so that their common factor is one. Grey values read between pixels
+/// err as their neighbours do; taken for independent, the factor is above two.
+#[test]
+fn landmarks_err_as_much_as_noise_makes_them() {
+    let camera = small();
+    let mut chance = Pcg::new(0x1a8);
+    let mut sum = 0.0;
+    for seed in 200..204 {
+        let grey = picture(&camera, &Matrix3::identity(), seed);
+        let reference = exposed(&camera, &grey, 1.0, 5.0, &mut chance);
+        let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
+        let image = exposed(&camera, &grey, 1.0, 5.0, &mut chance);
+        sum += landmarks.sight(&image, None).expect("a turn").turn.noise_factor / 4.0;
+    }
+    println!("factor {sum:.2}");
+    assert!((0.7..1.5).contains(&sum), "{sum}");
 }
 
 #[test]

@@ -56,6 +56,56 @@ fn photographs_turned_by_known_angles() {
     }
 }
 
+/// As a camera stores it, with JPEG's quality 75.
+fn stored(image: &GrayImage) -> GrayImage {
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 75);
+    let (width, height) = (image.width_px, image.height_px);
+    encoder.encode(&image.data, width, height, image::ExtendedColorType::L8).expect("JPEG");
+    let data = image::load_from_memory(&bytes).expect("JPEG").to_luma8().into_raw();
+    GrayImage { width_px: width, height_px: height, data }
+}
+
+/// Turns of less than a pixel, which shift all landmarks by nearly the same fraction of one: with noise, stored as JPEG, and with more
+/// light, which clips what is bright. Eight turns each of three photographs.
+#[test]
+fn small_turns_of_photographs_are_as_sure_as_told() {
+    let photographs = [
+        ("apriltag_detection_truth", "34085369442_304b6bafd9_c.jpg"),
+        ("apriltag_detection_truth", "33369213973_9d9bb4cc96_c.jpg"),
+        ("opencv_stereo_chessboard", "right13.jpg"),
+    ];
+    let mut chance = Pcg::new(6);
+    let mut all = [Vec::new(), Vec::new(), Vec::new()];
+    for (set, name) in photographs {
+        let Some(folder) = real_data(set) else { return };
+        let image = GrayImage::read(&folder.join(name)).expect("a photograph");
+        let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
+        let still = photographed(&image, &camera, &Matrix3::identity());
+        for _ in 0..8 {
+            let truth = turned([(); 3].map(|()| chance.between(-0.1, 0.1)));
+            let moved = photographed(&image, &camera, &truth);
+            let mut taken = |grey: &[f64], light: f64| exposed(&camera, grey, light, 2.0, &mut chance);
+            let pairs = [
+                (taken(&still, 1.0), taken(&moved, 1.0)),
+                (stored(&taken(&still, 1.0)), stored(&taken(&moved, 1.0))),
+                (taken(&still, 1.0), taken(&moved, 1.2)),
+            ];
+            for (all, (reference, now)) in all.iter_mut().zip(pairs) {
+                let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
+                let sighting = landmarks.sight(&now, None).expect("a turn");
+                all.push(error(&sighting, &truth).1.powi(2));
+            }
+        }
+    }
+    for (what, all) in ["noise", "JPEG", "light"].iter().zip(all) {
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        let within = all.iter().filter(|nees| **nees < 7.815).count();
+        println!("{what}: NEES {mean:.2}, {within} of {} within 95 %", all.len());
+        assert!((1.5..4.2).contains(&mean), "{what}: {mean}");
+    }
+}
+
 /// The frames of one camera, in order; none where the recording is not unpacked.
 fn frames(camera: &str) -> Option<Vec<PathBuf>> {
     let root = std::env::var_os("RESIGHT_FRAMES").or_else(|| {

@@ -1,4 +1,5 @@
-"""Checks docs/math/turn.md: (2) and (7) by differentiation, (4) by integration, (5)'s expectation and (9) exactly. Needs SymPy."""
+"""Checks docs/math/turn.md: (2) and (7) by differentiation, (4) by integration, (5)'s expectation, (9), (10) and (11) exactly, the spline's
+alias of (12). Needs SymPy."""
 
 import random
 
@@ -102,6 +103,29 @@ m = matrix([[dot(a, b) for b in flat] for a in flat])
 alone = inverse(m) * matrix([dot(g, image) for g in flat])
 # The joint fit is of I = a T + δ'ᵀ∇T + o, with δ' = a δ.
 assert abs(alone[0] - joint[0]) < TINY and abs(alone[1] - joint[1]) < TINY
+
+# (11): what a bend T² adds to the image, the estimator of (9) takes for this shift, added to the true one.
+bent = matrix([i + mpf("0.003") * x * x for i, x in zip(image, t)])
+squares = matrix([x * x for x in t])
+shifted = inverse(m) * matrix([dot(g, bent) for g in flat])
+told = alone + inverse(m) * matrix([dot(g, squares) for g in flat]) * mpf("0.003")
+assert abs(shifted[0] - told[0]) < TINY and abs(shifted[1] - told[1]) < TINY
+
+# (10), along one line: noise of the pixels through the spline, its weights against those spread over the pixels.
+smooth = matrix(size, size + 2)
+for i in range(size):
+    smooth[i, i], smooth[i, i + 1], smooth[i, i + 2] = mpf(1) / 6, mpf(4) / 6, mpf(1) / 6
+of_samples = smooth * smooth.T
+assert abs(of_samples[3, 3] - mpf(1) / 2) < TINY
+for g in flat:
+    by_samples = (matrix(g).T * of_samples * matrix(g))[0]
+    spread = smooth.T * matrix(g)
+    assert abs(by_samples - (spread.T * spread)[0]) < TINY
+
+# (12): the cubic B-spline's alias at half the Nyquist frequency, as a shift.
+w = mp.pi / 2
+alias = (mp.sincpi(w / (2 * mp.pi) - 1) / mp.sincpi(w / (2 * mp.pi))) ** 4
+assert abs(alias / w - mpf("0.0079")) < mpf("0.0001"), alias / w
 
 # (8) of monitor.md with readings ρ times weaker: below one, and summed over all onsets below √(ρA)·2/√Γ.
 n, rho, gamma = sp.symbols("n rho gamma", positive=True)

@@ -23,10 +23,16 @@ pub(super) struct Patch {
     template: Window,
     gradient_u: Window,
     gradient_v: Window,
+    /// Pixels that are saturated.
+    saturated: usize,
     /// Σ T².
     energy: f32,
     /// M⁻¹.
     inverse: Matrix2<f64>,
+    /// M⁻¹ W M⁻¹: covariance of the shift for a variance of one smoothed grey value squared, whose neighbours err alike.
+    spread: Matrix2<f64>,
+    /// M⁻¹ Σ ∇T T²: shift for a tone curve bent by one, px.
+    bend: Vector2<f64>,
 }
 
 /// Where a window was found.
@@ -36,12 +42,20 @@ pub(super) struct Aligned {
     pub pixel: Vector2<f64>,
     /// Covariance of that from the grey values that the window leaves unexplained, px².
     pub covariance: Matrix2<f64>,
+    /// Where a tone curve bent by `BEND` puts it, px beside where it is.
+    pub bent_px: Vector2<f64>,
 }
 
 /// Steps at most; most windows need two or three.
 const STEPS: usize = 8;
 /// A step below this ends the search, px: what it would still gain is smaller by its rate of convergence.
 const SMALL_STEP_PX: f64 = 0.02;
+/// Standard deviation expected of the tone curve's bend b in now = a T + a b T² + o, 1/grey: a gamma of 0.5 or 2 has 0.0025 at
+/// middle grey.
+const BEND: f64 = 0.005;
+/// Pixels of a window by which it may be more saturated than in the reference, or less, a tenth of it: with more, a clipped edge seems
+/// to lie elsewhere, in all of a skyline to the same side.
+const MOST_CLIPPED: usize = AREA / 10;
 /// Correlation with the template below which a window shows something else.
 const LEAST_CORRELATION: f32 = 0.75;
 
@@ -56,8 +70,11 @@ impl Patch {
             template: [0.0; AREA],
             gradient_u: [0.0; AREA],
             gradient_v: [0.0; AREA],
+            saturated: saturated(image, u, v),
             energy: 0.0,
             inverse: Matrix2::zeros(),
+            spread: Matrix2::zeros(),
+            bend: Vector2::zeros(),
         };
         for (i, (du, dv)) in offsets().enumerate() {
             let grey = |x: i32, y: i32| f32::from(image.at((u as i32 + x) as u32, (v as i32 + y) as u32));
@@ -79,6 +96,9 @@ impl Patch {
         let (u, v) = (&self.gradient_u, &self.gradient_v);
         let m = Matrix2::new(dot(u, u), dot(u, v), dot(u, v), dot(v, v)).map(f64::from);
         self.inverse = m.try_inverse().filter(|inverse| inverse.iter().all(|x| x.is_finite()))?;
+        self.spread = self.inverse * spread(u, v) * self.inverse;
+        let squares = self.template.map(|t| t * t);
+        self.bend = self.inverse * Vector2::new(dot(u, &squares), dot(v, &squares)).map(f64::from);
         (0.0 < self.energy && 0.0 < self.inverse.trace()).then_some(self)
     }
 
@@ -88,7 +108,7 @@ impl Patch {
     }
 
     /// The window near `start`, whose neighbourhood is drawn by `slope` (pixels here by pixels of the reference). None where it
-    /// leaves the picture, goes farther than `reach_px` or shows something else.
+    /// leaves the picture, goes farther than `reach_px`, is clipped or shows something else.
     pub fn find(
         &self,
         image: &GrayImage,
@@ -113,8 +133,13 @@ impl Patch {
         read(image, pixel, slope, &mut window)?;
         let (gain, correlation) = self.normalise(&mut window)?;
         let variance = f64::from(self.unexplained(&window, gain));
-        let covariance = slope * (self.inverse * variance) * slope.transpose();
-        (LEAST_CORRELATION <= correlation).then_some(Aligned { pixel, covariance })
+        let saturated = saturated(image, pixel.x.round() as u32, pixel.y.round() as u32);
+        if MOST_CLIPPED < saturated.abs_diff(self.saturated) {
+            return None;
+        }
+        let covariance = slope * (self.spread * variance) * slope.transpose();
+        let bent_px = slope * self.bend * -BEND;
+        (LEAST_CORRELATION <= correlation).then_some(Aligned { pixel, covariance, bent_px })
     }
 
     /// Removes the mean; gain and correlation with the template.
@@ -136,6 +161,41 @@ impl Patch {
         let rest = dot(window, window) / (gain * gain) - self.energy;
         rest.max(0.0) / (AREA - 4) as f32
     }
+}
+
+/// W = Σ (Sᵀ∇T)(Sᵀ∇T)ᵀ/¼: what white noise of the pixels makes of Σ ∇T I, for a variance of one of the smoothed grey values; S, the
+/// spline at its knots, smooths by [1 4 1]/6 along rows and columns and leaves a quarter of the noise's variance.
+fn spread(u: &Window, v: &Window) -> Matrix2<f64> {
+    let (u, v) = (smeared(u), smeared(v));
+    let dot = |a: &Smeared, b: &Smeared| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>() / 0.25;
+    Matrix2::new(dot(&u, &u), dot(&u, &v), dot(&u, &v), dot(&v, &v))
+}
+
+const WIDE: usize = SIDE + 2;
+type Smeared = [f32; WIDE * WIDE];
+
+/// A window spread over its pixels and those around them by [1 4 1]/6.
+fn smeared(window: &Window) -> Smeared {
+    let weights = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0];
+    let mut out = [0.0; WIDE * WIDE];
+    for (i, value) in window.iter().enumerate() {
+        let first = i / SIDE * WIDE + i % SIDE;
+        for (j, by_row) in weights.iter().enumerate() {
+            for (k, by_column) in weights.iter().enumerate() {
+                out[first + j * WIDE + k] += value * by_row * by_column;
+            }
+        }
+    }
+    out
+}
+
+/// Pixels of a window that are black or white as pictures can be.
+fn saturated(image: &GrayImage, u: u32, v: u32) -> usize {
+    let is_clipped = |(du, dv): &(i32, i32)| {
+        let grey = image.at((u as i32 + du) as u32, (v as i32 + dv) as u32);
+        grey == 0 || grey == u8::MAX
+    };
+    offsets().filter(is_clipped).count()
 }
 
 fn offsets() -> impl Iterator<Item = (i32, i32)> {
