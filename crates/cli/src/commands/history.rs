@@ -95,7 +95,7 @@ fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Se
         return print(&format!("{all}\n"));
     }
     print(&format!(
-        "{}: {:.1} MB, {sessions} sessions, {} of them cut off or still running\n",
+        "{}: {:.1} MB; sessions: {sessions}, cut off or still running: {}\n",
         args.file.display(),
         history.bytes() as f64 / 1e6,
         sessions - ended
