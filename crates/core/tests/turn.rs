@@ -158,6 +158,25 @@ fn errors_common_to_all_are_in_the_covariance() {
     assert!((2.3..3.5).contains(&unseen) && (2.3..3.6).contains(&bent), "{unseen} {bent}");
 }
 
+/// What landmarks say of a bend counts beside what is expected of it, zero give or take one: where they know it to one as well, half of it is
+/// believed.
+#[test]
+fn a_bend_that_hardly_shows_is_held_for_small() {
+    let camera = pinhole(900.0);
+    let mut rng = Rng::new(0x7a9);
+    let truth = some_turn(&mut rng, 0.02);
+    let mut seen = landmarks(&mut rng, &camera, &truth, 4000, 0.0);
+    for landmark in &mut seen {
+        // To either side by chance, so that no turn looks like it: together they know the bend to one.
+        let side = Vector2::new(rng.normal(), rng.normal());
+        let whitened = landmark.covariance_px2.cholesky().expect("a covariance").solve(&side);
+        landmark.bent_px = side / (side.dot(&whitened) * 4000.0).sqrt();
+        landmark.pixel += landmark.bent_px;
+    }
+    let found = turn(&seen, &camera, None, &config()).expect("a turn");
+    assert!((found.bend - 0.5).abs() < 0.01, "{}", found.bend);
+}
+
 /// Neighbourhoods that err together by a tenth of a pixel, four times what their landmarks do on average: the covariance says so.
 #[test]
 fn common_errors_widen_the_covariance() {

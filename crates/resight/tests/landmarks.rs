@@ -86,6 +86,25 @@ fn covariances_cover_the_errors() {
     assert!((3.0 - 3.0 * 0.55..3.0 + 3.0 * 0.55).contains(&mean), "{mean}");
 }
 
+/// A curve that lifts what is dark bends down, one that presses it bends up; the more, the more.
+#[test]
+fn a_bent_tone_curve_is_told_by_its_sign() {
+    let camera = small();
+    let mut chance = Pcg::new(0x1a9);
+    let grey = picture(&camera, &Matrix3::identity(), 210);
+    let reference = exposed(&camera, &grey, 1.0, 1.0, &mut chance);
+    let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
+    let mut bend = |gamma: f64| {
+        let developed: Vec<f64> = grey.iter().map(|g| 255.0 * (g / 255.0).max(0.0).powf(gamma)).collect();
+        let image = exposed(&camera, &developed, 1.0, 1.0, &mut chance);
+        landmarks.sight(&image, None).expect("a turn").turn.bend
+    };
+    let [lifted, half, straight, pressed] = [0.6, 0.8, 1.0, 1.6].map(&mut bend);
+    println!("{lifted:.3} {half:.3} {straight:.3} {pressed:.3}");
+    assert!(lifted < half && half < straight && straight < pressed, "{lifted} {half} {straight} {pressed}");
+    assert!(half < -0.05 && 0.05 < pressed && straight.abs() < 0.05, "{half} {straight} {pressed}");
+}
+
 /// Noise alone: what each landmark is said to err by, it errs by, so that their common factor is one. Grey values read between pixels
 /// err as their neighbours do; taken for independent, the factor is above two.
 #[test]

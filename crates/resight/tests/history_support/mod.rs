@@ -2,7 +2,7 @@
 
 #![allow(dead_code)] // Each test program uses its own part.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use resight::core::Pose;
 use resight::history::{FrameRow, History, Measured, Retention, Selection, Store, StoredRow, Turned};
 use std::path::{Path, PathBuf};
@@ -144,6 +144,26 @@ pub fn cells(path: &Path) -> Vec<Vec<Option<String>>> {
     reader.records().map(|record| record.expect("a row").iter().map(cell).collect()).collect()
 }
 
+/// Motions from a mean leave nothing over, and scatter, least and most are theirs; `size` is that of the largest coordinate.
+fn lie_about<const N: usize>(
+    motions: &[SVector<f64, N>],
+    [least, most]: [SVector<f64, N>; 2],
+    scatter: &SMatrix<f64, N, N>,
+    tolerance: f64,
+    size: f64,
+) {
+    let n = motions.len() as f64;
+    let left_over = motions.iter().sum::<SVector<f64, N>>() / n;
+    assert!(left_over.norm() < tolerance * size, "{left_over}");
+    let wanted = motions.iter().map(|m| m * m.transpose()).sum::<SMatrix<f64, N, N>>() / n;
+    assert!((scatter - wanted).norm() < tolerance * wanted.norm(), "{scatter} {wanted}");
+    let extreme =
+        |of: fn(f64, f64) -> f64| motions.iter().copied().reduce(|a, b| a.zip_map(&b, of)).expect("some");
+    for (seen, wanted) in [(least, extreme(f64::min)), (most, extreme(f64::max))] {
+        assert!((seen - wanted).norm() < tolerance * size, "{seen} {wanted}");
+    }
+}
+
 /// The mean leaves no motion over, the scatter is that of the frames, the covariance that of one frame: nothing gets better by averaging.
 pub fn is_mean_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
     let seen: Vec<&Measured> = frames.iter().filter_map(|frame| frame.measured.as_ref()).collect();
@@ -152,17 +172,9 @@ pub fn is_mean_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
     let (mean, summary) = (row.measured.expect("a mean"), row.summary.expect("a summary"));
     let motions: Vec<Vector6<f64>> =
         seen.iter().map(|m| (m.cam_from_target * mean.cam_from_target.inverse()).log()).collect();
-    let left_over = motions.iter().sum::<Vector6<f64>>() / n;
-    assert!(left_over.norm() < tolerance * SIGMA[5], "{left_over}");
-    let scatter = motions.iter().map(|m| m * m.transpose()).sum::<Matrix6<f64>>() / n;
-    assert!((summary.scatter - scatter).norm() < tolerance * scatter.norm(), "{scatter}");
+    lie_about(&motions, [summary.least, summary.most], &summary.scatter, tolerance, SIGMA[5]);
     let covariance = seen.iter().map(|m| m.covariance).sum::<Matrix6<f64>>() / n;
     assert!((mean.covariance - covariance).norm() < 1e-12 * covariance.norm());
-    let extreme =
-        |of: fn(f64, f64) -> f64| motions.iter().copied().reduce(|a, b| a.zip_map(&b, of)).expect("some");
-    for (seen, wanted) in [(summary.least, extreme(f64::min)), (summary.most, extreme(f64::max))] {
-        assert!((seen - wanted).norm() < tolerance * SIGMA[5], "{seen} {wanted}");
-    }
     let mean_square = seen.iter().map(|m| m.rms_px * m.rms_px).sum::<f64>() / n;
     assert!((mean.rms_px - mean_square.sqrt()).abs() < 1e-12);
     assert_eq!(summary.most_rms_px, seen.iter().map(|m| m.rms_px).fold(0.0, f64::max));
@@ -176,17 +188,15 @@ pub fn is_mean_turn_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
     let (mean, summary) = (row.turned.expect("a mean"), row.turn_summary.expect("a summary"));
     let motion = |t: &&Turned| (turn(t.rotation_rad) * turn(mean.rotation_rad).inverse()).log();
     let motions: Vec<Vector3<f64>> = seen.iter().map(|t| motion(t).fixed_rows::<3>(0).into_owned()).collect();
-    let left_over = motions.iter().sum::<Vector3<f64>>() / n;
-    assert!(left_over.norm() < tolerance * TURN_SIGMA[1], "{left_over}");
-    let scatter = motions.iter().map(|m| m * m.transpose()).sum::<Matrix3<f64>>() / n;
-    assert!((summary.scatter_rad2 - scatter).norm() < tolerance * scatter.norm(), "{scatter}");
+    lie_about(
+        &motions,
+        [summary.least_rad, summary.most_rad],
+        &summary.scatter_rad2,
+        tolerance,
+        TURN_SIGMA[1],
+    );
     let covariance = seen.iter().map(|t| t.covariance_rad2).sum::<Matrix3<f64>>() / n;
     assert!((mean.covariance_rad2 - covariance).norm() < 1e-12 * covariance.norm());
-    let extreme =
-        |of: fn(f64, f64) -> f64| motions.iter().copied().reduce(|a, b| a.zip_map(&b, of)).expect("some");
-    for (seen, wanted) in [(summary.least_rad, extreme(f64::min)), (summary.most_rad, extreme(f64::max))] {
-        assert!((seen - wanted).norm() < tolerance * TURN_SIGMA[1], "{seen} {wanted}");
-    }
     let landmarks = seen.iter().map(|t| t.n_landmarks).sum::<f64>() / n;
     assert!((mean.n_landmarks - landmarks).abs() < 1e-9, "{landmarks}");
 }
