@@ -8,6 +8,7 @@
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
 #   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
+#   benches/peers/run.sh faults         wrong files for recorded pairs of cameras, beside OpenCV; needs RESIGHT_DATA
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$root/target}
@@ -54,14 +55,22 @@ bad-inputs)
     build -p resight-cli
     compare bad_inputs.py "$folder/resight" "$@"
     ;;
+faults)
+    if [ -z "${RESIGHT_DATA:-}" ]; then
+        echo "left out: RESIGHT_DATA, the folder of the recordings, is not set"
+        exit 0
+    fi
+    build -p resight-cli
+    compare faults.py "$folder/resight" --data "$RESIGHT_DATA" "$@"
+    ;;
 all)
-    for table in tag four-points family rig whisker bad-inputs; do
+    for table in tag four-points family rig whisker bad-inputs faults; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, four-points, family, rig, whisker, bad-inputs and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, four-points, family, rig, whisker, bad-inputs, faults and, without a name, all of them" >&2
     exit 2
     ;;
 esac

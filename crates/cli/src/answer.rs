@@ -7,11 +7,12 @@ use resight::core::locate::PoseEstimate;
 use resight::core::observability::{Axis, Observability};
 use resight::core::solve::configuration::{Configuration, Geometry, Measure};
 use resight::core::solve::line_plus_one::Weakness;
+use resight::core::tag_map::DisplacedTag;
 use resight::core::{Matrix6, Pose};
 use resight::report::truth::point_covariance;
 use resight::report::verdict::{Status, Verdict, weakness_figures};
 use resight::report::words::sigmas;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// What is said about one view.
@@ -37,10 +38,18 @@ pub struct Answer {
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
     /// Name of the point with the largest residual, by index.
     pub names: Vec<String>,
+    /// The image size that the intrinsics are of, where they were scaled to another.
+    pub scaled_from_px: Option<[u32; 2]>,
     /// What took no part, and why.
     pub skipped: Vec<String>,
     /// Which rows agree, where wrong ones were looked for.
     pub agreement: Option<Agreement>,
+    /// Tags of a map that are not where it says.
+    pub left_out: Vec<DisplacedTag>,
+    /// Tags of a map that contradict each other.
+    pub contradicting: Vec<u32>,
+    /// What is unusual about the input, such as lengths that are hardly metres.
+    pub remarks: Vec<String>,
 }
 
 /// A rigid transform as the contract prints it.
@@ -63,9 +72,13 @@ impl From<Pose> for TransformObject {
 
 #[derive(Debug, Serialize)]
 struct OtherObject {
+    /// That it, and not the first, is the right one.
+    probability: f64,
     cam_from_target: TransformObject,
     target_from_cam: TransformObject,
     covariance: [[f64; 6]; 6],
+    sigma_rad: [f64; 3],
+    sigma_m: [f64; 3],
     rms_px: f64,
     chi2: f64,
 }
@@ -141,9 +154,12 @@ struct WeaknessObject {
 #[derive(Debug, Serialize)]
 pub struct PoseObject {
     view: String,
-    status: &'static str,
+    #[serde(serialize_with = "status_name")]
+    status: Status,
     method: Option<&'static str>,
     n_points: usize,
+    /// Of this pose among all that were found: its covariance holds only as far as it is the right one.
+    probability: Option<f64>,
     cam_from_target: Option<TransformObject>,
     target_from_cam: Option<TransformObject>,
     covariance: Option<[[f64; 6]; 6]>,
@@ -158,6 +174,9 @@ pub struct PoseObject {
     image_unit: &'static str,
     point_sigma_m: Option<f64>,
     intrinsics_sigma: Option<BTreeMap<String, f64>>,
+    /// The image size that the intrinsics are of, where they were scaled to this image's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    intrinsics_scaled_from_px: Option<[u32; 2]>,
     ambiguity: Option<AmbiguityObject>,
     minima: Option<Vec<MinimumObject>>,
     observability: Option<ObservabilityObject>,
@@ -173,7 +192,29 @@ pub struct PoseObject {
     inliers: Option<Vec<usize>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     consensus: Option<Agreement>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left_out_tags: Vec<LeftOutTag>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    contradicting_tags: Vec<u32>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
     message: String,
+}
+
+/// A tag that is not where the map says; numbers are null where the tag alone gives no pose.
+#[derive(Debug, Serialize)]
+struct LeftOutTag {
+    id: u32,
+    distance_m: Option<f64>,
+    rotation_rad: Option<f64>,
+    limit_m: Option<f64>,
+}
+
+impl From<&DisplacedTag> for LeftOutTag {
+    fn from(tag: &DisplacedTag) -> Self {
+        let DisplacedTag { id, distance_m, rotation_rad, limit_m } = *tag;
+        LeftOutTag { id, distance_m, rotation_rad, limit_m }
+    }
 }
 
 impl Answer {
@@ -190,8 +231,12 @@ impl Answer {
             point_sigma_m: None,
             intrinsics_sigma: None,
             names: Vec::new(),
+            scaled_from_px: None,
             skipped: Vec::new(),
             agreement: None,
+            left_out: Vec::new(),
+            contradicting: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 
@@ -201,9 +246,10 @@ impl Answer {
         let sigma = e.map(|e| sigmas(&e.covariance));
         PoseObject {
             view: self.view.clone(),
-            status: self.verdict.status.name(),
+            status: self.verdict.status,
             method: e.map(|e| crate::args::method_name(e.method)),
             n_points: e.map_or(self.n_points, |e| e.n_points),
+            probability: e.map(|e| e.weight),
             cam_from_target: e.map(|e| e.cam_from_target.into()),
             target_from_cam: e.map(|e| e.cam_from_target.inverse().into()),
             covariance: e.map(|e| rows(&e.covariance)),
@@ -217,6 +263,7 @@ impl Answer {
             image_unit: self.image_unit,
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
+            intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),
             minima: e.map(|e| e.minima().map(minimum).collect()),
             observability: self.observability.as_ref().map(observability),
@@ -227,6 +274,9 @@ impl Answer {
             n_inliers: self.agreement.as_ref().map(|a| a.inliers.len()),
             inliers: self.agreement.as_ref().map(|a| a.inliers.clone()),
             consensus: self.agreement.clone(),
+            left_out_tags: self.left_out.iter().map(LeftOutTag::from).collect(),
+            contradicting_tags: self.contradicting.clone(),
+            remarks: self.remarks.clone(),
             message: self.verdict.message.clone(),
         }
     }
@@ -264,16 +314,20 @@ fn ambiguity(estimate: &PoseEstimate) -> AmbiguityObject {
             verdict: "ambiguous",
             ratio: Some(*ratio).filter(|r| r.is_finite()),
             delta_chi2: Some(other.chi2 - estimate.chi2),
-            other: Some(other_object(other)),
+            other: Some(other_object(other, estimate.others[0].map_or(0.0, |h| h.weight))),
         },
     }
 }
 
-fn other_object(other: &Minimum) -> OtherObject {
+fn other_object(other: &Minimum, probability: f64) -> OtherObject {
+    let (sigma_rad, sigma_m) = sigmas(&other.covariance);
     OtherObject {
+        probability,
         cam_from_target: other.cam_from_target.into(),
         target_from_cam: other.cam_from_target.inverse().into(),
         covariance: rows(&other.covariance),
+        sigma_rad,
+        sigma_m,
         rms_px: other.rms_px,
         chi2: other.chi2,
     }
@@ -331,6 +385,11 @@ fn geometry(g: &Geometry) -> GeometryObject {
         line_height: g.line_height.map(measure),
         thickness_over_width: g.thickness.map(measure),
     }
+}
+
+/// The contract's word for a status.
+pub fn status_name<S: Serializer>(status: &Status, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(status.name())
 }
 
 /// A 6×6 matrix row by row.

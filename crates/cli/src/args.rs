@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
 use resight::core::locate::Method;
 use resight::detect::{CornerWindow, DetectError, Detector};
+use resight::formats::TagOptions;
 use std::path::PathBuf;
 
 /// Where is the camera, and how sure is that?
@@ -91,6 +92,36 @@ impl CornerArgs {
     pub fn detector(&self, target: &Target) -> Result<Detector, DetectError> {
         let window = self.corner_window_px.map_or(CornerWindow::Clear, CornerWindow::Half);
         Detector::with_corner_window(target, window)
+    }
+}
+
+/// What the file of a map of tags does not state, for the commands that read one.
+#[derive(Debug, Clone, Default, Args)]
+pub struct TagArgs {
+    /// Family of a tag map's tags, where its file states none (WPILib field layouts) [default: tag36h11]
+    #[arg(long, value_name = "FAMILY")]
+    tag_family: Option<String>,
+    /// Outer edge of the black square of a tag map's tags, metres, where its file states none [default for field layouts: 0.1651]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = positive)]
+    tag_size_m: Option<f64>,
+    /// Standard deviation of each tag's position along each axis, metres, where a tag map's file states none; 0 for a map that is exact
+    /// [default: 0; field layouts: 0.010, and 0.8° of rotation]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = not_negative)]
+    tag_sigma_m: Option<f64>,
+}
+
+impl TagArgs {
+    /// As the library takes them.
+    pub fn options(&self) -> TagOptions {
+        TagOptions { family: self.tag_family.clone(), size_m: self.tag_size_m, sigma_m: self.tag_sigma_m }
+    }
+}
+
+/// A number from 0 on.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if 0.0 <= x && x.is_finite() => Ok(x),
+        _ => Err("a number that is zero or positive is needed".to_string()),
     }
 }
 

@@ -15,7 +15,7 @@ pub mod solve;
 pub mod whisker;
 pub mod watch;
 
-use crate::args::Command;
+use crate::args::{Command, TagArgs};
 use crate::output::Outcome;
 use anyhow::Result;
 use rayon::prelude::*;
@@ -50,14 +50,14 @@ fn camera(argument: &str) -> Result<Camera> {
     Ok(formats::read_camera(argument)?.camera)
 }
 
-/// Reads a target and passes its warnings on.
-fn target(path: &Path, mut remark: impl FnMut(&str)) -> Result<Target> {
+/// Reads a target, passes its warnings on and returns them.
+fn target(path: &Path, tags: &TagArgs, mut remark: impl FnMut(&str)) -> Result<(Target, Vec<String>)> {
     crate::files::must_exist(path)?;
-    let file = formats::read_target(path)?;
+    let file = formats::read_target_with(path, &tags.options())?;
     for warning in &file.warnings {
         remark(&format!("warning: {}: {warning}", path.display()));
     }
-    Ok(file.target)
+    Ok((file.target, file.warnings))
 }
 
 /// Applies `work` to every input on all cores and hands the results on in input order, a block at a time: memory stays

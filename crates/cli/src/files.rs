@@ -1,5 +1,6 @@
 //! Finding the files the user meant.
 
+use crate::output;
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +25,16 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
         let entries = glob::glob(argument)
             .map_err(|e| anyhow::anyhow!("{argument}: not a file, and no pattern either ({})", e.msg))?;
         for entry in entries {
-            paths.push(entry?);
+            match entry {
+                // A pipe or a device among the files that a pattern meets is not meant; whoever reads it may wait for ever.
+                Ok(path) if path.is_file() || path.is_dir() => paths.push(path),
+                Ok(path) => output::remark(&format!("{}: no file, left out", path.display())),
+                Err(fault) => output::remark(&format!(
+                    "{}: cannot be looked into ({}), left out",
+                    fault.path().display(),
+                    fault.error()
+                )),
+            }
         }
         if paths.len() == before {
             bail!("no file matches {argument}; check the folder and the ending (upper and lower case count)");
@@ -35,11 +45,15 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
 
 /// Refuses a path that is not a file, naming the nearest one in its folder.
 pub fn must_exist(path: &Path) -> Result<()> {
-    if path.is_file() || is_stream(path) {
+    if path.is_file() {
         return Ok(());
     }
     if path.is_dir() {
         bail!("{} is a folder; give a file in it", path.display());
+    }
+    if path.exists() {
+        // A pipe that the shell opened (`/dev/stdin`, `<(…)`) is as good as a file.
+        return Ok(resight::input::must_not_block(path)?);
     }
     let folder = folder_of(path);
     if !folder.is_dir() {
@@ -106,11 +120,6 @@ pub fn camera_must_exist(argument: &str) -> Result<()> {
         Some((file, _)) if !Path::new(argument).exists() => must_exist(Path::new(file)),
         _ => must_exist(Path::new(argument)),
     }
-}
-
-/// A pipe (`/dev/stdin`, `<(…)`) exists without being a file.
-fn is_stream(path: &Path) -> bool {
-    path.exists() && !path.is_dir()
 }
 
 /// The candidate nearest to a name, when it is near enough to be a slip of the hand.

@@ -15,9 +15,10 @@ pub struct GravityArgs {
     /// Standard deviation of that direction about each axis across it, degrees.
     #[arg(long, value_name = "S", requires = "gravity", default_value = "1", allow_negative_numbers = true, value_parser = sigma)]
     gravity_sigma_deg: f64,
-    /// Direction of down in the target frame.
-    #[arg(long, value_name = "X,Y,Z", requires = "gravity", default_value = "0,0,-1", allow_hyphen_values = true, value_parser = direction)]
-    target_down: [f64; 3],
+    /// Direction of down in the target frame, needed with --gravity: 0,0,-1 where its z points up (surveyed points), 0,1,0 for a printed
+    /// target that hangs upright.
+    #[arg(long, value_name = "X,Y,Z", requires = "gravity", allow_hyphen_values = true, value_parser = direction)]
+    target_down: Option<[f64; 3]>,
 }
 
 /// Three numbers, made a unit vector.
@@ -52,8 +53,15 @@ impl GravityArgs {
                 bail!("--gravity: method wang2004 is the printed procedure, which takes no prior; use auto")
             }
             (None, _) => Ok(Vec::new()),
+            // A wrong guess turns the whole answer over, and two points cannot contradict it.
+            (Some(_), _) if self.target_down.is_none() => {
+                bail!(
+                    "--gravity needs the direction of down in the target's frame too: add --target-down 0,0,-1 where its z points up, or \
+                     --target-down 0,1,0 for a printed target that hangs upright"
+                )
+            }
             (Some(down_in_cam), _) => Ok(vec![Prior::Gravity {
-                down_in_target: self.target_down.into(),
+                down_in_target: self.target_down.unwrap_or_default().into(),
                 down_in_cam: down_in_cam.into(),
                 sigma_rad: self.gravity_sigma_deg.to_radians(),
             }]),

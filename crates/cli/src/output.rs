@@ -3,6 +3,7 @@
 use crate::args::OutputArgs;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use resight::report::verdict::Status;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
@@ -10,12 +11,32 @@ use std::process::ExitCode;
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Every input answered.
+    /// Every result is `ok`.
     Answered,
-    /// Some input could not be answered; each said why.
+    /// Some result is anything else; each says why.
     SomeUnanswered,
     /// Something moved.
     Moved,
+}
+
+impl Outcome {
+    /// Of results of these statuses. The one place that decides exit status 0: a pose that is ambiguous or inconsistent is an answer, but
+    /// none that a script may use unseen.
+    pub fn of(statuses: impl IntoIterator<Item = Status>) -> Self {
+        match statuses.into_iter().all(|status| status == Status::Ok) {
+            true => Outcome::Answered,
+            false => Outcome::SomeUnanswered,
+        }
+    }
+
+    /// Of two parts of one run.
+    pub fn and(self, other: Outcome) -> Self {
+        match (self, other) {
+            (Outcome::Moved, _) | (_, Outcome::Moved) => Outcome::Moved,
+            (Outcome::SomeUnanswered, _) | (_, Outcome::SomeUnanswered) => Outcome::SomeUnanswered,
+            (Outcome::Answered, Outcome::Answered) => Outcome::Answered,
+        }
+    }
 }
 
 impl From<Outcome> for ExitCode {
@@ -33,8 +54,7 @@ pub struct Printer {
     args: OutputArgs,
     lines: Vec<u8>,
     bar: ProgressBar,
-    unanswered: usize,
-    printed: usize,
+    statuses: Vec<Status>,
 }
 
 impl Printer {
@@ -46,13 +66,13 @@ impl Printer {
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {per_sec}  {eta} left") {
             bar.set_style(style);
         }
-        Printer { args: args.clone(), lines: Vec::new(), bar, unanswered: 0, printed: 0 }
+        Printer { args: args.clone(), lines: Vec::new(), bar, statuses: Vec::new() }
     }
 
-    /// One more input is done, answered in words or as JSON.
-    pub fn result(&mut self, json: &impl Serialize, words: &str, answered: bool) -> Result<()> {
+    /// One more result, in words or as JSON, and its status, which the exit status rests on.
+    pub fn result(&mut self, json: &impl Serialize, words: &str, status: Status) -> Result<()> {
         let line = serde_json::to_string(json)?;
-        let separator = if self.printed == 0 { "" } else { "\n" };
+        let separator = if self.statuses.is_empty() { "" } else { "\n" };
         match self.args.json {
             true => self.print(&format!("{line}\n"))?,
             false => self.print(&format!("{separator}{words}"))?,
@@ -61,8 +81,7 @@ impl Printer {
             self.lines.extend(line.as_bytes());
             self.lines.push(b'\n');
         }
-        self.printed += 1;
-        self.unanswered += usize::from(!answered);
+        self.statuses.push(status);
         self.bar.inc(1);
         Ok(())
     }
@@ -80,7 +99,7 @@ impl Printer {
         if let Some(path) = &self.args.output {
             resight::formats::write_atomically(path, &self.lines)?;
         }
-        Ok(if self.unanswered == 0 { Outcome::Answered } else { Outcome::SomeUnanswered })
+        Ok(Outcome::of(self.statuses))
     }
 
     fn print(&self, text: &str) -> Result<()> {

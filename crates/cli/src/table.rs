@@ -1,7 +1,7 @@
 //! CSV files with a header line: columns by name in any order, every complaint with its line.
 
 use anyhow::{Context, Result, bail};
-use std::fs::File;
+use resight::input::{Rows, open_table};
 use std::path::{Path, PathBuf};
 
 /// Rows accepted in one file; more is a job for a batch tool.
@@ -11,7 +11,7 @@ const MAX_ROWS: usize = 5_000_000;
 pub struct Table {
     path: PathBuf,
     header: Vec<String>,
-    reader: csv::Reader<File>,
+    reader: csv::Reader<Rows>,
 }
 
 /// One row below the header.
@@ -26,7 +26,7 @@ pub struct TableRow<'a> {
 impl Table {
     /// Opens a file; `wanted` is the beginning of a header, for the complaint about an empty file.
     pub fn open(path: &Path, wanted: &str) -> Result<Self> {
-        let file = File::open(path).with_context(|| path.display().to_string())?;
+        let file = open_table(path)?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
         let header = reader.headers().map_err(|e| complaint(path, &e))?;
         if header.is_empty() {

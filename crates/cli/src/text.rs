@@ -1,10 +1,11 @@
 //! An answer in words, for a person with ten minutes.
 
 use crate::answer::Answer;
+use resight::core::choose::{Hypothesis, Minimum};
 use resight::core::locate::PoseEstimate;
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, degrees, distance_with_sigma_m, percent, place_with_sigma_m, sigmas, weakest, with_sigma,
+    coordinate, degrees, distance_sigma_m, percent, place_sigma_m, sigmas, weakest, with_sigma,
     yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
@@ -13,11 +14,24 @@ use std::fmt::Write;
 pub fn describe(answer: &Answer) -> String {
     let mut out = format!("{}   {}\n", answer.view, headline(answer));
     if let Some(estimate) = &answer.estimate {
-        out.push_str(&pose(estimate));
-        if let Some(observability) = &answer.observability {
-            line(&mut out, "weakest", &weakest(observability));
+        let fitting: Vec<Hypothesis> = estimate.minima().filter(|h| h.is_rival).collect();
+        for (i, fits) in fitting.iter().enumerate() {
+            if 1 < fitting.len() {
+                let label = format!("pose {} of {}", i + 1, fitting.len());
+                line(&mut out, &label, &of_several(fits, answer.image_unit));
+            }
+            out.push_str(&pose(&fits.minimum));
+            if let Some(observability) = answer.observability.as_ref().filter(|_| i == 0) {
+                line(&mut out, "weakest", &weakest(observability));
+            }
         }
         out.push_str(&fit(answer, estimate));
+    }
+    if let Some([w, h]) = answer.scaled_from_px {
+        let text = format!(
+            "scaled from {w} × {h} px to the size of this image: right where it is the whole image, resized; wrong for a crop"
+        );
+        line(&mut out, "intrinsics", &text);
     }
     if let Some(agreement) = &answer.agreement {
         line(&mut out, "consensus", &agreement.sentence(&answer.names, answer.image_unit));
@@ -27,19 +41,6 @@ pub fn describe(answer: &Answer) -> String {
         message.push('.');
     }
     line(&mut out, "verdict", &message);
-    for other in answer.estimate.iter().flat_map(PoseEstimate::minima).skip(1).filter(|h| h.is_rival) {
-        let place = other.minimum.cam_from_target.origin();
-        let text = format!(
-            "x {:+.1} mm   y {:+.1} mm   z {:+.1} mm in the target frame, rms {} {}, probability {}",
-            place.x * 1e3,
-            place.y * 1e3,
-            place.z * 1e3,
-            figures(other.minimum.rms_px),
-            answer.image_unit,
-            percent(other.weight)
-        );
-        line(&mut out, "other pose", &text);
-    }
     for skipped in &answer.skipped {
         line(&mut out, "left out", skipped);
     }
@@ -56,15 +57,25 @@ fn headline(answer: &Answer) -> &'static str {
         Status::Degenerate => "NO POSE: these points do not determine one",
         Status::Inconsistent => "INCONSISTENT: do not trust this pose yet",
         Status::NotFound => "NOT FOUND: no target in this image",
+        Status::Undecided => "UNDECIDED: the data do not say which",
         Status::Error => "ERROR",
     }
 }
 
-fn pose(e: &PoseEstimate) -> String {
+/// What stands above one of several poses: its error bars hold only if it is the right one.
+fn of_several(fits: &Hypothesis, unit: &str) -> String {
+    let (probability, rms) = (percent(fits.weight), figures(fits.minimum.rms_px));
+    format!(
+        "probability {probability}, rms {rms} {unit}; the standard deviations are those of this pose alone"
+    )
+}
+
+fn pose(e: &Minimum) -> String {
     let mut out = String::new();
-    let (distance_m, sigma_m) = distance_with_sigma_m(e);
+    let (distance_m, sigma_m) = distance_sigma_m(&e.cam_from_target, &e.covariance);
     line(&mut out, "distance", &format!("{} from the target's origin", with_sigma(distance_m, sigma_m)));
-    let (place, sigma) = place_with_sigma_m(e);
+    let place = e.cam_from_target.origin();
+    let sigma = place_sigma_m(&e.cam_from_target, &e.covariance);
     let axes = ["x", "y", "z"].iter().enumerate();
     let coordinates: Vec<String> =
         axes.map(|(i, name)| format!("{name} {}", coordinate(place[i], sigma[i]))).collect();
@@ -106,8 +117,9 @@ fn fit(answer: &Answer, e: &PoseEstimate) -> String {
         0 => "nothing left over to check it with".to_string(),
         dof => format!("χ² {} for {dof} degrees of freedom", figures(e.chi2)),
     };
+    let of_which = if 1 < e.n_rivals() { " (pose 1)" } else { "" };
     let text = format!(
-        "rms {} {unit} over {} points{sigma}, {chi2}, by {}",
+        "rms {} {unit} over {} points{sigma}, {chi2}, by {}{of_which}",
         figures(e.rms_px),
         e.n_points,
         crate::args::method_name(e.method)

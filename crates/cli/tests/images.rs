@@ -11,7 +11,7 @@ fn locate_answers_in_input_order_and_draws() {
     let arguments =
         ["locate", &critical, &left, "--camera", &demo("left.toml"), "--target", &demo("dots.toml")];
     let run = resight(&[&arguments[..], &["--json", "--overlay", pictures.to_str().unwrap()]].concat());
-    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    assert_eq!((run.code, run.stderr.as_str()), (1, ""), "one of the two is ambiguous");
     let answers = json_lines(&run);
     assert_eq!(
         (&answers[0]["view"], &answers[1]["view"]),
@@ -20,6 +20,12 @@ fn locate_answers_in_input_order_and_draws() {
     assert_eq!((&answers[0]["status"], &answers[1]["status"]), (&"ambiguous".into(), &"ok".into()));
     let other = &answers[0]["ambiguity"]["other"];
     assert!(other["cam_from_target"]["matrix"].is_array() && other["rms_px"].is_number());
+    // The more probable pose leads, and it is the true one.
+    let (first, second) = (&answers[0]["probability"], &other["probability"]);
+    assert!(0.5 < first.as_f64().unwrap() && second.as_f64().unwrap() < 0.5, "{first} {second}");
+    let place = &answers[0]["target_from_cam"]["translation_m"];
+    assert!((place[1].as_f64().unwrap() + 0.265).abs() < 1e-3, "{place}");
+    assert!(other["sigma_m"].is_array() && other["sigma_rad"].is_array());
     for name in ["critical.png", "left.png"] {
         let picture = resight::GrayImage::read(&pictures.join(name)).unwrap();
         assert!(

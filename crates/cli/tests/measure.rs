@@ -81,6 +81,8 @@ struct Change {
     slip: Option<(&'static str, &'static str, f64)>,
     /// Added to this tape.
     tape: Option<(usize, f64)>,
+    /// This tape was read so many times as long.
+    slipped: Option<(usize, f64)>,
     with_files: bool,
 }
 
@@ -109,7 +111,8 @@ fn write_scene(folder: &Path, seed: u64, change: &Change) -> PathBuf {
     }
     for (i, (a, b)) in TAPES.iter().enumerate() {
         let wrong = change.tape.filter(|t| t.0 == i).map_or(0.0, |t| t.1);
-        let distance_m = (place(a) - place(b)).norm() + TAPE_SIGMA_M * hand.normal() + wrong;
+        let read_m = (place(a) - place(b)).norm() + TAPE_SIGMA_M * hand.normal() + wrong;
+        let distance_m = change.slipped.filter(|t| t.0 == i).map_or(1.0, |t| t.1) * read_m;
         let entry =
             format!("a = \"{a}\"\nb = \"{b}\"\ndistance_m = {distance_m:.4}\nsigma_m = {TAPE_SIGMA_M}\n");
         write!(scene, "\n[[known_distance]]\n{entry}").expect("a string");
@@ -277,6 +280,55 @@ fn wrong_facts_are_named() {
     let suspects: Vec<String> =
         survey["suspects"].as_array().expect("suspects").iter().map(|s: &Value| s.to_string()).collect();
     assert!(suspects.iter().take(2).any(|s| s.contains("the distance A–C")), "{suspects:?}");
+    assert_eq!(said.code, 1);
+    assert!(lines.iter().all(|line| line["status"].as_str() == Some("inconsistent")), "{}", said.stdout);
+}
+
+/// Each tape ten times too long or too short: named first, before any number; no answer is `ok`, and the table says why.
+#[test]
+fn a_slipped_decimal_is_named_before_the_numbers() {
+    let folder = folder("measure_slipped");
+    for (i, (a, b)) in TAPES.iter().enumerate() {
+        let times = if i % 2 == 0 { 10.0 } else { 0.1 };
+        let change = Change { slipped: Some((i, times)), ..Change::default() };
+        let scene = write_scene(&folder, 60 + i as u64, &change);
+        let out = folder.join("out");
+        let said = run(&scene, &["-o", out.to_str().expect("a path")]);
+        assert_eq!(said.code, 1, "{}{}", said.stdout, said.stderr);
+        let first = said.stdout.lines().next().expect("a verdict");
+        assert!(first.starts_with(&format!("inconsistent: the distance {a}–{b} of ")), "{first}");
+        assert!(first.contains("has a slipped decimal point: the others say"), "{first}");
+        assert_eq!(said.stdout.matches("INCONSISTENT").count(), queries().len(), "{}", said.stdout);
+        let table = std::fs::read_to_string(out.join("table.csv")).expect("a table");
+        assert!(table.lines().skip(1).all(|line| line.ends_with(",inconsistent")), "{table}");
+        let plan = std::fs::read_to_string(out.join("plan.svg")).expect("a plan");
+        assert!(plan.contains("slipped decimal point"), "the plan warns");
+        let lines = json_lines(&run(&scene, &["--json"]));
+        assert!(lines.iter().all(|line| line["status"].as_str() == Some("inconsistent")), "{lines:?}");
+    }
+}
+
+/// Marks by coordinates on one line: no number at all, exit status 1, and the marks are named.
+#[test]
+fn marks_on_one_line_are_named() {
+    let folder = folder("measure_line");
+    let scene = write_scene(&folder, 9, &Change::default());
+    let good = std::fs::read_to_string(&scene).expect("a scene");
+    let (start, end) =
+        (good.find("[[known_distance]]").expect("distances"), good.find("[plane]").expect("a plane"));
+    let mark = |name: &str, x: f64, y: f64| {
+        format!("[[mark]]\nname = \"{name}\"\nx_m = {x}\ny_m = {y}\nz_m = 0.0\nsigma_m = 0.01\n")
+    };
+    let marks =
+        [mark("A", 0.0, 0.0), mark("P", 1.0, 0.01), mark("Q", 4.6, -0.01), mark("B", 7.0, 0.0)].concat();
+    std::fs::write(&scene, format!("{}{marks}{}", &good[..start], &good[end..])).expect("written");
+    let said = run(&scene, &[]);
+    assert_eq!(said.code, 1, "{}{}", said.stdout, said.stderr);
+    let wanted = "degenerate: the marks stand nearly on one line, from A to B (7.00 m)";
+    assert!(said.stdout.starts_with(wanted), "{}", said.stdout);
+    assert_eq!(said.stdout.matches("no value").count(), queries().len(), "{}", said.stdout);
+    let lines = json_lines(&run(&scene, &["--json"]));
+    assert!(lines.iter().all(|line| line["status"].as_str() == Some("degenerate")), "{lines:?}");
 }
 
 fn refused(scene: &Path, wanted: &str) {

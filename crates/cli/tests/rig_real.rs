@@ -255,3 +255,34 @@ fn the_page_shows_a_real_answer() {
     let shared = block("text", 0);
     assert!(run.stderr.contains(shared.trim_end()), "said\n{}\nshown\n{shared}", run.stderr);
 }
+
+/// The right camera's focal length 10 % off: text, JSON, page and file say so first, and the exit status too.
+#[test]
+fn a_wrong_lens_file_is_said_everywhere() {
+    let Some(set) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = folder("rig_real_wrong");
+    let mut truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
+    for i in 0..2 {
+        truth["reference_calibration_opencv5"]["right"]["K"][i][i] = 600.0.into();
+    }
+    let points = contract_csv(&table(&set.join("detections.csv")), "camera", "view", "corner");
+    let points = write(&folder, "points.csv", &points);
+    let [page, rig] = ["page.html", "rig.toml"].map(|name| folder.join(name).display().to_string());
+    let mut arguments = vec!["rig".to_string(), "-q".into(), "--detections".into(), points];
+    arguments.extend(stereo_cameras(&folder, &truth));
+    arguments.extend(["--report".into(), page.clone(), "-o".into(), rig.clone()]);
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let run = resight(&arguments);
+    assert_eq!(run.code, 1, "{}", run.stdout);
+    assert!(run.stdout.starts_with("INCONSISTENT   ") && run.stdout.contains("right"), "{}", run.stdout);
+    println!("{}", run.stdout.lines().next().unwrap());
+    let run = resight(&[&arguments[..], &["--json"]].concat());
+    let answer = json_lines(&run).remove(0);
+    assert_eq!((run.code, &answer["status"]), (1, &"inconsistent".into()));
+    let right = &answer["cameras"]["right"];
+    assert_eq!((&right["status"], &right["cause"]), (&"inconsistent".into(), &"intrinsics".into()));
+    assert_eq!(answer["cameras"]["left"]["status"], "ok");
+    let [page, rig] = [page, rig].map(|path| std::fs::read_to_string(path).unwrap());
+    assert!(page.contains("<strong>INCONSISTENT</strong>"));
+    assert!(rig.starts_with("# status: inconsistent; "), "{rig}");
+}

@@ -83,8 +83,16 @@ fn three_points_give_every_pose_in_minima() {
     );
     assert!(2 <= minima.len() && minima.iter().all(|m| m["within_gate"] == true), "{answer}");
     assert!(answer["message"].as_str().unwrap().contains("probabilities"), "{answer}");
-    let said = solve(&[path.to_str().unwrap(), "--camera", &data("camera.toml")]).stdout;
-    assert_eq!(said.matches("other pose").count(), minima.len() - 1, "{said}");
+    let weights: Vec<f64> = minima.iter().map(|m| m["weight"].as_f64().unwrap()).collect();
+    assert!(weights.is_sorted_by(|a, b| b <= a), "the more probable first: {weights:?}");
+    assert_eq!(answer["probability"], minima[0]["weight"]);
+    let run = solve(&[path.to_str().unwrap(), "--camera", &data("camera.toml")]);
+    assert_eq!(run.code, 1, "an ambiguous answer is not ok");
+    // Every pose stands with its probability and its own standard deviations.
+    for label in ["  pose ", "  distance ", "  camera at "] {
+        let count = run.stdout.lines().filter(|line| line.starts_with(label)).count();
+        assert_eq!(count, minima.len(), "{label}: {}", run.stdout);
+    }
 }
 
 #[test]
@@ -249,4 +257,21 @@ fn the_printed_procedure_is_called_what_it_is() {
         run.stdout.contains("use method auto for the best pose")
             && run.stdout.contains("wang2004 does not fit")
     );
+}
+
+/// Rows of one point are observations of it; an answer is refused only where too few different points are left.
+#[test]
+fn rows_of_one_point_are_observations_like_others() {
+    let path = folder("repeated").join("repeated.csv");
+    let text = std::fs::read_to_string(data("points.csv")).unwrap();
+    let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("box")).collect();
+    let header = text.lines().next().unwrap();
+    std::fs::write(&path, [&[header], &rows[..], &rows[..2]].concat().join("\n")).unwrap();
+    let path = path.display().to_string();
+    for extra in [&[][..], &["--robust", "2"]] {
+        let arguments = [&path, "--camera", &data("camera.toml"), "--sigma-px", "0.2", "--json"];
+        let run = solve(&[&arguments[..], extra].concat());
+        let answer = &json_lines(&run)[0];
+        assert_eq!((run.code, &answer["n_points"]), (0, &(rows.len() + 2).into()), "{answer}");
+    }
 }

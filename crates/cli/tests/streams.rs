@@ -68,7 +68,7 @@ fn a_stream_that_breaks_is_lost_and_comes_back() {
     nothing_stays_behind(watching, &format!("-i tcp://127.0.0.1:{port}"));
 }
 
-/// With `--once` a stream that ends has ended; HTTP, its password not shown.
+/// With `--once` a stream that ends has ended; HTTP, its password from a file and not shown.
 #[test]
 fn a_stream_that_ends_gives_a_verdict() {
     if !has_ffmpeg() {
@@ -78,7 +78,9 @@ fn a_stream_that_ends_gives_a_verdict() {
     let (film, port) = (film(&studio), free_port());
     let _server = serve(&film, &["-listen", "1", "-f", "mpegts", &format!("http://127.0.0.1:{port}/x")]);
     wait_for_listener(port);
-    let source = format!("http://me:secret@127.0.0.1:{port}/x");
+    let address = studio.join("address");
+    std::fs::write(&address, format!("http://me:secret@127.0.0.1:{port}/x\n")).expect("written");
+    let source = format!("@{}", address.display());
     let options = ["--ffmpeg-input-options", "-t 8", "--learn", "20", "--frames"];
     let run = watch_once(&studio, &[&["--source", &source][..], &options].concat());
     assert_eq!((run.code, states(&run.events)), (0, vec!["learning", "steady"]), "{:?}", said(&run.events));
@@ -171,8 +173,12 @@ fn what_is_not_there_is_told_with_ffmpegs_words() {
     }
     let studio = studio("streams-nobody");
     let port = free_port();
+    let private = studio.join("address");
+    std::fs::write(&private, format!("rtsp://me:secret@127.0.0.1:{port}/x\n")).expect("written");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+    std::fs::set_permissions(&private, mode).expect("only for me");
     for (source, words) in [
-        (format!("rtsp://me:secret@127.0.0.1:{port}/x"), "Connection refused"),
+        (format!("@{}", private.display()), "Connection refused"),
         ("v4l2:///dev/video99".to_string(), "No such file"),
     ] {
         let run = watch_once(&studio, &["--source", &source]);

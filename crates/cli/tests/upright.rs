@@ -25,7 +25,16 @@ fn two_points_and_gravity_give_the_pose() {
         std::fs::write(&path, rows(&points)).unwrap();
         let (path, camera) = (path.display().to_string(), data("camera.toml"));
         let arguments = ["solve", &path, "--camera", &camera, "--sigma-px", "0.3", "--json"];
-        let gravity = ["--method", "upright", "--gravity", "0,9.81,0", "--gravity-sigma-deg", "0.2"];
+        let gravity = [
+            "--method",
+            "upright",
+            "--gravity",
+            "0,9.81,0",
+            "--target-down",
+            "0,0,-1",
+            "--gravity-sigma-deg",
+            "0.2",
+        ];
         let run = resight(&[&arguments[..], &gravity].concat());
         assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
         let answer = &json_lines(&run)[0];
@@ -53,6 +62,7 @@ fn gravity_that_is_missing_or_wrong_is_refused_by_name() {
         (vec!["--gravity", "0,0,0"], "three numbers X,Y,Z"),
         (vec!["--gravity", "0,1,0", "--gravity-sigma-deg", "0"], "a positive number of degrees"),
         (vec!["--gravity-sigma-deg", "1"], "--gravity"),
+        (vec!["--gravity", "0,1,0"], "add --target-down 0,0,-1 where its z points up"),
         (vec!["--gravity", "0,1,0", "--method", "wang2004"], "takes no prior"),
     ] {
         let run = resight(&[&base[..], &extra].concat());

@@ -150,7 +150,7 @@ fn addresses_that_cannot_be_are_refused_before_the_session() {
         (&["--webhook", "ftp://host/secret"], "http:// or https://"),
         (&["--webhook", "http://h/", "--webhook-header", "secret"], "a colon is missing"),
         (&["--mqtt", "http://host"], "mqtt:// or mqtts://"),
-        (&["--mqtt", "mqtt://host", "--ca-file", "/nowhere"], "--ca-file /nowhere"),
+        (&["--mqtt", "mqtt://host", "--ca-file", "/nowhere"], "--ca-file: /nowhere"),
         (&["--metrics", "0.0.0.0:0"], "give --metrics-token-file"),
         (&["--metrics", "nonsense"], "--metrics nonsense"),
         (&["--metrics", "127.0.0.1:0", "--metrics-token-file", file], "--metrics-token-file"),

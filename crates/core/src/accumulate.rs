@@ -11,6 +11,7 @@
 
 use crate::camera::{CameraMatrix, Pinhole};
 use crate::factor::{self, factors};
+use crate::group::RigidGroup;
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::loss::Loss;
 use crate::problem::Problem;
@@ -55,11 +56,64 @@ fn sum_any(cam_from_target: &Pose, problem: &Problem) -> Option<(f64, f64)> {
     let of_priors = problem.priors.iter().map(|prior| factor::chi2(prior, cam_from_target));
     let (mut chi2, mut sum) = (of_priors.sum(), 0.0);
     for c in problem.seen {
-        let (_, e, whitened) = whitened_residual(cam_from_target, c, problem.camera)?;
+        let (_, e, whitened) = weighed_residual(cam_from_target, c, problem)?;
         chi2 += problem.loss.at(whitened).0;
         sum += e.norm_squared();
     }
+    if !problem.groups.is_empty() {
+        chi2 = grouped(cam_from_target, problem)?.chi2;
+    }
     Some((chi2, sum))
+}
+
+/// The normal equations where groups of points are displaced together: their χ² is that of the displacement that suits best.
+#[cold]
+fn grouped(cam_from_target: &Pose, problem: &Problem) -> Option<NormalEquations> {
+    let pivot = centroid(problem.seen);
+    accumulate(&PivotedPose::new(cam_from_target, &pivot), &pivot, problem)
+}
+
+/// The mean of the target points: the pivot of the refinement.
+pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
+    seen.iter().map(|c| c.x_in_target).sum::<Point>() / seen.len().max(1) as f64
+}
+
+/// As `whitened_residual`, with the weights the problem holds.
+fn weighed_residual(
+    cam_from_target: &Pose,
+    c: &Correspondence,
+    problem: &Problem,
+) -> Option<(Point, Vector2<f64>, f64)> {
+    let Some(held) = held_jacobian(c, problem)? else {
+        return whitened_residual(cam_from_target, c, problem.camera);
+    };
+    let x = cam_from_target * &c.x_in_target;
+    let e = c.pixel - problem.camera.project(&x)?;
+    Some((x, e, e.dot(&(information(c, &held) * e))))
+}
+
+/// The derivative of the projection by which an uncertain point is weighed, where the problem holds it.
+fn held_jacobian(c: &Correspondence, problem: &Problem) -> Option<Option<Matrix2x3<f64>>> {
+    match problem.weights_at {
+        Some(pose) if c.sigma_m != 0.0 => {
+            let (_, jacobian) = problem.camera.project_with_jacobian(&(pose * &c.x_in_target))?;
+            Some(Some(jacobian))
+        }
+        _ => Some(None),
+    }
+}
+
+/// Logarithm of how much larger the covariances of all pixels are, by area, for the points' own uncertainty: Σ log(det C / det C_px),
+/// docs/math/refine.md eq. (8a). 0 for points known exactly.
+pub(crate) fn log_determinant(cam_from_target: &Pose, problem: &Problem) -> f64 {
+    let mut sum = 0.0;
+    for c in problem.seen.iter().filter(|c| c.sigma_m != 0.0) {
+        let [uu, uv, vv] = c.pixel_covariance();
+        let x = cam_from_target * &c.x_in_target;
+        let Some((_, jacobian)) = problem.camera.project_with_jacobian(&x) else { return f64::INFINITY };
+        sum -= (information(c, &jacobian).determinant() * (uu * vv - uv * uv)).ln();
+    }
+    sum
 }
 
 /// Point in the camera frame, residual (px) and squared whitened residual of one correspondence.
@@ -155,18 +209,72 @@ fn add_plain(
     Some(())
 }
 
+/// Where the best displacement of a group explains all but this part of its χ², what is left is not taken from a difference: corners next
+/// to the camera's plane have a χ² of 10²⁰, and the difference was rounding, below zero too.
+const CANCELLED: f64 = 1e-3;
+
+/// χ² of a group after the displacement m = S g' that suits best, |r − J m|² + mᵀS⁻¹m, point by point: no term is negative, and an m that
+/// is not quite the best makes it larger. docs/math/tag_map.md eq. (4a).
+#[cold]
+fn chi2_of_displaced(
+    eliminated: &NormalEquations,
+    group: &RigidGroup,
+    place: &PivotedPose,
+    pivot: &Point,
+    problem: &Problem,
+) -> Option<f64> {
+    let covariance = group.motion_covariance(&(place.rotation * (group.centre_in_target - pivot)));
+    let pulled = eliminated.gradient();
+    let motion = covariance * pulled;
+    let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
+    let mut chi2 = pulled.dot(&motion).max(0.0);
+    for c in problem.seen.get(group.first..group.end())? {
+        let y = place.rotation * (c.x_in_target - pivot);
+        let (pixel, jacobian) = problem.camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
+        let (a, b, d) = whitening(c, &held_jacobian(c, problem)?.unwrap_or(jacobian));
+        let e = c.pixel - pixel - jacobian * (turn.cross(&y) + shift);
+        chi2 += (a * e.x + b * e.y).powi(2) + (d * e.y).powi(2);
+    }
+    Some(chi2)
+}
+
 #[inline(never)]
 fn accumulate(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalEquations> {
     let mut normal = NormalEquations::zero();
-    for c in problem.seen {
-        let y = place.rotation * (c.x_in_target - pivot);
-        let seen = problem.camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
-        add_point(&mut normal, c, &y, seen, problem.loss);
+    let mut next = 0;
+    for group in problem.groups {
+        add_points(&mut normal, place, pivot, problem.seen.get(next..group.first)?, problem)?;
+        let mut own = NormalEquations::zero();
+        add_points(&mut own, place, pivot, problem.seen.get(group.first..group.end())?, problem)?;
+        let offset = place.rotation * (group.centre_in_target - pivot);
+        let mut left = group.eliminated(&own, &offset)?;
+        if left.chi2 < CANCELLED * own.chi2 {
+            left.chi2 = chi2_of_displaced(&left, group, place, pivot, problem)?;
+        }
+        normal.merge(&left);
+        next = group.end();
     }
+    add_points(&mut normal, place, pivot, problem.seen.get(next..)?, problem)?;
     if !problem.priors.is_empty() {
         add_priors(&mut normal, &place.pose(pivot), &place.pivot_in_cam, problem);
     }
     normal.chi2.is_finite().then_some(normal)
+}
+
+fn add_points(
+    normal: &mut NormalEquations,
+    place: &PivotedPose,
+    pivot: &Point,
+    seen: &[Correspondence],
+    problem: &Problem,
+) -> Option<()> {
+    for c in seen {
+        let y = place.rotation * (c.x_in_target - pivot);
+        let projected = problem.camera.project_with_jacobian(&(y + place.pivot_in_cam))?;
+        let weighing = held_jacobian(c, problem)?.unwrap_or(projected.1);
+        add_point(normal, c, &y, projected, &weighing, problem.loss);
+    }
+    Some(())
 }
 
 /// Each residual of each prior, its derivative taken about the pivot.
@@ -185,21 +293,23 @@ fn add_apart(
     x: &Point,
     model: &Pinhole,
 ) -> Option<()> {
-    add_point(normal, c, y, model.project_with_jacobian(x)?, Loss::Squared);
+    let seen = model.project_with_jacobian(x)?;
+    add_point(normal, c, y, seen, &seen.1, Loss::Squared);
     Some(())
 }
 
 /// Any point: whitened (the uncertainty of a surveyed point, seen through the lens, correlates the two pixel coordinates), then
-/// weighted as the loss says.
+/// weighted as the loss says. `weighing` is the derivative by which an uncertain point is whitened.
 fn add_point(
     normal: &mut NormalEquations,
     c: &Correspondence,
     y: &Vector3<f64>,
     (pixel, jacobian): (Pixel, Matrix2x3<f64>),
+    weighing: &Matrix2x3<f64>,
     loss: Loss,
 ) {
     let e = c.pixel - pixel;
-    let (a, b, d) = whitening(c, &jacobian);
+    let (a, b, d) = whitening(c, weighing);
     let (ru, rv) = (a * e.x + b * e.y, d * e.y);
     let squared = ru * ru + rv * rv;
     let (cost, weight) = loss.at(squared);
@@ -210,4 +320,66 @@ fn add_point(
     normal.add(rv * root, &y.cross(&jv), &jv);
     // What `add` counted is the parabola that touches the loss here; the loss itself is what must fall.
     normal.chi2 += cost - weight * squared;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::CameraMatrix;
+    use nalgebra::{Matrix6, SMatrix, SVector};
+
+    fn camera() -> Camera {
+        let matrix = CameraMatrix { fx_px: 340.0, fy_px: 340.0, cx_px: 320.0, cy_px: 240.0 };
+        Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None }
+    }
+
+    /// rᵀ (1 + J S Jᵀ)⁻¹ r of the four corners, all at once.
+    fn dense(seen: &[Correspondence], group: &RigidGroup, pose: &Pose) -> f64 {
+        let (mut r, mut j) = (SVector::<f64, 8>::zeros(), SMatrix::<f64, 8, 6>::zeros());
+        let centre = pose * &group.centre_in_target;
+        for (i, c) in seen.iter().enumerate() {
+            let x = pose * &c.x_in_target;
+            let (pixel, by_point) = camera().project_with_jacobian(&x).unwrap();
+            r.fixed_rows_mut::<2>(2 * i).copy_from(&((c.pixel - pixel) / c.sigma_px));
+            let turned = by_point * -(x - centre).cross_matrix();
+            j.fixed_view_mut::<2, 3>(2 * i, 0).copy_from(&(turned / c.sigma_px));
+            j.fixed_view_mut::<2, 3>(2 * i, 3).copy_from(&(by_point / c.sigma_px));
+        }
+        let s: Matrix6<f64> = group.motion_covariance(&Vector3::zeros());
+        let whole: SMatrix<f64, 8, 8> = SMatrix::identity() + j * s * j.transpose();
+        r.dot(&whole.cholesky().unwrap().solve(&r))
+    }
+
+    /// A tag one corner of which nears the plane of the camera: χ² is that of the whole covariance, and never below zero.
+    #[test]
+    fn chi2_of_a_displaced_group_is_no_rounding() {
+        let corners = [[-0.03, -0.03], [0.03, -0.03], [0.03, 0.03], [-0.03, 0.03]];
+        let pixels = [[250.0, 200.0], [330.0, 190.0], [340.0, 260.0], [240.0, 270.0]];
+        let camera = camera();
+        let seen = [0, 1, 2, 3].map(|i| {
+            let [[x, y], [u, v]] = [corners[i], pixels[i]];
+            Correspondence::new(&camera, Point::new(x, y, 0.0), Pixel::new(u, v), 0.2).unwrap()
+        });
+        let centre_in_target = Point::zeros();
+        let group = RigidGroup { first: 0, n_points: 4, centre_in_target, sigma_m: 0.005, sigma_rad: 0.03 };
+        let groups = [group];
+        let problem = Problem { groups: &groups, ..Problem::new(&seen, &camera) };
+        for turn in 0..40 {
+            let tilt = Vector3::new(0.5 + 0.02 * f64::from(turn), -0.9 + 0.03 * f64::from(turn), 0.3);
+            let motion = crate::Vector6::new(tilt.x, tilt.y, tilt.z, 0.0, 0.0, 0.0);
+            let rotation = Pose::exp(&motion).rotation;
+            let nearest =
+                seen.map(|c| (rotation * c.x_in_target).z).into_iter().fold(f64::INFINITY, f64::min);
+            for nearness in 1..12 {
+                let depth_m = 10f64.powi(-nearness);
+                let pose = Pose::new(rotation, Point::new(0.02, -0.01, depth_m - nearest));
+                let (chi2, _) = residual_sums(&pose, &problem);
+                assert!(0.0 <= chi2, "{depth_m} m: {chi2}");
+                if nearness <= 3 {
+                    let expected = dense(&seen, &group, &pose);
+                    assert!((chi2 / expected - 1.0).abs() < 1e-6, "{depth_m} m: {chi2}, not {expected}");
+                }
+            }
+        }
+    }
 }

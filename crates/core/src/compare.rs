@@ -4,6 +4,7 @@
 //! did not move relative to each other, b its first; M_i = A_i A_b⁻¹ (B_i B_b⁻¹)⁻¹ is old_from_new of camera i if b stayed;
 //! e_i = Log M_i, E the covariance of all e_i.
 
+use crate::covariance::is_covariance;
 use crate::frames::chi_square::tail;
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -16,6 +17,18 @@ pub struct RigPlaces {
     /// Covariance of all cameras together, 6 rows a camera, left motions `[rotation_rad; translation_m]`, camera frames. Zero
     /// for the camera whose frame is the rig's.
     pub covariance: DMatrix<f64>,
+    /// Whether the blocks between cameras are known.
+    pub correlation: Correlation,
+}
+
+/// What is known of the errors that cameras of one calibration have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Correlation {
+    /// The covariance of all cameras together holds them.
+    Known,
+    /// Nothing: the blocks between cameras are zero for want of knowledge. What is tested then holds for any correlation,
+    /// docs/math/compare.md eq. (9), and small motions stay hidden.
+    Unknown,
 }
 
 /// How a camera (or a target) moved.
@@ -69,8 +82,11 @@ pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> 
     let moved = (0..n)
         .filter(|camera| !unmoved.contains(camera))
         .map(|camera| differences.motion(camera, &unmoved))
-        .collect::<Result<_, Error>>()?;
+        .collect::<Result<Vec<Moved>, Error>>()?;
     let probability = tail(degrees_of_freedom, chi2);
+    if !(chi2.is_finite() && moved.iter().all(|m| is_covariance(&m.covariance))) {
+        return Err(not_positive());
+    }
     Ok(RigComparison { chi2, degrees_of_freedom, probability, unmoved, moved, rivals })
 }
 
@@ -84,6 +100,11 @@ pub fn compare_poses(before: (&Pose, &Matrix6), after: (&Pose, &Matrix6)) -> Res
     let e = old_from_new.log();
     if !e.iter().chain(covariance.iter()).all(|x| x.is_finite()) {
         return Err(not_a_number());
+    }
+    for given in [before.1, after.1] {
+        if !is_covariance(given) {
+            return Err(no_covariance(given.symmetric_eigenvalues().min()));
+        }
     }
     let chi2 = e.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&e));
     Ok(Moved { camera: 0, old_from_new, covariance, chi2, probability: tail(6, chi2) })
@@ -117,8 +138,16 @@ fn check(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<(), 
         if !poses.chain(places.covariance.iter()).all(|x| x.is_finite()) {
             return Err(not_a_number());
         }
+        if !is_covariance(&places.covariance) {
+            return Err(no_covariance(places.covariance.symmetric_eigenvalues().min()));
+        }
     }
     Ok(())
+}
+
+fn no_covariance(least_eigenvalue: f64) -> Error {
+    let needed = "it must be symmetric, and its least eigenvalue not negative";
+    Error::InvalidSetting { setting: "covariance of the poses", seen: least_eigenvalue, needed }
 }
 
 fn not_a_number() -> Error {
@@ -154,7 +183,19 @@ impl Differences<'_> {
         cam_from_base(self.before) * cam_from_base(self.after).inverse()
     }
 
-    fn seen_from(&self, base: usize, cameras: &[usize]) -> SeenFrom {
+    /// The factor by which each calibration's own blocks bound the covariance of these cameras together, whatever their correlations: how
+    /// many of them are uncertain, eq. (9). 1 where the correlations are known.
+    fn bounds(&self, cameras: &[usize]) -> [f64; 2] {
+        [self.before, self.after].map(|rig| match rig.correlation {
+            Correlation::Known => 1.0,
+            Correlation::Unknown => {
+                let is_uncertain = |i: &&usize| rig.covariance.view((6 * **i, 6 * **i), (6, 6)).amax() != 0.0;
+                cameras.iter().filter(is_uncertain).count().max(1) as f64
+            }
+        })
+    }
+
+    fn seen_from(&self, base: usize, cameras: &[usize], bounds: [f64; 2]) -> SeenFrom {
         let n = self.before.cam_from_rig.len();
         let mut e = DVector::zeros(6 * cameras.len());
         let mut by_before = DMatrix::zeros(6 * cameras.len(), 6 * n);
@@ -172,27 +213,34 @@ impl Differences<'_> {
             put(&mut by_after, camera, -moved.adjoint());
             put(&mut by_after, base, from_base);
         }
-        let covariance = &by_before * &self.before.covariance * by_before.transpose()
-            + &by_after * &self.after.covariance * by_after.transpose();
+        let covariance = &by_before * &self.before.covariance * by_before.transpose() * bounds[0]
+            + &by_after * &self.after.covariance * by_after.transpose() * bounds[1];
         SeenFrom { e, covariance: (&covariance + covariance.transpose()) * 0.5 }
     }
 
     /// χ² of "these did not move relative to each other", eq. (5).
     fn chi2(&self, cameras: &[usize]) -> Result<f64, Error> {
+        self.chi2_bounded(cameras, self.bounds(cameras))
+    }
+
+    fn chi2_bounded(&self, cameras: &[usize], bounds: [f64; 2]) -> Result<f64, Error> {
         let [base, others @ ..] = cameras else { return Ok(0.0) };
         if others.is_empty() {
             return Ok(0.0);
         }
-        let SeenFrom { e, covariance } = self.seen_from(*base, others);
+        let SeenFrom { e, covariance } = self.seen_from(*base, others, bounds);
         Ok(e.dot(&factor(covariance)?.solve(&e)))
     }
 
     /// Motion of a camera relative to a set that stayed: what the set's own differences say about its first camera is taken
     /// out, eq. (6).
     fn motion(&self, camera: usize, unmoved: &[usize]) -> Result<Moved, Error> {
-        let (base, others) = (unmoved[0], &unmoved[1..]);
+        // None agree where χ² overflows.
+        let [base, others @ ..] = unmoved else { return Err(not_a_number()) };
+        let base = *base;
         let cameras: Vec<usize> = others.iter().copied().chain([camera]).collect();
-        let SeenFrom { e, covariance } = self.seen_from(base, &cameras);
+        let together = [unmoved, &[camera]].concat();
+        let SeenFrom { e, covariance } = self.seen_from(base, &cameras, self.bounds(&together));
         let k = 6 * others.len();
         let own: Matrix6 = covariance.fixed_view::<6, 6>(k, k).into();
         let (mut expected, mut shrunk) = (Vector6::zeros(), own);
@@ -221,7 +269,7 @@ impl Differences<'_> {
         }
         let limit = 0.5 * false_alarm / n as f64;
         for i in 0..n {
-            let drop = chi2 - self.chi2(&without(cameras, i))?;
+            let drop = chi2 - self.chi2_bounded(&without(cameras, i), self.bounds(cameras))?;
             if tail(6, drop) < limit {
                 return Ok(false);
             }

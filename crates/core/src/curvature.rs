@@ -16,6 +16,9 @@ use nalgebra::{Matrix3, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
+/// Whether the likelihood is bent at each of the first four minima; none where that is not known yet.
+pub(crate) type Bends = [Option<bool>; 4];
+
 /// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
 pub(crate) const PROBE: f64 = 2.0;
 /// Off a straight ridge χ² rises by PROBE² = 4; within this factor nothing is bent that matters.

@@ -1,12 +1,15 @@
 //! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics explain of their residuals.
 
 use crate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
-use crate::curvature::{self, with_curvature};
+use crate::curvature::{self, Bends, with_curvature};
 use crate::intrinsics::Dependence;
 use crate::least_squares::RIVAL_MARGIN_CHI2;
+use crate::pose::symmetric;
 use crate::problem::Problem;
 use crate::refine::{refine_against, residual_sums};
-use crate::{Error, Matrix6};
+use crate::{Error, Matrix6, Pose};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 /// From each χ² the part that uncertain intrinsics explain is taken, and the minima are put in order again.
 pub(crate) fn allow_for_intrinsics(
@@ -24,20 +27,51 @@ pub(crate) fn allow_for_intrinsics(
         insert(minima, end.unwrap_or(*m));
     }
     for m in minima.iter_mut() {
-        m.chi2 -= Dependence::at(m, problem, given)?.explained_chi2(&m.covariance).min(m.chi2);
+        let (explained, log_determinant) = Dependence::at(m, problem, given)?.explained(&m.covariance);
+        m.chi2 -= explained.min(m.chi2);
+        m.log_determinant += log_determinant;
     }
     sort(minima);
     Ok(())
 }
 
-/// Whether the likelihood is bent at each of the first four minima; none where that is not known yet.
-pub(crate) type Bends = [Option<bool>; 4];
+/// A rotation with a larger standard deviation, radians, is not known: the covariance of small motions says nothing about it.
+const MAX_ROTATION_SIGMA_RAD: f64 = 1.0;
+/// Distance from the camera in standard deviations of a point, nearer than which its spread in the image is not even roughly that of
+/// the first order.
+const MIN_DISTANCE_SIGMAS: f64 = 5.0;
+
+/// Refuses a pose, the only one, of which the covariance is no description.
+///
+/// # Errors
+/// `DegenerateView` where the rotation is known to a radian only, or a point is as near to the camera as it is uncertain.
+pub(crate) fn check_known(
+    cam_from_target: &Pose,
+    covariance: &Matrix6,
+    problem: &Problem,
+) -> Result<(), Error> {
+    let metric = (0..3).map(|i| covariance[(i, i)]).sum::<f64>().sqrt();
+    if MAX_ROTATION_SIGMA_RAD < metric {
+        let reason = "the standard deviation of the rotation is more than a radian; add points away from the others or move closer";
+        return Err(Error::DegenerateView { reason, metric, needed: MAX_ROTATION_SIGMA_RAD });
+    }
+    for c in problem.seen.iter().filter(|c| c.sigma_m != 0.0) {
+        let metric = (*cam_from_target * c.x_in_target).norm() / c.sigma_m;
+        if metric < MIN_DISTANCE_SIGMAS {
+            let reason = "a point is nearer to the camera than five of its own standard deviations; survey it better or move away";
+            return Err(Error::DegenerateView { reason, metric, needed: MIN_DISTANCE_SIGMAS });
+        }
+    }
+    Ok(())
+}
 
 /// What widens the covariance of a minimum beyond the pixels' share.
 pub(crate) struct Doubts<'a> {
     pub(crate) problem: &'a Problem<'a>,
     pub(crate) intrinsics: Option<&'a [f64]>,
     pub(crate) noise_scale: f64,
+    /// The lowest of the minima, which need not be the first.
+    pub(crate) lowest: Minimum,
 }
 
 impl Doubts<'_> {
@@ -48,26 +82,33 @@ impl Doubts<'_> {
         let chi2 =
             if self.intrinsics.is_some() { residual_sums(&m.cam_from_target, problem).0 } else { m.chi2 };
         let m = &Minimum { chi2, ..*m };
-        let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, problem));
-        let covariance = if is_bent { with_curvature(m, problem) } else { m.covariance };
+        let cost = &problem.held_at(&m.cam_from_target);
+        let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, cost));
+        let covariance = if is_bent { with_curvature(m, cost) } else { m.covariance };
         let share = match self.intrinsics {
             Some(given) => Dependence::at(m, problem, given)?.share(&covariance),
             None => Matrix6::zeros(),
         };
-        Ok((covariance + share) * self.noise_scale)
+        Ok(symmetric(&((covariance + share) * self.noise_scale)))
     }
 
     /// The minima after the first, those within the gate with their whole covariance.
     pub(crate) fn others(&self, minima: &Minima, weights: &[f64], bends: &Bends) -> Result<Others, Error> {
         let mut others = Others::default();
-        let Some((best, rest)) = minima.split_first() else { return Ok(others) };
+        let Some((_, rest)) = minima.split_first() else { return Ok(others) };
         let known = weights[1..].iter().zip(&bends[1..]);
-        for ((place, m), (weight, is_bent)) in others.iter_mut().zip(rest).zip(known) {
-            let delta_chi2 = m.chi2 - best.chi2;
-            let is_rival = is_within_gate(delta_chi2, self.noise_scale);
+        for (i, ((place, m), (weight, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
+            let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
+            let is_rival = is_within_gate(m, &self.lowest, self.noise_scale);
             let covariance =
                 if is_rival { self.covariance(m, *is_bent)? } else { m.covariance * self.noise_scale };
             let minimum = Minimum { covariance, ..*m };
+            let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + weight;
+            // A pose of which nothing is known is no alternative; the next to the answer decides whether that is the only one.
+            let is_needed = is_rival && i == 0;
+            if !is_needed && !numbers.is_finite() {
+                continue;
+            }
             *place = Some(Hypothesis { minimum, delta_chi2, weight: *weight, is_rival });
         }
         Ok(others)

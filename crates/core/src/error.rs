@@ -241,6 +241,12 @@ pub enum Error {
         /// How many are needed.
         needed: usize,
     },
+    /// Views of a target and motions of a hand that no pose of the camera brings together.
+    #[error("the views and the poses of the hand agree in no way: {likely}")]
+    ViewsDisagree {
+        /// The likely cause.
+        likely: &'static str,
+    },
     /// Motions that leave a part of the answer open.
     #[error("{reason} (metric {metric:.1e} rad, need {needed:.0e} rad); {way_out}")]
     DegenerateMotion {
@@ -345,6 +351,22 @@ pub enum Error {
         metric: f64,
         /// The number needed.
         needed: f64,
+    },
+    /// The marks of a survey stand on one line: a turn of everything about it can hardly be seen.
+    #[error(
+        "the marks stand nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no mark is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a turn about that line can hardly be seen, so add a mark well off it"
+    )]
+    MarksOnLine {
+        /// The mark at one end, counted from 0.
+        a: usize,
+        /// The mark at the other end.
+        b: usize,
+        /// Distance of these two, metres.
+        length_m: f64,
+        /// How far the mark farthest from their line stands off it, metres.
+        width_m: f64,
+        /// How far it would have to, metres.
+        needed_m: f64,
     },
     /// Known distances that no places of the points have.
     #[error(

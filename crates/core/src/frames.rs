@@ -87,7 +87,8 @@ fn view(frame: usize, seen: &[Correspondence], camera: &Camera) -> Result<View, 
     let seen: Vec<Correspondence> = seen.iter().map(rebased).collect::<Result<_, Error>>()?;
     let found = locate(&seen, camera, &Config::default())?;
     let (cam_from_target, covariance) = (found.cam_from_target, found.covariance);
-    let minimum = Minimum { cam_from_target, covariance, chi2: found.chi2, rms_px: found.rms_px };
+    let (chi2, rms_px, log_determinant) = (found.chi2, found.rms_px, found.log_determinant);
+    let minimum = Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant };
     Ok(View { frame, seen, minimum })
 }
 

@@ -1,6 +1,7 @@
 //! Where a camera (or a rig) sits on the robot arm or vehicle that carries it, and where the target stands.
 //!
-//! check → closed forms from three views each → the views that agree → maximum likelihood over both unknown poses.
+//! check → closed forms from three views each → the views that agree → how exact the hand is → maximum likelihood over both unknown poses →
+//! is it to be believed?
 //! Derivation: docs/math/hand_eye.md.
 //!
 //! ```text
@@ -11,18 +12,30 @@
 mod views;
 mod motions;
 mod closed_form;
+mod noise;
 mod cost;
 mod consensus;
+mod settle;
+mod causes;
+mod alternatives;
+mod verdict;
 
-use crate::consistency::{FAR_ABOVE, is_unlikely, noise_scale};
+use crate::consistency::noise_scale;
 use crate::rig_pose::RigView;
 use crate::{Error, Matrix6, Pose, Vector6};
-use consensus::Consensus;
 use cost::{Fit, Level, fit};
 use nalgebra::{DMatrix, Vector3};
-use views::{Known, located};
+use settle::{Settled, settled};
+use verdict::{Residuals, Verdict, judged, pixels};
 
+pub use causes::HandEyeCause;
 pub use motions::MIN_TURN_RAD;
+pub use verdict::MAX_SIZE_ERROR;
+
+/// An orientation less exact than this is no robot's and no vehicle's, rad (2 degrees).
+pub const MAX_HAND_SIGMA_RAD: f64 = 0.035;
+/// Nor is a position, by the larger of its travel and the target's distance.
+pub const MAX_HAND_SIGMA_BY_REACH: f64 = 0.02;
 
 /// Which of the two is on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,7 +63,8 @@ pub struct Candidate {
 pub struct HandView<'a> {
     /// Where the hand was: x_in_base = base_from_hand · x_in_hand.
     pub base_from_hand: Pose,
-    /// 6×6 covariance of its small left motion, base frame; none when exact.
+    /// 6×6 covariance of its small left motion, base frame; zero when exact. None: the views themselves say how exact the hand is, orientation
+    /// and position each with one standard deviation for all such views.
     pub hand_covariance: Option<Matrix6>,
     /// The poses of the target that fit this view, the best first; may be empty where `seen` is given.
     pub candidates: Vec<Candidate>,
@@ -102,6 +116,24 @@ pub enum RejectedView {
     Contradicts,
 }
 
+/// How inexact the hand's poses are, as the views show it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandNoise {
+    /// Standard deviation of the orientation, rad per axis.
+    pub sigma_rad: f64,
+    /// Standard deviation of the position of the hand's origin, m per axis.
+    pub sigma_m: f64,
+}
+
+/// The target's size as the hand's motions measure it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetSize {
+    /// Measured over stated.
+    pub ratio: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
 /// Both unknown poses, how sure, and how well the views agree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandEye {
@@ -125,10 +157,20 @@ pub struct HandEye {
     pub chi2: f64,
     /// Numbers used beyond the 12 unknowns.
     pub degrees_of_freedom: usize,
-    /// Factor by which every covariance was widened because the residuals are larger than stated; 1 where they agree.
+    /// Sum of squared residuals of the poses over their variances, the hand's noise (stated or estimated) included.
+    pub pose_chi2: f64,
+    /// Numbers of the poses beyond the 12 unknowns.
+    pub pose_degrees_of_freedom: usize,
+    /// Factor by which every covariance was widened because the poses disagree more than stated; 1 where they agree.
     pub noise_scale: f64,
-    /// Whether the residuals are far larger than stated: wrong size of the target, wrong intrinsics, or motions less exact than stated.
+    /// The hand's noise as estimated; none where every view states its own.
+    pub hand_noise: Option<HandNoise>,
+    /// The target's size by the hand's motions; none where they do not say.
+    pub target_size: Option<TargetSize>,
+    /// Whether the answer is not to be believed.
     pub is_inconsistent: bool,
+    /// Why it is not, the likely cause first; empty where it is.
+    pub causes: Vec<HandEyeCause>,
     /// Root mean square turns between used views about the three principal axes of their turning, rad, the largest first: the second decides
     /// what is known.
     pub turns_rad: [f64; 3],
@@ -138,33 +180,49 @@ pub struct HandEye {
 ///
 /// # Errors
 /// `InvalidPose`, `InvalidSetting` and the errors of `locate_rig` about numbers name what is wrong; `TooFewMotions` with fewer than three
-/// views; `DegenerateMotion` when the hand did not turn, or only about parallel axes with no `height` given; `NotConverged`.
+/// views; `DegenerateMotion` when the hand did not turn, or only about parallel axes with no `height` given; `ViewsDisagree` names what would bring
+/// views together that agree in no way.
 pub fn solve_hand_eye(views: &[HandView], config: &HandEyeConfig) -> Result<HandEye, Error> {
-    let (known, mut results) = located(views, config)?;
-    if known.len() < 3 {
-        return Err(Error::TooFewMotions { seen: known.len(), needed: 3 });
-    }
-    motions::check(&known, config)?;
-    let agreed = consensus::consensus(&known, config)?;
-    let used = agreed.used();
-    if used.len() < 3 {
-        return Err(Error::TooFewMotions { seen: used.len(), needed: 3 });
-    }
-    // A wrong hand pose can look like a turn about another axis: asked again without those rejected.
-    let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
-    let turns_rad = motions::check(&kept, config)?;
-    let best = fit(&agreed.poses, &known, &used, config, Level::Points)?;
-    describe(&known, &agreed, &best, &mut results);
-    Ok(answer(&known, config, best, results, turns_rad))
+    let settled = settled(views, config).map_err(|reason| explained(reason, views, config))?;
+    let own = pixels(&settled);
+    let level = Level::Points { pixel_scale: noise_scale(own.0, own.1) };
+    // Where the pixels cannot be followed, as with points beyond a lens's field, the poses stand for them.
+    let on_pixels = fit(&settled.fit.poses, &settled.known, &settled.used(), config, level).ok();
+    let best = on_pixels.as_ref().unwrap_or(&settled.fit);
+    let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
+    let verdict = judged(views, &settled, &residuals, config);
+    Ok(answer(&settled, best, verdict, config))
 }
 
-/// Fills in what became of the views that have a pose.
-fn describe(known: &[Known], agreed: &Consensus, best: &Fit, results: &mut [HandViewResult]) {
-    for (view, known) in known.iter().enumerate() {
+/// Views that no X and Z bring together, with the likely cause.
+fn explained(reason: Error, views: &[HandView], config: &HandEyeConfig) -> Error {
+    if !matches!(reason, Error::NotConverged { .. }) {
+        return reason;
+    }
+    let likely = match alternatives::of_unsettled(views, config) {
+        Some(HandEyeCause::Size { .. }) => "the target's size or the unit of the hand's positions is wrong",
+        Some(HandEyeCause::InvertedHand) => {
+            "they agree once every pose of the hand is inverted: hand_from_base was given for base_from_hand, or the camera's mounting is the other one"
+        }
+        Some(HandEyeCause::QuaternionOrder) => {
+            "they agree once the quaternion's numbers are read in another order"
+        }
+        Some(HandEyeCause::ShiftedRows(_)) => {
+            "they agree once each view takes the hand pose of its neighbour"
+        }
+        _ => "check that hand poses and images belong together",
+    };
+    Error::ViewsDisagree { likely }
+}
+
+/// What became of each view.
+fn described(settled: &Settled, best: &Fit) -> Vec<HandViewResult> {
+    let mut results = settled.results.clone();
+    for (view, known) in settled.known.iter().enumerate() {
         let (candidate, chi2) = cost::nearest(known, &best.poses);
         let measured = &known.candidates[candidate].cam_from_target;
         let (residual, _) = crate::relative::residual(measured, &best.poses.cam_from_target(known));
-        let rejected = agreed.candidate[view].is_none().then_some(RejectedView::Contradicts);
+        let rejected = settled.agreed.candidate[view].is_none().then_some(RejectedView::Contradicts);
         results[known.index] = HandViewResult {
             residual: Some(residual),
             candidate: Some(candidate),
@@ -172,22 +230,29 @@ fn describe(known: &[Known], agreed: &Consensus, best: &Fit, results: &mut [Hand
             rejected,
         };
     }
+    results
 }
 
-fn answer(
-    known: &[Known],
-    config: &HandEyeConfig,
-    best: Fit,
-    views: Vec<HandViewResult>,
-    turns_rad: [f64; 3],
-) -> HandEye {
-    let noise_scale = noise_scale(best.chi2, best.degrees_of_freedom);
-    let centre = views::centre(known);
-    let (poses, covariance) = centre.undone(&best.poses, &(best.covariance * noise_scale));
+/// The covariance of X and Z: the inverse information, what the uncertain noise and a small error of size add, widened where the poses
+/// disagree more than stated.
+fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64) -> DMatrix<f64> {
+    let mut covariance = &best.covariance + &settled.widening;
+    if let Some(larger) = &verdict.small {
+        covariance += larger.shift * larger.shift.transpose();
+    }
+    covariance * noise_scale
+}
+
+fn answer(settled: &Settled, best: &Fit, verdict: Verdict, config: &HandEyeConfig) -> HandEye {
+    let (pose_chi2, pose_degrees_of_freedom) = (settled.fit.chi2, settled.fit.degrees_of_freedom);
+    let noise_scale = noise_scale(pose_chi2, pose_degrees_of_freedom);
+    let covariance = covariance(settled, best, &verdict, noise_scale);
+    let centre = views::centre(&settled.known);
+    let (poses, covariance) = centre.undone(&best.poses, &covariance);
     let block = |at: usize| -> Matrix6 {
         crate::pose::symmetric(&covariance.fixed_view::<6, 6>(at, at).into_owned())
     };
-    let far = FAR_ABOVE * best.degrees_of_freedom as f64 <= best.chi2;
+    let views = described(settled, best);
     HandEye {
         mount: config.mount,
         cam_from_carrier: poses.cam_from_carrier,
@@ -198,9 +263,14 @@ fn answer(
         views,
         chi2: best.chi2,
         degrees_of_freedom: best.degrees_of_freedom,
+        pose_chi2,
+        pose_degrees_of_freedom,
         noise_scale,
-        is_inconsistent: far && is_unlikely(best.chi2, best.degrees_of_freedom),
-        turns_rad,
+        hand_noise: settled.sigmas().map(|[sigma_rad, sigma_m]| HandNoise { sigma_rad, sigma_m }),
+        target_size: verdict.size,
+        is_inconsistent: !verdict.causes.is_empty(),
+        causes: verdict.causes,
+        turns_rad: settled.turns_rad,
         joint_covariance: covariance,
     }
 }

@@ -56,7 +56,7 @@ pub(crate) fn hold(problem: &Problem, minima: &mut Minima) -> Result<Findings, E
         });
     }
     let best = minima.first().ok_or(refusal)?;
-    Ok(Findings { weakness: None, is_bent: is_bent(best, problem) })
+    Ok(Findings { weakness: None, is_bent: is_bent(best, &problem.held_at(&best.cam_from_target)) })
 }
 
 const TOO_FEW: &str =

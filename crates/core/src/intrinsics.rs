@@ -8,10 +8,15 @@
 
 use crate::camera::MAX_PARAMETERS;
 use crate::choose::Minimum;
+use crate::covariance::is_covariance;
+use crate::group::RigidGroup;
+use crate::least_squares::PivotedPose;
 use crate::problem::Problem;
-use crate::refine::information;
-use crate::{Correspondence, Error, Matrix6, Vector6};
+use crate::refine::{information, normal_equations};
+use crate::{Correspondence, Error, Matrix6, Point, Vector6};
 use nalgebra::{SMatrix, SVector};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
 
 type Square = SMatrix<f64, MAX_PARAMETERS, MAX_PARAMETERS>;
 type Vector = SVector<f64, MAX_PARAMETERS>;
@@ -32,22 +37,72 @@ pub(crate) struct Dependence {
 impl Dependence {
     /// At a minimum. `covariance` is that of the parameters, row by row.
     pub(crate) fn at(m: &Minimum, problem: &Problem, covariance: &[f64]) -> Result<Self, Error> {
-        let mut dependence = Dependence {
-            by_parameter: [Vector6::zeros(); MAX_PARAMETERS],
-            information: Square::zeros(),
-            gradient: Vector::zeros(),
-            covariance: Square::zeros(),
-            n_parameters: 0,
-        };
-        for c in problem.seen {
-            dependence.add(m, c, problem).ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
-        }
+        let mut dependence = Dependence::none();
+        dependence.add_all(m, problem).ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
         let n = dependence.n_parameters;
         check_intrinsics_covariance(covariance, n)?;
         for (index, entry) in covariance.iter().enumerate() {
             dependence.covariance[(index / n, index % n)] = *entry;
         }
+        if !is_covariance(&dependence.covariance) {
+            let seen = dependence.covariance.symmetric_eigenvalues().min();
+            let needed = "it must be symmetric, and its least eigenvalue not negative";
+            return Err(Error::InvalidCamera { parameter: "intrinsics covariance", seen, needed });
+        }
         Ok(dependence)
+    }
+
+    fn none() -> Self {
+        Dependence {
+            by_parameter: [Vector6::zeros(); MAX_PARAMETERS],
+            information: Square::zeros(),
+            gradient: Vector::zeros(),
+            covariance: Square::zeros(),
+            n_parameters: 0,
+        }
+    }
+
+    fn add_all(&mut self, m: &Minimum, problem: &Problem) -> Option<()> {
+        let mut next = 0;
+        for group in problem.groups {
+            self.add_each(m, problem.seen.get(next..group.first)?, problem)?;
+            self.add_group(m, group, problem)?;
+            next = group.end();
+        }
+        self.add_each(m, problem.seen.get(next..)?, problem)
+    }
+
+    fn add_each(&mut self, m: &Minimum, seen: &[Correspondence], problem: &Problem) -> Option<()> {
+        seen.iter().try_for_each(|c| self.add(m, c, problem))
+    }
+
+    /// Points displaced together: with E = S (I + N S)⁻¹ of the group, its G becomes (I + N S)⁻¹ G, KᵀK loses GᵀEG and h loses GᵀEg,
+    /// docs/math/tag_map.md eq. (6).
+    fn add_group(&mut self, m: &Minimum, group: &RigidGroup, problem: &Problem) -> Option<()> {
+        let seen = problem.seen.get(group.first..group.end())?;
+        let mut own = Dependence::none();
+        own.add_each(m, seen, problem)?;
+        let left = Problem { seen, priors: &[], groups: &[], ..*problem };
+        let origin =
+            PivotedPose { rotation: m.cam_from_target.rotation, pivot_in_cam: m.cam_from_target.translation };
+        let normal = normal_equations(&origin, &Point::zeros(), &left)?;
+        let normal_gradient = normal.gradient_at_camera(&origin.pivot_in_cam);
+        let mut to_camera = Matrix6::identity();
+        to_camera.fixed_view_mut::<3, 3>(0, 3).copy_from(&origin.pivot_in_cam.cross_matrix());
+        let information = to_camera * normal.information() * to_camera.transpose();
+        let motion = group.motion_covariance(&(m.cam_from_target * group.centre_in_target));
+        let share = (Matrix6::identity() + information * motion).try_inverse()?;
+        let explained = motion * share;
+        for i in 0..own.n_parameters {
+            let pulled = explained.tr_mul(&own.by_parameter[i]);
+            self.gradient[i] += own.gradient[i] - pulled.dot(&normal_gradient);
+            for j in 0..own.n_parameters {
+                self.information[(i, j)] += own.information[(i, j)] - pulled.dot(&own.by_parameter[j]);
+            }
+            self.by_parameter[i] += share * own.by_parameter[i];
+        }
+        self.n_parameters = own.n_parameters;
+        Some(())
     }
 
     fn add(&mut self, m: &Minimum, c: &Correspondence, problem: &Problem) -> Option<()> {
@@ -80,9 +135,9 @@ impl Dependence {
         covariance * share * covariance
     }
 
-    /// The part of χ² that the parameters explain: hᵀ C (1 + M C)⁻¹ h, docs/math/posterior.md eq. (10). `covariance` is
-    /// that of the pose by the pixels.
-    pub(crate) fn explained_chi2(&self, covariance: &Matrix6) -> f64 {
+    /// The part of χ² that the parameters explain, hᵀ C (1 + M C)⁻¹ h, docs/math/posterior.md eq. (10), and how much larger they make
+    /// the residual's covariance, log det(1 + M C), eq. (10a). `covariance` is that of the pose by the pixels.
+    pub(crate) fn explained(&self, covariance: &Matrix6) -> (f64, f64) {
         let mut left = self.information;
         for i in 0..self.n_parameters {
             let pulled = covariance * self.by_parameter[i];
@@ -91,9 +146,12 @@ impl Dependence {
             }
         }
         let system = Square::identity() + left * self.covariance;
-        let solved = system.lu().solve(&self.gradient);
+        let system = system.lu();
+        let solved = system.solve(&self.gradient);
         let explained = solved.map_or(0.0, |x| self.gradient.dot(&(self.covariance * x)));
-        if explained.is_finite() { explained.max(0.0) } else { 0.0 }
+        let log_determinant = system.determinant().ln();
+        let number = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
+        (number(explained), number(log_determinant))
     }
 }
 

@@ -307,6 +307,11 @@ impl NormalEquations {
         promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
     }
 
+    /// The fall of χ² that an undamped step promises; none where the points do not determine the pose.
+    pub(crate) fn promised(&self) -> Option<f64> {
+        self.step(0.0).map(|(_, promised)| promised)
+    }
+
     /// JᵀJ by the motion about the pivot, `[rotation; translation]`.
     pub fn information(&self) -> Matrix6 {
         let (rr, tt) = (&self.rotation_rotation, &self.translation_translation);

@@ -6,6 +6,7 @@
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod error;
+pub mod covariance;
 pub mod pose;
 pub mod polynomial;
 pub mod camera;
@@ -18,9 +19,13 @@ pub mod choose;
 pub mod prior;
 mod factor;
 pub mod loss;
-pub mod problem;
+#[cfg(feature = "std")]
+mod clustered;
 pub mod least_squares;
+pub mod group;
+pub mod problem;
 mod accumulate;
+mod reweight;
 mod sandwich;
 pub mod refine;
 mod curvature;
@@ -37,6 +42,8 @@ mod intrinsics;
 mod doubt;
 pub mod locate;
 pub mod observability;
+#[cfg(feature = "std")]
+pub mod tag_map;
 #[cfg(feature = "batch")]
 pub mod batch;
 #[cfg(feature = "std")]

@@ -18,10 +18,10 @@ pub(crate) fn literal(
     problem: &Problem,
     minima: &mut Minima,
 ) -> Result<Findings, Error> {
-    let Configuration::LinePlusOne { order } = configuration else {
+    let (Configuration::LinePlusOne { order }, 4) = (configuration, problem.seen.len()) else {
         return Err(Error::WrongLayout {
             method: "wang2004",
-            reason: "it takes three points on a line and one off it",
+            reason: "it takes three points on a line and one off it, each once",
         });
     };
     if !problem.priors.is_empty() || problem.loss != Loss::Squared {
@@ -54,7 +54,7 @@ pub(crate) fn literal(
         }
     }
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
-    minima.push(Minimum { cam_from_target, covariance, chi2, rms_px });
+    minima.push(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant: 0.0 });
     Ok(Findings { weakness: None, is_bent: false })
 }
 

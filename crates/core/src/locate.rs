@@ -4,15 +4,18 @@
 
 use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
-use crate::doubt::{Bends, Doubts, allow_for_intrinsics};
+use crate::curvature::Bends;
+use crate::doubt::{Doubts, allow_for_intrinsics, check_known};
+use crate::group::RigidGroup;
 use crate::held::{hold, may_hold, start_from_priors};
 use crate::literal::literal;
 use crate::loss::Loss;
 pub use crate::method::Method;
 use crate::method::resolve;
-use crate::posterior::weights;
+use crate::posterior::{lead_with_the_most_probable, weights};
 use crate::prior::Prior;
 use crate::problem::Problem;
+use crate::refine::OVERFLOW;
 use crate::sandwich::evidence;
 use crate::search::{search, weakness_of_rivals};
 use crate::solve::configuration::{Configuration, Geometry, survey};
@@ -32,12 +35,14 @@ pub struct Config<'a> {
     pub priors: &'a [Prior],
     /// What a point's residual costs; `Squared` is maximum likelihood for Gaussian noise.
     pub loss: Loss,
+    /// Runs of points whose known positions share one unknown motion, such as the corners of a tag of a map; under the squared loss.
+    pub groups: &'a [RigidGroup],
 }
 
 /// A pose, how sure, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEstimate {
-    /// The pose: x_in_cam = cam_from_target · x_in_target.
+    /// The pose: x_in_cam = cam_from_target · x_in_target. Where several fit, the most probable of them.
     pub cam_from_target: Pose,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Matrix6,
@@ -46,6 +51,10 @@ pub struct PoseEstimate {
     /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics included; of what they cost under
     /// a robust loss.
     pub chi2: f64,
+    /// What uncertain points and intrinsics add to minus twice the log-likelihood: `Minimum::log_determinant`.
+    pub log_determinant: f64,
+    /// As in `Hypothesis`: above 0 where a pose that fits a little worse is the more probable one.
+    pub delta_chi2: f64,
     /// 2 n − 6, and one more for each residual of a prior.
     pub degrees_of_freedom: usize,
     /// How many correspondences took part.
@@ -59,7 +68,7 @@ pub struct PoseEstimate {
     /// Probability of this pose among all minima found, no pose expected beforehand: docs/math/posterior.md. With more points
     /// than unknowns it says which of them, not whether any is right: that is `consistency`.
     pub weight: f64,
-    /// The other minima, lowest χ² first; those within the gate rival this one.
+    /// The other minima: those within the gate rival this one and come first, the more probable before the less; then lowest χ² first.
     pub others: Others,
     /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
@@ -73,18 +82,19 @@ pub struct PoseEstimate {
 /// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
 /// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
-    let problem = &Problem { seen, camera, priors: config.priors, loss: config.loss };
+    let Config { priors, loss, groups, .. } = *config;
+    let problem = &Problem { priors, loss, groups, ..Problem::new(seen, camera) };
     problem.check()?;
     let (geometry, method) = layout(problem, config.method)?;
     let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let mut minima = Minima::new();
-    let findings = match method {
-        Method::Wang2004 => literal(&configuration, problem, &mut minima)?,
-        Method::Priors => hold(problem, &mut minima)?,
-        Method::Upright => upright(problem, &mut minima)?,
-        _ => {
+    let findings = match (method, &geometry) {
+        (Method::Wang2004, _) => literal(&configuration, problem, &mut minima)?,
+        (Method::Upright, _) => upright(problem, &mut minima)?,
+        (Method::Priors, _) | (_, None) => hold(problem, &mut minima)?,
+        (_, Some(geometry)) => {
             start_from_priors(problem, &mut minima);
-            search(method, &configuration, problem, &mut minima)
+            search(method, geometry, problem, &mut minima)
         }
     };
     let intrinsics = allowed_intrinsics(config, method)?;
@@ -99,24 +109,30 @@ pub(crate) fn conclude(
     method: Method,
     intrinsics: Option<&[f64]>,
     weakness: Option<Weakness>,
-    bends: Bends,
+    mut bends: Bends,
     minima: &mut Minima,
 ) -> Result<PoseEstimate, Error> {
     allow_for_intrinsics(minima, problem, intrinsics)?;
     let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
     let degrees_of_freedom = problem.degrees_of_freedom();
     let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
+    let lowest = *minima.first().ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+    let mut weights = weights(minima, noise_scale);
+    lead_with_the_most_probable(minima, &mut weights, &mut bends, noise_scale);
     let choice = choose(minima, problem.seen.len(), noise_scale)?;
-    let doubts = Doubts { problem, intrinsics, noise_scale };
-    let weights = weights(minima, noise_scale);
+    let doubts = Doubts { problem, intrinsics, noise_scale, lowest };
     let others = doubts.others(minima, &weights, &bends)?;
     let best = choice.best;
     let covariance = doubts.covariance(best, bends[0])?;
     let ambiguity = ambiguity(&choice, &others);
-    let consistency = consistency(best, problem);
+    let consistency = consistency(&lowest, problem); // Where the best fit contradicts the sigmas, every pose does.
     let is_finite = best.is_finite_with(&covariance) && ambiguity.is_finite() && consistency.is_finite();
     if !is_finite {
         return Err(OVERFLOW);
+    }
+    let is_ok = matches!(ambiguity, Ambiguity::Unique { .. }) && consistency == Consistency::Consistent;
+    if is_ok && method != Method::Wang2004 {
+        check_known(&best.cam_from_target, &covariance, problem)?;
     }
     // Made where it is returned: it is 2 kB.
     Ok(PoseEstimate {
@@ -124,6 +140,8 @@ pub(crate) fn conclude(
         covariance,
         rms_px: best.rms_px,
         chi2: best.chi2,
+        log_determinant: best.log_determinant,
+        delta_chi2: best.cost_above(&lowest, noise_scale),
         degrees_of_freedom,
         n_points: problem.seen.len(),
         method,
@@ -178,19 +196,13 @@ const LITERAL_INTRINSICS: Error = Error::WrongLayout {
     reason: "the printed procedure does not propagate uncertain intrinsics",
 };
 
-/// Sigmas, coordinates or intrinsics so far apart that their squares leave the range of numbers.
-pub(crate) const OVERFLOW: Error = Error::DegenerateView {
-    reason: "coordinates, sigmas and camera differ by so many orders of magnitude that the answer overflows; check their units",
-    metric: f64::INFINITY,
-    needed: f64::MAX,
-};
-
 impl PoseEstimate {
-    /// Every minimum found, at most four, lowest χ² first: this pose, then the others.
+    /// Every minimum found, at most four: this pose, then the others.
     pub fn minima(&self) -> impl Iterator<Item = Hypothesis> + '_ {
-        let Self { cam_from_target, covariance, chi2, rms_px, weight, .. } = *self;
-        let minimum = Minimum { cam_from_target, covariance, chi2, rms_px };
-        let first = Hypothesis { minimum, delta_chi2: 0.0, weight, is_rival: true };
+        let Self { cam_from_target, covariance, chi2, rms_px, log_determinant, .. } = *self;
+        let minimum = Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant };
+        let Self { delta_chi2, weight, .. } = *self;
+        let first = Hypothesis { minimum, delta_chi2, weight, is_rival: true };
         core::iter::once(first).chain(self.others.iter().flatten().copied())
     }
 

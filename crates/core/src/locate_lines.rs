@@ -11,7 +11,8 @@ use crate::least_squares::{NormalEquations, PivotedPose, minimize};
 use crate::line::LineCorrespondence;
 use crate::prior::Prior;
 use crate::problem::Problem;
-use crate::refine::{normal_equations, residual_sums};
+use crate::refine::{log_determinant, normal_equations, residual_sums};
+use crate::reweight::minimize_reweighted;
 use crate::solve::line_rotation::line_rotation;
 use crate::solve::p3p::p3p;
 use crate::{Error, Matrix6, Point, Pose};
@@ -103,13 +104,18 @@ fn check(lines: &[LineCorrespondence], problem: &Problem) -> Result<(), Error> {
 pub fn refine_lines(start: &Pose, lines: &[LineCorrespondence], problem: &Problem) -> Result<Minimum, Error> {
     let pivot = pivot(lines, problem);
     let n_points = lines.len() + problem.seen.len();
-    let evaluate = |place: &PivotedPose| {
+    let evaluate = |place: &PivotedPose, problem: &Problem| {
         let mut normal = normal_equations(place, &pivot, problem)?;
         lines.iter().for_each(|line| add_line(&mut normal, place, &pivot, line));
         normal.chi2.is_finite().then_some(normal)
     };
-    let solution =
-        minimize(PivotedPose::new(start, &pivot), None, evaluate).ok_or(Error::NoSolution { n_points })?;
+    let start = PivotedPose::new(start, &pivot);
+    let found = if problem.has_uncertain_points() {
+        minimize_reweighted(start, &pivot, problem, evaluate)
+    } else {
+        minimize(start, None, |place| evaluate(place, problem))
+    };
+    let solution = found.ok_or(Error::NoSolution { n_points })?;
     if !solution.converged {
         return Err(Error::NotConverged { steps: solution.steps });
     }
@@ -121,7 +127,8 @@ pub fn refine_lines(start: &Pose, lines: &[LineCorrespondence], problem: &Proble
         })?;
     let cam_from_target = solution.place.pose(&pivot);
     let (chi2, rms_px) = sums(&cam_from_target, lines, problem);
-    Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+    let log_determinant = log_determinant(&cam_from_target, problem);
+    Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant })
 }
 
 /// The mean of the points, and of the lines' points.

@@ -22,6 +22,7 @@ pub use drift::{Drift, turn_alone};
 pub use onsets::Course;
 pub use test::DriftNoise;
 
+use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use gate::{Gate, Passed};
@@ -263,6 +264,9 @@ impl Monitor {
         let pose = &reading.a_from_b;
         let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
         let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
+        let is_finite = is_finite
+            && reading.covariance.amax() <= test::MOST_VARIANCE
+            && is_covariance(&reading.covariance);
         let is_late = reading.t_s < self.last_s;
         self.out_of_order += u64::from(is_late);
         is_finite && !is_late

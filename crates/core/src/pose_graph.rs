@@ -7,8 +7,10 @@ mod chain;
 mod equations;
 mod noise;
 mod snooping;
+mod verdict;
 
 pub use chain::{Chain, chain};
+pub use verdict::{GraphFault, GraphVerdict};
 
 use crate::consistency::noise_scale;
 use crate::relative::{check_pose, information_of};
@@ -116,6 +118,8 @@ pub struct PoseGraphSolution {
     pub joint_covariance: DMatrix<f64>,
     /// Steps of the last adjustment.
     pub steps: usize,
+    /// Whether all this can be believed.
+    pub verdict: GraphVerdict,
 }
 
 impl PoseGraphSolution {
@@ -179,6 +183,7 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
     };
     let cameras = poses.into_iter().enumerate().map(camera).collect();
     let median_sigma = noise.median_sigma();
+    let verdict = verdict::verdict(graph, &pairs, &noise, (chi2, degrees_of_freedom));
     PoseGraphSolution {
         anchor,
         cameras,
@@ -189,6 +194,7 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
         median_sigma,
         joint_covariance,
         steps,
+        verdict,
     }
 }
 

@@ -1,8 +1,9 @@
 //! What a pose is sought for: everything the cost depends on besides the pose.
 
+use crate::group::{RigidGroup, check_groups};
 use crate::loss::Loss;
 use crate::prior::Prior;
-use crate::{Camera, Correspondence, Error};
+use crate::{Camera, Correspondence, Error, Pose};
 
 /// The observations of one view.
 #[derive(Debug, Clone, Copy)]
@@ -15,18 +16,37 @@ pub struct Problem<'a> {
     pub priors: &'a [Prior],
     /// What a point's residual costs.
     pub loss: Loss,
+    /// Runs of `seen` that are displaced together, in order; under the squared loss only.
+    pub groups: &'a [RigidGroup],
+    /// The pose at which the share of uncertain points in the covariance of their pixels is taken; none: at each pose that is asked
+    /// about. A descent holds it: docs/math/refine.md section 4.
+    pub weights_at: Option<&'a Pose>,
 }
 
 impl<'a> Problem<'a> {
     /// Points seen by a camera, and nothing else known.
     pub fn new(seen: &'a [Correspondence], camera: &'a Camera) -> Self {
-        Problem { seen, camera, priors: &[], loss: Loss::Squared }
+        Problem { seen, camera, priors: &[], loss: Loss::Squared, groups: &[], weights_at: None }
     }
 
-    /// Points and nothing else, under the square: the inner loop's usual case.
+    /// The same with the weights of uncertain points, if there are any, as they are at a pose.
+    pub(crate) fn held_at<'b>(&self, cam_from_target: &'b Pose) -> Problem<'b>
+    where
+        'a: 'b,
+    {
+        Problem { weights_at: self.has_uncertain_points().then_some(cam_from_target), ..*self }
+    }
+
+    /// Whether the weights of points depend on the pose.
+    pub(crate) fn has_uncertain_points(&self) -> bool {
+        self.seen.iter().any(|c| c.sigma_m != 0.0)
+    }
+
+    /// Points and nothing else, under the square, each weighed where it is: the inner loop's usual case.
     #[inline(always)]
     pub(crate) fn is_points_alone(&self) -> bool {
-        self.priors.is_empty() && self.loss == Loss::Squared
+        let is_squared = self.priors.is_empty() && self.loss == Loss::Squared;
+        is_squared && self.groups.is_empty() && self.weights_at.is_none()
     }
 
     /// How many numbers the cost is made of: two of each point, and those of the priors.
@@ -42,9 +62,14 @@ impl<'a> Problem<'a> {
     /// Whether priors and loss are what they are said to be (`solve::configuration::classify` checks the points).
     ///
     /// # Errors
-    /// `InvalidPrior`, `InvalidLoss`.
+    /// `InvalidPrior`, `InvalidLoss`, `InvalidSetting` for groups that cannot be.
     pub fn check(&self) -> Result<(), Error> {
         self.loss.check()?;
+        check_groups(self.groups, self.seen.len())?;
+        if !self.groups.is_empty() && self.loss != Loss::Squared {
+            let needed = "points that are displaced together are weighed by the squared loss only";
+            return Err(Error::InvalidSetting { setting: "groups", seen: self.groups.len() as f64, needed });
+        }
         self.priors.iter().enumerate().try_for_each(|(index, prior)| prior.check(index))
     }
 }

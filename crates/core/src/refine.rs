@@ -4,12 +4,14 @@
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
 pub(crate) use crate::accumulate::{
-    accumulate_pinhole, information, normal_equations, residual_sums, whitened_residual, whitening,
+    accumulate_pinhole, centroid, information, log_determinant, normal_equations, residual_sums,
+    whitened_residual, whitening,
 };
 use crate::choose::Minimum;
 use crate::least_squares::{PivotedPose, Solution, minimize};
 use crate::loss::Loss;
 use crate::problem::Problem;
+use crate::reweight::minimize_reweighted;
 use crate::sandwich::sandwich;
 use crate::{Camera, Correspondence, Error, Lens, Point, Pose};
 use nalgebra::Vector2;
@@ -21,12 +23,24 @@ pub(crate) const UNDETERMINED: Error = Error::DegenerateView {
     needed: f64::MIN_POSITIVE,
 };
 
+/// Sigmas, coordinates or intrinsics so far apart that their squares leave the range of numbers.
+pub(crate) const OVERFLOW: Error = Error::DegenerateView {
+    reason: "coordinates, sigmas and camera differ by so many orders of magnitude that the answer overflows; check their units",
+    metric: f64::INFINITY,
+    needed: f64::MAX,
+};
+
+/// A minimum that holds no number, or a covariance that is none, is no answer.
+fn checked(found: Minimum) -> Result<Minimum, Error> {
+    if found.is_finite() { Ok(found) } else { Err(OVERFLOW) }
+}
+
 /// Refines `start` to the nearest minimum of the reprojection error, with its covariance; no priors, squared loss.
 ///
 /// `Error::NotConverged` when no minimum is reached, `Error::NoSolution` when the start has points outside the camera's
-/// field, `Error::DegenerateView` when the points do not determine the pose to first order.
+/// field, `Error::DegenerateView` when the points do not determine the pose to first order, or numbers overflow.
 pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<Minimum, Error> {
-    refine_against(start, None, &Problem::new(seen, camera))
+    checked(refine_against(start, None, &Problem::new(seen, camera))?)
 }
 
 /// Refines `start` to the nearest minimum of a problem's whole cost: points under their loss, and priors. With a loss other than the
@@ -36,7 +50,7 @@ pub fn refine(start: &Pose, seen: &[Correspondence], camera: &Camera) -> Result<
 /// Those of [`refine`] and of [`Problem::check`].
 pub fn refine_problem(start: &Pose, problem: &Problem) -> Result<Minimum, Error> {
     problem.check()?;
-    refine_against(start, None, problem)
+    checked(refine_against(start, None, problem)?)
 }
 
 /// As `refine_problem`, for a minimum that will be compared with a rival of known χ²: it may end early
@@ -49,6 +63,7 @@ pub(crate) fn refine_against(
     let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
     let found = match &problem.camera.lens {
+        _ if problem.has_uncertain_points() => &minimize_uncertain(start, &pivot, problem),
         Lens::Pinhole(model) if problem.is_points_alone() => {
             &minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
         }
@@ -73,7 +88,8 @@ fn minimum_of(solution: &Solution, pivot: &Point, problem: &Problem) -> Result<M
     let covariance = covariance.ok_or(UNDETERMINED)?;
     let cam_from_target = solution.place.pose(pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
-    Ok(Minimum { cam_from_target, covariance, chi2, rms_px })
+    let log_determinant = log_determinant(&cam_from_target, problem);
+    Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant })
 }
 
 /// Any lens, priors and losses. Apart from the loop of the usual case, which then compiles as one piece and keeps the normal
@@ -96,12 +112,19 @@ fn minimize_any(
     descend(start, rival_chi2.filter(|_| problem.loss == Loss::Squared), problem)
 }
 
+/// As `minimize_any`, where the weights of points depend on the pose.
+#[inline(never)]
+fn minimize_uncertain(mut start: PivotedPose, pivot: &Point, problem: &Problem) -> Option<Solution> {
+    let descend = |start: PivotedPose, problem: &Problem| {
+        minimize_reweighted(start, pivot, problem, |place, held| normal_equations(place, pivot, held))
+    };
+    if let Loss::Truncated { sigmas } = problem.loss {
+        start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
+    }
+    descend(start, problem)
+}
+
 /// Residual of one correspondence, observed − predicted, px; none outside the camera's field.
 pub fn residual_px(cam_from_target: &Pose, c: &Correspondence, camera: &Camera) -> Option<Vector2<f64>> {
     Some(c.pixel - camera.project(&(cam_from_target * &c.x_in_target))?)
-}
-
-/// The mean of the target points: the pivot of the refinement.
-pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
-    seen.iter().map(|c| c.x_in_target).sum::<Point>() / seen.len().max(1) as f64
 }

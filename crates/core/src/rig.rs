@@ -1,7 +1,7 @@
 //! Where the cameras of a rig sit relative to each other, from targets that they see through time; nothing surveyed is needed.
 //!
 //! canonical order → poses of each sighting → a start that the most sightings agree with → joint adjustment, wrong points left out →
-//! covariances, weakest link, scales. Derivation: docs/math/rig.md.
+//! covariances, weakest link, scales, verdict. Derivation: docs/math/rig.md.
 
 mod views;
 mod layout;
@@ -12,12 +12,16 @@ mod distance;
 mod classify;
 mod adjust;
 mod scale;
+mod lens;
+mod verdict;
 mod answer;
 
 use crate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use nalgebra::DMatrix;
 
+pub use lens::LensOffset;
+pub use verdict::{Cause, Losses, RigVerdict};
 pub use views::shared_views;
 
 /// What one camera saw of one target in one view.
@@ -59,6 +63,9 @@ pub struct RigConfig<'a> {
     pub joint_covariance: bool,
     /// Distances between cameras that were measured otherwise: they join the cost, and with them a target's size can be checked.
     pub known_distances: &'a [KnownDistance],
+    /// Whether errors that a whole sighting shares are estimated from how far views contradict each other, and put into every covariance.
+    /// Without, the points' errors are taken as independent.
+    pub shared_errors: bool,
 }
 
 /// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -67,7 +74,7 @@ pub const GATE_SIGMAS: f64 = 4.291_932_052_578_694;
 impl Default for RigConfig<'_> {
     fn default() -> Self {
         let loss = Loss::Truncated { sigmas: GATE_SIGMAS };
-        RigConfig { reference: 0, loss, joint_covariance: false, known_distances: &[] }
+        RigConfig { reference: 0, loss, joint_covariance: false, known_distances: &[], shared_errors: true }
     }
 }
 
@@ -191,8 +198,13 @@ pub struct RigSolution {
     pub joint_covariance: Option<DMatrix<f64>>,
     /// Factor by which every covariance was widened because the residuals are larger than the sigmas say; 1 where they agree.
     pub noise_scale: f64,
+    /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
+    /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
+    pub view_scale: f64,
     /// Steps of the joint adjustment.
     pub steps: usize,
+    /// Whether all this can be believed; no pose is to be used where it is inconsistent.
+    pub verdict: RigVerdict,
 }
 
 /// The weakest joint of the camera graph.
@@ -202,7 +214,7 @@ pub struct WeakestLink {
     pub camera: usize,
     /// Its other end.
     pub with: usize,
-    /// How many views they share.
+    /// How many views they share in which both have points that took part.
     pub n_shared_views: usize,
     /// Largest standard deviation of the rotation between them, rad.
     pub sigma_rad: f64,
@@ -231,5 +243,5 @@ pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution
     let sighted = sighted::poses_of_sightings(&layout);
     let start = start::start(&layout, &sighted)?;
     let adjusted = adjust::adjust(&layout, &sighted, start, config)?;
-    answer::answer(&layout, adjusted, config)
+    answer::answer(&layout, &sighted, adjusted, config)
 }

@@ -9,10 +9,11 @@ mod starts;
 mod check;
 
 use crate::choose::{Choice, Minima, Minimum, choose, insert};
-use crate::consistency::{FAR_ABOVE, is_unlikely, noise_scale};
+use crate::consistency::{is_inconsistent, is_unlikely, noise_scale};
+use crate::covariance::is_covariance;
 use crate::curvature::{Cost, is_bent, with_curvature};
-use crate::locate::{Config, OVERFLOW, PoseEstimate, locate};
-use crate::refine::whitened_residual;
+use crate::locate::{Config, PoseEstimate, locate};
+use crate::refine::{OVERFLOW, whitened_residual};
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 pub(crate) use check::check_views;
 pub(crate) use cost::RigCost;
@@ -124,7 +125,8 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let n_cameras = views.iter().filter(|view| !view.seen.is_empty()).count();
     if let (1, Some(view)) = (n_cameras, views.iter().find(|view| !view.seen.is_empty())) {
         let camera = views.iter().position(|v| core::ptr::eq(v, view)).unwrap_or(0);
-        return locate(view.seen, view.camera, &Config::default()).map(|e| seen_by_one(&e, view, camera));
+        let found = locate(view.seen, view.camera, &Config::default())?;
+        return checked(seen_by_one(&found, view, camera));
     }
     let extents = check_points(cost)?;
     let minima = minima(cost, &extents)?;
@@ -140,7 +142,7 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
     let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
     let n_points = cost.n_points();
-    Ok(RigPoseEstimate {
+    checked(RigPoseEstimate {
         rig_from_target,
         covariance,
         rms_px,
@@ -151,6 +153,13 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
         ambiguity,
         consistency,
     })
+}
+
+/// An answer that holds no number, or a covariance that is none, is no answer.
+fn checked(estimate: RigPoseEstimate) -> Result<RigPoseEstimate, Error> {
+    let pose = &estimate.rig_from_target;
+    let sum = pose.rotation.sum() + pose.translation.sum() + estimate.chi2 + estimate.rms_px;
+    if sum.is_finite() && is_covariance(&estimate.covariance) { Ok(estimate) } else { Err(OVERFLOW) }
 }
 
 /// Every minimum reached, lowest first.
@@ -218,8 +227,7 @@ fn consistency(
     degrees_of_freedom: usize,
     cost: &RigCost,
 ) -> RigConsistency {
-    let far = FAR_ABOVE * degrees_of_freedom as f64;
-    if !is_unlikely(chi2, degrees_of_freedom) || chi2 < far {
+    if !is_inconsistent(chi2, degrees_of_freedom) {
         return RigConsistency::Consistent;
     }
     let (mut worst_camera, mut worst_point, mut worst_px, mut largest_mean) = (0, 0, 0.0, -1.0);

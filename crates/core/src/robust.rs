@@ -64,6 +64,14 @@ impl Config<'_> {
             return refused("max_false_alarms", self.max_false_alarms, "it must lie between 0 and 1");
         }
         match self.groups {
+            _ if !self.locate.groups.is_empty() => {
+                let seen = self.locate.groups.len() as f64;
+                refused(
+                    "locate.groups",
+                    seen,
+                    "consensus takes each point's error as its own; leave them out",
+                )
+            }
             Some(groups) if groups.len() != n_points => {
                 refused("groups", groups.len() as f64, "one label for each correspondence")
             }

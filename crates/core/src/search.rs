@@ -8,7 +8,7 @@ use crate::method::Method;
 use crate::problem::Problem;
 use crate::refine::{centroid, refine_against, residual_sums};
 use crate::solve::Candidates;
-use crate::solve::configuration::Configuration;
+use crate::solve::configuration::{Configuration, Geometry, are_four_places};
 use crate::solve::line_plus_one::Weakness;
 use crate::solve::{line_plus_one, p3p, planar, sqpnp};
 use crate::{Bearing, Camera, Correspondence, Point, Pose};
@@ -28,24 +28,27 @@ pub(crate) struct Findings {
 /// The minima reached from the closed form's candidates, and from more starts where those leave a doubt.
 pub(crate) fn search(
     method: Method,
-    configuration: &Configuration,
+    geometry: &Geometry,
     problem: &Problem,
     minima: &mut Minima,
 ) -> Findings {
+    let configuration = &geometry.configuration;
     let (candidates, weakness) = closed_form(method, configuration, problem);
     let seen = problem.seen;
-    let flat = 3 < seen.len() && !matches!(configuration, Configuration::General);
+    let flat = matches!(configuration, Configuration::Planar | Configuration::LinePlusOne { .. });
     if flat {
         let normal = plane_normal(configuration, seen);
         refine_pair(&candidates, &normal, problem, minima);
     } else {
         refine_each(&candidates, problem, minima);
     }
-    let is_bent = minima.first().is_some_and(|m| is_bent(m, problem));
+    let is_bent = minima.first().is_some_and(|m| is_bent(m, &problem.held_at(&m.cam_from_target)));
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, problem.degrees_of_freedom())) {
         refine_each(&sqpnp::sqpnp(seen), problem, minima);
         refine_each(&three_of(seen), problem, minima);
-    } else if seen.len() == 4 && (weakness.is_some() || is_bent || is_in_doubt(minima)) {
+    } else if (geometry.is_nearly_straight() || weakness.is_some() || is_bent || is_in_doubt(minima))
+        && are_four_places(seen)
+    {
         refine_each(&three_of(seen), problem, minima);
     }
     Findings { weakness, is_bent }
@@ -124,7 +127,10 @@ pub(crate) fn weakness_of_rivals(
     let (Configuration::LinePlusOne { order }, Some(rival)) = (configuration, choice.rival) else {
         return None;
     };
-    let rivals: Candidates = [choice.best.cam_from_target, rival.cam_from_target].into_iter().collect();
+    // By the one that fits best, whichever is the more probable: a flat minimum is not known well enough to measure by.
+    let is_first = choice.best.chi2 <= rival.chi2;
+    let (first, second) = if is_first { (choice.best, rival) } else { (rival, choice.best) };
+    let rivals: Candidates = [first.cam_from_target, second.cam_from_target].into_iter().collect();
     let (bearings, points) = four_of(problem.seen, order);
     line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&problem.seen[order[3]], problem.camera))
 }

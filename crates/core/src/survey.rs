@@ -3,27 +3,35 @@
 //! Facts in (clicks, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
 //! covariance out, and of them lengths, angles, areas and heights with their 95 % intervals. Derivation: docs/math/survey.md.
 //!
-//! starts → adjust → drop what is undetermined → check. Each step is one file.
+//! starts → adjust → drop what is undetermined → check → explain a contradiction. Each step is one file.
 
 mod check;
 mod state;
 mod rows;
+mod query;
 mod trilaterate;
 mod gauge;
+mod segments;
+mod spread;
 mod starts;
 mod snoop;
 mod solve;
-mod query;
+mod arrange;
+mod blunder;
+mod verdict;
 mod interval;
 mod ground;
 
 use crate::correspondence::PixelCovariance;
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
+use arrange::Depth;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 pub use interval::Measured;
 pub use query::Query;
-pub use snoop::Suspect;
+pub use snoop::{DecimalSlip, Suspect};
+pub use spread::OnLine;
+pub use verdict::SurveyStatus;
 
 /// A camera and how well its intrinsics are known; photographs of one camera share its errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -183,10 +191,18 @@ pub struct Adjusted {
     pub is_inconsistent: bool,
     /// Facts that contradict the others, the worst first.
     pub suspects: Vec<Suspect>,
+    /// The fact that took no part because it alone contradicts the rest; the places are those of the rest.
+    pub left_out: Vec<usize>,
+    /// The line that all marks stand on, if they do.
+    pub on_line: Option<OnLine>,
+    /// Whether a mark that a photograph shows has no place, so that what is known of it took no part.
+    pub has_lost_marks: bool,
     /// What the facts leave undetermined, and why; facts about it took no part.
     pub undetermined: Vec<(Item, Error)>,
     /// How much worse, in χ², the second best arrangement of photographs and marks fits; none where no other was found.
     pub rival_delta_chi2: Option<f64>,
+    /// That second best arrangement.
+    pub rival: Option<Box<Adjusted>>,
     /// The frame of the positions.
     pub frame: Frame,
     /// Steps of the adjustment.
@@ -199,13 +215,23 @@ pub const RIVAL_GATE_CHI2: f64 = 9.0;
 /// Finds everything's place.
 ///
 /// # Errors
-/// `InvalidFact` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `InconsistentDistances` where
-/// the distances between marks contradict each other before any photograph is looked at; `Undetermined` where nothing at all can be
+/// `InvalidFact` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `MarksOnLine` where the marks
+/// stand on one line; `InconsistentDistances` where the distances between marks contradict each other and no single fact explains it; `Undetermined` where nothing at all can be
 /// placed. Single points and photographs that cannot be placed are listed in [`Adjusted::undetermined`].
 pub fn adjust(survey: &Survey) -> Result<Adjusted, Error> {
     survey.check()?;
-    let marks = starts::marks(survey)?;
-    solve::best_of(survey, &marks)
+    if let Some(on_line) = spread::of_coordinates(survey) {
+        return Err(on_line);
+    }
+    let found = blunder::explained(survey, blunder::attempt(survey, Depth::Together));
+    let mut adjusted = found.map_err(|reason| match reason {
+        Error::NoLength | Error::InconsistentDistances { .. } => reason,
+        reason => spread::of_lengths(survey).unwrap_or(reason),
+    })?;
+    let has_lost_marks = adjusted.lost_marks(survey).next().is_some();
+    adjusted.has_lost_marks = has_lost_marks;
+    adjusted.on_line = spread::of_adjusted(survey, &adjusted);
+    Ok(adjusted)
 }
 
 impl Adjusted {

@@ -99,6 +99,10 @@ pub struct MapTag {
     pub size_m: f64,
     /// Where it is: tag frame to map frame.
     pub world_from_tag: Pose,
+    /// Standard deviation of its position along each axis, metres; 0 when exact. All its corners share the error.
+    pub sigma_m: f64,
+    /// Standard deviation of its rotation about each axis, radians; 0 when exact.
+    pub sigma_rad: f64,
 }
 
 /// Several tags of one family at known places; the target frame is the map's world.
@@ -247,7 +251,11 @@ impl Target {
                 }
                 Ok(())
             }
-            Target::TagMap(t) => t.tags.iter().try_for_each(|tag| positive("size_m", tag.size_m)),
+            Target::TagMap(t) => t.tags.iter().try_for_each(|tag| {
+                positive("size_m", tag.size_m)?;
+                check_sigma("sigma_m", tag.sigma_m)?;
+                check_sigma("sigma_rad", tag.sigma_rad)
+            }),
             Target::Points(points) => check_points(points),
         }
     }
@@ -321,10 +329,16 @@ fn check_points(points: &[NamedPoint]) -> Result<(), Error> {
         if let Some(&seen) = p.position.iter().find(|x| !x.is_finite()) {
             return Err(Error::InvalidTarget { parameter: "position_m", seen, needed: "it must be finite" });
         }
-        if !(0.0 <= p.sigma_m && p.sigma_m.is_finite()) {
-            let needed = "it must be zero or positive";
-            return Err(Error::InvalidTarget { parameter: "sigma_m", seen: p.sigma_m, needed });
-        }
+        check_sigma("sigma_m", p.sigma_m)?;
     }
     Ok(())
+}
+
+fn check_sigma(parameter: &'static str, seen: f64) -> Result<(), Error> {
+    let usable = 0.0 <= seen && seen.is_finite();
+    if usable {
+        Ok(())
+    } else {
+        Err(Error::InvalidTarget { parameter, seen, needed: "it must be zero or positive" })
+    }
 }

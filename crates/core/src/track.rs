@@ -9,6 +9,8 @@
 
 mod filter;
 
+use crate::covariance::is_covariance;
+use crate::relative::check_pose;
 use crate::snapshot::{Numbers, Rest, Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use arrayvec::ArrayVec;
@@ -237,9 +239,10 @@ impl Tracker {
 
 impl Candidate {
     fn is_usable(&self) -> bool {
-        let pose = &self.cam_from_target;
-        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(self.covariance.iter());
-        0.0 < self.weight && numbers.chain([&self.weight]).all(|x| x.is_finite())
+        0.0 < self.weight
+            && self.weight.is_finite()
+            && check_pose("candidate", 0, &self.cam_from_target).is_ok()
+            && is_covariance(&self.covariance)
     }
 }
 

@@ -48,7 +48,7 @@ pub(crate) fn upright(problem: &Problem, minima: &mut Minima) -> Result<Findings
         }
     }
     let best = minima.first().ok_or(refusal)?;
-    let is_bent = is_bent(best, problem);
+    let is_bent = is_bent(best, &problem.held_at(&best.cam_from_target));
     if let [a, b] = problem.seen {
         minima.iter().try_for_each(|minimum| check_turn([a, b], minimum, &vertical))?;
     }

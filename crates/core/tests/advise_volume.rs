@@ -62,7 +62,8 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
             let pose = random_pose(&mut rng, &shape).expect("it fits");
             let view =
                 View { camera: &camera, cam_from_target: pose, points: &shape.points, sigma_px: SIGMA_PX };
-            let answer = locate(&noisy(&mut rng, &view), &camera, &Config::default()).expect("a pose");
+            // Known to a radian only: refused by name.
+            let Ok(answer) = locate(&noisy(&mut rng, &view), &camera, &Config::default()) else { continue };
             let off = |p: &Pose| p.angle_to_rad(&pose);
             let is_wrong =
                 answer.minima().any(|h| off(&h.minimum.cam_from_target) < off(&answer.cam_from_target));
@@ -70,6 +71,7 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
             wrong += f64::from(is_wrong) / n as f64;
             places.push(worst_sigmas(&answer.covariance).1);
         }
+        assert!(n - places.len() <= n / 500, "{name}: {} of {n} refused", n - places.len());
         places.sort_by(f64::total_cmp);
         let (median, p95) = (places[n / 2], places[n * 95 / 100]);
         let place = o.place_m.unwrap();
@@ -83,7 +85,8 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
             1e3 * place.p95,
             o.doubtful
         );
-        assert_eq!((o.n_out_of_sight, o.n_undetermined), (0, 0));
+        // One pose in a thousand is known to a radian only.
+        assert!(o.n_out_of_sight == 0 && o.n_undetermined <= 3, "{name}: {} undetermined", o.n_undetermined);
         // Both are counts: 0.6 % by chance at a share of 20 %.
         assert!((ambiguous - o.ambiguous).abs() < 0.015 && (wrong - o.wrong).abs() < 0.015, "{name}");
         assert!((place.median / median - 1.0).abs() < 0.05 && (place.p95 / p95 - 1.0).abs() < 0.1, "{name}");

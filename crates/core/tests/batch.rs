@@ -105,7 +105,8 @@ fn assert_same(one: &Answer, other: &Answer) {
         (Ok(a), Ok(b)) => {
             assert_same_minimum(&first(a), &first(b), 1e-9, 1e-7);
             assert_same_weight(a.weight, b.weight, condition(b));
-            assert_same_others(&a.others, &b.others, a.chi2, condition(b));
+            let lowest = a.minima().map(|h| h.minimum.chi2).fold(f64::INFINITY, f64::min);
+            assert_same_others(&a.others, &b.others, lowest, condition(b));
             assert_same_verdict(&a.ambiguity, &b.ambiguity);
             assert_same_consistency(&a.consistency, &b.consistency);
             assert_same_weakness(&a.weakness, &b.weakness);
@@ -118,8 +119,8 @@ fn assert_same(one: &Answer, other: &Answer) {
 }
 
 fn first(e: &PoseEstimate) -> Minimum {
-    let PoseEstimate { cam_from_target, covariance, chi2, rms_px, .. } = *e;
-    Minimum { cam_from_target, covariance, chi2, rms_px }
+    let PoseEstimate { cam_from_target, covariance, chi2, rms_px, log_determinant, .. } = *e;
+    Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant }
 }
 
 fn assert_near(a: f64, b: f64, relative: f64) {
@@ -259,8 +260,8 @@ fn a_bad_view_leaves_its_neighbours_alone() {
             assert_eq!(answers[i], untouched[i], "{i}");
         }
     }
-    // All but the squares.
-    assert!(8 * bad.len() / 9 - 9 < errors, "{errors}");
+    // All but the squares, and the pixels given to two points: those are answered, and inconsistent.
+    assert!(7 * bad.len() / 9 - 9 < errors, "{errors}");
 }
 
 /// Any length, its remainder beside full vectors: a view's answer does not depend on who stands beside it, to the last bit.
@@ -338,6 +339,12 @@ fn assert_same_set(one: &Answer, other: &Answer) -> bool {
             assert_eq!(format!("{a}"), format!("{b}"));
             return true;
         }
+        // Rounding also decides whether such a view has a second pose, without which the first is too poorly known to be an answer.
+        (Ok(found), Err(Error::DegenerateView { .. })) | (Err(Error::DegenerateView { .. }), Ok(found))
+            if MOST_RAD < weakest_rad(found) =>
+        {
+            return false;
+        }
         _ => panic!("{one:?} and {other:?}"),
     };
     if MOST_RAD < weakest_rad(b) {
@@ -354,7 +361,10 @@ fn assert_same_set(one: &Answer, other: &Answer) -> bool {
         assert!(h.delta_chi2 < 1e-9 && h.is_rival && nearest.is_rival);
     }
     assert!((a.minima().map(|h| h.weight).sum::<f64>() - 1.0).abs() < 1e-12);
-    assert!(a.minima().skip(1).zip(a.minima()).all(|(next, h)| h.minimum.chi2 <= next.minimum.chi2));
+    assert!(
+        a.minima().skip(1).zip(a.minima()).all(|(next, h)| next.weight <= h.weight),
+        "the more probable first"
+    );
     match a.ambiguity {
         Ambiguity::Ambiguous { other, .. } => assert_eq!(Some(other), a.others[0].map(|h| h.minimum)),
         Ambiguity::Unique { ratio } => assert_eq!((ratio, a.others[0]), (None, None)),

@@ -4,7 +4,7 @@ mod common;
 
 use common::Rng;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use resight_core::compare::{RigPlaces, compare_poses, compare_rigs};
+use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
 use resight_core::{Error, Matrix6, Pose, Vector6};
 
 fn motion(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Vector6 {
@@ -48,13 +48,17 @@ fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: 
         let motion = Vector6::from_iterator(noise.rows(6 * i, 6).iter().copied());
         if i == reference { Pose::identity() } else { (*pose * to_reference).moved(&motion) }
     };
-    RigPlaces { cam_from_rig: truth.iter().enumerate().map(noisy).collect(), covariance: covariance.clone() }
+    RigPlaces {
+        cam_from_rig: truth.iter().enumerate().map(noisy).collect(),
+        covariance: covariance.clone(),
+        correlation: Correlation::Known,
+    }
 }
 
 /// The same places seen from another frame: nothing physical changes.
 fn in_other_frame(places: &RigPlaces, rig_from_other: &Pose) -> RigPlaces {
     let cam_from_rig = places.cam_from_rig.iter().map(|p| *p * *rig_from_other).collect();
-    RigPlaces { cam_from_rig, covariance: places.covariance.clone() }
+    RigPlaces { cam_from_rig, covariance: places.covariance.clone(), correlation: places.correlation }
 }
 
 /// The truth with some cameras moved by a motion in their own frames.
@@ -82,6 +86,72 @@ fn false_alarm_rate_is_as_stated() {
         println!("{n} cameras: {alarms} false alarms in {n_trials} at {level}");
         let least = if n == 2 { 0.05 } else { 0.025 };
         assert!(least - 0.011 < rate && rate < 0.05 + 0.011, "{n}: {rate}");
+    }
+}
+
+/// Each camera's own error, and that of the reference camera, which all the others share.
+fn shared(truth: &[Pose], rng: &mut Rng) -> DMatrix<f64> {
+    let n = truth.len();
+    let spread = |scale: f64, rng: &mut Rng| {
+        let root = Matrix6::from_fn(|i, _| scale * rng.normal() * if i < 3 { 2e-4 } else { 4e-4 });
+        root * root.transpose() + Matrix6::identity() * 1e-9
+    };
+    let reference = spread(2.0, rng);
+    let mut covariance = DMatrix::zeros(6 * n, 6 * n);
+    for i in 1..n {
+        for j in 1..n {
+            let carried = |k: usize| (truth[k] * truth[0].inverse()).adjoint();
+            let block = carried(i) * reference * carried(j).transpose();
+            let own = if i == j { spread(1.0, rng) } else { Matrix6::zeros() };
+            covariance.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&(block + own));
+        }
+    }
+    covariance
+}
+
+/// Only the blocks of the cameras themselves.
+fn own_blocks(places: &RigPlaces, correlation: Correlation) -> RigPlaces {
+    let covariance = places.covariance.clone();
+    let n = covariance.nrows();
+    let covariance = DMatrix::from_fn(n, n, |i, j| if i / 6 == j / 6 { covariance[(i, j)] } else { 0.0 });
+    RigPlaces { covariance, correlation, ..places.clone() }
+}
+
+/// What all cameras share with the reference counts once with the joint covariance, once a camera without it: counted as independent it
+/// raises false alarms, tested for any correlation it raises none too many, and a knock is found all the same.
+#[test]
+fn an_error_that_all_share_raises_no_false_alarms() {
+    let (n, n_trials) = (4, 1000);
+    for level in [0.05, 1e-3] {
+        let mut rng = Rng::new(23);
+        let truth = ring(n);
+        let knock = Pose::exp(&Vector6::new(0.0, 0.01, 0.0, 0.02, 0.0, 0.0));
+        let (mut joint, mut independent, mut any, mut found) = (0, 0, 0, 0);
+        for _ in 0..n_trials {
+            let cov = shared(&truth, &mut rng);
+            let before = calibrated(&truth, &cov, 0, &mut rng);
+            let after = calibrated(&truth, &cov, 0, &mut rng);
+            let alarm = |a: &RigPlaces, b: &RigPlaces| !compare_rigs(a, b, level).unwrap().moved.is_empty();
+            let own =
+                |correlation| alarm(&own_blocks(&before, correlation), &own_blocks(&after, correlation));
+            joint += usize::from(alarm(&before, &after));
+            independent += usize::from(own(Correlation::Known));
+            any += usize::from(own(Correlation::Unknown));
+            // One of the two files may be from before.
+            any += usize::from(alarm(&before, &own_blocks(&after, Correlation::Unknown)));
+            let moved = calibrated(&with_moved(&truth, &[2], &knock), &cov, 0, &mut rng);
+            let unknown = |places: &RigPlaces| own_blocks(places, Correlation::Unknown);
+            let told = compare_rigs(&unknown(&before), &unknown(&moved), level).unwrap();
+            found += usize::from(told.moved.len() == 1 && told.moved[0].camera == 2);
+        }
+        println!(
+            "at {level}: joint {joint}, independent {independent}, any {any} of 2; {found} found of {n_trials}"
+        );
+        let most = |trials: f64| trials * level + 3.3 * (trials * level).sqrt() + 1.0;
+        assert!(joint as f64 <= most(n_trials as f64) && any as f64 <= most(2.0 * n_trials as f64));
+        assert!(level < 0.01 || 25 <= joint, "the level is used: {joint}");
+        assert!(most(n_trials as f64) < independent as f64, "{independent}");
+        assert!(990 <= found, "{found}");
     }
 }
 
@@ -142,6 +212,7 @@ fn frame_and_order_do_not_matter() {
             let at = |k: usize| 6 * (n - 1 - k / 6) + k % 6;
             places.covariance[(at(i), at(j))]
         }),
+        correlation: places.correlation,
     };
     let backwards = compare_rigs(&reversed(&before), &reversed(&after), 1e-3).unwrap();
     assert_eq!(backwards.moved[0].camera, n - 1 - 2);
@@ -214,7 +285,11 @@ fn small_motions_in_large_rigs_are_found() {
         let place = |pose: &Pose, rng: &mut Rng| pose.moved(&motion(rng, 1e-3, 1e-3));
         let before: Vec<Pose> = truth.iter().map(|p| place(p, &mut rng)).collect();
         let after: Vec<Pose> = with_moved(&truth, &[4], &push).iter().map(|p| place(p, &mut rng)).collect();
-        let places = |cam_from_rig: Vec<Pose>| RigPlaces { cam_from_rig, covariance: cov.clone() };
+        let places = |cam_from_rig: Vec<Pose>| RigPlaces {
+            cam_from_rig,
+            covariance: cov.clone(),
+            correlation: Correlation::Known,
+        };
         let found = compare_rigs(&places(before), &places(after), 1e-3).unwrap();
         found_n += usize::from(found.moved.len() == 1 && found.moved[0].camera == 4);
     }
@@ -246,6 +321,7 @@ fn what_cannot_be_compared_is_refused() {
     let places = |n: usize, sigma: f64| RigPlaces {
         cam_from_rig: ring(n),
         covariance: DMatrix::from_diagonal_element(6 * n, 6 * n, sigma * sigma),
+        correlation: Correlation::Known,
     };
     let good = places(3, 1e-3);
     let message = |after: &RigPlaces, level: f64| compare_rigs(&good, after, level).unwrap_err().to_string();

@@ -96,7 +96,7 @@ fn input(rng: &mut Rng) -> Vec<Correspondence> {
 fn minimum_numbers(m: &Minimum) -> Vec<f64> {
     let pose = m.cam_from_target;
     let rotation = pose.rotation.iter().chain(pose.translation.iter());
-    rotation.chain(m.covariance.iter()).chain([&m.chi2, &m.rms_px]).copied().collect()
+    rotation.chain(m.covariance.iter()).chain([&m.chi2, &m.rms_px, &m.log_determinant]).copied().collect()
 }
 
 fn numbers(e: &PoseEstimate) -> Vec<f64> {
@@ -105,6 +105,7 @@ fn numbers(e: &PoseEstimate) -> Vec<f64> {
         covariance: e.covariance,
         chi2: e.chi2,
         rms_px: e.rms_px,
+        log_determinant: e.log_determinant,
     };
     let mut all = minimum_numbers(&first);
     match &e.ambiguity {

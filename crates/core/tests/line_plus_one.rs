@@ -11,7 +11,7 @@ use resight_core::camera::Pinhole;
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
 use resight_core::refine::refine;
-use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Point, Pose, Vector6};
+use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Matrix6, Point, Pose, Vector6};
 
 const N: usize = 20_000;
 const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -58,6 +58,14 @@ fn auto(seen: &[Correspondence]) -> PoseEstimate {
     estimate
 }
 
+/// None where the rotation is known to a radian only, which is refused by name.
+fn answered(seen: &[Correspondence]) -> Option<PoseEstimate> {
+    match locate(seen, &camera(), &Config::default()) {
+        Err(Error::DegenerateView { reason, needed: 1.0, .. }) if reason.contains("radian") => None,
+        answer => Some(answer.expect("a pose")),
+    }
+}
+
 fn squared_mahalanobis(error: &Vector6, covariance: &Matrix6) -> f64 {
     error.dot(&(covariance.try_inverse().expect("positive definite") * error))
 }
@@ -81,6 +89,11 @@ fn exact_data_give_the_true_pose_first_when_unique() {
     assert!(ambiguous < N / 1000, "{ambiguous} of {N} exact problems called ambiguous");
 }
 
+/// Of the minima given: where two fit, the answer is the more probable, which need not be the lowest.
+fn lowest_chi2(e: &PoseEstimate) -> f64 {
+    e.minima().map(|h| h.minimum.chi2).fold(f64::INFINITY, f64::min)
+}
+
 /// The optimum to find is the best of 25 refinements: from the truth and from 24 random attitudes at the true place.
 fn global_optimum_chi2(rng: &mut Rng, p: &Problem) -> f64 {
     let centre = Vector3::from(CENTRE);
@@ -101,19 +114,25 @@ fn global_optimum_chi2(rng: &mut Rng, p: &Problem) -> f64 {
 /// exceed 5 in 0.03 % by chance alone; nearly frontal views at long range, whose likelihood no ellipsoid describes, add to it.
 fn optimum_is_found(noise_px: f64, misses_allowed: usize, far_allowed: usize) {
     let (mut rng, mut starts) = (Rng::new(2), Rng::new(77));
-    let (mut misses, mut wrong, mut far) = (0, 0, 0);
+    let (mut misses, mut wrong, mut far, mut refused) = (0, 0, 0, 0);
     for _ in 0..N {
         let p = problem(&mut rng, (4.0, 15.0), noise_px);
-        let e = auto(&p.seen);
+        let Some(e) = answered(&p.seen) else {
+            refused += 1;
+            continue;
+        };
         let optimum = global_optimum_chi2(&mut starts, &p);
-        misses += usize::from(optimum + 1e-6 * (1.0 + optimum) < e.chi2);
+        misses += usize::from(optimum + 1e-6 * (1.0 + optimum) < lowest_chi2(&e));
         if let Ambiguity::Unique { .. } = e.ambiguity {
             let error = (e.cam_from_target * p.cam_from_target.inverse()).log();
             wrong += usize::from((0..6).any(|i| 25.0 * e.covariance[(i, i)] < error[i] * error[i]));
             far += usize::from(25.0 < squared_mahalanobis(&error, &e.covariance));
         }
     }
-    println!("{noise_px} px: {misses} misses, {wrong} unique and wrong, {far} beyond Mahalanobis 5, of {N}");
+    println!(
+        "{noise_px} px: {misses} misses, {wrong} unique and wrong, {far} beyond Mahalanobis 5, {refused} refused, of {N}"
+    );
+    assert!(refused <= N / 100, "{refused} of {N} known to a radian only");
     assert!(misses <= misses_allowed, "{misses} misses of {N}, {misses_allowed} allowed");
     assert!(wrong <= N / 1000, "{wrong} of {N} unique and off by more than 5 σ");
     assert!(far <= far_allowed, "{far} of {N} unique and beyond Mahalanobis 5");
@@ -144,7 +163,7 @@ fn efficient_and_consistent_in_the_box() {
             (0.0, 0.0, 0.0, 0, 0, 0);
         for _ in 0..N {
             let p = problem(&mut rng, (2.0, 6.0), noise_px);
-            let e = auto(&p.seen);
+            let Some(e) = answered(&p.seen) else { continue };
             if let Ambiguity::Ambiguous { .. } = e.ambiguity {
                 continue;
             }
@@ -295,7 +314,7 @@ fn the_lowest_of_three_minima_is_found() {
             let rotation = rng.rotation();
             let start = Pose::new(rotation, centre_in_cam - rotation * centre);
             if let Ok(m) = refine(&start, &seen, &camera) {
-                assert!(e.chi2 < m.chi2 + 1e-6, "{} above {}", e.chi2, m.chi2);
+                assert!(lowest_chi2(&e) < m.chi2 + 1e-6, "{} above {}", lowest_chi2(&e), m.chi2);
             }
         }
     }

@@ -12,9 +12,8 @@ fn solve(scene: &Scene, facts: &[Fact]) -> Result<Adjusted, Error> {
     adjust(&scene.survey(&scene.cameras(), facts))
 }
 
-fn measured(scene: &Scene, adjusted: &Adjusted, query: &Query) -> f64 {
-    let cameras = scene.cameras();
-    adjusted.measure(&scene.survey(&cameras, &scene.facts), query).expect("a value").value
+fn measured(adjusted: &Adjusted, query: &Query) -> f64 {
+    adjusted.measure(query).expect("a value").value
 }
 
 /// Two photographs, four marks by their six distances, everything else clicked in both.
@@ -32,7 +31,7 @@ fn all_distances_match(scene: &Scene, adjusted: &Adjusted, points: &[usize], tol
     for a in points {
         for b in points.iter().filter(|b| a < b) {
             let truth = (scene.points[*a] - scene.points[*b]).norm();
-            let found = measured(scene, adjusted, &Query::Distance { a: *a, b: *b });
+            let found = measured(adjusted, &Query::Distance { a: *a, b: *b });
             assert!((found - truth).abs() < tolerance_m, "{a}–{b}: {found} {truth}");
         }
     }
@@ -50,7 +49,7 @@ fn exact_facts_give_exact_places() {
     // First mark at the origin, second on x, third in the plane, heights up.
     let [a, b, c] = [0, 1, 2].map(|p| adjusted.point(p).expect("placed"));
     assert!(a.norm() == 0.0 && 0.0 < b.x && b.y == 0.0 && b.z == 0.0 && c.z == 0.0);
-    let height = measured(&scene, &adjusted, &Query::Height { plane: 0, point: 7 });
+    let height = measured(&adjusted, &Query::Height { plane: 0, point: 7 });
     assert!((height - 1.1).abs() < 1e-5, "{height}");
     let seen_from_above = adjusted.point(7).expect("placed").z;
     assert!((seen_from_above - 1.1).abs() < 1e-4, "z is up, not down: {seen_from_above}");
@@ -63,18 +62,16 @@ fn every_query_gives_its_quantity() {
     let adjusted = solve(&scene, &scene.facts).expect("places");
     let x = |p: usize| scene.points[p];
     let polyline = (x(0) - x(1)).norm() + (x(1) - x(7)).norm() + (x(7) - x(8)).norm();
-    assert!(
-        (measured(&scene, &adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5
-    );
+    assert!((measured(&adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5);
     let angle = (x(1) - x(0)).angle(&(x(7) - x(0)));
-    assert!((measured(&scene, &adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
+    assert!((measured(&adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
     // Shoelace formula of the marks' plan.
     let plan = [0, 1, 2, 3].map(x);
     let shoelace: f64 =
         (0..4).map(|i| plan[i].x * plan[(i + 1) % 4].y - plan[(i + 1) % 4].x * plan[i].y).sum::<f64>() / 2.0;
-    let area = measured(&scene, &adjusted, &Query::Area { points: vec![0, 1, 2, 3] });
+    let area = measured(&adjusted, &Query::Area { points: vec![0, 1, 2, 3] });
     assert!((area - shoelace).abs() < 1e-5, "{area} {shoelace}");
-    let along = measured(&scene, &adjusted, &Query::Coordinate { point: 1, axis: 0 });
+    let along = measured(&adjusted, &Query::Coordinate { point: 1, axis: 0 });
     assert!((along - (x(1) - x(0)).norm()).abs() < 1e-5);
 }
 
@@ -96,8 +93,7 @@ fn one_photograph_of_a_known_plane_suffices() {
     let named = |item: Item| adjusted.undetermined.iter().find(|u| u.0 == item).map(|u| u.1.to_string());
     assert!(named(Item::Point(7)).expect("named").contains("seen once"), "{:?}", adjusted.undetermined);
     assert!(named(Item::Point(8)).expect("named").contains("no photograph"), "{:?}", adjusted.undetermined);
-    let cameras = scene.cameras();
-    let refused = adjusted.measure(&scene.survey(&cameras, &scene.facts), &Query::Distance { a: 4, b: 7 });
+    let refused = adjusted.measure(&Query::Distance { a: 4, b: 7 });
     assert!(matches!(refused, Err(Error::Undetermined { what: "point", index: 7, .. })), "{refused:?}");
 }
 
@@ -161,7 +157,7 @@ fn gravity_gives_the_vertical() {
     scene.facts.push(Fact::Gravity { plane: 1, photo: 0, down_in_cam, sigma_rad: 0.005 });
     scene.facts.push(Fact::Upright { plane: 1, foot: 4, top: 9, sigma_rad: 0.005 });
     let adjusted = solve(&scene, &scene.facts).expect("places");
-    let length = measured(&scene, &adjusted, &Query::Distance { a: 4, b: 9 });
+    let length = measured(&adjusted, &Query::Distance { a: 4, b: 9 });
     assert!((length - 1.4).abs() < 1e-4, "{length} {:?}", adjusted.undetermined);
 }
 
@@ -176,11 +172,8 @@ fn a_free_turn_is_held() {
     // Half of everything known about lengths is the same as in the frame of the marks.
     let free = by_distances();
     let other = solve(&free, &free.facts).expect("places");
-    let sigma = |s: &Scene, a: &Adjusted| {
-        let cameras = s.cameras();
-        a.measure(&s.survey(&cameras, &s.facts), &Query::Distance { a: 4, b: 7 }).expect("a value").sigma
-    };
-    let (held, marks) = (sigma(&scene, &adjusted), sigma(&free, &other));
+    let sigma = |a: &Adjusted| a.measure(&Query::Distance { a: 4, b: 7 }).expect("a value").sigma;
+    let (held, marks) = (sigma(&adjusted), sigma(&other));
     assert!((held / marks - 1.0).abs() < 1e-6, "{held} {marks}");
 }
 

@@ -40,7 +40,7 @@ fn run(name: &str, scene: &Scene, seed: u64, mut counts: Vec<Count>) {
         let adjusted = adjust(&survey).expect("places");
         chi2 += adjusted.chi2 / adjusted.degrees_of_freedom as f64;
         for c in &mut counts {
-            let Ok(found) = adjusted.measure(&survey, &c.query) else {
+            let Ok(found) = adjusted.measure(&c.query) else {
                 lost += 1;
                 continue;
             };

@@ -4,6 +4,7 @@
 //! top-left pixel) and corner order (0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag) become
 //! ours here, whatever the library underneath does.
 
+pub mod absent;
 mod aprilgrid;
 pub(crate) mod apriltag;
 mod charuco;
@@ -17,6 +18,7 @@ mod joints;
 mod region;
 pub(crate) mod sigma;
 pub mod tags;
+mod tiles;
 
 use crate::GrayImage;
 use aprilgrid::AprilGridFinder;

@@ -64,6 +64,8 @@ mod urdf;
 mod kitti;
 mod nuscenes;
 mod wpilib;
+mod tag_options;
+pub mod plausible;
 mod explain;
 mod atomic;
 mod table;
@@ -73,16 +75,18 @@ mod convert;
 
 pub use atomic::{stream_atomically, write_atomically};
 pub use convert::{Conversion, convert};
-pub use explain::{explain, explain_from_bytes};
+pub use explain::{explain, explain_from_bytes, remarks};
 pub use format::Format;
 pub use rig_files::read_rig;
 pub use scene::{Scene, Station, scene};
+pub use tag_options::TagOptions;
 pub use wpilib::{Field, read_field, write_field_layout};
 
 use crate::FileError;
 use crate::core::camera::ImageSize;
 use crate::core::{Camera, Matrix6, Pose, Target};
 use document::{Document, Fault, Syntax};
+use nalgebra::DMatrix;
 use std::path::Path;
 use table::{
     CAMERA_FORMATS, CameraFormat, Reads, TargetFormat, Writer, Written, camera_format, target_format,
@@ -151,8 +155,37 @@ pub struct CameraFile {
     pub relations: Vec<Placement>,
     /// Time shifts, for the cameras that have one.
     pub clocks: Vec<ClockOffset>,
+    /// What the cameras' errors have in common, where the file states it.
+    pub joint: Option<JointCovariance>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
+}
+
+/// The covariance of several cameras' places together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointCovariance {
+    /// The uncertain cameras; another of the file is the one whose frame is the rig's.
+    pub cameras: Vec<String>,
+    /// 6 rows and columns a camera, small left motions `[rotation_rad; translation_m]`, camera frames.
+    pub covariance: DMatrix<f64>,
+}
+
+impl JointCovariance {
+    /// Of these cameras, 6 rows each; those that are exact are left out.
+    pub fn of(names: &[String], covariance: &DMatrix<f64>) -> Self {
+        let is_uncertain = |i: &usize| covariance.view((6 * i, 6 * i), (6, 6)).amax() != 0.0;
+        let kept: Vec<usize> = (0..names.len()).filter(is_uncertain).collect();
+        let at = |i: usize| 6 * kept[i / 6] + i % 6;
+        JointCovariance {
+            cameras: kept.iter().map(|i| names[*i].clone()).collect(),
+            covariance: DMatrix::from_fn(6 * kept.len(), 6 * kept.len(), |i, j| covariance[(at(i), at(j))]),
+        }
+    }
+
+    /// Row by row.
+    pub fn rows(&self) -> Vec<Vec<f64>> {
+        self.covariance.row_iter().map(|row| row.iter().copied().collect()).collect()
+    }
 }
 
 /// A target file, read.
@@ -162,7 +195,7 @@ pub struct TargetFile {
     pub format: Format,
     /// The target, dimensions checked.
     pub target: Target,
-    /// What is unusual but not wrong, in sentences.
+    /// What is unusual but not wrong, in sentences: what was assumed, and dimensions that look like another unit.
     pub warnings: Vec<String>,
 }
 
@@ -177,14 +210,15 @@ struct Contents {
     cameras: Vec<NamedCamera>,
     relations: Vec<Placement>,
     clocks: Vec<ClockOffset>,
+    joint: Option<JointCovariance>,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
 
 impl Contents {
     fn into_file(self, format: Format) -> CameraFile {
-        let Contents { cameras, relations, clocks, warnings, .. } = self;
-        CameraFile { format, cameras, relations, clocks, warnings }
+        let Contents { cameras, relations, clocks, joint, warnings, .. } = self;
+        CameraFile { format, cameras, relations, clocks, joint, warnings }
     }
 }
 
@@ -219,8 +253,19 @@ fn contents_of(document: &Document, reads: &Reads) -> Result<Contents, Fault> {
         if contents.cameras[..i].iter().any(|earlier| earlier.name == camera.name) {
             return Err(Fault::new(format!("two cameras are called `{}`; names must differ", camera.name)));
         }
+        if camera.placement.as_ref().is_some_and(|p| !is_finite(&p.b_from_a)) {
+            let name = &camera.name;
+            return Err(Fault::new(format!(
+                "camera {name}: its pose, put together from the numbers given, is too large for a number; check them and their unit"
+            )));
+        }
     }
     Ok(contents)
+}
+
+/// A pose of numbers only: those of a file are, their products need not be.
+fn is_finite(pose: &Pose) -> bool {
+    pose.rotation.iter().chain(&pose.translation).all(|x| x.is_finite())
 }
 
 fn not_a_camera(document: &Document) -> Fault {
@@ -307,17 +352,24 @@ pub fn pose_between(cameras: &[NamedCamera], b: &str, a: &str) -> Option<Pose> {
 ///
 /// A `line_plus_one` target whose fourth point stands over the middle of the line comes with a warning.
 pub fn read_target(path: &Path) -> Result<TargetFile, FileError> {
+    read_target_with(path, &TagOptions::default())
+}
+
+/// As `read_target`, with what the caller knows of the tags of a map and the file does not state.
+///
+/// Besides the errors of `read_target`: options for a target that is no tag map, or for what the file states itself.
+pub fn read_target_with(path: &Path, options: &TagOptions) -> Result<TargetFile, FileError> {
     let document = Document::read(path)?;
-    target_of(&document).map_err(|fault| fault.in_file(path))
+    target_of(&document, options).map_err(|fault| fault.in_file(path))
 }
 
 /// As `read_target`, from bytes in memory; `path` serves messages only.
 pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile, FileError> {
     let document = Document::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
-    target_of(&document).map_err(|fault| fault.in_file(path))
+    target_of(&document, &TagOptions::default()).map_err(|fault| fault.in_file(path))
 }
 
-fn target_of(document: &Document) -> Result<TargetFile, Fault> {
+fn target_of(document: &Document, options: &TagOptions) -> Result<TargetFile, Fault> {
     let Some(format) = target_format(document) else {
         return Err(match camera_format(document) {
             Some((camera, _)) => Fault::new(format!(
@@ -330,8 +382,10 @@ fn target_of(document: &Document) -> Result<TargetFile, Fault> {
             )),
         });
     };
-    let (target, mut warnings) = (format.read)(document)?;
+    let (mut target, mut warnings) = (format.read)(document)?;
+    warnings.extend(tag_options::apply(document, format.format, &mut target, options)?);
     target.check().map_err(|e| Fault::new(e.to_string()))?;
+    warnings.extend(plausible::of_target(&target));
     warnings.extend(checks::critical_plane_warning(&target));
     Ok(TargetFile { format: format.format, target, warnings })
 }
@@ -346,7 +400,13 @@ pub fn write_cameras(cameras: &[NamedCamera], format: Format) -> Result<Vec<OutF
 
 /// Our own camera file, which is always one text.
 pub fn own_file(cameras: &[NamedCamera]) -> Result<String, WriteError> {
-    Ok(write_cameras(cameras, Format::Own)?.into_iter().map(|file| file.text).collect())
+    own_rig_file(cameras, None)
+}
+
+/// Our own camera file with what the cameras' errors have in common, which a comparison with a later rig needs.
+pub fn own_rig_file(cameras: &[NamedCamera], joint: Option<JointCovariance>) -> Result<String, WriteError> {
+    let rig = Contents { cameras: cameras.to_vec(), joint, ..Contents::default() };
+    Ok(write_rig(&rig.into_file(Format::Own), Format::Own)?.into_iter().map(|file| file.text).collect())
 }
 
 /// As `write_cameras`, with poses between other frames and clocks for the formats that have a place for them; the

@@ -1,7 +1,10 @@
 //! Grey images: the one pixel type every detector reads.
 
 use crate::FileError;
+use crate::input::{self, Kind};
 use std::path::Path;
+
+mod frugal;
 
 /// An 8-bit grey image, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,8 +20,11 @@ pub struct GrayImage {
 /// Largest image accepted, pixels: a header may claim more than the machine's memory.
 const MAX_PIXELS: u64 = 64_000_000;
 
-/// Memory a decoder may take, bytes: the largest image accepted, with four channels of 16 bits.
-const MAX_DECODED_BYTES: u64 = 8 * MAX_PIXELS;
+/// Memory a decoded picture may take beside its file, bytes.
+const MAX_DECODED_BYTES: u64 = 144_000_000;
+
+/// Largest JPEG in several passes: its decoder holds up to six bytes for each pixel besides.
+const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 
 impl GrayImage {
     /// A uniform image.
@@ -33,9 +39,9 @@ impl GrayImage {
     }
 
     /// Reads PNG or JPEG (by content, whatever the name says), converting colour to luma and 16 bits to 8. Refuses
-    /// more than 64 Mpx before it decodes; fails on files that are no images, torn, or empty.
+    /// more than 64 Mpx, or 96 MiB of file, before it decodes; fails on files that are no images, torn, or empty.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e.to_string()))?;
+        let bytes = input::read(path, Kind::Image)?;
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
 
@@ -56,6 +62,21 @@ impl GrayImage {
             reader()?.into_dimensions().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?;
         if MAX_PIXELS < width as u64 * height as u64 {
             return Err(format!("image is {width}×{height} px; the limit is 64 Mpx, reduce it"));
+        }
+        let pixels = width as u64 * height as u64;
+        match format {
+            ::image::ImageFormat::Png => {
+                if let Some(gray) = frugal::png_rows(bytes)? {
+                    return Ok(gray);
+                }
+            }
+            _ if MAX_PROGRESSIVE_PIXELS < pixels && frugal::is_progressive(bytes) => {
+                return Err(format!(
+                    "progressive JPEG of {width}×{height} px; the limit is 24 Mpx, save it as a baseline JPEG"
+                ));
+            }
+            _ if MAX_DECODED_BYTES < 4 * pixels => return frugal::jpeg_luma(bytes),
+            _ => {}
         }
         let mut decoder = reader()?;
         let mut limits = ::image::Limits::default();
@@ -136,6 +157,47 @@ mod tests {
         let error = GrayImage::decode(&png_claiming(60_000, 60_000)).unwrap_err();
         assert!(error.contains("60000×60000") && error.contains("64 Mpx"), "{error}");
         assert!(GrayImage::decode(&png_claiming(5_000, 5_000)).unwrap_err().contains("not a readable"));
+    }
+
+    /// Row by row or whole, the greys are the same.
+    #[test]
+    fn rows_are_decoded_as_the_whole_is() {
+        let bytes: Vec<u8> =
+            (0..40 * 30 * 8u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        for color in [
+            ExtendedColorType::L8,
+            ExtendedColorType::La8,
+            ExtendedColorType::Rgb8,
+            ExtendedColorType::Rgba8,
+            ExtendedColorType::L16,
+            ExtendedColorType::Rgb16,
+            ExtendedColorType::Rgba16,
+        ] {
+            let values = &bytes[..40 * 30 * color.bits_per_pixel() as usize / 8];
+            let file = png(values, 40, 30, color);
+            let rows = frugal::png_rows(&file).unwrap().unwrap();
+            let whole = ::image::load_from_memory(&file).unwrap().into_luma8();
+            assert_eq!(rows.data, whole.into_raw(), "{color:?}");
+        }
+    }
+
+    /// The brightness of a colour JPEG as its file holds it; the whole is weighed from its colours again.
+    #[test]
+    fn a_large_jpeg_gives_its_brightness() {
+        let values: Vec<u8> = (0..64 * 48 * 3u32).map(|k| 40 + (k / 3 % 64 * 2) as u8).collect();
+        let mut file = Vec::new();
+        codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 95)
+            .write_image(&values, 64, 48, ExtendedColorType::Rgb8)
+            .unwrap();
+        let luma = frugal::jpeg_luma(&file).unwrap();
+        let whole = GrayImage::decode(&file).unwrap();
+        assert_eq!((luma.width_px, luma.height_px), (64, 48));
+        assert!(luma.data.iter().zip(&whole.data).all(|(a, b)| a.abs_diff(*b) <= 2));
+        assert!(
+            !frugal::is_progressive(&file)
+                && !frugal::is_progressive(b"")
+                && !frugal::is_progressive(b"\xff\xd8\xff")
+        );
     }
 
     #[test]

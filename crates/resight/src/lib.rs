@@ -4,6 +4,7 @@
 pub use resight_core as core;
 
 pub mod error;
+pub mod input;
 pub mod image;
 pub mod detect;
 pub mod recording;

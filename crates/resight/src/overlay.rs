@@ -10,12 +10,12 @@ pub(crate) mod geometry;
 mod tests;
 
 use crate::GrayImage;
-use crate::core::choose::Ambiguity;
+use crate::core::choose::{Ambiguity, Hypothesis};
 use crate::core::correspondence::Detection;
 use crate::core::locate::PoseEstimate;
 use crate::core::{Camera, Point, Pose, Target};
 use crate::report::verdict::figures;
-use crate::report::words::{distance_with_sigma_m, length, with_sigma};
+use crate::report::words::{distance_sigma_m, distance_with_sigma_m, length, percent, with_sigma};
 use canvas::{Canvas, Color, Path, Pen};
 pub(crate) use geometry::round_down_125;
 use nalgebra::Vector2;
@@ -263,7 +263,8 @@ impl Sheet {
         let length_m = geometry::round_down_125(0.5 * extent);
         self.notes.insert(0, format!("axes {}", length(length_m)));
         if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
-            self.other_axes(camera, &other.cam_from_target, length_m);
+            let probability = estimate.others[0].map_or(0.0, |h| h.weight);
+            self.other_axes(camera, &other.cam_from_target, probability, length_m);
         }
         for (i, (name, color)) in AXES.iter().enumerate().rev() {
             let mut tip = Point::zeros();
@@ -279,7 +280,7 @@ impl Sheet {
     }
 
     /// The other pose's axes, dashed: its points fall where this pose's do, its axes do not.
-    fn other_axes(&mut self, camera: &Camera, other: &Pose, length_m: f64) {
+    fn other_axes(&mut self, camera: &Camera, other: &Pose, probability: f64, length_m: f64) {
         for i in 0..3 {
             let mut tip = Point::zeros();
             tip[i] = length_m;
@@ -287,7 +288,7 @@ impl Sheet {
             let dashes: Vec<Path> = line.iter().flat_map(|path| dashed(path, 5.0 * self.unit)).collect();
             self.canvas.stroke_with_rim(&dashes, self.pen(OTHER, 2.0, 1.0));
         }
-        self.notes.push("magenta: the other pose".into());
+        self.notes.push(format!("magenta: the other pose, {}", percent(probability)));
     }
 
     /// Writes a name beside a place, on the first of four sides where it covers no other name; else leaves it out.
@@ -338,9 +339,18 @@ impl Sheet {
     }
 }
 
-/// View name, distance with its standard deviation, residual.
+/// View name, distance with its standard deviation, residual. Where several poses fit no single standard deviation says how sure the
+/// camera's place is: distances and probabilities of all.
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
+    if 1 < e.n_rivals() {
+        let fits = e.minima().filter(|h| h.is_rival);
+        let one = |h: Hypothesis| {
+            let (distance_m, sigma_m) = distance_sigma_m(&h.minimum.cam_from_target, &h.minimum.covariance);
+            format!("{}: {}", percent(h.weight), with_sigma(distance_m, sigma_m))
+        };
+        return format!("{}   {}", scene.title, fits.map(one).collect::<Vec<_>>().join("  or  "));
+    }
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
     let rms = if e.rms_px < 1e-3 { "below 0.001".to_string() } else { figures(e.rms_px) };
     format!("{}   {}   rms {rms} px", scene.title, with_sigma(distance_m, sigma_m))

@@ -99,7 +99,8 @@ fn only_the_tags_of_a_map_are_reported() {
     let ink = [lone_marker("tag25h9", 1), lone_marker("tag25h9", 4)];
     let two = move |x: f64, y: f64| if x < 0.0 { ink[0](x + 1.5, y) } else { ink[1](x - 1.5, y) };
     let image = photograph(480, 240, &View::new(Pixel::new(240.0, 120.0), 80.0, 0.0, 0.0), two);
-    let map_tag = |id| MapTag { id, size_m: 1.0, world_from_tag: Pose::identity() };
+    let map_tag =
+        |id| MapTag { id, size_m: 1.0, world_from_tag: Pose::identity(), sigma_m: 0.0, sigma_rad: 0.0 };
     let map = TagMap { family: "tag25h9".into(), tags: vec![map_tag(4), map_tag(8)] };
     let found = detect(Target::TagMap(map), &image);
     assert_eq!(

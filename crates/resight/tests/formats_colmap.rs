@@ -119,7 +119,7 @@ fn broken_tables_are_refused_by_line() {
     model.refuses(
         "frames.txt",
         "1 1 1 0 0 0 0 0 4 2 CAMERA 1 1 CAMERA 2\n",
-        &["frames.txt:1:", "6 words, not 5"],
+        &["frames.txt:1:", "2 data ids take three words each; there are 5"],
     );
 }
 

@@ -90,7 +90,13 @@ fn apriltag_corners_are_where_the_pose_puts_them() {
 #[test]
 fn tag_map_shows_each_tag_in_its_place() {
     let at = |x: f64, y: f64, turn: f64| pose([0.0, turn, 0.3], [x, y, 0.2 * turn]);
-    let tag = |id: u32, world_from_tag: Pose| MapTag { id, size_m: 0.15, world_from_tag };
+    let tag = |id: u32, world_from_tag: Pose| MapTag {
+        id,
+        size_m: 0.15,
+        world_from_tag,
+        sigma_m: 0.0,
+        sigma_rad: 0.0,
+    };
     let tags = vec![tag(3, at(-0.3, -0.1, 0.4)), tag(17, at(0.0, 0.1, 0.0)), tag(99, at(0.3, 0.0, -0.4))];
     let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags });
     let scene = Scene::of(map, pose([0.1, 0.2, 0.1], [0.0, 0.0, 1.1]), Style::default());

@@ -5,7 +5,7 @@ use resight::GrayImage;
 use resight::source::stream::{Stream, StreamConfig};
 use resight::source::video::Video;
 use resight::source::{Content, Next, Source};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -286,4 +286,60 @@ fn an_rtsp_camera_is_asked_and_sends() {
     assert!(lost.is_empty() && 20 <= times.len(), "{} frames, {lost:?}", times.len());
     let taken: Vec<f64> = times.iter().map(|(taken_s, _)| *taken_s).collect();
     assert!(4 * even(&taken[5..]) >= 3 * (taken.len() - 6), "{taken:?}");
+}
+
+/// Everybody on a machine can read how its programs were called.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_password_is_nowhere_in_the_list_of_processes() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let bytes = std::fs::read(film("secret.ts", "160x120", 100, &H264)).expect("a film");
+    let address = serve(move |mut visitor| {
+        let (mut request, mut piece) = (Vec::new(), [0; 1024]);
+        while !request.ends_with(b"\r\n\r\n") {
+            match visitor.read(&mut piece) {
+                Ok(n) if 0 < n => request.extend_from_slice(&piece[..n]),
+                _ => return,
+            }
+        }
+        let request = String::from_utf8_lossy(&request).into_owned();
+        // me:s3cret
+        let answer: &[u8] = match request.contains("Authorization: Basic bWU6czNjcmV0") {
+            true => b"HTTP/1.1 200 OK\r\nContent-Type: video/mp2t\r\nConnection: close\r\n\r\n",
+            false => {
+                b"HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic realm=\"x\"\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+            }
+        };
+        let _ = visitor.write_all(answer);
+        if answer.starts_with(b"HTTP/1.1 200") {
+            for piece in bytes.chunks(TS_PACKET * 20) {
+                if visitor.write_all(piece).is_err() {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+        }
+    });
+    let mut stream = stream(&format!("http://me:s3cret@{address}/live.ts"), 20.0);
+    let (mut frames, mut looked, end) = (0, 0, Instant::now() + LONG);
+    while frames < 5 && Instant::now() < end {
+        match stream.next(PATIENCE) {
+            Next::Frame(frame) => {
+                assert!(!frame.name.contains("s3cret"), "{}", frame.name);
+                frames += 1;
+            }
+            Next::Lost(reason) => panic!("{reason}"),
+            Next::Nothing => {}
+            Next::End => break,
+        }
+        for process in std::fs::read_dir("/proc").expect("processes").flatten() {
+            let called = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+            let called = String::from_utf8_lossy(&called).into_owned();
+            assert!(!called.contains("s3cret"), "{called}");
+            looked += usize::from(called.contains("yuv4mpegpipe"));
+        }
+    }
+    assert!(5 <= frames && 0 < looked, "{frames} frames, {looked} looks at ffmpeg");
 }

@@ -52,6 +52,9 @@ pub type ByRod = SMatrix<f64, 5, 3>;
 /// How many later zeros of the moment are listed.
 pub const BRANCHES: usize = 4;
 
+/// The last zero of the moment that is sought, counted from 0; a load that coils its rod up has billions.
+pub(crate) const MOST_ZEROS: usize = 64;
+
 /// Later zeros of the moment on the whisker, by arc length.
 pub type Branches = ArrayVec<HubContact, BRANCHES>;
 
@@ -128,7 +131,7 @@ pub fn later_zeros(rod: &Rod, load: &HubLoad, first: &HubContact, method: Method
         Solver::Straight { ei_n_m2 } => (ei_n_m2, 0.0),
         Solver::Curved { ei_n_m2, curvature_per_m } => (ei_n_m2, curvature_per_m),
         Solver::Integrate => {
-            return integrate::zeros(rod, load).into_iter().skip(1).take(BRANCHES).collect();
+            return integrate::zeros(rod, load, 1 + BRANCHES).into_iter().skip(1).collect();
         }
     };
     // Of a straight whisker zeros lie 2K/λ ≥ π/λ apart.
@@ -160,7 +163,12 @@ pub fn branch_with_derivatives(
 
 /// By central differences, which err by some 1e-10 of their size: the integration carries derivatives only to the first zero.
 fn integrated_branch(rod: &Rod, load: &HubLoad, branch: usize) -> Result<(HubContact, ByLoad), NoZero> {
-    let zero = |load: &HubLoad| integrate::zeros(rod, load).get(branch).copied().ok_or(NoZero::NeverVanishes);
+    if MOST_ZEROS < branch {
+        return Err(NoZero::NeverVanishes);
+    }
+    let zero = |load: &HubLoad| {
+        integrate::zeros(rod, load, branch + 1).get(branch).copied().ok_or(NoZero::NeverVanishes)
+    };
     let (at, force) = (zero(load)?, load.force_n().norm());
     let mut by_load = ByLoad::zeros();
     for (column, scale) in [force, force, force * rod.length_m].into_iter().enumerate() {

@@ -28,6 +28,20 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
+    /// A quantity that no whisker has: in another unit, or with a slipped decimal.
+    #[error(
+        "{what} is {seen:.6e}; {least:.3e} to {most:.3e} is possible here; check its unit and its decimals"
+    )]
+    OutOfRange {
+        /// Which quantity, with its unit.
+        what: &'static str,
+        /// The value given.
+        seen: f64,
+        /// The least that is taken.
+        least: f64,
+        /// The most that is taken.
+        most: f64,
+    },
     /// A profile whose knots do not run from the clamp to the tip.
     #[error(
         "{what} has {knots} knots and {values} values, from {first_m} m to {last_m} m; as many values as knots are needed, at increasing arc lengths from 0 to the whisker's length {length_m} m"

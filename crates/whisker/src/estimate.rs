@@ -28,7 +28,8 @@ pub enum Status {
     NoContact,
     /// Something is touched, but too lightly to say where along the whisker.
     LowForce,
-    /// The moment never vanishes: several contacts, a distributed one, or a wrong EI. Also a load that is not a number.
+    /// The moment never vanishes: several contacts, a distributed one, or a wrong EI. Also a load, a pose of the hub or a noise that is
+    /// no number, or too large for its square to be one.
     NoZero,
     /// The moment vanishes beyond the whisker's tip by more than the noise explains.
     BeyondTip,
@@ -99,6 +100,27 @@ impl Contact {
             covariance: turn * in_hub.fixed_view::<3, 3>(0, 0) * turn.transpose()
                 + by_hub * hub_covariance * by_hub.transpose(),
         }
+    }
+
+    /// Whether every number is one, and the covariance could be one: a pose of the hub or a noise that is no number leaves neither.
+    pub fn is_sound(&self) -> bool {
+        let place = [
+            self.x_in_world.x,
+            self.x_in_world.y,
+            self.theta_rad,
+            self.s_m,
+            self.f_normal_n,
+            self.f_tangent_n,
+        ];
+        let covariance = &self.covariance;
+        let is_finite =
+            place.iter().chain(covariance.iter()).all(|v| v.is_finite()) && self.s_sigma_m.is_finite();
+        let minor = |i: usize, j: usize| {
+            covariance[(i, j)].powi(2) <= covariance[(i, i)] * covariance[(j, j)] * (1.0 + 1e-9)
+        };
+        let is_covariance =
+            (0..3).all(|i| 0.0 <= covariance[(i, i)]) && minor(0, 1) && minor(0, 2) && minor(1, 2);
+        is_finite && is_covariance
     }
 
     /// Unit vector from the object to the whisker, across the whisker, world: n = sign(M₀)·(−sin θ, cos θ); the sign is
@@ -246,7 +268,9 @@ fn square_root(covariance: &Matrix3<f64>) -> Matrix3<f64> {
 /// and even odds within three sigmas of it.
 fn verdict(rod: &Rod, load: &HubLoad, covariance: &Matrix3<f64>, contact: &Contact) -> (Status, Mode, f64) {
     let beyond_m = contact.s_m - rod.length_m;
-    let status = if GATE_SIGMAS * contact.s_sigma_m < beyond_m {
+    let status = if !contact.is_sound() {
+        Status::NoZero
+    } else if GATE_SIGMAS * contact.s_sigma_m < beyond_m {
         Status::BeyondTip
     } else if MOST_ALONG_SHARE * rod.length_m < contact.s_sigma_m || is_weak(load, covariance) {
         Status::LowForce

@@ -142,6 +142,7 @@ fn status(
     let is_weak = projection.load.force_n().norm() < LEAST_FORCE_SIGMAS * sigma_n;
     match raw.status {
         Status::NoContact => Status::NoContact,
+        _ if !contact.is_sound() => Status::NoZero,
         Status::NoZero | Status::BeyondTip if INCONSISTENT_CHI2 < projection.chi2 => raw.status,
         _ if INCONSISTENT_CHI2 < projection.chi2 => Status::Inconsistent,
         _ if is_weak || MOST_ALONG_SHARE * rod.length_m < contact.s_sigma_m => Status::LowForce,

@@ -44,6 +44,17 @@ pub enum IntrinsicCurvature {
     },
 }
 
+/// Lengths of whiskers, metres: from a mite's hair to a mast.
+const LENGTHS_M: [f64; 2] = [1e-5, 100.0];
+/// Thickest whisker, as a share of its length: a rod thicker than that shears, which the elastica does not know.
+pub(crate) const THICKEST_SHARE: f64 = 0.2;
+/// Stiffnesses, N·m²: from the tip of a rat's smallest whisker with room, to a steel mast.
+const EI_N_M2: [f64; 2] = [1e-20, 1e8];
+/// Softest over stiffest part: a tip of a thousandth of the diameter at the clamp.
+const LEAST_EI_RATIO: f64 = 1e-12;
+/// Most of a turn that an unloaded whisker is curled up by, radians: two whole turns.
+const MOST_TURN_RAD: f64 = 4.0 * std::f64::consts::PI;
+
 /// A whisker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rod {
@@ -70,8 +81,45 @@ impl Rod {
         Ok(rod)
     }
 
-    /// Refuses what is no rod.
+    /// Refuses what is no rod, or none that the elastica describes: too short, long, soft, stiff, thick, tapered or coiled for any
+    /// whisker, as a slipped decimal or another unit makes it.
     pub fn check(&self) -> Result<(), Error> {
+        self.check_numbers()?;
+        let length_m = self.length_m;
+        within("the whisker's length, m", length_m, LENGTHS_M)?;
+        let thickest_m = self.diameters_m[0].max(self.diameters_m[1]);
+        within("the whisker's diameter, m", thickest_m, [0.0, THICKEST_SHARE * length_m])?;
+        let (softest, stiffest) = self.ei_range_n_m2();
+        within("the whisker's EI, N·m²", softest, EI_N_M2)?;
+        within("the whisker's EI, N·m²", stiffest, EI_N_M2)?;
+        within("the whisker's smallest EI over its largest", softest / stiffest, [LEAST_EI_RATIO, 1.0])?;
+        let curvature = match &self.intrinsic_curvature {
+            IntrinsicCurvature::Constant { per_m } => per_m.abs(),
+            IntrinsicCurvature::Profile { per_m, .. } => per_m.iter().fold(0.0, |most, k| k.abs().max(most)),
+        };
+        within(
+            "the whisker's intrinsic curvature times its length, rad",
+            curvature * length_m,
+            [0.0, MOST_TURN_RAD],
+        )
+    }
+
+    /// Smallest and largest EI, N·m².
+    fn ei_range_n_m2(&self) -> (f64, f64) {
+        match &self.stiffness {
+            Stiffness::Uniform { ei_n_m2 } => (*ei_n_m2, *ei_n_m2),
+            Stiffness::Taper { ei_base_n_m2, taper } => {
+                let tip = ei_base_n_m2 * (1.0 - taper).powi(4);
+                (ei_base_n_m2.min(tip), ei_base_n_m2.max(tip))
+            }
+            Stiffness::Profile { ei_n_m2, .. } => {
+                ei_n_m2.iter().fold((f64::INFINITY, 0.0), |(low, high), ei| (ei.min(low), ei.max(high)))
+            }
+        }
+    }
+
+    /// Refuses what is no number, not positive where it must be, or no profile.
+    fn check_numbers(&self) -> Result<(), Error> {
         positive("the whisker's length", self.length_m)?;
         self.diameters_m.iter().try_for_each(|d| not_negative("the whisker's diameter", *d))?;
         match &self.stiffness {
@@ -104,6 +152,18 @@ impl Rod {
             return Ok(());
         }
         Err(Error::BadProfile { what, knots: s_m.len(), values, first_m, last_m, length_m: self.length_m })
+    }
+
+    /// How many knots its profiles have.
+    pub(crate) fn knots(&self) -> usize {
+        let stiffness = match &self.stiffness {
+            Stiffness::Profile { s_m, .. } => s_m.len(),
+            _ => 0,
+        };
+        match &self.intrinsic_curvature {
+            IntrinsicCurvature::Profile { s_m, .. } => stiffness + s_m.len(),
+            IntrinsicCurvature::Constant { .. } => stiffness,
+        }
     }
 
     /// EI at an arc length, N·m²; past the tip that of the tip.
@@ -159,6 +219,12 @@ fn interpolated(knots_m: &[f64], value: impl Fn(usize) -> f64, s_m: f64) -> f64 
     }
     let share = (s_m - knots_m[next - 1]) / (knots_m[next] - knots_m[next - 1]);
     value(next - 1) + share * (value(next) - value(next - 1))
+}
+
+fn within(what: &'static str, seen: f64, [least, most]: [f64; 2]) -> Result<(), Error> {
+    // A ratio of equal numbers may exceed 1 by its rounding.
+    let is_within = least <= seen && seen <= most * (1.0 + 1e-12);
+    if is_within { Ok(()) } else { Err(Error::OutOfRange { what, seen, least, most }) }
 }
 
 fn finite(per_m: &[f64]) -> Result<(), Error> {

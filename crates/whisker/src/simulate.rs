@@ -20,7 +20,7 @@ mod tests;
 
 pub use equilibrium::Touching;
 pub use noise::add_noise;
-pub use path::{Motion, Spacing, standard_sweeps, sweep};
+pub use path::{MOST_SAMPLES, Motion, Spacing, standard_sweeps, sweep};
 
 use crate::{Error, HubLoad, PlanarPose, Rod, Sample, Shape};
 use equilibrium::{Outline, State};

@@ -183,7 +183,7 @@ fn later_zeros_are_zeros_of_the_integrated_moment() {
         let at = load(-0.4, 1.1, 0.05);
         let first = contact_in_hub(&long, &at, Method::Auto).expect("a contact");
         let later = later_zeros(&long, &at, &first, Method::Auto);
-        let integrated = resight_whisker::contact::integrate::zeros(&long, &at);
+        let integrated = resight_whisker::contact::integrate::zeros(&long, &at, 100);
         assert_eq!(integrated.len().min(BRANCHES + 1), later.len() + 1, "{per_m}");
         assert!(1 < integrated.len(), "{per_m}");
         for (closed, by_steps) in std::iter::once(&first).chain(&later).zip(&integrated) {

@@ -246,16 +246,16 @@ fn later_zeros_of_a_wave() {
     let rod = rod(Stiffness::Uniform { ei_n_m2: 0.0098 }, 0.0);
     // u = K(k) − F(φ₀) at the first zero; 2K(k) between zeros: here k is small, and 2K is π (1 + k²/4).
     let pushed = load([-5.0, 0.0, 0.002]);
-    let zeros = integrate::zeros(&rod, &pushed);
+    let zeros = integrate::zeros(&rod, &pushed, 100);
     let closed = closed_form::straight(0.0098, &pushed).expect("a contact");
     assert!((zeros[0].x_in_hub - closed.x_in_hub).norm() < 1e-12 * LENGTH_M);
     let spacing = std::f64::consts::PI * (0.0098_f64 / 5.0).sqrt() * (1.0 + closed.modulus_squared / 4.0);
     assert_eq!(zeros.len(), 2);
     assert!((zeros[1].s_m - zeros[0].s_m - spacing).abs() < 1e-5 * spacing);
-    assert!(integrate::zeros(&rod, &load([-0.4, 0.47, 0.0885])).len() == 1);
+    assert!(integrate::zeros(&rod, &load([-0.4, 0.47, 0.0885]), 100).len() == 1);
     let (second, by_load, _) = integrate::derivatives(&rod, &pushed, 1).expect("a second zero");
     assert_eq!(second, zeros[1]);
-    let ends = [1e-7, -1e-7].map(|step| integrate::zeros(&rod, &load([-5.0, step, 0.002]))[1].s_m);
+    let ends = [1e-7, -1e-7].map(|step| integrate::zeros(&rod, &load([-5.0, step, 0.002]), 100)[1].s_m);
     let difference = (ends[0] - ends[1]) / 2e-7;
     assert!((by_load[(3, 1)] - difference).abs() < 1e-6 * difference.abs(), "{difference} {by_load}");
 }

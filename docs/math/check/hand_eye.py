@@ -1,4 +1,4 @@
-"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (16) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
+"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
 with the answers of OpenCV's calibrateHandEye and calibrateRobotWorldHandEye.
 
 OpenCV 5.0 has no Python binding of the two. python hand_eye.py --table prints the table with OpenCV 4; without it the committed problems
@@ -116,6 +116,69 @@ def equations():
     assert abs(by_shift + ((r * d).T * tiny[0][3:])[0]) < 1e-33
 
 
+def definite(n, scale=1):
+    root = matrix(n, n, scale)
+    return root * root.T + mp.eye(n) * scale**2
+
+
+def elimination():
+    """(14): the minimum over u, by solving for it."""
+    s, n = definite(6), definite(6)
+    g, m, delta = matrix(6, 1), matrix(6, 1), matrix(6, 1)
+    inverse = s**-1
+    u = (inverse + n) ** -1 * (g - inverse * (m - delta))
+    e = m + u - delta
+    least = (e.T * inverse * e - 2 * g.T * u + u.T * n * u)[0]
+    share = (mp.eye(6) + n * s) ** -1
+    weight = share * n
+    chi2 = (-g.T * s * share * g + 2 * m.T * share * g + m.T * weight * m)[0]
+    gradient = share * g + weight * m
+    quadratic = chi2 - 2 * (gradient.T * delta)[0] + (delta.T * weight * delta)[0]
+    assert abs(least - quadratic) < 1e-28
+
+
+def variances():
+    """(18): a turn about a point leaves it in place. (19)-(22): score by differences of the likelihood, information by P."""
+    p, w = matrix(3, 1), matrix(3, 1)
+    turned = hat(w) * p + hat(p) * w
+    assert mp.norm(turned) < 1e-30
+    rows, columns = 9, 3
+    parts = [definite(rows) for _ in range(2)]
+    own, d, r = definite(rows), matrix(rows, columns), matrix(rows, 1)
+    theta = [mp.mpf("0.7"), mp.mpf("1.3")]
+
+    def at(theta):
+        v = own + parts[0] * theta[0] + parts[1] * theta[1]
+        weight = v**-1
+        m = d.T * weight * d
+        phi = m**-1
+        x = phi * d.T * weight * r
+        likelihood = -(mp.log(mp.det(v)) + mp.log(mp.det(m)) + (r.T * weight * r - x.T * m * x)[0]) / 2
+        return likelihood, weight, phi, r - d * x
+
+    trace = lambda a: sum(a[i, i] for i in range(a.rows))
+    _, weight, phi, e = at(theta)
+    big = weight - weight * d * phi * d.T * weight
+    assert mp.norm(big * r - weight * e) < 1e-28
+    m = [d.T * weight * v * weight * d for v in parts]
+    for k in range(2):
+        score = ((e.T * weight * parts[k] * weight * e)[0] - trace(weight * parts[k]) + trace(phi * m[k])) / 2
+        step = mp.mpf("1e-12")
+        moved = lambda sign: at([t + (sign * step if i == k else 0) for i, t in enumerate(theta)])[0]
+        assert abs((moved(1) - moved(-1)) / (2 * step) - score) < 1e-18
+        for l in range(2):
+            q = d.T * weight * parts[k] * weight * parts[l] * weight * d
+            shorter = trace(weight * parts[k] * weight * parts[l]) / 2 - trace(phi * q) + trace(phi * m[k] * phi * m[l]) / 2
+            assert abs(trace(big * parts[k] * big * parts[l]) / 2 - shorter) < 1e-26
+    # (25): a larger target moves the pose by its translation.
+    pose, delta = exp(matrix(6, 1)), mp.mpf("1e-18")
+    larger = pose.copy()
+    for i in range(3):
+        larger[i, 3] *= 1 + delta
+    motion = mp.matrix([0, 0, 0, *(pose[:3, 3] * delta)])
+    assert mp.norm(larger * pose**-1 - exp(motion)) < 1e-33
+
+
 # OpenCV's answers to noisy problems, for the test that compares.
 
 HAND_EYE = ["Tsai", "Park", "Horaud", "Andreff", "Daniilidis"]
@@ -227,5 +290,7 @@ if "--table" in sys.argv:
     print("\n".join(table(answers)))
 else:
     equations()
+    elimination()
+    variances()
     check_table()
     print("hand_eye.md: all equations hold; the table is OpenCV's")

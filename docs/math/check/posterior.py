@@ -76,3 +76,10 @@ check("(10) Woodbury", direct - woodbury)
 w, c, nu, point = (sp.Matrix(sp.symbols(f"{name}1:4")) for name in ("w", "c", "n", "x"))
 about_centre = nu - c.cross(w)
 check("(11) change of pivot", (w.cross(point) + nu) - (w.cross(point - c) + about_centre))
+
+# (10a): poses and parameters integrated out, det(JᵀJ … KᵀK + C⁻¹) det C = det JᵀJ det(1 + M C).
+jj, kk = rational(7, 3), rational(7, 2)
+cc = positive(2)
+whole = sp.BlockMatrix([[jj.T * jj, jj.T * kk], [kk.T * jj, kk.T * kk + cc.inv()]]).as_explicit()
+mm = kk.T * kk - kk.T * jj * (jj.T * jj).inv() * jj.T * kk
+check("(10a) determinant with parameters integrated out", whole.det() * cc.det() - (jj.T * jj).det() * (sp.eye(2) + mm * cc).det())

@@ -169,3 +169,25 @@ for rho in (2 * k_ * sp.sqrt(s_) - k_**2, k_**2 * sp.log(1 + s_ / k_**2)):
 assert sp.simplify((2 * k_ * sp.sqrt(s_) - k_**2).diff(s_).subs(s_, k_**2)) == 1
 
 print("refine.md section 10: losses and their efficiencies hold")
+
+# (8b): the derivative of log det C is tr C⁻¹C′, and what the weights' own change adds to χ² has that mean.
+z, s1, s2, k = sp.symbols("z s1 s2 k", positive=True)
+root = sp.Matrix([[s1 + k / z, k / z**2], [0, s2 + 2 * k / z]])
+spread = root * root.T
+inner = sp.simplify((spread.inv() * spread.diff(z)).trace())
+assert sp.simplify(sp.log(spread.det()).diff(z) - inner) == 0
+# E rᵀA r = tr A C for r of covariance C: with A = C⁻¹C′C⁻¹ the trace above.
+assert sp.simplify((spread.inv() * spread.diff(z) * spread.inv() * spread).trace() - inner) == 0
+print("ok  (8b) mean of the change of the weights")
+
+# χ² by the weights of every pose falls to 0 as the camera runs into a point; with the log-determinant it does not.
+import mpmath as _mp
+_mp.mp.dps = 50
+_f, _sm, _sp, _x, _u = _mp.mpf(800), _mp.mpf("0.005"), _mp.mpf("0.3"), _mp.mpf("0.3"), _mp.mpf(80)
+def _cost(depth):
+    by = _mp.matrix([[_f / depth, -_f * _x / depth**2]])
+    variance = _sp**2 + _sm**2 * (by * by.T)[0]
+    return (_u - _f * _x / depth) ** 2 / variance, _mp.log(variance / _sp**2)
+_true, _near = _cost(_mp.mpf(3)), _cost(_mp.mpf("1e-6"))
+assert _true[0] < 1e-30 and _near[0] < 1e-6 and 40 < _near[1] - _true[1], (_true, _near)
+print("ok  (8a) no false minimum near the points")

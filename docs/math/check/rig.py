@@ -190,4 +190,20 @@ for k_ in (mp.mpf(3), mp.mpf("4.2919320525786945")):
     assert abs(half / within - formula) < 1e-25
 gate = mp.sqrt(-2 * mp.log(mp.mpf("1e-4")))
 assert abs(gate - mp.mpf("4.291932052578694")) < 1e-14
+# (14)-(16): four more parameters at a minimum of the others, against the whole system with them.
+more = matrix(jac.rows, 4)
+several = mp.matrix(jac.rows, k + 4)
+several[:, :k] = jac
+several[:, k:] = more
+system = (several.T * several) ** -1
+own_more, common_more = more.T * more, jac.T * more
+left_more = own_more - common_more.T * ((jac.T * jac) ** -1) * common_more
+step = left_more**-1 * (more.T * res)
+whole = system * (several.T * res)
+close(step, whole[k:, 0])
+close(left_more**-1, system[k:, k:])
+explained = ((more.T * res).T * step)[0]
+before, after = (res.T * res)[0], ((res - several * whole).T * (res - several * whole))[0]
+assert abs(before - after - explained) < 1e-25
+
 print("rig.md: all equations hold")

@@ -1,4 +1,4 @@
-"""Checks docs/math/survey.md: eqs. (2)-(7), (9)-(12), (15)-(18) at random points to 40 digits. Needs mpmath."""
+"""Checks docs/math/survey.md: eqs. (2)-(7), (9)-(12), (15)-(24) at random points to 40 digits. Needs mpmath."""
 
 import random
 
@@ -230,5 +230,42 @@ for row in range(2):
         b_matrix[row, 2 + k], b_matrix[row, 5 + k] = -turn[row, k], -j[row, k]
 b_matrix[2, 8], b_matrix[2, 9], b_matrix[2, 10] = -dot(b1, place - p), -dot(b2, place - p), 1
 assert mp.norm(numeric - m_inverse * b_matrix) < mp.mpf("1e-9") * mp.norm(numeric)
+
+# (19)-(22): a length between two points of a plane, seen by one camera.
+nu = mp.matrix([mp.mpf("0.03"), mp.mpf("0.6"), mp.mpf("0.15")])
+rays = [unit(mp.matrix([mp.mpf("-0.4"), mp.mpf("0.3"), 1])), unit(mp.matrix([mp.mpf("0.2"), mp.mpf("0.2"), 1]))]
+on_plane = [ray / dot(nu, ray) for ray in rays]
+assert all(abs(dot(nu, q) - 1) < TIGHT for q in on_plane)
+m = cross(*rays)
+assert mp.norm(on_plane[0] - on_plane[1] - cross(nu, m) / (dot(nu, rays[0]) * dot(nu, rays[1]))) < TIGHT
+assert mp.norm(rays[0] * dot(nu, rays[1]) - rays[1] * dot(nu, rays[0]) - cross(nu, m)) < TIGHT
+
+
+def log_length(v):
+    return mp.log(mp.norm(cross(v, m))) - mp.log(dot(v, rays[0])) - mp.log(dot(v, rays[1]))
+
+
+by_nu = (nu * dot(m, m) - m * dot(m, nu)) / mp.norm(cross(nu, m)) ** 2
+by_nu -= rays[0] / dot(nu, rays[0]) + rays[1] / dot(nu, rays[1])
+assert mp.norm(derivative(lambda d: log_length(nu + d), 3) - by_nu.T) < TIGHT
+assert abs(log_length(3 * nu) - log_length(nu) + mp.log(3)) < TIGHT
+
+# (23): what the rest foresees of a fact is tested as (15) tests it within the whole, where everything is linear.
+rows, seen = rand(9, 4), rand(9)
+kept, mine = rows[:7, :], rows[7:, :]
+cov_all, cov_rest = (rows.T * rows) ** -1, (kept.T * kept) ** -1
+left_all = seen - rows * (cov_all * (rows.T * seen))
+left = seen[7:] - mine * (cov_rest * (kept.T * seen[:7]))
+within = left_all[7:]
+by_whole = dot(within, (mp.eye(2) - mine * cov_all * mine.T) ** -1 * within)
+by_rest = dot(left, (mp.eye(2) + mine * cov_rest * mine.T) ** -1 * left)
+assert abs(by_whole - by_rest) < TIGHT * by_rest
+assert mp.norm((mp.eye(2) - mine * cov_all * mine.T) ** -1 * within - left) < TIGHT * mp.norm(left)
+
+# (24): the height over the longest side is twice the area over that side.
+a, b, c = rand(3), rand(3), rand(3)
+along = unit(b - a)
+height = mp.norm(cross(c - a, along))
+assert abs(height - mp.norm(cross(b - a, c - a)) / mp.norm(b - a)) < TIGHT
 
 print("survey.md: all equations hold")

@@ -6,7 +6,7 @@ mod read;
 mod say;
 mod target;
 
-use crate::args::positive;
+use crate::args::{TagArgs, positive};
 use crate::output::Outcome;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -147,7 +147,7 @@ impl Advise {
     /// The target file, its warnings told.
     fn target(&self) -> Result<resight::core::Target> {
         let Some(path) = &self.target else { bail!("--target FILE is needed") };
-        super::target(path, |text| self.remark(text))
+        Ok(super::target(path, &TagArgs::default(), |text| self.remark(text))?.0)
     }
 
     fn remark(&self, text: &str) {

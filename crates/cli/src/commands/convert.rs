@@ -121,7 +121,7 @@ fn refused(args: &Convert, reason: &str) -> Result<Outcome> {
     if args.json {
         print(&format!("{}\n", serde_json::json!({ "error": reason })))?;
     }
-    Ok(Outcome::SomeUnanswered)
+    Ok(Outcome::of([resight::report::verdict::Status::Error]))
 }
 
 fn read(args: &Convert) -> Result<CameraFile> {

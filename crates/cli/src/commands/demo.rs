@@ -7,14 +7,16 @@ use crate::args::OutputArgs;
 use crate::output::{Outcome, Printer, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use resight::core::choose::Ambiguity;
+use resight::core::choose::{Ambiguity, Hypothesis};
 use resight::core::locate::{Method, PoseEstimate};
 use resight::core::{Matrix6, Pose};
 use resight::detect::Detector;
 use resight::report::html::Page;
 use resight::report::truth::{self, CHI2_6_99, point_covariance};
 use resight::report::verdict::{Status, figures};
-use resight::report::words::{coordinate, degrees, length, place_with_sigma_m, with_sigma};
+use resight::report::words::{
+    coordinate, degrees, length, percent, place_sigma_m, place_with_sigma_m, with_sigma,
+};
 use serde::Serialize;
 use shipped::Truth;
 use std::path::{Path, PathBuf};
@@ -24,7 +26,8 @@ use std::path::{Path, PathBuf};
 /// Shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
 /// answers, and a camera file that is wrong; writes pictures and a page to look at.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  resight demo -o resight-demo")]
+#[command(after_help = "Example:\n  resight demo -o resight-demo\n\n\
+    Exit status: 0 when every answer is as the known truth demands, also the two that are shown because they are not `ok`; 1 otherwise.")]
 pub struct Demo {
     /// Folder for pictures, results and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "resight-demo")]
@@ -116,8 +119,13 @@ impl Story {
         let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
         let camera_path = self.folder.join(camera);
         let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
-        let sight =
-            Sight { camera: &camera_file, target: &target_file, method: Method::Auto, intrinsics: None };
+        let sight = Sight {
+            camera: &camera_file,
+            target: &target_file,
+            method: Method::Auto,
+            intrinsics: None,
+            remarks: &[],
+        };
         let seen = sight.look(&mut Detector::new(&target_file)?, &path);
         let status = seen.answer.verdict.status;
         if status != expected {
@@ -130,7 +138,7 @@ impl Story {
         self.page.pictures(&[(&picture, &format!("{image}.png, {target}, {camera}"))]).preformatted(&words);
         self.row(number, title, &seen, &truth);
         let heading = format!("{number}  {title}   [{image}.png, {camera}]\n{words}");
-        self.printer.result(&seen.answer.json(), &heading, true)?;
+        self.printer.result(&seen.answer.json(), &heading, as_expected(status == expected))?;
         Ok(seen)
     }
 
@@ -194,7 +202,7 @@ impl Story {
             covariance: crate::answer::rows(&covariance),
             truth_normalized_squared: check.map(|c| c.normalized_squared),
         };
-        self.printer.result(&pair, &format!("{number}  {title}\n{words}"), true)
+        self.printer.result(&pair, &format!("{number}  {title}\n{words}"), Status::Ok)
     }
 
     fn finish(mut self) -> Result<Outcome> {
@@ -213,12 +221,18 @@ impl Story {
         }
         let surprised = !self.surprises.is_empty();
         let outcome = self.printer.finish()?;
-        Ok(if surprised { Outcome::SomeUnanswered } else { outcome })
+        Ok(outcome.and(Outcome::of([as_expected(!surprised)])))
     }
 
     fn say(&self, text: &str) -> Result<()> {
         if self.json { Ok(()) } else { print(text) }
     }
+}
+
+/// The demo's own result is whether the program answers pictures of known truth as it must: two of the answers are shown because they are
+/// not `ok`, and a demo that shows them so has succeeded. Their own statuses are printed.
+fn as_expected(is_as_expected: bool) -> Status {
+    if is_as_expected { Status::Ok } else { Status::Error }
 }
 
 fn estimate(seen: &Seen) -> Result<&PoseEstimate> {
@@ -235,7 +249,14 @@ fn told(seen: &Seen, truth: &Pose) -> String {
         return out;
     };
     let (place, sigma) = place_with_sigma_m(e);
-    crate::text::line(&mut out, "camera at", &place_row(&place, &sigma));
+    let fitting: Vec<Hypothesis> = e.minima().filter(|h| h.is_rival).collect();
+    for (i, fits) in fitting.iter().enumerate() {
+        let pose = &fits.minimum.cam_from_target;
+        let row = place_row(&pose.origin(), &place_sigma_m(pose, &fits.minimum.covariance));
+        let label = if i == 0 { "camera at" } else { "or at" };
+        let chance = if 1 < fitting.len() { format!("   ({})", percent(fits.weight)) } else { String::new() };
+        crate::text::line(&mut out, label, &(row + &chance));
+    }
     crate::text::line(&mut out, "truth", &truth_row(&truth.origin(), &sigma));
     crate::text::line(
         &mut out,
@@ -248,8 +269,6 @@ fn told(seen: &Seen, truth: &Pose) -> String {
         ),
     );
     if let Ambiguity::Ambiguous { other, .. } = &e.ambiguity {
-        let sigma = sigma.map(|_| sigma.max());
-        crate::text::line(&mut out, "or at", &truth_row(&other.cam_from_target.origin(), &sigma));
         let nearer =
             (other.cam_from_target.origin() - truth.origin()).norm() < (place - truth.origin()).norm();
         let which = if nearer { "second" } else { "first" };

@@ -1,12 +1,13 @@
 //! `detect`: where the target's points are in each image.
 
-use crate::args::{CornerArgs, OutputArgs};
+use crate::args::{CornerArgs, OutputArgs, TagArgs};
 use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::detect::Detector;
+use resight::report::verdict::Status;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -24,6 +25,8 @@ pub struct Detect {
     #[command(flatten)]
     corners: CornerArgs,
     #[command(flatten)]
+    tags: TagArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -31,8 +34,8 @@ pub struct Detect {
 struct Found {
     view: String,
     detections: Vec<DetectionObject>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    status: Option<&'static str>,
+    #[serde(serialize_with = "crate::answer::status_name")]
+    status: Status,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
 }
@@ -63,13 +66,13 @@ pub fn run(args: &Detect) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
     let mut printer = Printer::new(&args.output, images.len());
-    let target = super::target(&args.target, |warning| printer.remark(warning))?;
+    let (target, _) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
     let work = |detector: &mut Detector, path: &PathBuf| detect(detector, path);
     super::detect_in_order(
         &images,
         || args.corners.detector(&target),
         work,
-        |found: Found| printer.result(&found, &describe(&found), !found.detections.is_empty()),
+        |found: Found| printer.result(&found, &describe(&found), found.status),
     )?;
     printer.finish()
 }
@@ -80,12 +83,13 @@ fn detect(detector: &mut Detector, path: &Path) -> Found {
         .map_err(|e| e.to_string())
         .and_then(|image| detector.detect(&image).map_err(|e| e.to_string()));
     match found {
-        Err(reason) => Found { view, detections: Vec::new(), status: Some("error"), message: Some(reason) },
+        Err(reason) => Found { view, detections: Vec::new(), status: Status::Error, message: Some(reason) },
         Ok(detections) => {
             let detections: Vec<_> = detections.iter().map(DetectionObject::from).collect();
             let missing = detections.is_empty();
             let message = missing.then(|| "no target in this image".to_string());
-            Found { view, detections, status: missing.then_some("not_found"), message }
+            let status = if missing { Status::NotFound } else { Status::Ok };
+            Found { view, detections, status, message }
         }
     }
 }

@@ -13,7 +13,7 @@ pub struct Explain {
     /// A file in any format that Resight reads.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// JSON Lines: {"file", "text"}.
+    /// JSON Lines: {"file", "text", "remarks"}; remarks only where there are any.
     #[arg(long)]
     json: bool,
 }
@@ -22,6 +22,9 @@ pub struct Explain {
 struct Explanation {
     file: String,
     text: String,
+    /// What is unusual about the file, such as lengths that are hardly metres.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
 }
 
 /// See `Explain`.
@@ -30,11 +33,16 @@ pub fn run(args: &Explain) -> Result<Outcome> {
         crate::files::must_exist(path)?;
         let text = resight::formats::explain(path)?;
         let text = text.trim_end();
+        let remarks = resight::formats::remarks(path);
+        remarks
+            .iter()
+            .for_each(|text| crate::output::remark(&format!("warning: {}: {text}", path.display())));
         match args.json {
             true => {
                 let line = serde_json::to_string(&Explanation {
                     file: path.display().to_string(),
                     text: text.to_string(),
+                    remarks,
                 })?;
                 print(&format!("{line}\n"))?;
             }

@@ -7,7 +7,8 @@ use crate::turned;
 use anyhow::{Context, Result};
 use clap::Args;
 use resight::GrayImage;
-use resight::landmarks::{Landmarks as Reference, Sighting};
+use resight::landmarks::{Landmarks as Reference, NotSighted, Sighting};
+use resight::report::verdict::Status;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +37,7 @@ pub struct Landmarks {
 /// What one picture said.
 struct Compared {
     view: String,
-    seen: Result<Sighting, String>,
+    seen: Result<Sighting, (Status, String)>,
 }
 
 /// See `Landmarks`.
@@ -57,7 +58,7 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
         |(image, drawn)| compared(&reference, image, drawn.as_deref()),
         |compared: Result<Compared>| {
             let compared = compared?;
-            printer.result(&compared.object(), &compared.words(), compared.is_answered())
+            printer.result(&compared.object(), &compared.words(), compared.status())
         },
     )?;
     printer.finish()
@@ -68,9 +69,12 @@ fn compared(reference: &Reference, path: &Path, drawn: Option<&Path>) -> Result<
     let view = path.display().to_string();
     let image = match GrayImage::read(path) {
         Ok(image) => image,
-        Err(reason) => return Ok(Compared { view, seen: Err(reason.to_string()) }),
+        Err(reason) => return Ok(Compared { view, seen: Err((Status::Error, reason.to_string())) }),
     };
-    let seen = reference.sight(&image, None).map_err(|reason| reason.to_string());
+    let seen = reference.sight(&image, None).map_err(|reason| {
+        let is_other_size = matches!(reason, NotSighted::Size { .. });
+        (if is_other_size { Status::Error } else { Status::NotFound }, reason.to_string())
+    });
     if let (Some(file), Ok(sighting)) = (drawn, &seen) {
         draw(&image, sighting, file)?;
     }
@@ -85,23 +89,27 @@ fn draw(image: &GrayImage, sighting: &Sighting, file: &Path) -> Result<()> {
 }
 
 impl Compared {
-    /// A turn that most landmarks contradict is shown, but no answer.
-    fn is_answered(&self) -> bool {
-        self.seen.as_ref().is_ok_and(|sighting| sighting.turn.is_consistent())
+    /// A turn that most landmarks contradict is shown, but not to be used.
+    fn status(&self) -> Status {
+        match &self.seen {
+            Ok(sighting) if sighting.turn.is_consistent() => Status::Ok,
+            Ok(_) => Status::Inconsistent,
+            Err((status, _)) => *status,
+        }
     }
 
     fn words(&self) -> String {
         match &self.seen {
             Ok(sighting) => format!("{}\n  {}\n", self.view, turned::words(sighting)),
-            Err(reason) => format!("{}\n  {reason}\n", self.view),
+            Err((_, reason)) => format!("{}\n  {reason}\n", self.view),
         }
     }
 
     fn object(&self) -> Value {
-        let mut object = json!({"view": self.view});
+        let mut object = json!({"view": self.view, "status": self.status().name()});
         match &self.seen {
             Ok(sighting) => turned::add_to(&mut object, sighting),
-            Err(reason) => object["message"] = json!(reason),
+            Err((_, reason)) => object["message"] = json!(reason),
         }
         object
     }

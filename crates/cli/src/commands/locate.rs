@@ -1,18 +1,20 @@
 //! `locate`: from images to poses.
 
 use crate::answer::Answer;
-use crate::args::{CornerArgs, OutputArgs, parse_method};
+use crate::args::{CornerArgs, OutputArgs, TagArgs, parse_method};
 use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
 use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
 use resight::GrayImage;
-use resight::core::correspondence::{Detection, Skipped, correspond};
-use resight::core::locate::{Config, Method, locate};
+use resight::core::correspondence::{Detection, Skipped};
+use resight::core::locate::{Config, Method};
 use resight::core::observability::Observability;
+use resight::core::tag_map::locate_target;
 use resight::core::target::Feature;
 use resight::core::{Camera, Correspondence, Target};
 use resight::detect::Detector;
+use resight::detect::absent::instead_of;
 use resight::overlay::{self, Tone};
 use resight::report::verdict::{self, Status};
 use std::path::{Path, PathBuf};
@@ -20,7 +22,8 @@ use std::path::{Path, PathBuf};
 /// Finds the target in each image and says where the camera was, how sure that is, and whether another pose fits.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay pictures"
+    after_help = "Examples:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay pictures\n  \
+        resight locate field.jpg --camera camera.yml --target 2023-chargedup.json --tag-family tag16h5 --tag-size-m 0.1524"
 )]
 pub struct Locate {
     /// PNG or JPEG images, or patterns such as 'photos/*.png'.
@@ -43,6 +46,8 @@ pub struct Locate {
     #[command(flatten)]
     corners: CornerArgs,
     #[command(flatten)]
+    tags: TagArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -53,14 +58,15 @@ pub fn run(args: &Locate) -> Result<Outcome> {
     let camera = super::camera(&args.camera)?;
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
     let mut printer = Printer::new(&args.output, images.len());
-    let target = super::target(&args.target, |warning| printer.remark(warning))?;
+    let (target, remarks) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
     let pictures = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
     let jobs: Vec<(PathBuf, Option<PathBuf>)> = images
         .into_iter()
         .enumerate()
         .map(|(i, image)| (image, pictures.as_ref().and_then(|p| p.get(i).cloned())))
         .collect();
-    let sight = Sight { camera: &camera, target: &target, method: args.method, intrinsics };
+    let sight =
+        Sight { camera: &camera, target: &target, method: args.method, intrinsics, remarks: &remarks };
     let work = |detector: &mut Detector, (image, picture): &(PathBuf, Option<PathBuf>)| -> Result<Answer> {
         let view = sight.look(detector, image);
         if let (Some(picture), Some(image)) = (picture, &view.image) {
@@ -74,7 +80,7 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         work,
         |answer| {
             let answer = answer?;
-            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status)
         },
     )?;
     printer.finish()
@@ -107,6 +113,8 @@ pub struct Sight<'a> {
     pub method: Method,
     /// How well the intrinsics are known; none: exactly.
     pub intrinsics: Option<IntrinsicsSigma>,
+    /// What is unusual about the target's file.
+    pub remarks: &'a [String],
 }
 
 /// One image, looked at.
@@ -148,34 +156,49 @@ impl Sight<'_> {
                 );
             }
         };
-        let answer = self.answer(&detections, &camera, view);
+        let answer = match detections.is_empty() {
+            true => self.not_found(&image, view),
+            false => self.answer(&detections, &camera, view),
+        };
+        let answer = Answer { remarks: self.remarks.to_vec(), ..answer };
         Seen { image: Some(image), camera: Some(camera), detections, answer }
     }
 
-    fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> Answer {
-        if detections.is_empty() {
-            let what = self.target.kind();
-            let message = format!(
+    /// The size that the intrinsics are of, where `camera` is them at another.
+    fn scaled_from_px(&self, camera: &Camera) -> Option<[u32; 2]> {
+        let calibrated = self.camera.size?;
+        (camera.size != Some(calibrated)).then_some([calibrated.width_px, calibrated.height_px])
+    }
+
+    fn not_found(&self, image: &GrayImage, view: String) -> Answer {
+        let what = self.target.kind();
+        let message = match instead_of(self.target, image) {
+            Some(seen) => format!("no {what} target in this image: {seen}"),
+            None => format!(
                 "no {what} target in this image; check that all of it is visible, sharp and evenly lit"
-            );
-            return Answer::without_pose(view, Status::NotFound, message);
-        }
-        let (seen, skipped) = correspond(detections, self.target, camera);
-        let names: Vec<String> =
-            seen.iter().map(|(feature, _)| feature_name(*feature, self.target)).collect();
-        let points: Vec<_> = seen.iter().map(|(_, c)| *c).collect();
-        let skipped = skipped.iter().map(|s| skipped_text(s, self.target)).collect();
-        let sigma_px = mean_square_root(points.iter().map(|c| c.sigma_px));
+            ),
+        };
+        Answer::without_pose(view, Status::NotFound, message)
+    }
+
+    fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> Answer {
         let intrinsics_covariance = self.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
         let config = Config {
             method: self.method,
             intrinsics_covariance: intrinsics_covariance.as_deref(),
             ..Config::default()
         };
-        let (verdict, estimate) = match locate(&points, camera, &config) {
-            Ok(e) => (verdict::of_estimate(&e, |i| names.get(i).cloned().unwrap_or_default(), "px"), Some(e)),
-            Err(reason) => (verdict::of_error(&reason), None),
-        };
+        let found = locate_target(detections, self.target, camera, &config);
+        let names: Vec<String> = found.features.iter().map(|f| feature_name(*f, self.target)).collect();
+        let mut verdict = verdict::of_target(&found, |i| names.get(i).cloned().unwrap_or_default());
+        let scaled_from_px = self.scaled_from_px(camera);
+        if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
+            verdict.message += &format!(
+                "; the intrinsics were scaled from {w} × {h} px to this image's size, which is wrong where the image is a crop or of another \
+                 sensor mode"
+            );
+        }
+        let (points, estimate) = (found.seen, found.estimate.ok());
         Answer {
             view,
             verdict,
@@ -183,12 +206,16 @@ impl Sight<'_> {
             estimate,
             n_points: points.len(),
             image_unit: "px",
-            sigma_px,
+            sigma_px: mean_square_root(points.iter().map(|c| c.sigma_px)),
             point_sigma_m: point_sigma_m(&points),
             intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
             names,
-            skipped,
+            scaled_from_px,
+            skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             agreement: None,
+            left_out: found.left_out,
+            contradicting: found.contradicting,
+            remarks: Vec::new(),
         }
     }
 }

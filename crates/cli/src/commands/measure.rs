@@ -4,9 +4,10 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use resight::GrayImage;
-use resight::core::survey::Frame;
+use resight::core::survey::{Frame, Measured, SurveyStatus};
 use resight::measure::{
-    Answers, NamedScene, QueryAnswer, QueryKind, birdseye, measure, plan, read_scene, rig_scene, table, words,
+    Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, Refusal, birdseye, measure, plan, read_scene,
+    rig_scene, table, words,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,7 +15,8 @@ use std::path::{Path, PathBuf};
 /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
 ///
 /// SCENE.toml names photographs, cameras, marks (coordinates or known distances), the ground, clicks and questions: docs/measuring.md.
-/// With --views the cameras of a rig file look at points from known places instead.
+/// With --views the cameras of a rig file look at points from known places instead. The exit status is 0 if the survey and every answer
+/// are ok, 1 if anything is not (contradicted, ambiguous, without a value), 2 if the scene file is wrong.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight measure accident.toml -o accident
@@ -47,7 +49,14 @@ pub fn run(args: &Measure) -> Result<Outcome> {
     if let Some(folder) = &args.output {
         crate::files::make_folder("-o", folder)?;
     }
-    let answers = measure(&scene).map_err(|reason| anyhow!("{title}: {reason}"))?;
+    let answers = match measure(&scene) {
+        Ok(answers) => answers,
+        Err(Refusal { status: None, reason }) => bail!("{title}: {reason}"),
+        Err(Refusal { status: Some(status), reason }) => {
+            print(&refused(&scene, status, &reason, args.json)?)?;
+            return Ok(Outcome::SomeUnanswered);
+        }
+    };
     let text = if args.json { json(&scene, &answers)? } else { in_words(&scene, &answers) };
     print(&text)?;
     if let Some(folder) = &args.output {
@@ -56,8 +65,25 @@ pub fn run(args: &Measure) -> Result<Outcome> {
             print(&format!("\nwritten: {}\n", written.join(", ")))?;
         }
     }
-    let all = answers.answers.iter().all(|a| a.result.is_ok());
+    let is_ok = |status: SurveyStatus| status == SurveyStatus::Ok;
+    let all = is_ok(answers.status) && answers.answers.iter().all(|a| is_ok(a.status));
     Ok(if all { Outcome::Answered } else { Outcome::SomeUnanswered })
+}
+
+/// A survey without any answer: the reason first, then each question without a value.
+fn refused(scene: &NamedScene, status: SurveyStatus, reason: &str, as_json: bool) -> Result<String> {
+    if !as_json {
+        let rows = scene.queries.iter().map(|q| format!("{}  {}  no value\n", q.name, q.kind.name()));
+        return Ok(format!("{}: {reason}\n\n{}", status.name(), rows.collect::<String>()));
+    }
+    let mut out = String::new();
+    for query in &scene.queries {
+        let object =
+            AnswerObject { status: status.name(), message: reason.to_string(), ..base(scene, query) };
+        out += &format!("{}\n", serde_json::to_string(&object)?);
+    }
+    let survey = RefusedObject { kind: "survey", status: status.name(), message: reason };
+    Ok(out + &format!("{}\n", serde_json::to_string(&survey)?))
 }
 
 fn scene(args: &Measure) -> Result<(NamedScene, String)> {
@@ -83,18 +109,21 @@ fn in_words(scene: &NamedScene, answers: &Answers) -> String {
     };
     let name_width = width(|a| a.query.name.clone());
     let kind_width = width(|a| a.query.kind.name().to_string());
-    let mut out = String::new();
+    let mut out: String = answers.verdict.iter().map(|line| format!("{line}\n")).collect();
+    if !out.is_empty() {
+        out += "\n";
+    }
     for a in &answers.answers {
-        let said = match &a.result {
-            Ok(values) if values.len() == 3 => {
-                let axes = ["x", "y", "z"].iter().zip(values);
-                axes.map(|(axis, m)| format!("{axis} {}", words::value(a.query.kind, m)))
-                    .collect::<Vec<_>>()
-                    .join("   ")
-            }
-            Ok(values) => values.iter().map(|m| words::value(a.query.kind, m)).collect(),
+        let mut said = match &a.result {
+            Ok(values) => values_in_words(a.query.kind, values),
             Err(reason) => format!("no value: {reason}"),
         };
+        if let Some(other) = &a.other {
+            said += &format!("   or   {}", values_in_words(a.query.kind, other));
+        }
+        if a.result.is_ok() && a.status != SurveyStatus::Ok {
+            said += &format!("   {}", a.status.name().to_uppercase());
+        }
         out += &format!("{:name_width$}  {:kind_width$}  {said}\n", a.query.name, a.query.kind.name());
     }
     let adjusted = &answers.adjusted;
@@ -110,6 +139,16 @@ fn in_words(scene: &NamedScene, answers: &Answers) -> String {
     );
     answers.remarks.iter().for_each(|remark| out += &format!("{remark}\n"));
     out
+}
+
+fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
+    match values {
+        [x, y, z] => {
+            let axes = [("x", x), ("y", y), ("z", z)];
+            axes.map(|(axis, m)| format!("{axis} {}", words::value(kind, m))).join("   ")
+        }
+        _ => values.iter().map(|m| words::value(kind, m)).collect(),
+    }
 }
 
 fn frame_words(scene: &NamedScene, frame: Frame) -> String {
@@ -150,11 +189,21 @@ struct PointObject {
     covariance_m2: Option<Vec<Vec<f64>>>,
 }
 
+/// A survey without any answer.
+#[derive(Debug, Serialize)]
+struct RefusedObject<'a> {
+    kind: &'static str,
+    status: &'static str,
+    message: &'a str,
+}
+
 /// The survey behind the answers.
 #[derive(Debug, Serialize)]
 struct SurveyObject {
     kind: &'static str,
     status: &'static str,
+    /// What is wrong; empty where nothing is.
+    message: String,
     frame: String,
     chi2: f64,
     degrees_of_freedom: usize,
@@ -180,31 +229,45 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> AnswerObject {
         QueryKind::Area => "m2",
         _ => "m",
     };
-    let base = AnswerObject {
-        query: answer.query.name.clone(),
-        kind: answer.query.kind.name(),
-        points: answer.query.points.iter().map(|p| scene.points[*p].clone()).collect(),
-        ..AnswerObject::default()
-    };
+    let base = base(scene, &answer.query);
+    let status = answer.status.name();
     match &answer.result {
         Ok(values) => {
-            let one_or_three = |of: fn(&resight::core::survey::Measured) -> f64| match values.as_slice() {
-                [one] => serde_json::Value::from(of(one)),
-                many => serde_json::Value::from(many.iter().map(of).collect::<Vec<f64>>()),
-            };
-            let entries = [
-                ("value", one_or_three(|m| m.value)),
-                ("sigma", one_or_three(|m| m.sigma)),
-                ("low_95", one_or_three(|m| m.low)),
-                ("high_95", one_or_three(|m| m.high)),
-            ];
-            let values_of = entries.map(|(key, value)| (format!("{key}_{suffix}"), value));
-            let message =
-                values.iter().map(|m| words::value(answer.query.kind, m)).collect::<Vec<_>>().join(", ");
-            AnswerObject { status: "ok", values: values_of.into_iter().collect(), message, ..base }
+            let mut entries = entries(values, suffix);
+            let mut message = values_in_words(answer.query.kind, values);
+            if let Some(other) = &answer.other {
+                message += &format!(" or {}", values_in_words(answer.query.kind, other));
+                entries.insert("other".to_string(), self::entries(other, suffix).into());
+            }
+            AnswerObject { status, values: entries, message, ..base }
         }
-        Err(reason) => AnswerObject { status: "undetermined", message: reason.clone(), ..base },
+        Err(reason) => AnswerObject { status, message: reason.clone(), ..base },
     }
+}
+
+/// What every answer begins with.
+fn base(scene: &NamedScene, query: &NamedQuery) -> AnswerObject {
+    AnswerObject {
+        query: query.name.clone(),
+        kind: query.kind.name(),
+        points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
+        ..AnswerObject::default()
+    }
+}
+
+/// Value, sigma and interval; one number each, or three for a position.
+fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_json::Value> {
+    let one_or_three = |of: fn(&Measured) -> f64| match values {
+        [one] => serde_json::Value::from(of(one)),
+        many => serde_json::Value::from(many.iter().map(of).collect::<Vec<f64>>()),
+    };
+    let entries = [
+        ("value", one_or_three(|m| m.value)),
+        ("sigma", one_or_three(|m| m.sigma)),
+        ("low_95", one_or_three(|m| m.low)),
+        ("high_95", one_or_three(|m| m.high)),
+    ];
+    entries.map(|(key, value)| (format!("{key}_{suffix}"), value)).into_iter().collect()
 }
 
 fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
@@ -224,13 +287,10 @@ fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
             .point_covariance_m2(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
     };
-    let status = match (&adjusted.suspects.first(), adjusted.is_inconsistent) {
-        (None, false) => "ok",
-        _ => "inconsistent",
-    };
     SurveyObject {
         kind: "survey",
-        status,
+        status: answers.status.name(),
+        message: answers.verdict.join("; "),
         frame: frame_words(scene, adjusted.frame),
         chi2: adjusted.chi2,
         degrees_of_freedom: adjusted.degrees_of_freedom,
@@ -239,7 +299,7 @@ fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
         photos: scene.photos.iter().enumerate().map(photo).collect(),
         points: scene.points.iter().enumerate().map(point).collect(),
         suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
-        remarks: answers.remarks.clone(),
+        remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
     }
 }
 

@@ -19,7 +19,8 @@ use clap::Args;
 use moments::Moments;
 use resight::core::rig::KnownDistance;
 use resight::core::{Correspondence, Pose};
-use resight::formats::{own_file, write_atomically};
+use resight::formats::{own_rig_file, write_atomically};
+use resight::report::rig::rig_verdict_sentence;
 use resight::report::rig_page;
 use resight::rig::gather::{Gathered, Glimpse, gather};
 use resight::rig::{InputFile, NamedTarget, digest};
@@ -102,7 +103,7 @@ struct SolvingArgs {
     /// adjustment, and with it the target's size can be checked.
     #[arg(long, value_name = "A,B,METRES,SIGMA")]
     known_distance_m: Vec<String>,
-    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it.
+    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
     #[arg(long)]
     joint_covariance: bool,
 }
@@ -166,7 +167,7 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     }
     if let Some(path) = &args.pairs.pairs {
         let cameras = named::cameras(&args.seen.cameras, &mut Collected::default())?;
-        return pairs::run(&args.pairs, path, &cameras, &args.output);
+        return pairs::run(&args.pairs, path, &cameras, &args.output, args.solving.joint_covariance);
     }
     if let (Some(motions), Some(poses)) = (&args.hand_eye.hand_eye, &args.hand_eye.poses) {
         return hand_eye::run_on_poses(&args.hand_eye, motions, poses, &args.output);
@@ -210,20 +211,29 @@ fn on_hand(
     distances: &[KnownDistance],
     inputs: Vec<InputFile>,
 ) -> Result<Outcome> {
+    let mut is_inconsistent = false;
     let places = match &gathered.rig.cameras[..] {
         [_] => vec![Pose::identity()],
         _ => match solving::solve(gathered.clone(), reference, distances, inputs) {
-            Ok(solved) => solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
+            Ok(solved) => {
+                if let Some(sentence) = rig_verdict_sentence(&solved.run) {
+                    eprintln!("warning: the rig is INCONSISTENT: {sentence}");
+                    is_inconsistent = true;
+                }
+                solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect()
+            }
             Err(reason) => return unanswered(&args.output, &reason),
         },
     };
-    hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &places, &args.output)
+    let on_hand = hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &places, &args.output)?;
+    Ok(if is_inconsistent { Outcome::SomeUnanswered } else { on_hand })
 }
 
 /// Prints and writes what was found.
 fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Outcome> {
     if let Some(path) = &args.output {
-        write_atomically(path, own_file(&solved.run.placed_cameras())?.as_bytes())?;
+        let file = own_rig_file(&solved.run.placed_cameras(), object::joint_of(solved))?;
+        write_atomically(path, stated(&file, rig_verdict_sentence(&solved.run)).as_bytes())?;
     }
     if let Some(path) = &args.report {
         write_atomically(path, rig_page(&solved.run).as_bytes())?;
@@ -235,7 +245,20 @@ fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Out
         true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,
         false => print(&words::describe(solved))?,
     }
-    Ok(Outcome::Answered)
+    Ok(outcome(solved.run.solution.verdict.is_inconsistent))
+}
+
+/// A rig that contradicts itself is printed and written, and is no success.
+fn outcome(is_inconsistent: bool) -> Outcome {
+    if is_inconsistent { Outcome::SomeUnanswered } else { Outcome::Answered }
+}
+
+/// A file of cameras with its status in the first line, so that whoever reads it later can tell.
+fn stated(file: &str, contradiction: Option<String>) -> String {
+    match contradiction {
+        Some(sentence) => format!("# status: inconsistent; {}\n{file}", sentence.replace('\n', " ")),
+        None => format!("# status: ok\n{file}"),
+    }
 }
 
 /// Says why there is no rig; nothing is written.

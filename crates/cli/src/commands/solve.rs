@@ -9,6 +9,7 @@ use crate::points::{self, Row, View};
 use crate::robust::{self, Agreement, RobustArgs};
 use anyhow::{Result, bail};
 use clap::Args;
+use resight::core::consistency::Consistency;
 use resight::core::locate::{Config, Method, PoseEstimate, locate};
 use resight::core::observability::Observability;
 use resight::core::prior::Prior;
@@ -57,6 +58,10 @@ pub struct Solve {
 /// Squares of larger numbers, and their products, leave the range of numbers.
 const LARGEST: f64 = 1e60;
 
+fn is_contradicted_by_gravity(estimate: &PoseEstimate) -> bool {
+    matches!(estimate.consistency, Consistency::Inconsistent { worst_prior: Some(_), .. })
+}
+
 /// A refusal that speaks of two rows names them and their lines.
 fn named(verdict: Verdict, reason: &Error, names: &[String]) -> Verdict {
     match reason {
@@ -86,6 +91,13 @@ fn warn_of_twins(views: &[View], remark: impl Fn(&str)) {
     }
 }
 
+/// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
+fn unit_remarks(views: &[View]) -> Vec<String> {
+    let rows = views.iter().flat_map(|view| &view.rows);
+    let points: Vec<Point> = rows.map(|row| Point::from(row.x_in_target)).collect();
+    resight::formats::plausible::of_points(&points).into_iter().collect()
+}
+
 /// What the rows of a file are solved with.
 struct Setting {
     camera: Camera,
@@ -111,11 +123,14 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let views = points::read(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
     warn_of_twins(&views, |text| printer.remark(text));
+    let remarks = unit_remarks(&views);
+    remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     super::in_order(
         &views,
         |view| setting.answer(view),
         |answer: Answer| {
-            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status.has_pose())
+            let answer = Answer { remarks: remarks.clone(), ..answer };
+            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status)
         },
     )?;
     printer.finish()
@@ -176,6 +191,12 @@ impl Setting {
             }
             Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None, None),
         };
+        if estimate.as_ref().is_some_and(is_contradicted_by_gravity) {
+            // The one prior of this command, by the name of its flags.
+            verdict.message = "--gravity and --target-down contradict the points, which agree with their sigmas without them; check both \
+                               directions and --gravity-sigma-deg before using this pose"
+                .into();
+        }
         let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
         if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
             let flag = if self.columns[0] == "xn" { "--sigma-normalized" } else { "--sigma-px" };
@@ -194,8 +215,12 @@ impl Setting {
             point_sigma_m: super::locate::point_sigma_m(&points),
             intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
             names,
+            scaled_from_px: None,
             skipped: Vec::new(),
             agreement,
+            left_out: Vec::new(),
+            contradicting: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 

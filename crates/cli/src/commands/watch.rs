@@ -11,6 +11,7 @@ mod saved;
 mod signals;
 mod sources;
 
+use crate::args::TagArgs;
 use crate::output::Outcome;
 use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
@@ -51,6 +52,8 @@ pub struct Watch {
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several. Not needed with landmarks.
     #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
+    #[command(flatten)]
+    tags: TagArgs,
     #[command(flatten)]
     landmarks: LandmarkArgs,
     #[command(flatten)]
@@ -223,8 +226,9 @@ fn lenses(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
-    let read = |argument: &String| super::target(split(argument).1.as_ref(), crate::output::remark);
-    args.target.iter().map(|argument| Ok(Arc::new(read(argument)?))).collect()
+    let read =
+        |argument: &String| super::target(split(argument).1.as_ref(), &args.tags, crate::output::remark);
+    args.target.iter().map(|argument| Ok(Arc::new(read(argument)?.0))).collect()
 }
 
 fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {

@@ -129,7 +129,8 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
     let turns: f64 = (0..3).map(|i| minimum.covariance[(i, i)]).sum();
     let is_other =
         |m: &Minimum| TWIN_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target);
-    let nearest = estimate.minima().map(|h| h.minimum).find(is_other);
+    let others = estimate.minima().map(|h| h.minimum).filter(is_other);
+    let nearest = others.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let stated_covariance = with_curvature(&minimum, &Problem::new(&seen, view.camera));
     Ok(Expectation {
         covariance: minimum.covariance,

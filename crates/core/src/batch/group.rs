@@ -147,6 +147,7 @@ impl Kept {
             covariance: self.covariance(lane),
             chi2: self.chi2[lane],
             rms_px: self.rms_px[lane],
+            log_determinant: 0.0,
         }
     }
 

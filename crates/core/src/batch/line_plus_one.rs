@@ -54,7 +54,7 @@ impl WithSimd for Run<'_> {
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
                 let (view, geometry) = (first + lane, sights.geometry[lane]);
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
-                    Some(_) if found.sure[lane] != 0.0 => {
+                    Some(given) if found.sure[lane] != 0.0 && !given.is_nearly_straight() => {
                         self.answers.push(Ok(found.estimate(lane, geometry)));
                     }
                     Some(geometry) => {
@@ -248,6 +248,8 @@ impl Found {
             covariance: best.covariance,
             rms_px: best.rms_px,
             chi2: best.chi2,
+            log_determinant: 0.0,
+            delta_chi2: 0.0,
             degrees_of_freedom: DEGREES_OF_FREEDOM,
             n_points: 4,
             method: Method::LinePlusOne,

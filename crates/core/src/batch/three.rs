@@ -7,7 +7,7 @@ use super::starts::{End, Start, refine_all};
 use super::{Given, Views, alone, correspondences, geometry_of};
 use crate::camera::CameraMatrix;
 use crate::choose::{Minima, Minimum, insert};
-use crate::doubt::Bends;
+use crate::curvature::Bends;
 use crate::locate::{Method, PoseEstimate, conclude};
 use crate::problem::Problem;
 use crate::refine::refine_against;

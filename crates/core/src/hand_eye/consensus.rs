@@ -4,8 +4,9 @@
 //! what the others predict. docs/math/hand_eye.md section 5.
 
 use super::closed_form::{Parallel, Station, closed_forms};
-use super::cost::{Fit, Level, fit, nearest, spread};
+use super::cost::{Fit, Level, besides, fit, nearest, spread};
 use super::motions::are_parallel;
+use super::noise::{Variances, assume, from_middle, is_open, nominal, reml, rows};
 use super::views::{Known, Poses, centre};
 use super::{HandEyeConfig, Height};
 use crate::Error;
@@ -43,11 +44,18 @@ const MAX_ROUNDS: usize = 20;
 /// Seed of the triples: the same views give the same answer.
 const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// X, Z and the views that agree.
+/// X, Z and the views that agree; where the hand's noise is open, what the views that agree say it is.
 ///
 /// # Errors
 /// `NotConverged` when no triple leads anywhere.
-pub(super) fn consensus(known: &[Known], config: &HandEyeConfig) -> Result<Consensus, Error> {
+pub(super) fn consensus(known: &mut [Known], config: &HandEyeConfig) -> Result<Consensus, Error> {
+    assume(known, &nominal(known));
+    let best = started(known, config)?;
+    agreeing(known, best, config)
+}
+
+/// The best half of the views, from triples.
+fn started(known: &[Known], config: &HandEyeConfig) -> Result<Fit, Error> {
     let parallel = parallel(known, config);
     let mut found: Vec<(f64, Poses)> = Vec::new();
     for triple in triples(known) {
@@ -66,7 +74,7 @@ pub(super) fn consensus(known: &[Known], config: &HandEyeConfig) -> Result<Conse
     }
     let concentrated = found.iter().filter_map(|(_, poses)| concentrated(known, poses, config).ok());
     let best = concentrated.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(Error::NotConverged { steps: 0 })?;
-    agreeing(known, best.1, config)
+    Ok(best.1)
 }
 
 /// How to solve triples when all turns have one axis.
@@ -115,35 +123,103 @@ fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Resul
     Err(Error::NotConverged { steps: 0 })
 }
 
-/// Takes every view that agrees with the others, until nothing changes.
-fn agreeing(known: &[Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
-    let in_fit: Vec<usize> =
-        distances(known, &start.poses, 1)[..majority(known.len())].iter().map(|d| d.1).collect();
-    let mut candidate: Vec<Option<usize>> = (0..known.len())
-        .map(|view| in_fit.contains(&view).then(|| nearest(&known[view], &start.poses).0))
-        .collect();
+/// Takes every view that agrees with the others, until nothing changes. Where the hand's noise is open it is first what the middle residuals
+/// say, then what the views that agree do.
+fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
     let mut best = start;
-    for _ in 0..MAX_ROUNDS {
+    if is_open(known) {
+        let theta = middle_noise(known, &best.poses);
+        assume(known, &theta);
+        best = concentrated(known, &best.poses, config)?.1;
+    }
+    let in_fit: Vec<usize> =
+        distances(known, &best.poses, 1)[..majority(known.len())].iter().map(|d| d.1).collect();
+    let mut candidate: Vec<Option<usize>> = (0..known.len())
+        .map(|view| in_fit.contains(&view).then(|| nearest(&known[view], &best.poses).0))
+        .collect();
+    for round in 0..MAX_ROUNDS {
+        let is_rough = is_open(known) && round < ROUGH_ROUNDS;
+        if is_rough {
+            let theta = middle_noise(known, &best.poses);
+            assume(known, &theta);
+        }
         let scale = f64::max(1.0, trimmed(&distances(known, &best.poses, 1)) / MEDIAN_CHI2);
-        let agrees = |view: usize| agrees(&known[view], &best, candidate[view].is_some(), scale);
+        let outside = match is_open(known) {
+            true => gate_outside(candidate.iter().flatten().count()),
+            false => GATE_CHI2,
+        };
+        let agrees = |view: usize| {
+            agrees(&known[view], &best, candidate[view].is_some(), [scale * GATE_CHI2, scale * outside])
+        };
         let now: Vec<Option<usize>> = (0..known.len()).map(agrees).collect();
-        let is_settled = now == candidate;
+        let is_settled = now == candidate && !is_rough;
         candidate = now;
         let consensus = Consensus { poses: best.poses, candidate: candidate.clone() };
         if is_settled || consensus.used().len() < 3 {
             return Ok(consensus);
         }
-        best = fit(&best.poses, known, &consensus.used(), config, Level::Poses)?;
+        let is_next_rough = round + 1 < ROUGH_ROUNDS;
+        best = match is_open(known) && !is_next_rough {
+            true => fit_with_noise(&best.poses, known, &consensus.used(), config)?.0,
+            false => fit(&best.poses, known, &consensus.used(), config, Level::Poses)?,
+        };
     }
     Ok(Consensus { poses: best.poses, candidate })
 }
 
+/// Rounds in which the middle residuals say what the hand's noise is.
+const ROUGH_ROUNDS: usize = 3;
+
+fn middle_noise(known: &[Known], poses: &Poses) -> Variances {
+    from_middle(known, poses, |view| nearest(view, poses).0, majority(known.len()).saturating_sub(1))
+}
+
+/// The gate of a view that took no part in estimating the noise, eq. (27): a variance from few views is itself uncertain, and χ² becomes an F.
+fn gate_outside(n_used: usize) -> f64 {
+    let redundancy = f64::max(3.0, 3.0 * n_used as f64 - 6.0);
+    redundancy * (GATE_CHI2 / redundancy).exp_m1()
+}
+
+/// Rounds of X, Z and the hand's noise in turn: each changes the other to second order.
+const NOISE_ROUNDS: usize = 12;
+/// The noise has settled when no variance changes by more than this part of the largest of its kind.
+const SETTLED_NOISE: f64 = 1e-4;
+
+/// The minimum over the views used, with the noise of the hand that these views show (left in `known`) where it is open.
+pub(super) fn fit_with_noise(
+    start: &Poses,
+    known: &mut [Known],
+    used: &[(usize, usize)],
+    config: &HandEyeConfig,
+) -> Result<(Fit, Option<Variances>), Error> {
+    let mut best = fit(start, known, used, config, Level::Poses)?;
+    if !is_open(known) {
+        return Ok((best, None));
+    }
+    let candidate_of = |view: &Known| nearest(view, &best.poses).0;
+    let mut theta = from_middle(known, &best.poses, candidate_of, known.len() / 2);
+    for round in 1..=NOISE_ROUNDS {
+        let rows = rows(&best.poses, known, used, false);
+        let found = reml(&rows, &besides(&best.poses, known, config), &theta);
+        let now = found.ok_or(Error::NotConverged { steps: round })?.variances;
+        let change = |k: usize| (now[k] - theta[k]).abs() <= SETTLED_NOISE * f64::max(now[k], theta[k]);
+        let is_settled = (0..now.len()).all(change);
+        theta = now;
+        assume(known, &theta);
+        best = fit(&best.poses, known, used, config, Level::Poses)?;
+        if is_settled {
+            break;
+        }
+    }
+    Ok((best, Some(theta)))
+}
+
 /// The candidate of a view that agrees with the fit. A view that took no part is compared with what the others predict, whose own doubt
 /// counts.
-fn agrees(view: &Known, fit: &Fit, took_part: bool, scale: f64) -> Option<usize> {
+fn agrees(view: &Known, fit: &Fit, took_part: bool, [inside, outside]: [f64; 2]) -> Option<usize> {
     let (candidate, chi2) = nearest(view, &fit.poses);
     if took_part {
-        return (chi2 <= GATE_CHI2 * scale).then_some(candidate);
+        return (chi2 <= inside).then_some(candidate);
     }
     let own = spread(view, candidate, &fit.poses);
     let mut by = DMatrix::zeros(6, 12);
@@ -154,7 +230,7 @@ fn agrees(view: &Known, fit: &Fit, took_part: bool, scale: f64) -> Option<usize>
     let measured = view.candidates[candidate].cam_from_target;
     let r = (measured * fit.poses.cam_from_target(view).inverse()).log();
     let chi2 = r.dot(&total.cholesky()?.solve(&r)) + view.candidates[candidate].delta_chi2;
-    (chi2 <= GATE_CHI2 * scale).then_some(candidate)
+    (chi2 <= outside).then_some(candidate)
 }
 
 /// All triples of views with all their candidates where they are few, else seeded ones.

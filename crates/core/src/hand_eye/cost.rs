@@ -5,6 +5,7 @@
 //!   S = Ad(X) Σ_H Ad(X)ᵀ, the motion of T that the hand's noise makes
 //! ```
 
+use super::noise::{Besides, Effects, Normal};
 use super::views::{Known, Poses, centre};
 use super::{HandEyeConfig, Height};
 use crate::curvature::Cost;
@@ -16,12 +17,12 @@ use crate::{Error, Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 /// What a view's residual is.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) enum Level {
     /// Its pose.
     Poses,
-    /// Its pixels, where it has points.
-    Points,
+    /// Its pixels, where it has points, their variances so many times the stated ones.
+    Points { pixel_scale: f64 },
 }
 
 /// A minimum.
@@ -85,7 +86,9 @@ pub(super) fn fit(
 
 fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, level: Level) -> usize {
     let numbers = |view: &Known| match level {
-        Level::Points if !view.seen.is_empty() => 2 * view.seen.iter().map(|v| v.seen.len()).sum::<usize>(),
+        Level::Points { .. } if !view.seen.is_empty() => {
+            2 * view.seen.iter().map(|v| v.seen.len()).sum::<usize>()
+        }
         _ => 6,
     };
     let all: usize = used.iter().map(|(view, _)| numbers(&known[*view])).sum();
@@ -136,7 +139,9 @@ fn equations(
     for (&(view, candidate), weight) in used.iter().zip(weights) {
         let view = &known[view];
         let share = match level {
-            Level::Points if !view.seen.is_empty() => of_points(view, poses)?,
+            Level::Points { pixel_scale } if !view.seen.is_empty() => {
+                of_points(view, candidate, poses, pixel_scale)?
+            }
             _ => of_pose(view, candidate, weight, poses),
         };
         let by_holder = (poses.cam_from_carrier * view.carrier_from_holder).adjoint();
@@ -169,23 +174,45 @@ fn of_pose(view: &Known, candidate: usize, weight: &Matrix6, poses: &Poses) -> S
     Share { chi2: r.dot(&(weight * r)), gradient: weighted * r, information: weighted * jacobian }
 }
 
-/// The pixels of all cameras, the hand's noise eliminated, eqs. (14)–(15).
-fn of_points(view: &Known, poses: &Poses) -> Option<Share> {
+/// The pixels of all cameras, their variances `pixel_scale` times the stated ones, the hand's motion eliminated about its most probable
+/// value m, eqs. (14)–(15).
+fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
     let cost = RigCost { views: view.seen };
     let pivot = cost.pivot();
-    let place = PivotedPose::new(&poses.cam_from_target(view), &pivot);
-    let mut normal = cost.normal_equations(&place, &pivot)?;
+    let predicted = poses.cam_from_target(view);
+    let hand = hand_noise(view, poses).unwrap_or_default();
+    let measured = &view.candidates[candidate];
+    let (r, _) = residual(&measured.cam_from_target, &predicted);
+    let m = hand * (hand + measured.covariance).cholesky()?.solve(&r);
+    let place = PivotedPose::new(&predicted.moved(&m), &pivot);
+    let normal = cost.normal_equations(&place, &pivot)?;
     let mut about_pivot = Matrix6::identity();
     let cross: Matrix3<f64> = -place.pivot_in_cam.cross_matrix();
     about_pivot.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross);
-    if let Some(hand) = hand_noise(view, poses) {
-        normal = normal.with_uncertain_motion(&(about_pivot * hand * about_pivot.transpose()))?;
-    }
+    let information = about_pivot.transpose() * normal.information() * about_pivot / pixel_scale;
+    let gradient = normal.gradient_at_camera(&place.pivot_in_cam) / pixel_scale;
+    let share = (Matrix6::identity() + information * hand).try_inverse()?;
+    let (eliminated, information) = (share * gradient, share * information);
+    let moved = information * m;
     Some(Share {
-        chi2: normal.chi2,
-        gradient: normal.gradient_at_camera(&place.pivot_in_cam),
-        information: about_pivot.transpose() * normal.information() * about_pivot,
+        chi2: normal.chi2 / pixel_scale - gradient.dot(&(hand * eliminated))
+            + m.dot(&(eliminated * 2.0 + moved)),
+        gradient: eliminated + moved,
+        information: (information + information.transpose()) * 0.5,
     })
+}
+
+/// What the height says about the effects.
+pub(super) fn besides(poses: &Poses, known: &[Known], config: &HandEyeConfig) -> Besides {
+    let mut equations = DenseEquations::new(12);
+    if let Some(height) = &config.height {
+        add_height(&mut equations, height, poses, known);
+    }
+    let mut besides =
+        Besides { information: Normal::zeros(), gradient: Effects::zeros(), chi2: equations.chi2 };
+    besides.information.fixed_view_mut::<12, 12>(0, 0).copy_from(&equations.information);
+    besides.gradient.fixed_rows_mut::<12>(0).copy_from(&equations.gradient);
+    besides
 }
 
 /// The known coordinate of the camera's centre −Rᵀt: to first order d·(−Rᵀν), eq. (16).

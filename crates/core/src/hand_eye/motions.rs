@@ -3,7 +3,7 @@
 //! docs/math/hand_eye.md eqs. (10)–(11).
 
 use super::views::Known;
-use super::{HandEyeConfig, Mount};
+use super::{HandEyeConfig, MAX_HAND_SIGMA_RAD, Mount};
 use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 
@@ -51,7 +51,11 @@ pub(super) fn turning(views: &[Known]) -> Turning {
 
 /// The least turn that says something.
 pub(super) fn needed_rad(views: &[Known]) -> f64 {
-    let variance = |view: &Known| view.covariance.map_or(0.0, |c| c.fixed_view::<3, 3>(0, 0).trace() / 3.0);
+    let variance = |view: &Known| {
+        let variance = view.covariance.map_or(0.0, |c| c.fixed_view::<3, 3>(0, 0).trace() / 3.0);
+        // Of an estimated noise no more than a hand can have: what is beyond that has another cause.
+        if view.parts.is_some() { variance.min(MAX_HAND_SIGMA_RAD * MAX_HAND_SIGMA_RAD) } else { variance }
+    };
     let mean = views.iter().map(variance).sum::<f64>() / views.len().max(1) as f64;
     f64::max(MIN_TURN_RAD, NOISE_FACTOR * (2.0 * mean).sqrt())
 }

@@ -4,10 +4,15 @@
 //! no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
 
 use super::{Candidate, HandEyeConfig, HandView, HandViewResult, Mount, RejectedView};
+use crate::covariance::is_covariance;
 use crate::relative::{check_pose, information_of};
 use crate::rig_pose::{RigAmbiguity, RigView, check_views, locate_rig};
-use crate::{Error, Matrix6, Pose};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use crate::{Error, Matrix6, Pose, Vector6};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+
+/// Kinds of noise: the hand's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
+/// of an arm, and its position (m²), each the variance per axis.
+pub(super) const KINDS: usize = 3;
 
 /// A view with at least one candidate.
 #[derive(Clone)]
@@ -16,11 +21,43 @@ pub(super) struct Known<'a> {
     pub index: usize,
     /// H, shifted.
     pub carrier_from_holder: Pose,
-    /// Of its left motion, carrier frame, shifted; none when exact.
+    /// Of its left motion, carrier frame, shifted: stated, or what is assumed so far.
     pub covariance: Option<Matrix6>,
+    /// Where no noise is stated: what each kind adds to the covariance at a variance of one.
+    pub parts: Option<[Matrix6; KINDS]>,
     pub candidates: Vec<Candidate>,
     pub seen: &'a [RigView<'a>],
     centre: Centre,
+}
+
+impl Known<'_> {
+    /// A pose of the carrier as `base_from_hand` (shifted), the covariance of its left motion there, and `base_from_hand` as reported.
+    pub fn in_base(&self, carrier_from_holder: &Pose, covariance: &Matrix6) -> (Pose, Matrix6, Pose) {
+        match self.centre.mount {
+            Mount::TargetOnHand => (*carrier_from_holder, *covariance, self.carrier_from_holder),
+            Mount::CameraOnHand => {
+                let inverse = carrier_from_holder.inverse();
+                (
+                    inverse,
+                    carrier_from_holder.inverse_covariance(covariance),
+                    self.carrier_from_holder.inverse(),
+                )
+            }
+        }
+    }
+
+    /// Variance of the hand's position, per axis, by a variance of one of turns about the base's origin, m².
+    pub fn base_lever2(&self) -> f64 {
+        2.0 / 3.0 * (self.hand_in_base() + self.centre.centre_in_base).norm_squared()
+    }
+
+    /// The hand's origin in the shifted base.
+    pub fn hand_in_base(&self) -> Vector3<f64> {
+        match self.centre.mount {
+            Mount::TargetOnHand => self.carrier_from_holder.translation,
+            Mount::CameraOnHand => self.carrier_from_holder.origin(),
+        }
+    }
 }
 
 /// X and Z.
@@ -53,13 +90,24 @@ impl Centre {
     /// Covariance of the left motion of the shifted H from that of `base_from_hand`.
     fn carried(&self, base_from_hand: &Pose, covariance: &Matrix6) -> Matrix6 {
         let ad = shift(-self.centre_in_base).adjoint();
-        let shifted = ad * covariance * ad.transpose();
+        self.carried_from_shifted(base_from_hand, &(ad * covariance * ad.transpose()))
+    }
+
+    /// The same from that in the shifted base.
+    fn carried_from_shifted(&self, base_from_hand: &Pose, shifted: &Matrix6) -> Matrix6 {
         match self.mount {
-            Mount::TargetOnHand => shifted,
+            Mount::TargetOnHand => *shifted,
             Mount::CameraOnHand => {
-                (shift(-self.centre_in_base) * *base_from_hand).inverse_covariance(&shifted)
+                (shift(-self.centre_in_base) * *base_from_hand).inverse_covariance(shifted)
             }
         }
+    }
+
+    /// What each kind of noise adds to the covariance of a hand that states none.
+    fn parts(&self, base_from_hand: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
+        let hand = base_from_hand.translation - self.centre_in_base;
+        parts_in_base(&hand, &-self.centre_in_base, spread_m)
+            .map(|part| self.carried_from_shifted(base_from_hand, &part))
     }
 
     /// Poses and covariance for the base as it was given.
@@ -102,6 +150,9 @@ pub(super) fn located<'a>(
     check(views, config)?;
     let sum: Vector3<f64> = views.iter().map(|view| view.base_from_hand.translation).sum();
     let centre = Centre { centre_in_base: sum / views.len().max(1) as f64, mount: config.mount };
+    let from_centre =
+        |view: &HandView| (view.base_from_hand.translation - centre.centre_in_base).norm_squared();
+    let spread_m = (views.iter().map(from_centre).sum::<f64>() / views.len().max(1) as f64).sqrt();
     let (mut known, mut results) = (Vec::new(), Vec::new());
     for (index, view) in views.iter().enumerate() {
         let mut result = HandViewResult { residual: None, candidate: None, chi2: None, rejected: None };
@@ -110,6 +161,10 @@ pub(super) fn located<'a>(
                 index,
                 carrier_from_holder: centre.carrier_from_holder(&view.base_from_hand),
                 covariance: view.hand_covariance.map(|c| centre.carried(&view.base_from_hand, &c)),
+                parts: match view.hand_covariance {
+                    Some(_) => None,
+                    None => Some(centre.parts(&view.base_from_hand, spread_m)),
+                },
                 candidates,
                 seen: view.seen,
                 centre,
@@ -127,17 +182,17 @@ fn candidates(view: &HandView) -> Result<Vec<Candidate>, Error> {
         return Ok(view.candidates.clone());
     }
     let found = locate_rig(view.seen)?;
-    let best =
-        Candidate { cam_from_target: found.rig_from_target, covariance: found.covariance, delta_chi2: 0.0 };
+    let candidate =
+        |cam_from_target, covariance, chi2: f64| Candidate { cam_from_target, covariance, delta_chi2: chi2 };
+    let best = candidate(found.rig_from_target, found.covariance, found.chi2);
     let other = match found.ambiguity {
-        RigAmbiguity::Ambiguous { other, .. } => Some(Candidate {
-            cam_from_target: other.rig_from_target,
-            covariance: other.covariance,
-            delta_chi2: other.chi2 - found.chi2,
-        }),
+        RigAmbiguity::Ambiguous { other: o, .. } => Some(candidate(o.rig_from_target, o.covariance, o.chi2)),
         RigAmbiguity::Unique { .. } => None,
     };
-    Ok([Some(best), other].into_iter().flatten().collect())
+    // The answer of one camera is the more probable pose, whose χ² need not be the lower one.
+    let lowest = other.as_ref().map_or(best.delta_chi2, |o| o.delta_chi2.min(best.delta_chi2));
+    let above = |c: Candidate| Candidate { delta_chi2: c.delta_chi2 - lowest, ..c };
+    Ok([Some(best), other].into_iter().flatten().map(above).collect())
 }
 
 /// Every number of every view.
@@ -187,17 +242,34 @@ fn check_hand_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error
     if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
         return invalid("an entry of the hand's covariance", seen, "it must be a finite number");
     }
+    let skew = (covariance - covariance.transpose()).amax();
+    if 1e-9 * covariance.amax() < skew {
+        return invalid("the asymmetry of the hand's covariance", skew, "it must be symmetric");
+    }
     let least = covariance.symmetric_eigenvalues().min();
-    if least < -1e-9 * covariance.amax() {
+    if !is_covariance(covariance) {
         return invalid(
             "the least eigenvalue of the hand's covariance",
             least,
             "no variance can be negative",
         );
     }
-    let skew = (covariance - covariance.transpose()).amax();
-    if 1e-9 * covariance.amax() < skew {
-        return invalid("the asymmetry of the hand's covariance", skew, "it must be symmetric");
-    }
     Ok(())
+}
+
+/// A base farther from the stations than this many times their spread is the origin of a map: nothing turns about it.
+const MAX_BASE_DISTANCE: f64 = 30.0;
+
+/// Vₖ for left motions of `base_from_hand`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).
+fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; KINDS] {
+    let turning_about = |p: &Vector3<f64>| {
+        let mut g = SMatrix::<f64, 6, 3>::zeros();
+        g.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        g.fixed_view_mut::<3, 3>(3, 0).copy_from(&p.cross_matrix());
+        g * g.transpose()
+    };
+    let is_near = origin.norm() <= MAX_BASE_DISTANCE * spread_m;
+    let position = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, 1.0, 1.0, 1.0));
+    let about_base = if is_near { turning_about(origin) } else { Matrix6::zeros() };
+    [turning_about(hand), about_base, position]
 }

@@ -7,12 +7,13 @@
 //!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
 
 mod places;
+mod views;
 
 use super::{
     Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE,
 };
 use crate::{Matrix6, Vector6};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix};
 use places::Chain;
 pub use places::{RigGraph, RigLink, RigPlaces};
 
@@ -23,6 +24,8 @@ pub struct RigEquations {
     pub chi2: f64,
     bodies: Vec<BodyBlock>,
     couplings: Vec<Coupling>,
+    /// Information and gradient of each sighting's own pose; zero where it takes no part.
+    sightings: Vec<(Matrix6, Vector6)>,
     /// Lower triangle.
     information: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -110,6 +113,7 @@ impl RigEquations {
             chi2: 0.0,
             bodies: Vec::with_capacity(places.rig_from_body.len()),
             couplings: Vec::with_capacity(graph.links.len()),
+            sightings: vec![(Matrix6::zeros(), Vector6::zeros()); graph.links.len()],
             information: DMatrix::zeros(n, n),
             gradient: DVector::zeros(n),
         };
@@ -117,13 +121,9 @@ impl RigEquations {
             sums.open_bodies_to(link.body);
             if graph.is_active[link.body] {
                 let chain = places.chain(link, graph);
-                sums.add(
-                    link,
-                    graph,
-                    &chain,
-                    &places.cam_from_rig[link.camera].rotation,
-                    &normal(i, &chain.place)?,
-                );
+                let normal = normal(i, &chain.place)?;
+                sums.sightings[i] = (normal.information(), normal.gradient());
+                sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal);
             }
         }
         sums.open_bodies_to(places.rig_from_body.len().saturating_sub(1));
@@ -266,17 +266,38 @@ impl RigEquations {
 
     /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
     pub fn lost_to_places(&self, eliminated: &Eliminated, common: &Common) -> f64 {
+        self.lost_by_several(eliminated, [common])[(0, 0)]
+    }
+
+    /// The same of several more parameters, hᵢᵀH⁻¹hⱼ.
+    pub fn lost_by_several<const N: usize>(
+        &self,
+        eliminated: &Eliminated,
+        commons: [&Common; N],
+    ) -> SMatrix<f64, N, N> {
+        let solved = commons.map(|common| self.without_bodies(eliminated, common));
+        let left = solved.each_ref().map(|s| eliminated.reduced.solve(&s.shared));
+        SMatrix::from_fn(|i, j| {
+            let of_bodies: f64 = commons[i].bodies.iter().zip(&solved[j].bodies).map(|(h, s)| h.dot(s)).sum();
+            of_bodies + solved[i].shared.dot(&left[j])
+        })
+    }
+
+    /// h with the bodies' places eliminated, and A⁻¹h of each of those.
+    fn without_bodies(&self, eliminated: &Eliminated, common: &Common) -> Common {
         let mut reduced = common.shared.clone();
-        let mut lost = 0.0;
+        let mut bodies = Vec::with_capacity(common.bodies.len());
         for (body, (inverse, h)) in eliminated.inverses.iter().zip(&common.bodies).enumerate() {
             let solved = inverse * h;
-            lost += h.dot(&solved);
-            for c in self.couplings_of(body) {
-                let mut rows = reduced.fixed_rows_mut::<6>(6 * c.block);
-                rows -= c.shared_body * solved;
+            if solved != Vector6::zeros() {
+                for c in self.couplings_of(body) {
+                    let mut rows = reduced.fixed_rows_mut::<6>(6 * c.block);
+                    rows -= c.shared_body * solved;
+                }
             }
+            bodies.push(solved);
         }
-        lost + reduced.dot(&eliminated.reduced.solve(&reduced))
+        Common { shared: reduced, bodies }
     }
 }
 

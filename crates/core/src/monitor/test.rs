@@ -3,6 +3,7 @@
 use super::axis::{AxisFilter, AxisNoise, Transition};
 use super::onsets::{AXES, Change, Onsets};
 use crate::Error;
+use crate::covariance::is_covariance;
 use crate::snapshot::numbers;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
@@ -21,6 +22,9 @@ pub struct DriftNoise {
     pub daily: Matrix6<f64>,
 }
 
+/// Beyond this, products of variances leave the range of numbers.
+pub(super) const MOST_VARIANCE: f64 = 1e100;
+
 impl DriftNoise {
     /// # Errors
     /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
@@ -34,6 +38,15 @@ impl DriftNoise {
             let least = covariance.diagonal().min();
             if least < 0.0 {
                 return invalid("variance in a reference", least, "it must not be below zero");
+            }
+            if MOST_VARIANCE < covariance.amax() {
+                let needed = "it must be below 1e100: the change detector multiplies such numbers";
+                return invalid("variance in a reference", covariance.amax(), needed);
+            }
+            if !is_covariance(covariance) {
+                let least = covariance.symmetric_eigenvalues().min();
+                let needed = "it must be symmetric, and its least eigenvalue not negative";
+                return invalid("covariance of a reference", least, needed);
             }
         }
         if !(bias_time_s.is_finite() && 0.0 < *bias_time_s) {
@@ -171,7 +184,7 @@ fn variances(whitened_from_motion: &Matrix6<f64>, covariance: &Matrix6<f64>) -> 
 fn whitening(covariance: &Matrix6<f64>) -> Option<(Matrix6<f64>, Matrix6<f64>)> {
     // Radians and metres differ by orders: scaled to unit variances first.
     let scale = covariance.diagonal().map(f64::sqrt);
-    if !scale.iter().all(|s| s.is_finite() && 0.0 < *s) {
+    if !scale.iter().all(|s| s.is_finite() && 1.0 / MOST_VARIANCE.sqrt() < *s) {
         return None;
     }
     let correlation = Matrix6::from_fn(|i, j| covariance[(i, j)] / (scale[i] * scale[j]));

@@ -4,14 +4,18 @@ use super::adjust::Adjusted;
 use super::classify::rms_px;
 use super::layout::Layout;
 use super::scale::scales;
+use super::sighted::Sighted;
+use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
-use super::{
-    BodyInView, CameraInRig, RigConfig, RigSolution, SharedViews, SightingResult, TargetOnBody, WeakestLink,
-};
+use super::{BodyInView, CameraInRig, RigConfig, RigSolution, SightingResult, TargetOnBody, WeakestLink};
+use crate::clustered::{Cluster, clustered};
 use crate::consistency::noise_scale;
+use crate::covariance::is_covariance;
 use crate::least_squares::PivotedPose;
+use crate::least_squares::rig::Eliminated;
 use crate::loss::Loss;
 use crate::pose::symmetric;
+use crate::refine::OVERFLOW;
 use crate::sandwich::widening;
 use crate::{Error, Matrix6, Point, Pose};
 use nalgebra::{DMatrix, Matrix3};
@@ -24,7 +28,12 @@ struct Tally {
     chi2: f64,
 }
 
-pub(super) fn answer(layout: &Layout, adjusted: Adjusted, config: &RigConfig) -> Result<RigSolution, Error> {
+pub(super) fn answer(
+    layout: &Layout,
+    sighted: &Sighted,
+    adjusted: Adjusted,
+    config: &RigConfig,
+) -> Result<RigSolution, Error> {
     let undetermined = || Error::NotConverged { steps: adjusted.steps };
     let eliminated = adjusted.equations.eliminated(0.0).ok_or_else(undetermined)?;
     let tallies = tallies(&adjusted);
@@ -32,21 +41,36 @@ pub(super) fn answer(layout: &Layout, adjusted: Adjusted, config: &RigConfig) ->
     let degrees_of_freedom = degrees_of_freedom(layout, &adjusted, &total, config);
     let (chi2, noise_scale) = noise(&adjusted, &total, degrees_of_freedom, config);
     let widened = noise_scale * loss_widening(config.loss);
-    let shared = eliminated.reduced.inverse();
-    let of_bodies = adjusted.equations.body_covariances(&eliminated, &shared);
-    let bodies = bodies(layout, &adjusted, &tallies, &of_bodies, widened);
-    let shared = shared * widened;
+    let inverse = eliminated.reduced.inverse();
+    let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
+    let held = clustered(&inverse, &clusters, widened);
+    let of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
+    let bodies = bodies(layout, &adjusted, &tallies, &of_bodies, held.within);
+    let shared = held.covariance;
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
+    let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
+    let evidence = Evidence {
+        layout,
+        sighted,
+        adjusted: &adjusted,
+        eliminated: &eliminated,
+        config,
+        scales: &scales,
+        chi2,
+        degrees_of_freedom,
+        noise_scale,
+    };
+    let verdict = evidence.verdict();
     let solution = RigSolution {
         reference: layout.reference,
-        weakest_link: weakest_link(layout, &cameras, &shared_views, &shared),
+        weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),
         cameras,
         targets: targets(layout, &adjusted, &shared),
         bodies,
         sightings: sightings(layout, &adjusted),
         shared: shared_views,
-        scales: scales(layout, &adjusted, &eliminated, noise_scale, !config.known_distances.is_empty()),
+        scales,
         rms_px: total.rms_px(),
         chi2,
         degrees_of_freedom,
@@ -54,9 +78,13 @@ pub(super) fn answer(layout: &Layout, adjusted: Adjusted, config: &RigConfig) ->
         n_used: total.n_used,
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
+        view_scale: held.within / widened,
         steps: adjusted.steps,
+        verdict,
     };
-    Ok(solution)
+    let covariances = solution.cameras.iter().map(|camera| &camera.covariance);
+    let is_finite = (solution.rms_px + solution.chi2 + solution.noise_scale).is_finite();
+    if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
 }
 
 impl Tally {
@@ -71,6 +99,12 @@ fn sum<'a>(tallies: impl Iterator<Item = &'a Tally>) -> Tally {
         squared_px2: s.squared_px2 + t.squared_px2,
         chi2: s.chi2 + t.chi2,
     })
+}
+
+/// One a view.
+fn clusters(layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated) -> Vec<Cluster> {
+    let views: Vec<usize> = layout.bodies.iter().map(|(view, _)| *view).collect();
+    adjusted.equations.clusters(eliminated, &adjusted.places, &adjusted.graph, &views)
 }
 
 /// One a sighting.
@@ -241,7 +275,7 @@ pub(super) fn relative(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, 
 fn weakest_link(
     layout: &Layout,
     cameras: &[CameraInRig],
-    views: &SharedViews,
+    used_views: &[Vec<usize>],
     shared: &DMatrix<f64>,
 ) -> Option<WeakestLink> {
     let n = cameras.len();
@@ -249,8 +283,8 @@ fn weakest_link(
     let mut links: Vec<(f64, WeakestLink)> = Vec::new();
     for a in 0..n {
         for b in a + 1..n {
-            if 0 < views.counts[a][b] {
-                links.push(link(cameras, &joint, a, b, views.counts[a][b]));
+            if 0 < used_views[a][b] {
+                links.push(link(cameras, &joint, a, b, used_views[a][b]));
             }
         }
     }

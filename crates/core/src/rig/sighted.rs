@@ -155,6 +155,21 @@ fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) ->
     Some(median(&mut all)? / MEDIAN_CHI2 * free).filter(|v| v.is_finite())
 }
 
+/// Whether its points fit one pose by its own camera: the inner half of them, at the best of its poses, no worse than twice the stated
+/// noise. One without a pose does not tell.
+pub(super) fn fits_alone(
+    poses: &Result<Vec<Hypothesis>, Error>,
+    seen: &[Correspondence],
+    camera: &Camera,
+) -> bool {
+    let Ok(poses) = poses else { return true };
+    let spread = |h: &Hypothesis| variance(&h.cam_from_target, seen, camera);
+    poses.iter().filter_map(spread).fold(f64::INFINITY, f64::min) < LARGEST_ALONE
+}
+
+/// In variances.
+const LARGEST_ALONE: f64 = 4.0;
+
 /// None of nothing.
 pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;

@@ -22,7 +22,7 @@ pub fn shared_views(problem: &RigProblem) -> SharedViews {
 }
 
 /// Views of each pair, a view in which it shares two bodies counted once.
-fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>> {
+pub(super) fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>> {
     let mut counts = vec![vec![0; n]; n];
     let mut counted_in = vec![vec![None; n]; n];
     for together in seen.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {

@@ -3,6 +3,7 @@
 use super::RigView;
 use super::cost::RigCost;
 use super::starts::Extents;
+use crate::covariance::is_covariance;
 use crate::solve::configuration::{MIN_WIDTH, check_numbers};
 use crate::{Error, Matrix6};
 use nalgebra::Matrix3;
@@ -58,6 +59,13 @@ fn check_covariance(camera: usize, covariance: &Matrix6) -> Result<(), Error> {
         if most < entry.abs() || 1e-9 * most < (entry - mirrored).abs() {
             return invalid(entry, "the matrix must be symmetric, without correlations above 1");
         }
+    }
+    if !is_covariance(covariance) {
+        let least = covariance.symmetric_eigenvalues().min();
+        return invalid(
+            least,
+            "no combination of its entries may have a negative variance (least eigenvalue)",
+        );
     }
     Ok(())
 }

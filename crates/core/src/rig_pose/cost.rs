@@ -65,6 +65,7 @@ impl<'a> RigCost<'a> {
             covariance,
             chi2: self.chi2(&rig_from_target),
             rms_px,
+            log_determinant: 0.0,
         })
     }
 }

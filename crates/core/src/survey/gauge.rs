@@ -2,8 +2,8 @@
 
 use super::state::{Layout, State};
 use super::{Fact, Frame, Item, Plane, Survey, rows};
-use crate::{Point, Vector6};
-use nalgebra::{DMatrix, DVector, Matrix6, SymmetricEigen, Vector3};
+use crate::{Point, Pose, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 
 /// Height over longest side of the triangle that spans the frame.
 const LEAST_HEIGHT: f64 = 0.05;
@@ -50,6 +50,41 @@ pub(super) fn layout(
     layout.pins = free_motions(survey, state, &layout);
     let frame = if layout.pins.is_empty() { Frame::Given } else { Frame::Held };
     (layout, frame)
+}
+
+/// The same places turned by half a turn about an axis of the frame, and normals reversed, where the adjustment carried the cameras to the
+/// other side of the plane, or the second mark to the other end of the x axis; none where all is as it should be.
+pub(super) fn facing_cameras(survey: &Survey, state: &State, layout: &Layout, frame: Frame) -> Option<State> {
+    let centres: Vec<Point> =
+        (0..state.photos.len()).filter(|p| layout.has_photo(*p)).map(|p| state.photos[p].origin()).collect();
+    let mut turned = state.clone();
+    let mut is_turned = false;
+    if let Frame::Marks([a, b, _]) = frame {
+        let is_below = centres.iter().map(|c| c.z - state.points[a].z).sum::<f64>() < 0.0;
+        let is_back = state.points[b].x < state.points[a].x;
+        let sign = |is: bool| if is { -1.0 } else { 1.0 };
+        let (x, z) = (sign(is_back), sign(is_below));
+        // A turn, never a mirror image: y follows from the two others.
+        let half = Pose::new(Matrix3::from_diagonal(&Vector3::new(x, x * z, z)), Point::zeros());
+        turned.points.iter_mut().for_each(|x| *x = half * *x);
+        turned.photos.iter_mut().for_each(|pose| *pose = *pose * half);
+        turned.planes.iter_mut().for_each(|plane| {
+            (plane.normal, plane.pivot) = (half.rotation * plane.normal, half * plane.pivot);
+        });
+        is_turned = is_below || is_back;
+    }
+    for (index, plane) in survey.planes.iter().enumerate() {
+        let is_level =
+            survey.facts.iter().any(|f| matches!(f, Fact::Gravity { plane, .. } if *plane == index));
+        let at = state.planes[index];
+        let side: f64 = centres.iter().map(|c| at.above_m(c)).sum();
+        if *plane == Plane::Unknown && layout.has_plane(index) && !is_level && side < 0.0 {
+            let found = &mut turned.planes[index];
+            (found.normal, found.height_m) = (-found.normal, -found.height_m);
+            is_turned = true;
+        }
+    }
+    is_turned.then_some(turned)
 }
 
 fn exact_coordinates(survey: &Survey) -> Vec<(usize, usize)> {

@@ -4,7 +4,7 @@
 use super::query::Query;
 use super::rows::equations;
 use super::state::State;
-use super::{Adjusted, Item, Survey};
+use super::{Adjusted, Item};
 use crate::Error;
 use crate::least_squares::dense::minimize_on_level;
 use nalgebra::DVector;
@@ -32,11 +32,11 @@ const NEAR: f64 = 2e-3;
 const MOST_STEPS: usize = 12;
 
 impl Adjusted {
-    /// The answer to a question about places that were found, with its 95 % interval. `survey` is the one adjusted.
+    /// The answer to a question about places that were found, with its 95 % interval.
     ///
     /// # Errors
     /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the survey.
-    pub fn measure(&self, survey: &Survey, query: &Query) -> Result<Measured, Error> {
+    pub fn measure(&self, query: &Query) -> Result<Measured, Error> {
         self.check(query)?;
         let (value, gradient) = query.value(&self.state, &self.layout);
         let by = &self.covariance * &gradient;
@@ -44,7 +44,7 @@ impl Adjusted {
         if !(value.is_finite() && sigma.is_finite()) {
             return Err(Error::NotFinite { what: "the value asked for", index: 0 });
         }
-        let end = |side: f64| self.end(survey, query, value, sigma, &by, side);
+        let end = |side: f64| self.end(query, value, sigma, &by, side);
         let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
         let is_profile = low.is_some() && high.is_some();
         let linear = |side: f64| value + side * NORMAL_95 * sigma;
@@ -88,15 +88,8 @@ impl Adjusted {
     }
 
     /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
-    fn end(
-        &self,
-        survey: &Survey,
-        query: &Query,
-        value: f64,
-        sigma: f64,
-        by: &DVector<f64>,
-        side: f64,
-    ) -> Option<f64> {
+    fn end(&self, query: &Query, value: f64, sigma: f64, by: &DVector<f64>, side: f64) -> Option<f64> {
+        let facts = self.used_facts();
         let mut state = self.state.clone();
         let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
         let mut reached = 0.0;
@@ -110,7 +103,7 @@ impl Adjusted {
             let found = minimize_on_level(
                 &state,
                 level,
-                |s| equations(survey.facts, s, &self.layout),
+                |s| equations(&facts, s, &self.layout),
                 |s, by| s.moved(&self.layout, by),
             )?;
             let root = ((found.equations.chi2 - self.chi2) / self.noise_scale).max(0.0).sqrt();

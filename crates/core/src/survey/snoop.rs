@@ -14,6 +14,19 @@ pub struct Suspect {
     pub sigmas: f64,
     /// Estimated error of the fact, given minus what the others say, in its own unit (px, m, rad); the length of it for several numbers.
     pub off: f64,
+    /// A known distance of which the others say that its decimal point slipped.
+    pub slip: Option<DecimalSlip>,
+}
+
+/// A distance that is the right one but for its decimal point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DecimalSlip {
+    /// What the others say, m.
+    pub expected_m: f64,
+    /// Its standard deviation, m.
+    pub sigma_m: f64,
+    /// The given distance is about the expected one times ten to this.
+    pub power_of_ten: i32,
 }
 
 /// Chance that any of the facts of a good survey is called a suspect.
@@ -63,6 +76,31 @@ fn unit(fact: &Fact) -> f64 {
     }
 }
 
+/// A fact that took no part, against what the others foresee: its residual over its own and their standard deviations, given minus
+/// foreseen, and the standard deviation of what is foreseen, in the fact's unit. None where the others say nothing of it.
+pub(super) fn against_the_rest(
+    fact: &Fact,
+    state: &State,
+    layout: &Layout,
+    covariance: &DMatrix<f64>,
+) -> Option<(f64, f64, f64)> {
+    if !layout.has(fact) {
+        return None;
+    }
+    let rows = rows(fact, state, layout)?;
+    let residual = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.residual));
+    let foreseen = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+        let of = |(a, x): &(usize, f64)| {
+            rows[j].entries.iter().map(|(b, y)| x * y * covariance[(*a, *b)]).sum::<f64>()
+        };
+        rows[i].entries.iter().map(of).sum()
+    });
+    let scatter = DMatrix::identity(rows.len(), rows.len()) + &foreseen;
+    let sigmas = residual.dot(&scatter.cholesky()?.solve(&residual)).sqrt();
+    let off = if rows.len() == 1 { residual[0] } else { residual.norm() };
+    Some((sigmas, off * unit(fact), foreseen.trace().max(0.0).sqrt() * unit(fact)))
+}
+
 /// The suspects, worst first. `covariance` is that of the unknowns by the facts as stated.
 pub(super) fn suspects(
     facts: &[Fact],
@@ -81,7 +119,7 @@ pub(super) fn suspects(
     let mut found: Vec<Suspect> = tested
         .into_iter()
         .filter(|(_, t, _)| limit < *t)
-        .map(|(fact, t, off)| Suspect { fact, sigmas: t.sqrt(), off })
+        .map(|(fact, t, off)| Suspect { fact, sigmas: t.sqrt(), off, slip: None })
         .collect();
     found.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
     found

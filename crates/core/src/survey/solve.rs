@@ -1,72 +1,24 @@
 //! From first places to the joint minimum, its covariance, and what is left out of both.
 
 use super::rows::{equations, n_rows};
-use super::starts::{Draft, draft, lengths, plane_of, undetermined};
+use super::starts::{Draft, undetermined};
 use super::state::{Layout, LensAt, State};
-use super::trilaterate::Places;
+use super::trilaterate::{Places, lengths, plane_of};
 use super::{Adjusted, Fact, Frame, Item, Survey, gauge, snoop};
 use crate::consistency::{is_unlikely, noise_scale};
 use crate::least_squares::dense::{DenseSolution, minimize_dense};
-use crate::{Error, Point, Pose};
+use crate::{Error, Point};
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 
 /// A point whose largest standard deviation exceeds this part of its distance from the camera has no place.
 const LARGEST_SIGMA: f64 = 1.0 / 3.0;
-/// Other poses of photographs tried.
-const MOST_ALTERNATIVES: usize = 12;
-/// An arrangement that places one thing more may fit worse by this: a mirrored photograph gives points without parallax a place, but a
-/// wrong one.
-const COST_OF_LOSS_CHI2: f64 = 25.0;
-/// Two arrangements are one when their χ² and the photographs' places agree to this.
-const SAME: f64 = 1e-3;
 /// Scaled information below which a direction counts as unknown: rounding of a few hundred unknowns.
 const LEAST_INFORMATION: f64 = 1e-12;
 
-/// The best of all arrangements of the marks and of the photographs' poses.
-pub(super) fn best_of(survey: &Survey, arrangements: &[Places]) -> Result<Adjusted, Error> {
-    let mut found: Vec<Adjusted> = Vec::new();
-    let mut refusal = None;
-    for marks in arrangements {
-        // Where photographs join in, the whole network says better which distance is wrong.
-        refusal = refusal.or(check_distances(survey, marks).err());
-        let first = draft(survey, marks, &[]);
-        let alternatives: Vec<(usize, Pose)> =
-            first.alternatives.iter().take(MOST_ALTERNATIVES).copied().collect();
-        match settle(survey, first) {
-            Ok(adjusted) => found.push(adjusted),
-            Err(reason) => refusal = refusal.or(Some(reason)),
-        }
-        for alternative in alternatives {
-            found.extend(settle(survey, draft(survey, marks, &[alternative])).ok());
-        }
-    }
-    let cost = |a: &Adjusted| a.chi2 + COST_OF_LOSS_CHI2 * a.undetermined.len() as f64;
-    found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-    let mut found = found.into_iter();
-    let Some(mut best) = found.next() else {
-        let nothing = undetermined(
-            "photo",
-            0,
-            "no photograph has a place; click at least four marks in each",
-            0.0,
-            3.0,
-        );
-        return Err(refusal.unwrap_or(nothing));
-    };
-    let rival = found.find(|a| a.undetermined.len() == best.undetermined.len() && !is_same(a, &best));
-    best.rival_delta_chi2 = rival.map(|a| (a.chi2 - best.chi2) / best.noise_scale);
-    Ok(best)
-}
-
-fn is_same(a: &Adjusted, b: &Adjusted) -> bool {
-    let near = |(p, q): (&Pose, &Pose)| p.angle_to_rad(q) < SAME;
-    (a.chi2 - b.chi2).abs() < SAME * (1.0 + b.chi2) && a.state.photos.iter().zip(&b.state.photos).all(near)
-}
-
 /// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again.
-fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
+pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
     let mut dropped = draft.dropped;
-    let mut state = draft.state;
+    let (mut state, mut faces) = (draft.state, false);
     loop {
         let items: Vec<Item> = dropped.iter().map(|d| d.0).collect();
         let anything = (0..survey.camera_of_photo.len()).any(|p| !items.contains(&Item::Photo(p)));
@@ -82,6 +34,13 @@ fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
             dropped.push((item, reason));
             continue;
         };
+        if solved.converged
+            && !faces
+            && let Some(turned) = gauge::facing_cameras(survey, &solved.state, &layout, frame)
+        {
+            (state, faces) = (turned, true);
+            continue;
+        }
         let lost = match inverse(&solved.equations.information) {
             Err(direction) => blamed(&direction, &layout),
             Ok(covariance) => match weakest(survey, &solved, &layout, &covariance) {
@@ -117,6 +76,9 @@ fn conclude(
         state: solved.state,
         layout,
         facts: survey.facts.to_vec(),
+        left_out: Vec::new(),
+        on_line: None,
+        has_lost_marks: false,
         covariance: covariance * scale,
         chi2,
         degrees_of_freedom,
@@ -125,6 +87,7 @@ fn conclude(
         suspects,
         undetermined,
         rival_delta_chi2: None,
+        rival: None,
         frame,
         steps: solved.steps,
     })
@@ -225,7 +188,7 @@ fn out_of_field(survey: &Survey, state: &State, dropped: &[Item]) -> Option<(Ite
 }
 
 /// Whether the mutual distances alone agree, before any photograph is looked at.
-fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
+pub(super) fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
     let is_laid = |p: usize| marks[p].is_some();
     let used: Vec<usize> =
         lengths(survey).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();

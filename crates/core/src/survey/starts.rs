@@ -1,8 +1,9 @@
 //! First places of everything: marks by coordinates or distances, photographs by `locate`, further points by rays.
 
+use super::segments::{by_segments, line_of_segments};
 use super::state::{LensAt, PlaneAt, State};
-use super::trilaterate::{Length, Network, Places};
-use super::{Fact, Item, Plane, Survey, gauge};
+use super::trilaterate::{Length, Network, Places, lengths, plane_of};
+use super::{Fact, Item, Plane, Survey, gauge, spread};
 use crate::correspondence::Correspondence;
 use crate::locate::{Config, locate};
 use crate::triangulate::{PointView, triangulate};
@@ -16,27 +17,6 @@ pub(super) struct Draft {
     /// Other poses of photographs that fit their marks about as well.
     pub(super) alternatives: Vec<(usize, Pose)>,
     pub(super) marks: Option<[usize; 3]>,
-}
-
-/// Distances given, in order, with the fact each comes from.
-pub(super) fn lengths(survey: &Survey) -> Vec<(usize, Length)> {
-    let length = |(index, fact): (usize, &Fact)| match fact {
-        Fact::Distance { a, b, distance_m, sigma_m } => {
-            Some((index, Length { ends: [*a, *b], length_m: *distance_m, sigma_m: *sigma_m }))
-        }
-        _ => None,
-    };
-    survey.facts.iter().enumerate().filter_map(length).collect()
-}
-
-pub(super) fn plane_of(survey: &Survey) -> Vec<Option<usize>> {
-    let mut planes = vec![None; survey.n_points];
-    for fact in survey.facts {
-        if let Fact::OnPlane { plane, point, .. } = fact {
-            planes[*point] = Some(*plane);
-        }
-    }
-    planes
 }
 
 /// Arrangements of the marks whose coordinates or mutual distances are given; one without any mark where poses are given instead.
@@ -57,17 +37,40 @@ pub(super) fn marks(survey: &Survey) -> Result<Vec<Places>, Error> {
     {
         let on_known = known_plane_of(survey, &planes, &laid);
         places = on_known.map_or_else(|| laid.clone(), |plane| onto(&laid, &plane));
-    } else if !given {
-        return Err(Error::Undetermined {
-            what: "the frame of point",
-            index: 0,
-            reason: "no three points have all their mutual distances; measure the sides of one triangle of marks, or give coordinates",
-            metric: lengths.len() as f64,
-            needed: 3.0,
-        });
+    } else if !places.iter().any(Option::is_some) {
+        if let Some(line) = line_of_segments(survey) {
+            return Err(line);
+        }
+        let mut laid = by_segments(survey);
+        let line = laid.first().and_then(|places| spread::of_laid(survey, places));
+        laid.retain(|places| spread::of_laid(survey, places).is_none());
+        if let (true, Some(line)) = (laid.is_empty(), line) {
+            return Err(line);
+        }
+        let on_plane = |laid: Places| match known_plane_of(survey, &planes, &laid) {
+            Some(plane) => onto(&laid, &plane),
+            None => laid,
+        };
+        if !laid.is_empty() {
+            return Ok(laid.into_iter().map(on_plane).collect());
+        }
+        if !given {
+            return Err(no_start(survey, &lengths));
+        }
     }
     let normals = normals(survey, &planes, &places);
     Ok(network.grow(places, &normals))
+}
+
+/// Why distances alone lay down nothing.
+fn no_start(survey: &Survey, lengths: &[Length]) -> Error {
+    spread::of_lengths(survey).unwrap_or(Error::Undetermined {
+            what: "the frame of point",
+            index: 0,
+            reason: "no three points have all their mutual distances, and no photograph shows three known lengths on one plane; measure the sides of one triangle of marks, or give coordinates",
+            metric: lengths.len() as f64,
+            needed: 3.0,
+    })
 }
 
 fn check_length(survey: &Survey) -> Result<(), Error> {
@@ -234,7 +237,9 @@ impl Building<'_> {
             let mut placed = false;
             for photo in 0..self.photos.len() {
                 let clicks = self.clicks(|p, point| p == photo && self.points[point].is_some());
-                if self.photos[photo].is_none() && least <= clicks.len() {
+                // Three points leave up to four poses: one photograph at a time, so that what it places helps the next.
+                let is_next = !(placed && least == 3);
+                if self.photos[photo].is_none() && is_next && least <= clicks.len() {
                     placed |= self.place_photo(photo, &clicks);
                 }
             }

@@ -3,6 +3,7 @@
 //! A triangle is laid down; each further mark stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
 //! are followed: the photographs decide.
 
+use super::{Fact, Survey};
 use crate::Point;
 use nalgebra::Vector3;
 
@@ -17,12 +18,39 @@ pub(super) struct Length {
 /// Places of some of the points.
 pub(super) type Places = Vec<Option<Point>>;
 
+/// Distances given, in order, with the fact each comes from.
+pub(super) fn lengths(survey: &Survey) -> Vec<(usize, Length)> {
+    let length = |(index, fact): (usize, &Fact)| match fact {
+        Fact::Distance { a, b, distance_m, sigma_m } => {
+            Some((index, Length { ends: [*a, *b], length_m: *distance_m, sigma_m: *sigma_m }))
+        }
+        _ => None,
+    };
+    survey.facts.iter().enumerate().filter_map(length).collect()
+}
+
+/// The plane that each point lies on.
+pub(super) fn plane_of(survey: &Survey) -> Vec<Option<usize>> {
+    let mut planes = vec![None; survey.n_points];
+    for fact in survey.facts {
+        if let Fact::OnPlane { plane, point, .. } = fact {
+            planes[*point] = Some(*plane);
+        }
+    }
+    planes
+}
+
 /// Arrangements followed at once; each further mark with two places doubles them.
 const MOST_ARRANGEMENTS: usize = 8;
 /// A place whose χ² over its distances is this far above the best is not followed.
 const FOLLOWED_CHI2: f64 = 25.0;
 /// Height over longest side of a triangle that can be laid down.
-const LEAST_HEIGHT: f64 = 0.02;
+pub(super) const LEAST_HEIGHT: f64 = 0.02;
+
+/// Standard deviations that marks must stand off their line by: the mirror image then lies ten away.
+pub(super) const LINE_SIGMAS: f64 = 5.0;
+/// A height is known from distances where its square exceeds this many of its standard deviations.
+const UNSURE_SIGMAS: f64 = 3.0;
 
 /// Distances and planes, by point.
 pub(super) struct Network<'a> {
@@ -70,6 +98,32 @@ impl Network<'_> {
         places[b] = Some(Point::new(self.between(a, b)?.length_m, 0.0, 0.0));
         places[c] = Some(third);
         Some(places)
+    }
+
+    /// Of the triangle of measured sides that is the least slim: its height, how high it would have to be to be told from a line, and its
+    /// longest side; none without any triangle.
+    pub(super) fn tallest(&self) -> Option<(f64, f64, Length)> {
+        let mut best: Option<(f64, f64, Length)> = None;
+        for ab in self.lengths {
+            for c in 0..self.plane_of.len() {
+                let (Some(ac), Some(bc)) = (self.between(ab.ends[0], c), self.between(ab.ends[1], c)) else {
+                    continue;
+                };
+                let (p, q, r) = (ab.length_m, ac.length_m, bc.length_m);
+                let along = (q * q - r * r + p * p) / (2.0 * p);
+                let height = (q * q - along * along).max(0.0).sqrt();
+                // The height's square by each side.
+                let by = [q * (1.0 - along / p), along * r / p, along * (1.0 - along / p)];
+                let sigmas = [ac.sigma_m, bc.sigma_m, ab.sigma_m];
+                let square = by.iter().zip(sigmas).map(|(b, s)| (2.0 * b * s).powi(2)).sum::<f64>().sqrt();
+                let needed = (LEAST_HEIGHT * p).max((0.5 * LINE_SIGMAS * square).sqrt());
+                let is_longest = q.max(r) <= p;
+                if is_longest && best.is_none_or(|(h, n, _)| h * needed < height * n) {
+                    best = Some((height, needed, *ab));
+                }
+            }
+        }
+        best
     }
 
     /// Adds every point that its distances to placed ones determine; several arrangements where they leave a choice. `normals` are those
@@ -174,12 +228,15 @@ fn spheres(known: &[(Point, Length)]) -> Vec<Point> {
     let v = w.cross(&u);
     let p = (b - a).norm();
     let (s, t) = (u.dot(&(c - a)), v.dot(&(c - a)));
+    let sigma_m = (da.sigma_m.powi(2) + db.sigma_m.powi(2) + dc.sigma_m.powi(2)).sqrt();
+    let slack = UNSURE_SIGMAS * 2.0 * da.length_m * sigma_m;
     let [da, db, dc] = [da, db, dc].map(|l| l.length_m);
     let x = (da * da - db * db + p * p) / (2.0 * p);
     let y = (da * da - dc * dc + s * s + t * t - 2.0 * s * x) / (2.0 * t);
     let z = (da * da - x * x - y * y).max(0.0).sqrt();
     let foot = a + u * x + v * y;
-    if z == 0.0 { vec![foot] } else { vec![foot + w * z, foot - w * z] }
+    // Whether it stands above, below or level is not known: the photographs raise it better than two wrong guesses.
+    if z * z <= slack { vec![foot] } else { vec![foot + w * z, foot - w * z] }
 }
 
 #[cfg(test)]
@@ -188,7 +245,7 @@ mod tests {
 
     fn known(centres: &[Point], target: &Point) -> Vec<(Point, Length)> {
         let length = |(i, c): (usize, &Point)| {
-            (*c, Length { ends: [i, 9], length_m: (c - target).norm(), sigma_m: 0.01 })
+            (*c, Length { ends: [i, 9], length_m: (c - target).norm(), sigma_m: 1e-3 })
         };
         centres.iter().enumerate().map(length).collect()
     }

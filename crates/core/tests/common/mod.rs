@@ -3,8 +3,10 @@
 
 pub mod rigs;
 pub mod hands;
+pub mod sessions;
 pub mod outliers;
 pub mod accident;
+pub mod surveys;
 pub mod views;
 pub mod rooms;
 pub mod sentry;

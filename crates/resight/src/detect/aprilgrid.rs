@@ -9,6 +9,7 @@ use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
+use super::tiles::{self, Look};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -79,7 +80,9 @@ impl AprilGridFinder {
         let decimate =
             if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
         let cut = cut_joints(image, &joints, decimate);
-        let tags = one_border(self.decoder.detect(&cut, decimate, Edges::FullSize));
+        let look = Look { decimate, edges: Edges::FullSize };
+        let tags = one_border(tiles::search(&mut self.decoder, &cut, look));
+        drop(cut);
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
         let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
         let decoded = tags.iter().flat_map(|tag| corners(tag, &joints));

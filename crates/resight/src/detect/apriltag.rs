@@ -42,6 +42,12 @@ pub(super) enum Edges {
 /// looks at neighbouring tiles.
 const MIN_EDGE_PX: u32 = 32;
 
+/// Longest edge, pixels, of the reduced image: the library keeps twice a coordinate in 16 bits and aborts beyond this.
+const MAX_EDGE_PX: f32 = 32_767.0;
+
+/// Most pixels of an image: the library counts its bytes in 32 bits with sign.
+const MAX_PIXELS: usize = 1 << 30;
+
 /// A detector of the library with its families.
 pub(super) struct QuadDecoder {
     detector: NonNull<c::apriltag_detector_t>,
@@ -92,11 +98,14 @@ impl QuadDecoder {
         self
     }
 
-    /// Finds tags; quads are sought in the image reduced `decimate` times, bits read at full size.
+    /// Finds tags; quads are sought in the image reduced `decimate` times, bits read at full size. None are found in an image whose
+    /// dimensions the library cannot take; `tiles::search` cuts such images into tiles that it can.
     pub fn detect(&mut self, image: &GrayImage, decimate: f32, edges: Edges) -> Vec<DecodedTag> {
         let pixels = image.width_px as usize * image.height_px as usize;
         let smallest = image.width_px.min(image.height_px) as f32;
-        if smallest < MIN_EDGE_PX as f32 * decimate || image.data.len() != pixels {
+        let longest = image.width_px.max(image.height_px) as f32;
+        let fits = MIN_EDGE_PX as f32 * decimate <= smallest && longest <= MAX_EDGE_PX * decimate;
+        if !fits || !(1.0..=64.0).contains(&decimate) || MAX_PIXELS < pixels || image.data.len() != pixels {
             return Vec::new();
         }
         let mut view = c::image_u8_t {

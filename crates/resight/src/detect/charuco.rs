@@ -12,6 +12,7 @@ use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{CornerWindow, Joint, joints, nearest};
+use super::tiles::{self, Look};
 use crate::GrayImage;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Charuco, Feature};
@@ -60,7 +61,7 @@ impl CharucoFinder {
     fn markers(&mut self, image: &GrayImage) -> Vec<DecodedTag> {
         let mut best = Vec::new();
         for decimate in [2.0, 1.0] {
-            let mut seen = self.decoder.detect(image, decimate, Edges::FullSize);
+            let mut seen = tiles::search(&mut self.decoder, image, Look { decimate, edges: Edges::FullSize });
             seen.iter_mut()
                 .filter(|m| MIRRORED[m.family])
                 .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));

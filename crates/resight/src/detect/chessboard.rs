@@ -6,12 +6,10 @@
 //! of odd squares: quarter turns) no detector can tell them apart: the most upright is taken, the one whose last row
 //! lies lowest below its first in the image, as OpenCV does. A mirrored numbering is never returned.
 
-use super::joints::{CornerWindow, Joint, corner_config, view};
+use super::joints::{CornerWindow, Joint, corner_config, corners};
 use super::{DetectError, sigma};
 use crate::GrayImage;
-use calib_targets::chessboard::{
-    ChessboardDetection, ChessboardDetector, ChessboardParams, detect_corner_frame,
-};
+use calib_targets::chessboard::{ChessboardDetection, ChessboardDetector, ChessboardParams};
 use calib_targets::core::DetectorConfig;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -40,12 +38,11 @@ impl ChessboardFinder {
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
-        let Some(view) = view(image) else { return Vec::new() };
-        let frame = detect_corner_frame(&view, &self.config);
+        let corners = corners(image, &self.config);
         let found = self
             .detectors
             .iter()
-            .flat_map(|detector| detector.detect_all(&frame.corners))
+            .flat_map(|detector| detector.detect_all(&corners))
             .find_map(|found| number(&Grid::new(&found), &self.board, image, self.window));
         found.unwrap_or_default()
     }

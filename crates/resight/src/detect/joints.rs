@@ -77,8 +77,42 @@ pub(super) fn view(image: &GrayImage) -> Option<GrayImageView<'_>> {
 
 /// Every saddle point of the image.
 pub(super) fn joints(image: &GrayImage) -> Vec<Joint> {
-    let corners = view(image).map(|view| detect_corner_frame(&view, &corner_config()).corners);
-    corners.unwrap_or_default().iter().map(Joint::new).collect()
+    corners(image, &corner_config()).iter().map(Joint::new).collect()
+}
+
+/// Most pixels in which corners are sought at once: the detector takes four bytes for each, and more.
+const WHOLE_PIXELS: usize = 16_000_000;
+/// Pixels of a strip of a larger image.
+const STRIP_PIXELS: usize = 4_000_000;
+/// Rows that a strip takes of its neighbours: more than the detector's ring, its peak search and its fit windows reach.
+const OVERLAP_ROWS: usize = 32;
+/// Fewest rows of a strip: of a very wide image the overlap would be most of the work.
+const STRIP_ROWS: usize = 128;
+
+/// The corners that the library finds; in a large image strip by strip.
+pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
+    let Some(whole) = view(image) else { return Vec::new() };
+    if image.data.len() <= WHOLE_PIXELS {
+        return detect_corner_frame(&whole, config).corners;
+    }
+    let rows = (STRIP_PIXELS / whole.width).max(STRIP_ROWS);
+    let mut all = Vec::new();
+    for first in (0..whole.height).step_by(rows) {
+        let end = (first + rows).min(whole.height);
+        let (from, to) = (first.saturating_sub(OVERLAP_ROWS), (end + OVERLAP_ROWS).min(whole.height));
+        let data = &image.data[from * whole.width..to * whole.width];
+        let strip = GrayImageView { width: whole.width, height: to - from, data };
+        for mut corner in detect_corner_frame(&strip, config).corners {
+            corner.position.y += from as f32;
+            // A corner may be refined to just outside of the image.
+            let is_after = first == 0 || first as f32 <= corner.position.y;
+            let is_before = end == whole.height || corner.position.y < end as f32;
+            if is_after && is_before {
+                all.push(corner);
+            }
+        }
+    }
+    all
 }
 
 /// The joint nearest to a place, if one lies close enough.

@@ -39,6 +39,23 @@ impl Region {
         Region { first: [0, first], end: [size_px[0], end] }
     }
 
+    /// Tile `[column, row]` of `counts` columns and rows, which tile the picture, and `overlap_px` more to all sides.
+    pub fn tile(tile: [u32; 2], counts: [u32; 2], overlap_px: u32, size_px: [u32; 2]) -> Self {
+        let span = |axis: usize| {
+            let edge = |i: u32| (size_px[axis] as u64 * i as u64 / counts[axis] as u64) as u32;
+            let end = edge(tile[axis] + 1).saturating_add(overlap_px);
+            tiles(edge(tile[axis]).saturating_sub(overlap_px), end, size_px[axis])
+        };
+        let ((u0, u1), (v0, v1)) = (span(0), span(1));
+        Region { first: [u0, v0], end: [u1, v1] }
+    }
+
+    /// Its columns and rows.
+    #[cfg(test)]
+    pub fn size_px(&self) -> [u32; 2] {
+        [self.end[0] - self.first[0], self.end[1] - self.first[1]]
+    }
+
     /// Its first column and row, which what is found in it is moved by.
     pub fn origin(&self) -> Pixel {
         Pixel::new(self.first[0] as f64, self.first[1] as f64)

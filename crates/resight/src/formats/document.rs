@@ -5,15 +5,15 @@
 use super::entry::Entry;
 use super::{colmap, mcap, syntax, tf_launch};
 use crate::FileError;
-use std::io::Read;
+use crate::input::Kind;
 use std::path::{Path, PathBuf};
 
 /// Deepest nesting accepted; calibration files need about eight.
 pub(super) const MAX_DEPTH: usize = 48;
 /// Largest text accepted where the parser allocates much more than it reads (YAML, TOML, XML).
-const MAX_TEXT_BYTES: u64 = 1 << 20;
+const MAX_TEXT_BYTES: u64 = Kind::Text.limit_bytes();
 /// Largest JSON, Python literal or table: PhotonVision, mrcal and COLMAP store every observation.
-const MAX_LITERAL_BYTES: u64 = 16 << 20;
+const MAX_LITERAL_BYTES: u64 = Kind::Literal.limit_bytes();
 
 /// What is wrong, and on which line (from 1); the path is added when it leaves the module.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,14 +97,12 @@ pub(super) struct Document {
 impl Document {
     /// Reads at most 16 MiB (recordings: whatever they hold, in bounded memory) and parses; refuses what is not plain text before any parser sees it.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let mut file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
+        crate::input::must_not_block(path)?;
         if crate::recording::is_recording(path) {
+            let mut file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
             return mcap::document(path, &mut file).map_err(|fault| fault.in_file(path));
         }
-        let mut bytes = Vec::new();
-        file.take(MAX_LITERAL_BYTES + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|e| FileError::new(path, e.to_string()))?;
+        let bytes = crate::input::read(path, Kind::Literal)?;
         Document::parse(path, bytes).map_err(|fault| fault.in_file(path))
     }
 

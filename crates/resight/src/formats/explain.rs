@@ -9,6 +9,7 @@ use super::{
 };
 use crate::FileError;
 use crate::core::camera::ImageSize;
+use crate::core::target::MapTag;
 use crate::core::{Camera, Lens, Pixel, Point, Target};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -29,6 +30,19 @@ pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileErr
     explain_document(&document).map_err(|fault| fault.in_file(path))
 }
 
+/// What is unusual about a camera or target file that can be read, in sentences, as `explain` lists them under its warnings.
+pub fn remarks(path: &Path) -> Vec<String> {
+    let Ok(document) = Document::read(path) else { return Vec::new() };
+    match camera_format(&document) {
+        Some((_, reads)) => {
+            contents_of(&document, reads).map(|contents| contents.warnings).unwrap_or_default()
+        }
+        None => {
+            target_of(&document, &super::TagOptions::default()).map(|file| file.warnings).unwrap_or_default()
+        }
+    }
+}
+
 fn explain_document(document: &Document) -> Result<String, Fault> {
     if let Some((format, reads)) = camera_format(document) {
         let contents = contents_of(document, reads)?;
@@ -38,7 +52,7 @@ fn explain_document(document: &Document) -> Result<String, Fault> {
         return Ok(text + &bullets("Often misread:", &remarks) + &bullets("Warnings:", &contents.warnings));
     }
     let Some(format) = target_format(document) else { return Err(not_a_camera(document)) };
-    let file = target_of(document)?;
+    let file = target_of(document, &super::TagOptions::default())?;
     let head = format!("{}: {}.\n\n", document.path.display(), format.format.name());
     let body = target_text(&file.target);
     Ok(head
@@ -263,13 +277,37 @@ fn describe(target: &Target) -> String {
         ),
         Target::TagMap(t) => format!(
             "{} tags of {}; each world_from_tag maps its frame (x right, y down, z into the surface) into \
-                the map's world.",
+                the map's world. {}",
             t.tags.len(),
-            t.family
+            t.family,
+            tolerance_text(&t.tags)
         ),
         Target::Points(points) => format!("{} named points in the surveyor's frame.", points.len()),
         board => describe_board(board, flat),
     }
+}
+
+/// How well the tags of a map are where it says.
+fn tolerance_text(tags: &[MapTag]) -> String {
+    let range = |of: &dyn Fn(&MapTag) -> f64| {
+        tags.iter().map(of).fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let (m, rad) = (range(&|tag| tag.sigma_m), range(&|tag| tag.sigma_rad));
+    if m.1 == 0.0 && rad.1 == 0.0 {
+        return "Each tag counts as exactly there (sigma_m states a tolerance).".into();
+    }
+    let words = |(low, high): (f64, f64), digits: usize| {
+        if low == high {
+            format!("±{low:.digits$}")
+        } else {
+            format!("±{low:.digits$} to ±{high:.digits$}")
+        }
+    };
+    format!(
+        "Each tag is there to {} mm along each axis and {}° about each (1σ); its four corners share the error.",
+        words((1e3 * m.0, 1e3 * m.1), 1),
+        words((rad.0.to_degrees(), rad.1.to_degrees()), 2)
+    )
 }
 
 fn describe_board(target: &Target, flat: &str) -> String {

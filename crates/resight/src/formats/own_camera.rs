@@ -14,6 +14,10 @@
 //! [[relation]]            # between frames of no camera, with the keys of a placement
 //! b = "left"
 //! …
+//!
+//! [joint_covariance]      # of the cameras' places together
+//! cameras = ["right", "top"]
+//! lower = [[…], …]        # row i has its first i + 1 numbers; 6 rows a camera
 //! ```
 
 use super::document::{Document, Fault, Syntax};
@@ -21,12 +25,12 @@ use super::emit::{list, number, quoted};
 use super::entry::{Entry, nearest};
 use super::lens::{self, LensNumbers};
 use super::{
-    CameraFile, CameraFormat, ClockOffset, Contents, Format, NamedCamera, OutFile, Placement, Reads,
-    WriteError, Writer, Written, checks,
+    CameraFile, CameraFormat, ClockOffset, Contents, Format, JointCovariance, NamedCamera, OutFile,
+    Placement, Reads, WriteError, Writer, Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::{Camera, Lens, Matrix6};
-use nalgebra::RowVector6;
+use nalgebra::{DMatrix, RowVector6};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Own,
@@ -58,7 +62,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         contents.cameras.push(camera);
         return Ok(contents);
     }
-    root.only(&["camera", "relation"])?;
+    root.only(&["camera", "relation", "joint_covariance"])?;
     for entry in root.get("camera").map_or(Ok(Vec::new()), |cameras| cameras.items())? {
         let camera = one_camera(&entry, None, &mut contents.warnings)?;
         contents.clocks.extend(entry.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
@@ -67,6 +71,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     if let Some(relations) = root.get("relation") {
         contents.relations = relations.items()?.iter().map(placement).collect::<Result<_, _>>()?;
     }
+    contents.joint = root.get("joint_covariance").map(|joint| joint_covariance(&joint)).transpose()?;
     Ok(contents)
 }
 
@@ -227,6 +232,39 @@ fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
     Ok(matrix)
 }
 
+/// The lower triangle, row by row.
+fn joint_covariance(entry: &Entry<'_>) -> Result<JointCovariance, Fault> {
+    entry.only(&["cameras", "lower"])?;
+    let names = entry.need("cameras")?.items()?;
+    let cameras: Vec<String> =
+        names.iter().map(|n| Ok(n.text()?.to_owned())).collect::<Result<_, Fault>>()?;
+    let lower = entry.need("lower")?;
+    let rows = lower.items()?;
+    if rows.len() != 6 * cameras.len() {
+        let (seen, needed) = (rows.len(), 6 * cameras.len());
+        return Err(lower.fault(format!("holds {seen} rows; {} cameras have {needed}", cameras.len())));
+    }
+    let mut covariance = DMatrix::zeros(rows.len(), rows.len());
+    for (i, row) in rows.iter().enumerate() {
+        for (j, value) in row.exactly(i + 1, "covariances")?.into_iter().enumerate() {
+            covariance[(i, j)] = value;
+            covariance[(j, i)] = value;
+        }
+    }
+    Ok(JointCovariance { cameras, covariance })
+}
+
+fn joint_text(joint: &JointCovariance) -> String {
+    let names: Vec<String> = joint.cameras.iter().map(|name| quoted(name)).collect();
+    let row = |i: usize| (0..=i).map(|j| joint.covariance[(i, j)]).collect::<Vec<f64>>();
+    let rows: String = (0..joint.covariance.nrows()).map(|i| format!("  {},\n", list(&row(i)))).collect();
+    format!(
+        "\n[joint_covariance] # of the cameras' places together: what they have in common; lower triangle, 6 rows a camera\n\
+         cameras = [{}]\nlower = [\n{rows}]\n",
+        names.join(", ")
+    )
+}
+
 /// Every model and every pose.
 fn write(rig: &CameraFile) -> Written {
     let header = "# Resight camera file. Pixel (0, 0) is the centre of the top-left pixel; x right, y \
@@ -250,6 +288,7 @@ fn write(rig: &CameraFile) -> Written {
     for relation in &rig.relations {
         out += &format!("\n[[relation]] # x_in_b = b_from_a · x_in_a\n{}", placement_text(relation));
     }
+    out += &rig.joint.as_ref().map(joint_text).unwrap_or_default();
     Ok(OutFile::only("rig.toml", out))
 }
 

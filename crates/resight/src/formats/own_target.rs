@@ -101,17 +101,23 @@ fn listed<'a>(root: &Entry<'a>, key: &str) -> Result<Vec<Entry<'a>>, Fault> {
 }
 
 fn tag_map(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "tag"])?;
+    root.only(&["kind", "family", "sigma_m", "sigma_rad", "tag"])?;
+    let number = |entry: &Entry<'_>, key: &str, otherwise: f64| {
+        entry.get(key).map_or(Ok(otherwise), |value| value.number())
+    };
+    let (sigma_m, sigma_rad) = (number(root, "sigma_m", 0.0)?, number(root, "sigma_rad", 0.0)?);
     let mut tags: Vec<MapTag> = Vec::new();
     let mut ids = std::collections::HashSet::new();
     for entry in listed(root, "tag")? {
-        entry.only(&["id", "size_m", "world_from_tag"])?;
+        entry.only(&["id", "size_m", "world_from_tag", "sigma_m", "sigma_rad"])?;
         let id = entry.need("id")?.id()?;
         if !ids.insert(id) {
             return Err(entry.fault(format!("tag {id} is listed twice; an id names one tag of the map")));
         }
         let world_from_tag = pose(&entry.need("world_from_tag")?)?;
-        tags.push(MapTag { id, size_m: entry.need("size_m")?.number()?, world_from_tag });
+        let (sigma_m, sigma_rad) =
+            (number(&entry, "sigma_m", sigma_m)?, number(&entry, "sigma_rad", sigma_rad)?);
+        tags.push(MapTag { id, size_m: entry.need("size_m")?.number()?, world_from_tag, sigma_m, sigma_rad });
     }
     Ok(Target::TagMap(TagMap { family: family(root)?, tags }))
 }

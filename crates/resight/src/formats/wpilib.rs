@@ -23,12 +23,19 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
         "Poses are x forward, y left, z up with the origin at the blue alliance wall; flipping to red is \
             not done here.",
         "The file states neither family nor size: tag36h11 of 165.1 mm (6.5 in, black edge) is assumed, \
-            as in the seasons since 2024.",
+            as in the seasons since 2024; --tag-family and --tag-size-m state others (2023: tag16h5, 0.1524).",
+        "The file states no tolerance: each tag is taken to be where it says to ±10 mm along each axis and ±0.8° \
+            about each (1σ), after the ±1/2 in and ±1° of the field's layout drawings; --tag-sigma-m states another.",
     ],
 };
 
-const SIZE_M: f64 = 0.1651;
-const FAMILY: &str = "tag36h11";
+pub(super) const SIZE_M: f64 = 0.1651;
+pub(super) const FAMILY: &str = "tag36h11";
+/// The layout and marking drawings of FRC fields (FE-2024 and others) state ±1/2 in and ±1°. That holds for the element of the field and once
+/// more for the tag on it, each anywhere within: √2 · 12.7 mm / √3 = 10 mm …
+pub(super) const SIGMA_M: f64 = 0.010;
+/// … and √2 · 1° / √3 = 0.8°.
+pub(super) const SIGMA_RAD: f64 = 0.014;
 
 /// The field's outline and which of the two spellings a layout has.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +69,9 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     let root = document.entry();
     let list = layout(&root).ok_or_else(|| root.fault("the key `tags` is missing"))?;
     let family = root.get("family").map_or(Ok(FAMILY), |f| f.text())?.to_owned();
-    let size_m = root.get("size_m").map_or(Ok(SIZE_M), |s| s.number())?;
+    let number = |key: &str, otherwise: f64| root.get(key).map_or(Ok(otherwise), |value| value.number());
+    let size_m = number("size_m", SIZE_M)?;
+    let (sigma_m, sigma_rad) = (number("sigma_m", SIGMA_M)?, number("sigma_rad", SIGMA_RAD)?);
     let mut tags: Vec<MapTag> = Vec::new();
     for entry in list.items()? {
         let id = entry.need("ID")?.id()?;
@@ -70,16 +79,12 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
             return Err(entry.fault(format!("tag {id} is listed twice")));
         }
         let world_from_tag = field_from_wpilib_tag(&entry.need("pose")?)? * wpilib_tag_from_tag();
-        tags.push(MapTag { id, size_m, world_from_tag });
+        tags.push(MapTag { id, size_m, world_from_tag, sigma_m, sigma_rad });
     }
     if tags.is_empty() {
         return Err(list.fault("holds no tags"));
     }
-    let assumed = !(root.has("family") && root.has("size_m"));
-    let warnings = assumed.then(|| {
-        "the layout states no tag size; tag36h11 with a black edge of 165.1 mm is assumed".to_owned()
-    });
-    Ok((Target::TagMap(TagMap { family, tags }), warnings.into_iter().collect()))
+    Ok((Target::TagMap(TagMap { family, tags }), Vec::new()))
 }
 
 fn field_from_wpilib_tag(pose: &Entry<'_>) -> Result<Pose, Fault> {
@@ -95,10 +100,10 @@ fn wpilib_tag_from_tag() -> Pose {
     Pose::new(Matrix3::new(0.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0), Vector3::zeros())
 }
 
-/// A tag map as a WPILib field layout. Family and size, for which a layout has no place, follow under keys of our own
+/// A tag map as a WPILib field layout. Family, size and tolerances, for which a layout has no place, follow under keys of our own
 /// where they are not those of the seasons since 2024; WPILib reads past them.
 ///
-/// Errors for other targets, tags of different sizes, and fields without an extent.
+/// Errors for other targets, tags of different sizes or tolerances, and fields without an extent.
 pub fn write_field_layout(target: &Target, field: &Field) -> Result<OutFile, WriteError> {
     let Target::TagMap(map) = target else {
         let kind = target.kind();
@@ -119,6 +124,14 @@ pub fn write_field_layout(target: &Target, field: &Field) -> Result<OutFile, Wri
             "tag {id} is {other} m wide, the first {size_m} m; a WPILib layout has tags of one size"
         )));
     }
+    let tolerance = map.tags.first().map_or((SIGMA_M, SIGMA_RAD), |tag| (tag.sigma_m, tag.sigma_rad));
+    if let Some(odd) = map.tags.iter().find(|tag| (tag.sigma_m, tag.sigma_rad) != tolerance) {
+        let (id, other) = (odd.id, odd.sigma_m);
+        return Err(WriteError(format!(
+            "tag {id} is known to ±{other} m, the first to ±{} m; a WPILib layout has tags of one tolerance",
+            tolerance.0
+        )));
+    }
     let (tags, outline) =
         if field.keys_of_2027 { ("field-tags", "field-dimensions") } else { ("tags", "field") };
     let list: Vec<String> = map.tags.iter().map(tag_text).collect();
@@ -128,16 +141,20 @@ pub fn write_field_layout(target: &Target, field: &Field) -> Result<OutFile, Wri
         quoted(tags),
         list.join(",\n"),
         quoted(outline),
-        family_text(&map.family, size_m)
+        own_keys(&map.family, size_m, tolerance)
     );
     Ok(OutFile { name: "field_layout.json".into(), text })
 }
 
-fn family_text(family: &str, size_m: f64) -> String {
-    if family == FAMILY && size_m == SIZE_M {
-        return String::new();
+fn own_keys(family: &str, size_m: f64, (sigma_m, sigma_rad): (f64, f64)) -> String {
+    let mut text = String::new();
+    if family != FAMILY || size_m != SIZE_M {
+        text += &format!(",\n  \"family\": {},\n  \"size_m\": {}", quoted(family), number(size_m));
     }
-    format!(",\n  \"family\": {},\n  \"size_m\": {}", quoted(family), number(size_m))
+    if (sigma_m, sigma_rad) != (SIGMA_M, SIGMA_RAD) {
+        text += &format!(",\n  \"sigma_m\": {},\n  \"sigma_rad\": {}", number(sigma_m), number(sigma_rad));
+    }
+    text
 }
 
 fn tag_text(tag: &MapTag) -> String {

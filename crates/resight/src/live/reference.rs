@@ -53,7 +53,8 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
 /// No such file, no such keys, a quaternion that is none, a covariance that is not symmetric, noise that is none.
 pub fn read(path: &Path) -> Result<Reference, FileError> {
     let told = |reason: String| FileError::new(path, reason);
-    let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
+    let text = crate::input::read_text(path, crate::input::Kind::Text)
+        .map_err(|fault| told(format!("cannot be read: {}", fault.reason)))?;
     let file: File = toml::from_str(&text).map_err(|e| told(format!("is no reference: {e}")))?;
     let wxyz = file.cam_from_target.rotation_wxyz;
     let norm = wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();

@@ -1,16 +1,22 @@
-//! A scene solved: every question with its answer or its reason.
+//! A scene solved: every question with its answer or its reason, and a verdict on all of them.
 
-use super::scene::{NamedQuery, NamedScene};
+use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
-use crate::core::survey::{Adjusted, Frame, Measured, RIVAL_GATE_CHI2, Suspect, adjust};
+use crate::core::Error;
+use crate::core::survey::{Adjusted, Fact, Frame, Measured, RIVAL_GATE_CHI2, SurveyStatus, adjust};
+use crate::formats::plausible;
 
 /// One question answered.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QueryAnswer {
     /// The question.
     pub query: NamedQuery,
+    /// What the answer is worth: that of the survey, unless it has no value or both solutions give the same.
+    pub status: SurveyStatus,
     /// One value, three for a position; or why there is none.
     pub result: Result<Vec<Measured>, String>,
+    /// What the second solution says, where the answer is ambiguous.
+    pub other: Option<Vec<Measured>>,
 }
 
 /// A scene solved.
@@ -18,36 +24,85 @@ pub struct QueryAnswer {
 pub struct Answers {
     /// Places of everything.
     pub adjusted: Adjusted,
+    /// The word for the whole survey.
+    pub status: SurveyStatus,
     /// One a question, in order.
     pub answers: Vec<QueryAnswer>,
-    /// What a reader must know besides: contradictions, rivals, what was left out.
+    /// What is wrong, to be read before any number: contradictions, second solutions, marks on a line.
+    pub verdict: Vec<String>,
+    /// What a reader must know besides: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
+}
+
+/// Why a scene has no answer at all.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// The word for the survey and all its answers; none where the scene file itself is wrong.
+    pub status: Option<SurveyStatus>,
+    /// A sentence, with the scene's names.
+    pub reason: String,
 }
 
 /// Solves a scene.
 ///
 /// # Errors
-/// A sentence, with the scene's names, where nothing can be solved.
-pub fn measure(scene: &NamedScene) -> Result<Answers, String> {
+/// Where nothing can be solved, with the reason.
+pub fn measure(scene: &NamedScene) -> Result<Answers, Refusal> {
     let cameras = scene.survey_cameras();
-    let survey = scene.survey(&cameras);
-    let adjusted = adjust(&survey).map_err(|e| words::error(scene, &e))?;
-    let answer = |query: &NamedQuery| {
-        let values = scene.core_queries(query).into_iter().enumerate().map(|(axis, q)| {
-            let shift = if query.kind == super::QueryKind::Position { scene.origin_m[axis] } else { 0.0 };
-            let moved = |m: Measured| Measured {
-                value: m.value + shift,
-                low: m.low + shift,
-                high: m.high + shift,
-                ..m
-            };
-            adjusted.measure(&survey, &q).map(moved).map_err(|e| words::error(scene, &e))
-        });
-        QueryAnswer { query: query.clone(), result: values.collect() }
+    let adjusted = adjust(&scene.survey(&cameras)).map_err(|e| refusal(scene, &e))?;
+    let status = adjusted.status();
+    let answers = scene.queries.iter().map(|query| answer(scene, &adjusted, status, query)).collect();
+    let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    Ok(Answers { adjusted, status, answers, verdict, remarks })
+}
+
+fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
+    let status = match error {
+        Error::NoLength
+        | Error::InvalidFact { .. }
+        | Error::InvalidCamera { .. }
+        | Error::InvalidSetting { .. } => None,
+        Error::InconsistentDistances { .. } => Some(SurveyStatus::Inconsistent),
+        _ => Some(SurveyStatus::Degenerate),
     };
-    let answers = scene.queries.iter().map(answer).collect();
-    let remarks = remarks(scene, &adjusted);
-    Ok(Answers { adjusted, answers, remarks })
+    Refusal { status, reason: words::error(scene, error) }
+}
+
+fn answer(scene: &NamedScene, adjusted: &Adjusted, status: SurveyStatus, query: &NamedQuery) -> QueryAnswer {
+    let base = QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None };
+    if let Some(line) = &adjusted.on_line {
+        return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
+    }
+    let values = match values(scene, adjusted, query) {
+        Ok(values) => values,
+        Err(reason) => return QueryAnswer { status: SurveyStatus::Degenerate, result: Err(reason), ..base },
+    };
+    let other = adjusted.second_solution().and_then(|second| self::values(scene, second, query).ok());
+    let other = other.filter(|other| differ(&values, other));
+    let status = match status {
+        // What was left out concerns this answer only if it asks for it.
+        SurveyStatus::Degenerate => SurveyStatus::Ok,
+        SurveyStatus::Ambiguous if other.is_none() => SurveyStatus::Ok,
+        status => status,
+    };
+    QueryAnswer { status, result: Ok(values), other, ..base }
+}
+
+/// Two solutions give one answer where they differ by less than this part of a standard deviation.
+const SAME_SIGMAS: f64 = 0.1;
+
+fn differ(values: &[Measured], others: &[Measured]) -> bool {
+    values.iter().zip(others).any(|(a, b)| SAME_SIGMAS * a.sigma < (a.value - b.value).abs())
+}
+
+fn values(scene: &NamedScene, adjusted: &Adjusted, query: &NamedQuery) -> Result<Vec<Measured>, String> {
+    let value = |(axis, q): (usize, crate::core::survey::Query)| {
+        let shift = if query.kind == QueryKind::Position { scene.origin_m[axis] } else { 0.0 };
+        let moved =
+            |m: Measured| Measured { value: m.value + shift, low: m.low + shift, high: m.high + shift, ..m };
+        adjusted.measure(&q).map(moved).map_err(|e| words::error(scene, &e))
+    };
+    scene.core_queries(query).into_iter().enumerate().map(value).collect()
 }
 
 /// Suspects named; the rest follow from the first.
@@ -63,23 +118,55 @@ fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
             "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single fact explains it; the sigmas are too small, or the intrinsics wrong"
         ));
     };
-    let is_tied = |s: &&Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
+    let is_tied = |s: &&crate::core::survey::Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
     let tied = rest.iter().take(MOST_SUSPECTS - 1).take_while(is_tied);
     let which: Vec<String> = std::iter::once(first).chain(tied).map(|s| words::suspect(scene, s)).collect();
-    Some(format!("inconsistent: {}; check it, correct or remove it, and measure again", which.join(", or ")))
+    let without = match adjusted.left_out.is_empty() {
+        true => "",
+        false => "; the numbers below are without it",
+    };
+    Some(format!(
+        "inconsistent: {}; check it, correct or remove it, and measure again{without}",
+        which.join(", or ")
+    ))
 }
 
-fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
-    let mut remarks = Vec::new();
-    remarks.extend(contradiction(scene, adjusted));
+/// What stands before the numbers.
+fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
+    let mut verdict = Vec::new();
+    verdict
+        .extend(adjusted.on_line.as_ref().map(|line| format!("degenerate: {}", words::on_line(scene, line))));
+    verdict.extend(contradiction(scene, adjusted));
     if 1.0 < adjusted.noise_scale {
-        remarks.push(format!("every interval was widened by {:.2} for that", adjusted.noise_scale.sqrt()));
+        verdict.push(format!("every interval was widened by {:.2} for that", adjusted.noise_scale.sqrt()));
     }
     if let Some(delta) = adjusted.rival_delta_chi2.filter(|d| *d < RIVAL_GATE_CHI2) {
-        remarks.push(format!(
+        verdict.push(format!(
             "ambiguous: another arrangement of photographs and marks fits about as well (χ² {delta:.1} above, {RIVAL_GATE_CHI2} needed); add a mark off the others' plane, or another photograph"
         ));
     }
+    if adjusted.has_lost_marks {
+        verdict.push("degenerate: a mark that was clicked has no place, so that what is known of it took no part; see below".to_string());
+    }
+    verdict
+}
+
+/// What is stated in numbers that are hardly metres.
+fn units(scene: &NamedScene) -> Vec<String> {
+    let distances = scene.facts.iter().filter_map(|fact| match fact {
+        Fact::Distance { distance_m, .. } => Some(*distance_m),
+        _ => None,
+    });
+    let marks = scene.facts.iter().filter_map(|fact| match fact {
+        Fact::Place { x_in_world, .. } => Some(x_in_world + scene.origin_m),
+        _ => None,
+    });
+    let of_marks = plausible::of_points(&marks.collect::<Vec<_>>());
+    of_marks.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>())).collect()
+}
+
+fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
+    let mut remarks = units(scene);
     if adjusted.degrees_of_freedom == 0 {
         remarks
             .push("nothing is left over to check anything with: no wrong click could be noticed".to_string());

@@ -29,7 +29,7 @@ const NEEDED: [&str; 4] = ["photo", "point", "u_px", "v_px"];
 /// # Errors
 /// Unreadable files, missing columns, cells that are no numbers, each with its line.
 pub fn read_clicks(path: &Path) -> Result<Vec<Click>, FileError> {
-    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e.to_string()))?;
+    let text = crate::input::read_text(path, crate::input::Kind::Literal)?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let is_row = |(_, line): &(usize, &str)| !line.trim().is_empty() && !line.trim_start().starts_with('#');
     let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(is_row);

@@ -26,6 +26,8 @@ const MARGIN_PX: f64 = 90.0;
 /// Room for the caption below.
 const CAPTION_PX: f64 = 86.0;
 const TEXT_PX: f64 = 11.0;
+/// Letters of a warning that fit across the sheet.
+const MOST_WARNING: usize = 150;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 /// Semi-axis below which an ellipse cannot be seen, px.
@@ -73,6 +75,7 @@ pub fn plan(scene: &NamedScene, answers: &Answers, title: &str) -> Option<Drawin
         .for_each(|answer| lengths(&mut drawing, &mut labels, &sheet, answer, &answers.adjusted));
     axes(&mut drawing, &sheet);
     caption(&mut drawing, &sheet, scene, title, magnified);
+    warning(&mut drawing, answers);
     Some(drawing)
 }
 
@@ -362,6 +365,21 @@ fn points(
             all[i..].iter().filter(is_near).map(|(p, _)| scene.points[*p].as_str()).collect();
         let color = if scene.is_mark[*index] { MARK } else { POINT };
         labels.write(drawing, &names.join(", "), TEXT_PX, color, &around(*at));
+    }
+}
+
+/// What is wrong, above everything else.
+fn warning(drawing: &mut Drawing, answers: &Answers) {
+    if let Some(first) = answers.verdict.first() {
+        let short: String = first.chars().take(MOST_WARNING).collect();
+        let cut = if short.len() < first.len() { " …" } else { "" };
+        drawing.text(
+            &format!("{short}{cut}"),
+            Vector2::new(0.4 * MARGIN_PX, 20.0),
+            12.0,
+            MARK,
+            Anchor::Start,
+        );
     }
 }
 

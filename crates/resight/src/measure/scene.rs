@@ -152,7 +152,7 @@ impl NamedScene {
 /// # Errors
 /// Unreadable or wrong files with their line, names that nothing has, numbers that cannot be right.
 pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
-    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e.to_string()))?;
+    let text = crate::input::read_text(path, crate::input::Kind::Text)?;
     let file: SceneFile = toml::from_str(&text).map_err(|e| {
         let line = e.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
         FileError { path: path.into(), line, reason: e.message().to_string() }

@@ -2,23 +2,31 @@
 
 use super::answers::Answers;
 use super::words;
+use crate::core::survey::SurveyStatus;
 
-/// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark; one line a value.
+/// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark, status; one line a value. The remark of an answer that is not
+/// `ok` says why.
 pub fn csv(answers: &Answers) -> String {
-    let mut out = String::from("name,kind,axis,value,unit,sigma,low_95,high_95,remark\n");
+    let mut out = String::from("name,kind,axis,value,unit,sigma,low_95,high_95,remark,status\n");
     for answer in &answers.answers {
         let (name, kind) = (quoted(&answer.query.name), answer.query.kind.name());
         let unit = words::unit(answer.query.kind);
+        let status = answer.status.name();
+        let why = match answer.status {
+            SurveyStatus::Ok => String::new(),
+            _ => quoted(&answers.verdict.join("; ")),
+        };
         match &answer.result {
             Ok(values) => {
                 for (axis, m) in values.iter().enumerate() {
                     let axis = if values.len() == 3 { ["x", "y", "z"][axis] } else { "" };
                     let m = words::printed(answer.query.kind, m);
                     let (v, s, l, h) = (m.value, m.sigma, m.low, m.high);
-                    out += &format!("{name},{kind},{axis},{v:.6},{unit},{s:.6},{l:.6},{h:.6},\n");
+                    out +=
+                        &format!("{name},{kind},{axis},{v:.6},{unit},{s:.6},{l:.6},{h:.6},{why},{status}\n");
                 }
             }
-            Err(reason) => out += &format!("{name},{kind},,,{unit},,,,{}\n", quoted(reason)),
+            Err(reason) => out += &format!("{name},{kind},,,{unit},,,,{},{status}\n", quoted(reason)),
         }
     }
     out

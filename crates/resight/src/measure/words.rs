@@ -2,7 +2,7 @@
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::survey::{Fact, Item, Measured, Suspect};
+use crate::core::survey::{Fact, Item, Measured, OnLine, Suspect};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -35,13 +35,35 @@ pub fn fact(scene: &NamedScene, fact: &Fact) -> String {
 /// `the click of P in north is off by about 12.3 px (9.1 σ)`.
 pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     let named = &scene.facts[suspect.fact];
+    if let (Fact::Distance { a, b, distance_m, .. }, Some(slip)) = (named, &suspect.slip) {
+        let places = decimals(slip.sigma_m);
+        let [a, b] = [a, b].map(|p| scene.points[*p].as_str());
+        return format!(
+            "the distance {a}–{b} of {distance_m} m has a slipped decimal point: the others say {:.places$} ± {:.places$} m (1σ), about {distance_m} {}",
+            slip.expected_m,
+            slip.sigma_m,
+            match slip.power_of_ten {
+                p if 0 < p => format!("divided by {}", 10u32.pow(p as u32)),
+                p => format!("times {}", 10u32.pow(p.unsigned_abs())),
+            }
+        );
+    }
     let off = match named {
-        Fact::Click { .. } => format!("{:.1} px", suspect.off),
+        Fact::Click { .. } => format!("{:.1} px", suspect.off.abs()),
         Fact::Upright { .. } | Fact::Gravity { .. } => format!("{:.1}°", suspect.off.to_degrees()),
         Fact::Pose { .. } => format!("{:.1} of its standard deviations", suspect.off),
-        _ => format!("{:.3} m", suspect.off),
+        _ => format!("{:.3} m", suspect.off.abs()),
     };
     format!("{} is off by about {off} ({:.1} σ)", fact(scene, named), suspect.sigmas)
+}
+
+/// What marks on one line mean.
+pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {
+    let [a, b] = line.ends.map(|p| scene.points[p].as_str());
+    format!(
+        "the marks stand nearly on one line, from {a} to {b} ({:.2} m), none farther off it than {:.3} m ({:.3} m needed); a turn about that line can hardly be seen, so add a mark well off it",
+        line.length_m, line.width_m, line.needed_m
+    )
 }
 
 /// An error of the solver with names instead of indices.
@@ -59,6 +81,10 @@ pub fn error(scene: &NamedScene, error: &Error) -> String {
         Error::InconsistentDistances { fact: index, off_m, sigmas } => format!(
             "the known distances contradict each other; worst is {}, off by about {off_m:.3} m ({sigmas:.1} σ): measure it again, or give it a larger sigma_m",
             fact(scene, &scene.facts[*index])
+        ),
+        Error::MarksOnLine { a, b, length_m, width_m, needed_m } => on_line(
+            scene,
+            &OnLine { ends: [*a, *b], length_m: *length_m, width_m: *width_m, needed_m: *needed_m },
         ),
         Error::InvalidFact { fact: index, what, seen, needed } => {
             format!("{}: {what} is {seen}; {needed}", fact(scene, &scene.facts[*index]))

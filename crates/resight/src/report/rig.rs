@@ -12,6 +12,7 @@ mod plan;
 mod residuals;
 mod sentences;
 mod space;
+mod verdict;
 mod views;
 
 use super::html::{Page, escaped};
@@ -19,6 +20,7 @@ use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
 pub use sentences::{scale_sentences, weakest_link_sentence};
+pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict_sentence};
 
 const STYLE: &str = include_str!("rig/page.css");
 /// One script: the parts share one scope and nothing else on the page.
@@ -56,7 +58,7 @@ pub fn rig_page(run: &RigRun) -> String {
     let packed = residuals::packed(run);
     let n = run.rig.cameras.len();
     let mut page = Page::new(&format!("Rig of {n} camera{}", if n == 1 { "" } else { "s" }));
-    page.style(STYLE).markup(&summary(run)).markup(controls());
+    page.style(STYLE).markup(&judged(run)).markup(&summary(run)).markup(controls());
     page.heading("Cameras").markup(&cameras::table(run)).markup(&cameras::legend(run));
     page.heading("In space").markup(&space::figure(&drawn)).markup(&plan::figure(&drawn));
     page.heading("Residuals").markup(&residuals::figures(&drawn, &packed));
@@ -72,6 +74,19 @@ fn script() -> String {
     format!("<script>\n\"use strict\";(()=>{{\n{}}})();\n</script>", SCRIPTS.concat())
 }
 
+/// The verdict comes first.
+fn judged(run: &RigRun) -> String {
+    match rig_verdict_sentence(run) {
+        Some(sentence) => {
+            format!(
+                "<p class=\"verdict\" role=\"alert\"><strong>INCONSISTENT</strong> {}.</p>",
+                escaped(&sentence)
+            )
+        }
+        None => "<p class=\"verdict\"><strong>OK</strong> Nothing seen contradicts this rig.</p>".to_string(),
+    }
+}
+
 /// The figures that say at once whether the run went well.
 fn summary(run: &RigRun) -> String {
     let s = &run.solution;
@@ -82,7 +97,7 @@ fn summary(run: &RigRun) -> String {
         ("points used", format!("{} of {} ({share:.1} %)", grouped(s.n_used), grouped(s.n_seen))),
         ("views", grouped(run.rig.views.len())),
         ("χ² per degree of freedom", pieces::fixed(per_dof, 2)),
-        ("every ± widened by", format!("× {}", pieces::fixed(s.noise_scale.sqrt(), 2))),
+        ("every ± widened by", format!("× {}", pieces::fixed((s.noise_scale * s.view_scale).sqrt(), 2))),
         ("frame of the rig", run.rig.cameras.get(s.reference).map_or(String::new(), |c| c.name.clone())),
     ];
     let card =

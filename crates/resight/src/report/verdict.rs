@@ -5,6 +5,7 @@ use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
 use crate::core::solve::line_plus_one::Weakness;
+use crate::core::tag_map::{DisplacedTag, TargetPose};
 use crate::report::words::percent;
 
 /// The status words of the command line's contract.
@@ -20,6 +21,8 @@ pub enum Status {
     Inconsistent,
     /// The target is not in the image.
     NotFound,
+    /// Several explanations fit, or the data do not reach for one.
+    Undecided,
     /// Anything else that kept the answer back.
     Error,
 }
@@ -33,6 +36,7 @@ impl Status {
             Status::Degenerate => "degenerate",
             Status::Inconsistent => "inconsistent",
             Status::NotFound => "not_found",
+            Status::Undecided => "undecided",
             Status::Error => "error",
         }
     }
@@ -68,8 +72,9 @@ pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, u
         (Consistency::Inconsistent { chi2_per_dof, worst_prior: Some(prior), .. }, _) => Verdict {
             status: Status::Inconsistent,
             message: format!(
-                "prior {prior} contradicts the points (χ²/dof {chi2_per_dof:.1}, expected 1; without it they agree with their sigmas); \
-                 check it and its stated uncertainty before using this pose",
+                "what is stated of the pose besides the points (prior {}) contradicts them (χ²/dof {chi2_per_dof:.1}, expected 1; without it \
+                 they agree with their sigmas); check it and its stated uncertainty before using this pose",
+                prior + 1
             ),
         },
         (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior: None }, _) => {
@@ -88,6 +93,68 @@ pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, u
     }
 }
 
+/// Judges a view of a target. As `of_estimate`; of a map of tags it says besides which tags were left out, and which contradict each other.
+pub fn of_target(found: &TargetPose, name_of: impl Fn(usize) -> String) -> Verdict {
+    let verdict = match &found.estimate {
+        Ok(e) if !found.contradicting.is_empty() => {
+            Verdict { status: Status::Inconsistent, message: contradiction(&found.contradicting, e) }
+        }
+        Ok(e) => of_estimate(e, name_of, "px"),
+        Err(reason) => of_error(reason),
+    };
+    if found.left_out.is_empty() {
+        return verdict;
+    }
+    let said: Vec<String> = found.left_out.iter().map(tag_out_of_place).collect();
+    let message = format!("{}; {}", said.join("; "), verdict.message);
+    Verdict { message, ..verdict }
+}
+
+/// "tag 7 is 41 mm from where the map says (limit 12 mm); left out".
+fn tag_out_of_place(tag: &DisplacedTag) -> String {
+    let id = tag.id;
+    let (Some(distance_m), Some(rotation_rad), Some(limit_m)) =
+        (tag.distance_m, tag.rotation_rad, tag.limit_m)
+    else {
+        return format!("tag {id} is not where the map says; left out");
+    };
+    let turned = if TURNED_RAD < rotation_rad {
+        format!(" and rotated by {:.1}°", rotation_rad.to_degrees())
+    } else {
+        String::new()
+    };
+    format!(
+        "tag {id} is {}{turned} from where the map says (limit {}); left out",
+        length(distance_m),
+        length(limit_m)
+    )
+}
+
+/// Less is not worth a word beside the distance.
+const TURNED_RAD: f64 = 0.05;
+
+fn length(m: f64) -> String {
+    if m < 1.0 { format!("{:.0} mm", 1e3 * m) } else { format!("{m:.2} m") }
+}
+
+fn contradiction(ids: &[u32], e: &PoseEstimate) -> String {
+    let chi2 = match e.consistency {
+        Consistency::Inconsistent { chi2_per_dof, .. } => format!(" (χ²/dof {chi2_per_dof:.1}, expected 1)"),
+        Consistency::Consistent => String::new(),
+    };
+    let names: Vec<String> = ids.iter().map(u32::to_string).collect();
+    let check = "check where they are, the tags' size_m and the unit of the map before using this pose";
+    match names.as_slice() {
+        [a, b] => format!(
+            "tags {a} and {b} contradict each other{chi2}: one of the two is not where the map says, and a third in view would tell which; {check}"
+        ),
+        _ => format!(
+            "tags {} contradict each other{chi2}: more of them are not where the map says than the rest can prove; {check}",
+            names.join(", ")
+        ),
+    }
+}
+
 /// Judges a refusal.
 pub fn of_error(error: &Error) -> Verdict {
     let status = match error {
@@ -102,8 +169,11 @@ pub fn of_error(error: &Error) -> Verdict {
 
 fn uniqueness(estimate: &PoseEstimate) -> String {
     let redundancy = match estimate.degrees_of_freedom {
-        0 => "; three points leave nothing to check the residual with, so add a fourth",
-        _ => "",
+        0 => format!(
+            "; {} leave nothing to check the residual with, so add another",
+            points(estimate.n_points)
+        ),
+        _ => String::new(),
     };
     if estimate.method == Method::Wang2004 {
         return "by the printed procedure, without refinement or search for a second pose; use method auto for those".into();
@@ -118,9 +188,9 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
             let rivals = estimate.minima().filter(|h| h.is_rival);
             let probable: Vec<String> = rivals.map(|h| percent(h.weight)).collect();
             format!(
-                "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude the second; \
-                 probabilities {}); {all} are given: {}",
-                other.chi2 - estimate.chi2,
+                "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude one; \
+                 probabilities {}); {all} are given, the more probable first: {}",
+                (other.chi2 - estimate.chi2).abs(),
                 probable.join(", "),
                 way_out(estimate.weakness.as_ref())
             )
@@ -129,6 +199,15 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
             format!("one pose fits; the next best has {} times its residual{redundancy}", figures(*ratio))
         }
         Ambiguity::Unique { .. } => format!("one pose fits; there is no second one{redundancy}"),
+    }
+}
+
+/// `two points`: the few that a pose can rest on without redundancy.
+fn points(n: usize) -> String {
+    match n {
+        2 => "two points".into(),
+        3 => "three points".into(),
+        n => format!("{n} points"),
     }
 }
 

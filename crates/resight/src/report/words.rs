@@ -8,13 +8,18 @@ use crate::core::{Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Distance from the camera to the target's origin and its standard deviation, metres.
+pub fn distance_with_sigma_m(estimate: &PoseEstimate) -> (f64, f64) {
+    distance_sigma_m(&estimate.cam_from_target, &estimate.covariance)
+}
+
+/// Distance from the camera to the origin of frame a and its standard deviation, metres, of `cam_from_a` and its covariance.
 ///
 /// To first order a small motion ν moves the camera by −Rᵀν, so the distance changes by t·ν/|t|.
-pub fn distance_with_sigma_m(estimate: &PoseEstimate) -> (f64, f64) {
-    let t = estimate.cam_from_target.translation;
+pub fn distance_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> (f64, f64) {
+    let t = cam_from_a.translation;
     let distance_m = t.norm();
     let along = if 0.0 < distance_m { t / distance_m } else { t };
-    let translation = estimate.covariance.fixed_view::<3, 3>(3, 3);
+    let translation = covariance.fixed_view::<3, 3>(3, 3);
     (distance_m, (along.transpose() * translation * along)[(0, 0)].max(0.0).sqrt())
 }
 

@@ -42,7 +42,7 @@ const MAX_ROTATION_DEFECT: f64 = 1e-5;
 /// # Errors
 /// With line or key: columns that are missing, a quaternion whose order is not named or that is not unit, numbers that are none.
 pub fn read_pairs(path: &Path) -> Result<PairFile, FileError> {
-    let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e.to_string()))?;
+    let bytes = crate::input::read(path, crate::input::Kind::Literal)?;
     pairs_from_bytes(path, &bytes)
 }
 

@@ -1,6 +1,6 @@
 //! Where a file's cameras are, all in one frame, however the file chains their poses.
 
-use crate::core::compare::RigPlaces;
+use crate::core::compare::{Correlation, RigPlaces};
 use crate::core::{Matrix6, Pose};
 use crate::formats::{NamedCamera, Placement};
 use nalgebra::DMatrix;
@@ -30,7 +30,8 @@ impl PlacedRig {
     /// With the covariance of all cameras together: `rows` of `names` in their own order.
     ///
     /// # Errors
-    /// A sentence, when a camera is missing in `names` or the rows are not six numbers a camera, all finite.
+    /// A sentence, when an uncertain camera is missing in `names`, the rows are not six numbers a camera, all finite, or they contradict
+    /// the covariance of a camera alone.
     pub fn with_joint(
         cameras: Vec<PlacedCamera>,
         names: &[String],
@@ -38,9 +39,13 @@ impl PlacedRig {
     ) -> Result<Self, String> {
         let at = |camera: &PlacedCamera| {
             let found = names.iter().position(|name| *name == camera.name);
-            found.ok_or_else(|| format!("the joint covariance lacks camera {}", camera.name))
+            let is_exact = camera.covariance == Some(Matrix6::zeros());
+            match found {
+                None if !is_exact => Err(format!("the joint covariance lacks camera {}", camera.name)),
+                found => Ok(found),
+            }
         };
-        let order: Vec<usize> = cameras.iter().map(at).collect::<Result<_, String>>()?;
+        let order: Vec<Option<usize>> = cameras.iter().map(at).collect::<Result<_, String>>()?;
         let n = 6 * names.len();
         let is_whole =
             rows.len() == n && rows.iter().all(|row| row.len() == n && row.iter().all(|x| x.is_finite()));
@@ -50,13 +55,25 @@ impl PlacedRig {
                 names.len()
             ));
         }
-        let index = |i: usize| 6 * order[i / 6] + i % 6;
-        let joint = DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| rows[index(i)][index(j)]);
+        let index = |i: usize| order[i / 6].map(|camera| 6 * camera + i % 6);
+        let joint = DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| {
+            index(i).zip(index(j)).map_or(0.0, |(row, column)| rows[row][column])
+        });
+        for (i, camera) in cameras.iter().enumerate() {
+            let own: Matrix6 = joint.fixed_view::<6, 6>(6 * i, 6 * i).into();
+            if camera.covariance.is_some_and(|stated| 1e-6 * stated.amax() < (own - stated).amax()) {
+                return Err(format!(
+                    "the joint covariance contradicts that of camera {} alone; one of them was changed, remove the joint one",
+                    camera.name
+                ));
+            }
+        }
         Ok(PlacedRig { cameras, joint: Some(joint) })
     }
 
-    /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance cameras count as independent of each
-    /// other; one without a covariance of its own gets `stated`. None where neither is there, or a camera of that name.
+    /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance the correlations of a file's own covariances
+    /// are unknown; cameras of a file that states none get `stated`, independent of each other. None where neither is there, or a camera
+    /// of that name.
     pub fn places(&self, names: &[String], stated: Option<&Matrix6>) -> Option<RigPlaces> {
         let at = |name: &String| self.cameras.iter().position(|camera| camera.name == *name);
         let order: Vec<usize> = names.iter().map(at).collect::<Option<_>>()?;
@@ -72,7 +89,9 @@ impl PlacedRig {
                 DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| joint[(index(i), index(j))]);
         }
         let cam_from_rig = order.iter().map(|i| self.cameras[*i].cam_from_rig).collect();
-        Some(RigPlaces { cam_from_rig, covariance })
+        let is_known = self.joint.is_some() || is_exact || !self.is_sure();
+        let correlation = if is_known { Correlation::Known } else { Correlation::Unknown };
+        Some(RigPlaces { cam_from_rig, covariance, correlation })
     }
 
     /// Whether every camera has a covariance: a file that gives it for some only says nothing about the others.

@@ -15,7 +15,7 @@ use crate::GrayImage;
 pub(super) use release::Release;
 use std::cmp::Ordering;
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -30,6 +30,8 @@ const MAX_PIXELS: u64 = 64_000_000;
 const MAX_HEADER_BYTES: u64 = 1024;
 /// A longer line of ffmpeg's words is cut.
 const MAX_WORDS_BYTES: u64 = 1 << 16;
+/// What the entry of a playlist may be opened by.
+const PROTOCOLS: &str = "pipe,fd,crypto,data,http,https,httpproxy,tcp,tls,udp,rtp,srtp,rtsp,rtsps,rtmp,rtmps,rtmpt,rtmpe,rtmpte,rtmpts,srt,rist,ftp,sftp,mmsh,mmst";
 /// Decoded frames waiting to be taken; then ffmpeg waits.
 const WAITING: usize = 2;
 /// The line about a frame is written before the frame; it only has to be read.
@@ -104,6 +106,50 @@ impl Ffmpeg {
     /// # Errors
     /// It cannot be started.
     pub fn decode(&self, input_options: &[String], input: &OsStr) -> Result<Decoder, String> {
+        self.start(input_options, input, &input.to_string_lossy(), None)
+    }
+
+    /// The same of an input that holds a password, which every user of the machine could read in the list of processes: ffmpeg gets it
+    /// through its stdin, as a playlist of one entry. `shown` is what stands in its words otherwise.
+    ///
+    /// # Errors
+    /// It cannot be started, or is too old to be told so.
+    pub fn decode_unseen(
+        &self,
+        options: &[String],
+        playlist: String,
+        input: &str,
+    ) -> Result<Decoder, String> {
+        if !self.release.takes_options_in_playlists() {
+            return Err(
+                "this ffmpeg can be given a password only where everybody sees it; install 5.0 or newer"
+                    .into(),
+            );
+        }
+        let playlist_options = ["-safe", "0", "-protocol_whitelist", PROTOCOLS, "-f", "concat"];
+        let options: Vec<String> =
+            options.iter().cloned().chain(playlist_options.map(str::to_string)).collect();
+        self.start(&options, OsStr::new("pipe:0"), input, Some(playlist))
+    }
+
+    /// Whether its TLS verifies certificates when asked to.
+    pub fn verifies_certificates(&self) -> bool {
+        let told = Command::new("ffmpeg")
+            .args(["-hide_banner", "-h", "protocol=tls"])
+            .stdin(Stdio::null())
+            .output()
+            .map(|told| String::from_utf8_lossy(&told.stdout).into_owned())
+            .unwrap_or_default();
+        told.contains("-tls_verify") && told.contains("-ca_file")
+    }
+
+    fn start(
+        &self,
+        input_options: &[String],
+        input: &OsStr,
+        name: &str,
+        playlist: Option<String>,
+    ) -> Result<Decoder, String> {
         let mut process = Command::new("ffmpeg")
             .args(["-nostdin", "-hide_banner", "-nostats", "-v", "repeat+level+info"])
             .args(self.release.decoder_says())
@@ -114,11 +160,15 @@ impl Ffmpeg {
             .args(["-enc_time_base", "1/30"])
             .args(self.release.each_frame_once())
             .args(["-pix_fmt", "gray", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "-"])
-            .stdin(Stdio::null())
+            .stdin(if playlist.is_some() { Stdio::piped() } else { Stdio::null() })
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .map_err(cannot_start)?;
+        if let (Some(playlist), Some(mut stdin)) = (playlist, process.stdin.take()) {
+            // Far below what a pipe holds. An ffmpeg that has ended already says why itself.
+            let _ = stdin.write_all(playlist.as_bytes());
+        }
         let pipes = (process.stdout.take(), process.stderr.take());
         let (to_taker, decoded) = sync_channel(WAITING);
         let (to_reader, spent) = channel();
@@ -126,7 +176,7 @@ impl Ffmpeg {
         if let (Some(stdout), Some(stderr)) = pipes {
             let (to_pictures, told) = channel();
             let words = Arc::clone(&last_words);
-            let input = input.to_string_lossy().into_owned();
+            let input = name.to_string();
             thread::spawn(move || {
                 listen(stderr, &input, &words, |told| {
                     // Whoever reads the pictures may have stopped; ffmpeg's words are taken to the end all the same.

@@ -167,7 +167,7 @@ impl Source for Folder {
 }
 
 fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
-    let bytes = std::fs::read(path).map_err(|reason| reason.to_string());
+    let bytes = crate::input::read(path, crate::input::Kind::Image).map_err(|fault| fault.reason);
     let taken_s = || exif::taken_s(bytes.as_ref().ok()?);
     let capture_s = match clock {
         Clock::Every(period_s) => period_s * number as f64,

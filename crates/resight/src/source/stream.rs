@@ -58,17 +58,21 @@ impl Stream {
     /// Nothing is connected before the first look.
     ///
     /// # Errors
-    /// No `ffmpeg`; how to get it is said.
+    /// No `ffmpeg`; how to get it is said. One that cannot verify the certificate of a TLS server.
     pub fn open(address: &str, config: StreamConfig) -> Result<Self, FileError> {
         let address = Address::new(address);
         let ffmpeg = Ffmpeg::find().map_err(|reason| FileError::new(&address.shown, reason))?;
+        if address.is_tls() && !ffmpeg.verifies_certificates() {
+            let reason = "this ffmpeg does not verify certificates, so anybody could be at the other end; install one with \
+                          TLS that knows -tls_verify and -ca_file";
+            return Err(FileError::new(&address.shown, reason));
+        }
+        address.tls_options().map_err(|reason| FileError::new(&address.shown, reason))?;
         Ok(Stream { ffmpeg, address, config, connection: None, number: 0, is_over: false })
     }
 
     fn connect(&self) -> Result<Connection, FileError> {
-        let options = self.address.input_options(self.config.lost_after_s, self.ffmpeg.release);
-        let options = [options, self.config.input_options.clone()].concat();
-        let decoder = self.ffmpeg.decode(&options, OsStr::new(&self.address.input));
+        let decoder = self.decoder();
         let now = Instant::now();
         Ok(Connection {
             decoder: decoder.map_err(|reason| FileError::new(&self.address.shown, reason))?,
@@ -76,6 +80,16 @@ impl Stream {
             alive: now,
             has_given: false,
         })
+    }
+
+    fn decoder(&self) -> Result<Decoder, String> {
+        let options = self.address.input_options(self.config.lost_after_s, self.ffmpeg.release);
+        let options = [options, self.address.tls_options()?, self.config.input_options.clone()].concat();
+        if !self.address.is_secret() {
+            return self.ffmpeg.decode(&options, OsStr::new(&self.address.input));
+        }
+        let (playlist, options) = self.address.playlist(&options)?;
+        self.ffmpeg.decode_unseen(&options, playlist, &self.address.input)
     }
 
     /// What came of a connection: a frame's time and content, or none while nothing has.

@@ -35,7 +35,7 @@ pub fn map() -> Target {
     let tag = |i: u32| {
         let (x_m, y_m) = (0.4 * (i % 4) as f64 - 0.6, 0.4 * (i / 4) as f64 - 0.4);
         let world_from_tag = Pose::exp(&Vector6::new(0.0, 0.0, 0.0, x_m, y_m, 0.0));
-        MapTag { id: i, size_m: TAG_M, world_from_tag }
+        MapTag { id: i, size_m: TAG_M, world_from_tag, sigma_m: 0.0, sigma_rad: 0.0 }
     };
     Target::TagMap(TagMap { family: "tag36h11".to_string(), tags: (0..12).map(tag).collect() })
 }

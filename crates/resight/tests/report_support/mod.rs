@@ -9,8 +9,8 @@ pub mod page;
 use nalgebra::{DMatrix, Vector2};
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize};
 use resight::core::rig::{
-    BodyInView, CameraInRig, RejectedSighting, RigSolution, SharedViews, Sighting, SightingResult,
-    TargetOnBody, TargetScale, WeakestLink,
+    BodyInView, CameraInRig, RejectedSighting, RigSolution, RigVerdict, SharedViews, Sighting,
+    SightingResult, TargetOnBody, TargetScale, WeakestLink,
 };
 use resight::core::target::Chessboard;
 use resight::core::{Camera, Correspondence, Matrix6, Point, Pose, Target, Vector6};
@@ -160,7 +160,9 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
         n_used: all.len(),
         joint_covariance: Some(joint(n_cameras)),
         noise_scale: 1.0,
+        view_scale: 1.0,
         steps: 7,
+        verdict: RigVerdict::default(),
     };
     let inputs = vec![InputFile { path: "detections.csv".into(), sha256: "3f".repeat(32) }];
     let command =

@@ -5,7 +5,10 @@ use resight_core::frames::chi_square::tail;
 /// The statistic that χ² with `degrees_of_freedom` exceeds with `probability`, to 10⁻¹² of it, by bisection.
 pub fn quantile(degrees_of_freedom: usize, probability: f64) -> f64 {
     let (mut low, mut high) = (0.0, 10.0 + 4.0 * degrees_of_freedom as f64);
-    while probability < tail(degrees_of_freedom, high) {
+    for _ in 0..64 {
+        if !(probability < tail(degrees_of_freedom, high)) {
+            break;
+        }
         high *= 2.0;
     }
     for _ in 0..60 {

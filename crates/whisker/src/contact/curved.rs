@@ -29,6 +29,9 @@ pub fn contact_with_derivatives(
 
 /// The zero of the moment after `later` others, also of a straight whisker (κ₀ = 0) and beyond any length; eq. (32).
 pub fn zero(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad, later: usize) -> Result<HubContact, NoZero> {
+    if super::MOST_ZEROS < later {
+        return Err(NoZero::NeverVanishes);
+    }
     let bent = Bent::of(Clamp::of(ei_n_m2, curvature_per_m, load)?)?;
     bent.clamp.contact(&bent.reach(later).arc())
 }
@@ -40,6 +43,9 @@ pub fn zero_with_derivatives(
     load: &HubLoad,
     later: usize,
 ) -> Result<(HubContact, ByLoad), NoZero> {
+    if super::MOST_ZEROS < later {
+        return Err(NoZero::NeverVanishes);
+    }
     let bent = Bent::of(Clamp::of(ei_n_m2, curvature_per_m, load)?)?;
     let arc = bent.reach(later).arc();
     let partials = bent.off_the_separatrix()?.reach(later).partials();

@@ -25,8 +25,8 @@ use variation::Variation;
 /// How many whisker lengths are searched. A contact further out is a load without force, and says nothing.
 const REACH: f64 = 32.0;
 
-/// Steps before giving up; a contact within the whisker takes 2 to 5, one more per knot.
-const MOST_STEPS: usize = 2000;
+/// Steps to one zero before giving up, besides those that a profile's knots ask for; a contact within the whisker takes 2 to 5.
+const MOST_STEPS: usize = 256;
 
 /// The first zero of the moment.
 ///
@@ -53,6 +53,9 @@ pub fn derivatives(
     load: &HubLoad,
     zero: usize,
 ) -> Result<(HubContact, ByLoad, SVector<f64, 5>), NoZero> {
+    if super::MOST_ZEROS < zero {
+        return Err(NoZero::NeverVanishes);
+    }
     let mut walk = Walk::start(rod, load)?;
     let mut variation = Variation::identity();
     for _ in 0..zero {
@@ -67,12 +70,13 @@ pub fn derivatives(
     Ok((walk.in_hub(&zero)?, by_load, by_own.column(3) * walk.units.length_m))
 }
 
-/// Every zero of the moment on the whisker (s ≤ L), by arc length: more than one in S-shaped states. Empty where there is none.
-pub fn zeros(rod: &Rod, load: &HubLoad) -> Vec<HubContact> {
+/// The first zeros of the moment on the whisker (s ≤ L), at most `most`, by arc length: more than one in S-shaped states. Empty where
+/// there is none. A load that is absurd for its rod coils it up, and there are billions.
+pub fn zeros(rod: &Rod, load: &HubLoad, most: usize) -> Vec<HubContact> {
     let mut found = Vec::new();
     let Ok(mut walk) = Walk::start(rod, load) else { return found };
-    while let Ok(zero) = walk.next_zero(None) {
-        match walk.in_hub(&zero) {
+    while found.len() < most {
+        match walk.next_zero(None).and_then(|zero| walk.in_hub(&zero)) {
             Ok(at) if at.s_m <= rod.length_m => found.push(at),
             _ => break,
         }
@@ -119,7 +123,7 @@ impl<'a> Walk<'a> {
             self.state.s = f64::MIN_POSITIVE; // Passed: the next search starts behind it.
             return Ok(zero);
         }
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MOST_STEPS + 2 * self.rod.knots() {
             let piece = Piece::at(self.rod, &self.units, self.state.s);
             if end <= self.state.s || self.never(&piece) {
                 return Err(NoZero::NeverVanishes);

@@ -60,6 +60,8 @@ pub const HORIZON: f64 = 300.0;
 const PACE: usize = 10;
 /// The fold is approached to this share of a hub step before the last bit is extrapolated.
 const NEAREST: f64 = 1e-3;
+/// Equilibria followed before the end counts as beyond the horizon; a slip-off takes tens.
+const MOST_SOLUTIONS: usize = 4000;
 /// Newton may correct Euler's step by this share of it; more, and the stride is halved: another branch may have been met.
 const CORRECTION: f64 = 0.2;
 /// Corrections below this, in the whisker's units, are rounding.
@@ -227,7 +229,10 @@ impl Ahead<'_> {
     /// Follows until the end, the tip (no end) or the horizon (no end).
     fn run(&self, problem: &Problem, mut at: Followed) -> (Followed, Option<(f64, End)>) {
         let mut stride = 1.0;
-        while at.steps < HORIZON {
+        for _ in 0..MOST_SOLUTIONS {
+            if HORIZON <= at.steps {
+                break;
+            }
             if at.now.load.force_n().norm() < GONE * self.cell.load_covariance()[(0, 0)].sqrt() {
                 return (at, Some((at.steps, End::Release)));
             }

@@ -131,6 +131,9 @@ pub fn read_path(text: &str) -> Result<Vec<SweepPath>, String> {
     sweeps.iter().enumerate().map(|(i, node)| sweep(i, node)).collect()
 }
 
+/// Most readings of a sweep.
+const MOST_SAMPLES: f64 = crate::simulate::MOST_SAMPLES as f64;
+
 fn sweep(index: usize, node: &Node) -> Result<SweepPath, String> {
     let number = |key: &str| node.need(key)?.number();
     let kind = node.need("kind")?;
@@ -150,8 +153,8 @@ fn sweep(index: usize, node: &Node) -> Result<SweepPath, String> {
         _ => return Err(kind.complaint("`translate`, `rotate` or `poses`")),
     };
     let count = |node: Node| match node.positive()? {
-        n if n.fract() == 0.0 && (2.0..=1e7).contains(&n) => Ok(n as usize),
-        _ => Err(node.complaint("a whole number from 2 to 10 million")),
+        n if n.fract() == 0.0 && (2.0..=MOST_SAMPLES).contains(&n) => Ok(n as usize),
+        _ => Err(node.complaint("a whole number from 2 to 100,000")),
     };
     let n_samples = node.get("samples").map(count).transpose()?;
     let sweep = node.optional(&["sweep"])?.map_or(index as u32, |n| n as u32);

@@ -83,6 +83,15 @@ fn diameters(whisker: &Node) -> Result<Option<[f64; 2]>, String> {
     let Some(base) = whisker.any(&["diameter_base_m", "diameter_m"]) else { return Ok(None) };
     let base = base.positive()?;
     let tip = whisker.get("diameter_tip_m").map_or(Ok(base), |tip| tip.positive())?;
+    let length_m = whisker.need("length_m")?.positive()?;
+    // Also of a whisker whose contacts are stated on its centre line: EI follows from this.
+    let (thickest, most) = (base.max(tip), crate::rod::THICKEST_SHARE * length_m);
+    if most < thickest {
+        return Err(format!(
+            "the whisker's diameter is {thickest} m of a length of {length_m} m; at most {most:.4} m is a rod that \
+             bends as the elastica says, check units and decimals"
+        ));
+    }
     Ok(Some([base, tip]))
 }
 

@@ -42,6 +42,10 @@ const WEAK: f64 = 1e4;
 const LOCATED: f64 = 1e-13;
 /// Changes of contact within one step of the path before it counts as no rest.
 const MOST_CHANGES: usize = 24;
+/// Such rounds within one step of the path before it counts as no rest: from each the whisker should have moved on.
+const MOST_ROUNDS: usize = 16;
+/// Solutions within one kind of contact and one step of the path before it counts as no rest; a hard one takes hundreds.
+const MOST_SOLUTIONS: usize = 20_000;
 /// Depth, in parts of the length, to which a bent line of chords may seem to cut the object.
 const CHORD: f64 = 1e-5;
 
@@ -79,7 +83,7 @@ impl Follower<'_> {
     /// Moves the hub.
     pub fn advance(&mut self, to: &PlanarPose) -> Result<(), Error> {
         let step = Step { from: self.hub, to: *to };
-        let (mut share, mut changes) = (0.0, 0);
+        let (mut share, mut changes, mut rounds) = (0.0, 0, 0);
         while share < 1.0 {
             share = match self.now {
                 Now::Free => self.go_free(&step, share)?,
@@ -89,6 +93,10 @@ impl Follower<'_> {
             if MOST_CHANGES < changes {
                 self.slip_off(&step, share)?;
                 changes = 0;
+                rounds += 1;
+                if MOST_ROUNDS < rounds {
+                    return Err(Error::NoRest { pose: self.pose });
+                }
                 if share < 1.0 {
                     share = self.go_free(&step, share)?;
                 }
@@ -219,7 +227,7 @@ impl Follower<'_> {
     /// In contact until the kind of contact changes, or to the end of the step.
     fn go_touching(&mut self, step: &Step, start: f64, mut solved: Solved) -> Result<f64, Error> {
         let (mut share, mut stride) = (start, 1.0 - start);
-        loop {
+        for _ in 0..MOST_SOLUTIONS {
             let next = if 1.0 - share <= stride { 1.0 } else { share + stride };
             let guess = solved.moved(self.outline, &step.by(next - share));
             let found = guess.solve(self.rod, self.outline, &step.at(next));
@@ -250,6 +258,7 @@ impl Follower<'_> {
                 return Ok(1.0);
             }
         }
+        Err(Error::NoRest { pose: self.pose })
     }
 
     /// No contact continues this one. The formulas end where the force does: that is no fold, the whisker lifts off.
@@ -307,7 +316,10 @@ impl Follower<'_> {
         };
         let (mut at_low, mut at_high) = (value(&last).max(0.0), value(&beyond));
         let mut kept = 0;
-        while LOCATED < high - low && 1e-13 < at_low {
+        for _ in 0..MOST_NARROWINGS {
+            if !(LOCATED < high - low && 1e-13 < at_low) {
+                break;
+            }
             let share = low + (high - low) * (at_low / (at_low - at_high)).clamp(1e-3, 1.0 - 1e-3);
             let guess = last.moved(self.outline, &step.by(share - low));
             let found = guess.solve(self.rod, self.outline, &step.at(share));
@@ -395,6 +407,8 @@ impl Follower<'_> {
 
 /// Looks at the free whisker per step of the path, at most.
 const MOST_LOOKS: f64 = 4096.0;
+/// Steps of the regula falsi; it takes about ten.
+const MOST_NARROWINGS: usize = 400;
 /// A touch is located to this share of a step.
 const SHARP: f64 = 1e-15;
 /// Largest correction of a prediction, rad or parts of the length, that still counts as the same branch.

@@ -18,6 +18,8 @@ pub(super) struct Shot {
 
 /// Steps per length of even width. Against 1600 steps, a taper of 1:3 bent by 2.2 rad is then right to 2e-12 of its length.
 const STEPS_PER_LENGTH: f64 = 64.0;
+/// Most steps between two nodes: sixty-four lengths, far beyond where any trial is kept.
+const MOST_STEPS: f64 = 64.0 * STEPS_PER_LENGTH;
 
 /// x, y, θ and their derivatives by F, by s and by φ, one after the other.
 type Line = SVector<f64, 12>;
@@ -45,6 +47,10 @@ pub(super) fn integrated(rod: &Rod, side: f64, force_n: f64, s_m: f64, friction_
         let taper_per_m = taper_per_m(rod).filter(|_| from <= rod.length_m);
         let (start, end) = (graded(taper_per_m, from), graded(taper_per_m, to));
         let count = ((start - end) / rod.length_m * STEPS_PER_LENGTH).ceil().max(1.0);
+        if !(count <= MOST_STEPS) {
+            let nowhere = f64::NAN; // A trial of no use: who asks finds nothing finite.
+            return Shot { hub_in_contact: Vector3::repeat(nowhere), by: Matrix3::from_element(nowhere) };
+        }
         let mut s = from;
         for i in 1..=count as usize {
             let share = i as f64 / count;

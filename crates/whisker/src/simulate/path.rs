@@ -87,6 +87,28 @@ pub struct Spacing {
     pub after_slip_off: u32,
 }
 
+/// Most samples of a sweep: a minute's work.
+pub const MOST_SAMPLES: u32 = 100_000;
+
+impl Spacing {
+    fn check(&self) -> Result<(), Error> {
+        let counts = [self.before, self.after_touch, self.after_slip_off];
+        let all: f64 = counts.iter().map(|count| f64::from(*count)).sum();
+        let most = f64::from(MOST_SAMPLES) + 100.0; // With the free ones before and after.
+        let after = f64::from(self.after_touch);
+        if after < 1.0 || most < all {
+            let seen = if after < 1.0 { after } else { all };
+            return Err(Error::OutOfRange {
+                what: "the number of samples of a sweep",
+                seen,
+                least: 1.0,
+                most,
+            });
+        }
+        Ok(())
+    }
+}
+
 impl Default for Spacing {
     /// 21, 120 and 20.
     fn default() -> Self {
@@ -102,7 +124,7 @@ const SEARCH: u32 = 256;
 /// time in seconds in place of the pose's number.
 ///
 /// # Errors
-/// As [`record`]; a motion without poses.
+/// As [`record`]; a motion without poses; no sample after the touch, or more than [`MOST_SAMPLES`].
 pub fn sweep(
     rod: &Rod,
     object: &Shape,
@@ -111,6 +133,7 @@ pub fn sweep(
     motion: &Motion,
     spacing: &Spacing,
 ) -> Result<Record, Error> {
+    spacing.check()?;
     let bends_s = motion.bends_s()?;
     let times = match touch_time_s(rod, object, motion, &bends_s)? {
         Some(touch_s) => around(touch_s, spacing),

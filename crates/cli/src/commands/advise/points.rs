@@ -13,6 +13,7 @@ use resight::core::advise::point::{Aim, NextPoint, spread_out};
 use resight::core::locate::{Config, locate};
 use resight::core::target::KnownPoint;
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose};
+use resight::report::verdict::Status;
 use serde::Serialize;
 use std::path::Path;
 
@@ -146,7 +147,7 @@ impl Question<'_> {
         let places: Vec<Point> = best.iter().map(|i| candidates[*i].position).collect();
         let with = next.with(&candidates[best[0]]).map(|gain| gain.covariance);
         self.pictures(&next, &places, region_m, with)?;
-        Ok(if answered { Outcome::Answered } else { Outcome::SomeUnanswered })
+        Ok(Outcome::of([if answered { Status::Ok } else { Status::Degenerate }]))
     }
 
     fn say_now(&self, view: &View) -> Result<()> {

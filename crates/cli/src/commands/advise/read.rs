@@ -32,7 +32,7 @@ struct Columns<'a> {
 pub fn places(path: &Path) -> Result<Vec<Place>> {
     crate::files::must_exist(path)?;
     let shown = path.display().to_string();
-    let file = std::fs::File::open(path).with_context(|| shown.clone())?;
+    let file = resight::input::open_table(path)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let header = reader.headers().with_context(|| shown.clone())?.clone();
     let columns = Columns::of(shown, &header)?;
@@ -94,7 +94,7 @@ impl<'a> Columns<'a> {
 pub fn poses(path: &Path, keys: &[&str]) -> Result<Vec<Pose>> {
     crate::files::must_exist(path)?;
     let shown = path.display();
-    let text = std::fs::read_to_string(path).with_context(|| shown.to_string())?;
+    let text = resight::input::read_text(path, resight::input::Kind::Results)?;
     let mut found = Vec::new();
     for (n, object) in serde_json::Deserializer::from_str(&text).into_iter::<serde_json::Value>().enumerate()
     {

@@ -9,6 +9,7 @@ use resight::advise::words;
 use resight::core::Camera;
 use resight::core::advise::change::{cost, tried};
 use resight::core::advise::volume::{Outlook, Shape, Volume, outlook, poses};
+use resight::report::verdict::Status;
 use serde::Serialize;
 
 /// Views tried over the whole volume, and over each of its parts.
@@ -75,7 +76,7 @@ pub fn run(args: &Advise, camera: &Camera) -> Result<Outcome> {
         args.picture("around-x.png", Some(maps.around(true)))?;
         args.picture("around-y.png", Some(maps.around(false)))?;
     }
-    Ok(if whole.place_m.is_some() { Outcome::Answered } else { Outcome::SomeUnanswered })
+    Ok(Outcome::of([if whole.place_m.is_some() { Status::Ok } else { Status::Degenerate }]))
 }
 
 fn row(args: &Advise, name: &str, volume: &Volume, o: &Outlook) -> Result<()> {

@@ -26,7 +26,12 @@ pub struct ViewPoses {
 /// Reads a file by its content.
 pub fn read(path: &Path) -> Result<Input> {
     crate::files::must_exist(path)?;
-    let text = std::fs::read_to_string(path).unwrap_or_default(); // What is no text is no JSON either.
+    // Folders and recordings are for the readers of rigs below.
+    let bytes = match path.is_dir() || resight::recording::is_recording(path) {
+        true => Vec::new(),
+        false => resight::input::read(path, resight::input::Kind::Results)?,
+    };
+    let text = String::from_utf8(bytes).unwrap_or_default(); // What is no text is no JSON either.
     let lines: Option<Vec<Value>> = text
         .lines()
         .filter(|line| !line.trim().is_empty())
@@ -56,7 +61,11 @@ pub fn read(path: &Path) -> Result<Input> {
 fn camera_file(path: &Path) -> Result<PlacedRig> {
     let file = read_cameras(path)?;
     let cameras = placed(&file.cameras).map_err(|reason| anyhow::anyhow!("{} {reason}", path.display()))?;
-    Ok(PlacedRig { cameras, joint: None })
+    match &file.joint {
+        None => Ok(PlacedRig { cameras, joint: None }),
+        Some(joint) => PlacedRig::with_joint(cameras, &joint.cameras, &joint.rows())
+            .map_err(|reason| anyhow::anyhow!("{}: {reason}", path.display())),
+    }
 }
 
 /// What `rig --json` prints.

@@ -5,7 +5,8 @@ use super::{Compare, MotionObject, motion};
 use crate::output::Printer;
 use crate::text::line;
 use anyhow::{Context, Result, bail};
-use resight::core::compare::{Moved, RigComparison, RigPlaces, compare_rigs};
+use resight::core::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
+use resight::report::verdict::Status;
 use resight::rig::names::natural;
 use resight::rig::places::PlacedRig;
 use serde::Serialize;
@@ -28,6 +29,9 @@ struct RigsObject {
     only_in_b: Vec<String>,
     /// Whether both files state the covariance of all cameras together.
     joint_covariance: bool,
+    /// Of files that do not: what the test takes for granted instead.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    assumed: Option<String>,
     message: String,
 }
 
@@ -75,10 +79,34 @@ pub fn compare(args: &Compare, before: &PlacedRig, after: &PlacedRig, printer: &
         only_in_a,
         only_in_b,
         joint_covariance: has_joint,
+        assumed: assumed(args, (before, &a), (after, &b)),
         message,
     };
-    printer.result(&object, &words(&object, &found, &names), true)?;
+    printer.result(&object, &words(&object, &found, &names), Status::Ok)?;
     Ok(verdict != "unmoved")
+}
+
+/// What is not stated of the cameras' common errors, and what the test does about it.
+fn assumed(args: &Compare, a: (&PlacedRig, &RigPlaces), b: (&PlacedRig, &RigPlaces)) -> Option<String> {
+    let is_silent = |(rig, places): (&PlacedRig, &RigPlaces)| {
+        places.correlation == Correlation::Unknown && 2 < rig.cameras.len()
+    };
+    let who = match (is_silent(a), is_silent(b)) {
+        (true, true) => "A and B do",
+        (true, false) => "A does",
+        (false, true) => "B does",
+        (false, false) if args.stated().is_some() => {
+            return Some(
+                "the errors given with --sigma-mm and --sigma-deg are independent from camera to camera"
+                    .into(),
+            );
+        }
+        (false, false) => return None,
+    };
+    Some(format!(
+        "{who} not state what the cameras' errors have in common; the test allows for anything, so small motions stay hidden (`rig -o` \
+         and `rig --json --joint-covariance` state it)"
+    ))
 }
 
 fn verdict(found: &RigComparison) -> &'static str {
@@ -161,9 +189,8 @@ fn words(object: &RigsObject, found: &RigComparison, names: &[String]) -> String
             line(&mut out, "left out", &format!("{}: only in {side}", only.join(", ")));
         }
     }
-    if !object.joint_covariance && 2 < names.len() {
-        let text = "cameras of one file count as independent of each other; --joint-covariance of `rig --json` says more";
-        line(&mut out, "assumed", text);
+    if let Some(assumed) = &object.assumed {
+        line(&mut out, "assumed", assumed);
     }
     out
 }

@@ -7,6 +7,7 @@ use crate::output::Printer;
 use crate::text::line;
 use anyhow::{Result, bail};
 use resight::core::compare::{Moved, compare_poses};
+use resight::report::verdict::Status;
 use serde::Serialize;
 use std::path::Path;
 
@@ -50,7 +51,7 @@ pub fn compare(
         let words = words(&a.view, verdict, &message);
         let (view, motion) = (a.view.clone(), found.as_ref().map(motion));
         let object = PoseObject { kind: "pose", view, verdict, alpha, motion, message };
-        printer.result(&object, &words, found.is_some())?;
+        printer.result(&object, &words, if found.is_some() { Status::Ok } else { Status::Error })?;
     }
     Ok(has_moved)
 }

@@ -3,13 +3,14 @@
 use super::placed::KnownObject;
 use super::solving::Unsolved;
 use super::{RigOutputArgs, stations, unanswered};
-use crate::args::positive;
+use crate::args::{not_negative, positive};
 use crate::output::{Outcome, print};
 use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::hand_eye::{
-    HandEye, HandEyeConfig, HandView, HandViewResult, Height, Mount, RejectedView, solve_hand_eye,
+    HandEye, HandEyeCause, HandEyeConfig, HandView, HandViewResult, Height, Mount, RejectedView,
+    solve_hand_eye,
 };
 use resight::core::rig_pose::RigView;
 use resight::core::{Matrix6, Point, Pose};
@@ -34,11 +35,11 @@ pub struct HandEyeArgs {
     /// The target is on the hand and the camera stands still (eye to hand).
     #[arg(long, requires = "hand_eye")]
     target_on_hand: bool,
-    /// Standard deviation of the hand's turns where the file has no sigma_deg [default: 0, exact]
-    #[arg(long, value_name = "DEG", requires = "hand_eye", requires = "hand_sigma_mm", value_parser = positive)]
+    /// Standard deviation of the hand's orientation where the file has no sigma_deg; 0 for an exact hand [default: estimated from the views]
+    #[arg(long, value_name = "DEG", requires = "hand_eye", requires = "hand_sigma_mm", value_parser = not_negative)]
     hand_sigma_deg: Option<f64>,
-    /// Standard deviation of the hand's place where the file has no sigma_mm.
-    #[arg(long, value_name = "MM", requires = "hand_eye", requires = "hand_sigma_deg", value_parser = positive)]
+    /// Standard deviation of the hand's position where the file has no sigma_mm; 0 for an exact hand [default: estimated from the views]
+    #[arg(long, value_name = "MM", requires = "hand_eye", requires = "hand_sigma_deg", value_parser = not_negative)]
     hand_sigma_mm: Option<f64>,
     /// The camera's place along --height-axis, m from the hand's origin (from the base's with --target-on-hand): needed where the
     /// hand turns about parallel axes only, as vehicles do.
@@ -69,11 +70,34 @@ struct HandEyeObject {
     n_used: usize,
     chi2: f64,
     dof: usize,
+    pose_chi2: f64,
+    pose_dof: usize,
     noise_scale: f64,
+    /// The hand's noise where it was estimated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hand_noise: Option<HandNoiseObject>,
+    /// The target's size by the hand's motions, over the stated one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target_size: Option<TargetSizeObject>,
     turns_rad: [f64; 3],
     views: Vec<ViewObject>,
     rejected: Vec<RejectedObject>,
+    /// Why the answer is not to be believed, the likely cause first.
+    causes: Vec<String>,
     message: String,
+}
+
+/// Standard deviations per axis.
+#[derive(Serialize)]
+struct HandNoiseObject {
+    sigma_rad: f64,
+    sigma_m: f64,
+}
+
+#[derive(Serialize)]
+struct TargetSizeObject {
+    ratio: f64,
+    sigma: f64,
 }
 
 #[derive(Serialize)]
@@ -174,6 +198,7 @@ fn answer(asked: &Asked, views: &[HandView], output: &RigOutputArgs) -> Result<O
             let status = match reason {
                 resight::core::Error::DegenerateMotion { .. }
                 | resight::core::Error::TooFewMotions { .. } => "degenerate",
+                resight::core::Error::ViewsDisagree { .. } => "inconsistent",
                 _ => "error",
             };
             let message = format!("{reason}{}", left_out(&asked.left_out));
@@ -189,7 +214,7 @@ fn answer(asked: &Asked, views: &[HandView], output: &RigOutputArgs) -> Result<O
         true => print(&format!("{}\n", serde_json::to_string(&object)?))?,
         false => print(&words(asked, &found, &object))?,
     }
-    Ok(Outcome::Answered)
+    Ok(if found.is_inconsistent { Outcome::SomeUnanswered } else { Outcome::Answered })
 }
 
 fn left_out(views: &[(String, String)]) -> String {
@@ -228,10 +253,17 @@ fn object(asked: &Asked, found: &HandEye) -> HandEyeObject {
         n_used: found.n_used,
         chi2: found.chi2,
         dof: found.degrees_of_freedom,
+        pose_chi2: found.pose_chi2,
+        pose_dof: found.pose_degrees_of_freedom,
         noise_scale: found.noise_scale,
+        hand_noise: found
+            .hand_noise
+            .map(|noise| HandNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
+        target_size: found.target_size.map(|size| TargetSizeObject { ratio: size.ratio, sigma: size.sigma }),
         turns_rad: found.turns_rad,
         views: asked.stations.iter().zip(&found.views).map(view).collect(),
         rejected: rejected(asked, found),
+        causes: found.causes.iter().map(HandEyeCause::to_string).collect(),
         message: message(found),
     }
 }
@@ -257,11 +289,8 @@ fn rejected(asked: &Asked, found: &HandEye) -> Vec<RejectedObject> {
 
 fn message(found: &HandEye) -> String {
     let used = format!("{} of {} views agree", found.n_used, found.views.len());
-    if found.is_inconsistent {
-        return format!(
-            "{used}, but residuals are {} times what the sigmas say: check the target's size and the intrinsics, or state how exact the motions are (--hand-sigma-deg, --hand-sigma-mm)",
-            figures(found.noise_scale.sqrt())
-        );
+    if let Some(cause) = found.causes.first() {
+        return format!("not to be believed ({used}): {cause}");
     }
     match found.noise_scale {
         scale if 1.0 < scale => {
@@ -275,7 +304,10 @@ fn message(found: &HandEye) -> String {
 }
 
 fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
-    let mut out = format!("HAND-EYE   {}\n", object.message);
+    let mut out = format!("HAND-EYE   {}: {}\n", object.status.to_uppercase(), object.message);
+    for cause in object.causes.iter().skip(1) {
+        line(&mut out, "and", cause);
+    }
     let (carrier, holder) = names(asked);
     line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
     line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
@@ -287,6 +319,22 @@ fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
         "fit",
         &format!("χ² {:.1} for {} degrees of freedom", found.chi2, found.degrees_of_freedom),
     );
+    if let Some(noise) = &found.hand_noise {
+        let text = format!(
+            "{} and {} (1σ per axis), estimated from the views",
+            degrees(noise.sigma_rad),
+            length(noise.sigma_m)
+        );
+        line(&mut out, "hand's noise", &text);
+    }
+    if let Some(size) = &found.target_size {
+        let text = format!(
+            "{:+.2} % ± {:.2} % by the hand's motions, over the stated size",
+            100.0 * (size.ratio - 1.0),
+            100.0 * size.sigma
+        );
+        line(&mut out, "target's size", &text);
+    }
     for view in object.views.iter().filter(|view| view.is_used) {
         if let (Some(turn), Some(shift)) = (view.residual_rad, view.residual_m) {
             line(&mut out, &view.view, &format!("{} and {} off", degrees(turn), length(shift)));

@@ -1,7 +1,9 @@
 //! Cameras and targets under the names they were given.
 
 use super::Collected;
+use crate::args::TagArgs;
 use anyhow::{Result, bail};
+use resight::core::Target;
 use resight::formats::{self, NamedCamera};
 use resight::rig::NamedTarget;
 use std::path::{Path, PathBuf};
@@ -50,7 +52,9 @@ pub fn targets(arguments: &[String], collected: &mut Collected) -> Result<Vec<Na
     for argument in arguments {
         let (name, file) = split(argument);
         let path = Path::new(file);
-        let target = super::super::target(path, |warning| collected.remarks.push(warning.to_string()))?;
+        let remark = |warning: &str| collected.remarks.push(warning.to_string());
+        let (target, _) = super::super::target(path, &TagArgs::default(), remark)?;
+        collected.remarks.extend(tolerance_remark(path, &target));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let name = name.map_or(stem, str::to_string);
         if targets.iter().any(|earlier| earlier.name == name) {
@@ -60,6 +64,19 @@ pub fn targets(arguments: &[String], collected: &mut Collected) -> Result<Vec<Na
         collected.files.push(path.to_path_buf());
     }
     Ok(targets)
+}
+
+/// Tolerances of a map are not part of a rig's answer.
+fn tolerance_remark(path: &Path, target: &Target) -> Option<String> {
+    let Target::TagMap(map) = target else { return None };
+    let widest_m = map.tags.iter().map(|tag| tag.sigma_m).fold(0.0, f64::max);
+    (0.0 < widest_m).then(|| {
+        format!(
+            "warning: {}: a rig takes a map of tags as one rigid target that is known exactly; its tolerance of {:.1} mm is not in the answer's ±",
+            path.display(),
+            1e3 * widest_m
+        )
+    })
 }
 
 /// Puts the targets of each list on one body.

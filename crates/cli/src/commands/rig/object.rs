@@ -2,8 +2,11 @@
 
 use super::solving::{Solved, Unsolved, rejection};
 use crate::answer::{TransformObject, rows};
+use nalgebra::DMatrix;
 use resight::core::Pose;
-use resight::core::rig::{CameraInRig, RigSolution, SightingResult, TargetScale};
+use resight::core::rig::{CameraInRig, Cause, RigSolution, SightingResult, TargetScale};
+use resight::formats::JointCovariance;
+use resight::report::rig::{camera_status, rig_camera_sentence, rig_status, rig_verdict_sentence};
 use resight::report::words::sigmas;
 use resight::rig::InputFile;
 use resight::rig::relative::{UncertainPose, between};
@@ -14,11 +17,15 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub struct RigObject {
     status: &'static str,
+    /// What contradicts, and the likely cause; null where nothing does.
+    contradiction: Option<String>,
     reference: String,
     rms_px: f64,
     chi2: f64,
     dof: usize,
     noise_scale: f64,
+    /// Variances beyond that, for errors that whole sightings share.
+    view_scale: f64,
     n_views: usize,
     n_seen: usize,
     n_used: usize,
@@ -42,12 +49,20 @@ pub struct RigObject {
 
 #[derive(Serialize)]
 struct CameraObject {
+    status: &'static str,
+    /// Null where nothing is wrong with it.
+    cause: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    message: Option<String>,
     cam_from_rig: TransformObject,
     rig_from_cam: TransformObject,
     covariance: [[f64; 6]; 6],
     sigma_rad: [f64; 3],
     sigma_m: [f64; 3],
+    /// Views in which it took part, of those in which it saw something.
     n_views: usize,
+    n_views_seen: usize,
+    n_sightings_rejected: usize,
     n_seen: usize,
     n_used: usize,
     n_rejected: usize,
@@ -71,6 +86,7 @@ struct PairObject {
     a: String,
     b: String,
     n_shared_views: usize,
+    n_shared_views_used: usize,
     b_from_a: TransformObject,
     covariance: Option<[[f64; 6]; 6]>,
     sigma_rad: Option<[f64; 3]>,
@@ -160,7 +176,7 @@ struct WorldObject {
 }
 
 #[derive(Serialize)]
-struct JointObject {
+pub struct JointObject {
     /// Six rows each.
     cameras: Vec<String>,
     matrix: Vec<Vec<f64>>,
@@ -189,12 +205,14 @@ pub fn refusal(reason: &Unsolved) -> RefusalObject {
 pub fn object(solved: &Solved, with_joint: bool) -> RigObject {
     let s = &solved.run.solution;
     RigObject {
-        status: "ok",
+        status: rig_status(s).name(),
+        contradiction: rig_verdict_sentence(&solved.run),
         reference: camera_name(solved, s.reference),
         rms_px: s.rms_px,
         chi2: s.chi2,
         dof: s.degrees_of_freedom,
         noise_scale: s.noise_scale,
+        view_scale: s.view_scale,
         n_views: solved.run.rig.views.len(),
         n_seen: s.n_seen,
         n_used: s.n_used,
@@ -215,6 +233,18 @@ pub fn object(solved: &Solved, with_joint: bool) -> RigObject {
     }
 }
 
+/// The likely cause, in one word.
+fn cause_word(cause: Cause) -> &'static str {
+    match cause {
+        Cause::Intrinsics => "intrinsics",
+        Cause::Contradiction => "contradiction",
+        Cause::Target => "target",
+        Cause::Size => "size",
+        Cause::Reference => "reference",
+        _ => "noise",
+    }
+}
+
 fn camera_name(solved: &Solved, camera: usize) -> String {
     solved.run.rig.cameras[camera].name.clone()
 }
@@ -231,13 +261,20 @@ fn uncertain(pose: &UncertainPose) -> UncertainObject {
 fn cameras(solved: &Solved) -> BTreeMap<String, CameraObject> {
     let object = |(i, c): (usize, &CameraInRig)| {
         let (sigma_rad, sigma_m) = sigmas(&c.covariance);
+        let (losses, n_views_seen) =
+            (&solved.run.solution.verdict.cameras[i], solved.run.solution.shared.counts[i][i]);
         let object = CameraObject {
+            status: camera_status(&solved.run.solution, i).name(),
+            cause: losses.cause.map(cause_word),
+            message: rig_camera_sentence(&solved.run, i),
             cam_from_rig: c.cam_from_rig.into(),
             rig_from_cam: c.cam_from_rig.inverse().into(),
             covariance: rows(&c.covariance),
             sigma_rad,
             sigma_m,
             n_views: c.n_views,
+            n_views_seen,
+            n_sightings_rejected: losses.n_lost,
             n_seen: c.n_seen,
             n_used: c.n_used,
             n_rejected: c.n_seen - c.n_used,
@@ -266,6 +303,7 @@ fn pair(solved: &Solved, a: usize, b: usize) -> PairObject {
         a: camera_name(solved, a),
         b: camera_name(solved, b),
         n_shared_views: s.shared.counts[a][b],
+        n_shared_views_used: s.verdict.used_views[a][b],
         b_from_a: b_from_a.into(),
         covariance: known.map(|pose| rows(&pose.covariance)),
         sigma_rad: sigma.map(|s| s.0),
@@ -431,10 +469,21 @@ fn world(solved: &Solved) -> Option<WorldObject> {
 fn joint(solved: &Solved) -> Option<JointObject> {
     let RigSolution { joint_covariance: Some(matrix), .. } = &solved.run.solution else { return None };
     let cameras = solved.run.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
-    Some(JointObject {
-        cameras,
-        matrix: matrix.row_iter().map(|row| row.iter().copied().collect()).collect(),
-    })
+    Some(JointObject::of(cameras, matrix))
+}
+
+/// For the rig's file.
+pub fn joint_of(solved: &Solved) -> Option<JointCovariance> {
+    let matrix = solved.run.solution.joint_covariance.as_ref()?;
+    let cameras: Vec<String> = solved.run.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
+    Some(JointCovariance::of(&cameras, matrix))
+}
+
+impl JointObject {
+    /// Of these cameras, 6 rows each.
+    pub fn of(cameras: Vec<String>, matrix: &DMatrix<f64>) -> Self {
+        JointObject { cameras, matrix: matrix.row_iter().map(|row| row.iter().copied().collect()).collect() }
+    }
 }
 
 fn input(input: &InputFile) -> InputObject {

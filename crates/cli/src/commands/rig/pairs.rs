@@ -1,5 +1,6 @@
 //! `rig --pairs`: the cameras of a rig from the relative poses of pairs of them.
 
+use super::object::JointObject;
 use super::placed::PlacedObject;
 use super::solving::Unsolved;
 use super::{RigOutputArgs, named, unanswered};
@@ -9,11 +10,12 @@ use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::pose_graph::{
-    Chain, PairResult, PairSigma, PoseGraph, PoseGraphConfig, PoseGraphSolution, chain, groups,
+    Chain, GraphFault, PairResult, PairSigma, PoseGraph, PoseGraphConfig, PoseGraphSolution, chain, groups,
     solve_pose_graph,
 };
 use resight::core::{Matrix6, Pose};
-use resight::formats::{NamedCamera, Placement, own_file, write_atomically};
+use resight::formats::{JointCovariance, NamedCamera, Placement, own_rig_file, write_atomically};
+use resight::report::verdict::Status;
 use resight::report::words::{degrees, length};
 use resight::rig::RIG_FRAME;
 use resight::rig::pairs::{PairFile, read_pairs};
@@ -45,6 +47,8 @@ pub struct PairsArgs {
 #[derive(Serialize)]
 struct GraphObject {
     status: &'static str,
+    /// What contradicts, and the likely cause; null where nothing does.
+    contradiction: Option<String>,
     method: &'static str,
     reference: String,
     cameras: BTreeMap<String, PlaceObject>,
@@ -56,11 +60,15 @@ struct GraphObject {
     noise_scale: Option<f64>,
     median_sigma_rad: Option<f64>,
     median_sigma_m: Option<f64>,
+    /// With --joint-covariance; a chain has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joint_covariance: Option<JointObject>,
     message: String,
 }
 
 #[derive(Serialize)]
 struct PlaceObject {
+    status: &'static str,
     #[serde(flatten)]
     cam_from_rig: PlacedObject,
     /// The cameras on the way from the reference, for a chain.
@@ -93,6 +101,7 @@ pub fn run(
     path: &Path,
     cameras: &[NamedCamera],
     output: &RigOutputArgs,
+    with_joint: bool,
 ) -> Result<Outcome> {
     crate::files::must_exist(path)?;
     let file = read_pairs(path)?;
@@ -114,15 +123,22 @@ pub fn run(
             return unanswered(output, &Unsolved { status: "error", message, groups: Vec::new() });
         }
     };
+    let contradiction = contradiction(&file, &placed);
     if let Some(out) = &output.output {
-        write_atomically(out, written(&file, &placed, cameras)?.as_bytes())?;
+        let text = super::stated(&written(&file, &placed, cameras)?, contradiction.clone());
+        write_atomically(out, text.as_bytes())?;
     }
-    let object = object(&file, anchor, &placed);
+    let is_inconsistent = contradiction.is_some();
+    let mut object = object(&file, anchor, &placed, contradiction);
+    if with_joint {
+        let joint = placed.solution.as_ref().map(|s| &s.joint_covariance);
+        object.joint_covariance = joint.map(|matrix| JointObject::of(file.cameras.clone(), matrix));
+    }
     match output.json {
         true => print(&format!("{}\n", serde_json::to_string(&object)?))?,
         false => print(&words(&file, &placed, &object))?,
     }
-    Ok(Outcome::Answered)
+    Ok(super::outcome(is_inconsistent))
 }
 
 /// Groups of cameras that no chain of pairs joins, by name.
@@ -155,12 +171,16 @@ fn placed(args: &PairsArgs, graph: &PoseGraph, anchor: usize) -> Result<Placed, 
     Ok(Placed { cam_from_rig, paths: None, solution: Some(solution) })
 }
 
-fn object(file: &PairFile, anchor: usize, placed: &Placed) -> GraphObject {
+fn object(file: &PairFile, anchor: usize, placed: &Placed, contradiction: Option<String>) -> GraphObject {
     let name = |i: usize| file.cameras[i].clone();
+    let verdict = placed.solution.as_ref().map(|s| &s.verdict);
     let place = |(i, (cam_from_rig, covariance)): (usize, &(Pose, Option<Matrix6>))| {
         let path = placed.paths.as_ref().map(|paths| paths[i].iter().map(|i| name(*i)).collect());
         let cam_from_rig = PlacedObject::of(cam_from_rig, covariance.as_ref());
-        (name(i), PlaceObject { cam_from_rig, path })
+        let is_contradicted =
+            verdict.is_some_and(|v| v.is_contradicted[i] || (v.fault.is_some() && v.worst_camera == Some(i)));
+        let status = if is_contradicted { Status::Inconsistent } else { Status::Ok }.name();
+        (name(i), PlaceObject { status, cam_from_rig, path })
     };
     let pairs = pairs(file, placed);
     let suspicious: Vec<String> =
@@ -168,7 +188,8 @@ fn object(file: &PairFile, anchor: usize, placed: &Placed) -> GraphObject {
     let s = placed.solution.as_ref();
     let sigma = s.and_then(|s| s.median_sigma);
     GraphObject {
-        status: "ok",
+        status: if contradiction.is_some() { Status::Inconsistent } else { Status::Ok }.name(),
+        contradiction,
         method: if s.is_some() { "joint" } else { "chain" },
         reference: name(anchor),
         cameras: placed.cam_from_rig.iter().enumerate().map(place).collect(),
@@ -180,7 +201,41 @@ fn object(file: &PairFile, anchor: usize, placed: &Placed) -> GraphObject {
         noise_scale: s.map(|s| s.noise_scale),
         median_sigma_rad: sigma.map(|s| s.sigma_rad),
         median_sigma_m: sigma.map(|s| s.sigma_m),
+        joint_covariance: None,
     }
+}
+
+/// Why the pairs cannot all be right, the worst camera and pair named; a chain checks nothing.
+fn contradiction(file: &PairFile, placed: &Placed) -> Option<String> {
+    let s = placed.solution.as_ref()?;
+    let fault = s.verdict.fault?;
+    let n_suspicious = s.pairs.iter().filter(|pair| pair.is_suspicious).count();
+    let what = match fault {
+        GraphFault::Noise => format!(
+            "the pairs differ by {:.1} times what their stated sigmas say",
+            (s.chi2 / s.degrees_of_freedom.max(1) as f64).sqrt()
+        ),
+        GraphFault::Pairs => format!("{n_suspicious} of {} pairs contradict the others", s.pairs.len()),
+        GraphFault::Camera => "most pairs of a camera contradict the others".to_string(),
+        _ => {
+            let sigma = s.median_sigma?;
+            format!(
+                "loops of pairs do not close: the pairs differ by about {} and {}",
+                degrees(sigma.sigma_rad),
+                length(sigma.sigma_m)
+            )
+        }
+    };
+    let camera = s
+        .verdict
+        .worst_camera
+        .map_or(String::new(), |c| format!("; camera {} disagrees most", file.cameras[c]));
+    let pair = s.verdict.worst_pair.map(|i| &file.pairs[i]);
+    let pair =
+        pair.map_or(String::new(), |p| format!(", in pair {}-{}", file.cameras[p.a], file.cameras[p.b]));
+    Some(format!(
+        "{what}{camera}{pair}; poses the wrong way round, cameras exchanged, a unit or a wrong lens file are the likely cause"
+    ))
 }
 
 /// Every pair's residual, in the order of the file.
@@ -217,7 +272,11 @@ fn message(file: &PairFile, placed: &Placed, suspicious: &[String]) -> String {
 }
 
 fn words(file: &PairFile, placed: &Placed, object: &GraphObject) -> String {
-    let mut out = format!("RIG   {}\n\n", object.message);
+    let mut out = match &object.contradiction {
+        Some(sentence) => format!("INCONSISTENT   {sentence}.\n\n"),
+        None => "OK   ".to_string(),
+    };
+    out.push_str(&format!("RIG   {}\n\n", object.message));
     for (name, (cam_from_rig, covariance)) in file.cameras.iter().zip(&placed.cam_from_rig) {
         let place = cam_from_rig.origin() * 1e3;
         let sigma = covariance.as_ref().filter(|c| 0.0 < c.trace()).map_or(String::new(), |c| {
@@ -268,6 +327,7 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
         let places = (0..file.cameras.len()).map(|i| PlaceOnly::of(&placement(i))).collect();
         return Ok(toml::to_string(&PlacesOnly { relation: places })?);
     }
+    let solution = placed.solution.as_ref();
     let placed = |(i, name): (usize, &String)| match cameras.iter().find(|camera| &camera.name == name) {
         Some(camera) => Ok(NamedCamera { placement: Some(placement(i)), ..camera.clone() }),
         None => {
@@ -276,7 +336,8 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
         }
     };
     let all: Vec<NamedCamera> = file.cameras.iter().enumerate().map(placed).collect::<Result<_>>()?;
-    Ok(own_file(&all)?)
+    let joint = solution.map(|s| JointCovariance::of(&file.cameras, &s.joint_covariance));
+    Ok(own_rig_file(&all, joint)?)
 }
 
 /// `[[relation]]` tables of our own file: no lens is known. `convert` joins them with files that have lenses.

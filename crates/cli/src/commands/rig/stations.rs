@@ -107,7 +107,7 @@ struct MinimumLine {
 /// Reads the JSON Lines of `locate` and `solve`; views without a pose come without candidates.
 pub fn poses(path: &Path) -> Result<Vec<Seen>> {
     crate::files::must_exist(path)?;
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let text = resight::input::read_text(path, resight::input::Kind::Results)?;
     let mut seen: Vec<Seen> = Vec::new();
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let at = || format!("{}:{}", path.display(), n + 1);

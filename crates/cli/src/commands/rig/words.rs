@@ -3,7 +3,10 @@
 use super::solving::{Solved, rejection};
 use crate::text::line;
 use resight::core::rig::shared_views as shared;
-use resight::report::rig::{scale_sentences, weakest_link_sentence};
+use resight::report::rig::{
+    camera_status, rig_camera_sentence, rig_verdict_sentence, scale_sentences, weakest_link_sentence,
+};
+use resight::report::verdict::Status;
 use resight::report::verdict::figures;
 use resight::report::words::{coordinate, degrees, length, place_sigma_m, sigmas};
 use resight::rig::gather::Gathered;
@@ -59,8 +62,15 @@ pub fn headline(solved: &Solved) -> String {
         ),
         _ => String::new(),
     };
+    let views = match s.view_scale {
+        scale if 1.0 < scale => format!(
+            "; views contradict each other by {} times what their points explain, and every ± holds that",
+            figures(scale.sqrt())
+        ),
+        _ => String::new(),
+    };
     format!(
-        "{} cameras, {} views, {} of {} points used, rms {} px{noise}",
+        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}",
         s.cameras.len(),
         solved.run.rig.views.len(),
         s.n_used,
@@ -69,10 +79,15 @@ pub fn headline(solved: &Solved) -> String {
     )
 }
 
-/// The whole answer.
+/// The whole answer, whether it can be believed first.
 pub fn describe(solved: &Solved) -> String {
-    let mut out = format!("RIG   {}\n\n", headline(solved));
+    let mut out = match rig_verdict_sentence(&solved.run) {
+        Some(sentence) => format!("INCONSISTENT   {sentence}.\n\n"),
+        None => "OK   ".to_string(),
+    };
+    out.push_str(&format!("RIG   {}\n\n", headline(solved)));
     out.push_str(&cameras(solved));
+    contradicted(solved, &mut out);
     out.push('\n');
     out.push_str(&pairs(solved));
     out.push('\n');
@@ -83,6 +98,11 @@ pub fn describe(solved: &Solved) -> String {
     out
 }
 
+/// How many were used of those there are.
+fn of(n_used: usize, n: usize) -> String {
+    if n_used == n { n.to_string() } else { format!("{n_used} of {n}") }
+}
+
 fn name(solved: &Solved, camera: usize) -> &str {
     &solved.run.rig.cameras[camera].name
 }
@@ -90,7 +110,7 @@ fn name(solved: &Solved, camera: usize) -> &str {
 /// Where each camera is in the rig, with the standard deviation along the rig's axes, and how sure its direction is.
 fn cameras(solved: &Solved) -> String {
     let s = &solved.run.solution;
-    let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "seen", "used", "rms px"];
+    let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "views", "seen", "used", "rms px"];
     let mut table = vec![head.map(str::to_string).to_vec()];
     for (i, camera) in s.cameras.iter().enumerate() {
         let place = camera.cam_from_rig.origin();
@@ -107,7 +127,8 @@ fn cameras(solved: &Solved) -> String {
             true => ("reference".to_string(), String::new()),
             false => (turned, degrees(turn)),
         };
-        let counts = [camera.n_seen.to_string(), camera.n_used.to_string(), figures(camera.rms_px)];
+        let views = of(camera.n_views, s.shared.counts[i][i]);
+        let counts = [views, camera.n_seen.to_string(), camera.n_used.to_string(), figures(camera.rms_px)];
         let cells = std::iter::once(name(solved, i).to_string()).chain(coordinates).chain([turned, turn]);
         table.push(cells.chain(counts).collect());
     }
@@ -116,6 +137,17 @@ fn cameras(solved: &Solved) -> String {
         "place in the frame of {frame} (x right, y down, z forward), rotation vector of cam_from_rig\n{}",
         columns(&table)
     )
+}
+
+/// Cameras that do not fit, other than the one that the verdict names.
+fn contradicted(solved: &Solved, out: &mut String) {
+    let s = &solved.run.solution;
+    let wrong = (0..s.cameras.len()).filter(|c| camera_status(s, *c) != Status::Ok);
+    for camera in wrong {
+        if let Some(sentence) = rig_camera_sentence(&solved.run, camera) {
+            line(out, "camera", &format!("{} inconsistent: {sentence}", name(solved, camera)));
+        }
+    }
 }
 
 fn pairs(solved: &Solved) -> String {
@@ -131,7 +163,7 @@ fn pairs(solved: &Solved) -> String {
         let largest = |sigmas: [f64; 3]| sigmas.into_iter().fold(0.0, f64::max);
         table.push(vec![
             format!("{} – {}", name(solved, *a), name(solved, *b)),
-            s.shared.counts[*a][*b].to_string(),
+            of(s.verdict.used_views[*a][*b], s.shared.counts[*a][*b]),
             format!("{:.1} mm", 1e3 * pose.b_from_a.translation.norm()),
             length(largest(shift)),
             format!("{:.3}°", pose.b_from_a.angle_to_rad(&resight::core::Pose::identity()).to_degrees()),

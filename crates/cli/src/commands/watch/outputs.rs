@@ -7,7 +7,7 @@ mod tf;
 mod outbox;
 mod retry;
 mod courier;
-mod secret;
+pub mod secret;
 mod trust;
 mod notice;
 mod metrics;

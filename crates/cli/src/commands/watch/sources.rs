@@ -1,6 +1,7 @@
 //! Where frames come from.
 
 use super::names::{by_name, split};
+use super::outputs::secret;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use resight::recording::is_recording;
@@ -17,7 +18,8 @@ use video::Film;
 pub struct SourceArgs {
     /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, a recording (run.mcap, or
     /// run.mcap#/topic where several topics show something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera
-    /// (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there are several cameras.
+    /// (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there are several cameras. An address with a
+    /// password comes from the first line of a file that only you can read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
     /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
@@ -45,9 +47,38 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(args, &value, name, names, once)
+        one(args, &address(&value, name)?, name, names, once)
     };
     given.into_iter().zip(names).map(source).collect()
+}
+
+/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody.
+fn address(value: &str, name: &str) -> Result<String> {
+    if let Some(file) = value.strip_prefix('@') {
+        return secret::read("--source @FILE", Path::new(file));
+    }
+    if let Some(variable) = value.strip_prefix("env:") {
+        let found = std::env::var(variable).ok().filter(|address| !address.is_empty());
+        return found.with_context(|| format!("--source {name}=env:{variable}: there is no such variable"));
+    }
+    if has_password(value) {
+        bail!(
+            "--source of camera {name}: a password in an argument can be read by everybody on this machine; write the address \
+             into a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
+             {name}=env:VARIABLE"
+        );
+    }
+    Ok(value.to_string())
+}
+
+/// `user:password@` before the host of an address; a password may hold a slash that should have been written %2F.
+fn has_password(value: &str) -> bool {
+    let Some((_, rest)) = value.split_once("://") else { return false };
+    let Some((user, _)) = rest.rsplit_once('@') else { return false };
+    let first = user.split(['/', '?']).next().unwrap_or_default();
+    let is_port = |text: &str| text.chars().all(|c| c.is_ascii_digit());
+    // `cam:554/video@2x` has a port, `me:1234@cam` a password.
+    first.split_once(':').is_some_and(|(_, behind)| first.len() == user.len() || !is_port(behind))
 }
 
 fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool) -> Result<Box<dyn Source>> {
@@ -148,6 +179,31 @@ mod tests {
         assert_eq!((of("gate").as_str(), of("door").as_str()), ("-t 60", "-t 60 -framerate 5"));
     }
 
+    #[test]
+    fn passwords_are_not_arguments() {
+        for value in
+            ["rtsp://me:secret@cam/x", "rtsp://me:se/cret@cam/x", "http://a:b@cam?x", "rtsp://me:1234@cam"]
+        {
+            let told = address(value, "gate").expect_err("refused").to_string();
+            assert!(
+                told.contains("gate=@FILE") && told.contains("env:VARIABLE") && !told.contains("cret"),
+                "{told}"
+            );
+        }
+        for value in [
+            "rtsp://me@cam/x",
+            "rtsp://cam:554/x",
+            "rtsp://cam:554/a@2x",
+            "udp://@239.0.0.1:1234",
+            "tcp://[::1]:5000",
+            "film.mp4",
+        ] {
+            assert_eq!(address(value, "gate").expect("an address"), value);
+        }
+        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate").is_err());
+        assert!(address("@no/such/file", "gate").is_err());
+    }
+
     /// Not even in what is said of a typing error.
     #[test]
     fn passwords_are_not_shown() {
@@ -160,7 +216,11 @@ mod tests {
         let names = ["gate".to_string()];
         for (source, options, said) in [
             ("gaet=rtsp://me:secret@cam/x", "", "--source gaet=…: there is no such name; there are gate"),
-            ("gate=RTSP://me:secret@cam/x", "", "--source of camera gate: `RTSP://…` is no address"),
+            (
+                "gate=RTSP://me:secret@cam/x",
+                "",
+                "--source of camera gate: a password in an argument can be read",
+            ),
             ("gate=rtsp://cam/x", "gate=-headers 'X: secret", "--ffmpeg-input-options gate=…: a ' is not"),
             ("gate=rtsp://cam/x", "-headers 'X: secret", "--ffmpeg-input-options …: a ' is not closed"),
         ] {

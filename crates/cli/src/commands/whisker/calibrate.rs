@@ -7,6 +7,7 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight::formats::write_atomically;
+use resight::report::verdict::Status;
 use resight_whisker::Sample;
 use resight_whisker::calibrate::{Calibrated, Gravity, Object, Options, Parameter, calibrate};
 use resight_whisker::files::{WhiskerFile, calibration, object};
@@ -98,8 +99,9 @@ pub fn run(args: &Calibrate) -> Result<Outcome> {
     if compared.is_some_and(|compared| compared.has_drifted()) {
         return Ok(Outcome::Moved);
     }
-    let answered = calibrated.is_consistent && n_missing == 0;
-    Ok(if answered { Outcome::Answered } else { Outcome::SomeUnanswered })
+    let fit = if calibrated.is_consistent { Status::Ok } else { Status::Inconsistent };
+    let readings = if n_missing == 0 { Status::Ok } else { Status::Error };
+    Ok(Outcome::of([fit, readings]))
 }
 
 fn json(calibrated: &Calibrated, compared: Option<&Compared>) -> serde_json::Value {

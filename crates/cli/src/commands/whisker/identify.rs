@@ -5,6 +5,7 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
+use resight::report::verdict::Status;
 use resight_whisker::files::identification::{
     model_name, parse_class, reason_in_words, to_json, touch, verdict_name,
 };
@@ -64,7 +65,7 @@ pub fn run(args: &Identify) -> Result<Outcome> {
         false => print(&words(args, &answer, &written))?,
     }
     let is_named = matches!(answer.verdict, Verdict::Is(_));
-    Ok(if is_named { Outcome::Answered } else { Outcome::SomeUnanswered })
+    Ok(Outcome::of([if is_named { Status::Ok } else { Status::Undecided }]))
 }
 
 fn write(args: &Identify, rows: &[ContactRow], answer: &Identification) -> Result<Vec<String>> {

@@ -82,8 +82,7 @@ impl ReadingArgs {
 /// A text file, whole.
 pub fn text(path: &Path) -> Result<String> {
     crate::files::must_exist(path)?;
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    String::from_utf8(bytes).map_err(|_| anyhow!("{}: not UTF-8 text", path.display()))
+    Ok(resight::input::read_text(path, resight::input::Kind::Literal)?)
 }
 
 /// Hub readings, CSV or JSON Lines.

@@ -1,7 +1,7 @@
 //! `whisker simulate`: what the hub would have felt.
 
 use super::input::{self, WhiskerArgs};
-use crate::args::positive;
+use crate::args::not_negative;
 use crate::output::{Outcome, print};
 use anyhow::{Result, anyhow};
 use clap::Args;
@@ -46,10 +46,6 @@ pub struct Simulate {
     /// Where the contacts are, CSV.
     #[arg(long, value_name = "TRUTH.csv")]
     truth: Option<PathBuf>,
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    if text.parse::<f64>() == Ok(0.0) { Ok(0.0) } else { positive(text) }
 }
 
 /// See `Simulate`.

@@ -68,8 +68,8 @@ pub fn run(args: &Solve) -> Result<Outcome> {
         true => print(&json(&solved))?,
         false => print(&words(args, &solved, &written))?,
     }
-    let answered = solved.is_consistent && solved.samples.iter().all(Option::is_some);
-    Ok(if answered { Outcome::Answered } else { Outcome::SomeUnanswered })
+    let record = summary::status(&solved);
+    Ok(Outcome::of(solved.rows.iter().map(|row| summary::status_of(row.status)).chain([record])))
 }
 
 fn contacts_text(path: &Path, solved: &Solved) -> String {

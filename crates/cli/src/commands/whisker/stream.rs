@@ -3,6 +3,7 @@
 use super::foresight::{self, LOOKED_BACK};
 use super::input::{self, WhiskerArgs};
 use super::record::{MethodArg, Rig, SIX_AXES, parse_mu};
+use super::summary;
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -18,7 +19,7 @@ use resight_whisker::sweep;
 use resight_whisker::sweep::fixed_lag::{FixedLag, Settled};
 use resight_whisker::{ContactEstimate, Sample};
 use std::collections::VecDeque;
-use std::io::BufRead;
+use std::io::{BufRead, Read};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -59,6 +60,9 @@ pub struct Stream {
     timing: bool,
 }
 
+/// Longest line, bytes.
+const MAX_LINE_BYTES: u64 = 1 << 20;
+
 /// See `Stream`.
 pub fn run(args: &Stream) -> Result<Outcome> {
     if let Some(path) = &args.settled {
@@ -69,7 +73,8 @@ pub fn run(args: &Stream) -> Result<Outcome> {
     let mut text = Vec::new();
     for line in 1.. {
         text.clear();
-        if stdin.read_until(b'\n', &mut text).context("stdin")? == 0 {
+        // A line without an end is cut; its parts are no readings.
+        if stdin.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut text).context("stdin")? == 0 {
             break;
         }
         stream.line(line, &String::from_utf8_lossy(&text))?;
@@ -108,7 +113,7 @@ struct Answering<'a> {
     /// With --settled: readings that wait for their final answer, and those that have it.
     waiting: VecDeque<(Sample, Sample)>,
     settled: Vec<ContactRow>,
-    n_unanswered: usize,
+    outcome: Outcome,
     taken_us: Vec<f64>,
 }
 
@@ -131,7 +136,7 @@ impl<'a> Answering<'a> {
             phase: (Vec::new(), Vec::new()),
             waiting: VecDeque::new(),
             settled: Vec::new(),
-            n_unanswered: 0,
+            outcome: Outcome::Answered,
             taken_us: Vec::new(),
             rig,
         })
@@ -151,7 +156,7 @@ impl<'a> Answering<'a> {
             },
             Err(reason) => unread(&reason),
         };
-        self.n_unanswered += usize::from(matches!(row.status, RowStatus::Missing | RowStatus::Error));
+        self.outcome = self.outcome.and(Outcome::of([summary::status_of(row.status)]));
         self.print(&row)?;
         if self.args.timing {
             self.taken_us.push(1e6 * begun.elapsed().as_secs_f64());
@@ -263,7 +268,7 @@ impl<'a> Answering<'a> {
                 quantile(1.0)
             );
         }
-        Ok(if self.n_unanswered == 0 { Outcome::Answered } else { Outcome::SomeUnanswered })
+        Ok(self.outcome)
     }
 }
 

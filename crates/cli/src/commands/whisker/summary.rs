@@ -2,6 +2,8 @@
 
 use super::foresight;
 use super::record::Solved;
+use resight::report::verdict::Status;
+use resight_whisker::estimate::Status as Contact;
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::{RowStatus, mode_name};
 use serde_json::{Value, json};
@@ -84,11 +86,25 @@ pub fn words(name: &str, solved: &Solved) -> String {
     out
 }
 
+/// Of the record as a whole.
+pub fn status(solved: &Solved) -> Status {
+    if solved.is_consistent { Status::Ok } else { Status::Inconsistent }
+}
+
+/// What a reading's word means for the exit status: that nothing is touched, or too lightly to say where, is as good an answer as a place.
+pub fn status_of(row: RowStatus) -> Status {
+    match row {
+        RowStatus::Read(Contact::Ok | Contact::NoContact | Contact::LowForce) => Status::Ok,
+        RowStatus::Read(Contact::NoZero | Contact::BeyondTip | Contact::Inconsistent) => Status::Inconsistent,
+        RowStatus::Missing | RowStatus::Error => Status::Error,
+    }
+}
+
 /// For a program: the last object of `--json`.
 pub fn json(solved: &Solved) -> Value {
     json!({
         "kind": "record",
-        "status": if solved.is_consistent { "ok" } else { "inconsistent" },
+        "status": status(solved).name(),
         "n_readings": solved.rows.len(),
         "statuses": object(statuses(&solved.rows)),
         "modes": object(modes(&solved.rows)),

@@ -19,6 +19,8 @@ pub(super) struct Component {
 
 #[derive(Clone, Copy)]
 struct Run {
+    /// Of a root, once all are joined: which region it is.
+    region: u32,
     start: u32,
     end: u32,
     parent: u32,
@@ -38,6 +40,10 @@ struct Sums {
     class: u8,
 }
 
+/// Most runs, of twenty bytes each, and most regions, of seventy. More is noise with contrast, in which no dot could be told.
+const MAX_RUNS: usize = 3_000_000;
+const MAX_REGIONS: usize = 500_000;
+
 /// Reused between images so that a stream does not allocate.
 #[derive(Default)]
 pub(super) struct Labeller {
@@ -48,7 +54,8 @@ pub(super) struct Labeller {
 
 impl Labeller {
     /// Regions with `min_area ≤ area ≤ max_area`. Dark pixels join through their sides, light ones also through corners,
-    /// so that a thin light line separates.
+    /// so that a thin light line separates. None of an image with more runs or regions than could be told
+    /// apart: nothing in it stands out.
     pub fn components(
         &mut self,
         classes: &[u8],
@@ -56,14 +63,20 @@ impl Labeller {
         min_area: f64,
         max_area: f64,
     ) -> Vec<Component> {
-        self.find_runs(classes, width);
+        if !self.find_runs(classes, width) {
+            return Vec::new();
+        }
         self.join();
+        if !self.number_regions() {
+            return Vec::new();
+        }
         self.add_up(width);
         let wanted = |s: &&Sums| min_area <= s.n && s.n <= max_area && s.class != NEITHER;
         self.sums.iter().filter(wanted).map(Component::of).collect()
     }
 
-    fn find_runs(&mut self, classes: &[u8], width: usize) {
+    /// Whether they are few enough to go on.
+    fn find_runs(&mut self, classes: &[u8], width: usize) -> bool {
         self.runs.clear();
         self.row_starts.clear();
         for row in classes.chunks_exact(width.max(1)) {
@@ -73,11 +86,15 @@ impl Labeller {
                 let class = row[start];
                 let end = start + run_length(&row[start..], class);
                 let parent = self.runs.len() as u32;
-                self.runs.push(Run { start: start as u32, end: end as u32, parent, class });
+                self.runs.push(Run { region: 0, start: start as u32, end: end as u32, parent, class });
+                if MAX_RUNS < self.runs.len() {
+                    return false;
+                }
                 start = end;
             }
         }
         self.row_starts.push(self.runs.len() as u32);
+        true
     }
 
     /// Joins the runs of each row with those of the row above that touch them.
@@ -132,16 +149,29 @@ impl Labeller {
         self.runs[high as usize].parent = low;
     }
 
-    fn add_up(&mut self, width: usize) {
+    /// Gives each region its number and its sums; whether they are few enough.
+    fn number_regions(&mut self) -> bool {
+        let mut regions = 0;
+        for i in 0..self.runs.len() {
+            if self.runs[i].parent as usize == i {
+                self.runs[i].region = regions;
+                regions += 1;
+            }
+        }
+        let few = regions as usize <= MAX_REGIONS;
         self.sums.clear();
-        self.sums.resize(self.runs.len(), Sums { class: NEITHER, ..Sums::default() });
+        self.sums.resize(if few { regions as usize } else { 0 }, Sums { class: NEITHER, ..Sums::default() });
+        few
+    }
+
+    fn add_up(&mut self, width: usize) {
         let last_row = self.row_starts.len().saturating_sub(2);
         for row in 0..self.row_starts.len().saturating_sub(1) {
             for i in self.row_starts[row]..self.row_starts[row + 1] {
                 let root = self.root(i) as usize;
                 let run = self.runs[i as usize];
                 let edge = row == 0 || row == last_row || run.start == 0 || run.end as usize == width;
-                self.sums[root].add(&run, row as f64, edge);
+                self.sums[self.runs[root].region as usize].add(&run, row as f64, edge);
             }
         }
     }

@@ -307,11 +307,12 @@ fn frame_line(line: usize, words: &[&str]) -> Result<Frame, Fault> {
     }
     let rig_from_world = pose_of(line, &format!("frame {id}"), &pose_and_data[..7])?;
     let (count, data) = (whole(line, pose_and_data[7])?, &pose_and_data[8..]);
-    if data.len() != 3 * count {
+    // A count that is announced may be any number: three times it need not be one.
+    if !data.len().is_multiple_of(3) || data.len() / 3 != count {
         let seen = data.len();
         return Err(Fault::at(
             line,
-            format!("frame {id}: {count} data ids take {} words, not {seen}", 3 * count),
+            format!("frame {id}: {count} data ids take three words each; there are {seen}"),
         ));
     }
     let image_ids = data.chunks(3).filter(|d| d[0] == "CAMERA").map(|d| d[2].to_owned()).collect();

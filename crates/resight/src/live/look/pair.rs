@@ -8,10 +8,11 @@ use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settin
 use crate::live::{LiveConfig, Observation, State, Watched};
 use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
-use resight_core::correspondence::{Detection, correspond};
-use resight_core::locate::{Config, PoseEstimate, locate};
+use resight_core::correspondence::Detection;
+use resight_core::locate::{Config, PoseEstimate};
 use resight_core::monitor::learn::{LEAST_READINGS, learn};
 use resight_core::monitor::{Monitor, Reading, Reference, Watch};
+use resight_core::tag_map::locate_target;
 use resight_core::track::{Candidate, Motion, Tracked, Tracker};
 use resight_core::{Camera, Correspondence, Target};
 use std::borrow::Cow;
@@ -235,10 +236,10 @@ impl Pair {
         let detections = detections?;
         let started = Instant::now();
         let lens = sight.lens().unwrap_or(&self.camera);
-        let (seen, _) = correspond(&detections, &self.target, lens);
-        let points: Vec<Correspondence> = seen.into_iter().map(|(_, c)| c).collect();
+        let found = locate_target(&detections, &self.target, lens, &Config::default());
+        let points: Vec<Correspondence> = found.seen;
         observation.n_points = points.len();
-        let estimate = locate(&points, lens, &Config::default()).map_err(|e| e.to_string())?;
+        let estimate = found.estimate.map_err(|e| e.to_string())?;
         observation.times.solve_us = micros(started);
         let started = Instant::now();
         observation.estimate = Some(estimate);

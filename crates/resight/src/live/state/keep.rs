@@ -214,9 +214,13 @@ fn claim(path: &Path) -> Result<File, FileError> {
 
 /// The bytes, where there is a file.
 fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
-    match std::fs::read(path) {
-        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
-        Err(e) => Err(FileError::new(path, format!("cannot be read: {e}"))),
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(FileError::new(path, format!("cannot be read: {e}"))),
+        Ok(_) => {}
+    }
+    match crate::input::read(path, crate::input::Kind::State) {
+        Err(fault) => Err(FileError::new(path, format!("cannot be read: {}", fault.reason))),
         Ok(bytes) if is_ours(&bytes) => Ok(Some(bytes)),
         Ok(_) => Err(FileError::new(
             path,

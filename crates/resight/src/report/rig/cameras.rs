@@ -8,14 +8,15 @@ use crate::report::words;
 use crate::rig::RigRun;
 use crate::scene::geometry;
 
-const HEAD: [&str; 10] = [
+const HEAD: [&str; 11] = [
     "camera",
+    "status",
     "place x",
     "y",
     "z (rig frame)",
     "yaw, pitch, roll",
     "± about its x y z",
-    "views",
+    "views used / seen",
     "points used / seen",
     "left out",
     "rms, px",
@@ -35,11 +36,16 @@ fn cells(run: &RigRun, camera: usize) -> Vec<String> {
         "<span class=\"swatch {}\"></span>{name}<br><small>{lens}</small>",
         color_class(camera)
     )];
+    cells.push(super::camera_status(&run.solution, camera).name().to_string());
     cells.extend(if camera == run.solution.reference { reference() } else { place(placed) });
     let left_out = placed.n_seen.saturating_sub(placed.n_used);
     let share = 100.0 * left_out as f64 / placed.n_seen.max(1) as f64;
     cells.extend([
-        super::grouped(placed.n_views),
+        format!(
+            "{} / {}",
+            super::grouped(placed.n_views),
+            super::grouped(run.solution.shared.counts[camera][camera])
+        ),
         format!("{} / {}", super::grouped(placed.n_used), super::grouped(placed.n_seen)),
         format!("{} ({} %)", super::grouped(left_out), fixed(share, 1)),
         fixed(placed.rms_px, 3),
@@ -83,7 +89,14 @@ pub(super) fn legend(run: &RigRun) -> String {
     } else {
         "The residuals are as large as the stated standard deviations of the points say.".into()
     };
+    let views = match run.solution.view_scale {
+        scale if 1.0 < scale => format!(
+            " Views contradict each other by {} times what their points explain (cameras that are not synchronised, a bent board): every ± holds that.",
+            fixed(scale.sqrt(), 2)
+        ),
+        _ => String::new(),
+    };
     format!(
-        "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}</p>"
+        "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}{views}</p>"
     )
 }

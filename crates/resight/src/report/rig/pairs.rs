@@ -98,7 +98,7 @@ pub(super) fn relative(run: &RigRun, a: usize, b: usize) -> (Pose, Option<Matrix
 mod tests {
     use super::*;
     use crate::core::Vector6;
-    use crate::core::rig::{CameraInRig, RigSolution, SharedViews};
+    use crate::core::rig::{CameraInRig, RigSolution, RigVerdict, SharedViews};
     use crate::rig::NamedRig;
     use nalgebra::{DMatrix, Matrix6x3};
 
@@ -127,7 +127,9 @@ mod tests {
             n_used: 0,
             joint_covariance,
             noise_scale: 1.0,
+            view_scale: 1.0,
             steps: 0,
+            verdict: RigVerdict::default(),
         };
         RigRun { rig, solution, inputs: vec![], command: String::new() }
     }

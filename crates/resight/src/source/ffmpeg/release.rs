@@ -27,6 +27,11 @@ impl Release {
         if self.is_before(5, 0) { "-stimeout" } else { "-timeout" }
     }
 
+    /// Entries of a playlist have options of their own since 5.0.
+    pub fn takes_options_in_playlists(self) -> bool {
+        !self.is_before(5, 0)
+    }
+
     /// The decoder is a thread of its own since 7.0, ahead of the filter: with this it says which frame it has decoded.
     pub fn decoder_says(self) -> &'static [&'static str] {
         if self.is_before(7, 0) { &[] } else { &["-debug_ts"] }

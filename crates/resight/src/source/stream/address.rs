@@ -2,6 +2,7 @@
 
 use super::super::ffmpeg::Release;
 use super::OPENING_S;
+use std::path::Path;
 
 /// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`).
 pub fn is_stream(source: &str) -> bool {
@@ -26,6 +27,58 @@ impl Address {
     /// ffmpeg's words without what is not shown.
     pub fn hide(&self, words: &str) -> String {
         words.replace(&self.input, &self.shown)
+    }
+
+    /// Whether it holds what nobody else may see: a user's password, or of a server's address what stands behind `?`, often a token.
+    pub fn is_secret(&self) -> bool {
+        let Some((scheme, rest)) = self.input.split_once("://") else { return false };
+        let is_token =
+            matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps") && rest.contains('?');
+        is_token
+            || rest.rsplit_once('@').is_some_and(|(user, _)| user.contains(':') && !user.starts_with('['))
+    }
+
+    /// Whether the connection is secured by a certificate.
+    pub fn is_tls(&self) -> bool {
+        matches!(scheme(&self.input), Some("rtsps" | "https" | "tls" | "rtmps" | "rtmpts"))
+    }
+
+    /// Options that have the server's certificate verified, whatever this ffmpeg does by itself.
+    ///
+    /// # Errors
+    /// No file of certificates to believe.
+    pub fn tls_options(&self) -> Result<Vec<String>, String> {
+        if !self.is_tls() {
+            return Ok(Vec::new());
+        }
+        let given = std::env::var("SSL_CERT_FILE").ok().filter(|path| !path.is_empty());
+        let known =
+            || CERTIFICATES.iter().find(|path| Path::new(path).is_file()).map(|path| path.to_string());
+        let file = given.or_else(known).ok_or(
+            "the certificate cannot be verified: no file of certificates is known on this machine; name one in the \
+             variable SSL_CERT_FILE",
+        )?;
+        Ok(["-tls_verify", "1", "-ca_file", &file].map(str::to_string).to_vec())
+    }
+
+    /// A playlist of this one entry with its options, and the options that ffmpeg itself takes.
+    ///
+    /// # Errors
+    /// A line break in the address or in an option.
+    pub fn playlist(&self, options: &[String]) -> Result<(String, Vec<String>), String> {
+        let mut text = format!("ffconcat version 1.0\nfile {}\n", quoted(&self.input)?);
+        let mut outside = Vec::new();
+        let mut words = options.iter();
+        while let Some(word) = words.next() {
+            match word.strip_prefix('-').filter(|name| OF_ENTRIES.contains(name)) {
+                Some(name) => {
+                    let value = words.next().ok_or_else(|| format!("the option {word} has no value"))?;
+                    text.push_str(&format!("option {name} {}\n", quoted(value)?));
+                }
+                None => outside.push(word.clone()),
+            }
+        }
+        Ok((text, outside))
     }
 
     /// Options for the input: little waiting, and an end to waiting for ever.
@@ -53,6 +106,55 @@ impl Address {
             Some(_) => &[], // Others know no such option; a stream that says nothing is given up all the same.
         };
         LITTLE_WAITING.iter().chain(specific).map(|word| word.to_string()).collect()
+    }
+}
+
+/// Where systems keep the certificates they believe.
+const CERTIFICATES: [&str; 5] = [
+    "/etc/ssl/certs/ca-certificates.crt",
+    "/etc/pki/tls/certs/ca-bundle.crt",
+    "/etc/pki/ca-trust/extracted/pem/tls-ca-bundle.pem",
+    "/etc/ssl/ca-bundle.pem",
+    "/etc/ssl/cert.pem",
+];
+
+/// Options that belong to what is opened, not to ffmpeg's reading of it.
+const OF_ENTRIES: [&str; 28] = [
+    "fflags",
+    "analyzeduration",
+    "probesize",
+    "max_delay",
+    "rtsp_transport",
+    "rtsp_flags",
+    "allowed_media_types",
+    "timeout",
+    "rw_timeout",
+    "buffer_size",
+    "reorder_queue_size",
+    "tls_verify",
+    "ca_file",
+    "cafile",
+    "cert_file",
+    "key_file",
+    "verifyhost",
+    "headers",
+    "user_agent",
+    "referer",
+    "cookies",
+    "auth_type",
+    "http_proxy",
+    "multiple_requests",
+    "reconnect",
+    "seekable",
+    "icy",
+    "rtmp_live",
+];
+
+/// As ffmpeg's playlists quote.
+fn quoted(value: &str) -> Result<String, String> {
+    match value.contains(['\n', '\r', '\0']) {
+        true => Err("a line break in the address or in an option of its".to_string()),
+        false => Ok(format!("'{}'", value.replace('\'', r"'\''"))),
     }
 }
 
@@ -111,6 +213,19 @@ mod tests {
         }
         let address = Address::new("rtsp://a:b@cam/x");
         assert_eq!(address.hide("rtsp://a:b@cam/x: Connection refused"), "rtsp://cam/x: Connection refused");
+    }
+
+    #[test]
+    fn a_playlist_holds_what_belongs_to_the_stream() {
+        let address = Address::new("rtsp://me:it's@cam/x");
+        let options = ["-rtsp_transport", "tcp", "-thread_type", "slice", "-timeout", "25", "-t", "60"];
+        let (text, outside) = address.playlist(&options.map(str::to_string)).unwrap();
+        let lines = ["file 'rtsp://me:it'\\''s@cam/x'", "option rtsp_transport 'tcp'", "option timeout '25'"];
+        assert_eq!(text, format!("ffconcat version 1.0\n{}\n", lines.join("\n")));
+        assert_eq!(outside, ["-thread_type", "slice", "-t", "60"]);
+        assert!(Address::new("rtsp://a:b@cam/x\nfile '/etc/passwd'").playlist(&[]).is_err());
+        assert!(address.is_secret() && !Address::new("rtsp://cam/x").is_secret());
+        assert!(Address::new("http://cam/x?token=7").is_secret() && !Address::new("/dev/video0").is_secret());
     }
 
     #[test]

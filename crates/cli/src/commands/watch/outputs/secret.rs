@@ -7,7 +7,8 @@ use std::path::Path;
 pub fn read(flag: &str, path: &Path) -> Result<String> {
     let shown = path.display();
     must_be_private(flag, path)?;
-    let text = std::fs::read_to_string(path).with_context(|| format!("{flag} {shown}"))?;
+    let text =
+        resight::input::read_text(path, resight::input::Kind::Secret).with_context(|| flag.to_string())?;
     match text.lines().next().map(str::trim) {
         Some(line) if !line.is_empty() => Ok(line.to_string()),
         _ => bail!("{flag} {shown}: its first line is empty; the secret belongs there"),

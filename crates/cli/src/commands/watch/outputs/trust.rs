@@ -11,7 +11,7 @@ use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
 /// No such file, or no certificate in it.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let shown = path.display();
-    let pem = std::fs::read(path).with_context(|| format!("--ca-file {shown}"))?;
+    let pem = resight::input::read(path, resight::input::Kind::Secret).context("--ca-file")?;
     if certificates(&pem).is_empty() {
         bail!(
             "--ca-file {shown}: there is no certificate in it; PEM is needed (-----BEGIN CERTIFICATE-----)"

@@ -55,14 +55,18 @@ fn of_estimate(estimate: &PoseEstimate) -> Rows {
         Consistency::Consistent => "agrees with the stated noise",
         Consistency::Inconsistent { .. } => "contradicts the stated noise",
     };
+    let only_if = if 1 < estimate.n_rivals() { ", if this pose is the right one" } else { "" };
     vec![
         ("camera at", format!("{} mm in the target's frame", three(&(pose.origin() * 1e3), 2))),
-        ("  ±", format!("{} mm along the camera's x, y, z", three(&(sigma.fixed_rows::<3>(3) * 1e3), 3))),
+        (
+            "  ±",
+            format!("{} mm along the camera's x, y, z{only_if}", three(&(sigma.fixed_rows::<3>(3) * 1e3), 3)),
+        ),
         ("turned by", format!("{}° (rotation vector, camera from target)", three(&turn, 3))),
         (
             "  ±",
             format!(
-                "{}° about the camera's x, y, z",
+                "{}° about the camera's x, y, z{only_if}",
                 three(&sigma.fixed_rows::<3>(0).map(f64::to_degrees), 4)
             ),
         ),
@@ -82,7 +86,9 @@ fn ambiguity(estimate: &PoseEstimate) -> String {
             format!("one pose fits ({percent:.1} %); the next has {ratio:.1} times the error")
         }
         Ambiguity::Ambiguous { ratio, .. } => {
-            format!("two poses fit ({percent:.1} % this one); the other has {ratio:.2} times the error")
+            format!(
+                "two poses fit ({percent:.1} % this one, the more probable); the other has {ratio:.2} times the error"
+            )
         }
     }
 }

@@ -116,8 +116,8 @@ pub fn headers(arguments: &[String]) -> Result<Vec<(HeaderName, HeaderValue)>> {
             None => all.push(header(argument)?),
             Some(file) => {
                 secret::must_be_private("--webhook-header", Path::new(file))?;
-                let text =
-                    std::fs::read_to_string(file).with_context(|| format!("--webhook-header @{file}"))?;
+                let text = resight::input::read_text(Path::new(file), resight::input::Kind::Secret)
+                    .context("--webhook-header")?;
                 for line in text.lines().filter(|line| !line.trim().is_empty()) {
                     all.push(header(line)?);
                 }

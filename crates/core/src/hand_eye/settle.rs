@@ -1,0 +1,102 @@
+//! From the views to X, Z and the hand's noise, on the level of poses: consensus, variance components, effects in doubt.
+
+use super::consensus::{Consensus, consensus, fit_with_noise};
+use super::cost::{Fit, besides};
+use super::noise::{self, EFFECTS, Reml, Variances};
+use super::views::{Known, located};
+use super::{HandEyeConfig, HandView, HandViewResult, motions};
+use crate::Error;
+use nalgebra::{DMatrix, SVector};
+
+/// What the poses say.
+pub(super) struct Settled<'a> {
+    pub known: Vec<Known<'a>>,
+    pub results: Vec<HandViewResult>,
+    pub agreed: Consensus,
+    pub fit: Fit,
+    /// Of the hand's noise; none where every view states its own.
+    pub variances: Option<Variances>,
+    /// What the uncertain noise adds to the covariance, 12×12.
+    pub widening: DMatrix<f64>,
+    pub turns_rad: [f64; 3],
+}
+
+/// A target larger than stated, as an effect beside X and Z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Larger {
+    /// By which part of its size, and the standard deviation of that.
+    pub part: f64,
+    pub sigma: f64,
+    /// What it does to X and Z.
+    pub shift: SVector<f64, 12>,
+}
+
+/// Consensus and the noise.
+pub(super) fn settled<'a>(views: &'a [HandView<'a>], config: &HandEyeConfig) -> Result<Settled<'a>, Error> {
+    let (mut known, results) = located(views, config)?;
+    if known.len() < 3 {
+        return Err(Error::TooFewMotions { seen: known.len(), needed: 3 });
+    }
+    motions::check(&known, config)?;
+    let agreed = consensus(&mut known, config)?;
+    let used = agreed.used();
+    if used.len() < 3 {
+        return Err(Error::TooFewMotions { seen: used.len(), needed: 3 });
+    }
+    let (fit, variances) = fit_with_noise(&agreed.poses, &mut known, &used, config)?;
+    // A wrong hand pose can look like a turn about another axis: asked again without those rejected.
+    let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
+    let turns_rad = motions::check(&kept, config)?;
+    let mut settled =
+        Settled { known, results, agreed, fit, variances, widening: DMatrix::zeros(12, 12), turns_rad };
+    if let Some(found) = settled.reml(config, false) {
+        settled.widening.copy_from(&found.widening.fixed_view::<12, 12>(0, 0));
+    }
+    Ok(settled)
+}
+
+impl Settled<'_> {
+    pub fn used(&self) -> Vec<(usize, usize)> {
+        self.agreed.used()
+    }
+
+    fn reml(&self, config: &HandEyeConfig, with_size: bool) -> Option<Reml> {
+        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), with_size);
+        let start = self.variances.unwrap_or_default();
+        noise::reml(&rows, &besides(&self.fit.poses, &self.known, config), &start)
+    }
+
+    /// The target's size as one more effect, with the noise estimated along, eq. (25).
+    pub fn larger(&self, config: &HandEyeConfig) -> Option<Larger> {
+        let found = self.reml(config, true)?;
+        let last = EFFECTS - 1;
+        let variance = found.phi[(last, last)] + found.widening[(last, last)];
+        let shift = found.effects.fixed_rows::<12>(0).into_owned();
+        (0.0 < variance && variance < 1e6).then_some(Larger {
+            part: found.effects[last],
+            sigma: variance.sqrt(),
+            shift,
+        })
+    }
+
+    /// Standard deviations of the hand's orientation (rad) and position (m), per axis, over the views used; those about the base count for both.
+    pub fn sigmas(&self) -> Option<[f64; 2]> {
+        let [turn, base, position] = self.variances?;
+        let used = self.used();
+        let lever2 = |(view, _): &(usize, usize)| self.known[*view].base_lever2();
+        let lever2 = used.iter().map(lever2).sum::<f64>() / used.len().max(1) as f64;
+        Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
+    }
+
+    /// How far the hand went, root mean square from the middle, or how far away the target is, whichever is larger, m.
+    pub fn reach_m(&self) -> f64 {
+        let used = self.used();
+        let mean =
+            |f: &dyn Fn(&(usize, usize)) -> f64| used.iter().map(f).sum::<f64>() / used.len().max(1) as f64;
+        let travel = mean(&|(view, _)| self.known[*view].hand_in_base().norm_squared());
+        let distance = mean(&|(view, candidate)| {
+            self.known[*view].candidates[*candidate].cam_from_target.translation.norm_squared()
+        });
+        f64::max(travel, distance).sqrt()
+    }
+}

@@ -1,0 +1,41 @@
+//! Minimises a cost in which uncertain points weigh otherwise at every pose.
+//!
+//! A point known to σ spreads over more pixels the nearer it is, so that by weights taken at each pose anew χ² falls as the camera runs into
+//! the points: it is no likelihood without its log-determinant, and Gauss–Newton's gradient, which holds the weights, is not that of
+//! it. Here a descent holds the weights, takes them anew where it ends, and goes on until they hold still. Which minimum is the
+//! likelier is told with the log-determinant (`Minimum::log_determinant`). Derivation: docs/math/refine.md section 4.
+
+use crate::Point;
+use crate::least_squares::{NormalEquations, PivotedPose, Solution, minimize};
+use crate::problem::Problem;
+
+/// Descents with weights held; the weights change by the part that a step is of the distance, so that three are the rule.
+const MAX_DESCENTS: usize = 30;
+/// Ends where a step with the weights of its own place promises less than this: 10⁻³ standard deviations.
+const SETTLED_CHI2: f64 = 1e-6;
+
+/// The place where the gradient vanishes with the weights of that place. None where a point leaves the field or no place is found;
+/// not `converged` where the weights do not come to rest.
+#[inline(never)]
+pub(crate) fn minimize_reweighted(
+    start: PivotedPose,
+    pivot: &Point,
+    problem: &Problem,
+    evaluate: impl Fn(&PivotedPose, &Problem) -> Option<NormalEquations>,
+) -> Option<Solution> {
+    let mut steps = 0;
+    let mut place = start;
+    for _ in 0..MAX_DESCENTS {
+        let at = place.pose(pivot);
+        let found = minimize(place, None, |place| evaluate(place, &problem.held_at(&at)))?;
+        steps += found.steps;
+        place = found.place;
+        let at = place.pose(pivot);
+        let normal = evaluate(&place, &problem.held_at(&at))?;
+        let settled = normal.promised().is_some_and(|promised| promised < SETTLED_CHI2);
+        if settled || !found.converged {
+            return Some(Solution { place, normal, steps, converged: found.converged });
+        }
+    }
+    Some(Solution { place, normal: NormalEquations::zero(), steps, converged: false })
+}

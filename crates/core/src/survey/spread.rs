@@ -1,0 +1,107 @@
+//! Do the marks stand on one line? Then a turn of everything about it can hardly be seen, and its mirror image fits as well:
+//! docs/math/survey.md eq. (24).
+
+use super::trilaterate::{LEAST_HEIGHT, LINE_SIGMAS, Network, Places, lengths, plane_of};
+use super::{Adjusted, Fact, Query, Survey};
+use crate::{Error, Point};
+
+/// Marks on one line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnLine {
+    /// The two marks farthest from each other.
+    pub ends: [usize; 2],
+    /// How far they are from each other, m.
+    pub length_m: f64,
+    /// How far the mark farthest from their line stands off it, m.
+    pub width_m: f64,
+    /// How far it would have to, m.
+    pub needed_m: f64,
+}
+
+impl OnLine {
+    /// As an error.
+    pub(super) fn refusal(&self) -> Error {
+        let [a, b] = self.ends;
+        Error::MarksOnLine { a, b, length_m: self.length_m, width_m: self.width_m, needed_m: self.needed_m }
+    }
+}
+
+/// The two places farthest from each other, and the one farthest from their line, with its distance from it.
+fn widest(places: &[(usize, Point)]) -> Option<([usize; 3], f64, f64)> {
+    let mut ends: Option<(f64, [usize; 2])> = None;
+    for i in 0..places.len() {
+        for j in 0..i {
+            let length = (places[i].1 - places[j].1).norm();
+            if ends.is_none_or(|(most, _)| most < length) {
+                ends = Some((length, [j, i]));
+            }
+        }
+    }
+    let (length, [a, b]) = ends.filter(|(length, _)| 0.0 < *length)?;
+    let along = (places[b].1 - places[a].1) / length;
+    let off = |x: &Point| (x - places[a].1).cross(&along).norm();
+    let others = places.iter().enumerate().filter(|(i, _)| *i != a && *i != b);
+    let (c, width) = others.map(|(i, p)| (i, off(&p.1))).max_by(|x, y| x.1.total_cmp(&y.1))?;
+    Some(([places[a].0, places[b].0, places[c].0], length, width))
+}
+
+/// Marks known by coordinates or distances.
+fn is_mark(survey: &Survey, point: usize) -> bool {
+    let speaks = |f: &&Fact| matches!(f, Fact::Place { .. } | Fact::Distance { .. });
+    survey.facts.iter().filter(speaks).any(|f| f.points().contains(&Some(point)))
+}
+
+/// Whether photographs are placed by marks at all.
+fn by_marks(survey: &Survey) -> bool {
+    let is_given =
+        |photo| survey.facts.iter().any(|f| matches!(f, Fact::Pose { photo: p, .. } if *p == photo));
+    !(0..survey.camera_of_photo.len()).all(is_given)
+}
+
+/// The line that adjusted marks stand on.
+pub(super) fn of_adjusted(survey: &Survey, adjusted: &Adjusted) -> Option<OnLine> {
+    let marks: Vec<(usize, Point)> = (0..survey.n_points)
+        .filter(|p| is_mark(survey, *p))
+        .filter_map(|p| Some((p, adjusted.point(p)?)))
+        .collect();
+    let ([a, b, c], length_m, width_m) = widest(&marks).filter(|_| by_marks(survey))?;
+    let (_, gradient) = Query::Area { points: vec![a, b, c] }.value(&adjusted.state, &adjusted.layout);
+    let area_sigma = gradient.dot(&(&adjusted.covariance * &gradient)).max(0.0).sqrt();
+    let needed_m = (LEAST_HEIGHT * length_m).max(LINE_SIGMAS * 2.0 * area_sigma / length_m);
+    // A doubling back of the gradient where the area vanishes leaves the first bound.
+    (width_m < needed_m).then_some(OnLine { ends: [a, b], length_m, width_m, needed_m })
+}
+
+/// The line that coordinates stand on, where nothing but coordinates is known of the marks.
+pub(super) fn of_coordinates(survey: &Survey) -> Option<Error> {
+    let place = |f: &Fact| match f {
+        Fact::Place { point, x_in_world, sigma_m } => Some(((*point, *x_in_world), sigma_m.max())),
+        _ => None,
+    };
+    let (marks, sigmas): (Vec<(usize, Point)>, Vec<f64>) = survey.facts.iter().filter_map(place).unzip();
+    let has_lengths = survey.facts.iter().any(|f| matches!(f, Fact::Distance { .. }));
+    let sigma_m = sigmas.into_iter().fold(0.0, f64::max);
+    line(&marks, sigma_m).filter(|_| !has_lengths && by_marks(survey))
+}
+
+/// The line of places laid down from separate lengths.
+pub(super) fn of_laid(survey: &Survey, laid: &Places) -> Option<Error> {
+    let marks: Vec<(usize, Point)> =
+        (0..laid.len()).filter(|p| is_mark(survey, *p)).filter_map(|p| Some((p, laid[p]?))).collect();
+    line(&marks, 0.0)
+}
+
+fn line(marks: &[(usize, Point)], sigma_m: f64) -> Option<Error> {
+    let ([a, b, _], length_m, width_m) = widest(marks)?;
+    let needed_m = (LEAST_HEIGHT * length_m).max(LINE_SIGMAS * sigma_m);
+    (width_m < needed_m).then(|| OnLine { ends: [a, b], length_m, width_m, needed_m }.refusal())
+}
+
+/// The line of marks whose measured triangles all are slim.
+pub(super) fn of_lengths(survey: &Survey) -> Option<Error> {
+    let lengths: Vec<_> = lengths(survey).into_iter().map(|l| l.1).collect();
+    let planes = plane_of(survey);
+    let (width_m, needed_m, longest) = Network { lengths: &lengths, plane_of: &planes }.tallest()?;
+    let line = OnLine { ends: longest.ends, length_m: longest.length_m, width_m, needed_m };
+    (width_m < needed_m).then(|| line.refusal())
+}

@@ -1,0 +1,241 @@
+//! A rig made of something wrong is never called right, and one with honest errors never wrong.
+//!
+//! What it leaves out: distortion (real recordings have it), two cameras with the same lens and exchanged names (nothing seen tells), the size of the only target.
+
+mod common;
+
+use common::rooms::{self, Room};
+use common::{Rng, views};
+use resight_core::rig::{Cause, RigConfig, RigSolution, Sighting};
+use resight_core::{Camera, Correspondence, Error, Point, Pose, Vector6};
+
+const N_VIEWS: usize = 30;
+const SIGMA_PX: f64 = 0.3;
+
+/// Four cameras 1.8 m around a board of 54 corners that is carried about, lenses of their own, 30 views.
+fn room(rng: &mut Rng) -> Room {
+    let cameras = [800.0, 880.0, 820.0, 900.0].map(rooms::pinhole).to_vec();
+    let centres = [[0.0, 0.0], [0.8, -0.2], [-0.8, 0.3], [0.2, 0.9]];
+    let looks = |[x, y]: [f64; 2]| views::looking_at(Point::new(x, y, -1.6), Point::new(0.05, 0.0, 0.0));
+    let world_from_rig = looks(centres[0]).inverse();
+    let cam_from_rig = centres.map(|centre| looks(centre) * world_from_rig).to_vec();
+    let mut room =
+        Room::new(cameras, cam_from_rig).with_target(rooms::board(9, 6, 0.04), 0, Pose::identity());
+    let facing = room.cam_from_rig[0].rotation.row(2).transpose();
+    for view in 0..N_VIEWS {
+        let place = rooms::somewhere(rng, Point::new(0.0, 0.0, 1.65), 0.35, facing, 0.5);
+        room.see(view, 0, place, SIGMA_PX);
+    }
+    room
+}
+
+/// Solved with the lenses given, whatever the pixels were made with.
+fn solved(room: &Room, cameras: &[Camera], sightings: Vec<Sighting>) -> Result<RigSolution, Error> {
+    let rebased = |s: Sighting| {
+        let seen = |c: &Correspondence| {
+            let seen = Correspondence::new(&cameras[s.camera], c.x_in_target, c.pixel, c.sigma_px);
+            seen.expect("in the field")
+        };
+        Sighting { seen: s.seen.iter().map(seen).collect(), ..s }
+    };
+    let sightings: Vec<Sighting> = sightings.into_iter().map(rebased).collect();
+    Room { cameras: cameras.to_vec(), ..room.clone() }.solve(&sightings, &RigConfig::default())
+}
+
+/// Labels of camera 2 off by one view.
+fn off_by_one(sightings: &mut Vec<Sighting>) {
+    sightings.retain(|s| s.camera != 2 || s.view + 1 < N_VIEWS);
+    sightings.iter_mut().filter(|s| s.camera == 2).for_each(|s| s.view += 1);
+}
+
+fn swapped(sightings: &mut [Sighting]) {
+    for s in sightings {
+        s.camera = match s.camera {
+            1 => 3,
+            3 => 1,
+            other => other,
+        };
+    }
+}
+
+/// A tenth of the images of camera 2 put under other views.
+fn mixed(sightings: &mut [Sighting], n: usize) {
+    let of: Vec<usize> = (0..sightings.len()).filter(|i| sightings[*i].camera == 2).take(n).collect();
+    for pair in of.chunks_exact(2) {
+        let (a, b) = (sightings[pair[0]].view, sightings[pair[1]].view);
+        (sightings[pair[0]].view, sightings[pair[1]].view) = (b, a);
+    }
+}
+
+/// Rows of the board one short: a wrong kind. Numbers run on, so that most points are not where the target says.
+fn wrong_kind(sightings: &mut [Sighting]) {
+    for s in sightings {
+        let places: Vec<Point> =
+            (0..54).map(|i| Point::new((i % 6) as f64 * 0.04, (i / 6) as f64 * 0.04, 0.0)).collect();
+        s.seen.iter_mut().zip(places).for_each(|(c, x)| c.x_in_target = x);
+    }
+}
+
+/// Camera 2 fires late while the board moves at `speed_m_per_s` and turns at one tenth of a radian a second for each 0.1 m/s.
+fn late(rng: &mut Rng, room: &Room, delay_s: f64, speed_m_per_s: f64) -> Vec<Sighting> {
+    let mut late = room.clone();
+    late.sightings.clear();
+    for (view, body, rig_from_body) in &room.bodies {
+        let (push, turn) =
+            (rng.unit_vector() * speed_m_per_s * delay_s, rng.unit_vector() * speed_m_per_s * delay_s);
+        let moved = Pose::exp(&Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0));
+        let about = Pose { translation: rig_from_body.translation, ..Pose::identity() };
+        let moved =
+            Pose { translation: push, ..Pose::identity() } * about * moved * about.inverse() * *rig_from_body;
+        let mut then = room.clone();
+        then.sightings.clear();
+        then.see(*view, *body, moved, SIGMA_PX);
+        late.sightings.extend(then.sightings.into_iter().filter(|s| s.camera == 2));
+    }
+    late.sightings.extend(room.sightings.iter().filter(|s| s.camera != 2).cloned());
+    late.sightings
+}
+
+fn noisy(rng: &mut Rng, room: &Room, sightings: &[Sighting]) -> Vec<Sighting> {
+    Room { sightings: sightings.to_vec(), ..room.clone() }.disturbed(rng)
+}
+
+struct Case {
+    name: &'static str,
+    /// Which camera is to be named, and as what; none where it is to be called right.
+    wrong: Option<(Option<usize>, &'static [Cause])>,
+}
+
+const LENS: &[Cause] = &[Cause::Intrinsics];
+const LABELS: &[Cause] = &[Cause::Contradiction];
+const TARGET: &[Cause] = &[Cause::Target];
+
+const CASES: [Case; 13] = [
+    Case { name: "right", wrong: None },
+    Case { name: "two mixed images", wrong: None },
+    Case { name: "focal length 1.03", wrong: Some((Some(2), LENS)) },
+    Case { name: "focal length 1.1", wrong: Some((Some(2), LENS)) },
+    Case { name: "focal length 0.9", wrong: Some((Some(2), LENS)) },
+    Case { name: "principal point 40 px", wrong: Some((Some(2), LENS)) },
+    Case { name: "image size doubled", wrong: Some((Some(2), LENS)) },
+    Case { name: "labels off by one view", wrong: Some((Some(2), LABELS)) },
+    Case { name: "detections swapped", wrong: Some((None, &[Cause::Intrinsics, Cause::Contradiction])) },
+    Case { name: "ten mixed images", wrong: Some((Some(2), LABELS)) },
+    Case { name: "20 ms late", wrong: Some((Some(2), LABELS)) },
+    Case { name: "300 ms late", wrong: Some((Some(2), LABELS)) },
+    Case { name: "wrong kind of target", wrong: Some((None, TARGET)) },
+];
+
+fn lens(f_px: f64, off_px: f64) -> Camera {
+    let matrix = resight_core::CameraMatrix { fx_px: f_px, fy_px: f_px, cx_px: 639.5 + off_px, cy_px: 479.5 };
+    Camera { lens: resight_core::Lens::Pinhole(resight_core::camera::Pinhole { matrix }), size: None }
+}
+
+fn run(case: &Case, rng: &mut Rng) -> Result<RigSolution, Error> {
+    let room = room(rng);
+    let exact = match case.name {
+        "20 ms late" => late(rng, &room, 0.02, 0.5),
+        "300 ms late" => late(rng, &room, 0.3, 0.5),
+        _ => room.sightings.clone(),
+    };
+    let mut sightings = noisy(rng, &room, &exact);
+    let mut cameras = room.cameras.clone();
+    match case.name {
+        "two mixed images" => mixed(&mut sightings, 2),
+        "ten mixed images" => mixed(&mut sightings, 10),
+        "focal length 1.03" => cameras[2] = lens(1.03 * 820.0, 0.0),
+        "focal length 1.1" => cameras[2] = lens(1.1 * 820.0, 0.0),
+        "focal length 0.9" => cameras[2] = lens(0.9 * 820.0, 0.0),
+        "principal point 40 px" => cameras[2] = lens(820.0, 40.0),
+        "image size doubled" => cameras[2] = rooms::pinhole(1640.0),
+        "labels off by one view" => off_by_one(&mut sightings),
+        "detections swapped" => swapped(&mut sightings),
+        "wrong kind of target" => wrong_kind(&mut sightings),
+        _ => {}
+    }
+    solved(&room, &cameras, sightings)
+}
+
+/// A line of the matrix.
+fn told(case: &Case, found: &Result<RigSolution, Error>) -> String {
+    let Ok(s) = found else { return format!("{:24} refused: {}", case.name, found.as_ref().unwrap_err()) };
+    let v = &s.verdict;
+    let lost: Vec<String> = v.cameras.iter().map(|c| format!("{}/{}", c.n_lost, c.n_sightings)).collect();
+    let worst = v.worst_camera.map(|c| (c, v.cameras[c].cause, v.lens_offsets[c]));
+    format!(
+        "{:24} {} χ²/dof {:.2} lost {} points {:.1?} target {:?} worst {:?}",
+        case.name,
+        if v.is_inconsistent { "INCONSISTENT" } else { "ok          " },
+        s.chi2 / s.degrees_of_freedom as f64,
+        lost.join(" "),
+        v.cameras.iter().map(|c| 100.0 * c.share_lost()).collect::<Vec<_>>(),
+        v.targets[0].cause,
+        worst,
+    )
+}
+
+#[test]
+fn what_is_wrong_is_never_called_right() {
+    let mut wrong: Vec<String> = Vec::new();
+    for case in &CASES {
+        for trial in 0..3 {
+            let found = run(case, &mut Rng::new(900 + trial));
+            let line = told(case, &found);
+            println!("{line}");
+            let Ok(s) = &found else { continue };
+            let is_as_expected = match &case.wrong {
+                None => !s.verdict.is_inconsistent,
+                Some((camera, causes)) => {
+                    let blamed = s.verdict.cameras.iter().chain(&s.verdict.targets).filter_map(|l| l.cause);
+                    s.verdict.is_inconsistent
+                        && (camera.is_none() || s.verdict.worst_camera == *camera)
+                        && blamed.into_iter().any(|cause| causes.contains(&cause))
+                }
+            };
+            if !is_as_expected {
+                wrong.push(line);
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// Many rigs as good as stated, from many cameras and few, none of which may be blamed; and with cameras 5 ms apart before a slow board.
+#[test]
+fn what_is_right_is_never_called_wrong() {
+    for trial in 0..20 {
+        let mut rng = Rng::new(1900 + trial);
+        let room = room(&mut rng);
+        let sightings = room.disturbed(&mut rng);
+        let found = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+        assert!(!found.verdict.is_inconsistent, "trial {trial}: {:?}", found.verdict);
+        let few: Vec<Sighting> = sightings.into_iter().filter(|s| s.view < 4).collect();
+        let found = room.solve(&few, &RigConfig::default()).expect("a rig");
+        assert!(!found.verdict.is_inconsistent, "trial {trial}, four views: {:?}", found.verdict);
+        let late = late(&mut rng, &room, 0.005, 0.1);
+        let late = noisy(&mut rng, &room, &late);
+        let found = room.solve(&late, &RigConfig::default()).expect("a rig");
+        assert!(!found.verdict.is_inconsistent, "trial {trial}, late: {:?}", found.verdict);
+    }
+}
+
+/// Score of the lens against the whole solution with another lens: the step that is promised is the step that helps.
+#[test]
+fn a_lens_offset_is_what_the_lens_is_off_by() {
+    let mut rng = Rng::new(77);
+    let room = room(&mut rng);
+    let sightings = room.disturbed(&mut rng);
+    let mut cameras = room.cameras.clone();
+    cameras[1] = lens(880.0 * 1.002, 2.0);
+    let found = solved(&room, &cameras, sightings).expect("a rig");
+    let offset = found.verdict.lens_offsets[1].expect("determined");
+    let expected = [
+        (1.0 / 1.002 - 1.0, offset.focal, offset.sigma_focal),
+        (-2.0 / 881.76, offset.centre[0], offset.sigma_centre[0]),
+        (0.0, offset.centre[1], offset.sigma_centre[1]),
+    ];
+    for (truth, found, sigma) in expected {
+        assert!((found - truth).abs() < 4.0 * sigma && sigma < 2e-3, "{found} ± {sigma}, truth {truth}");
+    }
+    assert!(!found.verdict.is_inconsistent && !offset.is_off());
+}

@@ -1,0 +1,257 @@
+//! Lengths that can hardly be metres: the only place with such limits, asked wherever a target, points or distances are read.
+//!
+//! Nothing is refused: a remark says the number seen and what was probably meant. The limits lie far beyond what anybody prints, hangs up
+//! or tapes, and far below the thousandfold of a slip of unit, so that neither side is near.
+
+use crate::core::target::{LinePlusOne, NamedPoint, TagMap};
+use crate::core::{Point, Target};
+
+/// A printed square: the largest boards are 2 m overall.
+const LARGEST_SQUARE_M: f64 = 1.5;
+/// A tag: landing marks of 1 to 2 m are the largest in use.
+const LARGEST_TAG_M: f64 = 4.0;
+/// Either: at a tenth of a millimetre nothing can be printed.
+const SMALLEST_M: f64 = 1e-4;
+/// Three points on a line and one off it: a scene that one photograph shows well.
+const LARGEST_LINE_M: f64 = 50.0;
+/// Neighbouring tags in edges: a detector needs 12 px of a tag, so that tags farther apart than this are never in one image of 4000 px.
+const FARTHEST_TAGS_EDGES: f64 = 1000.0;
+/// Round numbers (multiples of 0.1) over more than this are millimetres: who surveys in metres states centimetres. Pitches, the largest
+/// places that are known by round numbers of metres, are 120 m long.
+const ROUND_EXTENT_M: f64 = 150.0;
+/// Farther than any target is seen.
+const LARGEST_EXTENT_M: f64 = 1e5;
+/// Fewer coordinates other than zero may be round by chance.
+const LEAST_COORDINATES: usize = 6;
+/// Taped distances beyond this, all round, are millimetres.
+const LONGEST_TAPE_M: f64 = 100.0;
+/// What people print and hang up: where the likely meaning of a wrong number should lie.
+const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
+
+/// What a target's dimensions should be looked at for, in sentences; none where they can be metres.
+pub fn of_target(target: &Target) -> Vec<String> {
+    match target {
+        Target::LinePlusOne(line) => of_line(line).into_iter().collect(),
+        Target::Tag(tag) => edge("size_m", tag.size_m, LARGEST_TAG_M).into_iter().collect(),
+        Target::AprilGrid(grid) => edge("tag_size_m", grid.tag_size_m, LARGEST_TAG_M).into_iter().collect(),
+        Target::Chessboard(board) => edge("square_m", board.square_m, LARGEST_SQUARE_M).into_iter().collect(),
+        Target::Charuco(board) => edge("square_m", board.square_m, LARGEST_SQUARE_M).into_iter().collect(),
+        Target::TagMap(map) => of_map(map),
+        Target::Points(points) => of_named(points).into_iter().collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Coordinates of points, such as a file's columns x_m, y_m, z_m: a remark where they are hardly metres.
+pub fn of_points(points: &[Point]) -> Option<String> {
+    let extent_m = extent_m(points);
+    let coordinates: Vec<f64> = points.iter().flat_map(|p| [p.x, p.y, p.z]).filter(|x| *x != 0.0).collect();
+    let is_round = LEAST_COORDINATES <= coordinates.len() && coordinates.iter().all(|x| is_round(*x));
+    let is_suspect = extent_m.is_finite()
+        && ((is_round && ROUND_EXTENT_M < extent_m) || (LARGEST_EXTENT_M < extent_m && extent_m < 1e12));
+    is_suspect.then(|| {
+        let why = if is_round { ", every coordinate a round number" } else { "" };
+        format!(
+            "the points lie over {} m{why}: are they in millimetres? Then divide by 1000 ({} m)",
+            short(extent_m),
+            short(extent_m / 1e3)
+        )
+    })
+}
+
+/// Distances taped or stepped: a remark where all are round numbers of hundreds or thousands.
+pub fn of_distances(distances_m: &[f64]) -> Option<String> {
+    let shortest = distances_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let is_suspect = !distances_m.is_empty()
+        && distances_m.iter().all(|x| x.is_finite() && is_round(*x))
+        && LONGEST_TAPE_M < shortest;
+    is_suspect.then(|| {
+        format!(
+            "the shortest distance stated is {} m, all are round numbers: are they in millimetres? Did you mean {}?",
+            short(shortest),
+            short(shortest / 1e3)
+        )
+    })
+}
+
+fn of_line(line: &LinePlusOne) -> Option<String> {
+    let [along, across] = line.off_m;
+    let points =
+        line.line_m.map(|x| Point::new(x, 0.0, 0.0)).into_iter().chain([Point::new(along, across, 0.0)]);
+    let extent_m = extent_m(&points.collect::<Vec<_>>());
+    (LARGEST_LINE_M < extent_m).then(|| {
+        format!(
+            "the points of line_m and off_m lie over {} m: are they in millimetres? Then divide by 1000 ({} m)",
+            short(extent_m),
+            short(extent_m / 1e3)
+        )
+    })
+}
+
+fn of_map(map: &TagMap) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let largest = map.tags.iter().max_by(|a, b| a.size_m.total_cmp(&b.size_m));
+    let smallest = map.tags.iter().min_by(|a, b| a.size_m.total_cmp(&b.size_m));
+    for tag in largest.into_iter().chain(smallest.filter(|tag| tag.size_m < SMALLEST_M)) {
+        remarks.extend(
+            edge("size_m", tag.size_m, LARGEST_TAG_M).map(|remark| format!("tag {}: {remark}", tag.id)),
+        );
+    }
+    remarks.extend(spread(map));
+    let widest = map.tags.iter().max_by(|a, b| (a.sigma_m / a.size_m).total_cmp(&(b.sigma_m / b.size_m)));
+    if let Some(tag) = widest.filter(|tag| 10.0 * tag.size_m < tag.sigma_m) {
+        remarks.push(format!(
+            "tag {}: sigma_m is {}, many times the tag itself: did you mean {}?",
+            tag.id,
+            short(tag.sigma_m),
+            short(tag.sigma_m / 1e3)
+        ));
+    }
+    remarks
+}
+
+/// The places of a map in millimetres beside sizes in metres.
+fn spread(map: &TagMap) -> Option<String> {
+    let nearest = |i: usize| {
+        let others = map.tags.iter().enumerate().filter(|(k, _)| *k != i);
+        let apart = others.map(|(_, other)| {
+            (other.world_from_tag.translation - map.tags[i].world_from_tag.translation).norm()
+        });
+        apart.fold(f64::INFINITY, f64::min)
+    };
+    // The two that are nearest of all: one tag far away from the rest is no slip of unit. A few tags say it as well as many.
+    let n = map.tags.len().min(200);
+    let apart_m = (0..n).map(nearest).fold(f64::INFINITY, f64::min);
+    let size_m = map.tags.iter().map(|tag| tag.size_m).fold(0.0, f64::max);
+    (FARTHEST_TAGS_EDGES * size_m < apart_m && apart_m.is_finite()).then(|| {
+        format!(
+            "the nearest two tags are {} m apart, {:.0} times their size: are translation_m in millimetres? Then divide by 1000 ({} m)",
+            short(apart_m),
+            apart_m / size_m,
+            short(apart_m / 1e3)
+        )
+    })
+}
+
+fn of_named(points: &[NamedPoint]) -> Option<String> {
+    of_points(&points.iter().map(|p| p.position).collect::<Vec<_>>())
+}
+
+/// An edge that somebody printed.
+fn edge(key: &str, seen_m: f64, largest_m: f64) -> Option<String> {
+    if (SMALLEST_M..=largest_m).contains(&seen_m) {
+        return None;
+    }
+    // In the order in which such slips are made: millimetres, centimetres; too small a number was divided once too often.
+    let meant = [1e-3, 1e-2, 1e3, 1e2].map(|factor| seen_m * factor);
+    let meant = meant.into_iter().find(|x| USUAL_M.contains(x));
+    Some(match meant {
+        Some(x) => format!("{key} is {} m: did you mean {}?", short(seen_m), short(x)),
+        None => format!("{key} is {} m, which nobody prints; the unit is metres", short(seen_m)),
+    })
+}
+
+/// The longest side of the box about the points.
+fn extent_m(points: &[Point]) -> f64 {
+    let side = |i: usize| {
+        let ends = points.iter().map(|p| p[i]);
+        let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        high - low
+    };
+    (0..3).map(side).fold(0.0, f64::max)
+}
+
+/// A multiple of 0.1, to rounding.
+fn is_round(x: f64) -> bool {
+    let tenths = 10.0 * x;
+    (tenths - tenths.round()).abs() <= 1e-9 * tenths.abs().max(1.0)
+}
+
+/// Four figures, without trailing zeros.
+fn short(x: f64) -> String {
+    let digits = (3 - x.abs().max(1e-12).log10().floor() as i32).clamp(0, 12) as usize;
+    let text = format!("{x:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::Pose;
+    use crate::core::target::{Chessboard, MapTag, Tag};
+
+    fn board(square_m: f64) -> Vec<String> {
+        of_target(&Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m }))
+    }
+
+    #[test]
+    fn edges_say_what_was_meant() {
+        assert_eq!(board(25.0), ["square_m is 25 m: did you mean 0.025?"]);
+        assert_eq!(board(2.5), ["square_m is 2.5 m: did you mean 0.025?"]);
+        assert_eq!(board(0.000_025), ["square_m is 0.000025 m: did you mean 0.025?"]);
+        let tag = |size_m| of_target(&Target::Tag(Tag { family: "tag36h11".into(), id: 0, size_m }));
+        assert_eq!(tag(160.0), ["size_m is 160 m: did you mean 0.16?"]);
+        for good in [0.0005, 0.02, 0.25, 1.0] {
+            assert!(board(good).is_empty() && tag(good).is_empty(), "{good}");
+        }
+    }
+
+    fn map(scale: f64, size_m: f64) -> Vec<String> {
+        let tag = |id: u32, x: f64| MapTag {
+            id,
+            size_m,
+            world_from_tag: Pose::new(nalgebra::Matrix3::identity(), Point::new(x * scale, 0.3 * scale, 0.0)),
+            sigma_m: 0.0,
+            sigma_rad: 0.0,
+        };
+        of_target(&Target::TagMap(TagMap {
+            family: "tag36h11".into(),
+            tags: vec![tag(0, 0.0), tag(1, 1.5), tag(2, 16.0)],
+        }))
+    }
+
+    #[test]
+    fn maps_in_millimetres_are_seen() {
+        assert!(map(1.0, 0.1651).is_empty());
+        assert!(map(1000.0, 0.1651)[0].contains("1500 m apart"), "{:?}", map(1000.0, 0.1651));
+        assert!(map(1000.0, 165.1)[0].contains("did you mean 0.1651?"));
+        assert!(map(30.0, 0.1651).is_empty(), "a hall with a tag every 45 m");
+    }
+
+    fn points(xyz: &[[f64; 3]]) -> Option<String> {
+        of_points(&xyz.iter().map(|x| Point::from(*x)).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn points_in_millimetres_are_seen() {
+        let road = [[0.0, 0.0, 0.0], [3500.0, 0.0, 0.0], [3500.0, 12000.0, 0.0], [100.0, 11950.5, 20.0]];
+        assert!(
+            points(&road).is_some_and(|r| r.contains("12000 m") && r.contains("(12 m)")),
+            "{:?}",
+            points(&road)
+        );
+        assert!(points(&road.map(|x| x.map(|x| x / 1000.0))).is_none());
+        // A surveyor's national grid, to the centimetre.
+        let survey = [
+            [4_512_345.17, 5_401_233.82, 412.31],
+            [4_512_745.5, 5_401_633.06, 415.9],
+            [4_512_300.0, 5_401_200.4, 411.0],
+        ];
+        assert!(points(&survey).is_none());
+        // A few round numbers of a field of play.
+        let pitch =
+            [[0.0, 0.0], [105.0, 0.0], [105.0, 68.0], [0.0, 68.0], [52.5, 0.0], [52.5, 68.0], [11.0, 34.0]];
+        assert!(points(&pitch.map(|[x, y]| [x, y, 0.0])).is_none());
+        assert!(points(&[]).is_none() && points(&[[f64::NAN, 0.0, 0.0]]).is_none());
+    }
+
+    #[test]
+    fn tapes_in_millimetres_are_seen() {
+        assert!(
+            of_distances(&[3500.0, 12_000.0])
+                .is_some_and(|r| r.contains("did you mean 3.5?") || r.contains("Did you mean 3.5?"))
+        );
+        assert!(of_distances(&[3.5, 120.0]).is_none() && of_distances(&[]).is_none());
+        assert!(of_distances(&[123.45]).is_none());
+    }
+}

@@ -1,0 +1,225 @@
+//! The files that users hand in: how large each kind may be, checked before a byte is read, and nothing that is no file.
+//!
+//! A header, an empty disk or a slip of the hand may claim any size; memory is taken only for what could be meant. Named pipes and
+//! devices are refused, for whoever opens one may wait for ever. Pipes that the shell has opened (`/dev/stdin`, `<(…)`) are read.
+
+use crate::FileError;
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read};
+use std::path::Path;
+
+/// What a file is read as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A PNG or JPEG picture.
+    Image,
+    /// A configuration in TOML, YAML or XML, whose parsers take many times what they read.
+    Text,
+    /// JSON, a Python literal or a table of numbers read whole: calibrations that store every observation.
+    Literal,
+    /// A table that is read row by row.
+    Table,
+    /// Results of this program, JSON Lines, read whole.
+    Results,
+    /// The state of a session.
+    State,
+    /// A password, a token, a certificate.
+    Secret,
+}
+
+impl Kind {
+    /// Every kind, as documented.
+    pub const ALL: [Kind; 7] =
+        [Kind::Image, Kind::Text, Kind::Literal, Kind::Table, Kind::Results, Kind::State, Kind::Secret];
+
+    /// Most bytes of such a file.
+    pub const fn limit_bytes(self) -> u64 {
+        match self {
+            Kind::Image => 96 << 20,
+            Kind::Text => 1 << 20,
+            Kind::Literal => 16 << 20,
+            Kind::Table => 512 << 20,
+            Kind::Results => 128 << 20,
+            Kind::State => 64 << 20,
+            Kind::Secret => 1 << 20,
+        }
+    }
+
+    /// What such a file is called in a message.
+    const fn name(self) -> &'static str {
+        match self {
+            Kind::Image => "a picture",
+            Kind::Text => "a file of this kind (TOML, YAML, XML)",
+            Kind::Literal => "a file of this kind (JSON, a table)",
+            Kind::Table => "a table of rows",
+            Kind::Results => "a file of results",
+            Kind::State => "the state of a session",
+            Kind::Secret => "a secret or certificate",
+        }
+    }
+
+    const fn way_out(self) -> &'static str {
+        match self {
+            Kind::Image => "save it with more compression or fewer pixels",
+            Kind::Table | Kind::Results => "split it",
+            _ => "check that it is the file you mean",
+        }
+    }
+
+    fn too_large(self, seen: Option<u64>) -> String {
+        let mib = |bytes: u64| format!("{} MiB", bytes.div_ceil(1 << 20));
+        let most = mib(self.limit_bytes());
+        match seen {
+            Some(bytes) => {
+                format!("has {}; {} has at most {most}, {}", mib(bytes), self.name(), self.way_out())
+            }
+            None => format!("larger than {most}, the limit for {}; {}", self.name(), self.way_out()),
+        }
+    }
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// No such file, a folder, a named pipe or a device, more bytes than the kind allows (nothing has been read then), a disk that fails.
+pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
+    let file = open_file(path, kind)?;
+    let mut bytes = Vec::new();
+    let told = |e: Error| FileError::new(path, e.to_string());
+    file.take(kind.limit_bytes() + 1).read_to_end(&mut bytes).map_err(told)?;
+    if kind.limit_bytes() < bytes.len() as u64 {
+        return Err(FileError::new(path, kind.too_large(None)));
+    }
+    Ok(bytes)
+}
+
+/// The text of a file.
+///
+/// # Errors
+/// As of [`read`]; bytes that are no UTF-8.
+pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
+    String::from_utf8(read(path, kind)?).map_err(|_| FileError::new(path, "not UTF-8 text"))
+}
+
+/// A table to be read row by row, in bounded memory: a line that does not end is an error of reading.
+///
+/// # Errors
+/// As of [`read`], without those of the disk.
+pub fn open_table(path: &Path) -> Result<Rows, FileError> {
+    let file = open_file(path, Kind::Table)?;
+    Ok(Rows { file, left: Kind::Table.limit_bytes(), line: 0 })
+}
+
+/// Opens what is a file, or was opened by the shell, and is not too large.
+fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
+    let told = |e: Error| FileError::new(path, e.to_string());
+    let found = std::fs::metadata(path).map_err(told)?;
+    must_be_file(path, &found)?;
+    if found.is_file() && kind.limit_bytes() < found.len() {
+        return Err(FileError::new(path, kind.too_large(Some(found.len()))));
+    }
+    File::open(path).map_err(told)
+}
+
+/// Refuses named pipes, sockets and devices; folders are left to whoever opens them. What is not there is no matter here.
+///
+/// # Errors
+/// What it is, and what to give instead.
+pub fn must_not_block(path: &Path) -> Result<(), FileError> {
+    std::fs::metadata(path).map_or(Ok(()), |found| must_be_file(path, &found))
+}
+
+fn must_be_file(path: &Path, found: &std::fs::Metadata) -> Result<(), FileError> {
+    if found.is_file() || found.is_dir() || is_opened_by_shell(path) {
+        return Ok(());
+    }
+    let reason = "is a named pipe, a socket or a device; give a file, or pipe into /dev/stdin";
+    Err(FileError::new(path, reason))
+}
+
+/// Whether a path names a file that is open already, so that opening it again waits for nobody.
+fn is_opened_by_shell(path: &Path) -> bool {
+    path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
+}
+
+/// A file that ends in time, with lines that do.
+#[derive(Debug)]
+pub struct Rows {
+    file: File,
+    left: u64,
+    line: usize,
+}
+
+/// Longest line of a table, bytes.
+const MAX_LINE_BYTES: usize = 1 << 20;
+
+impl Read for Rows {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.file.read(into)?;
+        self.left = match self.left.checked_sub(n as u64) {
+            Some(left) => left,
+            None => return Err(Error::new(ErrorKind::InvalidData, Kind::Table.too_large(None))),
+        };
+        for part in into[..n].split_inclusive(|byte| *byte == b'\n') {
+            self.line += part.len();
+            if MAX_LINE_BYTES < self.line {
+                return Err(Error::new(
+                    ErrorKind::InvalidData,
+                    "a line of more than 1 MiB; this is no table",
+                ));
+            }
+            if part.ends_with(b"\n") {
+                self.line = 0;
+            }
+        }
+        Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sparse(name: &str, bytes: u64) -> std::path::PathBuf {
+        let path = std::env::temp_dir().join(format!("resight-input-{}-{name}", std::process::id()));
+        File::create(&path).and_then(|file| file.set_len(bytes)).expect("a sparse file");
+        path
+    }
+
+    #[test]
+    fn a_file_beyond_its_limit_is_refused_unread() {
+        for kind in Kind::ALL {
+            let path = sparse(&format!("{kind:?}"), kind.limit_bytes() + 1);
+            let began = std::time::Instant::now();
+            let error = read(&path, kind).expect_err("too large").to_string();
+            assert!(began.elapsed().as_millis() < 500, "{kind:?}: {:?}", began.elapsed());
+            assert!(error.contains("MiB") && error.contains("at most"), "{error}");
+            std::fs::remove_file(&path).expect("removed");
+        }
+    }
+
+    #[test]
+    fn rows_without_an_end_are_no_table() {
+        let path = sparse("rows", 300 << 20);
+        let error = std::io::copy(&mut open_table(&path).expect("not too large"), &mut std::io::sink());
+        assert!(error.expect_err("one line").to_string().contains("no table"));
+        std::fs::remove_file(&path).expect("removed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_are_refused_at_once() {
+        let pipe = std::env::temp_dir().join(format!("resight-input-{}-pipe", std::process::id()));
+        let _ = std::fs::remove_file(&pipe);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");
+        assert!(made.success());
+        for path in [pipe.as_path(), Path::new("/dev/zero"), Path::new("/dev/tty")] {
+            if !path.exists() {
+                continue;
+            }
+            let error = read(path, Kind::Text).expect_err("no file").to_string();
+            assert!(error.contains("pipe"), "{error}");
+        }
+        std::fs::remove_file(&pipe).expect("removed");
+    }
+}

@@ -1,0 +1,113 @@
+//! Whether a rig can be believed, in words: what the program, its files and the page say first.
+
+use crate::core::rig::{Cause, LensOffset, Losses, RigSolution};
+use crate::report::verdict::{Status, figures};
+use crate::rig::RigRun;
+
+/// Status of the whole rig.
+pub fn rig_status(solution: &RigSolution) -> Status {
+    if solution.verdict.is_inconsistent { Status::Inconsistent } else { Status::Ok }
+}
+
+/// Status of one camera of it.
+pub fn camera_status(solution: &RigSolution, camera: usize) -> Status {
+    let losses = solution.verdict.cameras.get(camera);
+    if losses.is_none_or(Losses::is_ok) { Status::Ok } else { Status::Inconsistent }
+}
+
+/// What contradicts, who is to blame and what the likely cause is; none where nothing does.
+pub fn rig_verdict_sentence(run: &RigRun) -> Option<String> {
+    let verdict = &run.solution.verdict;
+    if !verdict.is_inconsistent {
+        return None;
+    }
+    let of_lens = verdict.worst_camera.filter(|c| verdict.cameras[*c].cause == Some(Cause::Intrinsics));
+    let of_target = verdict.targets.iter().position(|t| !t.is_ok());
+    Some(match (of_lens, of_target, verdict.worst_camera) {
+        (None, Some(target), _) => target_sentence(run, target),
+        (_, _, Some(camera)) => rig_camera_sentence(run, camera).unwrap_or_default(),
+        _ => views_sentence(run),
+    })
+}
+
+/// What is wrong with one camera; none where nothing is.
+pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
+    let (solution, name) = (&run.solution, &run.rig.cameras[camera].name);
+    let losses = &solution.verdict.cameras[camera];
+    Some(match losses.cause? {
+        Cause::Intrinsics => {
+            let offset = solution.verdict.lens_offsets[camera].filter(LensOffset::is_off);
+            let what = offset.map_or(String::new(), |offset| format!(" ({})", off(&offset)));
+            format!(
+                "{}; its intrinsics{what} are the likely cause: focal length, principal point, distortion or image size",
+                lost(name, losses)
+            )
+        }
+        Cause::Contradiction => format!(
+            "{} of {} sightings of {name} contradict the other cameras although most of them fit by themselves; views labelled wrongly, cameras that are not synchronised or are exchanged, or a target that moved are the likely cause",
+            losses.n_lost, losses.n_sightings
+        ),
+        Cause::Target => format!(
+            "{}; the target is the likely cause: its kind, its rows and columns or its labels",
+            lost(name, losses)
+        ),
+        Cause::Reference => {
+            let reference = &run.rig.cameras[solution.reference].name;
+            format!("{name} is placed in the frame of {reference}, which does not fit")
+        }
+        _ => format!(
+            "residuals are {} times what the stated sigmas say, those of {name} most; intrinsics, a bent target, cameras that are not synchronised or a sigma stated too small are the likely cause",
+            figures((solution.chi2 / solution.degrees_of_freedom.max(1) as f64).sqrt())
+        ),
+    })
+}
+
+fn lost(name: &str, losses: &Losses) -> String {
+    match 100.0 * losses.share_lost() {
+        percent if percent < 1.0 => format!("{name} does not agree with the other cameras"),
+        percent => format!("{percent:.0} % of {name}'s points do not fit"),
+    }
+}
+
+/// The parameter that is off most, and by how much: what to add to it.
+fn off(offset: &LensOffset) -> String {
+    let percent = |x: f64, sigma: f64| format!("by about {:+.1} % ± {:.1} %", 100.0 * x, 100.0 * sigma);
+    match offset.worst() {
+        "focal length" => format!("the focal length is off {}", percent(offset.focal, offset.sigma_focal)),
+        "principal point" => {
+            let [right, down] = offset.centre.map(|x| 100.0 * x);
+            format!(
+                "the principal point is off by about {right:+.1} % and {down:+.1} % of the focal length, right and down"
+            )
+        }
+        what => format!(
+            "the {what} moves its points {} of the focal length",
+            percent(offset.distortion, offset.sigma_distortion)
+        ),
+    }
+}
+
+fn target_sentence(run: &RigRun, target: usize) -> String {
+    let (name, scale) = (&run.rig.targets[target].name, &run.solution.scales[target]);
+    match run.solution.verdict.targets[target].cause {
+        Some(Cause::Size) => format!(
+            "target {name} seems {:.4} ± {:.4} times as large as stated, judged by the other lengths; a size or a distance stated wrongly is the likely cause",
+            scale.ratio, scale.sigma
+        ),
+        _ => format!(
+            "the points of target {name} fit by themselves in no camera; its kind, its rows and columns, its labels or a sigma stated far too small are the likely cause"
+        ),
+    }
+}
+
+fn views_sentence(run: &RigRun) -> String {
+    let views = &run.solution.verdict.contradicting_views;
+    let named: Vec<&str> = views.iter().take(4).map(|view| run.rig.views[*view].as_str()).collect();
+    let more = if named.len() < views.len() { ", …" } else { "" };
+    format!(
+        "{} of {} views contradict themselves ({}{more}); labels of views, synchronisation or a target that moved are the likely cause",
+        views.len(),
+        run.rig.views.len(),
+        named.join(", ")
+    )
+}
