@@ -20,6 +20,15 @@ fn serve_tcp(film: &Path, port: u16) -> Running {
     serve(film, &["-f", "mpegts", &format!("tcp://127.0.0.1:{port}?listen=1")])
 }
 
+/// `--source` with an address that only its owner can read.
+fn private_address(studio: &Path, address: &str) -> String {
+    let file = studio.join("address");
+    std::fs::write(&file, format!("{address}\n")).expect("written");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+    std::fs::set_permissions(&file, mode).expect("only for me");
+    format!("@{}", file.display())
+}
+
 /// The server is killed and started again: the source is lost and is back, each told once, and nothing else changes.
 #[test]
 fn a_stream_that_breaks_is_lost_and_comes_back() {
@@ -78,12 +87,10 @@ fn a_stream_that_ends_gives_a_verdict() {
     let (film, port) = (film(&studio), free_port());
     let _server = serve(&film, &["-listen", "1", "-f", "mpegts", &format!("http://127.0.0.1:{port}/x")]);
     wait_for_listener(port);
-    let address = studio.join("address");
-    std::fs::write(&address, format!("http://me:secret@127.0.0.1:{port}/x\n")).expect("written");
-    let source = format!("@{}", address.display());
+    let source = private_address(&studio, &format!("http://me:secret@127.0.0.1:{port}/x"));
     let options = ["--ffmpeg-input-options", "-t 8", "--learn", "20", "--frames"];
     let run = watch_once(&studio, &[&["--source", &source][..], &options].concat());
-    assert_eq!((run.code, states(&run.events)), (0, vec!["learning", "steady"]), "{:?}", said(&run.events));
+    assert_eq!((run.code, states(&run.events)), (0, vec!["learning", "steady"]), "{}", run.stderr);
     assert!(run.events.iter().all(|event| !event.to_string().contains("secret")));
 }
 
@@ -173,12 +180,8 @@ fn what_is_not_there_is_told_with_ffmpegs_words() {
     }
     let studio = studio("streams-nobody");
     let port = free_port();
-    let private = studio.join("address");
-    std::fs::write(&private, format!("rtsp://me:secret@127.0.0.1:{port}/x\n")).expect("written");
-    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o600);
-    std::fs::set_permissions(&private, mode).expect("only for me");
     for (source, words) in [
-        (format!("@{}", private.display()), "Connection refused"),
+        (private_address(&studio, &format!("rtsp://me:secret@127.0.0.1:{port}/x")), "Connection refused"),
         ("v4l2:///dev/video99".to_string(), "No such file"),
     ] {
         let run = watch_once(&studio, &["--source", &source]);
