@@ -79,7 +79,7 @@ pub(crate) fn centroid(seen: &[Correspondence]) -> Point {
 }
 
 /// As `whitened_residual`, with the weights the problem holds.
-fn weighed_residual(
+pub(crate) fn weighed_residual(
     cam_from_target: &Pose,
     c: &Correspondence,
     problem: &Problem,
@@ -93,7 +93,7 @@ fn weighed_residual(
 }
 
 /// The derivative of the projection by which an uncertain point is weighed, where the problem holds it.
-fn held_jacobian(c: &Correspondence, problem: &Problem) -> Option<Option<Matrix2x3<f64>>> {
+pub(crate) fn held_jacobian(c: &Correspondence, problem: &Problem) -> Option<Option<Matrix2x3<f64>>> {
     match problem.weights_at {
         Some(pose) if c.sigma_m != 0.0 => {
             let (_, jacobian) = problem.camera.project_with_jacobian(&(pose * &c.x_in_target))?;

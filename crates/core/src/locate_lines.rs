@@ -111,7 +111,7 @@ pub fn refine_lines(start: &Pose, lines: &[LineCorrespondence], problem: &Proble
     };
     let start = PivotedPose::new(start, &pivot);
     let found = if problem.has_uncertain_points() {
-        minimize_reweighted(start, &pivot, problem, evaluate)
+        minimize_reweighted(start, &pivot, |place, at| evaluate(place, &problem.held_at(at)))
     } else {
         minimize(start, None, |place| evaluate(place, problem))
     };

@@ -4,8 +4,8 @@
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
 pub(crate) use crate::accumulate::{
-    accumulate_pinhole, centroid, information, log_determinant, normal_equations, residual_sums,
-    whitened_residual, whitening,
+    accumulate_pinhole, centroid, held_jacobian, information, log_determinant, normal_equations,
+    residual_sums, weighed_residual, whitened_residual, whitening,
 };
 use crate::choose::Minimum;
 use crate::least_squares::{PivotedPose, Solution, minimize};
@@ -116,7 +116,7 @@ fn minimize_any(
 #[inline(never)]
 fn minimize_uncertain(mut start: PivotedPose, pivot: &Point, problem: &Problem) -> Option<Solution> {
     let descend = |start: PivotedPose, problem: &Problem| {
-        minimize_reweighted(start, pivot, problem, |place, held| normal_equations(place, pivot, held))
+        minimize_reweighted(start, pivot, |place, at| normal_equations(place, pivot, &problem.held_at(at)))
     };
     if let Loss::Truncated { sigmas } = problem.loss {
         start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;

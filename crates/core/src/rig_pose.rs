@@ -12,7 +12,9 @@ use crate::choose::{Choice, Minima, Minimum, choose, insert};
 use crate::consistency::{is_inconsistent, is_unlikely, noise_scale};
 use crate::covariance::is_covariance;
 use crate::curvature::{Cost, is_bent, with_curvature};
+use crate::doubt::check_known;
 use crate::locate::{Config, PoseEstimate, locate};
+use crate::problem::Problem;
 use crate::refine::{OVERFLOW, whitened_residual};
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 pub(crate) use check::check_views;
@@ -121,7 +123,7 @@ const HOPELESS_CHI2: f64 = 1e4;
 /// cameras), `Collinear`; the rest as `locate`.
 pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     check_views(views)?;
-    let cost = &RigCost { views };
+    let cost = &RigCost::new(views);
     let n_cameras = views.iter().filter(|view| !view.seen.is_empty()).count();
     if let (1, Some(view)) = (n_cameras, views.iter().find(|view| !view.seen.is_empty())) {
         let camera = views.iter().position(|v| core::ptr::eq(v, view)).unwrap_or(0);
@@ -141,6 +143,12 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     };
     let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
     let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
+    if let (RigAmbiguity::Unique { .. }, RigConsistency::Consistent) = (ambiguity, consistency) {
+        for view in views {
+            let problem = Problem::new(view.seen, view.camera);
+            check_known(&(view.cam_from_rig * rig_from_target), &covariance, &problem)?;
+        }
+    }
     let n_points = cost.n_points();
     checked(RigPoseEstimate {
         rig_from_target,
@@ -206,6 +214,7 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
 
 /// With the covariance as wide as the bend of the likelihood and the residual make it.
 fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
+    let cost = &cost.held_at(&m.cam_from_target);
     let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
     let widened = Minimum { covariance: covariance * noise_scale, ..*m };
     if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }

@@ -121,15 +121,21 @@ fn four_points_lose_no_minimum() {
 }
 
 /// Three points in three cameras of a small head have two or more poses: both that are returned reproject, and the true one
-/// is nearly always
-/// among them or another of up to eight.
+/// is nearly always among them or another of up to eight. An only pose whose rotation is open to a radian is refused.
 #[test]
 fn three_points_of_a_head_are_ambiguous() {
     let mut rng = Rng::new(300);
-    let mut ambiguous = 0;
+    let (mut ambiguous, mut unknown) = (0, 0);
     for _ in 0..1_000 {
         let scene = head(&mut rng, 3, 3);
-        let e = solve(&scene.cameras).expect("a pose");
+        let e = match solve(&scene.cameras) {
+            Ok(e) => e,
+            Err(Error::DegenerateView { .. }) => {
+                unknown += 1;
+                continue;
+            }
+            Err(error) => panic!("{error}"),
+        };
         if let RigAmbiguity::Ambiguous { other, .. } = e.ambiguity {
             ambiguous += 1;
             assert!(chi2(&scene.cameras, &other.rig_from_target) < 9.0 + 1e-6);
@@ -137,7 +143,7 @@ fn three_points_of_a_head_are_ambiguous() {
         assert!(chi2(&scene.cameras, &e.rig_from_target) < 1e-9);
         assert_eq!((e.degrees_of_freedom, e.n_points, e.n_cameras), (0, 3, 3));
     }
-    assert!(900 < ambiguous, "{ambiguous}");
+    assert!(900 < ambiguous && unknown <= 5, "{ambiguous} {unknown}");
 }
 
 /// The inverse of the stated covariance is the Fisher information by central differences: no derivative through a camera's

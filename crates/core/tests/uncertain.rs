@@ -3,10 +3,11 @@
 mod common;
 
 use common::{Rng, views};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Vector2, Vector3, Vector6};
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate, locate};
+use resight_core::rig_pose::{RigAmbiguity, RigConsistency, RigView, locate_rig};
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// The layouts, each made anew for every scene; 1 m wide.
@@ -125,6 +126,73 @@ fn tally(layout: &str, n: usize, coarse: f64, seed: u64) -> Tally {
         tally.count(&locate(&seen, &views::camera(), &config), &pose);
     }
     tally
+}
+
+/// Two cameras of exact intrinsics, half a metre and 0.3 rad apart; each sees every other point.
+fn observe_by_two(
+    rng: &mut Rng,
+    pose: &Pose,
+    known: &[Point],
+    noise: Noise,
+) -> Option<[Vec<Correspondence>; 2]> {
+    let camera = views::camera();
+    let mut seen = [Vec::new(), Vec::new()];
+    for (i, x) in known.iter().enumerate() {
+        let true_x = x + Vector3::new(rng.normal(), rng.normal(), rng.normal()) * noise.m;
+        let pixel = camera.project(&(cam_from_rig(i % 2) * *pose * true_x))?;
+        let pixel = pixel + Vector2::new(rng.normal(), rng.normal()) * noise.px;
+        let c = Correspondence::new(&camera, *x, pixel, noise.px).ok()?;
+        seen[i % 2].push(Correspondence { sigma_m: noise.m, ..c });
+    }
+    Some(seen)
+}
+
+fn cam_from_rig(camera: usize) -> Pose {
+    let along = camera as f64;
+    Pose::exp(&Vector6::new(0.0, 0.3 * along, 0.0, -0.5 * along, 0.0, 0.1 * along))
+}
+
+/// NEES of the answers of a rig that are `ok`: how many, mean, largest.
+fn rig_nees(layout: &str, n: usize, coarse: f64, seed: u64) -> (usize, f64, f64) {
+    let (mut rng, camera) = (Rng::new(seed), views::camera());
+    let (mut scenes, mut ok, mut mean, mut worst) = (0, 0, 0.0, 0.0);
+    while scenes < n {
+        let (pose, known) = (any_pose(&mut rng), points(layout, &mut rng));
+        let noise = any_noise(&mut rng, coarse);
+        let Some(seen) = observe_by_two(&mut rng, &pose, &known, noise) else { continue };
+        scenes += 1;
+        let view = |i: usize| RigView {
+            camera: &camera,
+            cam_from_rig: cam_from_rig(i),
+            cam_from_rig_covariance: None,
+            seen: &seen[i],
+        };
+        let Ok(e) = locate_rig(&[view(0), view(1)]) else { continue };
+        let is_unique = matches!(e.ambiguity, RigAmbiguity::Unique { .. });
+        if !is_unique || e.consistency != RigConsistency::Consistent {
+            continue;
+        }
+        let error = (e.rig_from_target * pose.inverse()).log();
+        let nees = error.dot(&e.covariance.cholesky().expect("positive definite").solve(&error));
+        ok += 1;
+        mean += (nees - mean) / f64::from(ok);
+        worst = f64::max(worst, nees);
+    }
+    (ok as usize, mean, worst)
+}
+
+#[test]
+fn a_rig_of_two_cameras_is_as_sure_as_it_says_where_points_are_uncertain() {
+    let n = scenes() / 2;
+    for (k, layout) in LAYOUTS.iter().enumerate() {
+        let (ok, mean, worst) = rig_nees(layout, n, 1.0, 231 + k as u64);
+        println!("{layout}: {ok} of {n} ok, NEES {mean:.3}, worst {worst:.0}");
+        assert!(0.75 * n as f64 <= ok as f64, "{layout}: {ok} of {n}");
+        assert!((5.7..6.3).contains(&mean) && worst < 1000.0, "{layout}: {mean} {worst}");
+        let (ok, mean, worst) = rig_nees(layout, n, 4.0, 331 + k as u64);
+        println!("{layout}, four times as uncertain: {ok} of {n} ok, NEES {mean:.3}, worst {worst:.0}");
+        assert!(worst < 1000.0, "{layout}: {worst}");
+    }
 }
 
 /// Scenes of a layout; `RESIGHT_SCENES` says otherwise.

@@ -177,7 +177,7 @@ fn of_pose(view: &Known, candidate: usize, weight: &Matrix6, poses: &Poses) -> S
 /// The pixels of all cameras, their variances `pixel_scale` times the stated ones, the hand's motion eliminated about its most probable
 /// value m, eqs. (14)–(15).
 fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
-    let cost = RigCost { views: view.seen };
+    let cost = RigCost::new(view.seen);
     let pivot = cost.pivot();
     let predicted = poses.cam_from_target(view);
     let hand = hand_noise(view, poses).unwrap_or_default();

@@ -89,7 +89,7 @@ fn is_proven(larger: &Larger, settled: &Settled) -> bool {
 pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
     let of_view = |(view, candidate): &(usize, usize)| {
         let view = &settled.known[*view];
-        let cost = RigCost { views: view.seen };
+        let cost = RigCost::new(view.seen);
         let chi2 = cost.residual_sums(&view.candidates[*candidate].cam_from_target).0;
         let redundancy = (2 * cost.n_points()).saturating_sub(6);
         (chi2.is_finite() && 0 < redundancy).then_some((chi2, redundancy))

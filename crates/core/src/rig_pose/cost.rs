@@ -9,7 +9,9 @@ use super::RigView;
 use crate::choose::Minimum;
 use crate::curvature::Cost;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize};
-use crate::refine::{UNDETERMINED, whitened_residual, whitening};
+use crate::problem::Problem;
+use crate::refine::{UNDETERMINED, held_jacobian, log_determinant, weighed_residual, whitening};
+use crate::reweight::minimize_reweighted;
 use crate::{Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::Matrix3;
 #[cfg(not(feature = "std"))]
@@ -19,9 +21,29 @@ use num_traits::Float as _;
 #[derive(Clone, Copy)]
 pub(crate) struct RigCost<'a> {
     pub views: &'a [RigView<'a>],
+    /// The pose at which uncertain points are weighed, as `Problem::weights_at`.
+    weights_at: Option<Pose>,
 }
 
 impl<'a> RigCost<'a> {
+    pub fn new(views: &'a [RigView<'a>]) -> Self {
+        RigCost { views, weights_at: None }
+    }
+
+    /// The same with the weights of uncertain points, if there are any, as they are at a pose.
+    pub fn held_at(&self, rig_from_target: &Pose) -> Self {
+        RigCost { weights_at: self.has_uncertain_points().then_some(*rig_from_target), ..*self }
+    }
+
+    fn has_uncertain_points(&self) -> bool {
+        self.points().any(|(_, c)| c.sigma_m != 0.0)
+    }
+
+    /// The pose of one camera at which its uncertain points are weighed.
+    fn weights_of(&self, view: &RigView) -> Option<Pose> {
+        self.weights_at.map(|pose| view.cam_from_rig * pose)
+    }
+
     pub fn n_points(&self) -> usize {
         self.views.iter().map(|view| view.seen.len()).sum()
     }
@@ -36,8 +58,10 @@ impl<'a> RigCost<'a> {
         let (mut chi2, mut sum) = (0.0, 0.0);
         for view in self.views {
             let cam_from_target = view.cam_from_rig * *rig_from_target;
+            let weights_at = self.weights_of(view);
+            let problem = Problem { weights_at: weights_at.as_ref(), ..Problem::new(view.seen, view.camera) };
             for c in view.seen {
-                let Some((_, e, whitened)) = whitened_residual(&cam_from_target, c, view.camera) else {
+                let Some((_, e, whitened)) = weighed_residual(&cam_from_target, c, &problem) else {
                     return (f64::INFINITY, f64::INFINITY);
                 };
                 chi2 += whitened;
@@ -47,15 +71,28 @@ impl<'a> RigCost<'a> {
         (chi2, (sum / self.n_points().max(1) as f64).sqrt())
     }
 
+    /// As `refine::log_determinant`, over all cameras.
+    fn log_determinant(&self, rig_from_target: &Pose) -> f64 {
+        let of_view = |view: &RigView| {
+            let cam_from_target = view.cam_from_rig * *rig_from_target;
+            log_determinant(&cam_from_target, &Problem::new(view.seen, view.camera))
+        };
+        self.views.iter().map(of_view).sum()
+    }
+
     /// Refines `start` to the nearest minimum, with its covariance. A flat valley is given where the loop left it:
     /// docs/math/rig_pose.md, section 3.
     ///
     /// `NoSolution` when the start has points outside a camera's field, `DegenerateView` when a direction of the pose stays free.
     pub fn refine(&self, start: &Pose, rival_chi2: Option<f64>) -> Result<Minimum, Error> {
         let pivot = self.pivot();
-        let evaluate = |place: &PivotedPose| self.normal_equations(place, &pivot);
-        let solution = minimize(PivotedPose::new(start, &pivot), rival_chi2, evaluate)
-            .ok_or(Error::NoSolution { n_points: self.n_points() })?;
+        let start = PivotedPose::new(start, &pivot);
+        let found = if self.has_uncertain_points() {
+            minimize_reweighted(start, &pivot, |place, at| self.held_at(at).normal_equations(place, &pivot))
+        } else {
+            minimize(start, rival_chi2, |place| self.normal_equations(place, &pivot))
+        };
+        let solution = found.ok_or(Error::NoSolution { n_points: self.n_points() })?;
         let covariance =
             solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
         let rig_from_target = solution.place.pose(&pivot);
@@ -65,7 +102,7 @@ impl<'a> RigCost<'a> {
             covariance,
             chi2: self.chi2(&rig_from_target),
             rms_px,
-            log_determinant: 0.0,
+            log_determinant: self.log_determinant(&rig_from_target),
         })
     }
 }
@@ -80,10 +117,10 @@ impl Cost for RigCost<'_> {
         let mut normal = NormalEquations::zero();
         for view in self.views {
             match &view.cam_from_rig_covariance {
-                None => add_view(&mut normal, view, place, pivot)?,
+                None => add_view(&mut normal, view, self.weights_of(view), place, pivot)?,
                 Some(covariance) => {
                     let mut own = NormalEquations::zero();
-                    add_view(&mut own, view, place, pivot)?;
+                    add_view(&mut own, view, self.weights_of(view), place, pivot)?;
                     let motion = as_pivoted_motion(view, covariance, &place.pivot_in_cam);
                     normal.merge(&own.with_uncertain_motion(&motion)?);
                 }
@@ -103,12 +140,19 @@ impl Cost for RigCost<'_> {
 }
 
 /// The residuals of one camera, eqs. (2)–(3).
-fn add_view(normal: &mut NormalEquations, view: &RigView, place: &PivotedPose, pivot: &Point) -> Option<()> {
+fn add_view(
+    normal: &mut NormalEquations,
+    view: &RigView,
+    weights_at: Option<Pose>,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<()> {
+    let problem = Problem { weights_at: weights_at.as_ref(), ..Problem::new(view.seen, view.camera) };
     for c in view.seen {
         let y = place.rotation * (c.x_in_target - pivot);
         let x_in_cam = view.cam_from_rig * (y + place.pivot_in_cam);
         let (pixel, jacobian) = view.camera.project_with_jacobian(&x_in_cam)?;
-        let (a, b, d) = whitening(c, &jacobian);
+        let (a, b, d) = whitening(c, &held_jacobian(c, &problem)?.unwrap_or(jacobian));
         let by_rig = jacobian * view.cam_from_rig.rotation;
         let (ju, jv) = (by_rig.row(0).transpose(), by_rig.row(1).transpose());
         let (e, ju, jv) = (c.pixel - pixel, ju * a + jv * b, jv * d);
