@@ -5,6 +5,7 @@
 //!   B = C₁ without its negative eigenvalues: what lasts from reading to reading       docs/math/monitor.md eqs. (14)–(16)
 //! ```
 
+use super::unsettled::{self, Sample, Unsettled};
 use super::{DriftNoise, Reading, Reference};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::SymmetricEigen;
@@ -35,7 +36,29 @@ pub const LEAST_READINGS: usize = 20;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.
 const OUTLIER: f64 = 27.9;
 
-/// The mean pose with its covariance, and what of the scatter lasts.
+/// How the camera moved while these readings were taken; none where they may be a reference. What is found falsely is at most once in
+/// `1 / FALSE_ALARM_PROBABILITY` tests, whatever correlated errors they have: docs/math/monitor.md section 8.
+pub fn unsettled(readings: &[Reading], config: &LearnConfig) -> Option<Unsettled> {
+    config.check().ok()?;
+    let usable: Vec<(usize, &Reading)> =
+        readings.iter().enumerate().filter(|(_, reading)| reading.is_consistent).collect();
+    let poses: Vec<&Reading> = usable.iter().map(|(_, reading)| *reading).collect();
+    if poses.len() < LEAST_READINGS {
+        return None;
+    }
+    let centre = medoid(&poses);
+    let sample = |reading: &&Reading| Sample {
+        t_s: reading.t_s,
+        motion: motion(&centre, reading),
+        covariance: reading.covariance,
+    };
+    let samples: Vec<Sample> = poses.iter().map(sample).collect();
+    let found = unsettled::find(&samples, config, 1)?;
+    Some(unsettled::described(&found, &samples, config, usable[found.sample].0))
+}
+
+/// The mean pose with its covariance, and what of the scatter lasts. Of readings amid which the camera moved (`unsettled`) this is the
+/// mean of two poses, with a noise as wide as the motion.
 ///
 /// # Errors
 /// `TooFewPoints` for fewer than twenty readings that agree with each other; `InvalidSetting` where what is known beforehand makes
