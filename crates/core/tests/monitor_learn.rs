@@ -104,16 +104,14 @@ fn what_was_learned_across_a_motion_was_as_wide_as_the_motion() {
     assert!(after.noise.reference[(1, 1)].sqrt() < SIGMA[1], "{:?}", after.noise.reference);
 }
 
-/// Amid an error that lasts, of the size of the noise, and in long looks, whose readings are joined.
+/// Amid an error that lasts, of the size of the noise, and in long looks, of which not every reading is tested.
 #[test]
 fn a_large_motion_is_found_whatever_its_size_and_the_length_of_the_look() {
     for (n, at) in [(50, 20), (200, 120), (1000, 700)] {
         for sigmas in [50.0, 500.0, 3000.0] {
             let all = readings(correlated(1.0, 10.0), 0xb19, n, stepped(at, sigmas));
             let found = unsettled(&all, &nothing_stated()).expect("a motion");
-            let late = found.reading as f64 - at as f64;
-            assert_eq!(found.unrest, Unrest::Step, "{n} readings, {sigmas} σ");
-            assert!((0.0..=(n as f64 / 40.0)).contains(&late) || late == 0.0, "{n}, {sigmas} σ: {late} late");
+            assert_eq!((found.unrest, found.reading), (Unrest::Step, at), "{n} readings, {sigmas} σ");
         }
     }
 }
@@ -146,9 +144,10 @@ fn what_does_not_keep_still_is_no_reference() {
     assert_eq!(unsettled(&readings(WHITE, 0x51e, 50, moved), &stated), None);
 }
 
-/// One reading in ten is flipped by 20°: no motion; and a motion amid them is found.
+/// One reading in ten is flipped by 20°: no motion; and a motion amid them is found, unless flips of three in seven confirm each other.
 #[test]
 fn flipped_poses_are_no_motion() {
+    let mut missed = 0;
     for run in 0..30 {
         let mut chance = Rng::new(0xf11b + run);
         let flips: Vec<bool> = (0..60).map(|_| chance.uniform(0.0, 1.0) < 0.1).collect();
@@ -156,9 +155,12 @@ fn flipped_poses_are_no_motion() {
         let still = unsettled(&readings(WHITE, 0xf0 + run, 60, flip), &nothing_stated());
         assert_eq!(still, None, "run {run}");
         let moved = |i: usize| flip(i) + stepped(30, 40.0)(i);
-        let found = unsettled(&readings(WHITE, 0xf0 + run, 60, moved), &nothing_stated()).expect("a motion");
-        assert!(found.unrest == Unrest::Step && (30..=33).contains(&found.reading), "run {run}: {found:?}");
+        let found = unsettled(&readings(WHITE, 0xf0 + run, 60, moved), &nothing_stated());
+        missed += u32::from(found.is_none());
+        let is_right = |found: Unsettled| found.unrest == Unrest::Step && (30..=33).contains(&found.reading);
+        assert!(found.is_none_or(is_right), "run {run}: {found:?}");
     }
+    assert!(missed <= 3, "{missed} of 30 missed");
 }
 
 /// Numbers of any kind are answered, and none of them with a motion that is none.

@@ -179,14 +179,19 @@ fn learned_amid(n: usize, seed: u64, moved: impl Fn(usize, usize) -> Vector6<f64
 fn a_camera_that_turns_while_its_rig_is_learned_is_named() {
     for seed in 0..runs().min(12) {
         for n in [2, 4] {
-            assert_eq!(learned_amid(n, 0x1ea + seed, |_, _| Vector6::zeros()), None, "{n} cameras, run {seed}");
+            assert_eq!(
+                learned_amid(n, 0x1ea + seed, |_, _| Vector6::zeros()),
+                None,
+                "{n} cameras, run {seed}"
+            );
         }
     }
     for seed in 0..8 {
         let turned = Vector6::new(0.0, 1.5_f64.to_radians(), 0.0, 0.0, 0.0, 0.0);
         let (n, who) = (if seed < 6 { 4 } else { 2 }, seed as usize % 2);
-        let moved =
-            |moment: usize, camera: usize| if 30 <= moment && camera == who { turned } else { Vector6::zeros() };
+        let moved = |moment: usize, camera: usize| {
+            if 30 <= moment && camera == who { turned } else { Vector6::zeros() }
+        };
         let found = learned_amid(n, 0x3ea + seed, moved).expect("a motion");
         assert_eq!(found.unsettled.unrest, Unrest::Step);
         assert!((30..=32).contains(&found.unsettled.reading), "{found:?}");

@@ -359,7 +359,8 @@ fn self_signed(folder: &Path) -> Option<[PathBuf; 2]> {
 
 /// The film to one visitor, over TLS.
 fn serve_secured(film: &Path, [certificate, key]: &[PathBuf; 2]) -> (Sender, String) {
-    let port = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a port").port();
+    let port =
+        TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a port").port();
     let address = format!("tls://127.0.0.1:{port}");
     let server = Command::new("ffmpeg")
         .args(["-v", "error", "-re", "-i"])

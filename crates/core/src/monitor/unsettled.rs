@@ -46,7 +46,7 @@ pub(super) struct Sample {
 
 /// One test says falsely that the camera moved, at most this often. Learning tests at N, 2N, 4N and 8N readings: once in 10⁴ together.
 pub const FALSE_ALARM_PROBABILITY: f64 = 2.5e-5;
-/// Values that are tested; more readings are joined to so many.
+/// Samples that are tested; of more, every second, third … is.
 const MOST: usize = 64;
 /// Fewer say nothing of a change.
 const FEWEST: usize = 12;
@@ -73,8 +73,9 @@ pub(super) struct Found {
 /// The motion that the samples show; none where chance and correlated errors explain them. `tests` of this kind share the rate.
 pub(super) fn find(samples: &[Sample], config: &LearnConfig, tests: usize) -> Option<Found> {
     let kept = without_outliers(samples);
-    let joined = joined(samples, &kept);
-    let all = all_series(&joined, config)?;
+    let thinned = thinned(&kept);
+    let t_s: Vec<f64> = thinned.iter().map(|i| samples[*i].t_s).collect();
+    let all = all_series(samples, &thinned, &t_s, config)?;
     let mut weighed: Vec<Weighed> = all.iter().map(Series::weigh).collect();
     let limit = (tests.max(1) as f64 / FALSE_ALARM_PROBABILITY).ln();
     if limit <= log_mean(&weighed) {
@@ -84,7 +85,9 @@ pub(super) fn find(samples: &[Sample], config: &LearnConfig, tests: usize) -> Op
     }
     let log_evidence = log_mean(&weighed);
     if limit <= log_evidence {
-        return Some(Found { log_evidence, ..change(&joined, &weighed) });
+        let (found, at) = change(&t_s, &weighed);
+        let sample = first_after(samples, &kept, &thinned, at);
+        return Some(Found { sample, began_s: samples[sample].t_s, log_evidence, ..found });
     }
     let wanders = |(series, weighed): (&Series, &mut Weighed)| is_wander(series, weighed);
     all.iter().zip(&mut weighed).any(wanders).then(|| Found {
@@ -97,7 +100,7 @@ pub(super) fn find(samples: &[Sample], config: &LearnConfig, tests: usize) -> Op
     })
 }
 
-/// Samples that two at least of the three before and the three after agree with: a flipped pose is no step.
+/// Samples that half of the three before and the three after agree with: a flipped pose is no step.
 fn without_outliers(samples: &[Sample]) -> Vec<usize> {
     let chi2 = |i: usize, j: usize| {
         let y = samples[i].motion - samples[j].motion;
@@ -108,54 +111,52 @@ fn without_outliers(samples: &[Sample]) -> Vec<usize> {
     neighbours.sort_by(f64::total_cmp);
     let typical = neighbours.get(neighbours.len() / 2).map_or(1.0, |median| (median / MEDIAN).max(1.0));
     let is_confirmed = |i: &usize| {
-        let others = (i.saturating_sub(3)..samples.len().min(i + 4)).filter(|j| j != i);
-        2 <= others.filter(|j| chi2(*i, *j) < OUTLIER * typical).count()
+        let others: Vec<usize> = (i.saturating_sub(3)..samples.len().min(i + 4)).filter(|j| j != i).collect();
+        let agree = others.iter().filter(|j| chi2(*i, **j) < OUTLIER * typical).count();
+        others.len() / 2 <= agree
     };
     (0..samples.len()).filter(is_confirmed).collect()
 }
 
-/// The mean of a few samples after each other.
-struct Joined {
-    t_s: Vec<f64>,
-    motions: Vec<Vector6>,
-    covariances: Vec<Matrix6>,
-    /// The first sample of each.
-    first: Vec<usize>,
-    /// How many.
-    size: f64,
+/// Every so many of them, from the last back: few enough, and each of one pose, as a mean of those around a step would not be.
+fn thinned(kept: &[usize]) -> Vec<usize> {
+    let stride = kept.len().div_ceil(MOST).max(1);
+    let mut thinned: Vec<usize> = kept.iter().rev().step_by(stride).copied().collect();
+    thinned.reverse();
+    thinned
 }
 
-fn joined(samples: &[Sample], kept: &[usize]) -> Joined {
-    let size = kept.len().div_ceil(MOST).max(1);
-    let mut joined = Joined {
-        t_s: Vec::new(),
-        motions: Vec::new(),
-        covariances: Vec::new(),
-        first: Vec::new(),
-        size: size as f64,
+/// The first sample that is nearer to those after a step than to those before, of the ones that thinning left out.
+fn first_after(samples: &[Sample], kept: &[usize], thinned: &[usize], at: usize) -> usize {
+    let (last, first) = (thinned[at.saturating_sub(1)], thinned[at]);
+    let mean = |of: &[usize]| of.iter().map(|i| samples[*i].motion).sum::<Vector6>() / of.len().max(1) as f64;
+    let (before, after) =
+        (mean(&thinned[at.saturating_sub(3)..at]), mean(&thinned[at..thinned.len().min(at + 3)]));
+    let is_after = |i: &&usize| {
+        let Some(factor) = samples[**i].covariance.cholesky() else { return false };
+        let distance =
+            |to: &Vector6| (samples[**i].motion - to).dot(&factor.solve(&(samples[**i].motion - to)));
+        distance(&after) < distance(&before)
     };
-    for chunk in kept.chunks(size) {
-        let n = chunk.len() as f64;
-        let of = || chunk.iter().map(|i| &samples[*i]);
-        joined.t_s.push(of().map(|sample| sample.t_s).sum::<f64>() / n);
-        joined.motions.push(of().map(|sample| sample.motion).sum::<Vector6>() / n);
-        joined.covariances.push(of().map(|sample| sample.covariance).sum::<Matrix6>() / (n * n));
-        joined.first.push(chunk[0]);
-    }
-    joined
+    kept.iter().filter(|i| last < **i && **i < first).find(is_after).copied().unwrap_or(first)
 }
 
 /// Directions looked along: a change of each coordinate alone shows best along P⁻¹ of it, one of several together in what whitens P.
 const DIRECTIONS: usize = 12;
 
 /// None where there are too few, no time passes, or a covariance is none.
-fn all_series<'a>(joined: &'a Joined, config: &LearnConfig) -> Option<Vec<Series<'a>>> {
-    let n = joined.t_s.len();
-    let span_s = joined.t_s.last()? - joined.t_s[0];
-    if n < FEWEST || !(0.0 < span_s && span_s.is_finite()) {
+fn all_series<'a>(
+    samples: &[Sample],
+    thinned: &[usize],
+    t_s: &'a [f64],
+    config: &LearnConfig,
+) -> Option<Vec<Series<'a>>> {
+    let span_s = t_s.last()? - t_s[0];
+    if t_s.len() < FEWEST || !(0.0 < span_s && span_s.is_finite()) {
         return None;
     }
-    let typical: Matrix6 = joined.covariances.iter().sum::<Matrix6>() / n as f64;
+    let of = || thinned.iter().map(|i| &samples[*i]);
+    let typical: Matrix6 = of().map(|sample| sample.covariance).sum::<Matrix6>() / t_s.len() as f64;
     let (whitened_from_motion, _) = whitening(&typical).filter(|_| is_covariance(&typical))?;
     let information = whitened_from_motion.transpose() * whitened_from_motion;
     let along = |i: usize| match i < 6 {
@@ -165,14 +166,12 @@ fn all_series<'a>(joined: &'a Joined, config: &LearnConfig) -> Option<Vec<Series
     let series = |i: usize| {
         let u: Vector6 = along(i);
         let sigma = |covariance: &Matrix6| u.dot(&(covariance * u)).max(0.0).sqrt();
-        let variance = |covariance: &Matrix6| sigma(covariance).powi(2).max(1e-12);
         Series {
-            t_s: &joined.t_s,
-            values: joined.motions.iter().map(|y| u.dot(y)).collect(),
-            variances: joined.covariances.iter().map(variance).collect(),
+            t_s,
+            values: of().map(|sample| u.dot(&sample.motion)).collect(),
+            variances: of().map(|sample| sigma(&sample.covariance).powi(2).max(1e-12)).collect(),
             stated: series::Correlated { sigma: sigma(&config.bias), time_s: config.bias_time_s },
             daily_sigma: sigma(&config.daily),
-            joined: joined.size,
         }
     };
     Some((0..DIRECTIONS).map(series).collect())
@@ -183,32 +182,34 @@ fn log_mean(weighed: &[Weighed]) -> f64 {
     LogSum::of(weighed.iter().map(Weighed::log_e)).ln() - (weighed.len() as f64).ln()
 }
 
-/// The most probable change.
-fn change(joined: &Joined, weighed: &[Weighed]) -> Found {
+/// The most probable change, and the one of the tested samples that it begins with.
+fn change(t_s: &[f64], weighed: &[Weighed]) -> (Found, usize) {
     let n_onsets = weighed[0].log_masses.len();
-    let of = |onset: usize, course: usize| LogSum::of(weighed.iter().map(|w| w.log_share(onset, course))).ln();
+    let of =
+        |onset: usize, course: usize| LogSum::of(weighed.iter().map(|w| w.log_share(onset, course))).ln();
     let masses: Vec<[f64; 2]> = (0..n_onsets).map(|onset| [of(onset, 0), of(onset, 1)]).collect();
     let all = LogSum::of(masses.iter().flatten().copied()).ln();
     let share = |course: usize| masses.iter().map(|mass| (mass[course] - all).exp()).sum::<f64>();
     let course = usize::from(share(0) < share(1));
     let best = (0..n_onsets).max_by(|a, b| masses[*a][course].total_cmp(&masses[*b][course])).unwrap_or(0);
-    let t_s = |onset: usize| joined.t_s[begins(onset)];
-    let away = |onset: usize| (masses[onset][course] - all).exp() * (t_s(onset) - t_s(best)).powi(2);
+    let apart_s = |onset: usize| t_s[begins(onset)] - t_s[begins(best)];
+    let away = |onset: usize| (masses[onset][course] - all).exp() * apart_s(onset).powi(2);
     let spread = (0..n_onsets).map(away).sum::<f64>() / share(course).max(f64::MIN_POSITIVE);
-    Found {
+    let found = Found {
         unrest: if course == 0 { Unrest::Step } else { Unrest::Ramp },
-        sample: joined.first[begins(best)],
-        began_s: t_s(best),
+        sample: 0,
+        began_s: t_s[begins(best)],
         began_sigma_s: spread.sqrt(),
         probability: share(course).min(1.0),
         log_evidence: 0.0,
-    }
+    };
+    (found, begins(best))
 }
 
 /// Whether what lasts about as long as the samples is far larger than their error, and than what is stated to last.
 fn is_wander(series: &Series, weighed: &mut Weighed) -> bool {
     let stated = series.stated.sigma.powi(2) + series.daily_sigma.powi(2);
-    let least = WANDER.powi(2) * (series.typical_variance() * series.joined + stated);
+    let least = WANDER.powi(2) * (series.typical_variance() + stated);
     // A correlated error is not known from a span that shows it once: its scatter within the span says how large it is at least.
     if series.scatter() < 0.25 * least {
         return false;
@@ -220,7 +221,12 @@ fn is_wander(series: &Series, weighed: &mut Weighed) -> bool {
 }
 
 /// In numbers; `reading` is the number of the reading that sample `found.sample` is.
-pub(super) fn described(found: &Found, samples: &[Sample], config: &LearnConfig, reading: usize) -> Unsettled {
+pub(super) fn described(
+    found: &Found,
+    samples: &[Sample],
+    config: &LearnConfig,
+    reading: usize,
+) -> Unsettled {
     let (before, after) = sides(found, samples);
     let [before, after] = [before, after].map(|side| mean(side, config));
     let drift = Drift {

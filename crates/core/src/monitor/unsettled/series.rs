@@ -47,8 +47,6 @@ pub struct Series<'a> {
     /// Of what is stated beforehand.
     pub stated: Correlated,
     pub daily_sigma: f64,
-    /// Readings joined to each value.
-    pub joined: f64,
 }
 
 /// How likely the readings of a series are with and without a change.

@@ -110,8 +110,7 @@ mod tests {
 
     #[test]
     fn an_address_is_taken_apart() {
-        let broker =
-            Broker::parse("mqtt://gate%40site@broker.example:1884/site/a/").expect("an address");
+        let broker = Broker::parse("mqtt://gate%40site@broker.example:1884/site/a/").expect("an address");
         assert_eq!(broker.user.as_deref(), Some("gate@site"));
         assert_eq!((broker.port, broker.prefix.as_str(), broker.is_tls), (1884, "site/a", false));
         assert_eq!(broker.receiver(), "mqtt://broker.example:1884");
@@ -138,7 +137,9 @@ mod tests {
 
     #[test]
     fn a_password_in_the_address_is_refused_unshown_with_the_way_out() {
-        for address in ["mqtt://gate:secret@host", "mqtts://gate:se%2Fcret@host:8883/site", "mqtt://:secret@host"] {
+        for address in
+            ["mqtt://gate:secret@host", "mqtts://gate:se%2Fcret@host:8883/site", "mqtt://:secret@host"]
+        {
             let told = format!("{:#}", Broker::parse(address).err().expect("refused"));
             assert!(told.contains("--mqtt-password-file") && told.contains(PASSWORD_VARIABLE), "{told}");
             assert!(!told.contains("secret") && !told.contains("cret@"), "{told}");
