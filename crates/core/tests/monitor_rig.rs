@@ -177,7 +177,7 @@ fn learned_amid(n: usize, seed: u64, moved: impl Fn(usize, usize) -> Vector6<f64
 /// cameras both may have been it.
 #[test]
 fn a_camera_that_turns_while_its_rig_is_learned_is_named() {
-    for seed in 0..runs().min(12) {
+    for seed in 0..runs().min(6) {
         for n in [2, 4] {
             assert_eq!(
                 learned_amid(n, 0x1ea + seed, |_, _| Vector6::zeros()),

@@ -365,7 +365,7 @@ fn serve_secured(film: &Path, [certificate, key]: &[PathBuf; 2]) -> (Sender, Str
     let server = Command::new("ffmpeg")
         .args(["-v", "error", "-re", "-i"])
         .arg(film)
-        .args(["-c", "copy", "-f", "mpegts", "-listen", "1", "-cert_file"])
+        .args(["-c", "copy", "-f", "mpegts", "-listen", "1", "-tls_verify", "0", "-cert_file"])
         .arg(certificate)
         .arg("-key_file")
         .arg(key)
