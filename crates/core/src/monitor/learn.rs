@@ -5,31 +5,11 @@
 //!   B = C₁ without its negative eigenvalues: what lasts from reading to reading       docs/math/monitor.md eqs. (14)–(16)
 //! ```
 
+pub use super::unsettled::LearnConfig;
 use super::unsettled::{self, Sample, Unsettled};
 use super::{DriftNoise, Reading, Reference};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::SymmetricEigen;
-
-/// What is known beforehand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LearnConfig {
-    /// Least covariance of the error that lasts: a short look cannot show it all.
-    pub bias: Matrix6,
-    /// Least time in which that error is forgotten, seconds.
-    pub bias_time_s: f64,
-    /// Covariance of the daily wobble, which only days show.
-    pub daily: Matrix6,
-}
-
-impl LearnConfig {
-    /// # Errors
-    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
-    pub fn check(&self) -> Result<(), Error> {
-        let nothing = Matrix6::zeros();
-        let LearnConfig { bias, bias_time_s, daily } = *self;
-        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
-    }
-}
 
 /// Readings needed.
 pub const LEAST_READINGS: usize = 20;

@@ -6,13 +6,34 @@
 
 mod series;
 
-use super::learn::LearnConfig;
-use super::test::whitening;
+use super::test::{DriftNoise, whitening};
 use super::{Course, Drift, LogSum};
+use crate::Error;
 use crate::covariance::is_covariance;
 use crate::{Matrix6, Vector6};
 use nalgebra::SVector;
 use series::{Series, Weighed, begins};
+
+/// What is known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LearnConfig {
+    /// Least covariance of the error that lasts: a short look cannot show it all.
+    pub bias: Matrix6,
+    /// Least time in which that error is forgotten, seconds.
+    pub bias_time_s: f64,
+    /// Covariance of the daily wobble, which only days show.
+    pub daily: Matrix6,
+}
+
+impl LearnConfig {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub fn check(&self) -> Result<(), Error> {
+        let nothing = Matrix6::zeros();
+        let LearnConfig { bias, bias_time_s, daily } = *self;
+        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
+    }
+}
 
 /// How the readings of a reference are no such.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
