@@ -146,7 +146,8 @@ fn addresses_that_cannot_be_are_refused_before_the_session() {
     let private = folder.join("token");
     std::fs::write(&private, "short\n").expect("written");
     let file = private.to_str().expect("a path");
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 8] = [
+        (&["--mqtt", "mqtt://gate:secret@host"], "--mqtt-password-file"),
         (&["--webhook", "ftp://host/secret"], "http:// or https://"),
         (&["--webhook", "http://h/", "--webhook-header", "secret"], "a colon is missing"),
         (&["--mqtt", "http://host"], "mqtt:// or mqtts://"),
@@ -168,7 +169,15 @@ fn addresses_that_cannot_be_are_refused_before_the_session() {
 #[test]
 fn a_broker_keeps_the_last_state_and_knows_who_is_there() {
     let broker = Broker::start(|_| Deed::Acknowledge);
-    let ended = run(&["--mqtt", &format!("mqtt://gate:p%40ss@{}/site", broker.place)], &knocked());
+    let password = folder("mqtt-password").join("password");
+    std::fs::write(&password, "p@ss\n").expect("written");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::set_permissions(&password, std::fs::Permissions::from_mode(0o600)).expect("private");
+    }
+    let (address, password) = (format!("mqtt://gate@{}/site", broker.place), password.display().to_string());
+    let ended = run(&["--mqtt", &address, "--mqtt-password-file", &password], &knocked());
     broker.see(|seen| {
         assert_eq!((seen.connections, seen.farewells), (1, 1), "{}", ended.log);
         assert_eq!(seen.users, [(Some("gate".to_string()), Some("p@ss".to_string()))]);

@@ -14,6 +14,7 @@ mod onsets;
 mod test;
 mod gate;
 mod drift;
+mod unsettled;
 pub mod learn;
 pub mod attribute;
 pub mod rig;
@@ -21,6 +22,7 @@ pub mod rig;
 pub use drift::{Drift, turn_alone};
 pub use onsets::Course;
 pub use test::DriftNoise;
+pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 
 use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};

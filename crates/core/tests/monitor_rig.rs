@@ -7,8 +7,10 @@ use nalgebra::{DMatrix, Matrix6, Vector2, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, SightNoise, learn_rig};
-use resight_core::monitor::{MonitorConfig, Watch};
+use resight_core::monitor::rig::{
+    Glance, RigMoment, RigMonitor, RigReference, RigUnsettled, SightNoise, learn_rig, unsettled_rig,
+};
+use resight_core::monitor::{MonitorConfig, Unrest, Watch};
 use resight_core::snapshot::Snapshot;
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Point, Pose};
 
@@ -160,6 +162,49 @@ fn learned_with(
 /// Enough for a look; RIG_RUNS=500 says more.
 fn runs() -> u64 {
     std::env::var("RIG_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(40)
+}
+
+fn learned_amid(n: usize, seed: u64, moved: impl Fn(usize, usize) -> Vector6<f64>) -> Option<RigUnsettled> {
+    let (lens, mut scene) = (lens(), Scene::new(n, seed));
+    let seen: Vec<_> = (0..50).map(|moment| scene.next(|camera| moved(moment, camera))).collect();
+    let all: Vec<RigMoment> = seen.iter().map(|seen| moment(&lens, seen)).collect();
+    let reference = learn_rig(&vec![lens.clone(); n], &all, &lasting()).expect("a rig");
+    unsettled_rig(&reference.cam_from_rig, &all, &lasting())
+}
+
+/// Lens errors and late cameras are no motion; one that turns by 1.5° amid the moments is named (7 of 8), with its size; of two both.
+#[test]
+fn a_camera_that_turns_while_its_rig_is_learned_is_named() {
+    for seed in 0..runs().min(6) {
+        for n in [2, 4] {
+            assert_eq!(
+                learned_amid(n, 0x1ea + seed, |_, _| Vector6::zeros()),
+                None,
+                "{n} cameras, run {seed}"
+            );
+        }
+    }
+    let (turned, mut n_found) = (Vector6::y() * 1.5_f64.to_radians(), 0);
+    for seed in 0..8 {
+        let (n, who) = (if seed < 6 { 4 } else { 2 }, seed as usize % 2);
+        let moved = |moment: usize, camera: usize| {
+            if 30 <= moment && camera == who { turned } else { Vector6::zeros() }
+        };
+        let Some(found) = learned_amid(n, 0x3ea + seed, moved) else {
+            println!("missed: {n} cameras, run {seed}");
+            continue;
+        };
+        n_found += 1;
+        assert_eq!(found.unsettled.unrest, Unrest::Step);
+        // A camera in four does not look: the first moment in which it is seen again.
+        assert!((30..=34).contains(&found.unsettled.reading), "{found:?}");
+        assert!(found.rivals.len() == usize::from(n == 2) && (n == 2 || found.camera == who), "{found:?}");
+        let drift = found.unsettled.drift;
+        let (error, information) = (drift.old_from_new - turned, drift.covariance.try_inverse());
+        let chi2 = error.dot(&(information.expect("a covariance") * error));
+        assert!(n == 2 || chi2 < 27.9, "χ² {chi2}: {:?}", drift.old_from_new);
+    }
+    assert!(6 <= n_found, "{n_found} of 8");
 }
 
 /// Places and noise learned in 60 moments, 100 moments watched, one alarm in 1000 decisions allowed; lens errors and late cameras are in

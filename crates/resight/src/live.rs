@@ -29,7 +29,7 @@ use crate::source::Source;
 use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;
 use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference};
+use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference, Unsettled};
 use resight_core::track::{TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Target};
 use std::sync::Arc;
@@ -212,6 +212,17 @@ pub enum Event {
         target: usize,
         /// The reference.
         reference: Box<Reference>,
+    },
+    /// The camera moved while its reference was being learned: learning goes on with the readings after the motion.
+    MovedWhileLearning {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// Other cameras of a rig, one of which may have moved instead.
+        rivals: Vec<usize>,
+        /// How it moved.
+        unsettled: Box<Unsettled>,
     },
     /// Frames dropped since the last such event, because the camera's queue was full. Told at once, then together every minute, and at
     /// the end.

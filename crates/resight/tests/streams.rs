@@ -343,3 +343,65 @@ fn a_password_is_nowhere_in_the_list_of_processes() {
     }
     assert!(5 <= frames && 0 < looked, "{frames} frames, {looked} looks at ffmpeg");
 }
+
+/// A certificate that signed itself, for this machine, with its key; none where `openssl` is missing.
+fn self_signed(folder: &Path) -> Option<[PathBuf; 2]> {
+    let [certificate, key] = ["certificate.pem", "key.pem"].map(|name| folder.join(name));
+    let made = Command::new("openssl")
+        .args(["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"])
+        .args(["-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1", "-keyout"])
+        .arg(&key)
+        .arg("-out")
+        .arg(&certificate)
+        .output();
+    made.is_ok_and(|made| made.status.success()).then_some([certificate, key])
+}
+
+/// The film to one visitor, over TLS.
+fn serve_secured(film: &Path, [certificate, key]: &[PathBuf; 2]) -> (Sender, String) {
+    let port =
+        TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a port").port();
+    let address = format!("tls://127.0.0.1:{port}");
+    let server = Command::new("ffmpeg")
+        .args(["-v", "error", "-re", "-i"])
+        .arg(film)
+        .args(["-c", "copy", "-f", "mpegts", "-listen", "1", "-tls_verify", "0", "-cert_file"])
+        .arg(certificate)
+        .arg("-key_file")
+        .arg(key)
+        .arg(&address)
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("ffmpeg");
+    // It listens once it has read the film; to ask would be to be its one visitor.
+    std::thread::sleep(Duration::from_millis(1500));
+    (Sender(server), address)
+}
+
+/// Nobody vouches for it: no frame of it is shown, and the reason names the certificate. Named as one's own, it is believed.
+#[test]
+fn a_self_signed_server_is_believed_only_where_its_certificate_is_named() {
+    let tls = Command::new("ffmpeg").args(["-hide_banner", "-h", "protocol=tls"]).output();
+    let knows = |tls: &[u8]| String::from_utf8_lossy(tls).contains("-tls_verify");
+    if !has_ffmpeg() || !tls.is_ok_and(|tls| knows(&tls.stdout)) {
+        println!("ffmpeg has no TLS: this test is skipped");
+        return;
+    }
+    let film = film("secured.ts", "320x240", 60, &H264);
+    let Some(files) = self_signed(film.parent().expect("a folder")) else {
+        println!("openssl makes no certificate: this test is skipped");
+        return;
+    };
+    let ask = |options: &[&str]| {
+        let (_server, address) = serve_secured(&film, &files);
+        let input_options = options.iter().map(|word| word.to_string()).collect();
+        let config = StreamConfig { lost_after_s: 5.0, ends: true, input_options, ..StreamConfig::default() };
+        all(Stream::open(&address, config).expect("ffmpeg"))
+    };
+    let (times, lost) = ask(&[]);
+    assert!(times.is_empty() && !lost.is_empty(), "{} frames of an unknown server, {lost:?}", times.len());
+    let own = files[0].display().to_string();
+    let (times, lost) = ask(&["-ca_file", &own]);
+    assert!(20 <= times.len(), "{} frames, {lost:?}", times.len());
+}

@@ -44,7 +44,7 @@ use std::sync::atomic::AtomicBool;
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
     detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n  \
     resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
-    Exit status with --once: 0 all steady, 3 something moved, 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
+    Exit status with --once: 0 all steady, 3 something moved (also while it was learned), 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
 pub struct Watch {
     /// Camera file in any supported format; NAME=FILE where there are several.
     #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]

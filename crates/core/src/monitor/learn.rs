@@ -5,37 +5,40 @@
 //!   B = C₁ without its negative eigenvalues: what lasts from reading to reading       docs/math/monitor.md eqs. (14)–(16)
 //! ```
 
+pub use super::unsettled::LearnConfig;
+use super::unsettled::{self, Sample, Unsettled};
 use super::{DriftNoise, Reading, Reference};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::SymmetricEigen;
-
-/// What is known beforehand.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LearnConfig {
-    /// Least covariance of the error that lasts: a short look cannot show it all.
-    pub bias: Matrix6,
-    /// Least time in which that error is forgotten, seconds.
-    pub bias_time_s: f64,
-    /// Covariance of the daily wobble, which only days show.
-    pub daily: Matrix6,
-}
-
-impl LearnConfig {
-    /// # Errors
-    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
-    pub fn check(&self) -> Result<(), Error> {
-        let nothing = Matrix6::zeros();
-        let LearnConfig { bias, bias_time_s, daily } = *self;
-        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
-    }
-}
 
 /// Readings needed.
 pub const LEAST_READINGS: usize = 20;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.
 const OUTLIER: f64 = 27.9;
 
-/// The mean pose with its covariance, and what of the scatter lasts.
+/// How the camera moved while these readings were taken; none where they may be a reference. What is found falsely is at most once in
+/// `1 / FALSE_ALARM_PROBABILITY` tests, whatever correlated errors they have: docs/math/monitor.md section 8.
+pub fn unsettled(readings: &[Reading], config: &LearnConfig) -> Option<Unsettled> {
+    config.check().ok()?;
+    let usable: Vec<(usize, &Reading)> =
+        readings.iter().enumerate().filter(|(_, reading)| reading.is_consistent).collect();
+    let poses: Vec<&Reading> = usable.iter().map(|(_, reading)| *reading).collect();
+    if poses.len() < LEAST_READINGS {
+        return None;
+    }
+    let centre = medoid(&poses);
+    let sample = |reading: &&Reading| Sample {
+        t_s: reading.t_s,
+        motion: motion(&centre, reading),
+        covariance: reading.covariance,
+    };
+    let samples: Vec<Sample> = poses.iter().map(sample).collect();
+    let found = unsettled::find(&samples, config, 1)?;
+    Some(unsettled::described(&found, &samples, config, usable[found.sample].0))
+}
+
+/// The mean pose with its covariance, and what of the scatter lasts. Of readings amid which the camera moved (`unsettled`) this is the
+/// mean of two poses, with a noise as wide as the motion.
 ///
 /// # Errors
 /// `TooFewPoints` for fewer than twenty readings that agree with each other; `InvalidSetting` where what is known beforehand makes

@@ -52,17 +52,17 @@ const COURSES: [Course; 2] = [Course::Step, Course::Slow];
 
 /// What the readings since an onset say of a change of one coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Gathered {
+pub(super) struct Gathered {
     /// g.
-    signature: Vector4<f64>,
+    pub signature: Vector4<f64>,
     /// c.
-    score: f64,
+    pub score: f64,
     /// d.
-    information: f64,
+    pub information: f64,
 }
 
 impl Gathered {
-    fn add(&mut self, innovation: &Innovation) {
+    pub fn add(&mut self, innovation: &Innovation) {
         let seen = read(&self.signature);
         self.score += seen * innovation.value / innovation.variance;
         self.information += seen * seen / innovation.variance;

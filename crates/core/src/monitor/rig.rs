@@ -14,7 +14,7 @@ mod restore;
 mod learn;
 
 pub use filter::SightNoise;
-pub use learn::{RigMoment, learn_rig, learn_sight_noise};
+pub use learn::{RigMoment, RigUnsettled, learn_rig, learn_sight_noise, unsettled_rig};
 pub use star::Glance;
 
 use super::attribute::{Attribution, MovedNode};

@@ -181,7 +181,7 @@ fn variances(whitened_from_motion: &Matrix6<f64>, covariance: &Matrix6<f64>) -> 
 }
 
 /// W with W P Wᵀ = 1, and its inverse.
-fn whitening(covariance: &Matrix6<f64>) -> Option<(Matrix6<f64>, Matrix6<f64>)> {
+pub(super) fn whitening(covariance: &Matrix6<f64>) -> Option<(Matrix6<f64>, Matrix6<f64>)> {
     // Radians and metres differ by orders: scaled to unit variances first.
     let scale = covariance.diagonal().map(f64::sqrt);
     if !scale.iter().all(|s| s.is_finite() && 1.0 / MOST_VARIANCE.sqrt() < *s) {

@@ -12,7 +12,7 @@ use crate::landmarks::LandmarksError;
 use crate::source::{Content, Frame};
 use landmarks::LandmarkWatch;
 use pair::{Pair, Sight};
-use resight_core::monitor::{Monitor, Reference};
+use resight_core::monitor::{Monitor, Reference, Unsettled};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
@@ -35,6 +35,8 @@ pub struct Looked {
     pub state: State,
     /// The reference, where this frame completed it.
     pub learned: Option<Box<Reference>>,
+    /// How the camera moved amid the readings that were to be the reference, where this frame showed it.
+    pub unsettled: Option<Box<Unsettled>>,
 }
 
 impl Look {
@@ -117,6 +119,7 @@ impl Look {
             observation: Observation { reason: reason.clone(), ..blank(frame, waited_us, true) },
             state,
             learned: None,
+            unsettled: None,
         };
         states.map(looked).collect()
     }
@@ -136,6 +139,9 @@ impl Look {
         };
         let mut looked: Vec<Looked> = self.pairs.iter_mut().map(look).collect();
         if let Some(landmarks) = &mut self.landmarks {
+            if looked.iter().any(|looked| looked.unsettled.is_some()) {
+                landmarks.begin_anew();
+            }
             let has_moved = self.pairs.iter().any(|pair| pair.may_have_moved(frame.capture_s));
             landmarks.stand_in(frame, &lens, &mut looked, (blank, has_moved));
         }

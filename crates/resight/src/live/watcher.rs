@@ -135,7 +135,14 @@ impl Teller {
         looked.into_iter().enumerate().all(|(target, looked)| {
             let observation = Box::new(looked.observation);
             let learned = looked.learned.map(|reference| Event::Learned { camera, target, reference });
+            let moved = looked.unsettled.map(|unsettled| Event::MovedWhileLearning {
+                camera,
+                target,
+                rivals: Vec::new(),
+                unsettled,
+            });
             self.tell(Event::Observed { camera, target, observation })
+                && moved.is_none_or(|event| self.tell(event))
                 && learned.is_none_or(|event| self.tell(event))
                 && self.state(target, t_s, looked.state)
         })

@@ -9,6 +9,7 @@ use super::RigReference;
 use super::filter::SightNoise;
 use super::star::{Glance, Sight, inverse, star};
 use crate::monitor::learn::{LEAST_READINGS, LearnConfig};
+use crate::monitor::unsettled::{self, Found, Sample, Unrest, Unsettled};
 use crate::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use crate::{Camera, Error, Matrix6, Pose, Vector6};
 use nalgebra::DMatrix;
@@ -59,6 +60,72 @@ pub fn learn_rig(
     };
     let widest = noise.iter().map(of).fold(solution.noise_scale, f64::max) / solution.noise_scale;
     Ok(RigReference { cam_from_rig, covariance: covariance * widest, noise })
+}
+
+/// A camera that moved, relative to the others, while the places of a rig were learned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigUnsettled {
+    /// Which.
+    pub camera: usize,
+    /// Others of which one may have moved instead: of two cameras it cannot be known which.
+    pub rivals: Vec<usize>,
+    /// How; `reading` counts moments.
+    pub unsettled: Unsettled,
+}
+
+/// Which camera moved amid these moments; none where they may be a reference. The cameras need only be near `cam_from_rig`. What is found
+/// falsely is, over all cameras, at most once in `1 / FALSE_ALARM_PROBABILITY` tests: docs/math/monitor.md section 8.
+pub fn unsettled_rig(
+    cam_from_rig: &[Pose],
+    moments: &[RigMoment],
+    config: &LearnConfig,
+) -> Option<RigUnsettled> {
+    config.check().ok()?;
+    let of_moment = |(i, moment)| stars(moment, cam_from_rig).into_iter().map(move |star| (i, star));
+    let stars: Vec<(usize, (f64, Vec<Sight>))> = moments.iter().enumerate().flat_map(of_moment).collect();
+    let n = cam_from_rig.len();
+    let series: Vec<Vec<(usize, Sample)>> =
+        (0..n).map(|camera| relative_motions(camera, &stars, cam_from_rig)).collect();
+    let found = |camera: usize| {
+        let samples: Vec<Sample> = series[camera].iter().map(|(_, sample)| *sample).collect();
+        // Frames of cameras that do not fire together wander as the target is carried: that is noise here, and is learned as such.
+        let found = unsettled::find(&samples, config, n).filter(|found| found.unrest != Unrest::Wander)?;
+        Some((camera, found, samples))
+    };
+    let mut all: Vec<(usize, Found, Vec<Sample>)> = (0..n).filter_map(found).collect();
+    all.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
+    let (camera, found, samples) = all.first()?;
+    let is_rival = |other: &&(usize, Found, Vec<Sample>)| found.log_evidence - RIVAL < other.1.log_evidence;
+    Some(RigUnsettled {
+        camera: *camera,
+        rivals: all[1..].iter().filter(is_rival).map(|other| other.0).collect(),
+        unsettled: unsettled::described(found, samples, config, series[*camera][found.sample].0),
+    })
+}
+
+/// Of two cameras the one for which the readings are e⁹ times as likely is the one that moved: as Δχ² = 18 elsewhere.
+const RIVAL: f64 = 9.0;
+
+/// Where a camera is, in its own old frame, against what the others of each star say, with the moment of each.
+fn relative_motions(
+    camera: usize,
+    stars: &[(usize, (f64, Vec<Sight>))],
+    cam_from_rig: &[Pose],
+) -> Vec<(usize, Sample)> {
+    let rig_from_cam: Vec<Matrix6> = cam_from_rig.iter().map(|place| place.inverse().adjoint()).collect();
+    let own_from_rig = cam_from_rig[camera].adjoint();
+    let (scales, offsets) = (vec![1.0; rig_from_cam.len()], vec![Vector6::zeros(); rig_from_cam.len()]);
+    let sample = |(moment, (t_s, star)): &(usize, (f64, Vec<Sight>))| {
+        let own = star.iter().find(|sight| sight.camera == camera)?;
+        let others: Vec<Sight> = star.iter().copied().filter(|sight| sight.camera != camera).collect();
+        let weighted = weighted(&others, &rig_from_cam, &scales, &offsets);
+        let spread = inverse(&weighted.iter().map(|(w, _)| w).sum())?;
+        let mean = spread * weighted.iter().map(|(w, z)| w * z).sum::<Vector6>();
+        let motion = own.motion - own_from_rig * mean;
+        let covariance = own.covariance + own_from_rig * spread * own_from_rig.transpose();
+        Some((*moment, Sample { t_s: *t_s, motion, covariance }))
+    };
+    stars.iter().filter_map(sample).collect()
 }
 
 fn solve(lenses: &[Camera], moments: &[RigMoment]) -> Result<crate::rig::RigSolution, Error> {

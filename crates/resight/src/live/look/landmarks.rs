@@ -76,6 +76,13 @@ impl LandmarkWatch {
         Ok(())
     }
 
+    /// The camera moved while its target's reference was learned: a picture that this session took may be from before.
+    pub fn begin_anew(&mut self) {
+        if self.settings.is_none() {
+            (self.landmarks, self.monitor, self.near, self.tried_s) = (None, None, None, None);
+        }
+    }
+
     /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0. `has_moved` says whether a
     /// target may be elsewhere than it was: then the picture is no reference.
     pub fn stand_in(
@@ -89,7 +96,8 @@ impl LandmarkWatch {
             self.first_s.get_or_insert(frame.capture_s);
         }
         if looked.is_empty() {
-            looked.push(Looked { observation: blank, state: State::Unseen { for_s: 0.0 }, learned: None });
+            let state = State::Unseen { for_s: 0.0 };
+            looked.push(Looked { observation: blank, state, learned: None, unsettled: None });
         }
         let is_seen = looked.iter().any(|looked| looked.observation.estimate.is_some());
         let observation = &mut looked[0].observation;

@@ -10,8 +10,8 @@ use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::Detection;
 use resight_core::locate::{Config, PoseEstimate};
-use resight_core::monitor::learn::{LEAST_READINGS, learn};
-use resight_core::monitor::{Monitor, Reading, Reference, Watch};
+use resight_core::monitor::learn::{LEAST_READINGS, learn, unsettled};
+use resight_core::monitor::{Monitor, Reading, Reference, Unrest, Unsettled, Watch};
 use resight_core::tag_map::locate_target;
 use resight_core::track::{Candidate, Motion, Tracked, Tracker};
 use resight_core::{Camera, Correspondence, Target};
@@ -174,9 +174,14 @@ impl Pair {
             observation.reason = Some(reason);
         }
         let started = Instant::now();
-        let learned = observation.reading.and_then(|reading| self.decide(&reading));
+        let decided = observation.reading.and_then(|reading| self.decide(&reading));
         observation.times.decide_us += micros(started);
-        Looked { observation, state: self.state(frame.capture_s), learned }
+        let (learned, unsettled) = match decided {
+            Some(Learned::Reference(reference)) => (Some(reference), None),
+            Some(Learned::Motion(unsettled)) => (None, Some(unsettled)),
+            None => (None, None),
+        };
+        Looked { observation, state: self.state(frame.capture_s), learned, unsettled }
     }
 
     /// How things stand at a time, also when no frame has come.
@@ -203,7 +208,8 @@ impl Pair {
         if self.config.monitor.unseen_after_s < t_s - seen_s {
             return State::Unseen { for_s: t_s - seen_s };
         }
-        State::Learning { readings: readings.len(), needed: self.config.learn_readings }
+        let needed = next_test(readings.len(), self.config.learn_readings);
+        State::Learning { readings: readings.len(), needed }
     }
 
     /// The first frame sets the clock: what is not seen from then on is unseen. One that cannot be read may have another clock's time,
@@ -269,8 +275,8 @@ impl Pair {
         if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
     }
 
-    /// The reference where this reading completed it.
-    fn decide(&mut self, reading: &Reading) -> Option<Box<Reference>> {
+    /// What this reading completed.
+    fn decide(&mut self, reading: &Reading) -> Option<Learned> {
         let readings = match &mut self.stage {
             Stage::Starting(_) => return None,
             Stage::Following { last_s, is_seen } => {
@@ -284,8 +290,13 @@ impl Pair {
             Stage::Learning(readings) => readings,
         };
         readings.push(*reading);
-        if readings.len() < self.config.learn_readings.max(LEAST_READINGS) {
+        let needed = self.config.learn_readings.max(LEAST_READINGS);
+        if readings.len() < next_test(readings.len(), needed) {
             return None;
+        }
+        if let Some(unsettled) = unsettled(readings, &self.config.lasting) {
+            forget(readings, &unsettled, needed);
+            return Some(Learned::Motion(Box::new(unsettled)));
         }
         let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
             let monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
@@ -297,8 +308,34 @@ impl Pair {
             return None;
         };
         self.stage = Stage::Watching(Box::new(monitor));
-        Some(Box::new(reference))
+        Some(Learned::Reference(Box::new(reference)))
     }
+}
+
+/// What learning came to.
+enum Learned {
+    Reference(Box<Reference>),
+    /// The camera moved, and learning goes on.
+    Motion(Box<Unsettled>),
+}
+
+/// Readings are tested at N, 2N, 4N and 8N: what wanders slowly needs a longer look, and tests at every reading would each have their
+/// own false alarms.
+const MOST_LOOKS: usize = 8;
+
+/// At which number of readings those of now are tested.
+fn next_test(readings: usize, needed: usize) -> usize {
+    (0..4).map(|doublings| needed << doublings).find(|test| readings <= *test).unwrap_or(readings)
+}
+
+/// What is from before a sudden motion; half of what moves on; of what wanders nothing until the look is long.
+fn forget(readings: &mut Vec<Reading>, unsettled: &Unsettled, needed: usize) {
+    let forgotten = match unsettled.unrest {
+        Unrest::Step => unsettled.reading,
+        Unrest::Wander if readings.len() < MOST_LOOKS * needed => 0,
+        Unrest::Ramp | Unrest::Wander => readings.len() / 2,
+    };
+    readings.drain(..forgotten);
 }
 
 /// Whether there will be no reference to learn: intrinsics or target are wrong.

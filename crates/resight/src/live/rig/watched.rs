@@ -8,8 +8,11 @@ use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
 use nalgebra::DMatrix;
 pub(in crate::live) use record::RigRecord;
+use resight_core::monitor::Unrest;
 use resight_core::monitor::learn::LEAST_READINGS;
-use resight_core::monitor::rig::{Glance, RigMoment, RigMonitor, RigReference, learn_rig, learn_sight_noise};
+use resight_core::monitor::rig::{
+    Glance, RigMoment, RigMonitor, RigReference, RigUnsettled, learn_rig, learn_sight_noise, unsettled_rig,
+};
 use resight_core::{Camera, Error, Pose};
 use std::time::{Duration, Instant};
 
@@ -40,7 +43,16 @@ pub(in crate::live) struct Cameras {
     first_s: Option<f64>,
     seen_s: Vec<Option<f64>>,
     told: Vec<Option<State>>,
+    /// Motions amid the moments that were to be learned from, which nobody has heard of yet.
+    unsettled: Vec<RigUnsettled>,
     told_moved: (Vec<usize>, Vec<Vec<usize>>),
+}
+
+/// What learning came to.
+enum Learned {
+    Monitor(Box<RigMonitor>),
+    /// A camera moved.
+    Motion(Box<RigUnsettled>),
 }
 
 /// Whether a camera's source gives frames, and will.
@@ -78,6 +90,7 @@ impl Cameras {
             first_s: None,
             seen_s: vec![None; n],
             told: vec![None; n],
+            unsettled: Vec::new(),
             told_moved: Default::default(),
             nodes,
         };
@@ -220,11 +233,12 @@ impl Cameras {
         }
         let moments: Vec<RigMoment> = self.learning.iter().map(borrowed).collect();
         match self.learned(&moments) {
-            Ok(mut monitor) => {
-                if self.reference.is_some() {
-                    moments.iter().for_each(|moment| monitor.push(moment));
-                }
-                (self.monitor, self.learning) = (Some(monitor), Vec::new());
+            Ok(Learned::Monitor(monitor)) => (self.monitor, self.learning) = (Some(*monitor), Vec::new()),
+            Ok(Learned::Motion(unsettled)) => {
+                let is_step = unsettled.unsettled.unrest == Unrest::Step;
+                let after = if is_step { unsettled.unsettled.reading } else { moments.len() / 2 };
+                self.learning.drain(..after);
+                self.unsettled.push(*unsettled);
             }
             // They do not tie all cameras together yet: the older half is forgotten once there are many, and learning goes on.
             Err(_) if 4 * self.config.learn_readings <= self.learning.len() => {
@@ -234,18 +248,48 @@ impl Cameras {
         }
     }
 
-    fn learned(&self, moments: &[RigMoment]) -> Result<RigMonitor, Error> {
+    fn learned(&self, moments: &[RigMoment]) -> Result<Learned, Error> {
+        match &self.reference {
+            Some((cam_from_rig, covariance)) => {
+                let mut monitor = self.watched_from(cam_from_rig, covariance, moments)?;
+                moments.iter().for_each(|moment| monitor.push(moment));
+                Ok(Learned::Monitor(Box::new(monitor)))
+            }
+            None => {
+                let reference = learn_rig(&self.lenses(), moments, &self.config.lasting)?;
+                let unsettled = unsettled_rig(&reference.cam_from_rig, moments, &self.config.lasting);
+                if let Some(unsettled) = unsettled {
+                    return Ok(Learned::Motion(Box::new(unsettled)));
+                }
+                let start_s = moments.last().map_or(0.0, |moment| moment.t_s);
+                let monitor = RigMonitor::new(&reference, &self.config.monitor, start_s)?;
+                Ok(Learned::Monitor(Box::new(monitor)))
+            }
+        }
+    }
+
+    /// The places are known, how well a sight is known is learned. A camera that moved amid these moments would make that noise as wide as
+    /// its motion: it is learned from the longer part, before or after, and the monitor then says what moved.
+    fn watched_from(
+        &self,
+        cam_from_rig: &[Pose],
+        covariance: &DMatrix<f64>,
+        moments: &[RigMoment],
+    ) -> Result<RigMonitor, Error> {
         let lasting = &self.config.lasting;
-        let reference = match &self.reference {
-            Some((cam_from_rig, covariance)) => RigReference {
-                noise: learn_sight_noise(cam_from_rig, moments, lasting),
-                cam_from_rig: cam_from_rig.clone(),
-                covariance: covariance.clone(),
-            },
-            None => learn_rig(&self.lenses(), moments, lasting)?,
+        let part = match unsettled_rig(cam_from_rig, moments, lasting) {
+            Some(RigUnsettled { unsettled, .. }) if unsettled.unrest == Unrest::Step => {
+                let (before, after) = moments.split_at(unsettled.reading);
+                if after.len() < before.len() { before } else { after }
+            }
+            _ => moments,
         };
-        let known = self.reference.is_some();
-        let start_s = if known { moments.first() } else { moments.last() }.map_or(0.0, |moment| moment.t_s);
+        let reference = RigReference {
+            noise: learn_sight_noise(cam_from_rig, part, lasting),
+            cam_from_rig: cam_from_rig.to_vec(),
+            covariance: covariance.clone(),
+        };
+        let start_s = moments.first().map_or(0.0, |moment| moment.t_s);
         RigMonitor::new(&reference, &self.config.monitor, start_s)
     }
 
@@ -283,7 +327,12 @@ impl Cameras {
         if self.first_s.is_none() {
             return Vec::new();
         }
-        let mut events: Vec<Event> = self.moved().into_iter().collect();
+        let unsettled = |RigUnsettled { camera, rivals, unsettled }| {
+            let unsettled = Box::new(unsettled);
+            Event::MovedWhileLearning { camera, target: 0, rivals, unsettled }
+        };
+        let mut events: Vec<Event> = self.unsettled.drain(..).map(unsettled).collect();
+        events.extend(self.moved());
         for (camera, state) in self.states(t_s).into_iter().enumerate() {
             let is_new = self.told[camera].as_ref().is_none_or(|before| is_news(before, &state));
             self.told[camera] = Some(state.clone());

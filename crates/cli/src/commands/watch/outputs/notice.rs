@@ -55,7 +55,9 @@ fn weight(event: &Event) -> Option<Weight> {
             State::Drifted(_) | State::Inconsistent | State::Unseen { .. } => Weight::Alarm,
             _ => Weight::Routine,
         }),
-        Event::Attributed { .. } | Event::Source { is_there: false, .. } => Some(Weight::Alarm),
+        Event::Attributed { .. }
+        | Event::MovedWhileLearning { .. }
+        | Event::Source { is_there: false, .. } => Some(Weight::Alarm),
         Event::Source { .. } => Some(Weight::Routine),
         _ => None,
     }

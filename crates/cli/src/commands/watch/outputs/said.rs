@@ -8,10 +8,11 @@ use crate::output::Outcome;
 use crate::turned::{self, parts};
 use anyhow::Result;
 use resight::core::monitor::attribute::MovedNode;
-use resight::core::monitor::{Course, Drift};
+use resight::core::monitor::{Course, Drift, Unrest, Unsettled};
 use resight::core::{Matrix6, Vector6};
 use resight::live::{Event, Observation, State};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::Write;
 
 /// Says events on stdout.
@@ -26,6 +27,8 @@ pub struct Said {
 pub struct Moved {
     nodes: Vec<String>,
     rivals: Vec<Vec<String>>,
+    /// Cameras and targets that moved while their reference was learned.
+    while_learning: BTreeSet<(usize, usize)>,
 }
 
 impl Moved {
@@ -33,7 +36,12 @@ impl Moved {
     pub fn take(&mut self, event: &Event) {
         if let Event::Attributed { moved, rivals, .. } = event {
             let nodes = moved.iter().map(|(name, _)| name.clone()).collect();
-            *self = Moved { nodes, rivals: rivals.clone() };
+            (self.nodes, self.rivals) = (nodes, rivals.clone());
+        }
+        if let Event::MovedWhileLearning { camera, target, unsettled, .. } = event
+            && unsettled.unrest != Unrest::Wander
+        {
+            self.while_learning.insert((*camera, *target));
         }
     }
 
@@ -65,13 +73,18 @@ pub fn verdict(names: &Names, json: bool, states: &[Option<State>], moved: &Move
     for (index, (pair, state)) in names.pairs().iter().zip(states).enumerate() {
         let word = state.as_ref().map_or("unseen", word);
         let (camera, target) = names.of_pair(index);
-        match json {
-            true => print(
-                &json!({"event": "verdict", "camera": names.camera(camera), "target": names.target(target),
-                    "state": word})
-                .to_string(),
-            )?,
-            false => print(&format!("{pair}: {word}"))?,
+        let has_moved = moved.while_learning.contains(&(camera, target));
+        match (json, has_moved) {
+            (true, _) => {
+                let mut object = json!({"event": "verdict", "camera": names.camera(camera),
+                    "target": names.target(target), "state": word});
+                if has_moved {
+                    object["moved_while_learning"] = json!(true);
+                }
+                print(&object.to_string())?;
+            }
+            (false, true) => print(&format!("{pair}: {word}; it moved while its reference was learned"))?,
+            (false, false) => print(&format!("{pair}: {word}"))?,
         }
     }
     Ok(outcome(states, moved))
@@ -82,7 +95,8 @@ pub fn outcome(states: &[Option<State>], moved: &Moved) -> Outcome {
     let is_drifted = |state: &Option<State>| matches!(state, Some(State::Drifted(_)));
     let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Followed));
     match states {
-        _ if !moved.nodes.is_empty() || states.iter().any(is_drifted) => Outcome::Moved,
+        _ if !moved.nodes.is_empty() || !moved.while_learning.is_empty() => Outcome::Moved,
+        _ if states.iter().any(is_drifted) => Outcome::Moved,
         _ if states.iter().all(is_well) => Outcome::Answered,
         _ => Outcome::SomeUnanswered,
     }
@@ -109,6 +123,12 @@ impl Said {
         Said { names: names.clone(), json, frames }
     }
 
+    /// Cameras that may have moved instead.
+    fn others(&self, rivals: &[usize]) -> String {
+        let names: Vec<&str> = rivals.iter().map(|rival| self.names.camera(*rival)).collect();
+        if names.is_empty() { String::new() } else { format!("; or {} moved instead", names.join(" or ")) }
+    }
+
     /// An event in words.
     pub fn words(&self, event: &Event) -> String {
         match event {
@@ -126,6 +146,10 @@ impl Said {
                     "{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm",
                     self.names.pair(*camera, *target)
                 )
+            }
+            Event::MovedWhileLearning { camera, target, rivals, unsettled } => {
+                let (pair, others) = (self.names.pair(*camera, *target), self.others(rivals));
+                format!("{pair}  {}{others}", unsettled_words(unsettled))
             }
             Event::Attributed { t_s, moved, .. } => {
                 let mut said = Moved::default();
@@ -181,6 +205,15 @@ impl Said {
             Event::Learned { camera, target, reference } => {
                 json!({"event": "learned", "camera": self.names.camera(*camera),
                 "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)})
+            }
+            Event::MovedWhileLearning { camera, target, rivals, unsettled } => {
+                let drift = &unsettled.drift;
+                let rivals: Vec<&str> = rivals.iter().map(|rival| self.names.camera(*rival)).collect();
+                json!({"event": "moved_while_learning", "camera": self.names.camera(*camera),
+                    "target": self.names.target(*target), "how": unrest_word(unsettled.unrest),
+                    "reading": unsettled.reading, "began_s": drift.began_s, "began_sigma_s": drift.began_sigma_s,
+                    "old_from_new": drift.old_from_new.as_slice(), "covariance": rows(&drift.covariance),
+                    "rivals": rivals, "message": self.words(event)})
             }
             Event::Attributed { t_s, moved, rivals } => {
                 let mut said = Moved::default();
@@ -273,6 +306,40 @@ fn drift_words(drift: &Drift) -> String {
     }
     let moved = parts(motion, |i| Some(sigma[i]));
     format!("{began}: turned and shifted {moved}; to put it back: {}", back(motion, sigma.as_slice()))
+}
+
+fn unrest_word(unrest: Unrest) -> &'static str {
+    match unrest {
+        Unrest::Step => "step",
+        Unrest::Ramp => "ramp",
+        Unrest::Wander => "wander",
+    }
+}
+
+/// Why learning goes on.
+fn unsettled_words(unsettled: &Unsettled) -> String {
+    let Unsettled { unrest, reading, drift } = unsettled;
+    let sigma = drift.covariance.diagonal().map(f64::sqrt);
+    let by = match drift.pure_rotation() {
+        Some((turn, covariance)) => {
+            let motion = Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0);
+            let sigma = covariance.diagonal().map(f64::sqrt);
+            format!("turned {}", parts(&motion, |i| sigma.as_slice().get(i).copied()))
+        }
+        None => format!("turned and shifted {}", parts(&drift.old_from_new, |i| Some(sigma[i]))),
+    };
+    let (began_s, began_sigma_s) = (drift.began_s, drift.began_sigma_s);
+    match unrest {
+        Unrest::Step => format!(
+            "moved after reading {reading} while its reference was learned, at {began_s:.1} s ± {began_sigma_s:.1} s: {by}; learning again from there"
+        ),
+        Unrest::Ramp => format!(
+            "moves while its reference is learned, since {began_s:.1} s ± {began_sigma_s:.1} s, so far {by}; it is not learned while it moves"
+        ),
+        Unrest::Wander => format!(
+            "does not keep still while its reference is learned: from the first readings to the last {by}; learning goes on with more readings. If that is an error of the readings, state it with --bias-deg and --bias-mm"
+        ),
+    }
 }
 
 /// The opposite of what stands out of its own error.

@@ -92,6 +92,7 @@ impl Output for Tf {
             Event::Dropped { .. }
             | Event::LeftOut { .. }
             | Event::Clock { .. }
+            | Event::MovedWhileLearning { .. }
             | Event::Ended { .. }
             | Event::Attributed { .. } => {}
         }

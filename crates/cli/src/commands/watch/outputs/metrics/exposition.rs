@@ -37,7 +37,7 @@ const OF_CAMERAS: [Family<CameraTally>; 5] = [
     }),
 ];
 
-const OF_PAIRS: [Family<PairTally>; 13] = [
+const OF_PAIRS: [Family<PairTally>; 14] = [
     ("resight_frames_total", "counter", "Frames looked at.", |_, p| Some(p.frames as f64)),
     ("resight_frames_with_pose_total", "counter", "Frames that gave a pose.", |_, p| {
         Some(p.with_pose as f64)
@@ -52,6 +52,12 @@ const OF_PAIRS: [Family<PairTally>; 13] = [
     ("resight_alarms_total", "counter", "How often it was said that something moved.", |_, p| {
         Some(p.alarms as f64)
     }),
+    (
+        "resight_moved_while_learning_total",
+        "counter",
+        "How often the camera moved while its reference was learned, so that it is learned again.",
+        |_, p| Some(p.moved_while_learning as f64),
+    ),
     (
         "resight_usable_reading_age_seconds",
         "gauge",

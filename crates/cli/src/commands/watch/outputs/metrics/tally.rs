@@ -66,6 +66,8 @@ pub struct PairTally {
     pub state: Option<State>,
     /// How often it was said to have moved.
     pub alarms: u64,
+    /// How often it moved while its reference was learned.
+    pub moved_while_learning: u64,
     /// What the last frame said.
     pub last: Last,
     /// Waited, detect, solve, decide.
@@ -149,6 +151,9 @@ impl Tally {
             }
             Event::Learned { camera, target, reference } => {
                 self.pair(*camera, *target, |pair| pair.reference = Some(**reference));
+            }
+            Event::MovedWhileLearning { camera, target, .. } => {
+                self.pair(*camera, *target, |pair| pair.moved_while_learning += 1);
             }
             Event::Dropped { camera, frames } => self.camera(*camera, |camera| camera.dropped += frames),
             Event::LeftOut { camera, frames, .. } => self.camera(*camera, |camera| camera.left_out += frames),

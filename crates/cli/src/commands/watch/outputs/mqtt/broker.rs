@@ -1,11 +1,11 @@
-//! Where the broker is, and as whom to speak to it: `mqtt://user:password@host:1883/prefix`.
+//! Where the broker is, and as whom to speak to it: `mqtt://user@host:1883/prefix`; the password comes from elsewhere.
 
 use crate::commands::watch::outputs::secret;
 use anyhow::{Context, Result, bail};
 use std::path::Path;
 use ureq::http::Uri;
 
-/// Where a password is looked for that neither the address nor a file gives.
+/// Where a password is looked for that no file gives.
 const PASSWORD_VARIABLE: &str = "RESIGHT_MQTT_PASSWORD";
 
 /// A broker.
@@ -22,12 +22,12 @@ pub struct Broker {
 
 impl Broker {
     /// # Errors
-    /// An address that is none; a password without a user.
+    /// An address that is none, or holds a password; a password without a user.
     pub fn read(url: &str, password_file: Option<&Path>) -> Result<Self> {
         let mut broker = Self::parse(url)?;
         if let Some(file) = password_file {
             broker.password = Some(secret::read("--mqtt-password-file", file)?);
-        } else if broker.password.is_none() && broker.user.is_some() {
+        } else if broker.user.is_some() {
             broker.password = std::env::var(PASSWORD_VARIABLE).ok();
         }
         if broker.password.is_some() && broker.user.is_none() {
@@ -47,10 +47,13 @@ impl Broker {
             bail!("--mqtt: the host is missing");
         };
         let who = authority.as_str().rsplit_once('@').map(|(who, _)| who);
-        let (user, password) = match who.map(|who| who.split_once(':').unwrap_or((who, ""))) {
-            None => (None, None),
-            Some((user, "")) => (Some(decoded(user)?), None),
-            Some((user, password)) => (Some(decoded(user)?), Some(decoded(password)?)),
+        let user = match who.map(|who| who.split_once(':').unwrap_or((who, ""))) {
+            None => None,
+            Some((user, "")) => Some(decoded(user)?),
+            Some((user, _)) => bail!(
+                "--mqtt: a password in an argument can be read by everybody on this machine; give mqtt://{user}@HOST, and the \
+                 password with --mqtt-password-file FILE or in the variable {PASSWORD_VARIABLE}"
+            ),
         };
         let host = authority.host().trim_start_matches('[').trim_end_matches(']').to_string();
         let place = authority.as_str().rsplit('@').next().unwrap_or_default();
@@ -67,7 +70,7 @@ impl Broker {
                 }
             }
         };
-        Ok(Broker { host, port, is_tls, user, password, prefix: prefix(uri.path())? })
+        Ok(Broker { host, port, is_tls, user, password: None, prefix: prefix(uri.path())? })
     }
 
     /// For the log: no secrets.
@@ -107,9 +110,8 @@ mod tests {
 
     #[test]
     fn an_address_is_taken_apart() {
-        let broker =
-            Broker::parse("mqtt://gate%40site:p%3Aw%2F@broker.example:1884/site/a/").expect("an address");
-        assert_eq!((broker.user.as_deref(), broker.password.as_deref()), (Some("gate@site"), Some("p:w/")));
+        let broker = Broker::parse("mqtt://gate%40site@broker.example:1884/site/a/").expect("an address");
+        assert_eq!(broker.user.as_deref(), Some("gate@site"));
         assert_eq!((broker.port, broker.prefix.as_str(), broker.is_tls), (1884, "site/a", false));
         assert_eq!(broker.receiver(), "mqtt://broker.example:1884");
         let short = Broker::parse("mqtts://[::1]").expect("an address");
@@ -131,5 +133,16 @@ mod tests {
             assert!(told.starts_with("--mqtt") && !told.contains("secret"), "{wrong}: {told}");
         }
         assert!(Broker::parse("mqtt://%ff@host").is_err());
+    }
+
+    #[test]
+    fn a_password_in_the_address_is_refused_unshown_with_the_way_out() {
+        for address in
+            ["mqtt://gate:secret@host", "mqtts://gate:se%2Fcret@host:8883/site", "mqtt://:secret@host"]
+        {
+            let told = format!("{:#}", Broker::parse(address).err().expect("refused"));
+            assert!(told.contains("--mqtt-password-file") && told.contains(PASSWORD_VARIABLE), "{told}");
+            assert!(!told.contains("secret") && !told.contains("cret@"), "{told}");
+        }
     }
 }
