@@ -72,7 +72,8 @@ fn boards(c: &mut Criterion) {
     for (columns, rows) in [(9, 6), (24, 24)] {
         let mut rng = Rng::new(9);
         let at = |i: usize, n: usize| (i as f64 / (n - 1) as f64 - 0.5) * 2.0;
-        let points = (0..columns * rows).map(|i| Point::new(at(i % columns, columns), at(i / columns, rows), 0.0));
+        let points =
+            (0..columns * rows).map(|i| Point::new(at(i % columns, columns), at(i / columns, rows), 0.0));
         let truth = Pose::new(
             Rotation3::new(Vector3::new(0.4, -0.3, 0.1)).into_inner(),
             Vector3::new(0.1, -0.1, 5.0),

@@ -117,8 +117,11 @@ impl Doubts<'_> {
         for (i, ((place, m), (weight, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
             let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
             let is_rival = is_within_gate(m, &self.lowest, self.noise_scale);
-            let covariance =
-                if is_rival { self.covariance(m, *is_bent)?.covariance } else { m.covariance * self.noise_scale };
+            let covariance = if is_rival {
+                self.covariance(m, *is_bent)?.covariance
+            } else {
+                m.covariance * self.noise_scale
+            };
             let minimum = Minimum { covariance, ..*m };
             let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + weight;
             // A pose of which nothing is known is no alternative; the next to the answer decides whether that is the only one.

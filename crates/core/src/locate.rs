@@ -67,7 +67,7 @@ pub struct PoseEstimate {
     /// a robust loss.
     pub chi2: f64,
     /// Root mean square of the smooth displacement that all points share, along one axis of the image, px: a bent board, a lens not quite
-    /// known. `covariance` holds it. 0 where none shows, and where fewer than nine points could not show it.
+    /// known. `covariance` holds it. 0 where none shows, and where fewer than twelve points could not show it.
     pub shared_error_px: f64,
     /// What uncertain points and intrinsics add to minus twice the log-likelihood: `Minimum::log_determinant`.
     pub log_determinant: f64,

@@ -26,16 +26,16 @@ const FUNCTIONS: usize = 10;
 /// What every function is multiplied with: the derivatives of u and of v by the motion, and both residuals.
 const COLUMNS: usize = 14;
 /// Variance of one function over that of one of the degree below: 0.1 to 0.3 on recorded boards, docs/math/shared_error.md section 5.
-const DECAY: f64 = 0.25;
-/// Fewer points, two tags among them, hardly tell a displacement from noise.
-const MIN_POINTS: usize = 9;
+const DECAY: f64 = 0.2;
+/// Fewer points hardly tell a displacement from noise: three tags, or a board of 3 × 4 corners.
+const MIN_POINTS: usize = 12;
 /// Variances of the displacement over that of the noise that are tried: 0.02 · √10ᵏ, evenly spaced in the logarithm.
 const NODES: usize = 11;
 const FIRST_NODE: f64 = 0.02;
 /// Probability that there is a displacement, before the residuals are looked at …
 const PRIOR: f64 = 0.5;
-/// … and afterwards, below which nothing is widened: of views without any, one in thirty is above it.
-const PROVEN: f64 = 0.6;
+/// … and afterwards, below which nothing is widened: of views without any, one in fifty is above it.
+const PROVEN: f64 = 0.7;
 /// A function of which the lower ones leave less than this squared share over the points is not one of its own.
 const NEW: f64 = 1e-8;
 /// Steps of the decomposition of six rows; it needs a dozen.
@@ -137,12 +137,11 @@ impl Products {
             let (ju, jv) = (ju * a + jv * b, jv * d);
             let (tu, tv, e) = (y.cross(&ju), y.cross(&jv), c.pixel - pixel);
             let (ru, rv) = (a * e.x + b * e.y, d * e.y);
-            let row = [
-                tu.x, tu.y, tu.z, ju.x, ju.y, ju.z, tv.x, tv.y, tv.z, jv.x, jv.y, jv.z, ru, rv,
-            ];
+            let row = [tu.x, tu.y, tu.z, ju.x, ju.y, ju.z, tv.x, tv.y, tv.z, jv.x, jv.y, jv.z, ru, rv];
             let weight = a * d;
             sums.weight += weight;
-            sums.add(&polynomials(&((c.pixel - mean) * scale), weight.sqrt()), &row);
+            // Of the predicted pixel: functions of the observed one hold its noise, and with the derivatives would explain it.
+            sums.add(&polynomials(&((pixel - mean) * scale), weight.sqrt()), &row);
         }
         sums.weight.is_finite().then_some(sums)
     }

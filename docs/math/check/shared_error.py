@@ -16,7 +16,7 @@ def close(a, b, tolerance="1e-25"):
     assert mp.norm(a - b) < mp.mpf(tolerance) * (1 + mp.norm(b)), mp.norm(a - b)
 
 
-n, degree, rho = 20, 3, mp.mpf(1) / 4
+n, degree, rho = 20, 3, mp.mpf(1) / 5
 image = [(mp.mpf(random.gauss(0, 1)), mp.mpf(random.gauss(0, 1))) for _ in range(n)]
 weights = [mp.mpf(random.uniform(0.5, 2)) for _ in range(n)]
 

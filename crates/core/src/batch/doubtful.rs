@@ -115,7 +115,15 @@ impl<'a> Case<'a> {
             self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, &mut minima);
         }
         let (geometry, bends) = (Some(self.known.geometry), [Some(is_bent), None, None, None]);
-        conclude(problem, geometry, Method::LinePlusOne, Allowed::default(), self.weakness, bends, &mut minima)
+        conclude(
+            problem,
+            geometry,
+            Method::LinePlusOne,
+            Allowed::default(),
+            self.weakness,
+            bends,
+            &mut minima,
+        )
     }
 
     /// As `search::refine_each`, the refinements being done.
