@@ -9,11 +9,11 @@
 //!   C_d = JᵀP_dJ,  g_d = JᵀP_dr,  e_d = rᵀP_dr   ·   x_d = θ n λ_d  variance of one function over that of independent noise
 
 use crate::choose::Minimum;
-use crate::least_squares::{NormalEquations, PivotedPose};
+use crate::least_squares::PivotedPose;
 use crate::loss::Loss;
 use crate::pose::symmetric;
 use crate::problem::Problem;
-use crate::refine::{centroid, normal_equations, whitening};
+use crate::refine::{centroid, whitening};
 use crate::{Matrix6, Pixel, Point, Vector6};
 use nalgebra::SymmetricEigen;
 #[cfg(not(feature = "std"))]
@@ -88,12 +88,10 @@ fn at_least(whole: &Matrix6, least: &Matrix6) -> Option<Matrix6> {
 /// Out of line: few points never come here.
 #[inline(never)]
 fn shared_error(m: &Minimum, problem: &Problem) -> Option<SharedError> {
-    let held = problem.held_at(&m.cam_from_target);
     let pivot = centroid(problem.seen);
     let place = PivotedPose::new(&m.cam_from_target, &pivot);
-    let normal = normal_equations(&place, &pivot, &held)?;
     let products = Products::of(&place, &pivot, problem)?;
-    let fit = Fit::new(&normal, &products, problem)?;
+    let fit = Fit::new(&at_pivot(m, &place), m.chi2, &products, problem)?;
     let variances = fit.variances()?;
     let amplitude = (0..=DEGREE).map(|d| variances.of_function[d] * fit.degrees[d].n).sum::<f64>();
     let amplitude_px = (amplitude / products.weight / 2.0).sqrt();
@@ -102,16 +100,27 @@ fn shared_error(m: &Minimum, problem: &Problem) -> Option<SharedError> {
         field += degree.information * variance;
     }
     let about_pivot = fit.unscaled(&(fit.inverse * field * fit.inverse));
-    let mut transport = Matrix6::identity();
-    transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&place.pivot_in_cam.cross_matrix());
+    let transport = to_camera(&place.pivot_in_cam);
     let field = symmetric(&(transport * about_pivot * transport.transpose()));
     let is_finite = field.sum().is_finite() && amplitude_px.is_finite() && variances.noise.is_finite();
     is_finite.then_some(SharedError { field, noise: variances.noise, amplitude_px })
 }
 
+/// Small motions about a pivot as left motions of the camera frame: ν_left = ν + c × ω.
+fn to_camera(pivot_in_cam: &Point) -> Matrix6 {
+    let mut transport = Matrix6::identity();
+    transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_cam.cross_matrix());
+    transport
+}
+
+/// A⁻¹ about the pivot, where rotation and translation hardly depend on each other.
+fn at_pivot(m: &Minimum, place: &PivotedPose) -> Matrix6 {
+    let back = to_camera(&-place.pivot_in_cam);
+    symmetric(&(back * m.covariance * back.transpose()))
+}
+
 /// The polynomials multiplied over all points with each other, with the derivatives and with the residuals.
 struct Products {
-    /// Lower triangle.
     gram: [[f64; FUNCTIONS]; FUNCTIONS],
     columns: [[f64; COLUMNS]; FUNCTIONS],
     /// Sum of the points' weights, 1/σ² where noise is the same in u and v.
@@ -149,7 +158,8 @@ impl Products {
     #[inline(always)]
     fn add(&mut self, functions: &[f64; FUNCTIONS], row: &[f64; COLUMNS]) {
         for (k, f) in functions.iter().enumerate() {
-            for (sum, other) in self.gram[k][..=k].iter_mut().zip(functions) {
+            // The whole square: a loop of fixed length goes two numbers at a time.
+            for (sum, other) in self.gram[k].iter_mut().zip(functions) {
                 *sum += f * other;
             }
             for (sum, entry) in self.columns[k].iter_mut().zip(row) {
@@ -215,7 +225,7 @@ struct Degree {
     variance: f64,
 }
 
-/// Everything that the likelihood depends on; motions are scaled so that the diagonal of A is one.
+/// Everything that the likelihood depends on; motions are scaled to their standard deviations.
 struct Fit {
     degrees: [Degree; DEGREE + 1],
     information: Matrix6,
@@ -233,11 +243,10 @@ struct Variances {
 }
 
 impl Fit {
-    fn new(normal: &NormalEquations, products: &Products, problem: &Problem) -> Option<Self> {
-        let information = normal.information();
-        let scale: Vector6 = information.diagonal().map(|x| 1.0 / x.sqrt());
-        let scaled = information.component_mul(&(scale * scale.transpose()));
-        let inverse = scaled.cholesky()?.inverse();
+    fn new(covariance: &Matrix6, chi2: f64, products: &Products, problem: &Problem) -> Option<Self> {
+        let scale: Vector6 = covariance.diagonal().map(|x| x.sqrt());
+        let inverse = covariance.component_div(&(scale * scale.transpose()));
+        let information = inverse.cholesky()?.inverse();
         let of_all: f64 = (0..=DEGREE).map(|d| (d + 1) as f64 * DECAY.powi(d as i32)).sum();
         let zero = Degree {
             information: Matrix6::zeros(),
@@ -263,7 +272,7 @@ impl Fit {
             degree.variance = problem.seen.len() as f64 * DECAY.powi(d as i32) / of_all;
         }
         let n = problem.degrees_of_freedom() as f64;
-        Some(Fit { degrees, information: scaled, inverse, scale, chi2: normal.chi2, n })
+        Some(Fit { degrees, information, inverse, scale, chi2, n })
     }
 
     fn unscaled(&self, motion: &Matrix6) -> Matrix6 {
