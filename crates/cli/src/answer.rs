@@ -170,6 +170,9 @@ pub struct PoseObject {
     rms_px: Option<f64>,
     chi2: Option<f64>,
     dof: Option<usize>,
+    /// Root mean square of what all points share along one axis of the image, where that shows; `covariance` holds it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shared_error_px: Option<f64>,
     sigma_px: Option<f64>,
     image_unit: &'static str,
     point_sigma_m: Option<f64>,
@@ -259,6 +262,7 @@ impl Answer {
             rms_px: e.map(|e| e.rms_px),
             chi2: e.map(|e| e.chi2),
             dof: e.map(|e| e.degrees_of_freedom),
+            shared_error_px: e.map(|e| e.shared_error_px).filter(|px| 0.0 < *px),
             sigma_px: self.sigma_px,
             image_unit: self.image_unit,
             point_sigma_m: self.point_sigma_m,

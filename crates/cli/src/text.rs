@@ -125,6 +125,13 @@ fn fit(answer: &Answer, e: &PoseEstimate) -> String {
         crate::args::method_name(e.method)
     );
     line(&mut out, "fit", &text);
+    if 0.0 < e.shared_error_px {
+        let text = format!(
+            "about {} {unit} of the residuals are common to neighbouring points (a bent target, a lens not quite known); every ± holds that",
+            figures(e.shared_error_px)
+        );
+        line(&mut out, "shared", &text);
+    }
     out
 }
 

@@ -66,5 +66,39 @@ fn n_points(c: &mut Criterion) {
     }
 }
 
-criterion_group! { name = benches; config = Criterion::default().sample_size(20); targets = n_points }
+/// A flat board of 9 × 6 or 24 × 24 corners, with errors that all of them share looked for and not.
+fn boards(c: &mut Criterion) {
+    let camera = camera();
+    for (columns, rows) in [(9, 6), (24, 24)] {
+        let mut rng = Rng::new(9);
+        let at = |i: usize, n: usize| (i as f64 / (n - 1) as f64 - 0.5) * 2.0;
+        let points =
+            (0..columns * rows).map(|i| Point::new(at(i % columns, columns), at(i / columns, rows), 0.0));
+        let truth = Pose::new(
+            Rotation3::new(Vector3::new(0.4, -0.3, 0.1)).into_inner(),
+            Vector3::new(0.1, -0.1, 5.0),
+        );
+        for (name, shared_px) in [("independent", 0.0), ("shared", 2.0)] {
+            let seen: Vec<Correspondence> = points
+                .clone()
+                .map(|x| {
+                    let noise = Vector2::new(rng.normal(), rng.normal()) * SIGMA_PX;
+                    let bent = Vector2::new(x.x * x.x, x.x * x.y) * shared_px;
+                    let pixel = camera.project(&(truth * x)).expect("in front") + noise + bent;
+                    Correspondence::new(&camera, x, pixel, SIGMA_PX).expect("in the field")
+                })
+                .collect();
+            let mut group = c.benchmark_group(format!("board {columns} x {rows}, {name} errors"));
+            for shared_errors in [true, false] {
+                let config = Config { shared_errors, ..Config::default() };
+                group.bench_function(format!("shared_errors {shared_errors}"), |b| {
+                    b.iter(|| black_box(locate(black_box(&seen), &camera, &config)).is_ok())
+                });
+            }
+            group.finish();
+        }
+    }
+}
+
+criterion_group! { name = benches; config = Criterion::default().sample_size(20); targets = n_points, boards }
 criterion_main!(benches);

@@ -7,6 +7,7 @@ use crate::least_squares::RIVAL_MARGIN_CHI2;
 use crate::pose::symmetric;
 use crate::problem::Problem;
 use crate::refine::{refine_against, residual_sums};
+use crate::shared_error::SharedError;
 use crate::{Error, Matrix6, Pose};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -72,11 +73,20 @@ pub(crate) struct Doubts<'a> {
     pub(crate) noise_scale: f64,
     /// The lowest of the minima, which need not be the first.
     pub(crate) lowest: Minimum,
+    /// Whether errors that all points share are looked for.
+    pub(crate) shared_errors: bool,
+}
+
+/// A covariance, whole.
+pub(crate) struct Whole {
+    pub(crate) covariance: Matrix6,
+    /// What the points share along one axis of the image, root mean square, pixels; 0 where nothing shows.
+    pub(crate) shared_error_px: f64,
 }
 
 impl Doubts<'_> {
     /// The covariance of a minimum, whole. Whether its likelihood is bent is found out where it is not known yet.
-    pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Matrix6, Error> {
+    pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Whole, Error> {
         let problem = self.problem;
         // The bend is that of the pixels' χ², without what intrinsics explain.
         let chi2 =
@@ -89,7 +99,14 @@ impl Doubts<'_> {
             Some(given) => Dependence::at(m, problem, given)?.share(&covariance),
             None => Matrix6::zeros(),
         };
-        Ok(symmetric(&((covariance + share) * self.noise_scale)))
+        let independent = symmetric(&((covariance + share) * self.noise_scale));
+        Ok(match self.shared_errors.then(|| SharedError::at(m, problem)).flatten() {
+            Some(shared) => Whole {
+                covariance: shared.widen(&independent, &covariance, &share),
+                shared_error_px: shared.amplitude_px,
+            },
+            None => Whole { covariance: independent, shared_error_px: 0.0 },
+        })
     }
 
     /// The minima after the first, those within the gate with their whole covariance.
@@ -100,8 +117,11 @@ impl Doubts<'_> {
         for (i, ((place, m), (weight, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
             let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
             let is_rival = is_within_gate(m, &self.lowest, self.noise_scale);
-            let covariance =
-                if is_rival { self.covariance(m, *is_bent)? } else { m.covariance * self.noise_scale };
+            let covariance = if is_rival {
+                self.covariance(m, *is_bent)?.covariance
+            } else {
+                m.covariance * self.noise_scale
+            };
             let minimum = Minimum { covariance, ..*m };
             let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + weight;
             // A pose of which nothing is known is no alternative; the next to the answer decides whether that is the only one.

@@ -39,6 +39,7 @@ mod held;
 mod upright;
 mod literal;
 mod intrinsics;
+mod shared_error;
 mod doubt;
 pub mod locate;
 pub mod observability;

@@ -5,7 +5,7 @@
 use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
 use crate::consistency::{Consistency, consistency, noise_scale};
 use crate::curvature::Bends;
-use crate::doubt::{Doubts, allow_for_intrinsics, check_known};
+use crate::doubt::{Doubts, Whole, allow_for_intrinsics, check_known};
 use crate::group::RigidGroup;
 use crate::held::{hold, may_hold, start_from_priors};
 use crate::literal::literal;
@@ -24,7 +24,7 @@ use crate::upright::upright;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
 /// What to do beyond the defaults.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config<'a> {
     /// The method; `Auto` decides from the points.
     pub method: Method,
@@ -37,6 +37,21 @@ pub struct Config<'a> {
     pub loss: Loss,
     /// Runs of points whose known positions share one unknown motion, such as the corners of a tag of a map; under the squared loss.
     pub groups: &'a [RigidGroup],
+    /// Whether the covariance holds errors that all points of the view share, where the residuals show them: docs/math/shared_error.md.
+    pub shared_errors: bool,
+}
+
+impl Default for Config<'_> {
+    fn default() -> Self {
+        Config {
+            method: Method::default(),
+            intrinsics_covariance: None,
+            priors: &[],
+            loss: Loss::default(),
+            groups: &[],
+            shared_errors: true,
+        }
+    }
 }
 
 /// A pose, how sure, and whether another one fits as well.
@@ -51,6 +66,9 @@ pub struct PoseEstimate {
     /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics included; of what they cost under
     /// a robust loss.
     pub chi2: f64,
+    /// Root mean square of the smooth displacement that all points share, along one axis of the image, px: a bent board, a lens not quite
+    /// known. `covariance` holds it. 0 where none shows, and where fewer than twelve points could not show it.
+    pub shared_error_px: f64,
     /// What uncertain points and intrinsics add to minus twice the log-likelihood: `Minimum::log_determinant`.
     pub log_determinant: f64,
     /// As in `Hypothesis`: above 0 where a pose that fits a little worse is the more probable one.
@@ -99,7 +117,15 @@ pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Resu
     };
     let intrinsics = allowed_intrinsics(config, method)?;
     let bends = [intrinsics.is_none().then_some(findings.is_bent), None, None, None];
-    conclude(problem, geometry, method, intrinsics, findings.weakness, bends, &mut minima)
+    let allowed = Allowed { intrinsics, shared_errors: config.shared_errors };
+    conclude(problem, geometry, method, allowed, findings.weakness, bends, &mut minima)
+}
+
+/// What widens the covariance besides the pixels' sigmas.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Allowed<'a> {
+    pub(crate) intrinsics: Option<&'a [f64]>,
+    pub(crate) shared_errors: bool,
 }
 
 /// The answer that the minima found amount to.
@@ -107,7 +133,7 @@ pub(crate) fn conclude(
     problem: &Problem,
     geometry: Option<Geometry>,
     method: Method,
-    intrinsics: Option<&[f64]>,
+    Allowed { intrinsics, shared_errors }: Allowed,
     weakness: Option<Weakness>,
     mut bends: Bends,
     minima: &mut Minima,
@@ -120,10 +146,10 @@ pub(crate) fn conclude(
     let mut weights = weights(minima, noise_scale);
     lead_with_the_most_probable(minima, &mut weights, &mut bends, noise_scale);
     let choice = choose(minima, problem.seen.len(), noise_scale)?;
-    let doubts = Doubts { problem, intrinsics, noise_scale, lowest };
+    let doubts = Doubts { problem, intrinsics, noise_scale, lowest, shared_errors };
     let others = doubts.others(minima, &weights, &bends)?;
     let best = choice.best;
-    let covariance = doubts.covariance(best, bends[0])?;
+    let Whole { covariance, shared_error_px } = doubts.covariance(best, bends[0])?;
     let ambiguity = ambiguity(&choice, &others);
     let consistency = consistency(&lowest, problem); // Where the best fit contradicts the sigmas, every pose does.
     let is_finite = best.is_finite_with(&covariance) && ambiguity.is_finite() && consistency.is_finite();
@@ -140,6 +166,7 @@ pub(crate) fn conclude(
         covariance,
         rms_px: best.rms_px,
         chi2: best.chi2,
+        shared_error_px,
         log_determinant: best.log_determinant,
         delta_chi2: best.cost_above(&lowest, noise_scale),
         degrees_of_freedom,

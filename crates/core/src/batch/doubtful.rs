@@ -7,7 +7,7 @@ use crate::camera::CameraMatrix;
 use crate::choose::{Minima, Minimum, insert};
 use crate::consistency::is_unlikely;
 use crate::curvature;
-use crate::locate::{Method, PoseEstimate, conclude};
+use crate::locate::{Allowed, Method, PoseEstimate, conclude};
 use crate::problem::Problem;
 use crate::refine::refine_against;
 use crate::search::{closed_form, is_in_doubt, three_of};
@@ -115,7 +115,15 @@ impl<'a> Case<'a> {
             self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, &mut minima);
         }
         let (geometry, bends) = (Some(self.known.geometry), [Some(is_bent), None, None, None]);
-        conclude(problem, geometry, Method::LinePlusOne, None, self.weakness, bends, &mut minima)
+        conclude(
+            problem,
+            geometry,
+            Method::LinePlusOne,
+            Allowed::default(),
+            self.weakness,
+            bends,
+            &mut minima,
+        )
     }
 
     /// As `search::refine_each`, the refinements being done.

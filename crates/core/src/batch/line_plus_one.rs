@@ -248,6 +248,7 @@ impl Found {
             covariance: best.covariance,
             rms_px: best.rms_px,
             chi2: best.chi2,
+            shared_error_px: 0.0,
             log_determinant: 0.0,
             delta_chi2: 0.0,
             degrees_of_freedom: DEGREES_OF_FREEDOM,

@@ -8,7 +8,7 @@ use super::{Given, Views, alone, correspondences, geometry_of};
 use crate::camera::CameraMatrix;
 use crate::choose::{Minima, Minimum, insert};
 use crate::curvature::Bends;
-use crate::locate::{Method, PoseEstimate, conclude};
+use crate::locate::{Allowed, Method, PoseEstimate, conclude};
 use crate::problem::Problem;
 use crate::refine::refine_against;
 use crate::search::three_of;
@@ -115,6 +115,6 @@ impl Case {
             *bend = ends.iter().any(|end| end.is_straight && leads_to(end, m)).then_some(false);
         }
         let problem = &Problem::new(&self.seen, views.camera);
-        conclude(problem, Some(self.geometry), Method::P3p, None, None, bends, minima)
+        conclude(problem, Some(self.geometry), Method::P3p, Allowed::default(), None, bends, minima)
     }
 }
