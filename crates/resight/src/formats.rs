@@ -185,6 +185,20 @@ impl JointCovariance {
         }
     }
 
+    /// Of those of its cameras that are among these.
+    fn among(&self, cameras: &[NamedCamera]) -> Self {
+        let is_kept = |i: &usize| cameras.iter().any(|camera| camera.name == self.cameras[*i]);
+        let kept: Vec<usize> = (0..self.cameras.len()).filter(is_kept).collect();
+        let at = |i: usize| 6 * kept[i / 6] + i % 6;
+        JointCovariance {
+            cameras: kept.iter().map(|i| self.cameras[*i].clone()).collect(),
+            covariance: DMatrix::from_fn(6 * kept.len(), 6 * kept.len(), |i, j| {
+                self.covariance[(at(i), at(j))]
+            }),
+            noise_degrees_of_freedom: self.noise_degrees_of_freedom,
+        }
+    }
+
     /// Row by row.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         self.covariance.row_iter().map(|row| row.iter().copied().collect()).collect()

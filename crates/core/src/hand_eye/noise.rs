@@ -103,7 +103,7 @@ const NEEDED_GAIN_OF_ANY: f64 = 1.0;
 /// … and in the weights: an exact hand weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
 const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
 
-/// The weights of an exact hand with the covariance that these have if the noise is what it seems to be, eq. (24a).
+/// The weights of an exact hand with the covariance that these have if the noise is what it seems to be, eq. (27).
 fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
     let at = evaluate(rows, besides, &exact.variances)?;
     let m = slope(rows, &at).m;

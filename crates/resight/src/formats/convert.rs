@@ -36,7 +36,9 @@ pub fn convert(rig: &CameraFile, to: Format, reference: Option<&str>) -> Result<
     let back =
         read_back(&files).map_err(|e| WriteError(format!("what was written cannot be read again: {e}")))?;
     if rig.joint.is_some() && back.as_ref().is_none_or(|back| back.joint != rig.joint) {
-        lost.push("the covariance of all cameras together (joint_covariance); only resight files hold it".into());
+        lost.push(
+            "the covariance of all cameras together (joint_covariance); only resight files hold it".into(),
+        );
     }
     match &back {
         Some(back) => compare(rig, back, &mut lost)?,

@@ -3,7 +3,10 @@
 use super::document::Document;
 use super::frames::Frames;
 use super::table::{CameraFormat, Reads, camera_format};
-use super::{CameraFile, Contents, Format, JointCovariance, NamedCamera, Placement, contents_of, not_a_camera, split_spec};
+use super::{
+    CameraFile, Contents, Format, JointCovariance, NamedCamera, Placement, contents_of, not_a_camera,
+    split_spec,
+};
 use crate::FileError;
 use crate::core::Matrix6;
 use std::path::{Path, PathBuf};
@@ -47,6 +50,7 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
         add(&mut rig, contents).map_err(|reason| FileError::new(path, reason))?;
     }
     join(&mut rig);
+    rig.joint = rig.joint.take().map(|joint| joint.among(&rig.cameras));
     let unfit = rig.joint.as_ref().is_some_and(|joint| !fits(joint, &rig.cameras));
     if unfit {
         rig.joint = None;
@@ -158,7 +162,8 @@ pub(super) fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
     if let Some(joint) = more.joint
         && rig.joint.replace(joint).is_some()
     {
-        rig.warnings.push("two files state a covariance of all cameras together; the later one is used".into());
+        rig.warnings
+            .push("two files state a covariance of all cameras together; the later one is used".into());
     }
     rig.notes.extend(more.notes);
     rig.warnings.extend(more.warnings);

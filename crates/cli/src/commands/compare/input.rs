@@ -78,9 +78,7 @@ fn rig_object(object: &Value) -> Result<PlacedRig> {
         // A chain of pairs, or pairs without a loop, may not say how sure they are.
         let covariance = match &camera["covariance"] {
             Value::Null => None,
-            covariance => {
-                Some(matrix6(covariance).with_context(|| format!("camera {name}: covariance"))?)
-            }
+            covariance => Some(matrix6(covariance).with_context(|| format!("camera {name}: covariance"))?),
         };
         Ok(PlacedCamera { name: name.clone(), cam_from_rig, covariance })
     };
