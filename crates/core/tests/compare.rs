@@ -192,10 +192,11 @@ fn noise_estimated_from_few_loops_raises_no_false_alarms() {
     let ring_of_four = [(0, 1), (1, 2), (2, 3), (3, 0)];
     let all_of_four = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)];
     let all_of_six: Vec<(usize, usize)> = (0..6).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
-    let n_trials = std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000);
+    let usual: usize = std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000);
     let cases: [(usize, &[(usize, usize)]); 4] =
         [(3, &few), (4, &ring_of_four), (4, &all_of_four), (6, &all_of_six)];
     for (n, joined) in cases {
+        let n_trials = if n < 6 { usual } else { usual / 4 }; // Many sets of cameras take time.
         for (is_open, noise) in [
             (true, PairNoise::Error(1.0)),
             (
@@ -232,6 +233,8 @@ fn noise_estimated_from_few_loops_raises_no_false_alarms() {
             let few = most(n_trials, 0.05);
             assert!(often <= few && whole <= few && apart <= few, "{often} {whole} {apart}");
             assert!(seldom <= most(n_trials, 1e-3), "{seldom}");
+            // The chance is used, not only kept.
+            assert!(6 * n_trials / 1000 + few / 4 <= whole, "{whole}");
             assert!(
                 !is_open || 6 < joined.len() || few < by_chi2,
                 "the noise of few loops is no known noise: {by_chi2}"

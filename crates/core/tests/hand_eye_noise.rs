@@ -58,7 +58,9 @@ fn the_covariance_is_honest_whatever_the_robot() {
             println!(
                 "{mount:?} {robot:?}: NEES {nees:.3?}, sigmas {sigmas:.6?}, rejected {rejected}, inconsistent {wrong}"
             );
-            assert!(nees.iter().all(|x| (5.7..6.3).contains(x)), "{mount:?} {robot:?}: {nees:?}");
+            // Of a noise that is not there chance leaves some in half of the sessions, where another kind is: the covariance is 5 % too large.
+            let least = if matches!(robot, Robot::AtHand(rad, 0.0) if 0.0 < rad) { 5.4 } else { 5.7 };
+            assert!(nees.iter().all(|x| (least..6.3).contains(x)), "{mount:?} {robot:?}: {nees:?}");
             assert!(wrong == 0 && rejected < 3, "{mount:?} {robot:?}: {wrong} {rejected}");
         }
     }
@@ -112,7 +114,8 @@ fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counte
 }
 
 /// The table of docs/math/hand_eye.md section 8: `RESIGHT_RUNS=300 cargo test -p resight-core --test hand_eye_noise few_views -- --nocapture`.
-/// With twelve views the noise is known to a third; the covariance is at most a quarter too small.
+/// With twelve views the noise is known to a third; a noise below the camera's own with eight views leaves the covariance a tenth too
+/// small (6.6 over 300 runs).
 #[test]
 fn few_views_are_nearly_honest() {
     let (rad, m) = COARSE;
@@ -125,7 +128,7 @@ fn few_views_are_nearly_honest() {
     ] {
         let Counted { nees, sigmas, .. } = counted(930, mount, robot, n, runs(60));
         println!("{mount:?} {robot:?} {n} views: NEES {nees:.2?}, sigmas {sigmas:.6?}");
-        assert!(nees.iter().all(|x| (5.2..7.5).contains(x)), "{mount:?} {robot:?} {n}: {nees:?}");
+        assert!(nees.iter().all(|x| (5.5..6.9).contains(x)), "{mount:?} {robot:?} {n}: {nees:?}");
     }
 }
 
@@ -369,7 +372,7 @@ fn halves_of_a_session_agree() {
 #[test]
 fn a_stated_noise_is_tested() {
     let mut rng = Rng::new(990);
-    for run in 0..20 {
+    for run in 0..8 {
         let world = World::cell(&mut rng, MOUNTS[run % 2], 20);
         let mut views = noisy(&mut rng, &world, Robot::AtBase(1e-3, 1e-3));
         let mut stated = |sigma: f64| {
