@@ -256,10 +256,12 @@ fn the_page_shows_a_real_answer() {
 #[test]
 fn files_in_which_nothing_moved_raise_no_alarm() {
     use nalgebra::DMatrix;
-    use resight::core::Matrix6;
+    use resight::core::camera::ImageSize;
     use resight::core::compare::{RigPlaces, compare_rigs};
+    use resight::core::{Camera, Matrix6};
     use resight::formats::{JointCovariance, NamedCamera, Placement, own_rig_file, read_cameras_from_bytes};
     use resight::rig::places::{PlacedRig, placed};
+    let size = Some(ImageSize { width_px: 640, height_px: 480 });
     let names: Vec<String> = cameras().iter().map(|(name, _)| name.to_string()).collect();
     let truth: Vec<Pose> = cameras().into_iter().map(|(_, pose)| pose).collect();
     let sigma = Vector6::new(5e-4, 5e-4, 5e-4, 1e-3, 1e-3, 1e-3);
@@ -278,7 +280,7 @@ fn files_in_which_nothing_moved_raise_no_alarm() {
             let covariance = Some(joint.fixed_view::<6, 6>(6 * i, 6 * i).into());
             let (b, a, b_from_a) = (names[i].clone(), "rig".to_string(), truth[i].moved(&noise));
             let placement = Some(Placement { b, a, b_from_a, covariance });
-            NamedCamera { name: names[i].clone(), camera: lens(), placement }
+            NamedCamera { name: names[i].clone(), camera: Camera { size, ..lens() }, placement }
         };
         let all: Vec<NamedCamera> = (0..3).map(camera).collect();
         let text = own_rig_file(&all, with_joint.then(|| JointCovariance::of(&names, &joint))).unwrap();
