@@ -6,6 +6,7 @@
 #   benches/peers/run.sh four-points    four known points → pose, against OpenCV, PoseLib and COLMAP
 #   benches/peers/run.sh family         minimal solvers, refinement, n points, wrong correspondences, against the same
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
+#   benches/peers/run.sh hand-eye       where a camera sits on a robot, against the seven methods of OpenCV, on held-out views
 #   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 #   benches/peers/run.sh faults         wrong files for recorded pairs of cameras, beside OpenCV; needs RESIGHT_DATA
@@ -46,6 +47,14 @@ rig)
     build -p resight-core --example bench_rig
     compare rig.py "$folder/examples/bench_rig" "$@"
     ;;
+hand-eye)
+    # OpenCV 5 has no Python binding of its hand–eye methods.
+    venv=$target/peers-venv-opencv4
+    [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
+    pip requirements-hand-eye.txt
+    build -p resight-core --example bench_hand_eye
+    compare hand_eye.py "$folder/examples/bench_hand_eye" "$@"
+    ;;
 whisker)
     build -p resight-cli
     build -p resight-whisker --example bench_contact
@@ -64,13 +73,13 @@ faults)
     compare faults.py "$folder/resight" --data "$RESIGHT_DATA" "$@"
     ;;
 all)
-    for table in tag four-points family rig whisker bad-inputs faults; do
+    for table in tag four-points family rig hand-eye whisker bad-inputs faults; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, four-points, family, rig, whisker, bad-inputs, faults and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, four-points, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
     exit 2
     ;;
 esac

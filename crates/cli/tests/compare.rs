@@ -250,3 +250,107 @@ fn the_page_shows_a_real_answer() {
     let said = compare(&before, &after, &[]).stdout;
     assert!(same(&said, shown), "said\n{said}\nshown\n{shown}");
 }
+
+/// Comparisons of every kind of rig file in which nothing moved: the cameras share the error of the one whose frame is the rig's, as calibrations do. With
+/// the joint covariance alarms are as frequent as stated, without it rarer.
+#[test]
+fn files_in_which_nothing_moved_raise_no_alarm() {
+    use nalgebra::DMatrix;
+    use resight::core::camera::ImageSize;
+    use resight::core::compare::{RigPlaces, compare_rigs};
+    use resight::core::{Camera, Matrix6};
+    use resight::formats::{JointCovariance, NamedCamera, Placement, own_rig_file, read_cameras_from_bytes};
+    use resight::rig::places::{PlacedRig, placed};
+    let size = Some(ImageSize { width_px: 640, height_px: 480 });
+    let names: Vec<String> = cameras().iter().map(|(name, _)| name.to_string()).collect();
+    let truth: Vec<Pose> = cameras().into_iter().map(|(_, pose)| pose).collect();
+    let sigma = Vector6::new(5e-4, 5e-4, 5e-4, 1e-3, 1e-3, 1e-3);
+    let own = Matrix6::from_diagonal(&sigma.component_mul(&sigma));
+    let joint = DMatrix::from_fn(18, 18, |i, j| {
+        let carried = |i: usize| truth[i / 6].adjoint();
+        let shared = (carried(i) * own * carried(j).transpose())[(i % 6, j % 6)] * 2.0;
+        let alone = if i / 6 == j / 6 { own[(i % 6, j % 6)] } else { 0.0 };
+        if i < 6 || j < 6 { 0.0 } else { shared + alone }
+    });
+    let read = |chance: &mut Chance, with_joint: bool| -> RigPlaces {
+        let mut drawn = || Vector6::from_fn(|i, _| sigma[i] * chance.normal());
+        let common = drawn() * 2f64.sqrt();
+        let camera = |i: usize| {
+            let noise = if i == 0 { Vector6::zeros() } else { drawn() + truth[i].adjoint() * common };
+            let covariance = Some(joint.fixed_view::<6, 6>(6 * i, 6 * i).into());
+            let (b, a, b_from_a) = (names[i].clone(), "rig".to_string(), truth[i].moved(&noise));
+            let placement = Some(Placement { b, a, b_from_a, covariance });
+            NamedCamera { name: names[i].clone(), camera: Camera { size, ..lens() }, placement }
+        };
+        let all: Vec<NamedCamera> = (0..3).map(camera).collect();
+        let text = own_rig_file(&all, with_joint.then(|| JointCovariance::of(&names, &joint))).unwrap();
+        let file = read_cameras_from_bytes(Path::new("rig.toml"), text.into_bytes()).unwrap();
+        let cameras = placed(&file.cameras).unwrap();
+        let rig = match &file.joint {
+            Some(joint) => PlacedRig::with_joint(cameras, &joint.cameras, &joint.rows()).unwrap(),
+            None => PlacedRig { cameras, joint: None, noise_degrees_of_freedom: None },
+        };
+        rig.places(&names, None).unwrap()
+    };
+    let n_trials = 1000;
+    for (before, after) in [(true, true), (true, false), (false, false)] {
+        let mut chance = Chance(77);
+        let (mut often, mut seldom) = (0, 0);
+        for _ in 0..n_trials {
+            let both = (read(&mut chance, before), read(&mut chance, after));
+            let alarms =
+                |level: f64| usize::from(!compare_rigs(&both.0, &both.1, level).unwrap().moved.is_empty());
+            often += alarms(0.05);
+            seldom += alarms(1e-3);
+        }
+        println!(
+            "joint covariance {before} {after}: {often} alarms at 0.05, {seldom} at 0.001 of {n_trials}"
+        );
+        // 25 to 50 of 1000 by the rule that splits the chance; 3.3 standard deviations.
+        assert!(often <= 73 && seldom <= 5, "{often} {seldom}");
+        assert!(!(before && after) || 9 <= often, "{often}");
+    }
+}
+
+/// A thousand views in which nothing moved, through the program: chances are uniform, and at most as many alarms as stated.
+#[test]
+fn views_in_which_nothing_moved_raise_no_alarm() {
+    let folder = folder("compare_null_views");
+    let mut chance = Chance(78);
+    let sigma = [5e-4, 4e-4, 6e-4, 1e-3, 2e-3, 5e-3];
+    let rows: Vec<Vec<f64>> =
+        (0..6).map(|i| (0..6).map(|j| if i == j { sigma[i] * sigma[i] } else { 0.0 }).collect()).collect();
+    let mut file = |name: &str| {
+        let line = |view: usize| {
+            let noise = Vector6::from_fn(|i, _| sigma[i] * chance.normal());
+            let place = Vector6::new(0.3, -0.2, 0.001 * view as f64, 0.1, 0.2, 1.5);
+            let pose = Pose::exp(&place).moved(&noise);
+            let object = serde_json::json!({
+                "view": format!("v{view}"),
+                "status": "ok",
+                "cam_from_target": {
+                    "rotation_wxyz": pose.quaternion_wxyz(),
+                    "translation_m": <[f64; 3]>::from(pose.translation),
+                },
+                "covariance": rows,
+            });
+            format!("{object}\n")
+        };
+        let text: String = (0..1000).map(line).collect();
+        write(&folder, name, &text)
+    };
+    let (before, after) = (file("before.jsonl"), file("after.jsonl"));
+    let run = compare(&before, &after, &["--json", "--alpha", "0.05"]);
+    let answers = json_lines(&run);
+    let below = |level: f64| answers.iter().filter(|a| a["p"].as_f64().unwrap() < level).count();
+    println!(
+        "of 1000 views {} below 0.5, {} below 0.05, {} below 0.001",
+        below(0.5),
+        below(0.05),
+        below(1e-3)
+    );
+    assert_eq!(answers.len(), 1000);
+    assert!((448..=552).contains(&below(0.5)) && (28..=73).contains(&below(0.05)) && below(1e-3) <= 5);
+    // The chance of an alarm is shared among the views.
+    assert_eq!(run.code, if below(0.05 / 1000.0) == 0 { 0 } else { 3 });
+}

@@ -291,3 +291,128 @@ fn what_says_too_little_or_is_not_named_is_refused() {
     assert_eq!(run.code, 2);
     assert!(run.stderr.contains("quaternion must be named"), "{}", run.stderr);
 }
+
+/// What pairs have in common and how well their loops told the noise goes into the places, through `convert` and into `compare`; a format
+/// that cannot hold it is said not to. Without a loop nothing says how sure the places are.
+#[test]
+fn what_loops_told_outlives_convert() {
+    let folder = folder("pairs_joint");
+    let (file, out) = (in_folder(&folder, "pairs.csv"), in_folder(&folder, "rig.toml"));
+    pairs_file(Path::new(&file));
+    let short = |line: &str| line.rsplitn(3, ',').last().unwrap_or_default().to_owned();
+    let text: Vec<String> = std::fs::read_to_string(&file).unwrap().lines().map(short).collect();
+    std::fs::write(&file, text.join("\n")).unwrap();
+    let run = resight(&["rig", "--pairs", &file, "--json", "-o", &out]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    // Nine pairs of five cameras take part: five loops of three numbers each.
+    assert_eq!(json_lines(&run)[0]["noise_degrees_of_freedom"], 15);
+    let lens = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 500.0\nfy_px = 500.0\ncx_px = 320.0\ncy_px = 240.0\n";
+    let lenses: Vec<String> = (1..=5).map(|i| in_folder(&folder, &format!("cam{i}.toml"))).collect();
+    lenses.iter().for_each(|path| std::fs::write(path, lens).unwrap());
+    let converted = |n: usize, to: &str, name: &str| {
+        let path = in_folder(&folder, name);
+        let files: Vec<&str> = lenses[..n].iter().map(String::as_str).chain([out.as_str()]).collect();
+        let run = resight(&[&["convert"], &files[..], &["--to", to, "-o", &path]].concat());
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        (path, run)
+    };
+    for n in [5, 3] {
+        let (full, run) = converted(n, "resight", "full.toml");
+        assert!(!run.stderr.contains("covariance of all cameras"), "{}", run.stderr);
+        let joint: toml::Table = std::fs::read_to_string(&full).unwrap().parse().unwrap();
+        let joint = joint["joint_covariance"].as_table().unwrap();
+        assert_eq!(joint["cameras"].as_array().unwrap().len(), n - 1);
+        assert_eq!(joint["noise_degrees_of_freedom"].as_float(), Some(15.0));
+        let run = resight(&["compare", &full, &full, "--json"]);
+        let answer = &json_lines(&run)[0];
+        assert_eq!((run.code, &answer["joint_covariance"]), (0, &true.into()), "{answer}");
+        // Two calibrations alike: the sum of their degrees.
+        assert!((answer["noise_dof"].as_f64().unwrap() - 30.0).abs() < 1e-6, "{answer}");
+        let said = resight(&["compare", &full, &full]).stdout;
+        assert!(said.contains("estimated from loops of pairs with 30"), "{said}");
+    }
+    let (_, run) = converted(5, "kalibr", "chain.yaml");
+    let said = run.stdout + &run.stderr;
+    assert!(said.contains("the covariance of all cameras together"), "{said}");
+    let tree: Vec<&str> = text.iter().take(5).map(String::as_str).collect();
+    std::fs::write(&file, tree.join("\n")).unwrap();
+    let run = resight(&["rig", "--pairs", &file, "--json", "--joint-covariance"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!((run.code, &answer["noise_degrees_of_freedom"]), (0, &0.into()), "{answer}");
+    assert!(answer["cameras"]["cam2"].get("covariance").is_none_or(Value::is_null), "{answer}");
+    assert!(answer.get("joint_covariance").is_none(), "{answer}");
+    let silent = in_folder(&folder, "tree.json");
+    std::fs::write(&silent, &run.stdout).unwrap();
+    let run = resight(&["compare", &silent, &silent]);
+    assert!(run.code == 2 && run.stderr.contains("--sigma-mm"), "{} {}", run.code, run.stderr);
+}
+
+/// Keys, status and exit status: of right files, of a stated noise, and of hand poses that were inverted.
+#[test]
+fn hand_eye_states_what_it_found_and_what_is_wrong() {
+    let folder = folder("hand_eye_keys");
+    let cell = cell(0.4);
+    cell_files(&folder, &cell);
+    let [camera, motions, points] =
+        ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
+    let named = format!("cam={camera}");
+    let asked = |more: &[&str]| {
+        let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
+        resight(&[&arguments[..], &["--sigma-px", "0.1"], more].concat())
+    };
+    let run = asked(&["--json"]);
+    let answer = json_lines(&run)[0].clone();
+    assert_eq!((run.code, &answer["status"], &answer["causes"]), (0, &"ok".into(), &serde_json::json!([])));
+    let keys = [
+        "status",
+        "mount",
+        "cam_from_hand",
+        "base_from_target",
+        "n_views",
+        "n_used",
+        "chi2",
+        "dof",
+        "pose_chi2",
+        "pose_dof",
+        "noise_scale",
+        "hand_noise",
+        "target_size",
+        "turns_rad",
+        "views",
+        "rejected",
+        "causes",
+        "message",
+    ];
+    let found: Vec<&str> = answer.as_object().unwrap().keys().map(String::as_str).collect();
+    let (lost, new): (Vec<_>, Vec<_>) = (
+        keys.iter().filter(|key| !found.contains(*key)).collect(),
+        found.iter().filter(|key| !keys.contains(*key)).collect(),
+    );
+    assert!(lost.is_empty() && new.is_empty(), "lost {lost:?}, new {new:?}");
+    let number = |value: &Value| value.as_f64().unwrap();
+    // Nine views of 32 numbers; twelve unknowns.
+    assert_eq!((&answer["dof"], &answer["pose_dof"]), (&276.into(), &42.into()));
+    assert!(
+        (number(&answer["target_size"]["ratio"]) - 1.0).abs() < 5.0 * number(&answer["target_size"]["sigma"])
+    );
+    assert!(
+        number(&answer["hand_noise"]["sigma_rad"]) < 1e-3 && number(&answer["hand_noise"]["sigma_m"]) < 1e-3
+    );
+    assert_eq!(answer["views"].as_array().unwrap().len(), 9);
+    assert!(answer["views"].as_array().unwrap().iter().all(|view| view["is_used"] == true));
+    let stated = asked(&["--json", "--hand-sigma-deg", "0.01", "--hand-sigma-mm", "0.1"]);
+    let stated = &json_lines(&stated)[0];
+    assert_eq!((&stated["status"], stated.get("hand_noise")), (&"ok".into(), None));
+    let mut text = format!("view,{POSE}\n");
+    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
+        writeln!(text, "v{i},{}", cells(&base_from_hand.inverse())).unwrap();
+    }
+    std::fs::write(&motions, text).unwrap();
+    let run = asked(&["--json"]);
+    let answer = &json_lines(&run)[0];
+    assert_eq!(run.code, 1, "{answer}");
+    assert_ne!(answer["status"], "ok");
+    assert!(run.stdout.contains("inverted"), "{answer}");
+    let words = asked(&[]);
+    assert!(words.code == 1 && words.stdout.contains("inverted"), "{}", words.stdout);
+}

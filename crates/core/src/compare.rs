@@ -5,7 +5,7 @@
 //! e_i = Log M_i, E the covariance of all e_i.
 
 use crate::covariance::is_covariance;
-use crate::frames::chi_square::tail;
+use crate::frames::chi_square::{tail, tail_with_estimated_noise};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -19,6 +19,9 @@ pub struct RigPlaces {
     pub covariance: DMatrix<f64>,
     /// Whether the blocks between cameras are known.
     pub correlation: Correlation,
+    /// Where the noise behind the covariance was estimated along (from loops of pairs, say): from how many redundant numbers. None where it was
+    /// stated, or estimated from so many that it counts as known.
+    pub noise_degrees_of_freedom: Option<f64>,
 }
 
 /// What is known of the errors that cameras of one calibration have in common.
@@ -42,7 +45,7 @@ pub struct Moved {
     pub covariance: Matrix6,
     /// χ² of "it did not move", 6 degrees of freedom.
     pub chi2: f64,
-    /// Chance of such a χ² or a larger one, had it not moved.
+    /// Chance of such a χ² or a larger one, had it not moved; by an F distribution where the noise was estimated.
     pub probability: f64,
 }
 
@@ -53,7 +56,9 @@ pub struct RigComparison {
     pub chi2: f64,
     /// 6 (cameras − 1).
     pub degrees_of_freedom: usize,
-    /// Chance of such a χ² or a larger one, had nothing moved.
+    /// Degrees of freedom of the noise in it where that was estimated, docs/math/compare.md eq. (11).
+    pub noise_degrees_of_freedom: Option<f64>,
+    /// Chance of such a χ² or a larger one, had nothing moved; by an F distribution where the noise was estimated.
     pub probability: f64,
     /// The largest set of cameras whose relative poses agree; all of them when nothing moved.
     pub unmoved: Vec<usize>,
@@ -77,17 +82,27 @@ pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> 
     let differences = Differences { before, after };
     let n = before.cam_from_rig.len();
     let all: Vec<usize> = (0..n).collect();
-    let (chi2, degrees_of_freedom) = (differences.chi2(&all)?, 6 * (n - 1));
+    let (whole, degrees_of_freedom) = (differences.statistic(&all)?, 6 * (n - 1));
     let (unmoved, rivals) = differences.largest_agreeing(all, false_alarm)?;
     let moved = (0..n)
         .filter(|camera| !unmoved.contains(camera))
         .map(|camera| differences.motion(camera, &unmoved))
         .collect::<Result<Vec<Moved>, Error>>()?;
-    let probability = tail(degrees_of_freedom, chi2);
+    let Statistic { chi2, noise_degrees, .. } = whole;
+    let noise_degrees_of_freedom = noise_degrees.is_finite().then_some(noise_degrees);
+    let probability = whole.probability();
     if !(chi2.is_finite() && moved.iter().all(|m| is_covariance(&m.covariance))) {
         return Err(not_positive());
     }
-    Ok(RigComparison { chi2, degrees_of_freedom, probability, unmoved, moved, rivals })
+    Ok(RigComparison {
+        chi2,
+        degrees_of_freedom,
+        noise_degrees_of_freedom,
+        probability,
+        unmoved,
+        moved,
+        rivals,
+    })
 }
 
 /// How far two estimates of one pose b_from_a are apart: `old_from_new` of frame b, `camera` 0.
@@ -127,6 +142,11 @@ fn check(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<(), 
         return invalid("false_alarm", false_alarm, "it is a chance, between 0 and 1");
     }
     for places in [before, after] {
+        if let Some(seen) = places.noise_degrees_of_freedom.filter(|degrees| !(0.0 < *degrees)) {
+            let needed =
+                "without a redundant number the noise was not estimated; state how well the poses are known";
+            return invalid("noise_degrees_of_freedom", seen, needed);
+        }
         if places.covariance.shape() != (6 * n, 6 * n) {
             return invalid(
                 "rows of the covariance",
@@ -173,7 +193,40 @@ struct Differences<'a> {
 /// e and E of some cameras, as seen from a camera that is taken to have stayed: eqs. (2)–(4).
 struct SeenFrom {
     e: DVector<f64>,
-    covariance: DMatrix<f64>,
+    /// What each calibration adds to E.
+    parts: [DMatrix<f64>; 2],
+}
+
+impl SeenFrom {
+    fn covariance(&self) -> DMatrix<f64> {
+        &self.parts[0] + &self.parts[1]
+    }
+}
+
+/// χ² of some cameras, and what it must be compared with.
+#[derive(Clone, Copy)]
+struct Statistic {
+    chi2: f64,
+    degrees_of_freedom: usize,
+    /// Infinite where the noise is known.
+    noise_degrees: f64,
+}
+
+impl Statistic {
+    fn probability(&self) -> f64 {
+        tail_with_estimated_noise(self.degrees_of_freedom, self.noise_degrees, self.chi2)
+    }
+
+    /// −2 log of the likelihood: χ² itself where the noise is known, eq. (12).
+    fn cost(&self) -> f64 {
+        match self.noise_degrees.is_finite() {
+            true => {
+                (self.noise_degrees + self.degrees_of_freedom as f64)
+                    * (self.chi2 / self.noise_degrees).ln_1p()
+            }
+            false => self.chi2,
+        }
+    }
 }
 
 impl Differences<'_> {
@@ -213,64 +266,113 @@ impl Differences<'_> {
             put(&mut by_after, camera, -moved.adjoint());
             put(&mut by_after, base, from_base);
         }
-        let covariance = &by_before * &self.before.covariance * by_before.transpose() * bounds[0]
-            + &by_after * &self.after.covariance * by_after.transpose() * bounds[1];
-        SeenFrom { e, covariance: (&covariance + covariance.transpose()) * 0.5 }
+        let part = |by: &DMatrix<f64>, rig: &RigPlaces, bound: f64| {
+            let part = by * &rig.covariance * by.transpose() * bound;
+            (&part + part.transpose()) * 0.5
+        };
+        SeenFrom {
+            e,
+            parts: [part(&by_before, self.before, bounds[0]), part(&by_after, self.after, bounds[1])],
+        }
     }
 
     /// χ² of "these did not move relative to each other", eq. (5).
-    fn chi2(&self, cameras: &[usize]) -> Result<f64, Error> {
-        self.chi2_bounded(cameras, self.bounds(cameras))
+    fn statistic(&self, cameras: &[usize]) -> Result<Statistic, Error> {
+        self.statistic_bounded(cameras, self.bounds(cameras))
     }
 
-    fn chi2_bounded(&self, cameras: &[usize], bounds: [f64; 2]) -> Result<f64, Error> {
-        let [base, others @ ..] = cameras else { return Ok(0.0) };
+    fn statistic_bounded(&self, cameras: &[usize], bounds: [f64; 2]) -> Result<Statistic, Error> {
+        let none = Statistic { chi2: 0.0, degrees_of_freedom: 0, noise_degrees: f64::INFINITY };
+        let [base, others @ ..] = cameras else { return Ok(none) };
         if others.is_empty() {
-            return Ok(0.0);
+            return Ok(none);
         }
-        let SeenFrom { e, covariance } = self.seen_from(*base, others, bounds);
-        Ok(e.dot(&factor(covariance)?.solve(&e)))
+        let seen = self.seen_from(*base, others, bounds);
+        let solver = factor(seen.covariance())?;
+        let noise_degrees = self.noise_degrees(&seen.parts, &solver);
+        let chi2 = seen.e.dot(&solver.solve(&seen.e));
+        Ok(Statistic { chi2, degrees_of_freedom: 6 * others.len(), noise_degrees })
+    }
+
+    /// Degrees of freedom of the noise in a covariance that is the sum of each calibration's part, eq. (11).
+    fn noise_degrees(&self, parts: &[DMatrix<f64>; 2], sum: &Cholesky<f64, Dyn>) -> f64 {
+        let share = |(rig, part): (&RigPlaces, &DMatrix<f64>)| {
+            rig.noise_degrees_of_freedom.map_or(0.0, |degrees| {
+                let x = sum.solve(part);
+                x.component_mul(&x.transpose()).sum() / degrees
+            })
+        };
+        let uncertainty: f64 = [self.before, self.after].into_iter().zip(parts).map(share).sum();
+        if 0.0 < uncertainty { sum.l_dirty().nrows() as f64 / uncertainty } else { f64::INFINITY }
     }
 
     /// Motion of a camera relative to a set that stayed: what the set's own differences say about its first camera is taken
     /// out, eq. (6).
     fn motion(&self, camera: usize, unmoved: &[usize]) -> Result<Moved, Error> {
+        let together = [unmoved, &[camera]].concat();
+        let (old_from_new, parts) = self.beside(camera, unmoved, self.bounds(&together))?;
+        let solver = factor(&parts[0] + &parts[1])?;
+        let covariance: Matrix6 = (&parts[0] + &parts[1]).fixed_view::<6, 6>(0, 0).into();
+        let delta = old_from_new.log();
+        let chi2 = delta.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&delta));
+        let noise_degrees = self.noise_degrees(&parts, &solver);
+        let probability = Statistic { chi2, degrees_of_freedom: 6, noise_degrees }.probability();
+        Ok(Moved { camera, old_from_new, covariance, chi2, probability })
+    }
+
+    /// A camera beside a set: M_m|S and what each calibration adds to E_m|S, eq. (6).
+    fn beside(
+        &self,
+        camera: usize,
+        unmoved: &[usize],
+        bounds: [f64; 2],
+    ) -> Result<(Pose, [DMatrix<f64>; 2]), Error> {
         // None agree where χ² overflows.
         let [base, others @ ..] = unmoved else { return Err(not_a_number()) };
         let base = *base;
         let cameras: Vec<usize> = others.iter().copied().chain([camera]).collect();
-        let together = [unmoved, &[camera]].concat();
-        let SeenFrom { e, covariance } = self.seen_from(base, &cameras, self.bounds(&together));
+        let seen = self.seen_from(base, &cameras, bounds);
+        let covariance = seen.covariance();
         let k = 6 * others.len();
-        let own: Matrix6 = covariance.fixed_view::<6, 6>(k, k).into();
-        let (mut expected, mut shrunk) = (Vector6::zeros(), own);
+        // (−K, 1)
+        let mut by = DMatrix::zeros(6, k + 6);
+        by.view_mut((0, k), (6, 6)).fill_with_identity();
         if 0 < k {
             let solver = factor(covariance.view((0, 0), (k, k)).into_owned())?;
-            let gain = solver.solve(&covariance.view((0, k), (k, 6)).into_owned()).transpose();
-            expected.copy_from(&(&gain * e.rows(0, k)));
-            shrunk -= gain * covariance.view((0, k), (k, 6));
+            let gain = solver.solve(&covariance.view((0, k), (k, 6)).into_owned());
+            by.view_mut((0, 0), (6, k)).copy_from(&-gain.transpose());
         }
+        let expected = Vector6::from_column_slice((-by.columns(0, k) * seen.e.rows(0, k)).as_slice());
         let old_from_new = Pose::exp(&-expected) * self.old_from_new(camera, base);
-        let covariance = (shrunk + shrunk.transpose()) * 0.5;
-        let delta = old_from_new.log();
-        let chi2 = delta.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&delta));
-        Ok(Moved { camera, old_from_new, covariance, chi2, probability: tail(6, chi2) })
+        let part = |part: &DMatrix<f64>| {
+            let part = &by * part * by.transpose();
+            (&part + part.transpose()) * 0.5
+        };
+        Ok((old_from_new, [part(&seen.parts[0]), part(&seen.parts[1])]))
     }
 
     /// Whether these cameras stayed as they were: eq. (7).
-    fn agree(&self, cameras: &[usize], chi2: f64, false_alarm: f64) -> Result<bool, Error> {
+    fn agree(&self, cameras: &[usize], all: &Statistic, false_alarm: f64) -> Result<bool, Error> {
         let n = cameras.len();
-        let whole = tail(6 * n.saturating_sub(1), chi2);
+        let whole = all.probability();
         if n < 3 {
             return Ok(false_alarm <= whole);
         }
         if whole < 0.5 * false_alarm {
             return Ok(false);
         }
-        let limit = 0.5 * false_alarm / n as f64;
+        let (limit, bounds) = (0.5 * false_alarm / n as f64, self.bounds(cameras));
         for i in 0..n {
-            let drop = chi2 - self.chi2_bounded(&without(cameras, i), self.bounds(cameras))?;
-            if tail(6, drop) < limit {
+            let rest = without(cameras, i);
+            let chi2 = all.chi2 - self.statistic_bounded(&rest, bounds)?.chi2;
+            let noise_degrees = match all.noise_degrees.is_finite() {
+                true => {
+                    let (_, parts) = self.beside(cameras[i], &rest, bounds)?;
+                    self.noise_degrees(&parts, &factor(&parts[0] + &parts[1])?)
+                }
+                false => f64::INFINITY,
+            };
+            if (Statistic { chi2, degrees_of_freedom: 6, noise_degrees }).probability() < limit {
                 return Ok(false);
             }
         }
@@ -288,15 +390,15 @@ impl Differences<'_> {
         loop {
             let mut agreeing = Vec::new();
             for set in &sets {
-                let chi2 = self.chi2(set)?;
-                if self.agree(set, chi2, false_alarm)? {
-                    agreeing.push((chi2, set.clone()));
+                let statistic = self.statistic(set)?;
+                if self.agree(set, &statistic, false_alarm)? {
+                    agreeing.push((statistic.cost(), set.clone()));
                 }
             }
             agreeing.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
             if let Some((least, _)) = agreeing.first() {
                 let limit = least - 2.0 * false_alarm.ln();
-                let mut found = agreeing.into_iter().filter(|(chi2, _)| *chi2 < limit).map(|(_, set)| set);
+                let mut found = agreeing.into_iter().filter(|(cost, _)| *cost < limit).map(|(_, set)| set);
                 let best = found.next().unwrap_or_default();
                 return Ok((best, found.collect()));
             }
@@ -312,7 +414,7 @@ impl Differences<'_> {
         }
         let mut best: Option<(f64, &Vec<usize>)> = None;
         for set in sets {
-            let chi2 = self.chi2(set)?;
+            let chi2 = self.statistic(set)?.chi2;
             if best.is_none_or(|(least, _)| chi2 < least) {
                 best = Some((chi2, set));
             }

@@ -114,6 +114,9 @@ pub struct PoseGraphSolution {
     pub noise_scale: f64,
     /// Standard deviations of a pair of median error, where pairs state errors only: as estimated, or as given (not widened).
     pub median_sigma: Option<PairSigma>,
+    /// Where those were estimated: from how many redundant numbers each, 3 (pairs used − cameras + 1). With 0 nothing was redundant, and the
+    /// covariances say nothing. None where the noise was given.
+    pub noise_degrees_of_freedom: Option<usize>,
     /// Covariance of all cameras together, 6 rows a camera, zero for the anchor.
     pub joint_covariance: DMatrix<f64>,
     /// Steps of the last adjustment.
@@ -175,6 +178,7 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
     let Adjustment { poses, covariance, chi2, steps } = adjustment;
     let used = pairs.iter().filter(|pair| pair.is_used).count();
     let degrees_of_freedom = 6 * (used + 1).saturating_sub(graph.n_cameras);
+    let noise_degrees_of_freedom = noise.is_estimated().then_some(degrees_of_freedom / 2);
     let noise_scale = if noise.is_estimated() { 1.0 } else { noise_scale(chi2, degrees_of_freedom) };
     let joint_covariance = covariance * noise_scale;
     let camera = |(i, cam_from_rig): (usize, Pose)| {
@@ -192,6 +196,7 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
         degrees_of_freedom,
         noise_scale,
         median_sigma,
+        noise_degrees_of_freedom,
         joint_covariance,
         steps,
         verdict,

@@ -5,6 +5,7 @@ mod common;
 use common::Rng;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
+use resight_core::pose_graph::{PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph};
 use resight_core::{Error, Matrix6, Pose, Vector6};
 
 fn motion(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Vector6 {
@@ -52,13 +53,14 @@ fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: 
         cam_from_rig: truth.iter().enumerate().map(noisy).collect(),
         covariance: covariance.clone(),
         correlation: Correlation::Known,
+        noise_degrees_of_freedom: None,
     }
 }
 
 /// The same places seen from another frame: nothing physical changes.
 fn in_other_frame(places: &RigPlaces, rig_from_other: &Pose) -> RigPlaces {
     let cam_from_rig = places.cam_from_rig.iter().map(|p| *p * *rig_from_other).collect();
-    RigPlaces { cam_from_rig, covariance: places.covariance.clone(), correlation: places.correlation }
+    RigPlaces { cam_from_rig, ..places.clone() }
 }
 
 /// The truth with some cameras moved by a motion in their own frames.
@@ -155,6 +157,113 @@ fn an_error_that_all_share_raises_no_false_alarms() {
     }
 }
 
+/// Relative poses of pairs with errors of 0.5 mrad and 1 mm.
+fn pairs(truth: &[Pose], joined: &[(usize, usize)], noise: PairNoise, rng: &mut Rng) -> Vec<RelativePose> {
+    let pair = |(a, b): &(usize, usize)| {
+        let b_from_a = (truth[*b] * truth[*a].inverse()).moved(&motion(rng, 5e-4, 1e-3));
+        RelativePose { a: *a, b: *b, b_from_a, noise }
+    };
+    joined.iter().map(pair).collect()
+}
+
+/// A rig from pairs, as `rig --pairs` writes it.
+fn from_pairs(n: usize, pairs: &[RelativePose]) -> RigPlaces {
+    let graph = PoseGraph { n_cameras: n, pairs };
+    let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor: 0, median_sigma: None }).unwrap();
+    RigPlaces {
+        cam_from_rig: found.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
+        covariance: found.joint_covariance,
+        correlation: Correlation::Known,
+        noise_degrees_of_freedom: found.noise_degrees_of_freedom.map(|degrees| degrees as f64),
+    }
+}
+
+/// At most so many of `trials` at this rate, once in two thousand.
+fn most(trials: usize, rate: f64) -> usize {
+    let mean = trials as f64 * rate;
+    (mean + 3.3 * mean.sqrt() + 1.0) as usize
+}
+
+/// Rigs from pairs whose noise only their loops tell: from one loop to many, alarms when nothing moved are no more than stated. Counted as known
+/// the noise of one loop raises alarms in most comparisons.
+#[test]
+fn noise_estimated_from_few_loops_raises_no_false_alarms() {
+    let few = [(0, 1), (1, 2), (2, 0)];
+    let ring_of_four = [(0, 1), (1, 2), (2, 3), (3, 0)];
+    let all_of_four = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)];
+    let all_of_six: Vec<(usize, usize)> = (0..6).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
+    let usual: usize = std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(1000);
+    let cases: [(usize, &[(usize, usize)]); 4] =
+        [(3, &few), (4, &ring_of_four), (4, &all_of_four), (6, &all_of_six)];
+    for (n, joined) in cases {
+        let n_trials = if n < 6 { usual } else { usual / 4 }; // Many sets of cameras take time.
+        for (is_open, noise) in [
+            (true, PairNoise::Error(1.0)),
+            (
+                false,
+                PairNoise::Covariance(Matrix6::from_fn(|i, j| match (i == j, i < 3) {
+                    (true, true) => 2.5e-7,
+                    (true, false) => 1e-6,
+                    _ => 0.0,
+                })),
+            ),
+        ] {
+            let mut rng = Rng::new(31 + joined.len() as u64);
+            let truth = ring(n);
+            let (mut often, mut seldom, mut by_chi2, mut whole, mut apart) = (0, 0, 0, 0, 0);
+            for _ in 0..n_trials {
+                let both = [0; 2].map(|_| from_pairs(n, &pairs(&truth, joined, noise, &mut rng)));
+                let alarm = |a: &RigPlaces, b: &RigPlaces, level: f64| {
+                    usize::from(!compare_rigs(a, b, level).unwrap().moved.is_empty())
+                };
+                often += alarm(&both[0], &both[1], 0.05);
+                seldom += alarm(&both[0], &both[1], 1e-3);
+                whole += usize::from(compare_rigs(&both[0], &both[1], 0.5).unwrap().probability < 0.05);
+                let known =
+                    both.each_ref().map(|b| RigPlaces { noise_degrees_of_freedom: None, ..b.clone() });
+                by_chi2 += alarm(&known[0], &known[1], 0.05);
+                // `rig --json` without --joint-covariance.
+                let own = both.each_ref().map(|b| own_blocks(b, Correlation::Unknown));
+                apart += alarm(&own[0], &own[1], 0.05);
+            }
+            println!(
+                "{n} cameras, {} pairs, noise estimated {is_open}: of {n_trials} at 0.05 {often} alarms ({whole} by all together, {apart} without the joint covariance, {by_chi2} by χ²), at 0.001 {seldom}",
+                joined.len()
+            );
+            let few = most(n_trials, 0.05);
+            assert!(often <= few && whole <= few && apart <= few, "{often} {whole} {apart}");
+            assert!(seldom <= most(n_trials, 1e-3), "{seldom}");
+            // The chance is used, not only kept.
+            assert!(n_trials / 50 <= whole, "{whole}");
+            assert!(
+                !is_open || 6 < joined.len() || few < by_chi2,
+                "the noise of few loops is no known noise: {by_chi2}"
+            );
+        }
+    }
+}
+
+/// With a noise that is estimated from few numbers a large motion is still found, and one that the noise hides is not.
+#[test]
+fn a_knock_is_found_whose_noise_is_estimated() {
+    let all: Vec<(usize, usize)> = (0..5).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
+    let (truth, mut rng) = (ring(5), Rng::new(41));
+    let knock = Pose::exp(&Vector6::new(0.0, 0.01, 0.0, 0.03, 0.0, 0.0));
+    let mut found = 0;
+    for _ in 0..40 {
+        let noise = PairNoise::Error(1.0);
+        let before = from_pairs(5, &pairs(&truth, &all, noise, &mut rng));
+        let after = from_pairs(5, &pairs(&with_moved(&truth, &[3], &knock), &all, noise, &mut rng));
+        let answer = compare_rigs(&before, &after, 1e-3).unwrap();
+        let degrees = answer.noise_degrees_of_freedom.unwrap();
+        assert!((18.0..=36.0 + 1e-9).contains(&degrees), "{degrees}");
+        found +=
+            usize::from(answer.moved.len() == 1 && answer.moved[0].camera == 3 && answer.rivals.is_empty());
+    }
+    println!("a knock of 30 mm is found in {found} of 40");
+    assert!(38 <= found, "{found}");
+}
+
 /// χ² of unmoved rigs is χ² distributed: its mean over 2000 trials is the degrees of freedom, to five standard deviations.
 #[test]
 fn chi2_has_its_mean() {
@@ -212,7 +321,7 @@ fn frame_and_order_do_not_matter() {
             let at = |k: usize| 6 * (n - 1 - k / 6) + k % 6;
             places.covariance[(at(i), at(j))]
         }),
-        correlation: places.correlation,
+        ..places.clone()
     };
     let backwards = compare_rigs(&reversed(&before), &reversed(&after), 1e-3).unwrap();
     assert_eq!(backwards.moved[0].camera, n - 1 - 2);
@@ -289,6 +398,7 @@ fn small_motions_in_large_rigs_are_found() {
             cam_from_rig,
             covariance: cov.clone(),
             correlation: Correlation::Known,
+            noise_degrees_of_freedom: None,
         };
         let found = compare_rigs(&places(before), &places(after), 1e-3).unwrap();
         found_n += usize::from(found.moved.len() == 1 && found.moved[0].camera == 4);
@@ -322,6 +432,7 @@ fn what_cannot_be_compared_is_refused() {
         cam_from_rig: ring(n),
         covariance: DMatrix::from_diagonal_element(6 * n, 6 * n, sigma * sigma),
         correlation: Correlation::Known,
+        noise_degrees_of_freedom: None,
     };
     let good = places(3, 1e-3);
     let message = |after: &RigPlaces, level: f64| compare_rigs(&good, after, level).unwrap_err().to_string();
@@ -330,6 +441,8 @@ fn what_cannot_be_compared_is_refused() {
     assert!(
         message(&RigPlaces { covariance: DMatrix::zeros(6, 6), ..good.clone() }, 1e-3).contains("6 a camera")
     );
+    let groundless = RigPlaces { noise_degrees_of_freedom: Some(0.0), ..good.clone() };
+    assert!(message(&groundless, 1e-3).contains("noise_degrees_of_freedom"));
     let mut torn = good.clone();
     torn.cam_from_rig[1].translation.x = f64::NAN;
     assert!(message(&torn, 1e-3).contains("finite"));

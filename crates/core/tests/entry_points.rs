@@ -219,7 +219,12 @@ fn compare_rigs_answers_in_numbers() {
                 covariance.view_mut((6 * i, 6 * i), (6, 6)).copy_from(&self::covariance(rng));
             }
             let correlation = if rng.normal() < 0.0 { Correlation::Known } else { Correlation::Unknown };
-            RigPlaces { cam_from_rig: (0..3).map(|_| pose(rng)).collect(), covariance, correlation }
+            RigPlaces {
+                cam_from_rig: (0..3).map(|_| pose(rng)).collect(),
+                covariance,
+                correlation,
+                noise_degrees_of_freedom: None,
+            }
         };
         let (before, after) = (places(rng), places(rng));
         let Ok(c) = compare_rigs(&before, &after, 0.01) else { return false };

@@ -3,7 +3,8 @@
 mod common;
 
 use common::hands::{
-    Vector12, World, all_stated, block, covariance, drawn, exact, information, measured, part, squared,
+    Vector12, World, all_stated, best_linear, block, covariance, drawn, exact, information, linearised,
+    measured, part, squared,
 };
 use common::{Rng, views};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -58,7 +59,8 @@ fn a_base_far_away_costs_no_digits_but_its_own() {
     }
 }
 
-/// NEES of both poses, and the mean squared error against the Cramér–Rao bound. 1500 runs: 6 ± 0.09.
+/// NEES of both poses, and the mean squared error against the Cramér–Rao bound, beside what the best linear estimator has on the same
+/// measurements, whose means are known: 1000 runs leave ± 0.05 and ± 0.006.
 #[test]
 fn covariance_and_efficiency_are_those_of_the_bound() {
     for (mount, with_hand, seed) in [
@@ -67,16 +69,20 @@ fn covariance_and_efficiency_are_those_of_the_bound() {
         (Mount::CameraOnHand, false, 105),
     ] {
         let mut rng = Rng::new(seed);
-        let (mut nees, mut in_bounds, mut rejected, runs) = ([0.0; 2], [0.0; 2], 0, 1500);
+        let (mut nees, mut in_bounds, mut rejected, runs) = ([6.0; 2], [6.0; 2], 0, 1000);
         let world = World::cell(&mut rng, mount, 8);
         let stated = all_stated(&mut rng, 8, with_hand);
         let bound = information(&world, &stated).try_inverse().unwrap();
+        let lines = linearised(&world, &stated);
         for _ in 0..runs {
-            let found = solve_hand_eye(&measured(&mut rng, &world, &stated), &world.config()).unwrap();
-            let error = world.motion_error(&found);
+            let views = measured(&mut rng, &world, &stated);
+            let found = solve_hand_eye(&views, &world.config()).unwrap();
+            let (error, linear) = (world.motion_error(&found), best_linear(&world, &lines, &views));
             for (k, covariance) in [found.carrier_covariance, found.holder_covariance].iter().enumerate() {
-                nees[k] += squared(&part(&error, 6 * k), covariance) / f64::from(runs);
-                in_bounds[k] += squared(&part(&error, 6 * k), &block(&bound, 6 * k)) / f64::from(runs);
+                let least = squared(&part(&linear, 6 * k), &block(&bound, 6 * k));
+                nees[k] += (squared(&part(&error, 6 * k), covariance) - least) / f64::from(runs);
+                in_bounds[k] +=
+                    (squared(&part(&error, 6 * k), &block(&bound, 6 * k)) - least) / f64::from(runs);
             }
             rejected += 8 - found.n_used;
         }
@@ -86,10 +92,10 @@ fn covariance_and_efficiency_are_those_of_the_bound() {
         );
         for k in 0..2 {
             assert!(5.7 < nees[k] && nees[k] < 6.3, "{mount:?} {nees:?}");
-            assert!(0.95 < 6.0 / in_bounds[k], "{mount:?} {in_bounds:?}");
+            assert!(0.97 < 6.0 / in_bounds[k], "{mount:?} {in_bounds:?}");
         }
-        // 1e-4 for each of 12,000 good views, and ten times that for views first left out by the trimming.
-        assert!(rejected < 24, "{rejected}");
+        // 1e-4 for each of 8,000 good views, and ten times that for views first left out by the trimming.
+        assert!(rejected < 17, "{rejected}");
     }
 }
 

@@ -3,7 +3,7 @@
 mod common;
 
 use common::Rng;
-use common::hands::{Vector12, World, part, squared};
+use common::hands::{Stated, Vector12, World, best_linear, block, information, linearised, part, squared};
 use common::sessions::{Robot, Session, camera, solved};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::camera::BrownConrady;
@@ -34,8 +34,18 @@ fn noisy(rng: &mut Rng, world: &World, robot: Robot) -> Vec<HandView<'static>> {
     (0..world.base_from_hand.len()).map(view).collect()
 }
 
-/// NEES of X and Z over many worlds, in both mounts, for noise of either kind and of none, with 45 views; nothing is called wrong.
-/// 200 runs: 6 ± 0.25.
+/// What such a robot's noise is as a left motion of its pose.
+fn left_covariance(robot: Robot, base_from_hand: &Pose) -> Matrix6<f64> {
+    let (Robot::AtHand(rad, m) | Robot::AtBase(rad, m)) = robot;
+    let mut about = Matrix6::identity();
+    if matches!(robot, Robot::AtHand(..)) {
+        about.fixed_view_mut::<3, 3>(3, 0).copy_from(&base_from_hand.translation.cross_matrix());
+    }
+    about * isotropic(rad, m) * about.transpose()
+}
+
+/// NEES of X and Z over many worlds, in both mounts, for noise of either kind and of none, with 45 views; nothing is called wrong. Each run
+/// stands beside the best linear estimator on the same measurements, which knows the robot: NEES_RUNS leave ± 0.1.
 #[test]
 fn the_covariance_is_honest_whatever_the_robot() {
     let (rad, m) = COARSE;
@@ -43,29 +53,82 @@ fn the_covariance_is_honest_whatever_the_robot() {
         [Robot::AtHand(rad, m), Robot::AtBase(rad, m), Robot::AtHand(rad, 0.0), Robot::AtHand(0.0, 0.0)];
     for (k, mount) in MOUNTS.into_iter().enumerate() {
         for (j, robot) in robots.into_iter().enumerate() {
-            for n in [45] {
-                let mut rng = Rng::new(900 + 10 * k as u64 + j as u64);
-                let runs = 200;
-                let (mut nees, mut rejected, mut wrong, mut sigmas) = ([0.0; 2], 0, 0, [0.0; 2]);
-                for _ in 0..runs {
-                    let world = World::cell(&mut rng, mount, n);
-                    let found = solve_hand_eye(&noisy(&mut rng, &world, robot), &world.config()).unwrap();
-                    let error: Vector12 = world.motion_error(&found);
-                    nees[0] += squared(&part(&error, 0), &found.carrier_covariance) / f64::from(runs);
-                    nees[1] += squared(&part(&error, 6), &found.holder_covariance) / f64::from(runs);
-                    rejected += n - found.n_used;
-                    wrong += usize::from(found.is_inconsistent);
-                    let noise = found.hand_noise.unwrap();
-                    sigmas[0] += noise.sigma_rad / f64::from(runs);
-                    sigmas[1] += noise.sigma_m / f64::from(runs);
-                }
-                assert!(nees.iter().all(|x| (5.2..6.8).contains(x)), "{mount:?} {robot:?} {n}: {nees:?}");
-                assert!(wrong == 0 && rejected < 4, "{mount:?} {robot:?} {n}: {wrong} {rejected}");
-                println!(
-                    "{mount:?} {robot:?} {n} views: NEES {nees:.3?}, sigmas {sigmas:.6?}, rejected {rejected}, inconsistent {wrong}"
-                );
-            }
+            let Counted { nees, rejected, wrong, sigmas } =
+                counted(900 + 10 * k as u64 + j as u64, mount, robot, 45, runs(NEES_RUNS));
+            println!(
+                "{mount:?} {robot:?}: NEES {nees:.3?}, sigmas {sigmas:.6?}, rejected {rejected}, inconsistent {wrong}"
+            );
+            // Of a noise that is not there chance leaves some in half of the sessions, where another kind is: the covariance is 5 % too large.
+            let least = if matches!(robot, Robot::AtHand(rad, 0.0) if 0.0 < rad) { 5.4 } else { 5.7 };
+            assert!(nees.iter().all(|x| (least..6.3).contains(x)), "{mount:?} {robot:?}: {nees:?}");
+            assert!(wrong == 0 && rejected < 3, "{mount:?} {robot:?}: {wrong} {rejected}");
         }
+    }
+}
+
+const NEES_RUNS: u32 = 60;
+
+/// So many, or as many as RESIGHT_RUNS says.
+fn runs(usual: u32) -> u32 {
+    std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
+}
+
+/// Over many runs.
+#[derive(Default)]
+struct Counted {
+    nees: [f64; 2],
+    rejected: usize,
+    wrong: usize,
+    /// Means of the estimated standard deviations, rad and m.
+    sigmas: [f64; 2],
+}
+
+fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counted {
+    let mut rng = Rng::new(seed);
+    let mut sum = Counted { nees: [6.0; 2], ..Counted::default() };
+    for _ in 0..runs {
+        let world = World::cell(&mut rng, mount, n);
+        let views = noisy(&mut rng, &world, robot);
+        let stated: Vec<Stated> = (0..n)
+            .map(|i| Stated {
+                seen: views[i].candidates[0].covariance,
+                hand: Some(left_covariance(robot, &world.base_from_hand[i])),
+            })
+            .collect();
+        let lines = linearised(&world, &stated);
+        let bound = information(&world, &stated).try_inverse().unwrap();
+        let linear = best_linear(&world, &lines, &views);
+        let found = solve_hand_eye(&views, &world.config()).unwrap();
+        let error: Vector12 = world.motion_error(&found);
+        for (k, covariance) in [found.carrier_covariance, found.holder_covariance].iter().enumerate() {
+            let least = squared(&part(&linear, 6 * k), &block(&bound, 6 * k));
+            sum.nees[k] += (squared(&part(&error, 6 * k), covariance) - least) / f64::from(runs);
+        }
+        sum.rejected += n - found.n_used;
+        sum.wrong += usize::from(found.is_inconsistent);
+        let noise = found.hand_noise.unwrap();
+        sum.sigmas[0] += noise.sigma_rad / f64::from(runs);
+        sum.sigmas[1] += noise.sigma_m / f64::from(runs);
+    }
+    sum
+}
+
+/// The table of docs/math/hand_eye.md section 8: `RESIGHT_RUNS=300 cargo test -p resight-core --test hand_eye_noise few_views -- --nocapture`.
+/// With twelve views the noise is known to a third; a noise below the camera's own with eight views leaves the covariance a tenth too
+/// small (6.6 over 300 runs).
+#[test]
+fn few_views_are_nearly_honest() {
+    let (rad, m) = COARSE;
+    for (mount, robot, n) in [
+        (Mount::CameraOnHand, Robot::AtHand(rad, m), 12),
+        (Mount::CameraOnHand, Robot::AtBase(rad, m), 12),
+        (Mount::TargetOnHand, Robot::AtHand(rad, m), 12),
+        (Mount::CameraOnHand, Robot::AtHand(2.4e-4, 1.2e-4), 8),
+        (Mount::CameraOnHand, Robot::AtHand(4e-4, 2e-4), 8),
+    ] {
+        let Counted { nees, sigmas, .. } = counted(930, mount, robot, n, runs(60));
+        println!("{mount:?} {robot:?} {n} views: NEES {nees:.2?}, sigmas {sigmas:.6?}");
+        assert!(nees.iter().all(|x| (5.5..6.9).contains(x)), "{mount:?} {robot:?} {n}: {nees:?}");
     }
 }
 
@@ -241,12 +304,35 @@ fn shuffled_hands_are_never_called_right() {
     }
 }
 
-/// Right files are called right: two hundred sessions of robots from exact to coarse.
+/// Seven views of which four have the hand pose of their neighbour: rows in disorder, not out of step, and no such cause is named.
+#[test]
+fn rows_in_disorder_are_not_called_out_of_step() {
+    let mut rng = Rng::new(966);
+    for (run, order) in [[2, 6, 1, 0, 3, 4, 5], [1, 2, 4, 0, 5, 6, 3], [6, 2, 3, 4, 5, 0, 1]]
+        .into_iter()
+        .flat_map(|order| [order; 3])
+        .enumerate()
+    {
+        let world = World::cell(&mut rng, MOUNTS[run % 2], 7);
+        let mut views = noisy(&mut rng, &world, Robot::AtHand(2e-4, 5e-5));
+        let hands = order.map(|i: usize| views[i].base_from_hand);
+        for (view, hand) in views.iter_mut().zip(hands) {
+            view.base_from_hand = hand;
+        }
+        let said = match solve_hand_eye(&views, &world.config()) {
+            Ok(found) => found.causes.first().map(HandEyeCause::to_string).unwrap(),
+            Err(error) => error.to_string(),
+        };
+        assert!(!["neighbour", "out of step"].iter().any(|words| said.contains(words)), "{run}: {said}");
+    }
+}
+
+/// Right files are called right: eighty sessions (RESIGHT_RUNS) of robots from exact to coarse.
 #[test]
 fn there_is_no_false_alarm() {
     let mut rng = Rng::new(970);
     let mut wrong = 0;
-    for run in 0..200 {
+    for run in 0..runs(80) as usize {
         let (rad, m) = (rng.uniform(0.0, 5e-3), rng.uniform(0.0, 2e-3));
         let robot = if run % 2 == 0 { Robot::AtHand(rad, m) } else { Robot::AtBase(rad, m) };
         let n = 8 + run % 40;
@@ -286,7 +372,7 @@ fn halves_of_a_session_agree() {
 #[test]
 fn a_stated_noise_is_tested() {
     let mut rng = Rng::new(990);
-    for run in 0..20 {
+    for run in 0..8 {
         let world = World::cell(&mut rng, MOUNTS[run % 2], 20);
         let mut views = noisy(&mut rng, &world, Robot::AtBase(1e-3, 1e-3));
         let mut stated = |sigma: f64| {

@@ -168,6 +168,8 @@ pub struct JointCovariance {
     pub cameras: Vec<String>,
     /// 6 rows and columns a camera, small left motions `[rotation_rad; translation_m]`, camera frames.
     pub covariance: DMatrix<f64>,
+    /// Where the noise was estimated along: from how many redundant numbers.
+    pub noise_degrees_of_freedom: Option<f64>,
 }
 
 impl JointCovariance {
@@ -179,6 +181,21 @@ impl JointCovariance {
         JointCovariance {
             cameras: kept.iter().map(|i| names[*i].clone()).collect(),
             covariance: DMatrix::from_fn(6 * kept.len(), 6 * kept.len(), |i, j| covariance[(at(i), at(j))]),
+            noise_degrees_of_freedom: None,
+        }
+    }
+
+    /// Of those of its cameras that are among these.
+    fn among(&self, cameras: &[NamedCamera]) -> Self {
+        let is_kept = |i: &usize| cameras.iter().any(|camera| camera.name == self.cameras[*i]);
+        let kept: Vec<usize> = (0..self.cameras.len()).filter(is_kept).collect();
+        let at = |i: usize| 6 * kept[i / 6] + i % 6;
+        JointCovariance {
+            cameras: kept.iter().map(|i| self.cameras[*i].clone()).collect(),
+            covariance: DMatrix::from_fn(6 * kept.len(), 6 * kept.len(), |i, j| {
+                self.covariance[(at(i), at(j))]
+            }),
+            noise_degrees_of_freedom: self.noise_degrees_of_freedom,
         }
     }
 

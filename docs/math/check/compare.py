@@ -175,3 +175,84 @@ def tail(k, x):
 for k, x in ((1194, 1300), (1195, 1300), (6000, 6200), (1000, 1201), (999, 1199)):
     exact = mp.gammainc(mp.mpf(k) / 2, mp.mpf(x) / 2, regularized=True)
     near(f"(8) {k} degrees of freedom, χ² {x}: {mp.nstr(exact, 15)}", tail(k, x) / exact - 1, mp.mpf(10) ** -30)
+
+
+# (9): for a random covariance of three cameras m·blockdiag − Σ is positive semidefinite, and wholly shared errors reach the bound.
+def own_blocks(matrix):
+    out = mp.zeros(matrix.rows)
+    for i in range(0, matrix.rows, 6):
+        out[i : i + 6, i : i + 6] = matrix[i : i + 6, i : i + 6]
+    return out
+
+
+def least_eigenvalue(matrix):
+    return min(mp.eigsy((matrix + matrix.T) / 2, eigvals_only=True))
+
+
+for trial in range(5):
+    rank = random.choice([1, 3, 18])
+    a = mp.matrix(18, rank)
+    for i in range(18):
+        for j in range(rank):
+            a[i, j] = mp.mpf(random.gauss(0, 1))
+    assert least_eigenvalue(3 * own_blocks(a * a.T) - a * a.T) > -mp.mpf(10) ** -40
+print("ok  (9) m blockdiag(Σ) − Σ has no negative eigenvalue")
+common = covariance(6, mp.mpf(1))
+shared = mp.zeros(18)
+for i in range(0, 18, 6):
+    for j in range(0, 18, 6):
+        shared[i : i + 6, j : j + 6] = common
+same = mp.matrix([vector_i for _ in range(3) for vector_i in [1, -2, 3, 1, 0, 2]])
+near("(9) equality for shared errors", (same.T * (3 * own_blocks(shared) - shared) * same)[0], mp.mpf(10) ** -40)
+# With one camera fewer the bound would fail: m is needed.
+assert (same.T * (2 * own_blocks(shared) - shared) * same)[0] < 0
+# Hence χ² with the bound is no larger, of all and of what one camera adds (the Schur complement), for any e.
+bound, e = 3 * own_blocks(sigma), vector(18)
+quadratic = lambda m, e: (e.T * mp.lu_solve(m, e))[0]
+assert quadratic(bound, e) <= quadratic(sigma, e)
+k_bound = bound[12:18, 0:12] * mp.inverse(bound[0:12, 0:12])
+difference_of = mp.zeros(6, 18)
+difference_of[0:6, 0:12], difference_of[0:6, 12:18] = -k_bound, mp.eye(6)
+v, r = difference_of * bound * difference_of.T, difference_of * e
+near("(9) χ²(S) − χ²(S∖i) by the Schur complement", quadratic(v, r) / (quadratic(bound, e) - quadratic(bound[0:12, 0:12], e[0:12, 0])) - 1, mp.mpf(10) ** -35)
+assert least_eigenvalue(v - difference_of * sigma * difference_of.T) > 0
+print("ok  (9) no statistic is larger than with the true covariance")
+
+
+# (10) against the incomplete beta function, and the table of chi_square.rs.
+def tail_of_f(k, nu, q):
+    term, total = mp.mpf(1), mp.mpf(0)
+    for j in range(k // 2):
+        total += term
+        term *= (mp.mpf(nu) / 2 + j) / (j + 1) * q / (nu + mp.mpf(q))
+    return (1 + q / mp.mpf(nu)) ** (-mp.mpf(nu) / 2) * total
+
+
+for k, nu, q in ((6, 3, 20), (6, 3, 850), (12, 7.5, 60), (18, 21, 45), (6, 0.5, 10), (1200, 400, 2000)):
+    exact = mp.betainc(mp.mpf(nu) / 2, mp.mpf(k) / 2, 0, nu / (nu + mp.mpf(q)), regularized=True)
+    near(f"(10) F({k}, {nu}), χ² {q}: {mp.nstr(exact, 14)}", tail_of_f(k, nu, q) / exact - 1, mp.mpf(10) ** -30)
+near("(10) many degrees are no noise", tail_of_f(18, mp.mpf(10) ** 15, 30) / tail(18, 30) - 1, mp.mpf(10) ** -12)
+
+# (11): the mean of eᵀÊ⁻¹e by its second derivative in each factor, times half the variance 2/ν of that factor.
+parts = [covariance(6, mp.mpf(1)), covariance(6, mp.mpf(1))]
+total, step, nus = parts[0] + parts[1], mp.mpf(10) ** -12, [7, 12]
+mean = mp.mpf(6)
+for f in range(2):
+    at = lambda x: sum((mp.inverse(total + parts[f] * x) * total)[i, i] for i in range(6))
+    mean += (at(step) - 2 * at(0) + at(-step)) / step**2 / 2 * mp.mpf(2) / nus[f]
+shares = [mp.inverse(total) * part for part in parts]
+trace = lambda m: sum(m[i, i] for i in range(m.rows))
+second = 6 + sum(2 * trace(share * share) / nu for share, nu in zip(shares, nus))
+near("(11) mean to second order", mean - second, mp.mpf(10) ** -15)
+degrees = 6 / sum(trace(share * share) / nu for share, nu in zip(shares, nus))
+near("(11) as that of F", 6 * (1 + 2 / degrees) - second, mp.mpf(10) ** -40)
+assert min(nus) <= degrees <= sum(nus)
+half = [total / 2, total / 2]
+near("(11) parts alike: the sum", 6 / sum(trace((mp.inverse(total) * part) ** 2) / nu for part, nu in zip(half, [7, 7])) - 14, mp.mpf(10) ** -40)
+turn, shift_part = mp.diag([1, 2, 3, 0, 0, 0]), mp.diag([0, 0, 0, 2, 1, 1])
+both = mp.inverse(total) * (turn + shift_part)
+apart = [mp.inverse(total) * turn, mp.inverse(total) * shift_part]
+assert trace(both * both) >= sum(trace(one * one) for one in apart)
+print("ok  (11) turns and shifts as one part make ν no larger")
+# (12): −2 ln of the density of the multivariate t with scale E, up to what does not depend on e; many degrees give χ².
+near("(12) many degrees give χ²", (mp.mpf(10) ** 30 + 6) * mp.log1p(mp.mpf(20) / mp.mpf(10) ** 30) - 20, mp.mpf(10) ** -20)

@@ -1,4 +1,4 @@
-"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
+"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25), (27) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
 with the answers of OpenCV's calibrateHandEye and calibrateRobotWorldHandEye.
 
 OpenCV 5.0 has no Python binding of the two. python hand_eye.py --table prints the table with OpenCV 4; without it the committed problems
@@ -170,6 +170,14 @@ def variances():
             q = d.T * weight * parts[k] * weight * parts[l] * weight * d
             shorter = trace(weight * parts[k] * weight * parts[l]) / 2 - trace(phi * q) + trace(phi * m[k] * phi * m[l]) / 2
             assert abs(trace(big * parts[k] * big * parts[l]) / 2 - shorter) < 1e-26
+    # (27): what the weights of an exact hand have of covariance when the noise is theta.
+    weight = own**-1
+    phi = (d.T * weight * d) ** -1
+    estimator = phi * d.T * weight
+    truth = own + parts[0] * theta[0] + parts[1] * theta[1]
+    m = [d.T * weight * v * weight * d for v in parts]
+    shorter = phi + phi * (m[0] * theta[0] + m[1] * theta[1]) * phi
+    assert mp.norm(estimator * truth * estimator.T - shorter) < 1e-26
     # (25): a larger target moves the pose by its translation.
     pose, delta = exp(matrix(6, 1)), mp.mpf("1e-18")
     larger = pose.copy()

@@ -44,7 +44,7 @@ fn of_known(views: &[HandView], known: &[Known], config: &HandEyeConfig) -> Opti
         all.push((HandEyeCause::ShiftedRows(by), shifted(&plain, by)));
     }
     let solved =
-        all.into_iter().filter_map(|(cause, views)| Some((badness(&settled(&views, config).ok()?), cause)));
+        all.into_iter().filter_map(|(cause, views)| Some((badness_of_alternative(&views, config)?, cause)));
     let sized = UNIT_STARTS.into_iter().find_map(|start| size_from(&plain, start, config));
     let best = solved.chain(sized).min_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(noise, _)| *noise < f64::min(1.0, MAX_PART * given)).map(|(_, cause)| cause)
@@ -93,6 +93,19 @@ fn shifted(plain: &[HandView<'static>], by: isize) -> Vec<HandView<'static>> {
     plain.iter().enumerate().filter_map(pair).collect()
 }
 
+/// An alternative may leave out this part of the views: among seven rows in disorder four may be in step by chance, and with two of six left
+/// out the four would stand for all.
+const MAX_LEFT_OUT: f64 = 0.2;
+
+fn brings_together(settled: &Settled) -> bool {
+    let n_views = settled.known.len() as f64;
+    n_views - settled.used().len() as f64 <= MAX_LEFT_OUT * n_views
+}
+
+fn badness_of_alternative(views: &[HandView], config: &HandEyeConfig) -> Option<f64> {
+    settled(views, config).ok().filter(brings_together).map(|settled| badness(&settled))
+}
+
 /// One number for how badly views agree: the noise in units of what no robot exceeds, infinite where many views contradict.
 fn badness(settled: &Settled) -> f64 {
     let (n_views, n_used) = (settled.known.len(), settled.used().len());
@@ -115,7 +128,7 @@ fn size_from(plain: &[HandView<'static>], start: f64, config: &HandEyeConfig) ->
             return None;
         }
         if larger.part.abs() < SETTLED_SIZE + 0.1 * larger.sigma {
-            let is_good = large_noise(&found).is_none();
+            let is_good = large_noise(&found).is_none() && brings_together(&found);
             let cause = HandEyeCause::Size { ratio, sigma: ratio * larger.sigma };
             return is_good.then(|| (badness(&found), cause));
         }

@@ -174,7 +174,7 @@ fn middle_noise(known: &[Known], poses: &Poses) -> Variances {
     from_middle(known, poses, |view| nearest(view, poses).0, majority(known.len()).saturating_sub(1))
 }
 
-/// The gate of a view that took no part in estimating the noise, eq. (27): a variance from few views is itself uncertain, and χ² becomes an F.
+/// The gate of a view that took no part in estimating the noise, eq. (17): a variance from few views is itself uncertain, and χ² becomes an F.
 fn gate_outside(n_used: usize) -> f64 {
     let redundancy = f64::max(3.0, 3.0 * n_used as f64 - 6.0);
     redundancy * (GATE_CHI2 / redundancy).exp_m1()

@@ -90,12 +90,27 @@ pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option
     let is_needed = |with: &Maximum| without.log_likelihood + NEEDED_GAIN < with.log_likelihood;
     let best = with.filter(is_needed).unwrap_or(without);
     let none = maximum(rows, besides, &[0.0; KINDS], &[])?;
-    Some(if none.log_likelihood + NEEDED_GAIN_OF_ANY < best.log_likelihood { best } else { none }.reml)
+    let gain = best.log_likelihood - none.log_likelihood;
+    Some(match () {
+        () if gain <= NEEDED_GAIN_OF_ANY => none.reml,
+        () if gain <= NEEDED_GAIN_OF_WEIGHTS => exact_but_doubted(rows, besides, none.reml, &best.reml)?,
+        () => best.reml,
+    })
 }
 
-/// … and any noise at all: an exact hand whose noise is estimated half of the time from what chance leaves would cost a twentieth of the
-/// efficiency with eight views.
+/// … and any noise at all, in the covariance: half of all exact hands would otherwise seem noisy.
 const NEEDED_GAIN_OF_ANY: f64 = 1.0;
+/// … and in the weights: an exact hand weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
+const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
+
+/// The weights of an exact hand with the covariance that these have if the noise is what it seems to be, eq. (27).
+fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
+    let at = evaluate(rows, besides, &exact.variances)?;
+    let m = slope(rows, &at).m;
+    let sum: Normal = m.iter().zip(&seeming.variances).map(|(m, variance)| m * *variance).sum();
+    let widening = at.phi * sum * at.phi;
+    Some(Reml { widening: (widening + widening.transpose()) * 0.5, ..exact })
+}
 
 /// A maximum and the likelihood there.
 struct Maximum {

@@ -30,6 +30,10 @@ const MAX_ROUNDS: usize = 50;
 /// The sigmas have settled when χ² over its degrees of freedom is 1 to within this.
 const SETTLED: f64 = 1e-9;
 
+/// Where turns or shifts keep less of the redundancy than this, the other kind has begun to explain their residuals (a turn of a camera closes a
+/// loop's shifts), and a variance would run to zero: from then on one factor scales both. A loop by itself gives each a half.
+const LEAST_SHARE: f64 = 0.25;
+
 /// The joint answer: first under a loss that wrong pairs cannot pull far, then without those that contradict the rest.
 pub(super) fn settle(
     graph: &PoseGraph,
@@ -104,14 +108,18 @@ fn adjusted(
     mut noise: Noise,
     used: &[bool],
 ) -> Result<(Adjustment, Noise), Error> {
+    let mut is_one_factor = false;
     for _ in 0..MAX_ROUNDS {
         let adjustment = adjust(graph, anchor, poses, &weights(&noise, used, Loss::Squared)?.as_ref())?;
         if !noise.is_estimated() {
             return Ok((adjustment, noise));
         }
         let (turn, shift) = shares(graph, &adjustment, &noise, used)?;
+        is_one_factor |= turn.1.min(shift.1) < LEAST_SHARE * (turn.1 + shift.1);
+        let both = (turn.0 + shift.0, turn.1 + shift.1);
+        let (turn, shift) = if is_one_factor { (both, both) } else { (turn, shift) };
         let off = |(squares, redundancy): (f64, f64)| (squares - redundancy).abs() / redundancy.max(1e-3);
-        if turn.1 + shift.1 < LEAST_REDUNDANCY || off(turn).max(off(shift)) < SETTLED {
+        if both.1 < LEAST_REDUNDANCY || off(turn).max(off(shift)) < SETTLED {
             return Ok((adjustment, noise));
         }
         noise = noise.re_estimated(turn, shift);

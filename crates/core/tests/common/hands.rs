@@ -133,9 +133,29 @@ pub fn exact(world: &World) -> Vec<HandView<'static>> {
 /// Fisher information of both motions at the truth: derivatives by central differences of the predicted poses, the hand's noise by
 /// differences too. Shares nothing with the product but Exp and Log.
 pub fn information(world: &World, stated: &[Stated]) -> Matrix12 {
+    linearised(world, stated).iter().map(|(by_both, weight)| by_both.transpose() * weight * by_both).sum()
+}
+
+/// The error of both motions that the best linear estimator makes on the same measurements, who knows every covariance: on average six in units of
+/// its covariance for each, whatever is measured. What another estimator has more than it on the same data says more than its own mean.
+pub fn best_linear(world: &World, linearised: &[Linearised], views: &[HandView]) -> Vector12 {
+    let (mut sum, mut right) = (Matrix12::zeros(), Vector12::zeros());
+    for ((by_both, weight), view) in linearised.iter().zip(views) {
+        let h = world.carrier_from_holder(&view.base_from_hand);
+        let expected = world.cam_from_carrier * h * world.holder_from_target;
+        let r = (view.candidates[0].cam_from_target * expected.inverse()).log();
+        sum += by_both.transpose() * weight * by_both;
+        right += by_both.transpose() * (weight * r);
+    }
+    sum.cholesky().unwrap().solve(&right)
+}
+
+/// Of a view: the derivative of its pose by both motions, and its weight.
+pub type Linearised = (SMatrix<f64, 6, 12>, Matrix6<f64>);
+
+pub fn linearised(world: &World, stated: &[Stated]) -> Vec<Linearised> {
     const STEP: f64 = 1e-5;
-    let mut sum = Matrix12::zeros();
-    for (i, stated) in stated.iter().enumerate() {
+    let one = |(i, stated): (usize, &Stated)| {
         let truth = world.cam_from_target(i);
         let seen = |by: &Vector12, hand: &Vector6<f64>| {
             let x = Pose::exp(&by.fixed_rows::<6>(0).into_owned()) * world.cam_from_carrier;
@@ -153,9 +173,9 @@ pub fn information(world: &World, stated: &[Stated]) -> Matrix12 {
             (seen(&Vector12::zeros(), &h) - seen(&Vector12::zeros(), &-h))[row] / (2.0 * STEP)
         });
         let hand = stated.hand.map_or(Matrix6::zeros(), |c| by_hand * c * by_hand.transpose());
-        sum += by_both.transpose() * (stated.seen + hand).try_inverse().unwrap() * by_both;
-    }
-    sum
+        (by_both, (stated.seen + hand).try_inverse().unwrap())
+    };
+    stated.iter().enumerate().map(one).collect()
 }
 
 pub fn block(m: &Matrix12, at: usize) -> Matrix6<f64> {

@@ -35,6 +35,11 @@ pub fn convert(rig: &CameraFile, to: Format, reference: Option<&str>) -> Result<
     let files = write_rig(rig, to)?;
     let back =
         read_back(&files).map_err(|e| WriteError(format!("what was written cannot be read again: {e}")))?;
+    if rig.joint.is_some() && back.as_ref().is_none_or(|back| back.joint != rig.joint) {
+        lost.push(
+            "the covariance of all cameras together (joint_covariance); only resight files hold it".into(),
+        );
+    }
     match &back {
         Some(back) => compare(rig, back, &mut lost)?,
         None => lost.extend(covariances(certain(&rig.cameras, &rig.relations))),
@@ -47,6 +52,7 @@ pub fn convert(rig: &CameraFile, to: Format, reference: Option<&str>) -> Result<
 fn placed_in(rig: &CameraFile, reference: &str, lost: &mut Vec<String>) -> Result<CameraFile, WriteError> {
     let scene = super::scene(rig, Some(reference))?;
     let mut out = rig.clone();
+    let joint = out.joint.take();
     for (camera, station) in out.cameras.iter_mut().zip(scene.stations) {
         if camera.name == reference {
             // The root of the tree: its old parent stays as a frame.
@@ -71,6 +77,13 @@ fn placed_in(rig: &CameraFile, reference: &str, lost: &mut Vec<String>) -> Resul
                 old.b, old.a
             ));
         }
+    }
+    match joint {
+        Some(joint) if rig_files::fits(&joint, &out.cameras) => out.joint = Some(joint),
+        Some(_) => lost.push(format!(
+            "the covariance of all cameras together: it belongs to the frame that the file has, not to `{reference}`"
+        )),
+        None => {}
     }
     Ok(out)
 }

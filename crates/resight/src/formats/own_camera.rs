@@ -18,6 +18,7 @@
 //! [joint_covariance]      # of the cameras' places together
 //! cameras = ["right", "top"]
 //! lower = [[…], …]        # row i has its first i + 1 numbers; 6 rows a camera
+//! noise_degrees_of_freedom = 9  # where the noise was estimated from so many redundant numbers
 //! ```
 
 use super::document::{Document, Fault, Syntax};
@@ -234,7 +235,7 @@ fn covariance(entry: &Entry<'_>) -> Result<Matrix6, Fault> {
 
 /// The lower triangle, row by row.
 fn joint_covariance(entry: &Entry<'_>) -> Result<JointCovariance, Fault> {
-    entry.only(&["cameras", "lower"])?;
+    entry.only(&["cameras", "lower", "noise_degrees_of_freedom"])?;
     let names = entry.need("cameras")?.items()?;
     let cameras: Vec<String> =
         names.iter().map(|n| Ok(n.text()?.to_owned())).collect::<Result<_, Fault>>()?;
@@ -251,16 +252,31 @@ fn joint_covariance(entry: &Entry<'_>) -> Result<JointCovariance, Fault> {
             covariance[(j, i)] = value;
         }
     }
-    Ok(JointCovariance { cameras, covariance })
+    let noise_degrees_of_freedom = entry.get("noise_degrees_of_freedom").map(|e| degrees(&e)).transpose()?;
+    Ok(JointCovariance { cameras, covariance, noise_degrees_of_freedom })
+}
+
+fn degrees(entry: &Entry<'_>) -> Result<f64, Fault> {
+    let degrees = entry.number()?;
+    match 0.0 < degrees && degrees.is_finite() {
+        true => Ok(degrees),
+        false => Err(entry.fault(format!("is {degrees}; it must be positive"))),
+    }
 }
 
 fn joint_text(joint: &JointCovariance) -> String {
     let names: Vec<String> = joint.cameras.iter().map(|name| quoted(name)).collect();
     let row = |i: usize| (0..=i).map(|j| joint.covariance[(i, j)]).collect::<Vec<f64>>();
     let rows: String = (0..joint.covariance.nrows()).map(|i| format!("  {},\n", list(&row(i)))).collect();
+    let degrees = joint.noise_degrees_of_freedom.map_or_else(String::new, |degrees| {
+        format!(
+            "noise_degrees_of_freedom = {} # the noise was estimated from so many redundant numbers\n",
+            number(degrees)
+        )
+    });
     format!(
         "\n[joint_covariance] # of the cameras' places together: what they have in common; lower triangle, 6 rows a camera\n\
-         cameras = [{}]\nlower = [\n{rows}]\n",
+         cameras = [{}]\nlower = [\n{rows}]\n{degrees}",
         names.join(", ")
     )
 }

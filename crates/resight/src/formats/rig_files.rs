@@ -3,8 +3,12 @@
 use super::document::Document;
 use super::frames::Frames;
 use super::table::{CameraFormat, Reads, camera_format};
-use super::{CameraFile, Contents, Format, NamedCamera, Placement, contents_of, not_a_camera, split_spec};
+use super::{
+    CameraFile, Contents, Format, JointCovariance, NamedCamera, Placement, contents_of, not_a_camera,
+    split_spec,
+};
 use crate::FileError;
+use crate::core::Matrix6;
 use std::path::{Path, PathBuf};
 
 /// Files looked at below one folder; a calibration has a few dozen.
@@ -46,6 +50,13 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
         add(&mut rig, contents).map_err(|reason| FileError::new(path, reason))?;
     }
     join(&mut rig);
+    rig.joint = rig.joint.take().map(|joint| joint.among(&rig.cameras));
+    let unfit = rig.joint.as_ref().is_some_and(|joint| !fits(joint, &rig.cameras));
+    if unfit {
+        rig.joint = None;
+        let reason = "the covariance of all cameras together is left out: their poses are not those that it belongs to";
+        rig.warnings.push(reason.into());
+    }
     Ok(rig.into_file(format))
 }
 
@@ -66,6 +77,7 @@ fn keep(read: &mut [(PathBuf, Format, Contents)], name: &str) -> Result<(), Stri
         let left_out = contents.cameras.extract_if(.., |c| c.name != name);
         contents.relations.extend(left_out.filter_map(|c| c.placement));
         contents.clocks.retain(|c| c.camera == name);
+        contents.joint = None; // Of one camera there is nothing in common.
     }
     Ok(())
 }
@@ -147,6 +159,12 @@ pub(super) fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
     }
     rig.relations.extend(more.relations);
     rig.clocks.extend(more.clocks);
+    if let Some(joint) = more.joint
+        && rig.joint.replace(joint).is_some()
+    {
+        rig.warnings
+            .push("two files state a covariance of all cameras together; the later one is used".into());
+    }
     rig.notes.extend(more.notes);
     rig.warnings.extend(more.warnings);
     Ok(())
@@ -171,6 +189,20 @@ fn join(rig: &mut Contents) {
             },
         }
     }
+}
+
+/// Whether every camera of a joint covariance still has the pose that it belongs to, told by its own covariance, and no other is uncertain.
+pub(super) fn fits(joint: &JointCovariance, cameras: &[NamedCamera]) -> bool {
+    let own = |camera: &NamedCamera| camera.placement.as_ref().and_then(|p| p.covariance);
+    let is_of = |(i, name): (usize, &String)| {
+        let stated = cameras.iter().find(|c| c.name == *name).and_then(own);
+        let block: Matrix6 = joint.covariance.fixed_view::<6, 6>(6 * i, 6 * i).into();
+        stated.is_some_and(|stated| (block - stated).amax() <= 1e-6 * stated.amax())
+    };
+    let is_held = |camera: &NamedCamera| {
+        joint.cameras.contains(&camera.name) || own(camera).is_none_or(|own| own.amax() == 0.0)
+    };
+    joint.cameras.iter().enumerate().all(is_of) && cameras.iter().all(is_held)
 }
 
 pub(super) fn is_frame_of(frame: &str, camera: &str) -> bool {

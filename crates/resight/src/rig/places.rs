@@ -24,6 +24,8 @@ pub struct PlacedRig {
     pub cameras: Vec<PlacedCamera>,
     /// Covariance of all together, 6 rows a camera in their order, where it is known.
     pub joint: Option<DMatrix<f64>>,
+    /// Where the noise behind the covariances was estimated along: from how many redundant numbers.
+    pub noise_degrees_of_freedom: Option<f64>,
 }
 
 impl PlacedRig {
@@ -68,7 +70,7 @@ impl PlacedRig {
                 ));
             }
         }
-        Ok(PlacedRig { cameras, joint: Some(joint) })
+        Ok(PlacedRig { cameras, joint: Some(joint), noise_degrees_of_freedom: None })
     }
 
     /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance the correlations of a file's own covariances
@@ -91,7 +93,8 @@ impl PlacedRig {
         let cam_from_rig = order.iter().map(|i| self.cameras[*i].cam_from_rig).collect();
         let is_known = self.joint.is_some() || is_exact || !self.is_sure();
         let correlation = if is_known { Correlation::Known } else { Correlation::Unknown };
-        Some(RigPlaces { cam_from_rig, covariance, correlation })
+        let noise_degrees_of_freedom = self.noise_degrees_of_freedom.filter(|_| !is_exact && self.is_sure());
+        Some(RigPlaces { cam_from_rig, covariance, correlation, noise_degrees_of_freedom })
     }
 
     /// Whether every camera has a covariance: a file that gives it for some only says nothing about the others.

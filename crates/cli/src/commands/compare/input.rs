@@ -62,8 +62,9 @@ fn camera_file(path: &Path) -> Result<PlacedRig> {
     let file = read_cameras(path)?;
     let cameras = placed(&file.cameras).map_err(|reason| anyhow::anyhow!("{} {reason}", path.display()))?;
     match &file.joint {
-        None => Ok(PlacedRig { cameras, joint: None }),
+        None => Ok(PlacedRig { cameras, joint: None, noise_degrees_of_freedom: None }),
         Some(joint) => PlacedRig::with_joint(cameras, &joint.cameras, &joint.rows())
+            .map(|rig| PlacedRig { noise_degrees_of_freedom: joint.noise_degrees_of_freedom, ..rig })
             .map_err(|reason| anyhow::anyhow!("{}: {reason}", path.display())),
     }
 }
@@ -74,17 +75,24 @@ fn rig_object(object: &Value) -> Result<PlacedRig> {
     let place = |(name, camera): (&String, &Value)| -> Result<PlacedCamera> {
         let cam_from_rig =
             pose(&camera["cam_from_rig"]).with_context(|| format!("camera {name}: cam_from_rig"))?;
-        let covariance =
-            Some(matrix6(&camera["covariance"]).with_context(|| format!("camera {name}: covariance"))?);
+        // A chain of pairs, or pairs without a loop, may not say how sure they are.
+        let covariance = match &camera["covariance"] {
+            Value::Null => None,
+            covariance => Some(matrix6(covariance).with_context(|| format!("camera {name}: covariance"))?),
+        };
         Ok(PlacedCamera { name: name.clone(), cam_from_rig, covariance })
     };
     let cameras: Vec<PlacedCamera> = cameras.iter().map(place).collect::<Result<_>>()?;
-    let Some(joint) = object.get("joint_covariance") else { return Ok(PlacedRig { cameras, joint: None }) };
+    let noise_degrees_of_freedom = object["noise_degrees_of_freedom"].as_f64();
+    let Some(joint) = object.get("joint_covariance") else {
+        return Ok(PlacedRig { cameras, joint: None, noise_degrees_of_freedom });
+    };
     let names: Vec<String> =
         serde_json::from_value(joint["cameras"].clone()).context("joint_covariance.cameras")?;
     let rows: Vec<Vec<f64>> =
         serde_json::from_value(joint["matrix"].clone()).context("joint_covariance.matrix")?;
-    PlacedRig::with_joint(cameras, &names, &rows).map_err(anyhow::Error::msg)
+    let rig = PlacedRig::with_joint(cameras, &names, &rows).map_err(anyhow::Error::msg)?;
+    Ok(PlacedRig { noise_degrees_of_freedom, ..rig })
 }
 
 /// What `locate` and `solve` print for a view.

@@ -6,7 +6,7 @@ use crate::output::Printer;
 use crate::text::line;
 use anyhow::{Context, Result, bail};
 use resight::core::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
-use resight::report::verdict::Status;
+use resight::report::verdict::{Status, figures};
 use resight::rig::names::natural;
 use resight::rig::places::PlacedRig;
 use serde::Serialize;
@@ -20,6 +20,9 @@ struct RigsObject {
     alpha: f64,
     chi2: f64,
     dof: usize,
+    /// Degrees of freedom of the noise, where A or B estimated it: `p` is of an F distribution then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise_dof: Option<f64>,
     p: f64,
     unmoved: Vec<String>,
     moved: Vec<CameraMotionObject>,
@@ -68,6 +71,7 @@ pub fn compare(args: &Compare, before: &PlacedRig, after: &PlacedRig, printer: &
         alpha: args.alpha,
         chi2: found.chi2,
         dof: found.degrees_of_freedom,
+        noise_dof: found.noise_degrees_of_freedom,
         p: found.probability,
         unmoved: found.unmoved.iter().map(name).collect(),
         moved: found
@@ -188,6 +192,13 @@ fn words(object: &RigsObject, found: &RigComparison, names: &[String]) -> String
         if !only.is_empty() {
             line(&mut out, "left out", &format!("{}: only in {side}", only.join(", ")));
         }
+    }
+    if let Some(degrees) = object.noise_dof {
+        let said = format!(
+            "estimated from loops of pairs with {} degrees of freedom; the chances allow for that",
+            figures(degrees)
+        );
+        line(&mut out, "noise", &said);
     }
     if let Some(assumed) = &object.assumed {
         line(&mut out, "assumed", assumed);

@@ -60,6 +60,8 @@ struct GraphObject {
     noise_scale: Option<f64>,
     median_sigma_rad: Option<f64>,
     median_sigma_m: Option<f64>,
+    /// Of each of the two, where they were estimated; null where they were given.
+    noise_degrees_of_freedom: Option<usize>,
     /// With --joint-covariance; a chain has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     joint_covariance: Option<JointObject>,
@@ -131,7 +133,7 @@ pub fn run(
     let is_inconsistent = contradiction.is_some();
     let mut object = object(&file, anchor, &placed, contradiction);
     if with_joint {
-        let joint = placed.solution.as_ref().map(|s| &s.joint_covariance);
+        let joint = sure(&placed).map(|s| &s.joint_covariance);
         object.joint_covariance = joint.map(|matrix| JointObject::of(file.cameras.clone(), matrix));
     }
     match output.json {
@@ -167,8 +169,16 @@ fn placed(args: &PairsArgs, graph: &PoseGraph, anchor: usize) -> Result<Placed, 
     let sigma = args.pair_sigma_deg.zip(args.pair_sigma_mm);
     let median_sigma = sigma.map(|(deg, mm)| PairSigma { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm });
     let solution = solve_pose_graph(graph, &PoseGraphConfig { anchor, median_sigma })?;
-    let cam_from_rig = solution.cameras.iter().map(|c| (c.cam_from_rig, Some(c.covariance))).collect();
+    // Without a loop nothing says how sure the pairs are.
+    let is_sure = solution.noise_degrees_of_freedom != Some(0);
+    let cam_from_rig =
+        solution.cameras.iter().map(|c| (c.cam_from_rig, is_sure.then_some(c.covariance))).collect();
     Ok(Placed { cam_from_rig, paths: None, solution: Some(solution) })
+}
+
+/// The joint answer, where loops or stated sigmas say how sure it is.
+fn sure(placed: &Placed) -> Option<&PoseGraphSolution> {
+    placed.solution.as_ref().filter(|s| s.noise_degrees_of_freedom != Some(0))
 }
 
 fn object(file: &PairFile, anchor: usize, placed: &Placed, contradiction: Option<String>) -> GraphObject {
@@ -201,6 +211,7 @@ fn object(file: &PairFile, anchor: usize, placed: &Placed, contradiction: Option
         noise_scale: s.map(|s| s.noise_scale),
         median_sigma_rad: sigma.map(|s| s.sigma_rad),
         median_sigma_m: sigma.map(|s| s.sigma_m),
+        noise_degrees_of_freedom: s.and_then(|s| s.noise_degrees_of_freedom),
         joint_covariance: None,
     }
 }
@@ -325,9 +336,10 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
     };
     if cameras.is_empty() {
         let places = (0..file.cameras.len()).map(|i| PlaceOnly::of(&placement(i))).collect();
-        return Ok(toml::to_string(&PlacesOnly { relation: places })?);
+        let joint_covariance = joint(file, placed).map(JointOnly::of);
+        return Ok(toml::to_string(&PlacesOnly { relation: places, joint_covariance })?);
     }
-    let solution = placed.solution.as_ref();
+    let joint = joint(file, placed);
     let placed = |(i, name): (usize, &String)| match cameras.iter().find(|camera| &camera.name == name) {
         Some(camera) => Ok(NamedCamera { placement: Some(placement(i)), ..camera.clone() }),
         None => {
@@ -336,14 +348,41 @@ fn written(file: &PairFile, placed: &Placed, cameras: &[NamedCamera]) -> Result<
         }
     };
     let all: Vec<NamedCamera> = file.cameras.iter().enumerate().map(placed).collect::<Result<_>>()?;
-    let joint = solution.map(|s| JointCovariance::of(&file.cameras, &s.joint_covariance));
     Ok(own_rig_file(&all, joint)?)
+}
+
+/// Of all cameras, where it is known.
+fn joint(file: &PairFile, placed: &Placed) -> Option<JointCovariance> {
+    sure(placed).map(|s| JointCovariance {
+        noise_degrees_of_freedom: s.noise_degrees_of_freedom.map(|degrees| degrees as f64),
+        ..JointCovariance::of(&file.cameras, &s.joint_covariance)
+    })
 }
 
 /// `[[relation]]` tables of our own file: no lens is known. `convert` joins them with files that have lenses.
 #[derive(Serialize)]
 struct PlacesOnly {
     relation: Vec<PlaceOnly>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joint_covariance: Option<JointOnly>,
+}
+
+/// `[joint_covariance]` of our own file.
+#[derive(Serialize)]
+struct JointOnly {
+    cameras: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise_degrees_of_freedom: Option<f64>,
+    /// The lower triangle, row by row.
+    lower: Vec<Vec<f64>>,
+}
+
+impl JointOnly {
+    fn of(joint: JointCovariance) -> Self {
+        let lower = joint.rows().into_iter().enumerate().map(|(i, row)| row[..=i].to_vec()).collect();
+        let JointCovariance { cameras, noise_degrees_of_freedom, .. } = joint;
+        JointOnly { cameras, noise_degrees_of_freedom, lower }
+    }
 }
 
 /// The keys of `[camera.placement]`.

@@ -58,7 +58,7 @@ impl RigArgs {
     fn reference(&self, cameras: &[NamedCamera]) -> Result<Option<(Vec<Pose>, DMatrix<f64>)>> {
         let placed = placed(cameras).map_err(|reason| anyhow::anyhow!("the rig file {reason}"))?;
         let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
-        let rig = PlacedRig { cameras: placed, joint: None };
+        let rig = PlacedRig { cameras: placed, joint: None, noise_degrees_of_freedom: None };
         let places = rig.places(&names, self.stated().as_ref());
         Ok(places.map(|places| (places.cam_from_rig, places.covariance)))
     }
