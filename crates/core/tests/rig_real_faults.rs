@@ -7,7 +7,7 @@
 mod common;
 
 use common::recordings::{Recording, chessboard, root, webcams};
-use resight_core::rig::{RigConfig, RigSolution};
+use resight_core::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
 use resight_core::{Error, Vector6};
 
 /// Differences below these are nobody's concern.
@@ -19,7 +19,10 @@ fn subsets(recording: &Recording) -> Vec<(String, Recording)> {
     let n = recording.cameras.len();
     let members = |bits: usize| (0..n).filter(|c| bits >> c & 1 == 1).collect::<Vec<usize>>();
     let subset = |cameras: Vec<usize>| {
-        (format!("{} {:.1} px {cameras:?}", recording.name, recording.sigma_px), recording.of_cameras(&cameras))
+        (
+            format!("{} {:.1} px {cameras:?}", recording.name, recording.sigma_px),
+            recording.of_cameras(&cameras),
+        )
     };
     (1..1 << n).map(members).filter(|m| 1 < m.len()).map(subset).collect()
 }
@@ -81,9 +84,10 @@ type Found = Result<RigSolution, Error>;
 
 /// By how much the worst camera lies off, in its own standard deviations; 0 where that is nobody's concern.
 fn off(found: &RigSolution, right: &RigSolution) -> f64 {
-    let of_camera = |(a, b): (&resight_core::rig::CameraInRig, &resight_core::rig::CameraInRig)| {
+    let of_camera = |(a, b): (&CameraInRig, &CameraInRig)| {
         let apart: Vector6 = (a.cam_from_rig * b.cam_from_rig.inverse()).log();
-        let is_small = apart.fixed_rows::<3>(0).norm() < SMALL_RAD && apart.fixed_rows::<3>(3).norm() < SMALL_M;
+        let is_small =
+            apart.fixed_rows::<3>(0).norm() < SMALL_RAD && apart.fixed_rows::<3>(3).norm() < SMALL_M;
         let of = |i: usize| apart[i].abs() / a.covariance[(i, i)].sqrt().max(1e-12);
         if is_small { 0.0 } else { (0..6).map(of).fold(0.0, f64::max) }
     };
@@ -93,16 +97,23 @@ fn off(found: &RigSolution, right: &RigSolution) -> f64 {
 fn line(what: &str, fault: &str, found: &Found, right: &RigSolution) -> String {
     let Ok(s) = found else { return format!("{what:24} {fault:22} refused {}", found.as_ref().unwrap_err()) };
     let v = &s.verdict;
-    let lens = |o: &Option<resight_core::rig::LensOffset>| {
-        o.map_or("none".into(), |o| format!("{o:.1?}"))
+    let lens = |o: &Option<LensOffset>| {
+        let Some(o) = o else { return "none".into() };
+        let ([right, down], [s_right, s_down]) = (o.centre, o.sigma_centre);
+        let all = [o.focal, o.sigma_focal, right, s_right, down, s_down, o.distortion, o.sigma_distortion];
+        format!("{:+.2?}", all.map(|x| 100.0 * x))
     };
     format!(
-        "{what:24} {fault:22} {} off {:.1} σ; ± {:.1} mm; noise {:.2} view {:.2} {:?} {}",
+        "{what:24} {fault:22} {} off {:.1} σ; ± {:.1} mm; noise {:.2} view {:.2} lens {:.2} {:?} {}",
         if v.is_inconsistent { "INCONSISTENT" } else { "ok" },
         off(s, right),
-        1e3 * s.cameras.last().map_or(0.0, |c| (0..3).map(|i| c.covariance[(3 + i, 3 + i)]).fold(0.0, f64::max).sqrt()),
+        1e3 * s
+            .cameras
+            .last()
+            .map_or(0.0, |c| (0..3).map(|i| c.covariance[(3 + i, 3 + i)]).fold(0.0, f64::max).sqrt()),
         s.noise_scale,
         s.view_scale,
+        s.lens_scale,
         v.cameras.iter().map(|c| c.cause).collect::<Vec<_>>(),
         v.lens_offsets.iter().map(lens).collect::<Vec<_>>().join(" | "),
     )
