@@ -149,7 +149,6 @@ pub(super) fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
     rig.clocks.extend(more.clocks);
     rig.notes.extend(more.notes);
     rig.warnings.extend(more.warnings);
-    rig.contradiction = rig.contradiction.take().or(more.contradiction);
     Ok(())
 }
 
