@@ -15,6 +15,8 @@ const BLOCK: usize = 6;
 /// What one cluster says about the blocks of unknowns that it touches, every other unknown eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
+    /// Its number, the caller's; ascending.
+    pub(crate) number: usize,
     /// Which blocks, ascending.
     pub(crate) blocks: Vec<usize>,
     /// Symmetric, six rows a block.
@@ -121,7 +123,7 @@ fn six(vector: &DVector<f64>, block: usize) -> Vector6<f64> {
 }
 
 /// The blocks of the inverse information that a cluster touches.
-fn restricted(inverse: &DMatrix<f64>, blocks: &[usize]) -> DMatrix<f64> {
+pub(crate) fn restricted(inverse: &DMatrix<f64>, blocks: &[usize]) -> DMatrix<f64> {
     let at = |i: usize| BLOCK * blocks[i / BLOCK] + i % BLOCK;
     let n = BLOCK * blocks.len();
     DMatrix::from_fn(n, n, |i, j| inverse[(at(i), at(j))])

@@ -13,6 +13,8 @@ mod classify;
 mod adjust;
 mod scale;
 mod lens;
+mod lens_score;
+mod lens_doubt;
 mod verdict;
 mod answer;
 
@@ -66,6 +68,10 @@ pub struct RigConfig<'a> {
     /// Whether errors that a whole sighting shares are estimated from how far views contradict each other, and put into every covariance.
     /// Without, the points' errors are taken as independent.
     pub shared_errors: bool,
+    /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
+    /// they seem to be off. Without, they are taken as exact: right for what two rigs with the same lens files are compared by, in which
+    /// such errors are the same.
+    pub lens_errors: bool,
 }
 
 /// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -74,7 +80,14 @@ pub const GATE_SIGMAS: f64 = 4.291_932_052_578_694;
 impl Default for RigConfig<'_> {
     fn default() -> Self {
         let loss = Loss::Truncated { sigmas: GATE_SIGMAS };
-        RigConfig { reference: 0, loss, joint_covariance: false, known_distances: &[], shared_errors: true }
+        RigConfig {
+            reference: 0,
+            loss,
+            joint_covariance: false,
+            known_distances: &[],
+            shared_errors: true,
+            lens_errors: true,
+        }
     }
 }
 
@@ -201,6 +214,9 @@ pub struct RigSolution {
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
     /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
     pub view_scale: f64,
+    /// Factor by which the variances were widened beyond both, in the mean over cameras and targets, because views agree that intrinsics are
+    /// off; 1 where nothing contradicts them.
+    pub lens_scale: f64,
     /// Steps of the joint adjustment.
     pub steps: usize,
     /// Whether all this can be believed; no pose is to be used where it is inconsistent.

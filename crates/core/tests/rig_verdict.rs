@@ -76,6 +76,12 @@ fn wrong_kind(sightings: &mut [Sighting]) {
     }
 }
 
+/// Camera 2 is told that the board is larger than the others are told.
+fn told_size(sightings: &mut [Sighting], factor: f64) {
+    let own = sightings.iter_mut().filter(|s| s.camera == 2).flat_map(|s| &mut s.seen);
+    own.for_each(|c| c.x_in_target *= factor);
+}
+
 /// Camera 2 fires late while the board moves at `speed_m_per_s` and turns at one tenth of a radian a second for each 0.1 m/s.
 fn late(rng: &mut Rng, room: &Room, delay_s: f64, speed_m_per_s: f64) -> Vec<Sighting> {
     let mut late = room.clone();
@@ -110,7 +116,7 @@ const LENS: &[Cause] = &[Cause::Intrinsics];
 const LABELS: &[Cause] = &[Cause::Contradiction];
 const TARGET: &[Cause] = &[Cause::Target];
 
-const CASES: [Case; 13] = [
+const CASES: [Case; 14] = [
     Case { name: "right", wrong: None },
     Case { name: "two mixed images", wrong: None },
     Case { name: "focal length 1.03", wrong: Some((Some(2), LENS)) },
@@ -123,6 +129,7 @@ const CASES: [Case; 13] = [
     Case { name: "ten mixed images", wrong: Some((Some(2), LABELS)) },
     Case { name: "20 ms late", wrong: Some((Some(2), LABELS)) },
     Case { name: "300 ms late", wrong: Some((Some(2), LABELS)) },
+    Case { name: "told another size", wrong: Some((Some(2), &[Cause::Intrinsics, Cause::Contradiction])) },
     Case { name: "wrong kind of target", wrong: Some((None, TARGET)) },
 ];
 
@@ -150,6 +157,7 @@ fn run(case: &Case, rng: &mut Rng) -> Result<RigSolution, Error> {
         "image size doubled" => cameras[2] = rooms::pinhole(1640.0),
         "labels off by one view" => off_by_one(&mut sightings),
         "detections swapped" => swapped(&mut sightings),
+        "told another size" => told_size(&mut sightings, 1.03),
         "wrong kind of target" => wrong_kind(&mut sightings),
         _ => {}
     }

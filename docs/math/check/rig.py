@@ -206,4 +206,26 @@ explained = ((more.T * res).T * step)[0]
 before, after = (res.T * res)[0], ((res - several * whole).T * (res - several * whole))[0]
 assert abs(before - after - explained) < 1e-25
 
+# (17), (18), (20): rows of three views; what the other unknowns follow with is held, as left⁻¹ holds it. And what they do without one view.
+following = ((jac.T * jac) ** -1) * common_more
+beyond = more - jac * following
+third = jac.rows // 3
+parts = [range(0, third), range(third, 2 * third), range(2 * third, jac.rows)]
+pick = lambda a, kept: mp.matrix([[a[i, j] for j in range(a.cols)] for i in kept])
+left_v, pull_v = [], []
+for part in parts:
+    j_v, p_v, r_v = pick(jac, part), pick(more, part), pick(res, part)
+    mixed = following.T * (j_v.T * p_v)
+    left_v.append(p_v.T * p_v - mixed - mixed.T + following.T * (j_v.T * j_v) * following)
+    pull_v.append(p_v.T * r_v - following.T * (j_v.T * r_v))
+close(left_v[0] + left_v[1] + left_v[2], left_more)
+close(pull_v[0] + pull_v[1] + pull_v[2], more.T * res)
+for v, part in enumerate(parts):
+    kept = [i for i in range(jac.rows) if i not in part]
+    p_kept, r_kept = pick(beyond, kept), pick(res, kept)
+    without = ((p_kept.T * p_kept) ** -1) * (p_kept.T * r_kept)
+    change = left_more**-1 * ((mp.eye(4) - left_v[v] * left_more**-1) ** -1) * (pull_v[v] - left_v[v] * step)
+    close(step - without, change)
+close(whole[:k, 0], -following * step)
+
 print("rig.md: all equations hold")

@@ -266,21 +266,50 @@ impl RigEquations {
 
     /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
     pub fn lost_to_places(&self, eliminated: &Eliminated, common: &Common) -> f64 {
-        self.lost_by_several(eliminated, [common])[(0, 0)]
+        common.dot(&self.following(eliminated, common))
     }
 
-    /// The same of several more parameters, hᵢᵀH⁻¹hⱼ.
-    pub fn lost_by_several<const N: usize>(
+    /// H⁻¹h, h what one more parameter and all places have in common: with the opposite sign the motions of all places that follow a
+    /// change of it.
+    pub fn following(&self, eliminated: &Eliminated, common: &Common) -> Common {
+        let mut solved = self.without_bodies(eliminated, common);
+        solved.shared = eliminated.reduced.solve(&solved.shared);
+        for (body, (motion, inverse)) in solved.bodies.iter_mut().zip(&eliminated.inverses).enumerate() {
+            if *inverse != Matrix6::zeros() {
+                let by_shared = self.couplings_of(body).iter().fold(Vector6::zeros(), |sum, c| {
+                    sum + c.shared_body.tr_mul(&solved.shared.fixed_rows::<6>(6 * c.block))
+                });
+                *motion -= inverse * by_shared;
+            }
+        }
+        solved
+    }
+
+    /// By how much the pose of a sighting moves with `following`, of several at once, about its target's pivot; and its motion by each
+    /// shared block.
+    pub fn moved<const N: usize>(
         &self,
-        eliminated: &Eliminated,
-        commons: [&Common; N],
-    ) -> SMatrix<f64, N, N> {
-        let solved = commons.map(|common| self.without_bodies(eliminated, common));
-        let left = solved.each_ref().map(|s| eliminated.reduced.solve(&s.shared));
-        SMatrix::from_fn(|i, j| {
-            let of_bodies: f64 = commons[i].bodies.iter().zip(&solved[j].bodies).map(|(h, s)| h.dot(s)).sum();
-            of_bodies + solved[i].shared.dot(&left[j])
-        })
+        places: &RigPlaces,
+        graph: &RigGraph,
+        link: &RigLink,
+        following: &[Common; N],
+    ) -> (SMatrix<f64, 6, N>, [Option<(usize, Matrix6)>; 2]) {
+        let chain = places.chain(link, graph);
+        let by_body = chain.by_body(&places.cam_from_rig[link.camera].rotation);
+        let camera = graph.block_of_camera[link.camera].map(|block| (block, chain.by_camera()));
+        let target = graph.block_of_target[link.target].map(|block| (block, chain.by_target()));
+        let moved = following.each_ref().map(|f| {
+            let shared = camera.iter().chain(&target);
+            shared.fold(by_body * f.bodies[link.body], |sum, (block, by)| {
+                sum + by * f.shared.fixed_rows::<6>(6 * block)
+            })
+        });
+        (SMatrix::from_columns(&moved), [camera, target])
+    }
+
+    /// Information and gradient of a sighting's own pose.
+    pub fn of_sighting(&self, sighting: usize) -> &(Matrix6, Vector6) {
+        &self.sightings[sighting]
     }
 
     /// h with the bodies' places eliminated, and A⁻¹h of each of those.
@@ -304,11 +333,19 @@ impl RigEquations {
 /// JᵀWj of one more parameter with all places: j is the derivative of the prediction by it.
 #[derive(Debug, Clone)]
 pub struct Common {
-    shared: DVector<f64>,
-    bodies: Vec<Vector6>,
+    /// Six rows a shared block.
+    pub shared: DVector<f64>,
+    /// One entry a body in a view.
+    pub bodies: Vec<Vector6>,
 }
 
 impl Common {
+    /// Sum of the products of all numbers.
+    pub fn dot(&self, other: &Common) -> f64 {
+        let of_bodies: f64 = self.bodies.iter().zip(&other.bodies).map(|(a, b)| a.dot(b)).sum();
+        self.shared.dot(&other.shared) + of_bodies
+    }
+
     /// All zero.
     pub fn new(graph: &RigGraph) -> Self {
         let bodies = vec![Vector6::zeros(); graph.pivot_in_body.len()];

@@ -3,6 +3,8 @@
 use super::adjust::Adjusted;
 use super::classify::rms_px;
 use super::layout::Layout;
+use super::lens_doubt::LensDoubts;
+use super::lens_score::{Shared, scores};
 use super::scale::scales;
 use super::sighted::Sighted;
 use super::verdict::Evidence;
@@ -44,9 +46,20 @@ pub(super) fn answer(
     let inverse = eliminated.reduced.inverse();
     let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
     let held = clustered(&inverse, &clusters, widened);
-    let of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
-    let bodies = bodies(layout, &adjusted, &tallies, &of_bodies, held.within);
-    let shared = held.covariance;
+    let lenses = scores(layout, &adjusted, &eliminated);
+    let doubts = match config.lens_errors && keeps_minimum(config.loss) {
+        true => LensDoubts::new(&lenses, noise_scale, &Shared { inverse: &inverse, clusters: &clusters }),
+        false => LensDoubts::none(),
+    };
+    let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
+    for (body, covariance) in of_bodies.iter_mut().enumerate() {
+        *covariance *= held.within;
+        doubts.add_to_body(covariance, body);
+    }
+    let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
+    let mut shared = held.covariance.clone();
+    doubts.add_to_shared(&mut shared);
+    let lens_scale = if doubts.is_empty() { 1.0 } else { wider(&shared, &held.covariance) };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
     let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
@@ -54,12 +67,13 @@ pub(super) fn answer(
         layout,
         sighted,
         adjusted: &adjusted,
-        eliminated: &eliminated,
+        lenses: &lenses,
         config,
         scales: &scales,
         chi2,
         degrees_of_freedom,
         noise_scale,
+        view_scale: held.within / widened,
     };
     let verdict = evidence.verdict();
     let solution = RigSolution {
@@ -79,12 +93,29 @@ pub(super) fn answer(
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
         view_scale: held.within / widened,
+        lens_scale,
         steps: adjusted.steps,
         verdict,
     };
     let covariances = solution.cameras.iter().map(|camera| &camera.covariance);
     let is_finite = (solution.rms_px + solution.chi2 + solution.noise_scale).is_finite();
     if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
+}
+
+/// Whether the answer is the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.
+pub(super) fn keeps_minimum(loss: Loss) -> bool {
+    matches!(loss, Loss::Squared | Loss::Truncated { .. })
+}
+
+/// How much larger variances have become, in the mean over blocks.
+fn wider(now: &DMatrix<f64>, before: &DMatrix<f64>) -> f64 {
+    let n_blocks = before.nrows() / 6;
+    let of_block = |b: usize| {
+        let inverse = block(before, b, b).try_inverse()?;
+        Some((inverse * block(now, b, b)).trace() / 6.0)
+    };
+    let all: Vec<f64> = (0..n_blocks).filter_map(of_block).collect();
+    if all.is_empty() { 1.0 } else { (all.iter().sum::<f64>() / all.len() as f64).max(1.0) }
 }
 
 impl Tally {
@@ -212,7 +243,6 @@ fn bodies(
     adjusted: &Adjusted,
     tallies: &[Tally],
     covariances: &[Matrix6],
-    widened: f64,
 ) -> Vec<BodyInView> {
     let mut bodies = Vec::with_capacity(layout.bodies.len());
     for (i, range) in layout.ranges().into_iter().enumerate() {
@@ -226,7 +256,7 @@ fn bodies(
             view,
             body,
             rig_from_body: place.pose(&layout.graph.pivot_in_body[i]),
-            covariance: about_origin(&(covariances[i] * widened), &place.pivot_in_cam),
+            covariance: about_origin(&covariances[i], &place.pivot_in_cam),
             n_used: total.n_used,
             rms_px: total.rms_px(),
         });

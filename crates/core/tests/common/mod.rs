@@ -9,6 +9,7 @@ pub mod accident;
 pub mod surveys;
 pub mod views;
 pub mod rooms;
+pub mod recordings;
 pub mod sentry;
 pub mod rivals;
 pub mod delay;

@@ -1,0 +1,139 @@
+//! Real recordings of rigs: lenses as their files say, and the corners that came with them. Needs the folder named by RESIGHT_DATA.
+
+use resight_core::camera::BrownConrady;
+use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A recording: its cameras and what they saw (place on the board, pixel) by view and camera, views counted from 0 in the order of time.
+#[derive(Clone)]
+pub struct Recording {
+    pub name: &'static str,
+    pub cameras: Vec<Camera>,
+    pub n_views: usize,
+    pub seen: BTreeMap<(usize, usize), Vec<(Point, Pixel)>>,
+    pub sigma_px: f64,
+}
+
+pub fn root() -> Option<PathBuf> {
+    let root = std::env::var_os("RESIGHT_DATA").map(PathBuf::from);
+    if root.is_none() {
+        println!("RESIGHT_DATA is not set: real recordings are skipped");
+    }
+    root
+}
+
+/// All numbers of a text.
+fn numbers(text: &str) -> Vec<f64> {
+    let is_part = |c: char| c.is_ascii_digit() || "+-.eE".contains(c);
+    text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()
+}
+
+/// The numbers of the bracketed list that follows `key`.
+fn list(text: &str, key: &str) -> Vec<f64> {
+    let after = text.split_once(key).unwrap_or_else(|| panic!("{key} is missing")).1;
+    let from = after.find('[').expect("a list");
+    let mut depth = 0;
+    let end = after[from..].find(|c| {
+        depth += i32::from(c == '[') - i32::from(c == ']');
+        depth == 0
+    });
+    numbers(&after[from..from + end.expect("an end")])
+}
+
+fn camera(k: &[f64], distortion: &[f64]) -> Camera {
+    let matrix = CameraMatrix { fx_px: k[0], fy_px: k[4], cx_px: k[2], cy_px: k[5] };
+    let lens = BrownConrady::new(matrix, distortion).expect("a lens");
+    Camera { lens: Lens::BrownConrady(lens), size: None }
+}
+
+/// Rows of a table, camera and view in the given columns, x, y, z, u, v from `first` on.
+fn recording(
+    name: &'static str,
+    file: &Path,
+    cameras: Vec<Camera>,
+    camera_of: impl Fn(&str) -> usize,
+    [view_at, camera_at, first]: [usize; 3],
+    sigma_px: f64,
+) -> Recording {
+    let text = std::fs::read_to_string(file).expect("the corners");
+    let mut by_name: BTreeMap<(u32, usize), Vec<(Point, Pixel)>> = BTreeMap::new();
+    for row in text.lines().skip(1) {
+        let cells: Vec<&str> = row.split(',').collect();
+        // Some numbers were written with their type's name, which ends in 64, around them.
+        let value = |i: usize| -> f64 {
+            let cell = cells[first + i].trim_start_matches("np.float64(").trim_end_matches(')');
+            cell.parse().expect("a number")
+        };
+        let (x, u) = (Point::new(value(0), value(1), value(2)), Pixel::new(value(3), value(4)));
+        let view = cells[view_at].parse().expect("a view");
+        by_name.entry((view, camera_of(cells[camera_at]))).or_default().push((x, u));
+    }
+    let mut views: Vec<u32> = by_name.keys().map(|k| k.0).collect();
+    views.dedup();
+    let view_of = |v: u32| views.binary_search(&v).expect("a view");
+    let seen = by_name.into_iter().map(|((view, camera), seen)| ((view_of(view), camera), seen)).collect();
+    Recording { name, cameras, n_views: views.len(), seen, sigma_px }
+}
+
+/// Two cameras before a chessboard.
+pub fn chessboard(root: &Path, sigma_px: f64) -> Recording {
+    let folder = root.join("opencv_stereo_chessboard");
+    let truth = std::fs::read_to_string(folder.join("truth.json")).expect("the truth");
+    let own = truth.split_once("\"reference_calibration_opencv5\"").expect("the lenses").1;
+    let right = own.split_once("\"right\"").expect("the right camera").1;
+    let cameras = [own, right].map(|text| camera(&list(text, "\"K\""), &list(text, "\"D")));
+    let side = |name: &str| usize::from(name == "right");
+    recording("chessboard", &folder.join("detections.csv"), cameras.into(), side, [1, 0, 5], sigma_px)
+}
+
+/// Four webcams that are not synchronised.
+pub fn webcams(root: &Path) -> Recording {
+    let folder = root.join("caliscope_4cam_charuco");
+    let file = std::fs::read_to_string(folder.join("camera_array.toml")).expect("the lenses");
+    let cameras = (0..4).map(|i| {
+        let text = file.split_once(&format!("[cameras.{i}]")).expect("a camera").1;
+        camera(&list(text, "matrix ="), &list(text, "distortions ="))
+    });
+    let index = |name: &str| name.parse().expect("a camera");
+    recording("webcams", &folder.join("detections.csv"), cameras.collect(), index, [0, 1, 3], 0.5)
+}
+
+impl Recording {
+    pub fn sightings(&self) -> Vec<Sighting> {
+        let sighting = |(&(view, camera), seen): (&(usize, usize), &Vec<(Point, Pixel)>)| {
+            let lens = &self.cameras[camera];
+            let point = |(x, u): &(Point, Pixel)| Correspondence::new(lens, *x, *u, self.sigma_px).ok();
+            Sighting { camera, view, target: 0, seen: seen.iter().filter_map(point).collect() }
+        };
+        self.seen.iter().map(sighting).collect()
+    }
+
+    /// # Errors
+    /// Those of `solve_rig`.
+    pub fn solve(&self, config: &RigConfig) -> Result<RigSolution, Error> {
+        let problem = RigProblem {
+            cameras: &self.cameras,
+            body_of_target: &[0],
+            n_views: self.n_views,
+            sightings: &self.sightings(),
+        };
+        solve_rig(&problem, config)
+    }
+
+    /// Some of the views.
+    pub fn part(&self, takes: impl Fn(usize) -> bool) -> Recording {
+        let mut part = self.clone();
+        part.seen.retain(|(view, _), _| takes(*view));
+        part
+    }
+
+    /// Some of the cameras, in the order given.
+    pub fn of_cameras(&self, cameras: &[usize]) -> Recording {
+        let place = |(view, camera): (usize, usize)| Some((view, cameras.iter().position(|c| *c == camera)?));
+        let seen = self.seen.iter().filter_map(|(key, seen)| Some((place(*key)?, seen.clone())));
+        let lenses = cameras.iter().map(|c| self.cameras[*c].clone()).collect();
+        Recording { cameras: lenses, seen: seen.collect(), ..self.clone() }
+    }
+}
