@@ -77,6 +77,7 @@ pub use atomic::{stream_atomically, write_atomically};
 pub use convert::{Conversion, convert};
 pub use explain::{explain, explain_from_bytes, remarks};
 pub use format::Format;
+pub use own_camera::status_keys;
 pub use rig_files::read_rig;
 pub use scene::{Scene, Station, scene};
 pub use tag_options::TagOptions;
@@ -157,6 +158,8 @@ pub struct CameraFile {
     pub clocks: Vec<ClockOffset>,
     /// What the cameras' errors have in common, where the file states it.
     pub joint: Option<JointCovariance>,
+    /// What contradicts in the rig that the file holds, where it states that its rig is inconsistent; `warnings` say so too.
+    pub contradiction: Option<String>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
 }
@@ -228,14 +231,18 @@ struct Contents {
     relations: Vec<Placement>,
     clocks: Vec<ClockOffset>,
     joint: Option<JointCovariance>,
+    contradiction: Option<String>,
     notes: Vec<String>,
     warnings: Vec<String>,
 }
 
 impl Contents {
     fn into_file(self, format: Format) -> CameraFile {
-        let Contents { cameras, relations, clocks, joint, warnings, .. } = self;
-        CameraFile { format, cameras, relations, clocks, joint, warnings }
+        let Contents { cameras, relations, clocks, joint, contradiction, mut warnings, .. } = self;
+        warnings.extend(contradiction.as_ref().map(|reason| {
+            format!("the rig in this file is inconsistent: {reason}; no result that rests on its places is reliable")
+        }));
+        CameraFile { format, cameras, relations, clocks, joint, contradiction, warnings }
     }
 }
 

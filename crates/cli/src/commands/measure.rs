@@ -96,6 +96,8 @@ fn scene(args: &Measure) -> Result<(NamedScene, String)> {
         (None, Some(rig), Some(clicks)) => {
             crate::files::must_exist(rig)?;
             crate::files::must_exist(clicks)?;
+            let warnings = resight::formats::read_cameras(rig)?.warnings;
+            warnings.iter().for_each(|w| crate::output::remark(&format!("warning: {}: {w}", rig.display())));
             Ok((rig_scene(rig, clicks, args.sigma_px)?, title(rig)))
         }
         _ => bail!("give a scene file, or --views with --clicks"),

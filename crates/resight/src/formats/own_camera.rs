@@ -15,6 +15,10 @@
 //! b = "left"
 //! …
 //!
+//! # Before all tables:
+//! status = "inconsistent" # or "ok"; of the rig whose places these are
+//! status_message = "…"    # what contradicts
+//!
 //! [joint_covariance]      # of the cameras' places together
 //! cameras = ["right", "top"]
 //! lower = [[…], …]        # row i has its first i + 1 numbers; 6 rows a camera
@@ -63,7 +67,8 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         contents.cameras.push(camera);
         return Ok(contents);
     }
-    root.only(&["camera", "relation", "joint_covariance"])?;
+    root.only(&["camera", "relation", "joint_covariance", "status", "status_message"])?;
+    contents.contradiction = contradiction(&root)?;
     for entry in root.get("camera").map_or(Ok(Vec::new()), |cameras| cameras.items())? {
         let camera = one_camera(&entry, None, &mut contents.warnings)?;
         contents.clocks.extend(entry.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
@@ -74,6 +79,30 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     }
     contents.joint = root.get("joint_covariance").map(|joint| joint_covariance(&joint)).transpose()?;
     Ok(contents)
+}
+
+/// What the file states to contradict in its rig.
+fn contradiction(root: &Entry<'_>) -> Result<Option<String>, Fault> {
+    let message = root.get("status_message").map(|m| m.text().map(str::to_owned)).transpose()?;
+    let Some(status) = root.get("status") else { return Ok(None) };
+    match status.text()? {
+        "ok" => Ok(None),
+        "inconsistent" => Ok(Some(message.unwrap_or_else(|| "no reason is stated".to_owned()))),
+        other => Err(status.fault(format!("is `{other}`; a rig is `ok` or `inconsistent`"))),
+    }
+}
+
+/// The keys by which a file states whether its rig contradicts itself; they stand before all tables.
+pub fn status_keys(contradiction: Option<&str>) -> String {
+    match contradiction {
+        Some(reason) => {
+            let reason = quoted(&reason.replace('\n', " "));
+            format!(
+                "status = \"inconsistent\" # no place in this file is reliable\nstatus_message = {reason}\n"
+            )
+        }
+        None => "status = \"ok\"\n".to_owned(),
+    }
 }
 
 fn one_camera(
@@ -290,7 +319,7 @@ fn write(rig: &CameraFile) -> Written {
     {
         return Ok(OutFile::only("camera.toml", format!("{header}{}", camera_text(only)?)));
     }
-    let mut out = header.to_owned();
+    let mut out = rig.contradiction.as_deref().map(|c| status_keys(Some(c))).unwrap_or_default() + header;
     for camera in &rig.cameras {
         out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
         if let Some(clock) = rig.clocks.iter().find(|c| c.camera == camera.name) {

@@ -167,6 +167,7 @@ pub(super) fn add(rig: &mut Contents, more: Contents) -> Result<(), String> {
     }
     rig.notes.extend(more.notes);
     rig.warnings.extend(more.warnings);
+    rig.contradiction = rig.contradiction.take().or(more.contradiction);
     Ok(())
 }
 

@@ -39,6 +39,13 @@ pub fn read(path: &Path) -> Result<Input> {
         .collect();
     match lines.as_deref() {
         Some([only]) if only["cameras"].is_object() && only.get("reference").is_some() => {
+            if only["status"] == "inconsistent" {
+                let reason = only["contradiction"].as_str().unwrap_or("no reason is stated");
+                crate::output::remark(&format!(
+                    "warning: {}: the rig in this file is inconsistent: {reason}",
+                    path.display()
+                ));
+            }
             rig_object(only).map(Input::Rig).with_context(|| path.display().to_string())
         }
         Some([first, ..]) if first.get("cam_from_target").is_some() => {
@@ -60,6 +67,9 @@ pub fn read(path: &Path) -> Result<Input> {
 
 fn camera_file(path: &Path) -> Result<PlacedRig> {
     let file = read_cameras(path)?;
+    file.warnings
+        .iter()
+        .for_each(|warning| crate::output::remark(&format!("warning: {}: {warning}", path.display())));
     let cameras = placed(&file.cameras).map_err(|reason| anyhow::anyhow!("{} {reason}", path.display()))?;
     match &file.joint {
         None => Ok(PlacedRig { cameras, joint: None, noise_degrees_of_freedom: None }),

@@ -69,8 +69,14 @@ pub fn headline(solved: &Solved) -> String {
         ),
         _ => String::new(),
     };
+    let lenses = match s.lens_scale {
+        scale if 1.0 < scale => {
+            "; views agree that intrinsics are off, and every ± holds that by as much as they seem to be"
+        }
+        _ => "",
+    };
     format!(
-        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}",
+        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",
         s.cameras.len(),
         solved.run.rig.views.len(),
         s.n_used,
