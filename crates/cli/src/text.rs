@@ -127,7 +127,7 @@ fn fit(answer: &Answer, e: &PoseEstimate) -> String {
     line(&mut out, "fit", &text);
     if 0.0 < e.shared_error_px {
         let text = format!(
-            "about {} {unit} of the residuals are common to neighbouring points (a bent target, a lens not quite known); every ± holds that",
+            "neighbouring points are displaced together by about {} {unit}, most of it taken up by the pose (a bent target, a lens not quite known); every ± holds that",
             figures(e.shared_error_px)
         );
         line(&mut out, "shared", &text);
