@@ -69,8 +69,8 @@ pub struct RigConfig<'a> {
     /// Without, the points' errors are taken as independent.
     pub shared_errors: bool,
     /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
-    /// they seem to be off. Without, they are taken as exact: right for what two rigs with the same lens files are compared by, in which
-    /// such errors are the same.
+    /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
+    /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_scale` says what they would add either way.
     pub lens_errors: bool,
 }
 
@@ -86,7 +86,7 @@ impl Default for RigConfig<'_> {
             joint_covariance: false,
             known_distances: &[],
             shared_errors: true,
-            lens_errors: true,
+            lens_errors: false,
         }
     }
 }
@@ -214,8 +214,8 @@ pub struct RigSolution {
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
     /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
     pub view_scale: f64,
-    /// Factor by which the variances were widened beyond both, in the mean over cameras and targets, because views agree that intrinsics are
-    /// off; 1 where nothing contradicts them.
+    /// Factor by which variances grow beyond both, in the mean over cameras and targets, with intrinsics as uncertain as views agree that
+    /// they are off; 1 where nothing contradicts them. The covariances hold it with `RigConfig::lens_errors`.
     pub lens_scale: f64,
     /// Steps of the joint adjustment.
     pub steps: usize,

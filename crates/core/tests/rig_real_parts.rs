@@ -17,8 +17,7 @@ fn differences(
     n_parts: usize,
 ) -> Vec<(f64, f64)> {
     let solve = |shared_errors: bool| -> Vec<RigSolution> {
-        // The lens files are the same in all parts.
-        let config = RigConfig { reference, shared_errors, lens_errors: false, ..RigConfig::default() };
+        let config = RigConfig { reference, shared_errors, ..RigConfig::default() };
         let part = |p: usize| recording.part(|v| part_of[v] == p).solve(&config).expect("a rig");
         (0..n_parts).map(part).collect()
     };

@@ -17,6 +17,7 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use moments::Moments;
+use resight::core::rig::KnownDistance;
 use resight::core::{Correspondence, Pose};
 use resight::formats::{own_rig_file, status_keys, write_atomically};
 use resight::report::rig::rig_verdict_sentence;
@@ -105,10 +106,6 @@ struct SolvingArgs {
     /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
     #[arg(long)]
     joint_covariance: bool,
-    /// Takes intrinsics as exact even where views agree that they are off. Right for rigs that are compared with each other and rest on
-    /// the same camera files: that error is the same in both.
-    #[arg(long)]
-    exact_intrinsics: bool,
 }
 
 /// How the answer leaves the program.
@@ -186,8 +183,6 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     let gathered = gather(cameras, targets, glimpses(frames), world);
     let reference = reference(&args.solving, &gathered)?;
     let distances = solving::known_distances(&args.solving.known_distance_m, &gathered)?;
-    let known =
-        solving::Known { reference, distances: &distances, exact_intrinsics: args.solving.exact_intrinsics };
     let remark = |text: &str| {
         if !args.output.quiet {
             eprintln!("{text}");
@@ -195,10 +190,10 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     };
     remarks.iter().for_each(|text| remark(text));
     if let Some(motions) = &args.hand_eye.hand_eye {
-        return on_hand(args, motions, gathered, &known, inputs);
+        return on_hand(args, motions, gathered, reference, &distances, inputs);
     }
     remark(words::shared_views(&gathered).trim_end());
-    match solving::solve(gathered, &known, inputs) {
+    match solving::solve(gathered, reference, &distances, inputs) {
         Ok(mut solved) => {
             (solved.left_out, solved.n_alone) = (left_out, n_alone);
             answer(&args.output, &solved, args.solving.joint_covariance)
@@ -212,13 +207,14 @@ fn on_hand(
     args: &Rig,
     motions: &Path,
     gathered: Gathered,
-    known: &solving::Known,
+    reference: usize,
+    distances: &[KnownDistance],
     inputs: Vec<InputFile>,
 ) -> Result<Outcome> {
     let mut is_inconsistent = false;
     let places = match &gathered.rig.cameras[..] {
         [_] => vec![Pose::identity()],
-        _ => match solving::solve(gathered.clone(), known, inputs) {
+        _ => match solving::solve(gathered.clone(), reference, distances, inputs) {
             Ok(solved) => {
                 if let Some(sentence) = rig_verdict_sentence(&solved.run) {
                     eprintln!("warning: the rig is INCONSISTENT: {sentence}");

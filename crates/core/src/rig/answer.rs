@@ -47,19 +47,22 @@ pub(super) fn answer(
     let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
     let held = clustered(&inverse, &clusters, widened);
     let lenses = scores(layout, &adjusted, &eliminated);
-    let doubts = match config.lens_errors && keeps_minimum(config.loss) {
+    let doubts = match keeps_minimum(config.loss) {
         true => LensDoubts::new(&lenses, noise_scale, &Shared { inverse: &inverse, clusters: &clusters }),
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
-        doubts.add_to_body(covariance, body);
+        if config.lens_errors {
+            doubts.add_to_body(covariance, body);
+        }
     }
     let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
-    let mut shared = held.covariance.clone();
-    doubts.add_to_shared(&mut shared);
-    let lens_scale = if doubts.is_empty() { 1.0 } else { wider(&shared, &held.covariance) };
+    let mut with_lenses = held.covariance.clone();
+    doubts.add_to_shared(&mut with_lenses);
+    let lens_scale = if doubts.is_empty() { 1.0 } else { wider(&with_lenses, &held.covariance) };
+    let shared = if config.lens_errors { with_lenses } else { held.covariance };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
     let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());

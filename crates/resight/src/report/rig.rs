@@ -97,10 +97,7 @@ fn summary(run: &RigRun) -> String {
         ("points used", format!("{} of {} ({share:.1} %)", grouped(s.n_used), grouped(s.n_seen))),
         ("views", grouped(run.rig.views.len())),
         ("χ² per degree of freedom", pieces::fixed(per_dof, 2)),
-        (
-            "every ± widened by",
-            format!("× {}", pieces::fixed((s.noise_scale * s.view_scale * s.lens_scale).sqrt(), 2)),
-        ),
+        ("every ± widened by", format!("× {}", pieces::fixed((s.noise_scale * s.view_scale).sqrt(), 2))),
         ("frame of the rig", run.rig.cameras.get(s.reference).map_or(String::new(), |c| c.name.clone())),
     ];
     let card =

@@ -26,7 +26,7 @@ pub struct RigObject {
     noise_scale: f64,
     /// Variances beyond that, for errors that whole sightings share.
     view_scale: f64,
-    /// Variances beyond both, for intrinsics that views agree to be off.
+    /// By how much more they would be widened with intrinsics as uncertain as views agree that they are off.
     lens_scale: f64,
     n_views: usize,
     n_seen: usize,

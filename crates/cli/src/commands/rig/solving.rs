@@ -36,18 +36,13 @@ pub struct Unsolved {
     pub groups: Vec<Vec<String>>,
 }
 
-/// What is known besides what was seen.
-pub struct Known<'a> {
-    /// The camera whose frame is the rig's.
-    pub reference: usize,
-    /// Between cameras, measured otherwise.
-    pub distances: &'a [KnownDistance],
-    /// Whether intrinsics are exact whatever views say.
-    pub exact_intrinsics: bool,
-}
-
 /// Checks that shared views join the cameras, then solves.
-pub fn solve(gathered: Gathered, known: &Known, inputs: Vec<InputFile>) -> Result<Solved, Unsolved> {
+pub fn solve(
+    gathered: Gathered,
+    reference: usize,
+    known_distances: &[KnownDistance],
+    inputs: Vec<InputFile>,
+) -> Result<Solved, Unsolved> {
     let Gathered { rig, taken_in, points, world_view } = gathered;
     let names: Vec<String> = rig.cameras.iter().map(|camera| camera.name.clone()).collect();
     let shared = shared_views(&rig.problem());
@@ -55,13 +50,7 @@ pub fn solve(gathered: Gathered, known: &Known, inputs: Vec<InputFile>) -> Resul
         return Err(falls_apart(&shared, &names));
     }
     // Poses between two cameras need what all have in common.
-    let config = RigConfig {
-        reference: known.reference,
-        joint_covariance: true,
-        known_distances: known.distances,
-        lens_errors: !known.exact_intrinsics,
-        ..RigConfig::default()
-    };
+    let config = RigConfig { reference, joint_covariance: true, known_distances, ..RigConfig::default() };
     let failed = |reason: Error| {
         let message = in_names(&reason, &rig, &points);
         Unsolved { status: "error", message, groups: Vec::new() }

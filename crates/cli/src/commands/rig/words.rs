@@ -70,10 +70,11 @@ pub fn headline(solved: &Solved) -> String {
         _ => String::new(),
     };
     let lenses = match s.lens_scale {
-        scale if 1.0 < scale => {
-            "; views agree that intrinsics are off, and every ± holds that by as much as they seem to be"
-        }
-        _ => "",
+        scale if 1.0 < scale => format!(
+            "; views agree that intrinsics are off: with those as uncertain as they seem, every ± would be {} times as large",
+            figures(scale.sqrt())
+        ),
+        _ => String::new(),
     };
     format!(
         "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",

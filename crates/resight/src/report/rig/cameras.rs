@@ -97,10 +97,11 @@ pub(super) fn legend(run: &RigRun) -> String {
         _ => String::new(),
     };
     let lenses = match run.solution.lens_scale {
-        scale if 1.0 < scale => {
-            " Views agree that intrinsics are off: every ± holds that by as much as they seem to be."
-        }
-        _ => "",
+        scale if 1.0 < scale => format!(
+            " Views agree that intrinsics are off: with those as uncertain as they seem, every ± would be {} times as large.",
+            pieces::fixed(scale.sqrt(), 1)
+        ),
+        _ => String::new(),
     };
     format!(
         "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}{views}{lenses}</p>"
