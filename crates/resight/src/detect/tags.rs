@@ -2,6 +2,7 @@
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
+use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
@@ -51,8 +52,8 @@ impl TagFinder {
         let rim_edges = family.rim_edges();
         // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
         // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
-        let decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
-        let decoder = decoder.with_least_contrast(min_margin_gray as u8);
+        let mut decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
+        decoder.set_least_contrast(min_margin_gray as u8);
         Ok(TagFinder { decoder, min_margin_gray, wanted, rim_edges, part: GrayImage::filled(0, 0, 0) })
     }
 
@@ -61,7 +62,10 @@ impl TagFinder {
         // A large tag shows at a quarter of the size, in a third of the time; looking there first costs a third more when it does not.
         // With many tags some are small, so the coarse look rarely ends the search.
         let levels: &[f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
-        let mut found: Vec<FoundTag> = self.search(image, levels).iter().map(FoundTag::new).collect();
+        let quiet = Quietened::new(image);
+        self.decoder.set_least_contrast(quiet.least_contrast(self.min_margin_gray as u8));
+        let mut found: Vec<FoundTag> = self.search(quiet.image(), levels).iter().map(FoundTag::new).collect();
+        self.decoder.set_least_contrast(self.min_margin_gray as u8);
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         found
     }
