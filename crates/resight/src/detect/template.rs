@@ -232,3 +232,61 @@ impl Sums {
             .then_some(fit)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two black squares, corner to corner at the plane's origin, a pixel to a unit.
+    fn ink(x: PlanePoint) -> f32 {
+        if x.x * x.y < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    fn map() -> Homography {
+        let corner = [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)];
+        let pairs =
+            corner.map(|(x, y)| (PlanePoint::new(x, y), Pixel::new(20.0 + x + 0.1 * y, 20.0 - 0.1 * x + y)));
+        Homography::fit(&pairs).unwrap()
+    }
+
+    fn drawn_at(shift: Pixel) -> GrayImage {
+        let window = Window { half_px: 15, blur_px: 1.0, noise_gray: 0.0 };
+        let middle = Pixel::new(20.0, 20.0);
+        let picture = Picture::draw(&ink, &map().inverse().unwrap(), middle, shift, &window);
+        let mut image = GrayImage::filled(41, 41, 0);
+        let rim = (picture.side as i64 - 41) / 2;
+        for (k, value) in image.data.iter_mut().enumerate() {
+            let (u, v) = ((k % 41) as i64 + rim, (k / 41) as i64 + rim);
+            let k = v.clamp(0, picture.side as i64 - 1) * picture.side as i64
+                + u.clamp(0, picture.side as i64 - 1);
+            *value = (120.0 + 80.0 * picture.values[k as usize]).round() as u8;
+        }
+        image
+    }
+
+    fn laid(image: &GrayImage, start: Pixel) -> Option<Fit> {
+        let window = Window { half_px: 7, blur_px: 1.0, noise_gray: 0.3 };
+        fit(image, ink, &map(), &PlanePoint::zeros(), start, 3.0, window)
+    }
+
+    #[test]
+    fn a_print_is_laid_where_it_was_drawn() {
+        for shift in [Pixel::new(0.0, 0.0), Pixel::new(1.3, -0.7), Pixel::new(-0.4, 1.6)] {
+            let fit = laid(&drawn_at(shift), Pixel::new(20.0, 20.0)).unwrap();
+            assert!((fit.pixel - shift - Pixel::new(20.0, 20.0)).norm() < 0.01, "{shift:?}: {fit:?}");
+            assert!(0.99 < fit.explained && (fit.contrast_gray - 160.0).abs() < 3.0, "{fit:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_such_print_is_not_explained() {
+        let flat = GrayImage::filled(41, 41, 90);
+        assert!(laid(&flat, Pixel::new(20.0, 20.0)).is_none_or(|fit| fit.contrast_gray.abs() < 1.0));
+        let mut edge = flat;
+        edge.data.iter_mut().enumerate().filter(|(k, _)| 20 < k % 41).for_each(|(_, x)| *x = 200);
+        assert!(laid(&edge, Pixel::new(20.0, 20.0)).is_none_or(|fit| fit.explained < 0.3));
+        for start in [Pixel::new(3.0, 20.0), Pixel::new(f64::NAN, 20.0), Pixel::new(1e300, -1e300)] {
+            assert!(laid(&edge, start).is_none(), "{start:?}");
+        }
+    }
+}
