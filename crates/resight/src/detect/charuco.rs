@@ -66,22 +66,27 @@ impl CharucoFinder {
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
         let quiet = Quietened::new(image);
-        self.decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
-        let markers = self.markers(quiet.image());
+        let markers = self.markers(image, &quiet);
         if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) }
     }
 
     /// Markers that agree on where the board is. Reduced first: that shows some markers of most boards in a quarter of the time, and the
-    /// others are then looked for where those say.
-    fn markers(&mut self, image: &GrayImage) -> Vec<DecodedTag> {
+    /// others are then looked for where those say. The smallest show only in the image as it came, however noisy.
+    fn markers(&mut self, image: &GrayImage, quiet: &Quietened) -> Vec<DecodedTag> {
         let mut decimate = 2.0;
         while FIRST_PIXELS < image.data.len() as f64 / (decimate * decimate) && decimate < 16.0 {
             decimate *= 2.0;
         }
         while 1.0 <= decimate {
-            let seen = self.look(image, decimate as f32);
+            let (searched, contrast) = match 1.0 < decimate {
+                true => (quiet.image(), quiet.least_contrast(LEAST_CONTRAST)),
+                false => (image, quiet.least_contrast_unsmoothed(LEAST_CONTRAST)),
+            };
+            self.decoder.set_least_contrast(contrast);
+            let seen = self.look(searched, decimate as f32);
             let best = self.agreeing(&seen);
             if !best.is_empty() {
+                self.decoder.set_least_contrast(LEAST_CONTRAST);
                 return self.grown(image, best);
             }
             decimate /= 2.0;

@@ -271,9 +271,10 @@ mod tests {
 
     #[test]
     fn a_print_is_laid_where_it_was_drawn() {
+        // Sub-pixels of a third place a straight edge along the axes to some hundredths.
         for shift in [Pixel::new(0.0, 0.0), Pixel::new(1.3, -0.7), Pixel::new(-0.4, 1.6)] {
             let fit = laid(&drawn_at(shift), Pixel::new(20.0, 20.0)).unwrap();
-            assert!((fit.pixel - shift - Pixel::new(20.0, 20.0)).norm() < 0.01, "{shift:?}: {fit:?}");
+            assert!((fit.pixel - shift - Pixel::new(20.0, 20.0)).norm() < 0.05, "{shift:?}: {fit:?}");
             assert!(0.99 < fit.explained && (fit.contrast_gray - 160.0).abs() < 3.0, "{fit:?}");
         }
     }

@@ -30,6 +30,11 @@ const EXPLAINED: f64 = 0.6;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
 
+/// So many markers that agree are believed without more,
+const VOUCHING_MARKERS: usize = 3;
+/// of fewer most corners beside them must be explained this well.
+const CLEARLY_EXPLAINED: f64 = 0.8;
+
 /// Blurs that are tried, standard deviations in pixels; the first where nothing can be compared.
 const BLURS_PX: [f64; 4] = [0.8, 1.3, 2.0, 3.0];
 /// Corners that the blur is chosen by.
@@ -59,7 +64,26 @@ impl CharucoFinder {
         let is_inverted = markers.first().is_some_and(|m| m.family % 2 == 1);
         let look = Comparison { finder: self, image, noise_gray, sign: if is_inverted { -1.0 } else { 1.0 } };
         let blur_px = look.blur_px(&expected);
-        expected.iter().filter_map(|corner| look.corner(corner, blur_px)).collect()
+        let corners: Vec<Detection> =
+            expected.iter().filter_map(|corner| look.corner(corner, blur_px)).collect();
+        let is_vouched =
+            VOUCHING_MARKERS <= markers.len() || self.beside_are_seen(markers, &expected, &look, blur_px);
+        if is_vouched { corners } else { Vec::new() }
+    }
+
+    /// Whether the print shows at most of the corners beside these markers, and clearly: a marker that was misread has another's around it.
+    fn beside_are_seen(
+        &self,
+        markers: &[DecodedTag],
+        expected: &[Expected],
+        look: &Comparison,
+        blur_px: f64,
+    ) -> bool {
+        let is_beside = |c: &&Expected| markers.iter().any(|m| (self.centre(m.id) - c.place).amax() < 0.6);
+        let beside: Vec<&Expected> = expected.iter().filter(is_beside).collect();
+        let is_clear =
+            |c: &&&Expected| look.print(c, blur_px).is_some_and(|fit| CLEARLY_EXPLAINED <= fit.explained);
+        beside.len() <= 2 * beside.iter().filter(is_clear).count() && !beside.is_empty()
     }
 
     fn expected(&self, markers: &[DecodedTag], id: u32, columns: u32, image: &GrayImage) -> Option<Expected> {
