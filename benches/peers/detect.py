@@ -47,13 +47,9 @@ def opencv_tags(border_bits, wanted):
             return []
         # Ids that the target does not have would be sorted out by their user too.
         known = [(i, c[0]) for i, c in zip(ids.ravel(), corners) if i in wanted]
-        return [(int(i), (k + TAG_TURN) % 4, *map(float, c[k])) for i, c in known for k in range(4)]
+        return [(int(i), k, *map(float, c[k])) for i, c in known for k in range(4)]
 
     return run
-
-
-# OpenCV prints the AprilTag families turned by half a turn against the library they come from.
-TAG_TURN = 2
 
 
 def opencv_chessboard(sector_based):
@@ -123,9 +119,16 @@ def timed(run, image, rounds):
     return found, 1e3 * (time.process_time() - start) / rounds
 
 
-def half_turned(found, target):
-    """A chessboard's numbering half a turn on, which is as right as the other where colours cannot tell."""
-    return [(53 - i, *rest) for i, *rest in found] if target == "chessboard" else found
+def renumbered(found, target, is_ours):
+    """The same with other numberings: a chessboard's half a turn on, which is as right where colours cannot tell; the corners of a tag from
+    another corner on and the other way round, which is a convention of each library. Ours are numbered as documented."""
+    yield found
+    if target == "chessboard":
+        yield [(53 - i, *rest) for i, *rest in found]
+    if target in ("tag", "aprilgrid") and not is_ours:
+        for turn in range(4):
+            for way in (1, -1):
+                yield [(i, (turn + way * c) % 4, *rest) for i, c, *rest in found]
 
 
 def scored(row, found):
@@ -146,14 +149,14 @@ def scored(row, found):
     return len(truth), right, wrong, squares, normalised
 
 
-def best_scored(row, found):
-    scores = [scored(row, found), scored(row, half_turned(found, row["target"]))]
+def best_scored(row, found, is_ours):
+    scores = [scored(row, numbered) for numbered in renumbered(found, row["target"], is_ours)]
     return max(scores, key=lambda score: score[1])
 
 
-def cell(rows, results):
+def cell(rows, results, is_ours):
     """Recall %, wrong, rms, NEES, mean ms of a cell."""
-    scores = [best_scored(row, results[row["image"]][0]) for row in rows]
+    scores = [best_scored(row, results[row["image"]][0], is_ours) for row in rows]
     total, right, wrong = (sum(score[k] for score in scores) for k in range(3))
     squares, normalised = (np.concatenate([score[k] for score in scores]) for k in (3, 4))
     ms = np.mean([results[row["image"]][1] for row in rows])
@@ -198,7 +201,7 @@ def table(target, rows, ours, peers, rounds, folder):
         of_cell = [row for row in rows if row["condition"] == condition]
         columns = []
         for name, result in results:
-            recall, wrong, rms, nees, ms = cell(of_cell, result)
+            recall, wrong, rms, nees, ms = cell(of_cell, result, name == "Resight")
             middle = f", {nees:.2f}" if name == "Resight" else ""
             columns.append(f"{recall:.1f}, {wrong}, {rms:.3f}{middle}, {ms:.1f}")
         print(f"| {condition} | " + " | ".join(columns) + " |")
