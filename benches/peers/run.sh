@@ -3,6 +3,7 @@
 # under target/ and builds what it needs of Resight in release.
 #   benches/peers/run.sh                every table below
 #   benches/peers/run.sh tag            tag image → pose, against OpenCV
+#   benches/peers/run.sh detect         five targets over a sweep of conditions, against OpenCV, dt-apriltags and aprilgrid
 #   benches/peers/run.sh four-points    four known points → pose, against OpenCV, PoseLib and COLMAP
 #   benches/peers/run.sh family         minimal solvers, refinement, n points, wrong correspondences, against the same
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
@@ -33,6 +34,13 @@ case $table in
 tag)
     build -p resight --example bench_tag_pose
     compare tag_pose.py "$folder/examples/bench_tag_pose" "$@"
+    ;;
+detect)
+    # The library aprilgrid asks for OpenCV with windows, which is not needed here and would replace the one without.
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps aprilgrid==0.5.0 dt-apriltags==3.1.7 ||
+        echo "no wheel of aprilgrid or dt-apriltags for this machine: their rows are left out" >&2
+    build -p resight --example bench_detect
+    compare detect.py "$folder/examples/bench_detect" "$@"
     ;;
 four-points)
     build -p resight-cli
@@ -73,13 +81,13 @@ faults)
     compare faults.py "$folder/resight" --data "$RESIGHT_DATA" "$@"
     ;;
 all)
-    for table in tag four-points family rig hand-eye whisker bad-inputs faults; do
+    for table in tag detect four-points family rig hand-eye whisker bad-inputs faults; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, four-points, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, detect, four-points, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
     exit 2
     ;;
 esac

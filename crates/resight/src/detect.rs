@@ -15,9 +15,11 @@ pub mod families;
 pub mod follow;
 mod homography;
 mod joints;
+mod noise;
 mod region;
 pub(crate) mod sigma;
 pub mod tags;
+mod template;
 mod tiles;
 
 use crate::GrayImage;

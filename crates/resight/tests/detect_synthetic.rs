@@ -274,6 +274,37 @@ fn charuco_corners_carry_opencv_ids_in_both_patterns() {
     }
 }
 
+/// Squares of 17 px, or short sides of 20 px: the markers are nearer to the corners than any detector of saddle points reaches. What is
+/// printed around them is known, so all are found, and better than a twentieth of a pixel.
+#[test]
+fn charuco_corners_close_to_their_markers_are_found() {
+    let board = charuco(5, 7, false);
+    let target = Target::Charuco(board.clone());
+    for (scale_px, tilt_deg) in [(17.0, 10.0), (40.0, 60.0), (60.0, 70.0)] {
+        let mut view = View::new(Pixel::new(240.0, 160.0), scale_px, 15.0, tilt_deg);
+        view.0 *= nalgebra::Matrix3::new(1.0, 0.0, -3.5, 0.0, 1.0, -2.5, 0.0, 0.0, 1.0);
+        let found = detect(target.clone(), &photograph(480, 320, &view, charuco_ink(&board)));
+        let errors = errors(&target, &found, &view, |x| (x.x, x.y));
+        println!("charuco {scale_px} px, {tilt_deg}°: {} of 24, rms {:.3} px", found.len(), rms_px(&errors));
+        assert!(found.len() == 24 && rms_px(&errors) < 0.05, "{scale_px} px, {tilt_deg}°: {}", found.len());
+    }
+}
+
+/// What hides a corner must not move it: half of the board behind a grey sheet shows the corners of the other half.
+#[test]
+fn covered_charuco_corners_are_not_invented() {
+    let board = charuco(5, 7, false);
+    let target = Target::Charuco(board.clone());
+    let mut view = View::new(Pixel::new(320.0, 240.0), 56.0, 20.0, 20.0);
+    view.0 *= nalgebra::Matrix3::new(1.0, 0.0, -3.5, 0.0, 1.0, -2.5, 0.0, 0.0, 1.0);
+    let ink = charuco_ink(&board);
+    let covered = |x: f64, y: f64| if 3.6 < x { Some(110.0) } else { ink(x, y) };
+    let found = detect(target.clone(), &photograph(640, 480, &view, covered));
+    let errors = errors(&target, &found, &view, |x| (x.x, x.y));
+    let hidden = found.iter().filter(|d| 3 <= d.feature.id % 6).count();
+    assert!(found.len() == 12 && hidden == 0 && rms_px(&errors) < 0.05, "{} corners", found.len());
+}
+
 /// Half of the board is out of the picture; then printed white on black; then seen in a mirror.
 #[test]
 fn charuco_is_found_in_part_inverted_and_mirrored() {

@@ -91,11 +91,10 @@ impl QuadDecoder {
         Some(decoder)
     }
 
-    /// Tiles whose grey levels differ by less than this hold no outline (the library's own: 5).
-    pub fn with_least_contrast(self, gray: u8) -> Self {
+    /// Tiles whose grey levels differ by less than this hold no outline, from the next search on (the library's own: 5).
+    pub fn set_least_contrast(&mut self, gray: u8) {
         // SAFETY: the pointer is the library's own; the field lies among the leading ones, whose offsets agree.
         unsafe { (*self.detector.as_ptr()).qtp.min_white_black_diff = gray.into() };
-        self
     }
 
     /// Finds tags; quads are sought in the image reduced `decimate` times, bits read at full size. None are found in an image whose

@@ -1,21 +1,26 @@
 //! ChArUco boards, with OpenCV's corner ids.
 //!
-//! Markers are decoded first (they stand free in their squares), each names its square, and the inner corners are
-//! looked up among the saddle points near where the markers around them say they are. So a part of the board is
+//! Markers are decoded first (they stand free in their squares), each names its square, and every inner corner is
+//! laid on the image where the markers around it say it is (`corners`). So a part of the board is
 //! enough, and both of OpenCV's patterns work. Boards printed white on black, and the mirrored print on the back of a
 //! double-sided board, are found in the same pass as three more families; the mirrored one shows the same corners
 //! from behind. The grid-first detector of `calib-targets` needs eight connected corners and modern patterns: it found
 //! 33 % of the corners of a real 4 × 5 board that this finds.
 
+mod corners;
+
 use super::DetectError;
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
-use super::families::Family;
+use super::families::{Family, MarkerPattern, marker_pattern};
 use super::homography::{Homography, PlanePoint};
-use super::joints::{CornerWindow, Joint, joints, nearest};
+use super::joints::CornerWindow;
+use super::noise::Quietened;
+use super::region::{Region, joined, longer_side_px};
 use super::tiles::{self, Look};
 use crate::GrayImage;
+use resight_core::Pixel;
 use resight_core::correspondence::Detection;
-use resight_core::target::{Charuco, Feature};
+use resight_core::target::Charuco;
 
 /// Finds one ChArUco board.
 pub(super) struct CharucoFinder {
@@ -25,6 +30,8 @@ pub(super) struct CharucoFinder {
     squares: Vec<(u32, u32)>,
     /// Families in the order of [`MIRRORED`].
     decoder: QuadDecoder,
+    /// What is printed in each square, row by row; none in the plain ones.
+    prints: Vec<Option<MarkerPattern>>,
 }
 
 /// Which of the four families (as printed, white on black, and the mirrored prints of both) are mirrored.
@@ -33,13 +40,14 @@ const MIRRORED: [bool; 4] = [false, false, true, true];
 /// Marker corners may lie this far, in squares, from where the other markers of the board put them: lens distortion
 /// bends a board by less, a wrong id is off by at least a square.
 const CONSISTENT_SQUARES: f64 = 0.4;
-/// A corner is looked for this far, in squares, from its prediction. The nearest saddle points that are not corners
-/// lie in the markers, at least a margin and a border cell away (0.2 squares on common boards).
-const SEARCH_SQUARES: f64 = 0.1;
-/// Half window of the refinement, in squares: just clear of the markers, whose margin is an eighth of a square on
-/// common boards. On 48 frames of four webcams the board's corners then fit a plane to 0.10–0.13 px; an 11 px window
-/// that takes the markers in leaves 0.16–0.45 px.
-const WINDOW_SQUARES: f64 = 0.12;
+/// Least contrast of an outline, grey levels: what a board of a seventh of full contrast has left when it is blurred.
+const LEAST_CONTRAST: u8 = 8;
+/// Most pixels of an image in which markers are sought first, with 4/3 for 4:3 pictures of whole megapixels.
+const FIRST_PIXELS: f64 = 1.4e6;
+/// A marker is looked for where its neighbours put it when one of them is this near, squares: two on.
+const GROW_SQUARES: f64 = 3.0;
+/// Markers with longer edges than this show at half the size as well, pixels.
+const LARGE_MARKER_PX: f64 = 80.0;
 
 impl CharucoFinder {
     pub fn new(board: &Charuco, window: CornerWindow) -> Result<Self, DetectError> {
@@ -47,33 +55,101 @@ impl CharucoFinder {
         let ids: Vec<u32> = (0..squares.len() as u32).collect();
         let family = Family::named(&board.dictionary)?.only(&board.dictionary, &ids)?;
         let mirrored = family.clone().mirrored();
-        let prints = [family.clone(), family.inverted(), mirrored.clone(), mirrored.inverted()];
-        let decoder = QuadDecoder::new(&prints).ok_or(DetectError::OutOfMemory)?;
-        Ok(CharucoFinder { board: board.clone(), window, squares, decoder })
+        let families = [family.clone(), family.inverted(), mirrored.clone(), mirrored.inverted()];
+        let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
+        let mut prints = vec![None; board.rows as usize * board.columns as usize];
+        for (&(column, row), &id) in squares.iter().zip(&ids) {
+            prints[(row * board.columns + column) as usize] = Some(marker_pattern(&board.dictionary, id)?);
+        }
+        Ok(CharucoFinder { board: board.clone(), window, squares, decoder, prints })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
-        let markers = self.markers(image);
-        if markers.is_empty() { Vec::new() } else { self.corners(&markers, &joints(image), image) }
+        let quiet = Quietened::new(image);
+        let markers = self.markers(image, &quiet);
+        if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) }
     }
 
-    /// Markers that agree on where the board is. Half size first: it shows most boards in a quarter of the time.
-    fn markers(&mut self, image: &GrayImage) -> Vec<DecodedTag> {
-        let mut best = Vec::new();
-        for decimate in [2.0, 1.0] {
-            let mut seen = tiles::search(&mut self.decoder, image, Look { decimate, edges: Edges::FullSize });
-            seen.iter_mut()
-                .filter(|m| MIRRORED[m.family])
-                .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));
-            let agreeing = self.agreeing(&seen);
-            if best.len() < agreeing.len() {
-                best = agreeing;
-            }
-            if self.squares.len() <= best.len() {
-                break;
-            }
+    /// Markers that agree on where the board is. Reduced first: that shows some markers of most boards in a quarter of the time, and the
+    /// others are then looked for where those say. The smallest show only in the image as it came, however noisy.
+    fn markers(&mut self, image: &GrayImage, quiet: &Quietened) -> Vec<DecodedTag> {
+        let mut decimate = 2.0;
+        while FIRST_PIXELS < image.data.len() as f64 / (decimate * decimate) && decimate < 16.0 {
+            decimate *= 2.0;
         }
-        best
+        while 1.0 <= decimate {
+            let (searched, contrast) = match 1.0 < decimate {
+                true => (quiet.image(), quiet.least_contrast(LEAST_CONTRAST)),
+                false => (image, quiet.least_contrast_unsmoothed(LEAST_CONTRAST)),
+            };
+            self.decoder.set_least_contrast(contrast);
+            let seen = self.look(searched, decimate as f32);
+            let best = self.agreeing(&seen);
+            if !best.is_empty() {
+                self.decoder.set_least_contrast(LEAST_CONTRAST);
+                return self.grown(image, best);
+            }
+            decimate /= 2.0;
+        }
+        Vec::new()
+    }
+
+    fn look(&mut self, image: &GrayImage, decimate: f32) -> Vec<DecodedTag> {
+        let mut seen = tiles::search(&mut self.decoder, image, Look { decimate, edges: Edges::FullSize });
+        seen.iter_mut()
+            .filter(|m| MIRRORED[m.family])
+            .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));
+        seen
+    }
+
+    /// With the markers that show at full size where these say they are, and those that these say in turn.
+    fn grown(&mut self, image: &GrayImage, mut markers: Vec<DecodedTag>) -> Vec<DecodedTag> {
+        let mut looked = vec![false; self.squares.len()];
+        markers.iter().for_each(|m| looked[m.id as usize] = true);
+        let mut part = GrayImage::filled(0, 0, 0);
+        // Ends: every round looks for markers that were not looked for before.
+        loop {
+            let missing: Vec<(u32, [Pixel; 4])> = (0..self.squares.len() as u32)
+                .filter(|&id| !looked[id as usize])
+                .filter_map(|id| Some((id, self.predicted(&markers, id)?)))
+                .collect();
+            missing.iter().for_each(|(id, _)| looked[*id as usize] = true);
+            let around = |(_, corners): &(u32, [Pixel; 4])| {
+                let margin_px = 16.0 + 0.4 * longer_side_px(corners);
+                Region::around(corners, margin_px, [image.width_px, image.height_px])
+            };
+            let regions = joined(missing.iter().filter_map(around).collect());
+            if regions.is_empty() {
+                return markers;
+            }
+            let edge_px =
+                missing.iter().map(|(_, corners)| longer_side_px(corners)).fold(f64::INFINITY, f64::min);
+            let decimate = if LARGE_MARKER_PX < edge_px { 2.0 } else { 1.0 };
+            let mut all = markers.clone();
+            for region in regions {
+                if region.cut(image, &mut part).is_none() {
+                    continue;
+                }
+                let mut seen = self.look(&part, decimate);
+                seen.iter_mut().flat_map(|m| &mut m.corners).for_each(|corner| *corner += region.origin());
+                all.extend(seen);
+            }
+            let agreeing = self.agreeing(&all);
+            if agreeing.len() <= markers.len() {
+                return markers;
+            }
+            markers = agreeing;
+            markers.iter().for_each(|m| looked[m.id as usize] = true);
+        }
+    }
+
+    /// Where the corners of a marker should be by those beside it; none where none is near.
+    fn predicted(&self, markers: &[DecodedTag], id: u32) -> Option<[Pixel; 4]> {
+        let centre = self.centre(id);
+        let is_near = markers.iter().any(|m| (self.centre(m.id) - centre).norm() <= GROW_SQUARES);
+        let map = Homography::fit(&self.pairs_near(markers, &centre)).filter(|_| is_near)?;
+        let corners = self.marker_corners(id).map(|x| map.at(&x));
+        corners.iter().all(|u| u.iter().all(|x| x.is_finite())).then_some(corners)
     }
 
     /// The largest set of markers that one marker of it puts in their places.
@@ -103,56 +179,31 @@ impl CharucoFinder {
         if best.len() == 1 && best[0].margin_gray < LONE_MARGIN_GRAY { Vec::new() } else { best }
     }
 
-    fn corners(&self, markers: &[DecodedTag], joints: &[Joint], image: &GrayImage) -> Vec<Detection> {
-        let (rows, columns) = (self.board.rows - 1, self.board.columns - 1);
-        (0..rows * columns)
-            .filter_map(|id| {
-                let place = PlanePoint::new((id % columns + 1) as f64, (id / columns + 1) as f64);
-                let map = Homography::fit(&self.pairs_near(markers, &place))?;
-                let predicted = map.at(&place);
-                let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
-                let half_px =
-                    beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - predicted).norm());
-                let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
-                let inside = 0.0 <= predicted.x && predicted.x < image.width_px as f64;
-                let joint =
-                    nearest(joints, &predicted, (SEARCH_SQUARES * square_px).max(2.0)).filter(|_| inside)?;
-                let joint = joint.refined(image, WINDOW_SQUARES * square_px, self.window);
-                let feature = Feature { id, corner: 0 };
-                Some(Detection {
-                    feature,
-                    pixel: joint.pixel,
-                    sigma_px: joint.sigma_px,
-                    covariance_px2: None,
-                })
-            })
-            .collect()
-    }
-
     /// Corners of the markers nearest to a place, board (squares) and image.
-    fn pairs_near(
-        &self,
-        markers: &[DecodedTag],
-        place: &PlanePoint,
-    ) -> Vec<(PlanePoint, resight_core::Pixel)> {
-        let centre = |m: &DecodedTag| {
-            let (column, row) = self.squares[m.id as usize];
-            PlanePoint::new(column as f64 + 0.5, row as f64 + 0.5)
-        };
+    fn pairs_near(&self, markers: &[DecodedTag], place: &PlanePoint) -> Vec<(PlanePoint, Pixel)> {
+        let apart = |m: &DecodedTag| (self.centre(m.id) - place).norm();
         let mut near: Vec<&DecodedTag> = markers.iter().collect();
-        near.sort_by(|a, b| {
-            (centre(a) - place).norm().total_cmp(&(centre(b) - place).norm()).then(a.id.cmp(&b.id))
-        });
+        near.sort_by(|a, b| apart(a).total_cmp(&apart(b)).then(a.id.cmp(&b.id)));
         near.into_iter().take(4).flat_map(|m| self.pairs(m)).collect()
     }
 
-    /// A marker's corners on the board, in squares from its top-left corner, and in the image.
-    fn pairs(&self, marker: &DecodedTag) -> [(PlanePoint, resight_core::Pixel); 4] {
-        let (column, row) = self.squares[marker.id as usize];
-        let size = self.board.marker_m / self.board.square_m;
-        let first = PlanePoint::new(column as f64, row as f64).add_scalar(0.5 * (1.0 - size));
-        let corner = [(0.0, 0.0), (size, 0.0), (size, size), (0.0, size)];
-        [0, 1, 2, 3].map(|k| (first + PlanePoint::new(corner[k].0, corner[k].1), marker.corners[k]))
+    /// The middle of a marker's square, in squares.
+    fn centre(&self, id: u32) -> PlanePoint {
+        let (column, row) = self.squares[id as usize];
+        PlanePoint::new(column as f64 + 0.5, row as f64 + 0.5)
+    }
+
+    /// A marker's corners on the board, in squares from its top-left corner.
+    fn marker_corners(&self, id: u32) -> [PlanePoint; 4] {
+        let half = 0.5 * self.board.marker_m / self.board.square_m;
+        [(-half, -half), (half, -half), (half, half), (-half, half)]
+            .map(|(x, y)| self.centre(id) + PlanePoint::new(x, y))
+    }
+
+    /// A marker's corners on the board and in the image.
+    fn pairs(&self, marker: &DecodedTag) -> [(PlanePoint, Pixel); 4] {
+        let on_board = self.marker_corners(marker.id);
+        [0, 1, 2, 3].map(|k| (on_board[k], marker.corners[k]))
     }
 
     /// How far a marker's corners lie from where `map` puts them, in squares of its own image.

@@ -35,6 +35,11 @@ impl Homography {
         (map.iter().all(|x| x.is_finite()) && 4 <= pairs.len()).then_some(Homography(map))
     }
 
+    /// The map from the image back to the plane; none of a plane seen edge on.
+    pub fn inverse(&self) -> Option<Self> {
+        self.0.try_inverse().filter(|map| map.iter().all(|x| x.is_finite())).map(Homography)
+    }
+
     /// The image of a plane point.
     pub fn at(&self, x: &PlanePoint) -> Pixel {
         apply(&self.0, x)

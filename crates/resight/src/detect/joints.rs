@@ -28,7 +28,7 @@ impl Joint {
 /// How far the window of a corner's refinement reaches to each side of its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CornerWindow {
-    /// As far as the neighbouring corners (of a ChArUco board: the markers) leave room, 2 to 11 px.
+    /// As far as the neighbouring corners leave room, 2 to 11 px. Of a ChArUco board all that is printed around a corner is compared.
     #[default]
     Clear,
     /// This many pixels, whatever comes in: for corners comparable with those of OpenCV's `cornerSubPix` and its `winSize`.

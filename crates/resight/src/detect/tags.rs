@@ -2,6 +2,7 @@
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
+use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
@@ -51,8 +52,8 @@ impl TagFinder {
         let rim_edges = family.rim_edges();
         // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
         // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
-        let decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
-        let decoder = decoder.with_least_contrast(min_margin_gray as u8);
+        let mut decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
+        decoder.set_least_contrast(min_margin_gray as u8);
         Ok(TagFinder { decoder, min_margin_gray, wanted, rim_edges, part: GrayImage::filled(0, 0, 0) })
     }
 
@@ -61,9 +62,35 @@ impl TagFinder {
         // A large tag shows at a quarter of the size, in a third of the time; looking there first costs a third more when it does not.
         // With many tags some are small, so the coarse look rarely ends the search.
         let levels: &[f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
-        let mut found: Vec<FoundTag> = self.search(image, levels).iter().map(FoundTag::new).collect();
+        let quiet = Quietened::new(image);
+        let tags = if quiet.is_smoothed() {
+            self.search_noisy(image, &quiet, levels)
+        } else {
+            self.search(image, levels)
+        };
+        let mut found: Vec<FoundTag> = tags.iter().map(FoundTag::new).collect();
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         found
+    }
+
+    /// Found in the smoothed image, measured in the image as it came, where alone the smallest tags show.
+    fn search_noisy(&mut self, image: &GrayImage, quiet: &Quietened, levels: &[f32]) -> Vec<DecodedTag> {
+        let least = self.min_margin_gray as u8;
+        self.decoder.set_least_contrast(quiet.least_contrast(least));
+        let reduced: Vec<f32> = levels.iter().copied().filter(|level| FINEST < *level).collect();
+        let mut all = self.search(quiet.image(), &reduced);
+        self.decoder.set_least_contrast(least);
+        for tag in &mut all {
+            *tag = self.measure_again(image, tag).unwrap_or(*tag);
+        }
+        if all.len() < self.wanted {
+            self.decoder.set_least_contrast(quiet.least_contrast_unsmoothed(least));
+            if all.is_empty() || image.data.len() <= FINEST_PIXELS {
+                self.add_at(image, FINEST, &mut all);
+            }
+            self.decoder.set_least_contrast(least);
+        }
+        all
     }
 
     /// The tags that show at these reductions, from coarse to fine, until all that are wanted are found.

@@ -99,7 +99,7 @@ pub(super) fn legend(run: &RigRun) -> String {
     let lenses = match run.solution.lens_scale {
         scale if 1.0 < scale => format!(
             " Views agree that intrinsics are off: with those as uncertain as they seem, every ± would be {} times as large.",
-            pieces::fixed(scale.sqrt(), 1)
+            fixed(scale.sqrt(), 1)
         ),
         _ => String::new(),
     };

@@ -1,0 +1,293 @@
+//! What a known print should look like around one of its corners, and the shift that lays it on the image.
+//!
+//! Where a corner stands free, edges are the better measure (`corner`). In a small or strongly tilted board the markers come nearer to the
+//! corners than a window for edges is wide, and every saddle-point detector loses corners; but what is printed there is known. The model of
+//! the image at pixel p is a + g T(p − t), with T the print seen through the predicted homography and a Gaussian blur; the shift t, the
+//! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
+//! explains says whether the corner is there at all.
+
+use super::homography::{Homography, PlanePoint};
+use crate::GrayImage;
+use nalgebra::{Matrix4, Vector4};
+use resight_core::Pixel;
+
+/// A print laid on an image.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fit {
+    /// Where the corner is.
+    pub pixel: Pixel,
+    /// Standard deviation along the less certain axis, from the residual.
+    pub sigma_px: f64,
+    /// Share of the variance, besides that of the noise, that the print explains: 1 of a perfect fit.
+    pub explained: f64,
+    /// Grey levels from black to white; negative of a print with exchanged colours.
+    pub contrast_gray: f64,
+}
+
+/// A window of the image around a corner, and how it is compared.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Window {
+    /// Pixels to each side.
+    pub half_px: usize,
+    /// Standard deviation of the blur, px.
+    pub blur_px: f64,
+    /// Standard deviation of the noise, grey levels.
+    pub noise_gray: f64,
+}
+
+/// Steps of a search; each about squares the error.
+const STEPS: usize = 8;
+const SETTLED_PX: f64 = 2e-3;
+/// Sub-pixels along each side of a pixel of the print's picture.
+const SAMPLES: usize = 3;
+/// Pixels around the window in which the shifted print and its slopes are known.
+const RIM: usize = 3;
+
+/// A print's picture around the pixel nearest to its corner.
+struct Picture {
+    side: usize,
+    values: Vec<f32>,
+}
+
+impl Picture {
+    /// `ink` is −1 where black and 1 where white, on the plane; `middle` the pixel it is drawn around; `shift` moves the image of the plane.
+    fn draw(
+        ink: &impl Fn(PlanePoint) -> f32,
+        plane_from_image: &Homography,
+        middle: Pixel,
+        shift: Pixel,
+        window: &Window,
+    ) -> Self {
+        let kernel = gaussian(window.blur_px);
+        let reach = kernel.len() / 2;
+        let wide = 2 * (window.half_px + RIM + reach) + 1;
+        let offset = (wide / 2) as f64;
+        let at =
+            |u: f64, v: f64| ink(plane_from_image.at(&(middle - shift + Pixel::new(u - offset, v - offset))));
+        // Most pixels show one colour: the same at all their corners.
+        let corners: Vec<f32> = (0..(wide + 1) * (wide + 1))
+            .map(|k| at((k % (wide + 1)) as f64 - 0.5, (k / (wide + 1)) as f64 - 0.5))
+            .collect();
+        let pixel = |k: usize| {
+            let (u, v) = (k % wide, k / wide);
+            let first = v * (wide + 1) + u;
+            let around =
+                [corners[first], corners[first + 1], corners[first + wide + 1], corners[first + wide + 2]];
+            if around.iter().all(|x| *x == around[0]) {
+                return around[0];
+            }
+            let sub = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
+            let samples =
+                (0..SAMPLES * SAMPLES).map(|s| at(u as f64 + sub(s % SAMPLES), v as f64 + sub(s / SAMPLES)));
+            samples.sum::<f32>() / (SAMPLES * SAMPLES) as f32
+        };
+        let raw: Vec<f32> = (0..wide * wide).map(pixel).collect();
+        let side = wide - 2 * reach;
+        let along = |row: &[f32]| -> Vec<f32> {
+            (0..side).map(|u| kernel.iter().zip(&row[u..]).map(|(k, x)| k * x).sum()).collect()
+        };
+        let rows: Vec<f32> = raw.chunks(wide).flat_map(along).collect();
+        let down = |k: usize| {
+            kernel.iter().enumerate().map(|(i, w)| w * rows[(k / side + i) * side + k % side]).sum()
+        };
+        Picture { side, values: (0..side * side).map(down).collect() }
+    }
+
+    /// Value and slopes at a place relative to the middle, bilinear; held at least a pixel inside, for the slopes.
+    fn at(&self, u: f64, v: f64) -> (f64, f64, f64) {
+        let middle = (self.side / 2) as f64;
+        let most = (self.side - 3) as f64 - 1e-9;
+        let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));
+        let (a, b) = (x.fract(), y.fract());
+        let k = y as usize * self.side + x as usize;
+        let value = |k: usize| self.values[k] as f64;
+        let mix = |f: &dyn Fn(usize) -> f64| {
+            (1.0 - b) * ((1.0 - a) * f(k) + a * f(k + 1))
+                + b * ((1.0 - a) * f(k + self.side) + a * f(k + self.side + 1))
+        };
+        let side = self.side;
+        (
+            mix(&value),
+            mix(&|k| 0.5 * (value(k + 1) - value(k - 1))),
+            mix(&|k| 0.5 * (value(k + side) - value(k - side))),
+        )
+    }
+}
+
+fn gaussian(sigma_px: f64) -> Vec<f32> {
+    let reach = (2.5 * sigma_px).ceil() as i64;
+    let weights: Vec<f64> =
+        (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_px.max(0.1)).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    weights.iter().map(|w| (w / sum) as f32).collect()
+}
+
+/// Lays a print on the image near `start`, the image of `place` by `image_from_plane`. None where the window leaves the image, the print has
+/// no structure, or the corner would lie further than `max_move_px` from `start`. With `max_move_px` zero nothing is moved.
+pub(super) fn fit(
+    image: &GrayImage,
+    ink: impl Fn(PlanePoint) -> f32,
+    image_from_plane: &Homography,
+    place: &PlanePoint,
+    start: Pixel,
+    max_move_px: f64,
+    window: Window,
+) -> Option<Fit> {
+    let plane_from_image = image_from_plane.inverse()?;
+    let origin = image_from_plane.at(place);
+    let middle = Pixel::new(start.x.round(), start.y.round());
+    let half = window.half_px as f64;
+    let inside = |c: f64, n: u32| half <= c && c + half < n as f64;
+    if !inside(middle.x, image.width_px) || !inside(middle.y, image.height_px) {
+        return None;
+    }
+    let mut at = start;
+    // Drawn again where the first search ends: there the shift is small, and interpolation no longer blurs.
+    for round in 0..2 {
+        let picture = Picture::draw(&ink, &plane_from_image, middle, at - origin, &window);
+        let drawn_at = at;
+        for _ in 0..STEPS {
+            let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
+            let solved = sums.solve()?;
+            if max_move_px <= 0.0 {
+                return sums.fit(at, &solved, window.noise_gray);
+            }
+            at += solved.step;
+            if !((at - start).norm() <= max_move_px) || !((at - drawn_at).norm() < RIM as f64 - 1.0) {
+                return None;
+            }
+            if solved.step.norm() < SETTLED_PX {
+                break;
+            }
+        }
+        if round == 1 || (at - drawn_at).norm() < 0.05 {
+            let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
+            return sums.fit(at, &sums.solve()?, window.noise_gray);
+        }
+    }
+    None
+}
+
+/// Sums of the normal equations of (a, g, g t): image ≈ a + g T − g t · ∇T.
+struct Sums {
+    normal: Matrix4<f64>,
+    right: Vector4<f64>,
+    squares: f64,
+    n: f64,
+}
+
+struct Solved {
+    x: Vector4<f64>,
+    step: Pixel,
+}
+
+impl Sums {
+    fn over(image: &GrayImage, picture: &Picture, middle: Pixel, shift: Pixel, half: usize) -> Self {
+        let mut sums = Sums { normal: Matrix4::zeros(), right: Vector4::zeros(), squares: 0.0, n: 0.0 };
+        let side = 2 * half + 1;
+        let (u0, v0) = (middle.x as usize - half, middle.y as usize - half);
+        for row in 0..side {
+            let line = &image.data[(v0 + row) * image.width_px as usize + u0..][..side];
+            for (column, &gray) in line.iter().enumerate() {
+                let (u, v) = (column as f64 - half as f64, row as f64 - half as f64);
+                let (value, du, dv) = picture.at(u - shift.x, v - shift.y);
+                let line = Vector4::new(1.0, value, -du, -dv);
+                // Grey levels from a middle one keep the sums small.
+                let gray = gray as f64 - 128.0;
+                sums.normal += line * line.transpose();
+                sums.right += line * gray;
+                sums.squares += gray * gray;
+                sums.n += 1.0;
+            }
+        }
+        sums
+    }
+
+    fn solve(&self) -> Option<Solved> {
+        let x = self.normal.cholesky()?.solve(&self.right);
+        let step = Pixel::new(x[2] / x[1], x[3] / x[1]);
+        (x.iter().all(|x| x.is_finite()) && step.norm().is_finite()).then_some(Solved { x, step })
+    }
+
+    fn fit(&self, pixel: Pixel, solved: &Solved, noise_gray: f64) -> Option<Fit> {
+        // Of the shift only what moved the print counts as explained, so the print is compared where it lies.
+        let (value, mean) = (self.normal[(1, 1)], self.normal[(0, 1)] / self.n);
+        let gray = self.right[0] / self.n;
+        let (tt, ti) = (value - self.n * mean * mean, self.right[1] - self.n * mean * gray);
+        let total = self.squares - self.n * gray * gray;
+        let contrast = ti / tt;
+        let residual = (total - ti * ti / tt).max(0.0);
+        let noise = self.n * noise_gray * noise_gray;
+        let explained = 1.0 - (residual - noise).max(0.0) / (total - noise).max(1e-9);
+        let inverse = self.normal.cholesky()?.inverse();
+        let (mean, half, cross) = (
+            0.5 * (inverse[(2, 2)] + inverse[(3, 3)]),
+            0.5 * (inverse[(2, 2)] - inverse[(3, 3)]),
+            inverse[(2, 3)],
+        );
+        let variance =
+            residual / (self.n - 4.0).max(1.0) * (mean + half.hypot(cross)) / (solved.x[1] * solved.x[1]);
+        let fit = Fit { pixel, sigma_px: variance.sqrt(), explained, contrast_gray: 2.0 * contrast };
+        (fit.sigma_px.is_finite() && fit.explained.is_finite() && fit.contrast_gray.is_finite())
+            .then_some(fit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two black squares, corner to corner at the plane's origin, a pixel to a unit.
+    fn ink(x: PlanePoint) -> f32 {
+        if x.x * x.y < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    fn map() -> Homography {
+        let corner = [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)];
+        let pairs =
+            corner.map(|(x, y)| (PlanePoint::new(x, y), Pixel::new(20.0 + x + 0.1 * y, 20.0 - 0.1 * x + y)));
+        Homography::fit(&pairs).unwrap()
+    }
+
+    fn drawn_at(shift: Pixel) -> GrayImage {
+        let window = Window { half_px: 15, blur_px: 1.0, noise_gray: 0.0 };
+        let middle = Pixel::new(20.0, 20.0);
+        let picture = Picture::draw(&ink, &map().inverse().unwrap(), middle, shift, &window);
+        let mut image = GrayImage::filled(41, 41, 0);
+        let rim = (picture.side as i64 - 41) / 2;
+        for (k, value) in image.data.iter_mut().enumerate() {
+            let (u, v) = ((k % 41) as i64 + rim, (k / 41) as i64 + rim);
+            let k = v.clamp(0, picture.side as i64 - 1) * picture.side as i64
+                + u.clamp(0, picture.side as i64 - 1);
+            *value = (120.0 + 80.0 * picture.values[k as usize]).round() as u8;
+        }
+        image
+    }
+
+    fn laid(image: &GrayImage, start: Pixel) -> Option<Fit> {
+        let window = Window { half_px: 7, blur_px: 1.0, noise_gray: 0.3 };
+        fit(image, ink, &map(), &PlanePoint::zeros(), start, 3.0, window)
+    }
+
+    #[test]
+    fn a_print_is_laid_where_it_was_drawn() {
+        // Sub-pixels of a third place a straight edge along the axes to some hundredths.
+        for shift in [Pixel::new(0.0, 0.0), Pixel::new(1.3, -0.7), Pixel::new(-0.4, 1.6)] {
+            let fit = laid(&drawn_at(shift), Pixel::new(20.0, 20.0)).unwrap();
+            assert!((fit.pixel - shift - Pixel::new(20.0, 20.0)).norm() < 0.05, "{shift:?}: {fit:?}");
+            assert!(0.99 < fit.explained && (fit.contrast_gray - 160.0).abs() < 3.0, "{fit:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_such_print_is_not_explained() {
+        let flat = GrayImage::filled(41, 41, 90);
+        assert!(laid(&flat, Pixel::new(20.0, 20.0)).is_none_or(|fit| fit.contrast_gray.abs() < 1.0));
+        let mut edge = flat;
+        edge.data.iter_mut().enumerate().filter(|(k, _)| 20 < k % 41).for_each(|(_, x)| *x = 200);
+        assert!(laid(&edge, Pixel::new(20.0, 20.0)).is_none_or(|fit| fit.explained < 0.3));
+        for start in [Pixel::new(3.0, 20.0), Pixel::new(f64::NAN, 20.0), Pixel::new(1e300, -1e300)] {
+            assert!(laid(&edge, start).is_none(), "{start:?}");
+        }
+    }
+}
