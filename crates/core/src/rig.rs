@@ -70,7 +70,7 @@ pub struct RigConfig<'a> {
     pub shared_errors: bool,
     /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
     /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
-    /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_scale` says what they would add either way.
+    /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_sigma_m` says what they would make of it either way.
     pub lens_errors: bool,
 }
 
@@ -214,9 +214,9 @@ pub struct RigSolution {
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
     /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
     pub view_scale: f64,
-    /// Factor by which variances grow beyond both, in the mean over cameras and targets, with intrinsics as uncertain as views agree that
-    /// they are off; 1 where nothing contradicts them. The covariances hold it with `RigConfig::lens_errors`.
-    pub lens_scale: f64,
+    /// The largest standard deviation of a camera's place along an axis, m, with intrinsics as uncertain as views agree that they are off;
+    /// none where nothing contradicts them. The covariances hold this with `RigConfig::lens_errors`.
+    pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
     pub steps: usize,
     /// Whether all this can be believed; no pose is to be used where it is inconsistent.

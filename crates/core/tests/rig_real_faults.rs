@@ -104,7 +104,7 @@ fn line(what: &str, fault: &str, found: &Found, right: &RigSolution) -> String {
         format!("{:+.2?}", all.map(|x| 100.0 * x))
     };
     format!(
-        "{what:24} {fault:22} {} off {:.1} σ; ± {:.1} mm; noise {:.2} view {:.2} lens {:.2} {:?} {}",
+        "{what:24} {fault:22} {} off {:.1} σ; ± {:.1} mm; noise {:.2} view {:.2} lens {:.3?} m {:?} {}",
         if v.is_inconsistent { "INCONSISTENT" } else { "ok" },
         off(s, right),
         1e3 * s
@@ -113,7 +113,7 @@ fn line(what: &str, fault: &str, found: &Found, right: &RigSolution) -> String {
             .map_or(0.0, |c| (0..3).map(|i| c.covariance[(3 + i, 3 + i)]).fold(0.0, f64::max).sqrt()),
         s.noise_scale,
         s.view_scale,
-        s.lens_scale,
+        s.lens_sigma_m,
         v.cameras.iter().map(|c| c.cause).collect::<Vec<_>>(),
         v.lens_offsets.iter().map(lens).collect::<Vec<_>>().join(" | "),
     )

@@ -99,7 +99,7 @@ fn outcome(fault: Fault, n_cameras: usize, n_views: usize, n_rigs: u64, n_draws:
             let seen = spoilt(&mut rng, &room, fault);
             let found = room.solve(&seen, &config).expect("a rig");
             positive(found.joint_covariance.as_ref().expect("asked for"));
-            mean.doubted += if 1.0 < found.lens_scale { (n_cameras - 1) as f64 } else { 0.0 };
+            mean.doubted += if found.lens_sigma_m.is_some() { (n_cameras - 1) as f64 } else { 0.0 };
             for c in 1..n_cameras {
                 let (motion, squared) = room.error(&found, c);
                 mean.stated += squared;

@@ -61,7 +61,8 @@ pub(super) fn answer(
     let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
     let mut with_lenses = held.covariance.clone();
     doubts.add_to_shared(&mut with_lenses);
-    let lens_scale = if doubts.is_empty() { 1.0 } else { wider(&with_lenses, &held.covariance) };
+    let lens_sigma_m =
+        (!doubts.is_empty()).then(|| largest_sigma_m(&cameras(layout, &adjusted, &tallies, &with_lenses)));
     let shared = if config.lens_errors { with_lenses } else { held.covariance };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
@@ -96,7 +97,7 @@ pub(super) fn answer(
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
         view_scale: held.within / widened,
-        lens_scale,
+        lens_sigma_m,
         steps: adjusted.steps,
         verdict,
     };
@@ -110,15 +111,14 @@ pub(super) fn keeps_minimum(loss: Loss) -> bool {
     matches!(loss, Loss::Squared | Loss::Truncated { .. })
 }
 
-/// How much larger variances have become, in the mean over blocks.
-fn wider(now: &DMatrix<f64>, before: &DMatrix<f64>) -> f64 {
-    let n_blocks = before.nrows() / 6;
-    let of_block = |b: usize| {
-        let inverse = block(before, b, b).try_inverse()?;
-        Some((inverse * block(now, b, b)).trace() / 6.0)
+/// The largest standard deviation of a camera's place along an axis of the rig.
+fn largest_sigma_m(cameras: &[CameraInRig]) -> f64 {
+    let of_camera = |c: &CameraInRig| {
+        // A small motion of the left moves the centre by −Rᵀv.
+        let (r, moved) = (&c.cam_from_rig.rotation, c.covariance.fixed_view::<3, 3>(3, 3));
+        (r.transpose() * moved * r).diagonal().max()
     };
-    let all: Vec<f64> = (0..n_blocks).filter_map(of_block).collect();
-    if all.is_empty() { 1.0 } else { (all.iter().sum::<f64>() / all.len() as f64).max(1.0) }
+    cameras.iter().map(of_camera).fold(0.0, f64::max).sqrt()
 }
 
 impl Tally {

@@ -12,6 +12,7 @@ use super::views::counts;
 use super::{RejectedSighting, RigConfig, Sighting, TargetScale};
 use crate::consistency::{is_inconsistent, loses_too_many};
 use crate::loss::Loss;
+use crate::{Camera, Point};
 
 /// Whether the answer contradicts what was seen, and who is to blame. The default contradicts nothing.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -110,8 +111,11 @@ const OWN_FAULT: f64 = 0.4;
 /// Sizes of targets that differ by less are a matter of printing, in shares of the size.
 const SIZE_OFF: f64 = 0.005;
 /// Where residuals prove the sigmas too small, variances that views show to be this much larger are no longer noise: errors four times as
-/// large as stated. On recordings with right files 5.9 at the most, with the images of one webcam under the names of the next view 24 to 42.
+/// large as stated. On recordings with right files 5.9 at the most where sigmas are those of fair corners (31 with sigmas of 0.16 px, which
+/// show that the webcams were not synchronised), with the images of one webcam under the names of the next view 24 to 42.
 const APART: f64 = 16.0;
+/// And as large as this over the focal length: right files 0.0017 at the most, views under the names of the next one 0.0035 to 0.0046.
+const APART_FOCAL: f64 = 0.0025;
 
 impl Evidence<'_> {
     pub(super) fn verdict(&self) -> RigVerdict {
@@ -159,7 +163,27 @@ impl Evidence<'_> {
 
     /// Views contradict each other by far more than points that are noisier than stated explain.
     fn views_are_apart(&self) -> bool {
-        1.0 < self.noise_scale && APART <= self.noise_scale * self.view_scale
+        let apart = self.noise_scale * self.view_scale;
+        1.0 < self.noise_scale
+            && APART <= apart
+            && APART_FOCAL * APART_FOCAL <= apart * self.mean_variance_over_focal()
+    }
+
+    /// Mean stated variance of the points used, along one axis of the image, over the square of the focal length.
+    fn mean_variance_over_focal(&self) -> f64 {
+        let cameras = &self.layout.problem.cameras;
+        let focal_px = |camera: &Camera| camera.project_with_jacobian(&Point::z()).map(|p| p.1[(0, 0)].abs());
+        let (mut sum, mut n) = (0.0, 0.0);
+        for (i, sighting) in self.layout.sightings.iter().enumerate() {
+            let Some(focal_px) = focal_px(&cameras[sighting.camera]) else { continue };
+            let used = sighting.seen.iter().zip(&self.adjusted.parts.is_used[i]).filter(|(_, used)| **used);
+            for (c, _) in used {
+                let [uu, _, vv] = c.pixel_covariance();
+                sum += 0.5 * (uu + vv) / (focal_px * focal_px);
+                n += 1.0;
+            }
+        }
+        sum / f64::max(n, 1.0)
     }
 
     /// Of cameras in the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.

@@ -161,7 +161,7 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
         joint_covariance: Some(joint(n_cameras)),
         noise_scale: 1.0,
         view_scale: 1.0,
-        lens_scale: 1.0,
+        lens_sigma_m: None,
         steps: 7,
         verdict: RigVerdict::default(),
     };

@@ -26,8 +26,8 @@ pub struct RigObject {
     noise_scale: f64,
     /// Variances beyond that, for errors that whole sightings share.
     view_scale: f64,
-    /// By how much more they would be widened with intrinsics as uncertain as views agree that they are off.
-    lens_scale: f64,
+    /// The largest standard deviation of a place with intrinsics as uncertain as views agree that they are off.
+    lens_sigma_m: Option<f64>,
     n_views: usize,
     n_seen: usize,
     n_used: usize,
@@ -215,7 +215,7 @@ pub fn object(solved: &Solved, with_joint: bool) -> RigObject {
         dof: s.degrees_of_freedom,
         noise_scale: s.noise_scale,
         view_scale: s.view_scale,
-        lens_scale: s.lens_scale,
+        lens_sigma_m: s.lens_sigma_m,
         n_views: solved.run.rig.views.len(),
         n_seen: s.n_seen,
         n_used: s.n_used,

@@ -69,12 +69,12 @@ pub fn headline(solved: &Solved) -> String {
         ),
         _ => String::new(),
     };
-    let lenses = match s.lens_scale {
-        scale if 1.0 < scale => format!(
-            "; views agree that intrinsics are off: with those as uncertain as they seem, every ± would be {} times as large",
-            figures(scale.sqrt())
+    let lenses = match s.lens_sigma_m {
+        Some(sigma_m) => format!(
+            "; views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}",
+            length(sigma_m)
         ),
-        _ => String::new(),
+        None => String::new(),
     };
     format!(
         "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",

@@ -96,12 +96,12 @@ pub(super) fn legend(run: &RigRun) -> String {
         ),
         _ => String::new(),
     };
-    let lenses = match run.solution.lens_scale {
-        scale if 1.0 < scale => format!(
-            " Views agree that intrinsics are off: with those as uncertain as they seem, every ± would be {} times as large.",
-            fixed(scale.sqrt(), 1)
+    let lenses = match run.solution.lens_sigma_m {
+        Some(sigma_m) => format!(
+            " Views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}.",
+            words::length(sigma_m)
         ),
-        _ => String::new(),
+        None => String::new(),
     };
     format!(
         "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}{views}{lenses}</p>"

@@ -128,7 +128,7 @@ mod tests {
             joint_covariance,
             noise_scale: 1.0,
             view_scale: 1.0,
-            lens_scale: 1.0,
+            lens_sigma_m: None,
             steps: 0,
             verdict: RigVerdict::default(),
         };
