@@ -396,7 +396,7 @@ fn a_self_signed_server_is_believed_only_where_its_certificate_is_named() {
     let ask = |options: &[&str]| {
         let (_server, address) = serve_secured(&film, &files);
         let input_options = options.iter().map(|word| word.to_string()).collect();
-        let config = StreamConfig { lost_after_s: 5.0, ends: true, input_options, ..StreamConfig::default() };
+        let config = StreamConfig { lost_after_s: 5.0, ends: true, input_options };
         all(Stream::open(&address, config).expect("ffmpeg"))
     };
     let (times, lost) = ask(&[]);
