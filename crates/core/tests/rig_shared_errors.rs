@@ -141,15 +141,16 @@ fn shared_errors_are_in_the_covariance() {
     let faults = [Fault::Late(0.01), Fault::Jitter(0.01), Fault::Bent(0.001), Fault::Biased(0.3)];
     let mut all = Vec::new();
     for fault in faults {
-        for (cameras, views, rigs, draws) in [(2, 40, 20, 6), (4, 150, 8, 5)] {
+        for (cameras, views, rigs, draws) in [(2, 40, 60, 6), (4, 150, 20, 5)] {
             let found = outcome(fault, cameras, views, rigs, draws);
             // Far above the one in ten thousand that it is meant to be: the ± is then too large, not too small.
             assert!(found.doubted < 0.25, "{fault:?}: lenses doubted in {}", found.doubted);
             all.push(found.stated);
         }
     }
-    // 120 to 180 values each, cameras of one draw sharing the reference: a standard deviation of 0.4.
-    assert!(all.iter().all(|nees| (4.8..7.2).contains(nees)), "{all:?}");
+    // 300 to 360 values each, cameras of one draw sharing the reference: a standard deviation of 0.25. Of three times as many the means are
+    // 5.8 to 6.5, and 4.9 for two unsteady cameras, whose variances scatter from rig to rig.
+    assert!(all.iter().all(|nees| (4.3..7.0).contains(nees)), "{all:?}");
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     assert!((5.6..6.4).contains(&mean), "{mean}");
 }

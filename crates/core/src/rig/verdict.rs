@@ -114,8 +114,8 @@ const SIZE_OFF: f64 = 0.005;
 /// large as stated. On recordings with right files 5.9 at the most where sigmas are those of fair corners (31 with sigmas of 0.16 px, which
 /// show that the webcams were not synchronised), with the images of one webcam under the names of the next view 24 to 42.
 const APART: f64 = 16.0;
-/// And as large as this over the focal length: right files 0.0017 at the most, views under the names of the next one 0.0035 to 0.0046.
-const APART_FOCAL: f64 = 0.0025;
+/// And as large as this over the focal length: right files 0.0018 at the most, views under the names of the next one 0.0022 to 0.0053.
+const APART_FOCAL: f64 = 0.002;
 
 impl Evidence<'_> {
     pub(super) fn verdict(&self) -> RigVerdict {
