@@ -266,16 +266,17 @@ impl RigEquations {
 
     /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
     pub fn lost_to_places(&self, eliminated: &Eliminated, common: &Common) -> f64 {
-        common.dot(&self.following(eliminated, common))
+        common.dot(&self.following(eliminated, common, false))
     }
 
     /// H⁻¹h, h what one more parameter and all places have in common: with the opposite sign the motions of all places that follow a
-    /// change of it.
-    pub fn following(&self, eliminated: &Eliminated, common: &Common) -> Common {
+    /// change of it. Unless `all_bodies`, of bodies only that have something in common with it: the others are many, and few ask for them.
+    pub fn following(&self, eliminated: &Eliminated, common: &Common, all_bodies: bool) -> Common {
         let mut solved = self.without_bodies(eliminated, common);
         solved.shared = eliminated.reduced.solve(&solved.shared);
         for (body, (motion, inverse)) in solved.bodies.iter_mut().zip(&eliminated.inverses).enumerate() {
-            if *inverse != Matrix6::zeros() {
+            let is_asked_for = all_bodies || common.bodies[body] != Vector6::zeros();
+            if is_asked_for && *inverse != Matrix6::zeros() {
                 let by_shared = self.couplings_of(body).iter().fold(Vector6::zeros(), |sum, c| {
                     sum + c.shared_body.tr_mul(&solved.shared.fixed_rows::<6>(6 * c.block))
                 });

@@ -46,7 +46,7 @@ pub(super) fn answer(
     let inverse = eliminated.reduced.inverse();
     let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
     let held = clustered(&inverse, &clusters, widened);
-    let lenses = scores(layout, &adjusted, &eliminated);
+    let lenses = scores(layout, &adjusted, &eliminated, config.lens_errors);
     let doubts = match keeps_minimum(config.loss) {
         true => LensDoubts::new(&lenses, noise_scale, &Shared { inverse: &inverse, clusters: &clusters }),
         false => LensDoubts::none(),

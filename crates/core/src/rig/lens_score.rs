@@ -45,23 +45,30 @@ pub(super) struct LensScore {
     left: Matrix4<f64>,
     pull: Vector4<f64>,
     of_views: Vec<OfView>,
-    /// By parameter: H⁻¹K.
+    /// By parameter: H⁻¹K; of bodies only where they were asked for.
     pub(super) following: [Common; 4],
     /// Root mean square of |d|³.
     reach: f64,
 }
 
-/// One entry a camera; none where its optical axis projects nowhere.
+/// One entry a camera; none where its optical axis projects nowhere. `with_bodies`: what bodies do is kept, in every view, for every camera.
 pub(super) fn scores(
     layout: &Layout,
     adjusted: &Adjusted,
     eliminated: &Eliminated,
+    with_bodies: bool,
 ) -> Vec<Option<LensScore>> {
     let n = layout.problem.cameras.len();
-    (0..n).map(|camera| score(camera, layout, adjusted, eliminated)).collect()
+    (0..n).map(|camera| score(camera, layout, adjusted, eliminated, with_bodies)).collect()
 }
 
-fn score(camera: usize, layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated) -> Option<LensScore> {
+fn score(
+    camera: usize,
+    layout: &Layout,
+    adjusted: &Adjusted,
+    eliminated: &Eliminated,
+    with_bodies: bool,
+) -> Option<LensScore> {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let sightings = sightings(camera, layout, adjusted)?;
     let mut commons = [(); 4].map(|()| Common::new(graph));
@@ -72,10 +79,14 @@ fn score(camera: usize, layout: &Layout, adjusted: &Adjusted, eliminated: &Elimi
         }
         total.merge(sums);
     }
-    let following = commons.each_ref().map(|common| adjusted.equations.following(eliminated, common));
+    let mut following =
+        commons.each_ref().map(|common| adjusted.equations.following(eliminated, common, with_bodies));
     let lost = Matrix4::from_fn(|i, j| commons[i].dot(&following[j]));
     let of_views = sightings.chunk_by(|a, b| layout.sightings[a.0].view == layout.sightings[b.0].view);
     let of_views = of_views.map(|own| of_view(own, layout, adjusted, &following)).collect();
+    if !with_bodies {
+        following.iter_mut().for_each(|f| f.bodies = Vec::new());
+    }
     let reach = (total.sixth / total.n.max(1.0)).sqrt();
     Some(LensScore { own: total.own, left: total.own - lost, pull: total.pull, of_views, following, reach })
 }
