@@ -325,8 +325,10 @@ impl Sheet {
         let first = floor + 19.0 * self.unit;
         let right = self.canvas.width as f64 - left;
         let verdict_width = font::width(scene.verdict, height);
-        let title = fitted(&headline(scene), height, right - left - verdict_width - 2.0 * height);
-        self.write(&title, Vector2::new(left, first), height, PAPER);
+        let (text, room) = (headline(scene), right - left - verdict_width - 2.0 * height);
+        // Numbers that are cut off mislead: smaller letters first.
+        let own = height * (room / font::width(&text, height)).clamp(SMALLEST, 1.0);
+        self.write(&fitted(&text, own, room), Vector2::new(left, first), own, PAPER);
         self.write(scene.verdict, Vector2::new(right - verdict_width, first), height, color);
         let small = 7.0 * self.unit;
         let notes = fitted(&self.notes.join("  ·  "), small, right - left);
@@ -339,8 +341,11 @@ impl Sheet {
     }
 }
 
+/// Letters of the caption shrink to this share before it is cut off.
+const SMALLEST: f64 = 0.65;
+
 /// View name, distance with its standard deviation, residual. Where several poses fit no single standard deviation says how sure the
-/// camera's place is: distances and probabilities of all.
+/// camera's place is: distances and probabilities of all, the name last, for which the room may not suffice.
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     if 1 < e.n_rivals() {
@@ -349,7 +354,7 @@ fn headline(scene: &Scene) -> String {
             let (distance_m, sigma_m) = distance_sigma_m(&h.minimum.cam_from_target, &h.minimum.covariance);
             format!("{}: {}", percent(h.weight), with_sigma(distance_m, sigma_m))
         };
-        return format!("{}   {}", scene.title, fits.map(one).collect::<Vec<_>>().join("  or  "));
+        return format!("{}   {}", fits.map(one).collect::<Vec<_>>().join("  or  "), scene.title);
     }
     let (distance_m, sigma_m) = distance_with_sigma_m(e);
     let rms = if e.rms_px < 1e-3 { "below 0.001".to_string() } else { figures(e.rms_px) };
