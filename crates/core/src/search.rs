@@ -46,7 +46,7 @@ pub(crate) fn search(
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, problem.degrees_of_freedom())) {
         refine_each(&sqpnp::sqpnp(seen), problem, minima);
         refine_each(&three_of(seen), problem, minima);
-    } else if (geometry.is_nearly_straight() || weakness.is_some() || is_bent || is_in_doubt(minima))
+    } else if (geometry.is_between_layouts() || weakness.is_some() || is_bent || is_in_doubt(minima))
         && are_four_places(seen)
     {
         refine_each(&three_of(seen), problem, minima);

@@ -1,12 +1,15 @@
 //! Random numbers, of any bits and any magnitude, among those of good problems, into every entry point that takes covariances: never a
 //! panic, never a number in an answer that is none, never a covariance that is none.
 //!
-//! `RESIGHT_FUZZ_SECONDS` says for how long each entry point is fed; two seconds without it.
+//! How much: `common/wild.rs`. Surveys, batches, turns and advice: `entry_points_jobs.rs`.
 
 mod common;
 
-use common::{Rng, views};
+use common::Rng;
+use common::views;
+use common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
 use nalgebra::{DMatrix, Matrix6, Vector6};
+use resight_core::Pose;
 use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
 use resight_core::covariance::is_covariance;
 use resight_core::hand_eye::{Candidate as HandCandidate, HandEyeConfig, HandView, Mount, solve_hand_eye};
@@ -19,98 +22,6 @@ use resight_core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use resight_core::rig_pose::{RigView, locate_rig};
 use resight_core::track::{Candidate, TrackConfig, Tracker};
 use resight_core::triangulate::{PointView, isotropic, triangulate};
-use resight_core::{Correspondence, Pose};
-use std::time::{Duration, Instant};
-
-/// No single call may take longer: the machine may be busy, the input is tiny.
-const DEADLINE: Duration = Duration::from_secs(20);
-
-fn number(rng: &mut Rng) -> f64 {
-    match rng.index(6) {
-        0 => [f64::NAN, f64::INFINITY, -f64::INFINITY, 0.0, f64::MAX, f64::MIN_POSITIVE, 5e-324, -1.0]
-            [rng.index(8)],
-        1 => {
-            let half = |rng: &mut Rng| rng.uniform(0.0, 4_294_967_296.0) as u64;
-            f64::from_bits(half(rng) << 32 | half(rng))
-        }
-        2 => rng.normal() * 10f64.powf(rng.uniform(-300.0, 300.0)),
-        _ => rng.normal() * 10f64.powf(rng.uniform(-12.0, 12.0)),
-    }
-}
-
-/// Up to three numbers of a good one replaced; often none.
-fn spoil(rng: &mut Rng, numbers: &mut [f64]) {
-    for _ in 0..rng.index(4).saturating_sub(1) {
-        let i = rng.index(numbers.len());
-        numbers[i] =
-            if rng.index(3) == 0 { numbers[i] * 10f64.powf(rng.uniform(-9.0, 9.0)) } else { number(rng) };
-    }
-}
-
-fn pose(rng: &mut Rng) -> Pose {
-    let mut pose = Pose::new(rng.rotation(), rng.unit_vector() * rng.uniform(0.1, 3.0));
-    if rng.index(6) == 0 {
-        spoil(rng, pose.translation.as_mut_slice());
-        spoil(rng, pose.rotation.as_mut_slice());
-    }
-    pose
-}
-
-fn covariance(rng: &mut Rng) -> Matrix6<f64> {
-    let factor = Matrix6::from_fn(|_, _| rng.normal()) * 10f64.powf(rng.uniform(-6.0, -1.0));
-    let mut covariance = factor * factor.transpose();
-    covariance = (covariance + covariance.transpose()) * 0.5;
-    match rng.index(4) {
-        0 => spoil(rng, covariance.as_mut_slice()),
-        1 => {
-            // Symmetric, and no covariance: what a program gets that reads columns in another order.
-            let (i, j) = (rng.index(6), rng.index(6));
-            let entry = number(rng);
-            (covariance[(i, j)], covariance[(j, i)]) = (entry, entry);
-        }
-        _ => {}
-    }
-    covariance
-}
-
-fn seen(rng: &mut Rng, cam_from_target: &Pose) -> Vec<Correspondence> {
-    let (_, points) = views::all()[rng.index(4)].clone();
-    let sigma_px = 10f64.powf(rng.uniform(-3.0, 1.0));
-    let mut seen = views::seen_from(cam_from_target, &points, sigma_px);
-    if rng.index(2) == 0 {
-        seen = views::disturbed(rng, &seen);
-    }
-    for _ in 0..rng.index(3) {
-        let i = rng.index(seen.len());
-        match rng.index(4) {
-            0 => spoil(rng, seen[i].x_in_target.as_mut_slice()),
-            1 => spoil(rng, seen[i].pixel.as_mut_slice()),
-            2 => seen[i].sigma_px = number(rng).abs(),
-            _ => seen[i].sigma_m = number(rng).abs(),
-        }
-    }
-    seen
-}
-
-/// Feeds one entry point until its time is over; `one` says whether there was an answer, and checks it.
-fn feed(name: &str, seed: u64, mut one: impl FnMut(&mut Rng) -> bool) {
-    let seconds = std::env::var("RESIGHT_FUZZ_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(2.0);
-    let (begin, mut rng) = (Instant::now(), Rng::new(seed));
-    let (mut n, mut answered, mut slowest) = (0u64, 0u64, Duration::ZERO);
-    while begin.elapsed().as_secs_f64() < seconds {
-        let call = Instant::now();
-        answered += u64::from(one(&mut rng));
-        slowest = slowest.max(call.elapsed());
-        assert!(slowest < DEADLINE, "{name}, input {n}: {slowest:?}");
-        n += 1;
-    }
-    println!("{name}: {n} inputs, {answered} answered, the slowest {slowest:?}");
-    assert!(0 < answered, "{name}: the inputs are too wild to be answered");
-}
-
-fn is_whole(pose: &Pose) -> bool {
-    (pose.rotation.sum() + pose.translation.sum()).is_finite()
-}
 
 #[test]
 fn locate_answers_in_numbers() {

@@ -5,7 +5,7 @@ use crate::curvature::with_curvature;
 use crate::frames::chi_square::erfc;
 use crate::locate::{Config, locate};
 use crate::problem::Problem;
-use crate::refine::refine;
+use crate::refine::{OVERFLOW, refine};
 use crate::solve::line_plus_one::Weakness;
 use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
@@ -132,10 +132,14 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
     let others = estimate.minima().map(|h| h.minimum).filter(is_other);
     let nearest = others.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let stated_covariance = with_curvature(&minimum, &Problem::new(&seen, view.camera));
+    let bend_ratio = greatest_ratio(&stated_covariance, &minimum.covariance);
+    if !bend_ratio.is_finite() {
+        return Err(OVERFLOW);
+    }
     Ok(Expectation {
         covariance: minimum.covariance,
         stated_covariance,
-        bend_ratio: greatest_ratio(&stated_covariance, &minimum.covariance),
+        bend_ratio,
         separation_sigma: nearest.map_or(f64::INFINITY, |m| m.chi2.max(0.0).sqrt()),
         weakness: estimate.weakness,
     })

@@ -110,8 +110,8 @@ impl<'a> Case<'a> {
         let is_known = minima.first().map(|m| m.chi2) == Some(self.lowest_chi2());
         let is_bent = !(is_known && self.known.is_straight)
             && minima.first().is_some_and(|m| curvature::is_bent(m, problem));
-        let is_nearly_straight = self.known.geometry.is_nearly_straight();
-        if is_nearly_straight || self.weakness.is_some() || is_bent || is_in_doubt(&minima) {
+        let is_between_layouts = self.known.geometry.is_between_layouts();
+        if is_between_layouts || self.weakness.is_some() || is_bent || is_in_doubt(&minima) {
             self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, &mut minima);
         }
         let (geometry, bends) = (Some(self.known.geometry), [Some(is_bent), None, None, None]);

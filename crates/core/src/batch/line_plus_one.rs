@@ -54,7 +54,7 @@ impl WithSimd for Run<'_> {
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
                 let (view, geometry) = (first + lane, sights.geometry[lane]);
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
-                    Some(given) if found.sure[lane] != 0.0 && !given.is_nearly_straight() => {
+                    Some(given) if found.sure[lane] != 0.0 && !given.is_between_layouts() => {
                         self.answers.push(Ok(found.estimate(lane, geometry)));
                     }
                     Some(geometry) => {

@@ -29,7 +29,8 @@ impl Evidence {
 
 /// ln of Chernoff's bound on P[Bin(n, p) ≥ k], eq. (5).
 fn ln_tail(n: usize, k: usize, p: f64) -> f64 {
-    let (n, k) = (n as f64, k as f64);
+    // A single far point makes the image as large as numbers go, and the chance zero: the bound stays a number.
+    let (n, k, p) = (n as f64, k as f64, p.max(f64::MIN_POSITIVE));
     if k <= n * p || 1.0 <= p {
         return 0.0;
     }

@@ -13,6 +13,7 @@ pub mod recordings;
 pub mod sentry;
 pub mod rivals;
 pub mod delay;
+pub mod wild;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
