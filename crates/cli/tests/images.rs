@@ -172,3 +172,19 @@ fn corner_window_is_for_boards() {
         assert!(run.stderr.contains("leave it out"), "{}", run.stderr);
     }
 }
+
+/// Without a target file: every tag of a family, or of whatever family.
+#[test]
+fn detect_lists_the_tags_of_a_family_or_of_any() {
+    let grid = demo("left.png");
+    let any = resight(&["detect", &grid, "--family", "any", "--json"]);
+    let found = &json_lines(&any)[0];
+    let first = &found["detections"][0];
+    assert_eq!((any.code, first["family"].as_str()), (0, Some("tag36h11")), "{found}");
+    let one = resight(&["detect", &grid, "--family", "tag25h9"]);
+    assert!(one.code == 1 && one.stdout.contains("no tag tag25h9"), "{}", one.stdout);
+    let unknown = resight(&["detect", &grid, "--family", "tag99h1"]);
+    assert!(unknown.code == 2 && unknown.stderr.contains("unknown tag family"), "{}", unknown.stderr);
+    let neither = resight(&["detect", &grid]);
+    assert!(neither.code == 2 && neither.stderr.contains("--family"), "{}", neither.stderr);
+}

@@ -11,6 +11,7 @@ mod charuco;
 mod chessboard;
 pub mod corner;
 pub mod dots;
+pub mod every_tag;
 pub mod families;
 pub mod follow;
 mod homography;
@@ -155,6 +156,7 @@ fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
+    copies: Vec<(u32, usize)>,
 }
 
 enum Finder {
@@ -199,11 +201,11 @@ impl Detector {
                 return Err(DetectError::NotDetectable { kind: target.kind(), instead });
             }
         };
-        Ok(Detector { finder })
+        Ok(Detector { finder, copies: Vec::new() })
     }
 
     /// Features found, ids then corners ascending; empty when the target is not there.
-    /// Fails when a single tag has copies in view, or the buffer does not have the image's size.
+    /// Fails when a single tag, or each tag of a map that is seen, has copies in view, or the buffer does not have the image's size.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         self.find(image, None)
     }
@@ -217,11 +219,30 @@ impl Detector {
         self.find(image, Some(camera))
     }
 
+    /// The ids of a tag map that the last image showed more often than once, with how often: they are left out, for which of them is the
+    /// one of the map is not known.
+    pub fn copies(&self) -> &[(u32, usize)] {
+        &self.copies
+    }
+
+    /// The same in sentences.
+    pub fn remarks(&self) -> impl Iterator<Item = String> + '_ {
+        let copies = self.copies.iter();
+        copies.map(|(id, n)| {
+            format!("tag {id} is seen {n} times and left out, for which of them the map means is not known")
+        })
+    }
+
     fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {
         check_buffer(image)?;
+        self.copies.clear();
         match &mut self.finder {
-            Finder::Tag(finder) => tags::single_or_unique(&finder.find(image), false),
-            Finder::TagMap(finder) => tags::single_or_unique(&finder.find(image), true),
+            Finder::Tag(finder) => Ok(tags::single_or_unique(&finder.find(image), false)?.0),
+            Finder::TagMap(finder) => {
+                let (detections, copies) = tags::single_or_unique(&finder.find(image), true)?;
+                self.copies = copies;
+                Ok(detections)
+            }
             Finder::AprilGrid(finder) => Ok(finder.detect(image)),
             Finder::Chessboard(finder) => Ok(finder.detect(image)),
             Finder::Charuco(finder) => Ok(finder.detect(image)),

@@ -5,23 +5,32 @@ use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
 use resight::GrayImage;
+use resight::core::Target;
 use resight::core::correspondence::Detection;
-use resight::detect::Detector;
+use resight::detect::every_tag::{EveryTagFinder, FamilyTags};
+use resight::detect::tags::FoundTag;
+use resight::detect::{Detector, absent};
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Finds the target in images: point names, pixels and their standard deviations.
+/// Finds the target in images, or every tag of a family: names, pixels and their standard deviations.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  resight detect photos/*.png --target target.toml --json")]
+#[command(group = clap::ArgGroup::new("looked for").required(true).args(["target", "family"]))]
+#[command(
+    after_help = "Examples:\n  resight detect photos/*.png --target target.toml --json\n  resight detect photo.jpg --family any"
+)]
 pub struct Detect {
     /// PNG or JPEG images, or patterns such as 'photos/*.png'.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<String>,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON.
     #[arg(long, value_name = "FILE")]
-    target: PathBuf,
+    target: Option<PathBuf>,
+    /// Instead of a target: every tag of this family (tag36h11, DICT_5X5_100, …), or of `any` family
+    #[arg(long, value_name = "FAMILY", conflicts_with_all = ["target", "corner_window_px", "tag_family", "tag_size_m", "tag_sigma_m"])]
+    family: Option<String>,
     #[command(flatten)]
     corners: CornerArgs,
     #[command(flatten)]
@@ -38,10 +47,15 @@ struct Found {
     status: Status,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    remarks: Vec<String>,
 }
 
 #[derive(Serialize)]
 struct DetectionObject {
+    /// Where tags of any family were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    family: Option<String>,
     id: u32,
     corner: u8,
     u_px: f64,
@@ -49,9 +63,10 @@ struct DetectionObject {
     sigma_px: f64,
 }
 
-impl From<&Detection> for DetectionObject {
-    fn from(d: &Detection) -> Self {
+impl DetectionObject {
+    fn new(d: &Detection, family: Option<&str>) -> Self {
         DetectionObject {
+            family: family.map(str::to_owned),
             id: d.feature.id,
             corner: d.feature.corner,
             u_px: d.pixel.x,
@@ -66,31 +81,80 @@ pub fn run(args: &Detect) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
     let mut printer = Printer::new(&args.output, images.len());
-    let (target, _) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
-    let work = |detector: &mut Detector, path: &PathBuf| detect(detector, path);
-    super::detect_in_order(
-        &images,
-        || args.corners.detector(&target),
-        work,
-        |found: Found| printer.result(&found, &describe(&found), found.status),
-    )?;
+    let print = |printer: &mut Printer, found: Found| printer.result(&found, &describe(&found), found.status);
+    match (&args.family, &args.target) {
+        (Some(family), _) => super::detect_in_order(
+            &images,
+            || EveryTagFinder::new(family),
+            |finder, path: &PathBuf| every_tag(finder, family, path),
+            |found| print(&mut printer, found),
+        )?,
+        (None, Some(file)) => {
+            let (target, _) = super::target(file, &args.tags, |warning| printer.remark(warning))?;
+            super::detect_in_order(
+                &images,
+                || args.corners.detector(&target),
+                |detector, path: &PathBuf| detect(detector, &target, path),
+                |found| print(&mut printer, found),
+            )?;
+        }
+        (None, None) => anyhow::bail!("--target or --family is needed"),
+    }
     printer.finish()
 }
 
-fn detect(detector: &mut Detector, path: &Path) -> Found {
+fn detect(detector: &mut Detector, target: &Target, path: &Path) -> Found {
     let view = view_name(path);
-    let found = GrayImage::read(path)
-        .map_err(|e| e.to_string())
-        .and_then(|image| detector.detect(&image).map_err(|e| e.to_string()));
+    let found = GrayImage::read(path).map_err(|e| e.to_string()).and_then(|image| {
+        let detections = detector.detect(&image).map_err(|e| e.to_string())?;
+        let message = detections.is_empty().then(|| absent::not_found(target, &image));
+        Ok((detections, message))
+    });
     match found {
-        Err(reason) => Found { view, detections: Vec::new(), status: Status::Error, message: Some(reason) },
-        Ok(detections) => {
-            let detections: Vec<_> = detections.iter().map(DetectionObject::from).collect();
-            let missing = detections.is_empty();
-            let message = missing.then(|| "no target in this image".to_string());
-            let status = if missing { Status::NotFound } else { Status::Ok };
-            Found { view, detections, status, message }
+        Err(reason) => Found::error(view, reason),
+        Ok((detections, message)) => {
+            let detections = detections.iter().map(|d| DetectionObject::new(d, None)).collect();
+            Found::new(view, detections, message, detector.remarks().collect())
         }
+    }
+}
+
+fn every_tag(finder: &mut EveryTagFinder, family: &str, path: &Path) -> Found {
+    let view = view_name(path);
+    let families = match GrayImage::read(path) {
+        Ok(image) => finder.find(&image),
+        Err(reason) => return Found::error(view, reason.to_string()),
+    };
+    let of = |found: &FamilyTags| -> Vec<DetectionObject> {
+        let corners = found.tags.iter().flat_map(FoundTag::detections);
+        corners.map(|d| DetectionObject::new(&d, Some(&found.family))).collect()
+    };
+    let detections: Vec<DetectionObject> = families.iter().flat_map(of).collect();
+    let of = if family == "any" { "of any known family" } else { family };
+    let message = detections.is_empty().then(|| format!("no tag {of} in this image"));
+    Found::new(view, detections, message, Vec::new())
+}
+
+impl Found {
+    fn error(view: String, reason: String) -> Self {
+        Found {
+            view,
+            detections: Vec::new(),
+            status: Status::Error,
+            message: Some(reason),
+            remarks: Vec::new(),
+        }
+    }
+
+    /// A message where nothing was found.
+    fn new(
+        view: String,
+        detections: Vec<DetectionObject>,
+        message: Option<String>,
+        remarks: Vec<String>,
+    ) -> Self {
+        let status = if message.is_some() { Status::NotFound } else { Status::Ok };
+        Found { view, detections, status, message, remarks }
     }
 }
 
@@ -99,11 +163,15 @@ fn describe(found: &Found) -> String {
         Some(message) => format!("{}   {message}\n", found.view),
         None => format!("{}   {} points\n", found.view, found.detections.len()),
     };
+    for remark in &found.remarks {
+        out += &format!("  {remark}\n");
+    }
     for d in &found.detections {
+        let family = d.family.as_ref().map(|family| format!("{family}  ")).unwrap_or_default();
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "  id {:>4}  corner {}   u {:>9.3} px   v {:>9.3} px   ± {:.3} px",
+            "  {family}id {:>4}  corner {}   u {:>9.3} px   v {:>9.3} px   ± {:.3} px",
             d.id, d.corner, d.u_px, d.v_px, d.sigma_px
         );
     }

@@ -14,7 +14,7 @@ use resight::core::tag_map::locate_target;
 use resight::core::target::Feature;
 use resight::core::{Camera, Correspondence, Target};
 use resight::detect::Detector;
-use resight::detect::absent::instead_of;
+use resight::detect::absent;
 use resight::overlay::{self, Tone};
 use resight::report::verdict::{self, Status};
 use std::path::{Path, PathBuf};
@@ -157,10 +157,12 @@ impl Sight<'_> {
             }
         };
         let answer = match detections.is_empty() {
-            true => self.not_found(&image, view),
+            true => Answer::without_pose(view, Status::NotFound, absent::not_found(self.target, &image)),
             false => self.answer(&detections, &camera, view),
         };
-        let answer = Answer { remarks: self.remarks.to_vec(), ..answer };
+        let mut remarks = self.remarks.to_vec();
+        remarks.extend(detector.remarks());
+        let answer = Answer { remarks, ..answer };
         Seen { image: Some(image), camera: Some(camera), detections, answer }
     }
 
@@ -168,17 +170,6 @@ impl Sight<'_> {
     fn scaled_from_px(&self, camera: &Camera) -> Option<[u32; 2]> {
         let calibrated = self.camera.size?;
         (camera.size != Some(calibrated)).then_some([calibrated.width_px, calibrated.height_px])
-    }
-
-    fn not_found(&self, image: &GrayImage, view: String) -> Answer {
-        let what = self.target.kind();
-        let message = match instead_of(self.target, image) {
-            Some(seen) => format!("no {what} target in this image: {seen}"),
-            None => format!(
-                "no {what} target in this image; check that all of it is visible, sharp and evenly lit"
-            ),
-        };
-        Answer::without_pose(view, Status::NotFound, message)
     }
 
     fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> Answer {

@@ -11,6 +11,7 @@ use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
 use super::region::{Region, joined, longer_side_px};
+use super::tags::FoundTag;
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
 use crate::GrayImage;
@@ -32,6 +33,24 @@ impl AprilGridFinder {
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
         Ok(AprilGridFinder { grid: grid.clone(), decoder })
+    }
+
+    /// For `tags` alone: every id of a family, whatever the grid.
+    pub fn of_any_grid(family: &str) -> Result<Self, DetectError> {
+        let tables = Family::named(family)?;
+        let (rows, columns) = (1, tables.codes.len() as u32);
+        let family = family.to_owned();
+        let grid = AprilGrid { rows, columns, tag_size_m: 1.0, tag_spacing_ratio: 0.3, first_id: 0, family };
+        let families = [tables.clone(), tables.with_double_border()];
+        let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
+        Ok(AprilGridFinder { grid, decoder })
+    }
+
+    /// The tags that touch small black squares at their corners, without what a grid says of those not decoded.
+    pub fn tags(&mut self, image: &GrayImage) -> Vec<FoundTag> {
+        let joints = joints(image);
+        let (_, tags) = self.decoded(image, &joints);
+        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::new).collect()
     }
 
     fn ids(&self) -> impl Iterator<Item = u32> + use<> {
@@ -84,15 +103,8 @@ impl AprilGridFinder {
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
         let joints = joints(image);
-        let quiet = Quietened::new(image);
-        self.decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
-        let decimate =
-            if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
-        let cut = cut_joints(quiet.image(), &joints, decimate);
-        let look = Look { decimate, edges: Edges::FullSize };
-        let mut tags = one_border(tiles::search(&mut self.decoder, &cut, look));
-        drop(cut);
-        if quiet.is_smoothed() || 1.0 < decimate {
+        let (is_reduced, mut tags) = self.decoded(image, &joints);
+        if is_reduced {
             tags = self.with_missing(image, tags, &joints);
         }
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
@@ -101,6 +113,18 @@ impl AprilGridFinder {
         let mut detections: Vec<Detection> = decoded.chain(completed).collect();
         detections.sort_by_key(|d| d.feature);
         detections
+    }
+
+    /// The tags of a first look, and whether that was at an image smoothed or reduced.
+    fn decoded(&mut self, image: &GrayImage, joints: &[Joint]) -> (bool, Vec<DecodedTag>) {
+        let quiet = Quietened::new(image);
+        self.decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
+        let decimate =
+            if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
+        let cut = cut_joints(quiet.image(), joints, decimate);
+        let look = Look { decimate, edges: Edges::FullSize };
+        let tags = one_border(tiles::search(&mut self.decoder, &cut, look));
+        (quiet.is_smoothed() || 1.0 < decimate, tags)
     }
 
     /// With the tags that show, in the image as it came, where those found say they are.
@@ -142,6 +166,9 @@ const FULL_SIZE_PIXELS: u64 = 4_000_000;
 /// Least contrast of an outline, grey levels: what a grid of a seventh of full contrast has left when it is blurred. In outlines of noise a
 /// search spent nine tenths of its time.
 const LEAST_CONTRAST: u8 = 8;
+
+/// Least distance of the bits from the threshold of a tag that no grid vouches for, grey levels.
+const LEAST_MARGIN: f64 = 30.0;
 
 /// The second nearest decoded tag may be this far from one to complete, in tag edges: two tags on.
 const COMPLETE_REACH: f64 = 3.0;

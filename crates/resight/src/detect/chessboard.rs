@@ -46,6 +46,19 @@ impl ChessboardFinder {
             .find_map(|found| number(&Grid::new(&found), &self.board, image, self.window));
         found.unwrap_or_default()
     }
+
+    /// Rows and columns of inner corners of the largest grid in an image, fewer rows than columns, whatever the board; none where there is
+    /// no grid of nine corners.
+    pub fn largest_grid(&self, image: &GrayImage) -> Option<(usize, usize)> {
+        let corners = corners(image, &self.config);
+        let grids = self.detectors.iter().flat_map(|detector| detector.detect_all(&corners));
+        let sizes = grids.map(|found| Grid::new(&found)).filter(|grid| {
+            let labelled = grid.nodes.iter().flatten().count();
+            MIN_LABELLED * grid.nodes.len() as f64 <= labelled as f64
+        });
+        let sizes = sizes.map(|grid| (grid.width.min(grid.height), grid.width.max(grid.height)));
+        sizes.filter(|(rows, _)| 3 <= *rows).max_by_key(|(rows, columns)| rows * columns)
+    }
 }
 
 /// The labelled lattice: `nodes[v * width + u]`.

@@ -52,7 +52,10 @@ impl Follower {
             Finder::Tag(finder) => Kind::Tags(Box::new(TagFollower::new(finder, false))),
             Finder::TagMap(finder) => Kind::Tags(Box::new(TagFollower::new(finder, true))),
             Finder::Dots(finder) => Kind::Dots(finder),
-            board => Kind::Board(Box::new(BoardFollower::new(Detector { finder: board }, target))),
+            board => Kind::Board(Box::new(BoardFollower::new(
+                Detector { finder: board, copies: Vec::new() },
+                target,
+            ))),
         };
         Ok(Follower { kind, clock: Clock::default(), extent: Extent::Whole })
     }

@@ -204,14 +204,16 @@ impl FoundTag {
     }
 }
 
-/// Corners of the tags found, by id. A copied tag of a map is left out, for the others still say where the camera is; of a single tag
-/// copies are an error.
-pub(super) fn single_or_unique(found: &[FoundTag], is_map: bool) -> Result<Vec<Detection>, DetectError> {
-    match unique(found) {
-        (_, copies) if !is_map && !copies.is_empty() => {
-            Err(DetectError::Copies { id: copies[0].0, count: copies[0].1 })
-        }
-        (detections, _) => Ok(detections),
+/// Corners of the tags found, by id, and the ids seen more often than once, with how often. A copied tag of a map is left out, for the others
+/// still say where the camera is; where none is left, and of a single tag, copies are an error.
+pub(super) fn single_or_unique(
+    found: &[FoundTag],
+    is_map: bool,
+) -> Result<(Vec<Detection>, Vec<(u32, usize)>), DetectError> {
+    let (detections, copies) = unique(found);
+    match copies.first() {
+        Some(&(id, count)) if !is_map || detections.is_empty() => Err(DetectError::Copies { id, count }),
+        _ => Ok((detections, copies)),
     }
 }
 

@@ -86,7 +86,7 @@ impl TagFollower {
         self.seen.clone_from(&found);
         let mut found: Vec<FoundTag> = found.iter().map(FoundTag::new).collect();
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
-        Ok((single_or_unique(&found, self.is_map)?, extent))
+        Ok((single_or_unique(&found, self.is_map)?.0, extent))
     }
 
     /// Tags where they were last and where they are expected.
