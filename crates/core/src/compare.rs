@@ -122,6 +122,9 @@ pub fn compare_poses(before: (&Pose, &Matrix6), after: (&Pose, &Matrix6)) -> Res
         }
     }
     let chi2 = e.dot(&covariance.cholesky().ok_or_else(not_positive)?.solve(&e));
+    if !chi2.is_finite() {
+        return Err(not_a_number());
+    }
     Ok(Moved { camera: 0, old_from_new, covariance, chi2, probability: tail(6, chi2) })
 }
 
