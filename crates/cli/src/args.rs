@@ -6,9 +6,9 @@ use crate::commands::{
 };
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
-use resight::core::locate::Method;
 use resight::detect::{CornerWindow, DetectError, Detector};
 use resight::formats::TagOptions;
+use resight::locate::{METHODS, Method};
 use std::path::PathBuf;
 
 /// Where is the camera, and how sure is that?
@@ -88,10 +88,14 @@ pub struct CornerArgs {
 }
 
 impl CornerArgs {
+    /// The window asked for.
+    pub fn window(&self) -> CornerWindow {
+        self.corner_window_px.map_or(CornerWindow::Clear, CornerWindow::Half)
+    }
+
     /// The detector for a target, with the window asked for.
     pub fn detector(&self, target: &Target) -> Result<Detector, DetectError> {
-        let window = self.corner_window_px.map_or(CornerWindow::Clear, CornerWindow::Half);
-        Detector::with_corner_window(target, window)
+        Detector::with_corner_window(target, self.window())
     }
 }
 
@@ -154,22 +158,6 @@ pub fn parse_method(name: &str) -> Result<Method, String> {
         }
     }
 }
-
-/// The contract's word for a method.
-pub fn method_name(method: Method) -> &'static str {
-    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
-    METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
-}
-
-const METHODS: [(&str, Method); 7] = [
-    ("auto", Method::Auto),
-    ("wang2004", Method::Wang2004),
-    ("line_plus_one", Method::LinePlusOne),
-    ("p3p", Method::P3p),
-    ("planar", Method::Planar),
-    ("sqpnp", Method::Sqpnp),
-    ("upright", Method::Upright),
-];
 
 fn names() -> String {
     METHODS.map(|(name, _)| name).join(", ")

@@ -20,8 +20,8 @@ use crate::output::Outcome;
 use anyhow::Result;
 use rayon::prelude::*;
 use resight::core::{Camera, Target};
-use resight::detect::DetectError;
 use resight::formats;
+use std::fmt::Display;
 use std::path::Path;
 
 /// Runs a command. An error here is wrong usage or an unreadable argument.
@@ -71,14 +71,14 @@ fn in_order<T: Sync, R: Send>(
 }
 
 /// As `in_order`, each thread with a detector (or several) of its own: the C library keeps state in it.
-fn detect_in_order<T: Sync, D, R: Send>(
+fn detect_in_order<T: Sync, D, R: Send, E: Display + Into<anyhow::Error>>(
     inputs: &[T],
-    detector: impl Fn() -> Result<D, DetectError> + Sync,
+    detector: impl Fn() -> Result<D, E> + Sync,
     work: impl Fn(&mut D, &T) -> R + Sync,
     done: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    detector()?; // Says now what is wrong with the target, once.
-    let look = |detector: &mut Result<D, DetectError>, input: &T| match detector {
+    detector().map_err(Into::into)?; // Says now what is wrong with the target, once.
+    let look = |detector: &mut Result<D, E>, input: &T| match detector {
         Ok(detector) => Ok(work(detector, input)),
         Err(reason) => Err(anyhow::anyhow!("{reason}")),
     };

@@ -1,9 +1,9 @@
-//! `--intrinsics-sigma`: how well the intrinsics are known, from the command line to a covariance.
+//! `--intrinsics-sigma`: how well the intrinsics are known.
 
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::Camera;
-use resight::core::locate::Method;
+use resight::locate::{IntrinsicsSigma, Method};
 use std::collections::BTreeMap;
 
 /// The flag, for every command that solves.
@@ -13,14 +13,6 @@ pub struct IntrinsicsArgs {
     /// Independent of one another; parameters not named are exact.
     #[arg(long, value_name = "NAME=S,…", value_delimiter = ',', value_parser = assignment)]
     intrinsics_sigma: Vec<(String, f64)>,
-}
-
-/// Standard deviations of a camera's parameters.
-#[derive(Debug, Clone)]
-pub struct IntrinsicsSigma {
-    by_name: BTreeMap<String, f64>,
-    /// fx of the camera file: images of another size have other pixels.
-    stated_fx_px: Option<f64>,
 }
 
 fn assignment(text: &str) -> Result<(String, f64), String> {
@@ -63,31 +55,6 @@ impl IntrinsicsArgs {
                 bail!("--intrinsics-sigma: `{name}` is given twice");
             }
         }
-        Ok(Some(IntrinsicsSigma { by_name, stated_fx_px: camera.matrix().map(|k| k.fx_px) }))
-    }
-}
-
-impl IntrinsicsSigma {
-    /// The covariance matrix row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size
-    /// of the camera given.
-    pub fn covariance(&self, camera: &Camera) -> Vec<f64> {
-        let scale = match (self.stated_fx_px, camera.matrix()) {
-            (Some(stated), Some(k)) => k.fx_px / stated,
-            _ => 1.0,
-        };
-        let parameters = camera.parameters();
-        let n = parameters.len();
-        let mut covariance = vec![0.0; n * n];
-        for (i, (name, _)) in parameters.iter().enumerate() {
-            let unit = if name.ends_with("_px") { scale } else { 1.0 };
-            let sigma = self.by_name.get(*name).copied().unwrap_or(0.0) * unit;
-            covariance[i * n + i] = sigma * sigma;
-        }
-        covariance
-    }
-
-    /// As given, for the results.
-    pub fn stated(&self) -> BTreeMap<String, f64> {
-        self.by_name.clone()
+        Ok(Some(IntrinsicsSigma::new(by_name, camera)?))
     }
 }

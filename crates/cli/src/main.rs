@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 
 mod args;
-mod answer;
 mod files;
 mod gravity;
 mod intrinsics;

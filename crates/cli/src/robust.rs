@@ -1,12 +1,6 @@
-//! `--robust`: the flag, which rows stand and fall together, and what is said about those left out.
+//! `--robust`: the flag.
 
-use crate::points::Row;
 use clap::Args;
-use resight::core::locate::{self, PoseEstimate};
-use resight::core::robust::{Config, Consensus, consensus};
-use resight::core::{Camera, Correspondence, Error, Point};
-use serde::Serialize;
-use std::collections::HashMap;
 
 /// The flag, for every command that solves from points.
 #[derive(Debug, Clone, Args)]
@@ -18,124 +12,9 @@ pub struct RobustArgs {
     robust: Option<f64>,
 }
 
-/// What the search for the consensus came to.
-#[derive(Debug, Clone, Serialize)]
-pub struct Agreement {
-    /// How far off a row may be, in the unit of u and v.
-    threshold_px: f64,
-    /// Samples of three points drawn.
-    n_samples: usize,
-    /// Probability that no larger consensus was missed.
-    confidence: f64,
-    /// log₁₀ of the expected number of poses that as many random rows would agree with.
-    log10_false_alarms: f64,
-    /// What χ² per degree of freedom is expected to be, the tail beyond the threshold missing.
-    truncation: f64,
-    /// Rows given.
-    #[serde(skip)]
-    n_rows: usize,
-    /// Rows that agree, counted from 0.
-    #[serde(skip)]
-    pub inliers: Vec<usize>,
-}
-
-/// Rows named in the text; the others are counted.
-const MAX_NAMED: usize = 5;
-
 impl RobustArgs {
     /// The threshold; none without the flag.
     pub fn threshold_px(&self) -> Option<f64> {
         self.robust
-    }
-}
-
-/// The pose that most rows agree with.
-pub fn solve(
-    rows: &[Row],
-    seen: &[Correspondence],
-    camera: &Camera,
-    threshold_px: f64,
-    locate: locate::Config,
-) -> Result<(PoseEstimate, Agreement), Error> {
-    let groups = groups(rows);
-    let config = Config { groups: groups.as_deref(), locate, ..Config::with_threshold_px(threshold_px) };
-    let Consensus { estimate, inliers, n_samples, confidence, log10_false_alarms, truncation } =
-        consensus(seen, camera, &config)?;
-    let n_rows = rows.len();
-    let agreement =
-        Agreement { threshold_px, n_samples, confidence, log10_false_alarms, truncation, n_rows, inliers };
-    Ok((estimate, agreement))
-}
-
-impl Agreement {
-    /// One sentence: how many agree, and the first few that do not.
-    pub fn sentence(&self, names: &[String], unit: &str) -> String {
-        let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();
-        let out: Vec<usize> = (0..self.n_rows).filter(|row| !is_in(row)).collect();
-        let agree = format!(
-            "{} of {} points agree to within {} {unit} (confidence {:.4}, {} samples)",
-            self.inliers.len(),
-            self.n_rows,
-            self.threshold_px,
-            self.confidence,
-            self.n_samples
-        );
-        if out.is_empty() {
-            return format!("{agree}; none was thrown out");
-        }
-        let named: Vec<&str> = out.iter().take(MAX_NAMED).map(|row| names[*row].as_str()).collect();
-        let more = if MAX_NAMED < out.len() { ", …" } else { "" };
-        format!("{agree}; {} thrown out: {}{more}", out.len(), named.join(", "))
-    }
-}
-
-/// A label for each row: rows of one tag share one. None when there is no tag among them.
-fn groups(rows: &[Row]) -> Option<Vec<u32>> {
-    let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
-    rows.iter().enumerate().for_each(|(i, row)| by_name.entry(&row.name).or_default().push(i));
-    let mut labels: Vec<u32> = (0..).take(rows.len()).collect();
-    let mut any = false;
-    for members in by_name.values().filter(|members| is_square(rows, members)) {
-        members.iter().for_each(|i| labels[*i] = labels[members[0]]);
-        any = true;
-    }
-    any.then_some(labels)
-}
-
-/// Four corners of a square, in any order, to a hundredth of its edge: of the six distances four are equal and two are their diagonals.
-fn is_square(rows: &[Row], members: &[usize]) -> bool {
-    let [a, b, c, d] = members[..] else { return false };
-    let apart =
-        |i: usize, j: usize| (Point::from(rows[i].x_in_target) - Point::from(rows[j].x_in_target)).norm();
-    let mut distances = [apart(a, b), apart(b, c), apart(c, d), apart(d, a), apart(a, c), apart(b, d)];
-    distances.sort_by(f64::total_cmp);
-    let [edge, .., long] = distances;
-    let near = |x: f64, wanted: f64| (x - wanted).abs() <= 0.01 * edge;
-    let diagonal = edge * std::f64::consts::SQRT_2;
-    0.0 < edge && near(distances[3], edge) && near(distances[4], diagonal) && near(long, diagonal)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn row(name: &str, x: f64, y: f64) -> Row {
-        let name = name.to_string();
-        Row { line: 1, name, x_in_target: [x, y, 0.5], image: [0.0; 2], sigma: None, sigma_m: None }
-    }
-
-    #[test]
-    fn corners_of_a_square_are_one_group_and_other_twins_are_not() {
-        let tag = [
-            row("7", 0.0, 0.0),
-            row("a", 5.0, 5.0),
-            row("7", 0.1, 0.0),
-            row("7", 0.1, 0.1),
-            row("7", 0.0, 0.1),
-        ];
-        assert_eq!(groups(&tag), Some(vec![0, 1, 0, 0, 0]));
-        assert_eq!(groups(&tag[..4]), None);
-        let oblong = [row("7", 0.0, 0.0), row("7", 0.2, 0.0), row("7", 0.2, 0.1), row("7", 0.0, 0.1)];
-        assert_eq!(groups(&oblong), None);
     }
 }

@@ -1,6 +1,6 @@
 //! An answer in words, for a person with ten minutes.
 
-use crate::answer::Answer;
+use resight::answer::PoseAnswer;
 use resight::core::choose::{Hypothesis, Minimum};
 use resight::core::locate::PoseEstimate;
 use resight::report::verdict::{Status, figures};
@@ -11,7 +11,7 @@ use resight::report::words::{
 use std::fmt::Write;
 
 /// One paragraph per view: where, how sure, verdict and advice.
-pub fn describe(answer: &Answer) -> String {
+pub fn describe(answer: &PoseAnswer) -> String {
     let mut out = format!("{}   {}\n", answer.view, headline(answer));
     if let Some(estimate) = &answer.estimate {
         let fitting: Vec<Hypothesis> = estimate.minima().filter(|h| h.is_rival).collect();
@@ -47,7 +47,7 @@ pub fn describe(answer: &Answer) -> String {
     out
 }
 
-fn headline(answer: &Answer) -> &'static str {
+fn headline(answer: &PoseAnswer) -> &'static str {
     match answer.verdict.status {
         Status::Ok => "OK",
         Status::Ambiguous if answer.estimate.is_some_and(|e| 2 < e.n_rivals()) => {
@@ -109,7 +109,7 @@ fn turn_sigma(sigma_rad: f64) -> String {
     if std::f64::consts::PI < sigma_rad { "> 180°".into() } else { degrees(sigma_rad) }
 }
 
-fn fit(answer: &Answer, e: &PoseEstimate) -> String {
+fn fit(answer: &PoseAnswer, e: &PoseEstimate) -> String {
     let mut out = String::new();
     let unit = answer.image_unit;
     let sigma = answer.sigma_px.map(|s| format!(" at σ {} {unit}", figures(s))).unwrap_or_default();
@@ -122,7 +122,7 @@ fn fit(answer: &Answer, e: &PoseEstimate) -> String {
         "rms {} {unit} over {} points{sigma}, {chi2}, by {}{of_which}",
         figures(e.rms_px),
         e.n_points,
-        crate::args::method_name(e.method)
+        resight::locate::method_name(e.method)
     );
     line(&mut out, "fit", &text);
     if 0.0 < e.shared_error_px {

@@ -1,7 +1,29 @@
-//! Errors of files and images: `resight_core::Error` with a path and a line.
+//! What can go wrong at the front door, and errors of files and images: `resight_core::Error` with a path and a line.
 
+use crate::detect::DetectError;
 use std::path::PathBuf;
 use thiserror::Error;
+
+/// Why a job could not begin. What goes wrong with a single image is in its answer.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file that cannot be read, or says what cannot be.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A target that cannot be detected.
+    #[error(transparent)]
+    Detect(#[from] DetectError),
+    /// Numbers that no mathematics can be done with.
+    #[error(transparent)]
+    Math(#[from] resight_core::Error),
+    /// Standard deviations that do not fit the camera.
+    #[error("{reason}")]
+    Intrinsics {
+        /// What is wrong, and what is needed.
+        reason: String,
+    },
+}
 
 /// What is wrong with a file, where, and what to do.
 #[derive(Debug, Error)]

@@ -1,4 +1,34 @@
-//! Images, detectors, file formats and pictures over `resight-core`.
+//! Real-time, repetitive extrinsic camera calibration: where each camera is, from a few known points, with its uncertainty.
+//!
+//! A photograph of a target, the files of camera and target, and the answer:
+//!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/demo");
+//! # std::env::set_current_dir(folder)?;
+//! let camera = resight::read_camera("left.toml")?;
+//! let target = resight::read_target("grid.toml")?;
+//! let image = resight::GrayImage::read("left.png".as_ref())?;
+//! let answer = resight::locate_image(&image, &camera, &target, &Default::default())?;
+//! assert_eq!(answer.status(), resight::Status::Ok);
+//! if let Some(pose) = &answer.estimate {
+//!     let camera_m = pose.cam_from_target.origin(); // In the target's frame.
+//!     let sigma_m = resight::report::words::place_sigma_m(&pose.cam_from_target, &pose.covariance);
+//!     println!("camera at {:.3} m ± {:.4} m of the target", camera_m.transpose(), sigma_m.transpose());
+//! }
+//! println!("{}", answer.verdict.message);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | job | function |
+//! | --- | --- |
+//! | an image to a pose | [`locate_image`]; many images of one camera: [`locate::ImageLocator`] |
+//! | known points to a pose | [`locate_points`] |
+//! | a scene to lengths | [`measure`] |
+//! | cameras watched for motion | [`live`] |
+//!
+//! Answers ([`answer`]) have a status and serialise to the JSON of the command line. The mathematics is in [`core`].
 #![deny(unsafe_code)]
 
 pub use resight_core as core;
@@ -7,6 +37,8 @@ pub mod error;
 pub mod input;
 pub mod image;
 pub mod detect;
+pub mod answer;
+pub mod locate;
 pub mod recording;
 pub mod ros;
 pub mod formats;
@@ -24,4 +56,22 @@ pub mod history;
 pub mod live;
 
 pub use self::image::GrayImage;
-pub use error::FileError;
+pub use answer::{PoseAnswer, Status};
+pub use error::{Error, FileError};
+pub use locate::{locate_image, locate_points};
+
+/// The camera of a file in any supported format; `FILE#NAME` picks one of several.
+///
+/// # Errors
+/// What is wrong with the file, and where.
+pub fn read_camera(file: &str) -> Result<core::Camera, Error> {
+    Ok(formats::read_camera(file)?.camera)
+}
+
+/// The target of a file: own TOML, Kalibr YAML or WPILib JSON.
+///
+/// # Errors
+/// What is wrong with the file, and where.
+pub fn read_target(file: impl AsRef<std::path::Path>) -> Result<core::Target, Error> {
+    Ok(formats::read_target(file.as_ref())?.target)
+}

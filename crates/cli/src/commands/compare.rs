@@ -49,7 +49,7 @@ pub struct Compare {
 #[derive(Serialize)]
 struct MotionObject {
     /// Where it now is, in its own old frame.
-    old_from_new: crate::answer::TransformObject,
+    old_from_new: resight::answer::TransformObject,
     covariance: [[f64; 6]; 6],
     moved_m: f64,
     moved_sigma_m: f64,
@@ -102,7 +102,7 @@ fn motion(moved: &Moved) -> MotionObject {
     let figures = words::Figures::of(moved);
     MotionObject {
         old_from_new: moved.old_from_new.into(),
-        covariance: crate::answer::rows(&moved.covariance),
+        covariance: resight::answer::pose::rows(&moved.covariance),
         moved_m: figures.moved_m,
         moved_sigma_m: figures.moved_sigma_m,
         turned_rad: figures.turned_rad,

@@ -2,15 +2,15 @@
 
 mod shipped;
 
-use super::locate::{Seen, Sight};
+use super::locate::Seen;
 use crate::args::OutputArgs;
 use crate::output::{Outcome, Printer, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use resight::core::choose::{Ambiguity, Hypothesis};
-use resight::core::locate::{Method, PoseEstimate};
+use resight::core::locate::PoseEstimate;
 use resight::core::{Matrix6, Pose};
-use resight::detect::Detector;
+use resight::locate::{ImageLocator, LocateOptions};
 use resight::report::html::Page;
 use resight::report::truth::{self, CHI2_6_99, point_covariance};
 use resight::report::verdict::{Status, figures};
@@ -78,7 +78,7 @@ struct Pair {
     a: &'static str,
     b: &'static str,
     target: String,
-    a_from_b: crate::answer::TransformObject,
+    a_from_b: resight::answer::TransformObject,
     covariance: [[f64; 6]; 6],
     truth_normalized_squared: Option<f64>,
 }
@@ -119,15 +119,9 @@ impl Story {
         let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
         let camera_path = self.folder.join(camera);
         let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
-        let sight = Sight {
-            camera: &camera_file,
-            target: &target_file,
-            method: Method::Auto,
-            intrinsics: None,
-            remarks: &[],
-        };
-        let seen = sight.look(&mut Detector::new(&target_file)?, &path);
-        let status = seen.answer.verdict.status;
+        let options = LocateOptions::default();
+        let seen = Seen::look(&mut ImageLocator::new(&camera_file, &target_file, &options)?, &path);
+        let status = seen.located.answer.verdict.status;
         if status != expected {
             self.surprises.push(format!("{number}: expected {}, got {}", expected.name(), status.name()));
         }
@@ -138,15 +132,18 @@ impl Story {
         self.page.pictures(&[(&picture, &format!("{image}.png, {target}, {camera}"))]).preformatted(&words);
         self.row(number, title, &seen, &truth);
         let heading = format!("{number}  {title}   [{image}.png, {camera}]\n{words}");
-        self.printer.result(&seen.answer.json(), &heading, as_expected(status == expected))?;
+        self.printer.result(&seen.located.answer, &heading, as_expected(status == expected))?;
         Ok(seen)
     }
 
     fn picture(&self, seen: &Seen, number: &str, target: &resight::core::Target) -> Result<Vec<u8>> {
-        let Some(image) = &seen.image else { bail!("{}", seen.answer.verdict.message) };
+        let Some(image) = &seen.image else { bail!("{}", seen.located.answer.verdict.message) };
         let png = seen.png(image, target)?;
-        let stem =
-            Path::new(&seen.answer.view).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = Path::new(&seen.located.answer.view)
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         let pictures = self.folder.join("pictures");
         std::fs::create_dir_all(&pictures)?;
         resight::formats::write_atomically(&pictures.join(format!("{number}-{stem}.png")), &png)?;
@@ -154,7 +151,7 @@ impl Story {
     }
 
     fn row(&mut self, number: &str, title: &str, seen: &Seen, truth: &Pose) {
-        let answer = &seen.answer;
+        let answer = &seen.located.answer;
         let mut cells = vec![format!("{number}  {title}"), answer.verdict.status.name().to_string()];
         if let Some(e) = &answer.estimate {
             let check = truth::check(&e.cam_from_target, &e.covariance, truth);
@@ -199,7 +196,7 @@ impl Story {
             b: "right",
             target: title.rsplit(' ').next().unwrap_or_default().to_string(),
             a_from_b: left_from_right.into(),
-            covariance: crate::answer::rows(&covariance),
+            covariance: resight::answer::pose::rows(&covariance),
             truth_normalized_squared: check.map(|c| c.normalized_squared),
         };
         self.printer.result(&pair, &format!("{number}  {title}\n{words}"), Status::Ok)
@@ -236,15 +233,15 @@ fn as_expected(is_as_expected: bool) -> Status {
 }
 
 fn estimate(seen: &Seen) -> Result<&PoseEstimate> {
-    seen.answer.estimate.as_ref().with_context(|| seen.answer.verdict.message.clone())
+    seen.located.answer.estimate.as_ref().with_context(|| seen.located.answer.verdict.message.clone())
 }
 
 /// A view in words: status, place beside the truth, and what follows.
 fn told(seen: &Seen, truth: &Pose) -> String {
-    let verdict = &seen.answer.verdict;
+    let verdict = &seen.located.answer.verdict;
     let mut out = String::new();
     crate::text::line(&mut out, "status", &verdict.status.name().to_uppercase());
-    let Some(e) = &seen.answer.estimate else {
+    let Some(e) = &seen.located.answer.estimate else {
         crate::text::line(&mut out, "why", &verdict.message);
         return out;
     };
@@ -265,7 +262,7 @@ fn told(seen: &Seen, truth: &Pose) -> String {
             "{} points, rms {} px, by {}",
             e.n_points,
             figures(e.rms_px),
-            crate::args::method_name(e.method)
+            resight::locate::method_name(e.method)
         ),
     );
     if let Ambiguity::Ambiguous { other, .. } = &e.ambiguity {

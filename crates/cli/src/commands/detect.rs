@@ -43,7 +43,7 @@ pub struct Detect {
 struct Found {
     view: String,
     detections: Vec<DetectionObject>,
-    #[serde(serialize_with = "crate::answer::status_name")]
+    #[serde(serialize_with = "resight::answer::pose::status_name")]
     status: Status,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,

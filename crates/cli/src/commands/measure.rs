@@ -179,7 +179,7 @@ struct AnswerObject {
 #[derive(Debug, Serialize)]
 struct PhotoObject {
     name: String,
-    cam_from_world: Option<crate::answer::TransformObject>,
+    cam_from_world: Option<resight::answer::TransformObject>,
     covariance: Option<Vec<Vec<f64>>>,
 }
 
@@ -276,7 +276,7 @@ fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
     let adjusted = &answers.adjusted;
     let photo = |(i, photo): (usize, &resight::measure::ScenePhoto)| PhotoObject {
         name: photo.name.clone(),
-        cam_from_world: adjusted.cam_from_world(i).map(crate::answer::TransformObject::from),
+        cam_from_world: adjusted.cam_from_world(i).map(resight::answer::TransformObject::from),
         covariance: adjusted
             .photo_covariance(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),

@@ -1,20 +1,16 @@
 //! `solve`: poses from known correspondences.
 
-use crate::answer::Answer;
 use crate::args::{OutputArgs, parse_method, positive};
 use crate::gravity::GravityArgs;
-use crate::intrinsics::{IntrinsicsArgs, IntrinsicsSigma};
+use crate::intrinsics::IntrinsicsArgs;
 use crate::output::{Outcome, Printer};
 use crate::points::{self, Row, View};
-use crate::robust::{self, Agreement, RobustArgs};
+use crate::robust::RobustArgs;
 use anyhow::{Result, bail};
 use clap::Args;
-use resight::core::consistency::Consistency;
-use resight::core::locate::{Config, Method, PoseEstimate, locate};
-use resight::core::observability::Observability;
-use resight::core::prior::Prior;
-use resight::core::{Camera, Correspondence, Error, Lens, Pixel, Point};
-use resight::report::verdict::{self, Status, Verdict};
+use resight::core::{Camera, Correspondence, Lens, Pixel, Point};
+use resight::locate::{Method, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_points};
+use resight::{PoseAnswer, Status};
 use std::path::PathBuf;
 
 /// The pose of the camera from points you already have.
@@ -58,24 +54,6 @@ pub struct Solve {
 /// Squares of larger numbers, and their products, leave the range of numbers.
 const LARGEST: f64 = 1e60;
 
-fn is_contradicted_by_gravity(estimate: &PoseEstimate) -> bool {
-    matches!(estimate.consistency, Consistency::Inconsistent { worst_prior: Some(_), .. })
-}
-
-/// A refusal that speaks of two rows names them and their lines.
-fn named(verdict: Verdict, reason: &Error, names: &[String]) -> Verdict {
-    match reason {
-        Error::Coincident { first, second, where_ } => {
-            let (a, b) = (&names[*first], &names[*second]);
-            Verdict {
-                message: format!("points {a} and {b} coincide {where_}; remove one of them"),
-                ..verdict
-            }
-        }
-        _ => verdict,
-    }
-}
-
 /// Two rows of a view with one name: corners of one tag, or a slip.
 fn warn_of_twins(views: &[View], remark: impl Fn(&str)) {
     for view in views {
@@ -101,18 +79,11 @@ fn unit_remarks(views: &[View]) -> Vec<String> {
 /// What the rows of a file are solved with.
 struct Setting {
     camera: Camera,
-    method: Method,
     sigma: f64,
     sigma_is_assumed: bool,
-    unit: &'static str,
     /// Names of the two image columns.
     columns: [&'static str; 2],
-    priors: Vec<Prior>,
-    intrinsics: Option<IntrinsicsSigma>,
-    /// Their covariance, row by row.
-    intrinsics_covariance: Option<Vec<f64>>,
-    /// How far off a row may be to agree; none when all rows are taken as right.
-    threshold_px: Option<f64>,
+    options: PointsOptions,
 }
 
 /// See `Solve`.
@@ -128,9 +99,9 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     super::in_order(
         &views,
         |view| setting.answer(view),
-        |answer: Answer| {
-            let answer = Answer { remarks: remarks.clone(), ..answer };
-            printer.result(&answer.json(), &crate::text::describe(&answer), answer.verdict.status)
+        |answer: PoseAnswer| {
+            let answer = PoseAnswer { remarks: remarks.clone(), ..answer };
+            printer.result(&answer, &crate::text::describe(&answer), answer.status())
         },
     )?;
     printer.finish()
@@ -152,92 +123,42 @@ fn setting(args: &Solve) -> Result<Setting> {
         bail!("--intrinsics-sigma needs a camera; coordinates given with --normalized have none");
     }
     let intrinsics = args.intrinsics.check(&camera, args.method)?;
-    let intrinsics_covariance = intrinsics.as_ref().map(|sigma| sigma.covariance(&camera));
     let priors = args.gravity.check(args.method)?;
-    let method = args.method;
-    let threshold_px = args.robust.threshold_px();
-    Ok(Setting {
-        camera,
-        method,
-        priors,
-        sigma,
-        sigma_is_assumed,
-        unit,
-        columns,
-        intrinsics,
-        intrinsics_covariance,
-        threshold_px,
-    })
+    let robust_threshold_px = args.robust.threshold_px();
+    let options =
+        PointsOptions { method: args.method, intrinsics, priors, robust_threshold_px, image_unit: unit };
+    Ok(Setting { camera, sigma, sigma_is_assumed, columns, options })
 }
 
 impl Setting {
-    fn answer(&self, view: &View) -> Answer {
-        let points =
-            match view.rows.iter().map(|row| self.correspondence(row)).collect::<Result<Vec<_>, String>>() {
-                Ok(points) => points,
-                Err(reason) => {
-                    let answer = Answer::without_pose(view.name.clone(), Status::Error, reason);
-                    return Answer { n_points: view.rows.len(), image_unit: self.unit, ..answer };
-                }
-            };
-        let names: Vec<String> =
-            view.rows.iter().map(|row| format!("{} (line {})", row.name, row.line)).collect();
-        let intrinsics_covariance = self.intrinsics_covariance.as_deref();
-        let config =
-            Config { method: self.method, intrinsics_covariance, priors: &self.priors, ..Config::default() };
-        let (mut verdict, estimate, agreement) = match self.solved(view, &points, config) {
-            Ok((e, agreement)) => {
-                (verdict::of_estimate(&e, |i| format!("point {}", names[i]), self.unit), Some(e), agreement)
+    fn answer(&self, view: &View) -> PoseAnswer {
+        let PointsOptions { image_unit, .. } = self.options;
+        let points = match view.rows.iter().map(|row| self.point(row)).collect::<Result<Vec<_>, String>>() {
+            Ok(points) => points,
+            Err(reason) => {
+                let answer = PoseAnswer::without_pose(view.name.clone(), Status::Error, reason);
+                return PoseAnswer { n_points: view.rows.len(), image_unit, ..answer };
             }
-            Err(reason) => (named(verdict::of_error(&reason), &reason, &names), None, None),
         };
-        if estimate.as_ref().is_some_and(is_contradicted_by_gravity) {
+        let mut answer = locate_points(view.name.clone(), &points, &self.camera, &self.options);
+        if is_contradicted_by_priors(&answer) {
             // The one prior of this command, by the name of its flags.
-            verdict.message = "--gravity and --target-down contradict the points, which agree with their sigmas without them; check both \
-                               directions and --gravity-sigma-deg before using this pose"
-                .into();
+            answer.verdict.message =
+                "--gravity and --target-down contradict the points, which agree with their sigmas without them; check both \
+                 directions and --gravity-sigma-deg before using this pose"
+                    .into();
         }
-        let sigma_px = super::locate::mean_square_root(points.iter().map(|c| c.sigma_px));
-        if self.sigma_is_assumed && estimate.is_some() && view.rows.iter().any(|row| row.sigma.is_none()) {
+        let is_assumed = self.sigma_is_assumed && view.rows.iter().any(|row| row.sigma.is_none());
+        if is_assumed && answer.estimate.is_some() {
             let flag = if self.columns[0] == "xn" { "--sigma-normalized" } else { "--sigma-px" };
-            verdict.message +=
-                &format!("; σ {} {} is assumed, state yours with {flag}", self.sigma, self.unit);
+            answer.verdict.message +=
+                &format!("; σ {} {image_unit} is assumed, state yours with {flag}", self.sigma);
         }
-        let names = view.rows.iter().map(|row| row.name.clone()).collect();
-        Answer {
-            view: view.name.clone(),
-            verdict,
-            observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
-            estimate,
-            n_points: points.len(),
-            image_unit: self.unit,
-            sigma_px,
-            point_sigma_m: super::locate::point_sigma_m(&points),
-            intrinsics_sigma: self.intrinsics.as_ref().map(IntrinsicsSigma::stated),
-            names,
-            scaled_from_px: None,
-            skipped: Vec::new(),
-            agreement,
-            left_out: Vec::new(),
-            contradicting: Vec::new(),
-            remarks: Vec::new(),
-        }
+        answer
     }
 
-    /// On all rows, or on those that agree.
-    fn solved(
-        &self,
-        view: &View,
-        points: &[Correspondence],
-        config: Config,
-    ) -> Result<(PoseEstimate, Option<Agreement>), Error> {
-        match self.threshold_px {
-            None => Ok((locate(points, &self.camera, &config)?, None)),
-            Some(limit) => {
-                let (estimate, agreement) = robust::solve(&view.rows, points, &self.camera, limit, config)?;
-                Ok((estimate, Some(agreement)))
-            }
-        }
+    fn point(&self, row: &Row) -> Result<NamedPoint, String> {
+        Ok(NamedPoint { name: row.name.clone(), line: Some(row.line), seen: self.correspondence(row)? })
     }
 
     fn correspondence(&self, row: &Row) -> Result<Correspondence, String> {
@@ -265,7 +186,7 @@ impl Setting {
         if sigma_m < 0.0 {
             return Err(format!("line {}: column `sigma_m` is {sigma_m}; it must not be negative", row.line));
         }
-        if 0.0 < sigma_m && self.method == Method::Wang2004 {
+        if 0.0 < sigma_m && self.options.method == Method::Wang2004 {
             let reason =
                 "method wang2004 is the printed procedure, which takes the points as exact; use auto";
             return Err(format!("line {}: column `sigma_m` is {sigma_m}, but {reason}", row.line));

@@ -3,11 +3,11 @@
 use super::read::poses;
 use super::say::{doubts, say};
 use super::{Advise, CriterionName};
-use crate::answer::TransformObject;
 use crate::output::Outcome;
 use anyhow::{Context, Result, bail};
 use resight::advise::maps::BoardMaps;
 use resight::advise::words::{sigma_m, sigma_rad};
+use resight::answer::TransformObject;
 use resight::core::Pose;
 use resight::core::advise::board::{
     CameraOutlook, Criterion, RigCamera, RigInformation, RigPlan, Suggestion,

@@ -1,8 +1,8 @@
 //! The rig as the command line's contract prints it.
 
 use super::solving::{Solved, Unsolved, rejection};
-use crate::answer::{TransformObject, rows};
 use nalgebra::DMatrix;
+use resight::answer::pose::{TransformObject, rows};
 use resight::core::Pose;
 use resight::core::rig::{CameraInRig, Cause, RigSolution, SightingResult, TargetScale};
 use resight::formats::JointCovariance;

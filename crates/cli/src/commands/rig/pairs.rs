@@ -403,7 +403,7 @@ impl PlaceOnly {
             a: placement.a.clone(),
             rotation_wxyz: placement.b_from_a.quaternion_wxyz(),
             translation_m: placement.b_from_a.translation.into(),
-            covariance: placement.covariance.as_ref().map(crate::answer::rows),
+            covariance: placement.covariance.as_ref().map(resight::answer::pose::rows),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A pose with what is known of its covariance, as JSON.
 
-use crate::answer::{TransformObject, rows};
+use resight::answer::pose::{TransformObject, rows};
 use resight::core::{Matrix6, Pose};
 use resight::report::words::sigmas;
 use serde::Serialize;

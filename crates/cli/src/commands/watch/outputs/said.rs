@@ -3,10 +3,10 @@
 use super::super::names::Names;
 use super::Output;
 use super::measured::measured;
-use crate::answer::TransformObject;
 use crate::output::Outcome;
 use crate::turned::{self, parts};
 use anyhow::Result;
+use resight::answer::TransformObject;
 use resight::core::monitor::attribute::MovedNode;
 use resight::core::monitor::{Course, Drift, Unrest, Unsettled};
 use resight::core::{Matrix6, Vector6};

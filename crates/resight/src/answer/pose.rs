@@ -1,23 +1,23 @@
-//! The pose object of the command line's contract, and how an estimate becomes one.
+//! The answer of a job that finds one pose, and the JSON object that it becomes.
 
-use crate::robust::Agreement;
-use resight::core::choose::{Ambiguity, Hypothesis, Minimum};
-use resight::core::consistency::Consistency;
-use resight::core::locate::PoseEstimate;
-use resight::core::observability::{Axis, Observability};
-use resight::core::solve::configuration::{Configuration, Geometry, Measure};
-use resight::core::solve::line_plus_one::Weakness;
-use resight::core::tag_map::DisplacedTag;
-use resight::core::{Matrix6, Pose};
-use resight::report::truth::point_covariance;
-use resight::report::verdict::{Status, Verdict, weakness_figures};
-use resight::report::words::sigmas;
+use super::Agreement;
+use crate::core::choose::{Ambiguity, Hypothesis, Minimum};
+use crate::core::consistency::Consistency;
+use crate::core::locate::PoseEstimate;
+use crate::core::observability::{Axis, Observability};
+use crate::core::solve::configuration::{Configuration, Geometry, Measure};
+use crate::core::solve::line_plus_one::Weakness;
+use crate::core::tag_map::DisplacedTag;
+use crate::core::{Matrix6, Pose};
+use crate::report::truth::point_covariance;
+use crate::report::verdict::{Status, Verdict, weakness_figures};
+use crate::report::words::sigmas;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// What is said about one view.
+/// The answer about one view: status and sentence, and the pose where there is one. Serialises to the JSON object of the command line.
 #[derive(Debug, Clone)]
-pub struct Answer {
+pub struct PoseAnswer {
     /// Its name: the image's path, or the `view` column.
     pub view: String,
     /// Status and sentence.
@@ -52,7 +52,7 @@ pub struct Answer {
     pub remarks: Vec<String>,
 }
 
-/// A rigid transform as the contract prints it.
+/// A rigid transform as JSON has it.
 #[derive(Debug, Clone, Serialize)]
 pub struct TransformObject {
     rotation_wxyz: [f64; 4],
@@ -150,7 +150,7 @@ struct WeaknessObject {
     needed_sigma: f64,
 }
 
-/// The contract's pose object; keys without a value are null.
+/// The JSON object; keys without a value are null.
 #[derive(Debug, Serialize)]
 pub struct PoseObject {
     view: String,
@@ -220,10 +220,21 @@ impl From<&DisplacedTag> for LeftOutTag {
     }
 }
 
-impl Answer {
+impl Serialize for PoseAnswer {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.json().serialize(serializer)
+    }
+}
+
+impl PoseAnswer {
+    /// Whether it may be relied on.
+    pub fn status(&self) -> Status {
+        self.verdict.status
+    }
+
     /// A view that has no pose.
     pub fn without_pose(view: String, status: Status, message: impl Into<String>) -> Self {
-        Answer {
+        PoseAnswer {
             view,
             verdict: Verdict { status, message: message.into() },
             estimate: None,
@@ -243,14 +254,14 @@ impl Answer {
         }
     }
 
-    /// As the contract prints it.
+    /// Its JSON object.
     pub fn json(&self) -> PoseObject {
         let e = self.estimate.as_ref();
         let sigma = e.map(|e| sigmas(&e.covariance));
         PoseObject {
             view: self.view.clone(),
             status: self.verdict.status,
-            method: e.map(|e| crate::args::method_name(e.method)),
+            method: e.map(|e| crate::locate::method_name(e.method)),
             n_points: e.map_or(self.n_points, |e| e.n_points),
             probability: e.map(|e| e.weight),
             cam_from_target: e.map(|e| e.cam_from_target.into()),
@@ -391,7 +402,7 @@ fn geometry(g: &Geometry) -> GeometryObject {
     }
 }
 
-/// The contract's word for a status.
+/// The word for a status.
 pub fn status_name<S: Serializer>(status: &Status, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(status.name())
 }

@@ -1,0 +1,322 @@
+//! From an image, or from known points, to a pose: the job behind `resight locate` and `resight solve`.
+
+use crate::GrayImage;
+use crate::answer::consensus::locate_most;
+use crate::answer::{Agreement, PoseAnswer, Status};
+use crate::detect::{CornerWindow, Detector, absent};
+use crate::error::Error;
+use crate::overlay::{self, Tone};
+use crate::report::verdict::{self, Verdict};
+use resight_core::consistency::Consistency;
+use resight_core::correspondence::{Detection, Skipped};
+use resight_core::locate::{Config, PoseEstimate, locate};
+use resight_core::observability::Observability;
+use resight_core::prior::Prior;
+use resight_core::tag_map::locate_target;
+use resight_core::target::Feature;
+use resight_core::{Camera, Correspondence, Error as MathError, Target};
+
+pub use intrinsics::IntrinsicsSigma;
+pub use resight_core::locate::Method;
+
+mod intrinsics;
+
+/// The solvers by their names in flags and JSON; `Priors` is chosen by itself alone.
+pub const METHODS: [(&str, Method); 7] = [
+    ("auto", Method::Auto),
+    ("wang2004", Method::Wang2004),
+    ("line_plus_one", Method::LinePlusOne),
+    ("p3p", Method::P3p),
+    ("planar", Method::Planar),
+    ("sqpnp", Method::Sqpnp),
+    ("upright", Method::Upright),
+];
+
+/// The name of a solver in flags and JSON.
+pub fn method_name(method: Method) -> &'static str {
+    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
+    METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
+}
+
+/// What to do beyond the defaults.
+#[derive(Debug, Clone, Default)]
+pub struct LocateOptions {
+    /// The solver; `Auto` decides from the points.
+    pub method: Method,
+    /// How well the intrinsics are known; none: exactly.
+    pub intrinsics: Option<IntrinsicsSigma>,
+    /// Where corners of chessboards and ChArUco boards are refined.
+    pub corner_window: CornerWindow,
+}
+
+/// The pose of a camera from an image of a target.
+///
+/// The answer has a status: `NotFound` where the image does not show the target, `Error` where the image and the camera do not belong
+/// together or the target cannot be read from it unambiguously.
+///
+/// # Errors
+/// A target that cannot be detected, or a corner window that it does not have. For many images, keep an [`ImageLocator`].
+pub fn locate_image(
+    image: &GrayImage,
+    camera: &Camera,
+    target: &Target,
+    options: &LocateOptions,
+) -> Result<PoseAnswer, Error> {
+    Ok(ImageLocator::new(camera, target, options)?.locate(image, String::new()).answer)
+}
+
+/// Locates one target in images of one camera; built once per thread.
+pub struct ImageLocator<'a> {
+    camera: &'a Camera,
+    target: &'a Target,
+    options: &'a LocateOptions,
+    detector: Detector,
+}
+
+/// What was found in one image, and what it means.
+#[derive(Debug, Clone)]
+pub struct Located {
+    /// The camera at the image's size; none where the image is of another shape.
+    pub camera: Option<Camera>,
+    /// The points found.
+    pub detections: Vec<Detection>,
+    /// The answer.
+    pub answer: PoseAnswer,
+}
+
+impl<'a> ImageLocator<'a> {
+    /// # Errors
+    /// As of [`locate_image`].
+    pub fn new(camera: &'a Camera, target: &'a Target, options: &'a LocateOptions) -> Result<Self, Error> {
+        let detector = Detector::with_corner_window(target, options.corner_window)?;
+        Ok(ImageLocator { camera, target, options, detector })
+    }
+
+    /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer.
+    pub fn locate(&mut self, image: &GrayImage, view: String) -> Located {
+        let camera = match crate::formats::check_image_size(self.camera, image.width_px, image.height_px) {
+            Ok(camera) => camera,
+            Err(reason) => return Located::error(view, reason),
+        };
+        let detections = match self.detector.detect_with_camera(image, &camera) {
+            Ok(detections) => detections,
+            Err(reason) => return Located::error(view, reason.to_string()),
+        };
+        let answer = if detections.is_empty() {
+            PoseAnswer::without_pose(view, Status::NotFound, absent::not_found(self.target, image))
+        } else {
+            self.answer(&detections, &camera, view)
+        };
+        let remarks = self.detector.remarks().collect();
+        Located { camera: Some(camera), detections, answer: PoseAnswer { remarks, ..answer } }
+    }
+
+    /// The size that the intrinsics are of, where `camera` is them at another.
+    fn scaled_from_px(&self, camera: &Camera) -> Option<[u32; 2]> {
+        let calibrated = self.camera.size?;
+        (camera.size != Some(calibrated)).then_some([calibrated.width_px, calibrated.height_px])
+    }
+
+    fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> PoseAnswer {
+        let intrinsics_covariance = self.options.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
+        let config = Config {
+            method: self.options.method,
+            intrinsics_covariance: intrinsics_covariance.as_deref(),
+            ..Config::default()
+        };
+        let found = locate_target(detections, self.target, camera, &config);
+        let names: Vec<String> = found.features.iter().map(|f| feature_name(*f, self.target)).collect();
+        let mut verdict = verdict::of_target(&found, |i| names.get(i).cloned().unwrap_or_default());
+        let scaled_from_px = self.scaled_from_px(camera);
+        if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
+            verdict.message += &format!(
+                "; the intrinsics were scaled from {w} × {h} px to this image's size, which is wrong where the image is a crop or of another \
+                 sensor mode"
+            );
+        }
+        let (points, estimate) = (found.seen, found.estimate.ok());
+        PoseAnswer {
+            verdict,
+            observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
+            estimate,
+            n_points: points.len(),
+            sigma_px: mean_square_root(points.iter().map(|c| c.sigma_px)),
+            point_sigma_m: point_sigma_m(&points),
+            intrinsics_sigma: self.options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+            names,
+            scaled_from_px,
+            skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
+            left_out: found.left_out,
+            contradicting: found.contradicting,
+            ..PoseAnswer::without_pose(view, Status::Error, "")
+        }
+    }
+}
+
+impl Located {
+    /// Of an image that could not be looked at.
+    pub fn error(view: String, reason: impl Into<String>) -> Self {
+        let answer = PoseAnswer::without_pose(view, Status::Error, reason);
+        Located { camera: None, detections: Vec::new(), answer }
+    }
+
+    /// The answer drawn over its image, as PNG; `title` stands in the caption.
+    ///
+    /// # Errors
+    /// Why the picture could not be encoded.
+    pub fn overlay_png(&self, image: &GrayImage, target: &Target, title: &str) -> Result<Vec<u8>, String> {
+        let status = self.answer.status();
+        let scene = overlay::Scene {
+            image,
+            detections: &self.detections,
+            camera: self.camera.as_ref(),
+            target,
+            estimate: self.answer.estimate.as_ref(),
+            title,
+            verdict: &status.name().replace('_', " "),
+            tone: match status {
+                Status::Ok => Tone::Good,
+                Status::Ambiguous => Tone::Doubtful,
+                _ => Tone::Bad,
+            },
+        };
+        overlay::draw(&scene).png()
+    }
+}
+
+/// A known point and where it was seen, as a person calls it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPoint {
+    /// Its name: an id, or a number.
+    pub name: String,
+    /// The line of the file that it stands in, where it comes from one.
+    pub line: Option<u64>,
+    /// Point, pixel and their standard deviations.
+    pub seen: Correspondence,
+}
+
+impl NamedPoint {
+    fn label(&self) -> String {
+        match self.line {
+            Some(line) => format!("{} (line {line})", self.name),
+            None => self.name.clone(),
+        }
+    }
+}
+
+/// What is known besides the points, and what they are measured in.
+#[derive(Debug, Clone)]
+pub struct PointsOptions {
+    /// The solver; `Auto` decides from the points.
+    pub method: Method,
+    /// How well the intrinsics are known; none: exactly.
+    pub intrinsics: Option<IntrinsicsSigma>,
+    /// What is known of the pose besides the points.
+    pub priors: Vec<Prior>,
+    /// How far off a point may be, in its own unit, to agree with the pose; none where every point is taken as right.
+    pub robust_threshold_px: Option<f64>,
+    /// Unit of image coordinates in the answer: `px`, `normalized` or `unit of f`.
+    pub image_unit: &'static str,
+}
+
+impl Default for PointsOptions {
+    fn default() -> Self {
+        PointsOptions {
+            method: Method::Auto,
+            intrinsics: None,
+            priors: Vec::new(),
+            robust_threshold_px: None,
+            image_unit: "px",
+        }
+    }
+}
+
+/// The pose of a camera from known points; `view` is their name in the answer.
+pub fn locate_points(
+    view: String,
+    points: &[NamedPoint],
+    camera: &Camera,
+    options: &PointsOptions,
+) -> PoseAnswer {
+    let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    let covariance = options.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
+    let config = Config {
+        method: options.method,
+        intrinsics_covariance: covariance.as_deref(),
+        priors: &options.priors,
+        ..Config::default()
+    };
+    let solved = match options.robust_threshold_px {
+        None => locate(&seen, camera, &config).map(|e| (e, None)),
+        Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
+    };
+    let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
+        Ok((e, agreement)) => {
+            let label = |i: usize| format!("point {}", points[i].label());
+            (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement)
+        }
+        Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
+    };
+    PoseAnswer {
+        verdict,
+        observability: estimate.as_ref().map(|e| Observability::of(e, &seen)),
+        estimate,
+        n_points: seen.len(),
+        image_unit: options.image_unit,
+        sigma_px: mean_square_root(seen.iter().map(|c| c.sigma_px)),
+        point_sigma_m: point_sigma_m(&seen),
+        intrinsics_sigma: options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+        names: points.iter().map(|point| point.name.clone()).collect(),
+        agreement,
+        ..PoseAnswer::without_pose(view, Status::Error, "")
+    }
+}
+
+/// A refusal that speaks of two points names them.
+fn named(verdict: Verdict, reason: &MathError, points: &[NamedPoint]) -> Verdict {
+    match reason {
+        MathError::Coincident { first, second, where_ } => {
+            let (a, b) = (points[*first].label(), points[*second].label());
+            Verdict {
+                message: format!("points {a} and {b} coincide {where_}; remove one of them"),
+                ..verdict
+            }
+        }
+        _ => verdict,
+    }
+}
+
+/// Whether what is known besides the points contradicts them.
+pub fn is_contradicted_by_priors(answer: &PoseAnswer) -> bool {
+    let consistency = answer.estimate.as_ref().map(|e| e.consistency);
+    matches!(consistency, Some(Consistency::Inconsistent { worst_prior: Some(_), .. }))
+}
+
+fn feature_name(feature: Feature, target: &Target) -> String {
+    match target {
+        Target::Points(points) => {
+            points.get(feature.id as usize).map_or_else(String::new, |p| format!("point {}", p.name))
+        }
+        _ if target.has_tag_corners() => format!("corner {} of tag {}", feature.corner, feature.id),
+        _ => format!("point {}", feature.id),
+    }
+}
+
+fn skipped_text(skipped: &Skipped, target: &Target) -> String {
+    let name = feature_name(skipped.feature, target);
+    match &skipped.reason {
+        Some(reason) => format!("{name}: {reason}"),
+        None => format!("{name}: not part of the target"),
+    }
+}
+
+/// Root mean square of the known points' standard deviations, metres; none when all are exact.
+fn point_sigma_m(points: &[Correspondence]) -> Option<f64> {
+    mean_square_root(points.iter().map(|c| c.sigma_m)).filter(|sigma_m| 0.0 < *sigma_m)
+}
+
+/// Root of the mean square; none of nothing.
+fn mean_square_root(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (n, sum) = values.fold((0, 0.0), |(n, sum), x| (n + 1, sum + x * x));
+    (0 < n).then(|| (sum / n as f64).sqrt())
+}
