@@ -85,7 +85,7 @@ impl ChessboardFinder {
                 let lattice = Lattice::labelled(&found);
                 let seen = Seen::new(&lattice, &self.board, image);
                 if let Some(Place::Known(p)) = seen.map(|seen| seen.place_whole()) {
-                    return Outcome::Board(self.refined(&lattice, &p, image));
+                    return Outcome::Board(self.refined(&lattice, &p, image, false));
                 }
                 pieces.push(lattice);
             }
@@ -94,8 +94,9 @@ impl ChessboardFinder {
         search.by_pieces(pieces, corners)
     }
 
-    /// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for.
-    fn refined(&self, lattice: &Lattice, p: &Placement, image: &GrayImage) -> Vec<Detection> {
+    /// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for. Where all of the print
+    /// was laid on the image (`is_printed`), they are placed three times better than that already.
+    fn refined(&self, lattice: &Lattice, p: &Placement, image: &GrayImage, is_printed: bool) -> Vec<Detection> {
         let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
         let node = |column: i32, row: i32| {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
@@ -103,10 +104,13 @@ impl ChessboardFinder {
         };
         let corner = |(column, row): (i32, i32)| {
             let joint = node(column, row)?;
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+            // In strong perspective the neighbours across a square come nearer than those along its edges.
+            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
             let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
             let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
-            let joint = joint.refined(image, WINDOW_RATIO * nearest_px, self.window);
+            let clear_px = WINDOW_RATIO * nearest_px;
+            let is_placed = is_printed && self.window == CornerWindow::Clear;
+            let joint = if is_placed { joint } else { joint.refined(image, clear_px, self.window) };
             let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
             Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px, covariance_px2: None })
         };
@@ -181,7 +185,7 @@ impl Search<'_> {
     /// What a piece grows to, and its place in the board.
     fn grown(&self, mut lattice: Lattice, dark: i32, all: &mut Vec<Lattice>) -> Outcome {
         let board = &self.finder.board;
-        let pattern = Pattern::new(self.image, self.noise_gray, dark, &lattice);
+        let mut pattern = Pattern::new(self.image, self.noise_gray, dark, &lattice);
         pattern.keep_vouched(&mut lattice);
         // One more than the board has: a larger one is another board.
         let most = board.rows.max(board.columns) as i32 + 1;
@@ -196,8 +200,9 @@ impl Search<'_> {
         let (columns, rows) = lattice.extent().map_or((0, 0), |extent| extent.size());
         let outcome = match outcome {
             Place::Known(p) => {
-                pattern.add_all(&mut lattice, Placement::cells(board).map(|(c, r)| p.node(c, r)));
-                Outcome::Board(self.finder.refined(&lattice, &p, self.image))
+                let nodes = Placement::cells(board).map(|(c, r)| p.node(c, r));
+                pattern.complete(&mut lattice, p.extent(board), nodes);
+                Outcome::Board(self.finder.refined(&lattice, &p, self.image, true))
             }
             Place::OneOf(places) if LEAST_OF_PART <= n => {
                 Outcome::Part { columns: columns as u32, rows: rows as u32, places }

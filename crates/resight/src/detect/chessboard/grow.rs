@@ -49,6 +49,8 @@ pub(super) struct Pattern<'a> {
     /// 0 where squares whose first node has an even u + v are black, 1 where the others are.
     pub dark: i32,
     blur_px: f64,
+    /// The part of the lattice that the board covers, once it is known.
+    board: Option<Extent>,
 }
 
 /// On which side of a node the board ends: the step that leads out of it.
@@ -59,22 +61,22 @@ impl<'a> Pattern<'a> {
     pub fn new(image: &'a GrayImage, noise_gray: f64, dark: i32, lattice: &Lattice) -> Self {
         let every = (lattice.nodes.len() / BLUR_NODES).max(1);
         let explained = |blur_px: f64| -> f64 {
-            let pattern = Pattern { image, noise_gray, dark, blur_px };
+            let pattern = Pattern { image, noise_gray, dark, blur_px, board: None };
             let some = lattice.nodes.keys().skip(every / 2).step_by(every).take(BLUR_NODES);
             some.filter_map(|node| pattern.look(lattice, *node, None)).map(|fit| fit.explained).sum()
         };
         let shares = BLURS_PX.map(explained);
         let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
-        Pattern { image, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)] }
+        Pattern { image, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
     }
 
-    /// Takes nodes out that their print does not vouch for.
+    /// Takes nodes out that their print does not vouch for, and moves the others to where it lies.
     pub fn keep_vouched(&self, lattice: &mut Lattice) {
-        let is_vouched = |node: &Node, joint: &Joint| {
-            self.look(lattice, *node, None).is_some_and(|fit| (fit.pixel - joint.pixel).norm() <= SAME_PX)
+        let vouched = |(node, joint): (&Node, &Joint)| {
+            let fit = self.look(lattice, *node, None)?;
+            ((fit.pixel - joint.pixel).norm() <= SAME_PX).then(|| (*node, printed(&fit)))
         };
-        let kept = lattice.nodes.iter().filter(|(node, joint)| is_vouched(node, joint));
-        lattice.nodes = kept.map(|(node, joint)| (*node, *joint)).collect();
+        lattice.nodes = lattice.nodes.iter().filter_map(vouched).collect();
     }
 
     /// Adds neighbours of nodes as long as their print is seen, in a lattice of at most `most` columns and rows.
@@ -100,11 +102,21 @@ impl<'a> Pattern<'a> {
         trim(lattice);
     }
 
-    /// Looks for these nodes too, beyond gaps.
-    pub fn add_all(&self, lattice: &mut Lattice, nodes: impl Iterator<Item = Node>) {
-        let missing: Vec<Node> = nodes.filter(|node| lattice.at(*node).is_none()).take(MOST_LOOKS).collect();
-        for node in missing {
-            self.add(lattice, node);
+    /// Looks for all nodes of the board, beyond gaps too, and again for those beside its outer squares, which small ones have in their window.
+    pub fn complete(&mut self, lattice: &mut Lattice, board: Extent, nodes: impl Iterator<Item = Node>) {
+        self.board = Some(board);
+        let Extent { u, v } = board;
+        for node in nodes.take(MOST_LOOKS) {
+            let is_outermost = node.0 == u.0 || node.0 == u.1 || node.1 == v.0 || node.1 == v.1;
+            let is_known = lattice.at(node).is_some();
+            if is_outermost && is_known {
+                match self.look(lattice, node, None) {
+                    Some(fit) => lattice.nodes.insert(node, printed(&fit)),
+                    None => lattice.nodes.remove(&node),
+                };
+            } else if !is_known {
+                self.add(lattice, node);
+            }
         }
     }
 
@@ -114,8 +126,7 @@ impl<'a> Pattern<'a> {
         if lattice.nodes.values().any(|joint| (joint.pixel - fit.pixel).norm() < LEAST_SQUARE_PX) {
             return false;
         }
-        let joint = Joint { pixel: fit.pixel, sigma_px: sigma::refined_px(fit.sigma_px) };
-        lattice.nodes.insert(node, joint);
+        lattice.nodes.insert(node, printed(&fit));
         true
     }
 
@@ -169,9 +180,17 @@ impl<'a> Pattern<'a> {
         if outside.is_some_and(|(u, v)| 0.0 < x.x * u as f64 + x.y * v as f64) {
             return 1.0;
         }
+        let is_beyond = |x: f64, (first, last): (i32, i32)| x < first as f64 - 1.0 || last as f64 + 1.0 < x;
+        if self.board.is_some_and(|b| is_beyond(node.0 as f64 + x.x, b.u) || is_beyond(node.1 as f64 + x.y, b.v)) {
+            return 1.0;
+        }
         let square = x.x.floor() as i32 + x.y.floor() as i32 + node.0 + node.1;
         if square.rem_euclid(2) == self.dark { -1.0 } else { 1.0 }
     }
+}
+
+fn printed(fit: &Fit) -> Joint {
+    Joint { pixel: fit.pixel, sigma_px: sigma::refined_px(fit.sigma_px) }
 }
 
 /// Nodes beside the known ones, with how many of their eight neighbours are known.
