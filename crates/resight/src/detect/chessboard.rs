@@ -79,18 +79,18 @@ impl ChessboardFinder {
     /// What the image shows of the board.
     pub fn look(&self, image: &GrayImage) -> Outcome {
         let corners = corners(image, &self.config);
+        let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
         let mut pieces = Vec::new();
         for detector in &self.detectors {
             for found in detector.detect_all(&corners) {
                 let lattice = Lattice::labelled(&found);
                 let seen = Seen::new(&lattice, &self.board, image);
                 if let Some(Place::Known(p)) = seen.map(|seen| seen.place_whole()) {
-                    return Outcome::Board(self.refined(&lattice, &p, image, false));
+                    return search.whole(lattice, &p);
                 }
                 pieces.push(lattice);
             }
         }
-        let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
         search.by_pieces(pieces, corners)
     }
 
@@ -130,6 +130,19 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// A board that the library found, with the corners that it missed where their print shows them.
+    fn whole(&self, lattice: Lattice, p: &Placement) -> Outcome {
+        let board = &self.finder.board;
+        let found = Outcome::Board(self.finder.refined(&lattice, p, self.image, false));
+        if Placement::cells(board).all(|(c, r)| lattice.at(p.node(c, r)).is_some()) {
+            return found;
+        }
+        match place::dark(&lattice, self.image) {
+            Some(dark) => better(found, self.grown(lattice, dark, &mut Vec::new())),
+            None => found,
+        }
+    }
+
     /// The best of what grows at the levels of the image, beginning with what was found at full size.
     fn by_pieces(&self, pieces: Vec<Lattice>, corners: Vec<ChessCorner>) -> Outcome {
         let mut best = self.at_level(pieces, &corners, 1.0);
