@@ -10,6 +10,8 @@
 
 mod log_sum;
 mod axis;
+mod bank;
+mod measured;
 mod onsets;
 mod test;
 mod gate;
@@ -213,11 +215,31 @@ impl Monitor {
         let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
         let reference =
             Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
+        let test = self.test.restarted(&reference.noise, self.last_s).ok_or(NOT_POSITIVE)?;
         *self = Monitor {
             last_usable_s: self.last_usable_s,
+            test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
         Ok(())
+    }
+
+    /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera
+    /// that stayed (those that the reference was learned from, in order of time; none where there are none) and from all that follow. What
+    /// the reference says of its noise is where the estimate begins, and an error that it states stays possible. Until the readings exclude
+    /// an error, it is possible too: docs/math/monitor.md section 9.
+    pub fn measure_noise(&mut self, readings: &[Reading]) {
+        let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
+        let whitened = |reading: &Reading| {
+            (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance))
+        };
+        let learned: Vec<_> = usable.map(whitened).collect();
+        self.test.measure(&learned);
+    }
+
+    /// Whether noise is measured.
+    pub fn measures_noise(&self) -> bool {
+        self.test.measured().is_some()
     }
 
     /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
@@ -263,15 +285,9 @@ impl Monitor {
     }
 
     fn accepts(&mut self, reading: &Reading) -> bool {
-        let pose = &reading.a_from_b;
-        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
-        let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
-        let is_finite = is_finite
-            && reading.covariance.amax() <= test::MOST_VARIANCE
-            && is_covariance(&reading.covariance);
         let is_late = reading.t_s < self.last_s;
         self.out_of_order += u64::from(is_late);
-        is_finite && !is_late
+        is_numbers(reading) && !is_late
     }
 
     /// y, from where it has been since the last change.
@@ -282,8 +298,12 @@ impl Monitor {
 
     /// All that comes through at once is read before anything is decided: what waited together says the same.
     fn decide(&mut self, passed: &[Passed]) {
-        let log_r = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
-        if !log_r.is_some_and(|log_r| self.log_threshold() <= log_r) {
+        let (period_s, threshold) = (self.config.decision_period_s, self.log_threshold());
+        let most = (threshold - test::LEAST_EVIDENCE.ln()).exp();
+        let push = |joined: &Passed| self.test.push(joined.t_s, &joined.reading, period_s, most);
+        let log_r = passed.iter().map(push).last();
+        // What the noise in use does not explain, other noise may.
+        if !log_r.is_some_and(|log_r| threshold <= log_r && threshold <= self.test.log_statistic(log_r)) {
             return;
         }
         let Some(moved) = self.moved() else { return };
@@ -313,13 +333,22 @@ impl Monitor {
     fn start_again(&mut self, moved: Drift) {
         let own = &self.reference.noise;
         let doubt = moved.covariance + own.reading + own.bias + own.reference;
-        let Some(test) = DriftTest::new(&DriftNoise { reference: doubt, ..*own }) else { return };
+        let began_s = self.test.change().map_or(moved.began_s, |change| change.onset_s);
+        let Some(test) = self.test.restarted(&DriftNoise { reference: doubt, ..*own }, began_s) else { return };
         self.drift =
             (self.drift.is_none() || !is_likely(&moved.old_from_new, &(doubt + own.daily))).then_some(moved);
         let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
         (self.test, self.old_from_level) = (test, Pose::exp(&level));
         self.gate = Gate::new(self.config.decision_period_s);
     }
+}
+
+/// Whether a reading has a time, a pose and a covariance that is one.
+fn is_numbers(reading: &Reading) -> bool {
+    let pose = &reading.a_from_b;
+    let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
+    let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
+    is_finite && reading.covariance.amax() <= test::MOST_VARIANCE && is_covariance(&reading.covariance)
 }
 
 /// Whether a motion can be an error of this covariance.
