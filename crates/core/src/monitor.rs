@@ -16,6 +16,9 @@ mod onsets;
 mod test;
 mod gate;
 mod drift;
+mod earlier;
+mod promise;
+mod transients;
 mod unsettled;
 pub mod learn;
 pub mod attribute;
@@ -23,15 +26,18 @@ pub mod rig;
 
 pub use drift::{Drift, turn_alone};
 pub use onsets::Course;
+pub use promise::{Detectable, LastingError, MeasuredNoise};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 
 use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
+use earlier::Version2;
 use gate::{Gate, Passed};
 use log_sum::{LogSum, Scaled};
 use test::DriftTest;
+use transients::Transients;
 
 /// What counts as an alarm, and as seeing nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,6 +125,9 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
+    /// Until then a drift is not told: it may come back as others did.
+    held_until_s: Option<f64>,
+    transients: Transients,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -130,7 +139,9 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 2;
+const SNAPSHOT_VERSION: u32 = 3;
+/// Before noise was measured.
+const VERSION_2: u32 = 2;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -152,6 +163,8 @@ impl Monitor {
             gate: Gate::new(config.decision_period_s),
             test,
             drift: None,
+            held_until_s: None,
+            transients: Transients::default(),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -186,6 +199,7 @@ impl Monitor {
             _ if self.config.unseen_after_s < t_s - self.last_s => Watch::Unseen { for_s },
             _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
+            Some(_) if self.is_held(t_s) => Watch::Settling,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Settling,
             None => Watch::Steady,
@@ -194,7 +208,11 @@ impl Monitor {
 
     /// The drift last decided, also while nothing is seen.
     pub fn drift(&self) -> Option<Drift> {
-        self.drift.map(|drift| self.refined(&drift))
+        self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
+    }
+
+    fn is_held(&self, t_s: f64) -> bool {
+        self.held_until_s.is_some_and(|until_s| t_s < until_s)
     }
 
     /// How far, with all that has been read since the alarm.
@@ -215,9 +233,10 @@ impl Monitor {
         let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
         let reference =
             Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
-        let test = self.test.restarted(&reference.noise, self.last_s).ok_or(NOT_POSITIVE)?;
+        let test = self.test.accepted(&reference.noise).ok_or(NOT_POSITIVE)?;
         *self = Monitor {
             last_usable_s: self.last_usable_s,
+            transients: self.transients,
             test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
@@ -244,7 +263,7 @@ impl Monitor {
 
     /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
     pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
-        match self.drift() {
+        match self.drift.map(|drift| self.refined(&drift)) {
             Some(drift) => Some((drift.old_from_new, drift.covariance)),
             None => self.test.level_after_jump(onset_s),
         }
@@ -255,12 +274,15 @@ impl Monitor {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let monitor: Monitor = snapshot.state(SNAPSHOT_VERSION)?;
+        let monitor = match snapshot.version {
+            VERSION_2 => snapshot.state::<Version2>(VERSION_2)?.0,
+            _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
+        };
         check(&monitor.config)?;
         monitor.reference.check()?;
         if !monitor.test.is_sound() {
@@ -333,13 +355,48 @@ impl Monitor {
     fn start_again(&mut self, moved: Drift) {
         let own = &self.reference.noise;
         let doubt = moved.covariance + own.reading + own.bias + own.reference;
+        let is_back = self.drift.is_some() && is_likely(&moved.old_from_new, &(doubt + own.daily));
         let began_s = self.test.change().map_or(moved.began_s, |change| change.onset_s);
-        let Some(test) = self.test.restarted(&DriftNoise { reference: doubt, ..*own }, began_s) else { return };
-        self.drift =
-            (self.drift.is_none() || !is_likely(&moved.old_from_new, &(doubt + own.daily))).then_some(moved);
+        let around = DriftNoise { reference: doubt, ..*own };
+        let Some(test) = self.test.restarted(&around, began_s, is_back) else { return };
+        if self.test.measured().is_some() {
+            self.remember(&moved, began_s, is_back);
+        }
+        self.drift = (!is_back).then_some(moved);
         let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
         (self.test, self.old_from_level) = (test, Pose::exp(&level));
         self.gate = Gate::new(self.config.decision_period_s);
+    }
+}
+
+impl Monitor {
+    /// What came back by itself is remembered; what is like that waits.
+    fn remember(&mut self, moved: &Drift, began_s: f64, is_back: bool) {
+        let size = |drift: &Drift| transients::size(&drift.old_from_new, &self.reference.noise.reading);
+        match self.drift {
+            Some(first) if is_back => {
+                self.transients.add(first.began_s, began_s, size(&first));
+                self.held_until_s = None;
+            }
+            Some(_) => {
+                let may_be = self.transients.may_last_until(moved.began_s, size(moved));
+                self.held_until_s = self.held_until_s.and(may_be);
+            }
+            None => self.held_until_s = self.transients.may_last_until(moved.began_s, size(moved)),
+        }
+    }
+
+    /// What the readings say of their own noise; none where it is taken for what it is stated to be.
+    pub fn measured_noise(&self) -> Option<MeasuredNoise> {
+        self.test.measured().map(|measured| measured.noise())
+    }
+
+    /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while errors that last are
+    /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
+    pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
+        let (threshold, period_s) = (self.log_threshold(), self.config.decision_period_s);
+        let measured = self.test.measured()?;
+        Some(measured.detectable(self.test.whitened_from_motion(), within_s, threshold, period_s))
     }
 }
 
@@ -410,6 +467,8 @@ numbers!(Monitor {
     test,
     gate,
     drift,
+    held_until_s,
+    transients,
     last_s,
     last_usable_s,
     inconsistent_share,

@@ -53,8 +53,8 @@ fn delays() {
     let only = std::env::var("ONLY").unwrap_or_default();
     for (name, condition) in ROWS {
         if !name.contains(&only) { continue; }
-    for quiet in [300.0, 3600.0, 20000.0] {
-        for deg in [0.01, 0.02, 0.05, 0.1] {
+    let q: f64 = std::env::var("Q").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0); let dd: f64 = std::env::var("DEG").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0); for quiet in [300.0, 3600.0, 20000.0] { if q > 0.0 && q != quiet { continue; }
+        for deg in [0.01, 0.02, 0.05, 0.1] { if dd > 0.0 && dd != deg { continue; }
             let mut sum = Vec::new();
             for seed in 0..10 {
                 let mut scene = Scene::new(condition, 1.0, 100 + seed);

@@ -64,6 +64,11 @@ impl Transition {
         Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, daily_gain: 0.0, elapsed_s }
     }
 
+    /// The same for a wobble of another variance.
+    pub fn with_daily_variance(&self, from: f64, to: f64) -> Self {
+        Transition { daily_gain: self.daily_gain / from * to, ..*self }
+    }
+
     /// F x.
     pub fn apply(&self, x: &Vector4<f64>) -> Vector4<f64> {
         Vector4::new(

@@ -8,6 +8,7 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
+use super::promise::LastingError;
 use crate::snapshot::numbers;
 use nalgebra::Vector4;
 
@@ -24,54 +25,75 @@ const fn model(share: f64, time: f64) -> Model {
 
 /// White noise alone.
 pub(super) const WHITE: usize = 0;
-/// Models of the bank besides the stated one.
-pub(super) const GRID: usize = 34;
-/// And with it.
-pub(super) const MODELS: usize = GRID + 1;
-/// The error as it was stated beforehand: never excluded.
-pub(super) const STATED: usize = GRID;
-/// Shares and time constants, a factor of four and of six apart: neighbours differ by hundredths of a nat a reading.
+/// Models of a correlated error.
+pub(super) const GRID: usize = 52;
+/// Models of a daily variation.
+pub(super) const DAYS: usize = DAILY_SHARES.len();
+/// All, with the error as it was stated beforehand, which is never excluded.
+pub(super) const MODELS: usize = GRID + DAYS + 1;
+pub(super) const STATED: usize = MODELS - 1;
+/// Variances of a daily variation in units of a reading's own.
+const DAILY_SHARES: [f64; 3] = [1.2, 20.0, 300.0];
+/// Shares and time constants, a factor of four apart: neighbours differ by thousandths of a nat a reading.
 pub(super) const GRID_MODELS: [Model; GRID] = [
     model(0.0, 1.0),
     model(0.3, 2.0),
     model(1.2, 2.0),
     model(5.0, 2.0),
     model(20.0, 2.0),
-    model(0.3, 12.0),
-    model(1.2, 12.0),
-    model(5.0, 12.0),
-    model(20.0, 12.0),
-    model(0.3, 72.0),
-    model(1.2, 72.0),
-    model(5.0, 72.0),
-    model(20.0, 72.0),
-    model(80.0, 72.0),
-    model(0.3, 432.0),
-    model(1.2, 432.0),
-    model(5.0, 432.0),
-    model(20.0, 432.0),
-    model(80.0, 432.0),
-    model(0.3, 2_592.0),
-    model(1.2, 2_592.0),
-    model(5.0, 2_592.0),
-    model(20.0, 2_592.0),
-    model(80.0, 2_592.0),
-    model(0.3, 15_552.0),
-    model(1.2, 15_552.0),
-    model(5.0, 15_552.0),
-    model(20.0, 15_552.0),
-    model(80.0, 15_552.0),
-    model(0.3, 93_312.0),
-    model(1.2, 93_312.0),
-    model(5.0, 93_312.0),
-    model(20.0, 93_312.0),
-    model(80.0, 93_312.0),
+    model(0.3, 8.0),
+    model(1.2, 8.0),
+    model(5.0, 8.0),
+    model(20.0, 8.0),
+    model(0.3, 30.0),
+    model(1.2, 30.0),
+    model(5.0, 30.0),
+    model(20.0, 30.0),
+    model(80.0, 30.0),
+    model(0.3, 110.0),
+    model(1.2, 110.0),
+    model(5.0, 110.0),
+    model(20.0, 110.0),
+    model(80.0, 110.0),
+    model(0.3, 400.0),
+    model(1.2, 400.0),
+    model(5.0, 400.0),
+    model(20.0, 400.0),
+    model(80.0, 400.0),
+    model(0.3, 1500.0),
+    model(1.2, 1500.0),
+    model(5.0, 1500.0),
+    model(20.0, 1500.0),
+    model(80.0, 1500.0),
+    model(0.3, 5500.0),
+    model(0.6, 5500.0),
+    model(1.2, 5500.0),
+    model(2.5, 5500.0),
+    model(5.0, 5500.0),
+    model(10.0, 5500.0),
+    model(20.0, 5500.0),
+    model(40.0, 5500.0),
+    model(80.0, 5500.0),
+    model(0.3, 20000.0),
+    model(0.6, 20000.0),
+    model(1.2, 20000.0),
+    model(2.5, 20000.0),
+    model(5.0, 20000.0),
+    model(10.0, 20000.0),
+    model(20.0, 20000.0),
+    model(40.0, 20000.0),
+    model(80.0, 20000.0),
+    model(0.3, 93312.0),
+    model(1.2, 93312.0),
+    model(5.0, 93312.0),
+    model(20.0, 93312.0),
+    model(80.0, 93312.0),
 ];
 
 /// A model that is behind the best one by less than this, ln 1000, is not excluded.
 pub(super) const EXCLUDED: f64 = 6.9;
 /// A model falls behind no further than this: errors that come back are recognised within minutes.
-const FURTHEST_BEHIND: f64 = 60.0;
+pub(super) const FURTHEST_BEHIND: f64 = 60.0;
 /// Another model is used when it is ahead by this much.
 const AHEAD: f64 = 2.0;
 /// Readings over which the scale is measured, and how many the stated scale counts for.
@@ -90,30 +112,44 @@ pub(super) struct AxisBank {
     mean: [[f64; GRID]; 2],
     /// Of m, of both, of b; in units of s².
     covariance: [[f64; GRID]; 3],
-    stated: AxisFilter,
+    /// Of the daily variations, in units of s², and the stated error.
+    full: [AxisFilter; DAYS + 1],
     /// Whether there is a stated error; else the model is that of white noise.
     is_stated: bool,
     /// s².
     pub scale: [f64; MODELS],
     /// ℓ.
     pub log_likelihood: [f64; MODELS],
+    /// The same with squares cut off: the few readings of a step do not choose the model.
+    record: [f64; MODELS],
     /// The model whose filter is used.
     pub used: usize,
     readings: f64,
 }
 
-/// e^(−Δ/τ) of each model.
-pub(super) fn decays(elapsed_s: f64, unit_s: f64) -> [f64; GRID] {
-    let mut decays = [1.0; GRID];
-    for (i, model) in GRID_MODELS.iter().enumerate() {
-        // Models of one time constant stand beside each other.
-        decays[i] = match i {
-            0 => 1.0,
-            _ if 1 < i && GRID_MODELS[i - 1].time == model.time => decays[i - 1],
-            _ => (-elapsed_s / (model.time * unit_s)).exp(),
-        };
+fn largest(of: &[f64; MODELS]) -> f64 {
+    of.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// A time that has passed, for all models of all coordinates.
+pub(super) struct Passed {
+    /// e^(−Δ/τ) of each model.
+    decays: [f64; GRID],
+    /// Of a daily variation of variance one.
+    day: Transition,
+}
+
+impl Passed {
+    pub fn new(elapsed_s: f64, unit_s: f64) -> Self {
+        let mut decays = [1.0; GRID];
+        for (i, model) in GRID_MODELS.iter().enumerate().skip(1) {
+            // Models of one time constant stand beside each other.
+            let is_same = GRID_MODELS[i - 1].time == model.time;
+            decays[i] = if is_same { decays[i - 1] } else { (-elapsed_s / (model.time * unit_s)).exp() };
+        }
+        let of_day = AxisNoise { reference_sigma: 0.0, bias_sigma: 0.0, bias_time_s: 1.0, daily_sigma: 1.0 };
+        Passed { decays, day: Transition::new(&of_day, elapsed_s) }
     }
-    decays
 }
 
 impl AxisBank {
@@ -123,10 +159,11 @@ impl AxisBank {
             typical,
             mean: [[0.0; GRID]; 2],
             covariance: [[0.0; GRID]; 3],
-            stated: AxisFilter::new(noise),
+            full: [AxisFilter::new(noise); DAYS + 1],
             is_stated: 0.0 < noise.bias_sigma || 0.0 < noise.daily_sigma,
             scale: [1.0; MODELS],
             log_likelihood: [0.0; MODELS],
+            record: [0.0; MODELS],
             used: WHITE,
             readings: 0.0,
         };
@@ -142,20 +179,29 @@ impl AxisBank {
             self.covariance[1][i] = 0.0;
             self.covariance[2][i] = model.share * self.typical;
         }
-        self.stated = AxisFilter::new(noise);
+        for (day, share) in DAILY_SHARES.iter().enumerate() {
+            let reference_sigma = noise.reference_sigma / self.scale[GRID + day].sqrt();
+            let daily_sigma = (share * self.typical).sqrt();
+            let of_day = AxisNoise { reference_sigma, bias_sigma: 0.0, bias_time_s: 1.0, daily_sigma };
+            self.full[day] = AxisFilter::new(&of_day);
+        }
+        self.full[DAYS] = AxisFilter::new(noise);
     }
 
-    pub fn predict(&mut self, decays: &[f64; GRID], stated: &Transition) {
+    pub fn predict(&mut self, passed: &Passed, stated: &Transition) {
         let ([_, b], [_, mb, bb]) = (&mut self.mean, &mut self.covariance);
         for i in 0..GRID {
-            let kept = decays[i];
+            let kept = passed.decays[i];
             b[i] *= kept;
             mb[i] *= kept;
             let steady = GRID_MODELS[i].share * self.typical;
             bb[i] = steady + kept * kept * (bb[i] - steady);
         }
+        for (day, share) in DAILY_SHARES.iter().enumerate() {
+            self.full[day].predict(&passed.day.with_daily_variance(1.0, share * self.typical));
+        }
         if self.is_stated {
-            self.stated.predict(stated);
+            self.full[DAYS].predict(stated);
         }
     }
 
@@ -166,8 +212,8 @@ impl AxisBank {
 
     fn innovation_of(&self, model: usize, y: f64, r: f64) -> Innovation {
         let scale = self.scale[model];
-        if model == STATED {
-            return self.stated.innovation(y, scale * r);
+        if GRID <= model {
+            return self.of_full(model, &self.full[model - GRID], y, r);
         }
         let [mm, mb, bb] = self.covariance.map(|of| of[model]);
         let variance = mm + 2.0 * mb + bb + r;
@@ -178,15 +224,25 @@ impl AxisBank {
         }
     }
 
-    /// The same after a time, of the model that is used; the bank stays.
-    pub fn foreseen(&self, elapsed_s: f64, unit_s: f64, stated: &Transition, y: f64, r: f64) -> Innovation {
-        let (used, scale) = (self.used, self.scale[self.used]);
-        if used == STATED {
-            let mut filter = self.stated;
-            filter.predict(stated);
+    /// A daily variation is scaled as a whole; of what is stated only the reading's own noise is.
+    fn of_full(&self, model: usize, filter: &AxisFilter, y: f64, r: f64) -> Innovation {
+        let scale = self.scale[model];
+        if model == STATED {
             return filter.innovation(y, scale * r);
         }
-        let kept = (-elapsed_s / (GRID_MODELS[used].time * unit_s)).exp();
+        let innovation = filter.innovation(y, r);
+        Innovation { variance: scale * innovation.variance, ..innovation }
+    }
+
+    /// The same after a time, of the model that is used; the bank stays.
+    pub fn foreseen(&self, passed: &Passed, stated: &Transition, y: f64, r: f64) -> Innovation {
+        let (used, scale) = (self.used, self.scale[self.used]);
+        if GRID <= used {
+            let mut filter = self.full[used - GRID];
+            filter.predict(&self.transition(passed, stated));
+            return self.of_full(used, &filter, y, r);
+        }
+        let kept = passed.decays[used];
         let [mm, mb, bb] = self.covariance.map(|of| of[used]);
         let steady = GRID_MODELS[used].share * self.typical;
         let variance = mm + 2.0 * kept * mb + steady + kept * kept * (bb - steady) + r;
@@ -215,58 +271,120 @@ impl AxisBank {
             variances[i] = variance * self.scale[i];
         }
         for i in 0..GRID {
-            self.log_likelihood[i] -= 0.5 * (squares[i] + variances[i].ln());
-            let square = squares[i].min(LARGEST_SQUARE) / MEAN_SQUARE;
+            let (log, square) = (variances[i].ln(), squares[i].min(LARGEST_SQUARE));
+            self.log_likelihood[i] -= 0.5 * (squares[i] + log);
+            self.record[i] -= 0.5 * (square + log);
+            let square = square / MEAN_SQUARE;
             self.scale[i] = (self.scale[i] * (1.0 + forgets * (square - 1.0))).max(1e-9);
         }
-        if self.is_stated {
-            let innovation = self.stated.innovation(y, self.scale[STATED] * r);
+        let full = GRID..if self.is_stated { MODELS } else { STATED };
+        for model in full {
+            let innovation = self.innovation_of(model, y, r);
             let square = innovation.value * innovation.value / innovation.variance;
-            self.log_likelihood[STATED] -= 0.5 * (square + innovation.variance.ln());
-            let square = square.min(LARGEST_SQUARE) / MEAN_SQUARE;
-            // A reading's own noise is all that is scaled: what is stated to last is what it is.
-            self.scale[STATED] = (self.scale[STATED] * (1.0 + forgets * (square - 1.0))).max(1e-9);
-            self.stated.update(&innovation);
-        } else {
+            let (log, cut) = (innovation.variance.ln(), square.min(LARGEST_SQUARE));
+            self.log_likelihood[model] -= 0.5 * (square + log);
+            self.record[model] -= 0.5 * (cut + log);
+            let own = if model == STATED { 1.0 } else { self.scale[model] };
+            self.full[model - GRID].update(&Innovation { variance: innovation.variance / own, ..innovation });
+            self.scale[model] = (self.scale[model] * (1.0 + forgets * (cut / MEAN_SQUARE - 1.0))).max(1e-9);
+        }
+        if !self.is_stated {
             self.log_likelihood[STATED] = self.log_likelihood[WHITE];
+            self.record[STATED] = self.record[WHITE];
             self.scale[STATED] = self.scale[WHITE];
         }
         self.choose();
     }
 
     fn choose(&mut self) {
-        let best = (0..MODELS)
-            .max_by(|i, j| self.log_likelihood[*i].total_cmp(&self.log_likelihood[*j]))
-            .unwrap_or(WHITE);
-        let most = self.log_likelihood[best];
+        let most = largest(&self.log_likelihood);
         self.log_likelihood.iter_mut().for_each(|of| *of = of.max(most - FURTHEST_BEHIND));
-        if AHEAD < most - self.log_likelihood[self.used] {
-            self.used = best;
+        let most = largest(&self.record);
+        self.record.iter_mut().for_each(|of| *of = (*of - most).max(-FURTHEST_BEHIND));
+        if self.record[self.used] < -AHEAD {
+            self.used = self.record.iter().position(|of| *of == 0.0).unwrap_or(WHITE);
         }
+    }
+
+    pub fn set_log_likelihoods(&mut self, all: &[f64]) {
+        self.log_likelihood.copy_from_slice(all);
+        self.record.copy_from_slice(all);
+        self.choose();
+    }
+
+    pub fn forget_likelihoods(&mut self) {
+        self.log_likelihood.fill(0.0);
+        self.record.fill(0.0);
     }
 
     /// Mean and variance of the constant part.
     pub fn level(&self) -> (f64, f64) {
-        match self.used {
-            STATED => (self.stated.mean[0], self.stated.covariance[(0, 0)]),
-            used => (self.mean[0][used], self.scale[used] * self.covariance[0][used]),
+        let used = self.used;
+        let scale = if used == STATED { 1.0 } else { self.scale[used] };
+        if GRID <= used {
+            let filter = &self.full[used - GRID];
+            return (filter.mean[0], scale * filter.covariance[(0, 0)]);
         }
+        (self.mean[0][used], scale * self.covariance[0][used])
     }
 
-    /// The error that lasts, of the model that is used; the same model for a signature.
-    pub fn transition(&self, elapsed_s: f64, unit_s: f64, stated: &Transition) -> Transition {
+    /// How a state of the model in use moves.
+    pub fn transition(&self, passed: &Passed, stated: &Transition) -> Transition {
         match self.used {
             STATED => *stated,
-            used => {
-                let kept = (-elapsed_s / (GRID_MODELS[used].time * unit_s)).exp();
-                Transition::of_bias(kept, elapsed_s)
+            used if GRID <= used => {
+                passed.day.with_daily_variance(1.0, DAILY_SHARES[used - GRID] * self.typical)
             }
+            used => Transition::of_bias(passed.decays[used], passed.day.elapsed_s),
         }
     }
 
     /// Variance of a reading over the stated one.
     pub fn scale(&self) -> f64 {
         self.scale[self.used]
+    }
+
+    pub fn readings(&self) -> f64 {
+        self.readings
+    }
+
+    /// The error that lasts of the model in use.
+    pub fn lasting(&self, unit_s: f64) -> Option<LastingError> {
+        match self.used {
+            WHITE | STATED => None,
+            used if GRID <= used => {
+                Some(LastingError { sigma_ratio: DAILY_SHARES[used - GRID].sqrt(), time_s: super::axis::DAY_S })
+            }
+            used => {
+                let Model { share, time } = GRID_MODELS[used];
+                Some(LastingError { sigma_ratio: share.sqrt(), time_s: time * unit_s })
+            }
+        }
+    }
+
+    /// The least that `n` readings, a time apart and each as good as `joined`, say of a step of one, over all models that are not excluded.
+    pub fn least_information(&self, passed: &Passed, n: usize, joined: f64) -> f64 {
+        let most = largest(&self.log_likelihood);
+        let is_left = |model: &usize| most - EXCLUDED <= self.log_likelihood[*model] || *model == self.used;
+        (0..GRID).filter(is_left).map(|model| self.information(model, passed, n, joined)).fold(f64::INFINITY, f64::min)
+    }
+
+    fn information(&self, model: usize, passed: &Passed, n: usize, joined: f64) -> f64 {
+        let (kept, r) = (passed.decays[model], self.typical / joined);
+        let steady = GRID_MODELS[model].share * self.typical;
+        let [mut mm, mut mb, mut bb] = self.covariance.map(|of| of[model]);
+        let (mut of_m, mut of_b, mut sum) = (1.0, 0.0, 0.0);
+        for _ in 0..n {
+            (mb, bb, of_b) = (kept * mb, steady + kept * kept * (bb - steady), kept * of_b);
+            let variance = mm + 2.0 * mb + bb + r;
+            let (gain_m, gain_b) = ((mm + mb) / variance, (mb + bb) / variance);
+            let seen: f64 = of_m + of_b;
+            sum += seen * seen / (self.scale[model] * variance);
+            (of_m, of_b) = (of_m - gain_m * seen, of_b - gain_b * seen);
+            (mm, mb, bb) =
+                (mm - gain_m * (mm + mb), mb - gain_m * (mb + bb), bb - gain_b * (mb + bb));
+        }
+        sum
     }
 
     pub fn is_sound(&self) -> bool {
@@ -279,10 +397,11 @@ numbers!(AxisBank {
     typical,
     mean,
     covariance,
-    stated,
+    full,
     is_stated,
     scale,
     log_likelihood,
+    record,
     used,
     readings,
 });

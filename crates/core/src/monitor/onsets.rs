@@ -39,6 +39,12 @@ const CHANGE_WEIGHTS: [f64; CHANGES] = [0.2, 0.2, 0.2, 1.0 / 15.0, 1.0 / 15.0, 1
 static LOG_WEIGHTS: LazyLock<[[f64; CHANGES]; COURSES.len()]> =
     LazyLock::new(|| COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| (course * change).ln())));
 
+/// What the evidence of a step in one coordinate loses to what else might have been looked for: its prior weight, and a size that is not
+/// known (half of ln (1 + Γd) with d of ten readings or so).
+pub(super) fn log_cost() -> f64 {
+    2.0 - (COURSE_WEIGHTS[0] * CHANGE_WEIGHTS[3]).ln()
+}
+
 /// How a change goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Course {
@@ -300,6 +306,30 @@ impl Onsets {
         let distance = |onset: &&Onset| (onset.t_s - onset_s).abs();
         let nearest = self.onsets.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         Some(shift(&nearest.gathered[0], WIDE * SIZES[0]))
+    }
+}
+
+impl Onsets {
+    /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
+    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+        self.onsets.len().put(numbers);
+        for onset in &self.onsets {
+            onset.t_s.put(numbers);
+            onset.gathered.put(numbers);
+            onset.log_weights.put(numbers);
+        }
+        self.directions.put(numbers);
+    }
+
+    /// Reads what that wrote.
+    pub fn take_version_2(rest: &mut Rest) -> Option<Self> {
+        let mut onsets = ArrayVec::new();
+        for _ in 0..usize::take(rest)? {
+            let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);
+            let onset = Onset { t_s, gathered, log_weights: Numbers::take(rest)?, then: Vec::new() };
+            onsets.try_push(onset).ok()?;
+        }
+        Some(Onsets { onsets, directions: Directions::take(rest)? })
     }
 }
 

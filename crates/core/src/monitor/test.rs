@@ -5,7 +5,7 @@ use super::measured::Measured;
 use super::onsets::{AXES, Change, Onsets};
 use crate::Error;
 use crate::covariance::is_covariance;
-use crate::snapshot::numbers;
+use crate::snapshot::{Numbers, Rest, numbers};
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
 /// What is no drift, for the six coordinates of the small motion `[rotation_rad; translation_m]`.
@@ -115,14 +115,27 @@ impl DriftTest {
     }
 
     /// The same test from here on, around a constant part as widely known as `noise` says; what was learned of the noise before `onset_s`
-    /// stays. None where a covariance is not positive definite.
-    pub fn restarted(&self, noise: &DriftNoise, onset_s: f64) -> Option<Self> {
+    /// stays; what came after says something of it only if the motion `came_back`. None where a covariance is not positive definite.
+    pub fn restarted(&self, noise: &DriftNoise, onset_s: f64, came_back: bool) -> Option<Self> {
         let mut test = DriftTest::new(noise)?;
         test.measured = self.measured.clone();
         if let Some(measured) = &mut test.measured {
-            if let Some(then) = self.onsets.then(onset_s) {
-                measured.go_back(then);
+            match self.onsets.then(onset_s) {
+                _ if came_back => measured.came_back(),
+                Some(then) => measured.set_aside(then),
+                None => {}
             }
+            measured.begin(&test.noise);
+        }
+        Some(test)
+    }
+
+    /// The same where what moved is accepted.
+    pub fn accepted(&self, noise: &DriftNoise) -> Option<Self> {
+        let mut test = DriftTest::new(noise)?;
+        test.measured = self.measured.clone();
+        if let Some(measured) = &mut test.measured {
+            measured.accept();
             measured.begin(&test.noise);
         }
         Some(test)
@@ -152,6 +165,11 @@ impl DriftTest {
 
     pub fn measured(&self) -> Option<&Measured> {
         self.measured.as_ref()
+    }
+
+    /// Whitened coordinates of the motion's.
+    pub fn whitened_from_motion(&self) -> &Matrix6<f64> {
+        &self.whitened_from_motion
     }
 
     /// A reading that is learned from only.
@@ -211,8 +229,7 @@ impl DriftTest {
         let mut transitions = self.transitions(elapsed_s);
         match &mut self.measured {
             Some(measured) => {
-                measured.predict(elapsed_s, &transitions);
-                transitions = measured.transitions(elapsed_s, &transitions);
+                transitions = measured.predict(elapsed_s, &transitions);
             }
             None => {
                 let filters = self.filters.iter_mut().zip(&transitions);
@@ -317,6 +334,33 @@ fn scales(readings: &[(f64, Whitened)]) -> Vector6<f64> {
         let n = readings.len() as f64;
         ((STATED + n * sigma * sigma) / (STATED + n)).clamp(1e-4, 1e8)
     })
+}
+
+impl DriftTest {
+    /// As version 2 of a snapshot has it.
+    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+        self.whitened_from_motion.put(numbers);
+        self.motion_from_whitened.put(numbers);
+        self.noise.put(numbers);
+        self.filters.put(numbers);
+        self.onsets.put_version_2(numbers);
+        self.last_s.put(numbers);
+    }
+
+    /// Reads what that wrote.
+    pub fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
+        let whitened_from_motion = Matrix6::take(rest)?;
+        Some(DriftTest {
+            typical: variances(&whitened_from_motion, &noise.reading),
+            whitened_from_motion,
+            motion_from_whitened: Matrix6::take(rest)?,
+            noise: <[AxisNoise; AXES]>::take(rest)?,
+            filters: <[AxisFilter; AXES]>::take(rest)?,
+            onsets: Onsets::take_version_2(rest)?,
+            last_s: Numbers::take(rest)?,
+            measured: None,
+        })
+    }
 }
 
 /// Diagonal of W P Wᵀ.

@@ -198,16 +198,26 @@ impl Scene {
     }
 }
 
-/// Alarms while nothing moves: each drift that is told for the first time, or told anew after the reference was accepted where it is.
+/// Alarms while nothing moves: each drift that is told for the first time. One that does not come back within a quarter of an hour is
+/// accepted, so that there may be another.
 pub fn alarms(condition: Condition, period_s: f64, rate: f64, days: f64, seed: u64) -> usize {
     let mut scene = Scene::new(condition, period_s, seed);
     let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
     let mut monitor = scene.learned(50, &config);
-    let mut alarms = 0;
+    let (mut alarms, mut since_s) = (0, None);
     while scene.t_s < days * DAY_S {
-        if let Watch::Drifted(_) = monitor.push(&scene.next(&Vector6::zeros())) {
-            alarms += 1;
-            monitor.accept().expect("accepted");
+        let is_drifted = matches!(monitor.push(&scene.next(&Vector6::zeros())), Watch::Drifted(_));
+        match since_s {
+            None if is_drifted => {
+                alarms += 1;
+                since_s = Some(scene.t_s);
+            }
+            Some(_) if monitor.drift().is_none() => since_s = None,
+            Some(began_s) if 900.0 < scene.t_s - began_s => {
+                monitor.accept().expect("accepted");
+                since_s = None;
+            }
+            _ => {}
         }
     }
     alarms
