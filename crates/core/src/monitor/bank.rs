@@ -96,6 +96,9 @@ pub(super) const EXCLUDED: f64 = 6.9;
 pub(super) const FURTHEST_BEHIND: f64 = 60.0;
 /// Another model is used when it is ahead by this much.
 const AHEAD: f64 = 2.0;
+/// Errors that last are presumed up to this share while there is no reading; ln of how improbable larger ones are.
+const PRESUMED: f64 = 1.2;
+const UNPRESUMED: f64 = -12.0;
 /// Readings over which the scale is measured, and how many the stated scale counts for.
 const SCALE_OVER: f64 = 200.0;
 const STATED_COUNTS: f64 = 10.0;
@@ -315,6 +318,15 @@ impl AxisBank {
     pub fn forget_likelihoods(&mut self) {
         self.log_likelihood.fill(0.0);
         self.record.fill(0.0);
+    }
+
+    /// Before the first reading: errors much larger than a reading's own are not looked for until they show.
+    pub fn presume(&mut self) {
+        let shares = GRID_MODELS.iter().map(|model| model.share).chain(DAILY_SHARES);
+        for (i, share) in shares.enumerate() {
+            let log = if share <= PRESUMED { 0.0 } else { UNPRESUMED };
+            (self.log_likelihood[i], self.record[i]) = (log, log);
+        }
     }
 
     /// Mean and variance of the constant part.

@@ -73,6 +73,11 @@ impl Measured {
         self.banks.iter_mut().zip(noise).for_each(|(bank, noise)| bank.begin(noise));
     }
 
+    /// There is no reading to begin with.
+    pub fn presume(&mut self) {
+        self.banks.iter_mut().for_each(AxisBank::presume);
+    }
+
     pub fn forget_likelihoods(&mut self) {
         self.banks.iter_mut().for_each(AxisBank::forget_likelihoods);
     }

@@ -145,7 +145,9 @@ impl DriftTest {
     pub fn measure(&mut self, readings: &[(f64, Whitened)]) {
         let unit_s = unit_s(readings);
         let mut measured = Measured::new(&self.noise, &self.typical, unit_s);
-        if !readings.is_empty() {
+        if readings.is_empty() {
+            measured.presume();
+        } else {
             let wide = self.noise.map(|noise| AxisNoise { reference_sigma: WIDE * (1.0 + noise.bias_sigma), ..noise });
             measured.set_scales(&scales(readings));
             // Once for the scales of all models, once for their likelihoods.
