@@ -3,13 +3,11 @@
 //! A flipped pose or a passing person is far from the expected reading and alone; a knocked camera is far and stays there. An outlier
 //! therefore waits until `CONFIRM` readings in a row agree with each other, and is dropped when the next ones are where they were.
 
-use super::test::{DriftTest, Whitened};
+use super::test::{DriftTest, SURPRISE, Whitened};
 use crate::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
 
-/// χ² of six degrees of freedom that one in 10⁶ readings exceeds.
-const SURPRISE: f64 = 38.3;
 /// Outliers in a row that agree: a pose estimate flips once or twice, seldom three times to the same place.
 const CONFIRM: usize = 3;
 
@@ -63,14 +61,14 @@ impl Gate {
         let mut through = Through::new();
         let here = Passed { t_s, reading: *reading };
         let is_expected = test.surprise(t_s, reading) < SURPRISE;
-        if is_expected || self.confirmed.is_some_and(|at| agree(&at, reading)) {
+        if is_expected || self.confirmed.is_some_and(|at| agree(test, &at, reading)) {
             let dropped = self.waiting.len() as u64;
             self.waiting.clear();
             self.join(&here, &mut through);
             return (through, dropped);
         }
         let mut dropped = 0;
-        if self.waiting.last().is_some_and(|last| !agree(&last.reading, reading)) {
+        if self.waiting.last().is_some_and(|last| !agree(test, &last.reading, reading)) {
             dropped = self.waiting.len() as u64;
             self.waiting.clear();
         }
@@ -115,9 +113,10 @@ impl Joining {
 }
 
 /// Whether two readings can be of one pose: errors that last do not count between neighbours.
-fn agree(a: &Whitened, b: &Whitened) -> bool {
+fn agree(test: &DriftTest, a: &Whitened, b: &Whitened) -> bool {
     let difference = a.value - b.value;
-    let chi2: f64 = (0..6).map(|axis| difference[axis].powi(2) / (a.variance[axis] + b.variance[axis])).sum();
+    let variance = (a.variance + b.variance).component_mul(&test.scales());
+    let chi2: f64 = (0..6).map(|axis| difference[axis].powi(2) / variance[axis]).sum();
     chi2 < SURPRISE
 }
 

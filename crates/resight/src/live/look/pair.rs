@@ -154,7 +154,12 @@ impl Pair {
                 Stage::Learning(readings.ok_or("a reading learned so far is damaged")?)
             }
             StageRecord::Watching(monitor) => {
-                Stage::Watching(Box::new(Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?))
+                let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
+                // A state of a version that believed the noise it was told.
+                if !monitor.measures_noise() {
+                    monitor.measure_noise(&[]);
+                }
+                Stage::Watching(Box::new(monitor))
             }
             StageRecord::Following(last_s) => Stage::Following { last_s: *last_s, is_seen: last_s.is_some() },
         };
@@ -221,7 +226,8 @@ impl Pair {
         self.began = Some((t_s, is_readable));
         match &mut self.stage {
             Stage::Starting(reference) if is_readable => {
-                if let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                if let Ok(mut monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                    monitor.measure_noise(&[]);
                     self.stage = Stage::Watching(Box::new(monitor));
                 }
             }
@@ -299,7 +305,8 @@ impl Pair {
             return Some(Learned::Motion(Box::new(unsettled)));
         }
         let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
-            let monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            let mut monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            monitor.measure_noise(readings);
             Some((reference, monitor))
         });
         let Some((reference, monitor)) = reference else {

@@ -219,6 +219,7 @@ impl Pair {
         };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, reading.t_s).ok();
+            self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&[]));
         }
         if let Some(monitor) = &mut self.monitor {
             monitor.push(reading);
