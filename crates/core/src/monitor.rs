@@ -265,7 +265,11 @@ impl Monitor {
     pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
         match self.drift.map(|drift| self.refined(&drift)) {
             Some(drift) => Some((drift.old_from_new, drift.covariance)),
-            None => self.test.level_after_jump(onset_s),
+            // The level is where it is now against the reference, which errs by as much for a pair that stayed as for one that moved.
+            None => {
+                let (motion, covariance) = self.test.level_after_jump(onset_s)?;
+                Some((motion, covariance + self.reference.noise.reference))
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
 use crate::detect::follow::Follower;
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{LiveConfig, Observation, State, Watched};
+use crate::live::{Doubt, LiveConfig, Observation, State, Watched};
 use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::Detection;
@@ -382,7 +382,7 @@ impl From<Watch> for State {
         match watch {
             Watch::Steady => State::Steady,
             Watch::Unseen { for_s } => State::Unseen { for_s },
-            Watch::Settling => State::Settling,
+            Watch::Settling => State::Settling(Doubt::Different),
             Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
             Watch::Inconsistent => State::Inconsistent,
         }

@@ -10,7 +10,7 @@ use resight::answer::TransformObject;
 use resight::core::monitor::attribute::MovedNode;
 use resight::core::monitor::{Course, Drift, Unrest, Unsettled};
 use resight::core::{Matrix6, Vector6};
-use resight::live::{Event, Observation, State};
+use resight::live::{Doubt, Event, Observation, State};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -267,7 +267,7 @@ pub fn word(state: &State) -> &'static str {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
         State::Unseen { .. } => "unseen",
-        State::Settling => "settling",
+        State::Settling(_) => "settling",
         State::Drifted(_) => "drifted",
         State::Inconsistent => "inconsistent",
         State::Followed => "followed",
@@ -279,7 +279,8 @@ pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
-        State::Settling => "settling: something is different, not yet decided".to_string(),
+        State::Settling(Doubt::Different) => "settling: something is different, not yet decided".to_string(),
+        State::Settling(Doubt::ErrorsLast) => "settling: errors last longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
         State::Inconsistent => "inconsistent: intrinsics or target are wrong, or landmarks move".to_string(),
         State::Drifted(drift) => drift_words(drift),
         State::Steady => "steady".to_string(),
@@ -369,7 +370,7 @@ fn state_object(state: &State) -> Value {
             object["readings"] = json!(readings);
             object["needed"] = json!(needed);
         }
-        State::Steady | State::Settling | State::Inconsistent | State::Followed => {}
+        State::Steady | State::Settling(_) | State::Inconsistent | State::Followed => {}
     }
     object["message"] = json!(state_words(state));
     object

@@ -11,7 +11,7 @@ use resight::core::correspondence::{Detection, correspond};
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::monitor::{Course, Drift, DriftNoise, Reading, Reference};
 use resight::core::{Camera, Pose, Target};
-use resight::live::{Event, Observation, StageTimes};
+use resight::live::{Doubt, Event, Observation, StageTimes};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -207,7 +207,7 @@ fn many_cameras_scroll_and_lost_ones_are_named() {
     (0..11).for_each(|camera| made.take(&is_now(camera, 1.0, State::Steady), 0.0));
     made.take(&is_now(3, 1.0, State::Learning { readings: 1, needed: 50 }), 0.0);
     made.take(&is_now(4, 1.0, State::Inconsistent), 0.0);
-    made.take(&is_now(5, 1.0, State::Settling), 0.0);
+    made.take(&is_now(5, 1.0, State::Settling(Doubt::Different)), 0.0);
     let reason = Some("/dev/video2: no such device".to_string());
     made.take(&Event::Source { camera: 10, is_there: false, reason }, 0.0);
     let mut view = View::default();
