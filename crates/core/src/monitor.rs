@@ -16,6 +16,10 @@ mod onsets;
 mod test;
 mod gate;
 mod drift;
+mod milestones;
+mod scatter;
+mod trace;
+mod aftermath;
 mod earlier;
 mod promise;
 mod transients;
@@ -24,7 +28,7 @@ pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Drift, turn_alone};
+pub use drift::{Alone, Drift, Rate, turn_alone};
 pub use onsets::Course;
 pub use promise::{Detectable, LastingError, MeasuredNoise};
 pub use test::DriftNoise;
@@ -33,9 +37,11 @@ pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
+use aftermath::Aftermath;
 use earlier::Version2;
-use gate::{Gate, Passed};
+use gate::Gate;
 use log_sum::{LogSum, Scaled};
+use milestones::Milestone;
 use test::DriftTest;
 use transients::Transients;
 
@@ -109,6 +115,8 @@ pub enum Watch {
     },
     /// Something is different, but not yet often enough to be more than a wrong reading.
     Settling,
+    /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
+    Doubted,
     /// It moved.
     Drifted(Drift),
     /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
@@ -128,6 +136,7 @@ pub struct Monitor {
     /// Until then a drift is not told: it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
+    aftermath: Aftermath,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -165,6 +174,11 @@ impl Monitor {
             drift: None,
             held_until_s: None,
             transients: Transients::default(),
+            aftermath: Aftermath::new(Milestone {
+                t_s,
+                motion: Vector6::zeros(),
+                covariance: reference.noise.reference,
+            }),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -202,6 +216,7 @@ impl Monitor {
             Some(_) if self.is_held(t_s) => Watch::Settling,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Settling,
+            None if self.aftermath.is_doubted(t_s) => Watch::Doubted,
             None => Watch::Steady,
         }
     }
@@ -213,13 +228,6 @@ impl Monitor {
 
     fn is_held(&self, t_s: f64) -> bool {
         self.held_until_s.is_some_and(|until_s| t_s < until_s)
-    }
-
-    /// How far, with all that has been read since the alarm.
-    fn refined(&self, drift: &Drift) -> Drift {
-        let (motion, covariance) = self.test.level();
-        let old_from_new = (self.old_from_level * Pose::exp(&motion)).log();
-        Drift { old_from_new, covariance: covariance + self.reference.noise.reference, ..*drift }
     }
 
     /// When there last was a usable reading, seconds.
@@ -249,9 +257,8 @@ impl Monitor {
     /// an error, it is possible too: docs/math/monitor.md section 9.
     pub fn measure_noise(&mut self, readings: &[Reading]) {
         let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
-        let whitened = |reading: &Reading| {
-            (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance))
-        };
+        let whitened =
+            |reading: &Reading| (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance));
         let learned: Vec<_> = usable.map(whitened).collect();
         self.test.measure(&learned);
     }
@@ -259,18 +266,6 @@ impl Monitor {
     /// Whether noise is measured.
     pub fn measures_noise(&self) -> bool {
         self.test.measured().is_some()
-    }
-
-    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
-    pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
-        match self.drift.map(|drift| self.refined(&drift)) {
-            Some(drift) => Some((drift.old_from_new, drift.covariance)),
-            // The level is where it is now against the reference, which errs by as much for a pair that stayed as for one that moved.
-            None => {
-                let (motion, covariance) = self.test.level_after_jump(onset_s)?;
-                Some((motion, covariance + self.reference.noise.reference))
-            }
-        }
     }
 
     /// All of its state: what `restore` makes of it goes on as this one would.
@@ -289,7 +284,7 @@ impl Monitor {
         };
         check(&monitor.config)?;
         monitor.reference.check()?;
-        if !monitor.test.is_sound() {
+        if !(monitor.test.is_sound() && monitor.aftermath.is_sound()) {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
         }
         Ok(monitor)
@@ -321,75 +316,9 @@ impl Monitor {
         let old_from_new = self.reference.a_from_b * reading.a_from_b.inverse();
         (self.old_from_level.inverse() * old_from_new).log()
     }
-
-    /// All that comes through at once is read before anything is decided: what waited together says the same.
-    fn decide(&mut self, passed: &[Passed]) {
-        let (period_s, threshold) = (self.config.decision_period_s, self.log_threshold());
-        let most = (threshold - test::LEAST_EVIDENCE.ln()).exp();
-        let push = |joined: &Passed| self.test.push(joined.t_s, &joined.reading, period_s, most);
-        let log_r = passed.iter().map(push).last();
-        // What the noise in use does not explain, other noise may.
-        if !log_r.is_some_and(|log_r| threshold <= log_r && threshold <= self.test.log_statistic(log_r)) {
-            return;
-        }
-        let Some(moved) = self.moved() else { return };
-        let covariance = moved.covariance + self.reference.noise.reference;
-        if (Drift { covariance, ..moved }).matters(&self.config) || self.drift.is_some() {
-            self.start_again(moved);
-        }
-    }
-
-    /// The change that raised the alarm, added to the level so far.
-    fn moved(&self) -> Option<Drift> {
-        let change = self.test.change()?;
-        let (motion, covariance) = self.test.level_after(&change);
-        let first = self.drift.unwrap_or(Drift {
-            old_from_new: Vector6::zeros(),
-            covariance: Matrix6::zeros(),
-            began_s: change.onset_s,
-            began_sigma_s: change.onset_sigma_s,
-            course: change.course,
-            course_probability: change.course_probability,
-        });
-        Some(Drift { old_from_new: (self.old_from_level * Pose::exp(&motion)).log(), covariance, ..first })
-    }
-
-    /// From here on the test asks whether it moves away from where it is now; back at the reference it is steady again. Where it is
-    /// now is learned anew: the alarm chose its moment and its onset, so its estimate errs by more than its covariance says.
-    fn start_again(&mut self, moved: Drift) {
-        let own = &self.reference.noise;
-        let doubt = moved.covariance + own.reading + own.bias + own.reference;
-        let is_back = self.drift.is_some() && is_likely(&moved.old_from_new, &(doubt + own.daily));
-        let began_s = self.test.change().map_or(moved.began_s, |change| change.onset_s);
-        let around = DriftNoise { reference: doubt, ..*own };
-        let Some(test) = self.test.restarted(&around, began_s, is_back) else { return };
-        if self.test.measured().is_some() {
-            self.remember(&moved, began_s, is_back);
-        }
-        self.drift = (!is_back).then_some(moved);
-        let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
-        (self.test, self.old_from_level) = (test, Pose::exp(&level));
-        self.gate = Gate::new(self.config.decision_period_s);
-    }
 }
 
 impl Monitor {
-    /// What came back by itself is remembered; what is like that waits.
-    fn remember(&mut self, moved: &Drift, began_s: f64, is_back: bool) {
-        let size = |drift: &Drift| transients::size(&drift.old_from_new, &self.reference.noise.reading);
-        match self.drift {
-            Some(first) if is_back => {
-                self.transients.add(first.began_s, began_s, size(&first));
-                self.held_until_s = None;
-            }
-            Some(_) => {
-                let may_be = self.transients.may_last_until(moved.began_s, size(moved));
-                self.held_until_s = self.held_until_s.and(may_be);
-            }
-            None => self.held_until_s = self.transients.may_last_until(moved.began_s, size(moved)),
-        }
-    }
-
     /// What the readings say of their own noise; none where it is taken for what it is stated to be.
     pub fn measured_noise(&self) -> Option<MeasuredNoise> {
         self.test.measured().map(|measured| measured.noise())
@@ -473,6 +402,7 @@ numbers!(Monitor {
     drift,
     held_until_s,
     transients,
+    aftermath,
     last_s,
     last_usable_s,
     inconsistent_share,

@@ -3,8 +3,8 @@
 mod common;
 
 use common::conditions::{Condition, Scene, alarms};
-use resight_core::monitor::{MonitorConfig, Watch};
 use nalgebra::Vector6;
+use resight_core::monitor::{MonitorConfig, Watch};
 
 const ROWS: [(&str, Condition); 19] = [
     ("white", Condition::White),
@@ -38,10 +38,13 @@ fn rates() {
     let rate: f64 = std::env::var("RATE").ok().and_then(|p| p.parse().ok()).unwrap_or(24.0);
     let only = std::env::var("ONLY").unwrap_or_default();
     for (name, condition) in ROWS {
-        if !name.contains(&only) { continue; }
+        if !name.contains(&only) {
+            continue;
+        }
         let n = days().ceil() as u64;
         let started = std::time::Instant::now();
-        let total: usize = (0..n).map(|seed| alarms(condition, period_s, rate, days() / n as f64, 0x77 + seed)).sum();
+        let total: usize =
+            (0..n).map(|seed| alarms(condition, period_s, rate, days() / n as f64, 0x77 + seed)).sum();
         println!("{name:28} {:8.2} a day  ({:.1} s)", total as f64 / days(), started.elapsed().as_secs_f64());
     }
 }
@@ -52,29 +55,53 @@ fn delays() {
     let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
     let only = std::env::var("ONLY").unwrap_or_default();
     for (name, condition) in ROWS {
-        if !name.contains(&only) { continue; }
-    let q: f64 = std::env::var("Q").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0); let dd: f64 = std::env::var("DEG").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0); for quiet in [300.0, 3600.0, 20000.0] { if q > 0.0 && q != quiet { continue; }
-        for deg in [0.01, 0.02, 0.05, 0.1] { if dd > 0.0 && dd != deg { continue; }
-            let mut sum = Vec::new();
-            for seed in 0..10 {
-                let mut scene = Scene::new(condition, 1.0, 100 + seed);
-                let mut monitor = scene.learned(50, &config);
-                let mut false_alarm = false;
-                while scene.t_s < quiet {
-                    if let Watch::Drifted(_) = monitor.push(&scene.next(&Vector6::zeros())) { false_alarm = true; break; }
-                }
-                if false_alarm { continue; }
-                let moved = Vector6::ith(1, f64::to_radians(deg));
-                let began = scene.t_s;
-                loop {
-                    if let Watch::Drifted(_) = monitor.push(&scene.next(&moved)) { break; }
-                    if scene.t_s - began > 3600.0 { break; }
-                }
-                sum.push(scene.t_s - began);
-            }
-            sum.sort_by(f64::total_cmp);
-            println!("{name:28} quiet {quiet}: {deg}: median {:?} max {:?} n {}", sum.get(sum.len() / 2), sum.last(), sum.len());
+        if !name.contains(&only) {
+            continue;
         }
-    }
+        let q: f64 = std::env::var("Q").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0);
+        let dd: f64 = std::env::var("DEG").ok().and_then(|p| p.parse().ok()).unwrap_or(0.0);
+        for quiet in [300.0, 3600.0, 20000.0] {
+            if q > 0.0 && q != quiet {
+                continue;
+            }
+            for deg in [0.01, 0.02, 0.05, 0.1] {
+                if dd > 0.0 && dd != deg {
+                    continue;
+                }
+                let mut sum = Vec::new();
+                for seed in 0..10 {
+                    let mut scene = Scene::new(condition, 1.0, 100 + seed);
+                    let mut monitor = scene.learned(50, &config);
+                    let mut false_alarm = false;
+                    while scene.t_s < quiet {
+                        if let Watch::Drifted(_) = monitor.push(&scene.next(&Vector6::zeros())) {
+                            false_alarm = true;
+                            break;
+                        }
+                    }
+                    if false_alarm {
+                        continue;
+                    }
+                    let moved = Vector6::ith(1, f64::to_radians(deg));
+                    let began = scene.t_s;
+                    loop {
+                        if let Watch::Drifted(_) = monitor.push(&scene.next(&moved)) {
+                            break;
+                        }
+                        if scene.t_s - began > 3600.0 {
+                            break;
+                        }
+                    }
+                    sum.push(scene.t_s - began);
+                }
+                sum.sort_by(f64::total_cmp);
+                println!(
+                    "{name:28} quiet {quiet}: {deg}: median {:?} max {:?} n {}",
+                    sum.get(sum.len() / 2),
+                    sum.last(),
+                    sum.len()
+                );
+            }
+        }
     }
 }

@@ -364,9 +364,10 @@ impl AxisBank {
     pub fn lasting(&self, unit_s: f64) -> Option<LastingError> {
         match self.used {
             WHITE | STATED => None,
-            used if GRID <= used => {
-                Some(LastingError { sigma_ratio: DAILY_SHARES[used - GRID].sqrt(), time_s: super::axis::DAY_S })
-            }
+            used if GRID <= used => Some(LastingError {
+                sigma_ratio: DAILY_SHARES[used - GRID].sqrt(),
+                time_s: super::axis::DAY_S,
+            }),
             used => {
                 let Model { share, time } = GRID_MODELS[used];
                 Some(LastingError { sigma_ratio: share.sqrt(), time_s: time * unit_s })
@@ -378,7 +379,10 @@ impl AxisBank {
     pub fn least_information(&self, passed: &Passed, n: usize, joined: f64) -> f64 {
         let most = largest(&self.log_likelihood);
         let is_left = |model: &usize| most - EXCLUDED <= self.log_likelihood[*model] || *model == self.used;
-        (0..GRID).filter(is_left).map(|model| self.information(model, passed, n, joined)).fold(f64::INFINITY, f64::min)
+        (0..GRID)
+            .filter(is_left)
+            .map(|model| self.information(model, passed, n, joined))
+            .fold(f64::INFINITY, f64::min)
     }
 
     fn information(&self, model: usize, passed: &Passed, n: usize, joined: f64) -> f64 {
@@ -393,8 +397,7 @@ impl AxisBank {
             let seen: f64 = of_m + of_b;
             sum += seen * seen / (self.scale[model] * variance);
             (of_m, of_b) = (of_m - gain_m * seen, of_b - gain_b * seen);
-            (mm, mb, bb) =
-                (mm - gain_m * (mm + mb), mb - gain_m * (mb + bb), bb - gain_b * (mb + bb));
+            (mm, mb, bb) = (mm - gain_m * (mm + mb), mb - gain_m * (mb + bb), bb - gain_b * (mb + bb));
         }
         sum
     }

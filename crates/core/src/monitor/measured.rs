@@ -105,7 +105,12 @@ impl Measured {
         (0..AXES).map(of_axis).sum()
     }
 
-    pub fn update(&mut self, value: &Vector6<f64>, variance: &Vector6<f64>, innovations: &[Innovation; AXES]) {
+    pub fn update(
+        &mut self,
+        value: &Vector6<f64>,
+        variance: &Vector6<f64>,
+        innovations: &[Innovation; AXES],
+    ) {
         self.readings += 1.0;
         let square = |of: &Innovation| of.value * of.value / of.variance;
         let squares: f64 = innovations.iter().map(square).sum();
@@ -169,7 +174,11 @@ impl Measured {
             let at = axis * MODELS;
             let then = &then[MODELS_AT + at..MODELS_AT + at + MODELS];
             let aside = &mut self.set_aside[at..at + MODELS];
-            aside.iter_mut().zip(&bank.log_likelihood).zip(then).for_each(|((aside, now), then)| *aside += now - then);
+            aside
+                .iter_mut()
+                .zip(&bank.log_likelihood)
+                .zip(then)
+                .for_each(|((aside, now), then)| *aside += now - then);
             bank.set_log_likelihoods(then);
         }
     }
@@ -178,7 +187,8 @@ impl Measured {
     pub fn came_back(&mut self) {
         let aside = std::mem::take(&mut self.set_aside);
         for (bank, aside) in self.banks.iter_mut().zip(aside.chunks_exact(MODELS)) {
-            let sum: Vec<f64> = bank.log_likelihood.iter().zip(aside).map(|(now, aside)| now + aside).collect();
+            let sum: Vec<f64> =
+                bank.log_likelihood.iter().zip(aside).map(|(now, aside)| now + aside).collect();
             bank.set_log_likelihoods(&sum);
         }
     }
@@ -219,7 +229,10 @@ impl Measured {
 
     pub fn is_sound(&self) -> bool {
         let aside = self.set_aside.len();
-        self.banks.iter().all(AxisBank::is_sound) && 0.0 < self.unit_s && 0.0 < self.between_s && (aside == 0 || aside == AXES * MODELS)
+        self.banks.iter().all(AxisBank::is_sound)
+            && 0.0 < self.unit_s
+            && 0.0 < self.between_s
+            && (aside == 0 || aside == AXES * MODELS)
     }
 }
 

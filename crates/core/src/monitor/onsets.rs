@@ -227,9 +227,8 @@ impl Onsets {
 
     /// ln R, the ratios of each onset taken against all noise that is possible.
     pub fn log_statistic_against(&self, measured: &Measured) -> f64 {
-        let of = |onset: &Onset| {
-            self.log_mass(std::slice::from_ref(onset)) + measured.log_against(&onset.then)
-        };
+        let of =
+            |onset: &Onset| self.log_mass(std::slice::from_ref(onset)) + measured.log_against(&onset.then);
         LogSum::of(self.onsets.iter().map(of)).ln()
     }
 

@@ -148,7 +148,9 @@ impl DriftTest {
         if readings.is_empty() {
             measured.presume();
         } else {
-            let wide = self.noise.map(|noise| AxisNoise { reference_sigma: WIDE * (1.0 + noise.bias_sigma), ..noise });
+            let wide = self
+                .noise
+                .map(|noise| AxisNoise { reference_sigma: WIDE * (1.0 + noise.bias_sigma), ..noise });
             measured.set_scales(&scales(readings));
             // Once for the scales of all models, once for their likelihoods.
             for _ in 0..2 {
@@ -159,7 +161,8 @@ impl DriftTest {
                 readings.iter().for_each(|(t_s, reading)| {
                     self.observe(*t_s, reading);
                 });
-                measured = self.measured.take().unwrap_or_else(|| Measured::new(&self.noise, &self.typical, unit_s));
+                measured =
+                    self.measured.take().unwrap_or_else(|| Measured::new(&self.noise, &self.typical, unit_s));
             }
         }
         self.measured = Some(measured);
@@ -203,6 +206,16 @@ impl DriftTest {
             // No reading is a million times better than a typical one; a zero would make the rest NaN.
             variance: variances(&self.whitened_from_motion, covariance).map(|v| v.max(1e-12)),
         }
+    }
+
+    /// The small motion of a reading's value.
+    pub fn motion(&self, value: &Vector6<f64>) -> Vector6<f64> {
+        self.motion_from_whitened * value
+    }
+
+    /// What is expected of each coordinate.
+    pub fn noise(&self) -> &[AxisNoise; AXES] {
+        &self.noise
     }
 
     /// Σ ν²/S of a reading at `t_s`: χ² with six degrees of freedom while nothing happens.

@@ -21,15 +21,29 @@ pub enum Condition {
     /// Twice as noisy from 18 to 6 o'clock.
     NightDoubled,
     /// Every corner's error is an AR(1) process of that time constant for that share of its variance.
-    Correlated { share: f64, time_s: f64 },
+    Correlated {
+        share: f64,
+        time_s: f64,
+    },
     /// A sine of the camera about its y axis, degrees, seconds.
-    Sine { amplitude_deg: f64, period_s: f64 },
+    Sine {
+        amplitude_deg: f64,
+        period_s: f64,
+    },
     /// All corners off by so much in one direction, for a time, beginning so often a day.
-    Biased { px: f64, for_s: f64, per_day: f64, corners: usize },
+    Biased {
+        px: f64,
+        for_s: f64,
+        per_day: f64,
+        corners: usize,
+    },
     /// Student's t of so many degrees of freedom.
     HeavyTails(f64),
     /// A random walk of the camera about its x axis, reflected at a limit.
-    LimitedWalk { deg_per_sqrt_h: f64, limit_deg: f64 },
+    LimitedWalk {
+        deg_per_sqrt_h: f64,
+        limit_deg: f64,
+    },
     /// Correlated errors and a daily sine.
     CorrelatedAndDaily,
     /// A reading a second, and for every second hour one in ten.
@@ -60,7 +74,8 @@ pub fn cam_from_target() -> Pose {
 fn corners(pose: &Pose) -> SVector<f64, 8> {
     let mut all = SVector::<f64, 8>::zeros();
     for (i, (x, y)) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].into_iter().enumerate() {
-        let p = pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
+        let p =
+            pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
         all[2 * i] = FOCAL_PX * p.x / p.z;
         all[2 * i + 1] = FOCAL_PX * p.y / p.z;
     }
@@ -115,7 +130,8 @@ impl Scene {
     fn errors(&mut self, elapsed_s: f64) -> (SVector<f64, 8>, Vector6<f64>) {
         let still = Vector6::zeros();
         let about = |axis: usize, degrees: f64| Vector6::ith(axis, degrees.to_radians());
-        let turn = |t_s: f64, period_s: f64, phase: f64| (std::f64::consts::TAU * (t_s / period_s + phase)).sin();
+        let turn =
+            |t_s: f64, period_s: f64, phase: f64| (std::f64::consts::TAU * (t_s / period_s + phase)).sin();
         match self.condition {
             Condition::White | Condition::ChangingRate => (self.white(), still),
             Condition::Understated(factor) => (self.white() * factor, still),

@@ -110,7 +110,13 @@ impl ChessboardFinder {
 
     /// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for. Where all of the print
     /// was laid on the image (`is_printed`), they are placed three times better than that already.
-    fn refined(&self, lattice: &Lattice, p: &Placement, image: &GrayImage, is_printed: bool) -> Vec<Detection> {
+    fn refined(
+        &self,
+        lattice: &Lattice,
+        p: &Placement,
+        image: &GrayImage,
+        is_printed: bool,
+    ) -> Vec<Detection> {
         let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
         let node = |column: i32, row: i32| {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
