@@ -14,12 +14,17 @@ mod onsets;
 mod test;
 mod gate;
 mod drift;
+mod milestones;
+mod scatter;
+mod trace;
+mod aftermath;
+mod earlier;
 mod unsettled;
 pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Drift, turn_alone};
+pub use drift::{Alone, Drift, Rate, turn_alone};
 pub use onsets::Course;
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
@@ -27,8 +32,10 @@ pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
-use gate::{Gate, Passed};
+use aftermath::Aftermath;
+use gate::Gate;
 use log_sum::{LogSum, Scaled};
+use milestones::Milestone;
 use test::DriftTest;
 
 /// What counts as an alarm, and as seeing nothing.
@@ -101,6 +108,8 @@ pub enum Watch {
     },
     /// Something is different, but not yet often enough to be more than a wrong reading.
     Settling,
+    /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
+    Doubted,
     /// It moved.
     Drifted(Drift),
     /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
@@ -117,6 +126,7 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
+    aftermath: Aftermath,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -128,7 +138,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 2;
+const SNAPSHOT_VERSION: u32 = 3;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -150,6 +160,11 @@ impl Monitor {
             gate: Gate::new(config.decision_period_s),
             test,
             drift: None,
+            aftermath: Aftermath::new(Milestone {
+                t_s,
+                motion: Vector6::zeros(),
+                covariance: reference.noise.reference,
+            }),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -186,6 +201,7 @@ impl Monitor {
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Settling,
+            None if self.aftermath.is_doubted(t_s) => Watch::Doubted,
             None => Watch::Steady,
         }
     }
@@ -193,13 +209,6 @@ impl Monitor {
     /// The drift last decided, also while nothing is seen.
     pub fn drift(&self) -> Option<Drift> {
         self.drift.map(|drift| self.refined(&drift))
-    }
-
-    /// How far, with all that has been read since the alarm.
-    fn refined(&self, drift: &Drift) -> Drift {
-        let (motion, covariance) = self.test.level();
-        let old_from_new = (self.old_from_level * Pose::exp(&motion)).log();
-        Drift { old_from_new, covariance: covariance + self.reference.noise.reference, ..*drift }
     }
 
     /// When there last was a usable reading, seconds.
@@ -220,18 +229,6 @@ impl Monitor {
         Ok(())
     }
 
-    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
-    pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
-        match self.drift() {
-            Some(drift) => Some((drift.old_from_new, drift.covariance)),
-            // The level is where it is now against the reference, which errs by as much for a pair that stayed as for one that moved.
-            None => {
-                let (motion, covariance) = self.test.level_after_jump(onset_s)?;
-                Some((motion, covariance + self.reference.noise.reference))
-            }
-        }
-    }
-
     /// All of its state: what `restore` makes of it goes on as this one would.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
@@ -242,10 +239,13 @@ impl Monitor {
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let monitor: Monitor = snapshot.state(SNAPSHOT_VERSION)?;
+        let monitor: Monitor = match snapshot.version {
+            earlier::SECOND => earlier::second(snapshot)?,
+            _ => snapshot.state(SNAPSHOT_VERSION)?,
+        };
         check(&monitor.config)?;
         monitor.reference.check()?;
-        if !monitor.test.is_sound() {
+        if !(monitor.test.is_sound() && monitor.aftermath.is_sound()) {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
         }
         Ok(monitor)
@@ -282,47 +282,6 @@ impl Monitor {
     fn motion(&self, reading: &Reading) -> Vector6 {
         let old_from_new = self.reference.a_from_b * reading.a_from_b.inverse();
         (self.old_from_level.inverse() * old_from_new).log()
-    }
-
-    /// All that comes through at once is read before anything is decided: what waited together says the same.
-    fn decide(&mut self, passed: &[Passed]) {
-        let log_r = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
-        if !log_r.is_some_and(|log_r| self.log_threshold() <= log_r) {
-            return;
-        }
-        let Some(moved) = self.moved() else { return };
-        let covariance = moved.covariance + self.reference.noise.reference;
-        if (Drift { covariance, ..moved }).matters(&self.config) || self.drift.is_some() {
-            self.start_again(moved);
-        }
-    }
-
-    /// The change that raised the alarm, added to the level so far.
-    fn moved(&self) -> Option<Drift> {
-        let change = self.test.change()?;
-        let (motion, covariance) = self.test.level_after(&change);
-        let first = self.drift.unwrap_or(Drift {
-            old_from_new: Vector6::zeros(),
-            covariance: Matrix6::zeros(),
-            began_s: change.onset_s,
-            began_sigma_s: change.onset_sigma_s,
-            course: change.course,
-            course_probability: change.course_probability,
-        });
-        Some(Drift { old_from_new: (self.old_from_level * Pose::exp(&motion)).log(), covariance, ..first })
-    }
-
-    /// From here on the test asks whether it moves away from where it is now; back at the reference it is steady again. Where it is
-    /// now is learned anew: the alarm chose its moment and its onset, so its estimate errs by more than its covariance says.
-    fn start_again(&mut self, moved: Drift) {
-        let own = &self.reference.noise;
-        let doubt = moved.covariance + own.reading + own.bias + own.reference;
-        let Some(test) = DriftTest::new(&DriftNoise { reference: doubt, ..*own }) else { return };
-        self.drift =
-            (self.drift.is_none() || !is_likely(&moved.old_from_new, &(doubt + own.daily))).then_some(moved);
-        let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
-        (self.test, self.old_from_level) = (test, Pose::exp(&level));
-        self.gate = Gate::new(self.config.decision_period_s);
     }
 }
 
@@ -385,6 +344,7 @@ numbers!(Monitor {
     test,
     gate,
     drift,
+    aftermath,
     last_s,
     last_usable_s,
     inconsistent_share,

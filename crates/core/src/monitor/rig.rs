@@ -295,6 +295,7 @@ impl RigMonitor {
                 began_sigma_s: first.map_or(began.sigma_s, |first| first.began_sigma_s),
                 course: first.map_or(began.course(), |first| first.course),
                 course_probability: first.map_or(began.course_probability, |first| first.course_probability),
+                rate: None,
             }
         };
         let drifts = attribution.moved.iter().map(drift).collect();

@@ -117,6 +117,16 @@ impl DriftTest {
         }
     }
 
+    /// The small motion of a reading's value.
+    pub fn motion(&self, value: &Vector6<f64>) -> Vector6<f64> {
+        self.motion_from_whitened * value
+    }
+
+    /// What is expected of each coordinate.
+    pub fn noise(&self) -> &[AxisNoise; AXES] {
+        &self.noise
+    }
+
     /// Σ ν²/S of a reading at `t_s`: χ² with six degrees of freedom while nothing happens.
     pub fn surprise(&self, t_s: f64, reading: &Whitened) -> f64 {
         let elapsed_s = self.last_s.map_or(0.0, |last_s| t_s - last_s);

@@ -1,5 +1,6 @@
 //! One camera and one target: detection, pose, pose through time, decision.
 
+use super::disagreement::disagree;
 use super::expect::Expectation;
 use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
@@ -118,7 +119,8 @@ impl Pair {
     pub fn may_have_moved(&self, t_s: f64) -> bool {
         let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
         let is_suspect = |monitor: &Monitor| {
-            monitor.drift().is_some() || monitor.watch(monitor.last_usable_s()) == Watch::Settling
+            let now = monitor.watch(monitor.last_usable_s());
+            monitor.drift().is_some() || matches!(now, Watch::Settling | Watch::Doubted)
         };
         self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
@@ -258,6 +260,9 @@ impl Pair {
         observation.tracked = self.tracker.push(frame.capture_s, &candidates);
         let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
+        if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
+            reading.is_consistent &= !is_fault(monitor, reading, &points, lens);
+        }
         observation.times.decide_us = micros(started);
         Ok(())
     }
@@ -344,6 +349,22 @@ fn mostly_contradict(readings: &[Reading]) -> bool {
     LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
+/// Whether the points contradict each other about where the camera went since all was well.
+fn is_fault(monitor: &Monitor, reading: &Reading, points: &[Correspondence], lens: &Camera) -> bool {
+    if monitor.drift().is_some() {
+        return false; // What is true of the old place says nothing of the new one.
+    }
+    let Reference { a_from_b, noise } = monitor.reference();
+    let known = noise.reference + noise.bias + noise.daily;
+    let motion = (*a_from_b * reading.a_from_b.inverse()).log();
+    let chi2 = (known + reading.covariance).cholesky().map(|factor| motion.dot(&factor.solve(&motion)));
+    let is_different = chi2.is_some_and(|chi2| UNLIKELY < chi2);
+    is_different && disagree(points, lens, (a_from_b, &known), &reading.a_from_b)
+}
+
+/// χ² of six numbers that one reading in a thousand exceeds: only then are its points looked at.
+const UNLIKELY: f64 = 22.5;
+
 /// All minima of a frame: time chooses among them.
 fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
     let first = Candidate {
@@ -376,6 +397,7 @@ impl From<Watch> for State {
             Watch::Steady => State::Steady,
             Watch::Unseen { for_s } => State::Unseen { for_s },
             Watch::Settling => State::Settling(Doubt::Different),
+            Watch::Doubted => State::Settling(Doubt::ErrorsLast),
             Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
             Watch::Inconsistent => State::Inconsistent,
         }

@@ -93,6 +93,7 @@ fn turned_right() -> State {
         covariance: diagonal(2e-4, 2e-4),
         began_s: 6.7,
         began_sigma_s: 0.1,
+        rate: None,
         course: Course::Step,
         course_probability: 1.0,
     }))
