@@ -127,7 +127,7 @@ impl Monitor {
     }
 
     fn note(&mut self, joined: &Passed) {
-        let motion = self.from_reference(&self.test.motion(&joined.reading.value));
+        let motion = self.seen_from_reference(&self.test.motion(&joined.reading.value));
         let level = self.drift.is_none().then(|| self.level(joined.t_s));
         let aftermath = &mut self.aftermath;
         // Where noise is measured the models of the test know of errors that last.
@@ -136,25 +136,27 @@ impl Monitor {
         }
         aftermath.trace.push(joined.t_s, &motion, self.drift.map(|drift| drift.began_s));
         aftermath.decisions = aftermath.decisions.saturating_add(1);
-        level.into_iter().for_each(|level| aftermath.milestones.push(level));
+        if let Some(level) = level {
+            aftermath.milestones.push(level);
+        }
     }
 
     /// A small motion from the level of the test, as one from the reference.
-    fn from_reference(&self, motion: &Vector6) -> Vector6 {
+    fn seen_from_reference(&self, motion: &Vector6) -> Vector6 {
         (self.old_from_level * Pose::exp(motion)).log()
     }
 
     /// Where it is now.
     fn level(&self, t_s: f64) -> Milestone {
         let (motion, covariance) = self.test.level();
-        Milestone { t_s, motion: self.from_reference(&motion), covariance }
+        Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }
     }
 
     /// Where the change that raised the alarm put it, from when on, and how.
     fn changed(&self, t_s: f64) -> Option<(Milestone, Drift)> {
         let change = self.test.change()?;
         let (motion, covariance) = self.test.level_after(&change);
-        let now = Milestone { t_s, motion: self.from_reference(&motion), covariance };
+        let now = Milestone { t_s, motion: self.seen_from_reference(&motion), covariance };
         let first = self.drift.unwrap_or(Drift {
             old_from_new: Vector6::zeros(),
             covariance: Matrix6::zeros(),
@@ -361,7 +363,7 @@ impl Monitor {
         }
         let before = self.aftermath.milestones.before(onset_s);
         let (motion, covariance) = self.test.level_after_jump(onset_s)?;
-        let now = self.from_reference(&motion);
+        let now = self.seen_from_reference(&motion);
         Some((between(&before.motion, &now), covariance + before.covariance))
     }
 }

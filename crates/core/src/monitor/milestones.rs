@@ -38,7 +38,9 @@ impl Milestones {
                 span_s / (now.t_s - self.kept[*i].t_s).max(f64::MIN_POSITIVE)
             };
             let gone = (1..KEPT - 1).min_by(|a, b| closeness(a).total_cmp(&closeness(b)));
-            gone.map(|gone| self.kept.remove(gone));
+            if let Some(gone) = gone {
+                self.kept.remove(gone);
+            }
         }
         self.kept.push(now);
     }
