@@ -43,7 +43,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         ["find", folder, rounds] => find(Path::new(folder), rounds.parse()?, None),
         ["find", folder, rounds, target] => find(Path::new(folder), rounds.parse()?, Some(target)),
-        _ => Err("usage: bench_detect draw FOLDER COUNT [TARGET [CONDITION]] | find FOLDER ROUNDS [TARGET]".into()),
+        _ => {
+            Err("usage: bench_detect draw FOLDER COUNT [TARGET [CONDITION]] | find FOLDER ROUNDS [TARGET]"
+                .into())
+        }
     }
 }
 

@@ -96,7 +96,13 @@ impl ChessboardFinder {
 
     /// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for. Where all of the print
     /// was laid on the image (`is_printed`), they are placed three times better than that already.
-    fn refined(&self, lattice: &Lattice, p: &Placement, image: &GrayImage, is_printed: bool) -> Vec<Detection> {
+    fn refined(
+        &self,
+        lattice: &Lattice,
+        p: &Placement,
+        image: &GrayImage,
+        is_printed: bool,
+    ) -> Vec<Detection> {
         let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
         let node = |column: i32, row: i32| {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
@@ -104,8 +110,7 @@ impl ChessboardFinder {
         };
         let corner = |(column, row): (i32, i32)| {
             let joint = node(column, row)?;
-            // In strong perspective the neighbours across a square come nearer than those along its edges.
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
+            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
             let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
             let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
             let clear_px = WINDOW_RATIO * nearest_px;

@@ -192,7 +192,8 @@ impl Look<'_> {
 
     /// The homography of the corners known around a place.
     fn map_near(&self, known: &Corners, id: u32, place: &PlanePoint) -> Option<Homography> {
-        let features = self.print.tags_near(id, 2).flat_map(|id| (0..4).map(move |corner| Feature { id, corner }));
+        let features =
+            self.print.tags_near(id, 2).flat_map(|id| (0..4).map(move |corner| Feature { id, corner }));
         let mut near: Vec<(f64, PlanePoint, Pixel)> = features
             .filter_map(|f| Some((self.print.place(f.id, f.corner), known.get(&f)?.pixel)))
             .map(|(x, pixel)| ((x - place).norm_squared(), x, pixel))

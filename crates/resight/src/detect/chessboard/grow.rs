@@ -181,7 +181,10 @@ impl<'a> Pattern<'a> {
             return 1.0;
         }
         let is_beyond = |x: f64, (first, last): (i32, i32)| x < first as f64 - 1.0 || last as f64 + 1.0 < x;
-        if self.board.is_some_and(|b| is_beyond(node.0 as f64 + x.x, b.u) || is_beyond(node.1 as f64 + x.y, b.v)) {
+        if self
+            .board
+            .is_some_and(|b| is_beyond(node.0 as f64 + x.x, b.u) || is_beyond(node.1 as f64 + x.y, b.v))
+        {
             return 1.0;
         }
         let square = x.x.floor() as i32 + x.y.floor() as i32 + node.0 + node.1;
