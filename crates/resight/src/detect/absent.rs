@@ -114,7 +114,7 @@ fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
         "rows and columns count inner corners, one less than squares".to_owned() // Squares were counted.
     } else if 0 < places {
         format!(
-            "as a part of this board it could lie in {places} places, so show two of its outer edges; rows and columns count inner corners"
+            "it could be any of {places} parts of this board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)"
         )
     } else {
         "rows and columns count inner corners: correct them, or show the whole board".to_owned()

@@ -124,8 +124,7 @@ impl ChessboardFinder {
         };
         let corner = |(column, row): (i32, i32)| {
             let joint = node(column, row)?;
-            // In strong perspective the neighbours across a square come nearer than those along its edges.
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];
+            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
             let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
             let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
             let clear_px = WINDOW_RATIO * nearest_px;
