@@ -114,7 +114,8 @@ fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
         "rows and columns count inner corners, one less than squares".to_owned() // Squares were counted.
     } else if 0 < places {
         format!(
-            "it could be any of {places} parts of this board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)"
+            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)",
+            wanted.0, wanted.1
         )
     } else {
         "rows and columns count inner corners: correct them, or show the whole board".to_owned()
