@@ -47,6 +47,7 @@ struct DetectionObject {
     u_px: f64,
     v_px: f64,
     sigma_px: f64,
+    lens_sigma_px: f64,
 }
 
 impl From<&Detection> for DetectionObject {
@@ -57,6 +58,7 @@ impl From<&Detection> for DetectionObject {
             u_px: d.pixel.x,
             v_px: d.pixel.y,
             sigma_px: d.sigma_px,
+            lens_sigma_px: d.lens_sigma_px,
         }
     }
 }

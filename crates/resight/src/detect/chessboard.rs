@@ -6,7 +6,10 @@
 //! of odd squares: quarter turns) no detector can tell them apart: the most upright is taken, the one whose last row
 //! lies lowest below its first in the image, as OpenCV does. A mirrored numbering is never returned.
 
+use super::homography::{Homography, PlanePoint};
 use super::joints::{CornerWindow, Joint, corner_config, corners};
+use super::noise::noise_gray;
+use super::print::{self, Place, Seen};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{ChessboardDetection, ChessboardDetector, ChessboardParams};
@@ -119,11 +122,10 @@ fn number(
     Some(refined(grid, board, &best.1, image, window))
 }
 
-/// Half window of the refinement over the distance to the nearest corner. Calibrating from 2 × 13 real views leaves
-/// 0.179 / 0.185 px at 0.25, 0.176 / 0.179 px at 0.34, and 0.201 / 0.326 px at 0.40, where neighbours come in.
-const WINDOW_RATIO: f64 = 0.34;
+/// A print further than this from the saddle point is another's, pixels.
+const MAX_MOVE_PX: f64 = 1.5;
 
-/// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for.
+/// The corners, each measured by the print around it or in the window asked for.
 fn refined(
     grid: &Grid,
     board: &Chessboard,
@@ -137,17 +139,56 @@ fn refined(
         grid.at(u, v).filter(|_| 0 <= column && column < columns && 0 <= row && row < rows)
     };
     let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
-    cells
+    let nodes: Vec<(u32, Joint, Option<Place<_>>)> = cells
         .filter_map(|(column, row)| {
             let joint = node(column, row)?;
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
-            let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
-            let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
-            let joint = joint.refined(image, WINDOW_RATIO * nearest_px, window);
-            let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
-            Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px, covariance_px2: None })
+            Some(((row * columns + column) as u32, joint, place(board, &node, column, row)))
         })
-        .collect()
+        .collect();
+    let detection = |id: u32, pixel: Pixel, sigma_px: f64| {
+        let feature = Feature { id, corner: 0 };
+        Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
+    };
+    if let CornerWindow::Half(half_px) = window {
+        let joints = nodes.into_iter().map(|(id, joint, _)| (id, joint.refined(image, half_px)));
+        return joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px)).collect();
+    }
+    let (ids, places): (Vec<_>, Vec<_>) =
+        nodes.into_iter().filter_map(|(id, joint, place)| Some(((id, joint), place?))).unzip();
+    let seen = print::measure(image, noise_gray(image), &places);
+    let corners = ids.into_iter().zip(seen).filter_map(|((id, joint), seen)| match seen {
+        Seen::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
+        Seen::Outside => Some(detection(id, joint.pixel, joint.sigma_px)),
+        Seen::Otherwise => None,
+    });
+    corners.collect()
+}
+
+/// The print around a corner, as the corners beside it say; none where they do not.
+fn place(
+    board: &Chessboard,
+    node: &dyn Fn(i32, i32) -> Option<Joint>,
+    column: i32,
+    row: i32,
+) -> Option<Place<impl Fn(PlanePoint) -> f32 + use<>>> {
+    let at = |c: i32, r: i32| PlanePoint::new(c as f64, r as f64);
+    let around = (-1..=1).flat_map(|dv| (-1..=1).map(move |du| (column + du, row + dv)));
+    let pairs: Vec<(PlanePoint, Pixel)> =
+        around.filter_map(|(c, r)| Some((at(c, r), node(c, r)?.pixel))).collect();
+    let map = Homography::fit(&pairs)?;
+    let place = at(column, row);
+    let found = node(column, row)?.pixel;
+    let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
+    let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - found).norm());
+    let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
+    let last = PlanePoint::new(board.columns as f64, board.rows as f64);
+    // Corner 0 has a black square between it and the next ones; outside of the outer squares the board is white.
+    let ink = move |x: PlanePoint| {
+        let is_inside = -1.0 <= x.x && -1.0 <= x.y && x.x < last.x && x.y < last.y;
+        let is_even = (x.x.floor() + x.y.floor()).rem_euclid(2.0) == 0.0;
+        if is_inside && is_even { -1.0 } else { 1.0 }
+    };
+    Some(Place { found, place, map, square_px, clear_px: f64::INFINITY, reach_px: MAX_MOVE_PX, ink })
 }
 
 /// Every window of the lattice as large as the board, in every orientation. The lattice is larger than the board
