@@ -177,7 +177,7 @@ def main():
     folder = f"{options.folder}/sweep_{options.count}"
     if not os.path.exists(f"{folder}/truth.json"):
         subprocess.run([options.program, "draw", folder, str(options.count)], check=True)
-    rows = json.load(open(f"{folder}/truth.json"))
+    rows = [r for r in json.load(open(f"{folder}/truth.json")) if options.target in (None, r["target"])]
     command = [options.program, "find", folder, str(options.rounds)] + ([options.target] if options.target else [])
     ours = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     ours = {found["image"]: (found["found"], found["milliseconds"]) for found in ours}

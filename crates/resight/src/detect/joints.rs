@@ -104,6 +104,20 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
     all
 }
 
+/// The image at half its size, each pixel the mean of four; a last odd column or row is left out.
+pub(super) fn halved(image: &GrayImage) -> GrayImage {
+    let (width, height) = (image.width_px as usize / 2, image.height_px as usize / 2);
+    let stride = image.width_px as usize;
+    let mut data = Vec::with_capacity(width * height);
+    for rows in image.data.chunks_exact((2 * stride).max(1)).take(height) {
+        let (above, below) = rows.split_at(stride);
+        let quads = above.chunks_exact(2).zip(below.chunks_exact(2));
+        let sums = quads.map(|(a, b)| a[0] as u16 + a[1] as u16 + b[0] as u16 + b[1] as u16);
+        data.extend(sums.map(|sum| ((sum + 2) / 4) as u8));
+    }
+    GrayImage { width_px: width as u32, height_px: height as u32, data }
+}
+
 /// The joint nearest to a place, if one lies close enough.
 pub(super) fn nearest(joints: &[Joint], pixel: &Pixel, within_px: f64) -> Option<Joint> {
     let distance = |joint: &Joint| (joint.pixel - pixel).norm();

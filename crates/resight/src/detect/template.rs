@@ -28,6 +28,13 @@ pub(super) struct Fit {
     pub contrast_gray: f64,
 }
 
+impl Fit {
+    /// Standard deviation of each coordinate by this corner's own residual alone.
+    pub fn sigma_px(&self) -> f64 {
+        self.noise_px * self.excess.max(1.0).sqrt()
+    }
+}
+
 /// A window of the image around a corner, and how it is compared.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Window {
