@@ -5,16 +5,18 @@
 //! by a white dot before the tags are sought. And Kalibr's border is two cells wide; both borders are looked for.
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
+mod print;
+
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
-use super::families::{Family, MarkerPattern, marker_pattern};
+use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
-use super::print::{self, Place, Seen};
 use super::region::{Region, joined, longer_side_px};
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
 use crate::GrayImage;
+use print::{Corners, GridPrint};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{AprilGrid, Feature};
@@ -23,8 +25,7 @@ use resight_core::target::{AprilGrid, Feature};
 pub(super) struct AprilGridFinder {
     grid: AprilGrid,
     decoder: QuadDecoder,
-    /// What is printed in each tag, border of one cell; none of families with more than a border around their bits.
-    prints: Vec<MarkerPattern>,
+    print: GridPrint,
 }
 
 impl AprilGridFinder {
@@ -32,12 +33,9 @@ impl AprilGridFinder {
         let n_tags = grid.rows * grid.columns;
         let ids: Vec<u32> = (grid.first_id..grid.first_id.saturating_add(n_tags)).collect();
         let family = Family::named(&grid.family)?.only(&grid.family, &ids)?;
-        let is_plain = !family.reversed_border && family.total_width == family.border_width + 2;
-        let print = |id: &u32| marker_pattern(&grid.family, *id);
-        let prints = ids.iter().filter(|_| is_plain).map(print).collect::<Result<_, _>>()?;
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { grid: grid.clone(), decoder, prints })
+        Ok(AprilGridFinder { grid: grid.clone(), decoder, print: GridPrint::new(grid)? })
     }
 
     fn ids(&self) -> impl Iterator<Item = u32> + use<> {
@@ -62,24 +60,26 @@ impl AprilGridFinder {
     }
 
     /// A tag too blurred to decode, when the tags beside it say where it is and a joint lies at each of its corners.
-    fn complete(&self, id: u32, tags: &[DecodedTag], joints: &[Joint]) -> Option<Met> {
+    fn complete(&self, id: u32, tags: &[DecodedTag], joints: &[Joint]) -> Option<[Detection; 4]> {
         let predicted = self.predicted(id, tags)?;
         let within_px = 0.06 * sigma::shortest_edge_px(&predicted);
-        let mut met =
-            Met { id, corners: [Joint { pixel: Pixel::zeros(), sigma_px: 0.0 }; 4], is_joint: [true; 4] };
-        for (corner, pixel) in met.corners.iter_mut().zip(&predicted) {
-            *corner = nearest(joints, pixel, within_px)?;
+        let mut detections = Vec::with_capacity(4);
+        for (pixel, corner) in predicted.iter().zip(0..) {
+            let joint = nearest(joints, pixel, within_px)?;
+            let feature = Feature { id, corner };
+            detections.push(Detection {
+                feature,
+                pixel: joint.pixel,
+                sigma_px: joint.sigma_px,
+                lens_sigma_px: sigma::LENS_PX,
+                covariance_px2: None,
+            });
         }
-        Some(met)
+        detections.try_into().ok()
     }
 
-    /// A tag corner on the grid, in tag edges.
     fn corner(&self, id: u32, corner: u8) -> PlanePoint {
-        let index = id - self.grid.first_id;
-        let pitch = 1.0 + self.grid.tag_spacing_ratio;
-        let (dx, dy) = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)][corner as usize % 4];
-        let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-        PlanePoint::new(column as f64 * pitch + dx, row as f64 * pitch + dy)
+        self.print.place(id, corner)
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
@@ -92,71 +92,40 @@ impl AprilGridFinder {
         let look = Look { decimate, edges: Edges::FullSize };
         let mut tags = one_border(tiles::search(&mut self.decoder, &cut, look));
         drop(cut);
+        if tags.is_empty() && quiet.is_smoothed() {
+            // The smallest tags show only in the image as it came, however noisy.
+            self.decoder.set_least_contrast(quiet.least_contrast_unsmoothed(LEAST_CONTRAST));
+            tags = one_border(tiles::search(&mut self.decoder, &cut_joints(image, &joints, decimate), look));
+        }
         if quiet.is_smoothed() || 1.0 < decimate {
             tags = self.with_missing(image, tags, &joints);
         }
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
-        let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints));
-        let decoded = tags.iter().map(|tag| corners(tag, &joints));
-        let met: Vec<Met> = decoded.chain(completed).collect();
-        let is_double = tags.first().is_some_and(|tag| tag.family == 1);
-        let mut detections = self.measured(image, quiet.noise_gray, &met, is_double);
-        detections.sort_by_key(|d| d.feature);
-        detections
-    }
-
-    /// The corners, each at a joint measured by the print around it.
-    fn measured(&self, image: &GrayImage, noise_gray: f64, met: &[Met], is_double: bool) -> Vec<Detection> {
-        let all = met.iter().flat_map(|tag| (0..4).map(move |k| (tag, k)));
-        let detection = |(tag, k): (&Met, usize), pixel: Pixel, sigma_px: f64| {
-            let feature = Feature { id: tag.id, corner: k as u8 };
-            Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
-        };
-        let (with, without): (Vec<_>, Vec<_>) =
-            all.partition(|(tag, k)| tag.is_joint[*k] && !self.prints.is_empty());
-        let (with, places): (Vec<_>, Vec<_>) =
-            with.into_iter().filter_map(|(tag, k)| Some(((tag, k), self.place(tag, k, is_double)?))).unzip();
-        let seen = print::measure(image, noise_gray, &places);
-        let measured = with.into_iter().zip(seen).filter_map(|(corner, seen)| match seen {
-            Seen::Print { pixel, sigma_px } => Some(detection(corner, pixel, sigma_px)),
-            Seen::Outside => {
-                Some(detection(corner, corner.0.corners[corner.1].pixel, corner.0.corners[corner.1].sigma_px))
+        let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
+        let mut known = Corners::new();
+        known.extend(completed.map(|d| (d.feature, Joint { pixel: d.pixel, sigma_px: d.sigma_px })));
+        let mut doubtful = Vec::new();
+        for tag in &tags {
+            for (feature, joint, is_joint) in corners(tag, &joints) {
+                known.insert(feature, joint);
+                doubtful.extend((!is_joint).then_some(feature));
             }
-            Seen::Otherwise => None,
-        });
-        let unmeasured = without
-            .into_iter()
-            .map(|(tag, k)| detection((tag, k), tag.corners[k].pixel, tag.corners[k].sigma_px));
-        measured.chain(unmeasured).collect()
-    }
-
-    /// The print around a tag's corner, on a plane in edges of the tag, y down.
-    fn place(&self, tag: &Met, k: usize, is_double: bool) -> Option<Place<impl Fn(PlanePoint) -> f32>> {
-        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| PlanePoint::new(x, y));
-        let pixels = tag.corners.map(|corner| corner.pixel);
-        let map = Homography::fit(&[0, 1, 2, 3].map(|k: usize| (square[k], pixels[k])))?;
-        let print = &self.prints[(tag.id - self.grid.first_id) as usize];
-        let spacing = self.grid.tag_spacing_ratio;
-        let ink = move |x: PlanePoint| ink(print, usize::from(is_double), spacing, x);
-        let edge_px = sigma::shortest_edge_px(&pixels);
-        // The gap to the next tag, whose bits are another's, holds the window.
-        let square_px = (2.0 * spacing).min(1.0) * edge_px;
-        // Beyond the gap around the outer tags anything may be.
-        let clear_px =
-            if self.is_outer(tag.id, k) { (0.7 * spacing * edge_px - 0.5).max(3.0) } else { f64::INFINITY };
-        let reach_px = (0.05 * edge_px).clamp(1.0, MAX_MOVE_PX);
-        Some(Place { found: pixels[k], place: square[k], map, square_px, clear_px, reach_px, ink })
-    }
-
-    /// Whether a tag's corner lies on the outline of the grid.
-    fn is_outer(&self, id: u32, k: usize) -> bool {
-        let corner = self.corner(id, k as u8);
-        let pitch = 1.0 + self.grid.tag_spacing_ratio;
-        let last = |n: u32| (n - 1) as f64 * pitch + 0.5;
-        corner.x < 0.5
-            || corner.y < 0.5
-            || last(self.grid.columns) < corner.x
-            || last(self.grid.rows) < corner.y
+        }
+        let is_whole = known.len() == 4 * self.ids().count() && doubtful.is_empty();
+        if is_vouched(&tags) && !is_whole {
+            let border_cells = 1 + tags[0].family;
+            self.print.complete(image, quiet.noise_gray, border_cells, &mut known, &doubtful);
+        }
+        let border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
+        let measured = self.print.measured(image, quiet.noise_gray, border_cells, &known, &doubtful);
+        let detection = |(feature, joint): (Feature, Joint)| Detection {
+            feature,
+            pixel: joint.pixel,
+            sigma_px: joint.sigma_px,
+            lens_sigma_px: sigma::LENS_PX,
+            covariance_px2: None,
+        };
+        measured.into_iter().map(detection).collect()
     }
 
     /// With the tags that show, in the image as it came, where those found say they are.
@@ -241,41 +210,22 @@ fn one_border(tags: Vec<DecodedTag>) -> Vec<DecodedTag> {
     kept
 }
 
-/// −1 where a tag with its gaps and corner squares is black, 1 where it is white; its neighbours count as black.
-fn ink(print: &MarkerPattern, more_border: usize, spacing: f64, x: PlanePoint) -> f32 {
-    let in_gap = |x: f64| 1.0 <= x.rem_euclid(1.0 + spacing);
-    if !(0.0 <= x.x && x.x < 1.0 && 0.0 <= x.y && x.y < 1.0) {
-        return if in_gap(x.x) == in_gap(x.y) { -1.0 } else { 1.0 };
-    }
-    let cells = print.width_cells - 2 * print.inset_cells;
-    let cell = |x: f64| ((x * (cells + 2 * more_border) as f64) as usize).checked_sub(more_border);
-    match (cell(x.x), cell(x.y)) {
-        (Some(u), Some(v)) if u < cells && v < cells => {
-            let is_white = print.white[(v + print.inset_cells) * print.width_cells + u + print.inset_cells];
-            if is_white { 1.0 } else { -1.0 }
-        }
-        _ => -1.0,
-    }
-}
+/// A lone tag is believed to tell where all others are with a clear reading, grey levels; two vouch for each other.
+const LONE_MARGIN_GRAY: f64 = 30.0;
 
-/// The corners of a tag, and which of them are saddle points.
-struct Met {
-    id: u32,
-    corners: [Joint; 4],
-    is_joint: [bool; 4],
+fn is_vouched(tags: &[DecodedTag]) -> bool {
+    2 <= tags.len() || tags.iter().any(|tag| LONE_MARGIN_GRAY <= tag.margin_gray)
 }
 
 /// The corners of a tag, each at the joint it belongs to, or where the tag's edges meet when it has none (a corner
-/// square missing or covered).
-fn corners(tag: &DecodedTag, joints: &[Joint]) -> Met {
+/// square missing or covered), and whether it is a joint.
+fn corners(tag: &DecodedTag, joints: &[Joint]) -> [(Feature, Joint, bool); 4] {
     let edge_px = sigma::shortest_edge_px(&tag.corners);
     // Half a corner square (spacing ratio 0.3 of the tag) away lies the square's other corner.
     let within_px = (0.1 * edge_px).clamp(1.5, 4.0);
-    let joints = tag.corners.map(|corner| nearest(joints, &corner, within_px));
-    let edges = |k: usize| Joint { pixel: tag.corners[k], sigma_px: sigma::tag_px(tag) };
-    let corners = [0, 1, 2, 3].map(|k| joints[k].unwrap_or(edges(k)));
-    Met { id: tag.id, corners, is_joint: joints.map(|joint| joint.is_some()) }
+    [0, 1, 2, 3].map(|k| {
+        let met = Joint { pixel: tag.corners[k], sigma_px: sigma::tag_px(tag) };
+        let joint = nearest(joints, &met.pixel, within_px);
+        (Feature { id: tag.id, corner: k as u8 }, joint.unwrap_or(met), joint.is_some())
+    })
 }
-
-/// A print further than this from its saddle point is another's, pixels.
-const MAX_MOVE_PX: f64 = 1.5;

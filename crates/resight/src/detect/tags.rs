@@ -1,11 +1,11 @@
 //! Square fiducials: one tag, tags of a map, or every tag of a family.
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
-use super::families::{Family, draw};
+use super::families::Family;
 use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
 use super::tiles::{self, Look};
-use super::{DetectError, sigma, tag_print};
+use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -27,7 +27,6 @@ pub struct FoundTag {
 /// Finds every tag of a family, copies of an id included.
 pub struct TagFinder {
     decoder: QuadDecoder,
-    family: Family,
     min_margin_gray: f64,
     /// How many tags end the search early: all that are wanted.
     wanted: usize,
@@ -53,16 +52,9 @@ impl TagFinder {
         let rim_edges = family.rim_edges();
         // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
         // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
-        let mut decoder = QuadDecoder::new(std::slice::from_ref(&family)).ok_or(DetectError::OutOfMemory)?;
+        let mut decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
         decoder.set_least_contrast(min_margin_gray as u8);
-        Ok(TagFinder {
-            decoder,
-            family,
-            min_margin_gray,
-            wanted,
-            rim_edges,
-            part: GrayImage::filled(0, 0, 0),
-        })
+        Ok(TagFinder { decoder, min_margin_gray, wanted, rim_edges, part: GrayImage::filled(0, 0, 0) })
     }
 
     /// The tags in an image, by id, then from the left.
@@ -76,24 +68,9 @@ impl TagFinder {
         } else {
             self.search(image, levels)
         };
-        self.measured(image, quiet.noise_gray, &tags)
-    }
-
-    /// Each tag measured by its print, by id, then from the left.
-    pub(super) fn measured(&self, image: &GrayImage, noise_gray: f64, tags: &[DecodedTag]) -> Vec<FoundTag> {
-        let mut found: Vec<FoundTag> = tags.iter().map(|tag| self.by_print(image, noise_gray, tag)).collect();
+        let mut found: Vec<FoundTag> = tags.iter().map(FoundTag::new).collect();
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         found
-    }
-
-    /// A tag measured by its print; as the library has it where the print does not show.
-    fn by_print(&self, image: &GrayImage, noise_gray: f64, tag: &DecodedTag) -> FoundTag {
-        let index = self.family.ids.iter().position(|id| *id == tag.id);
-        let print = index.map(|index| draw(&self.family, self.family.codes[index]));
-        let laid = print.and_then(|print| tag_print::lay(image, noise_gray, &print, &tag.corners));
-        let (corners, sigma_px) =
-            laid.map_or((tag.corners, sigma::tag_px(tag)), |laid| (laid.corners, laid.sigma_px));
-        FoundTag { id: tag.id, corners, sigma_px, margin_gray: tag.margin_gray }
     }
 
     /// Found in the smoothed image, measured in the image as it came, where alone the smallest tags show.
@@ -207,6 +184,15 @@ fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
 }
 
 impl FoundTag {
+    pub(super) fn new(tag: &DecodedTag) -> Self {
+        FoundTag {
+            id: tag.id,
+            corners: tag.corners,
+            sigma_px: sigma::tag_px(tag),
+            margin_gray: tag.margin_gray,
+        }
+    }
+
     /// Its four corners as detections.
     pub fn detections(&self) -> impl Iterator<Item = Detection> + '_ {
         self.corners.iter().zip(0..).map(|(&pixel, corner)| Detection {

@@ -6,7 +6,7 @@
 //! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
 //! explains says whether the corner is there at all; how well the shift is known, `scatter` says.
 
-pub(super) mod scatter;
+mod scatter;
 
 use super::homography::{Homography, PlanePoint};
 use crate::GrayImage;
@@ -59,14 +59,14 @@ const LATTICE: usize = 21;
 const RIM: usize = 3;
 
 /// A print's picture around the pixel nearest to its corner.
-pub(super) struct Picture {
+struct Picture {
     side: usize,
     values: Vec<f32>,
 }
 
 impl Picture {
     /// `ink` is −1 where black and 1 where white, on the plane; `middle` the pixel it is drawn around; `shift` moves the image of the plane.
-    pub fn draw(
+    fn draw(
         ink: &impl Fn(PlanePoint) -> f32,
         plane_from_image: &Homography,
         middle: Pixel,
@@ -112,7 +112,7 @@ impl Picture {
     }
 
     /// Second derivatives along u, along both and along v at a place relative to the middle, bilinear.
-    pub fn bends(&self, u: f64, v: f64) -> [f64; 3] {
+    fn bends(&self, u: f64, v: f64) -> [f64; 3] {
         let middle = (self.side / 2) as f64;
         let most = (self.side - 3) as f64 - 1e-9;
         let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));
@@ -131,7 +131,7 @@ impl Picture {
     }
 
     /// Value and slopes at a place relative to the middle, bilinear; held at least a pixel inside, for the slopes.
-    pub fn at(&self, u: f64, v: f64) -> (f64, f64, f64) {
+    fn at(&self, u: f64, v: f64) -> (f64, f64, f64) {
         let middle = (self.side / 2) as f64;
         let most = (self.side - 3) as f64 - 1e-9;
         let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));

@@ -4,7 +4,6 @@ use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
 use crate::detect::DetectError;
 use crate::detect::apriltag::DecodedTag;
-use crate::detect::noise::noise_gray;
 use crate::detect::region::{Region, joined, longer_side_px};
 use crate::detect::tags::{COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, single_or_unique};
 use resight_core::Pixel;
@@ -85,7 +84,8 @@ impl TagFollower {
             self.absence.found();
         }
         self.seen.clone_from(&found);
-        let found: Vec<FoundTag> = self.finder.measured(image, noise_gray(image), &found);
+        let mut found: Vec<FoundTag> = found.iter().map(FoundTag::new).collect();
+        found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         Ok((single_or_unique(&found, self.is_map)?, extent))
     }
 
