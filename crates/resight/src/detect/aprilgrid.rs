@@ -72,6 +72,7 @@ impl AprilGridFinder {
                 feature,
                 pixel: joint.pixel,
                 sigma_px: joint.sigma_px,
+                lens_sigma_px: sigma::LENS_PX,
                 covariance_px2: None,
             });
         }
@@ -106,13 +107,16 @@ impl AprilGridFinder {
             let border_cells = 1 + tags[0].family;
             self.print.complete(image, quiet.noise_gray, border_cells, &mut known, &doubtful);
         }
+        let border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
+        let measured = self.print.measured(image, quiet.noise_gray, border_cells, &known, &doubtful);
         let detection = |(feature, joint): (Feature, Joint)| Detection {
             feature,
             pixel: joint.pixel,
             sigma_px: joint.sigma_px,
+            lens_sigma_px: sigma::LENS_PX,
             covariance_px2: None,
         };
-        known.into_iter().map(detection).collect()
+        measured.into_iter().map(detection).collect()
     }
 
     /// With the tags that show, in the image as it came, where those found say they are.

@@ -15,8 +15,10 @@ mod lattice;
 mod place;
 mod squares;
 
+use super::homography::{Homography, PlanePoint};
 use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
-use super::{DetectError, noise};
+use super::print::{self, Place as Surroundings};
+use super::{DetectError, noise, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
 use calib_targets::core::DetectorConfig;
@@ -108,8 +110,8 @@ impl ChessboardFinder {
         search.by_pieces(pieces, corners)
     }
 
-    /// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for. Where all of the print
-    /// was laid on the image (`is_printed`), they are placed three times better than that already.
+    /// The corners, each measured by the print around it or in the window asked for. Of a board that grew by its print (`is_printed`) a corner stays where
+    /// that put it when the print around it alone does not show.
     fn refined(
         &self,
         lattice: &Lattice,
@@ -122,24 +124,61 @@ impl ChessboardFinder {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
             lattice.at(p.node(column, row)).filter(|_| is_corner)
         };
+        let id = |column: i32, row: i32| (row * columns + column) as u32;
         let corner = |(column, row): (i32, i32)| {
-            let joint = node(column, row)?;
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
-            let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
-            let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
-            let clear_px = WINDOW_RATIO * nearest_px;
-            let is_placed = is_printed && self.window == CornerWindow::Clear;
-            let joint = if is_placed { joint } else { joint.refined(image, clear_px, self.window) };
-            let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
-            Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px, covariance_px2: None })
+            Some((id(column, row), node(column, row)?, around(&self.board, &node, column, row)))
         };
-        Placement::cells(&self.board).filter_map(corner).collect()
+        let nodes: Vec<(u32, Joint, Option<Surroundings<_>>)> =
+            Placement::cells(&self.board).filter_map(corner).collect();
+        let detection = |id: u32, pixel: Pixel, sigma_px: f64| {
+            let feature = Feature { id, corner: 0 };
+            Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
+        };
+        if let CornerWindow::Half(half_px) = self.window {
+            let joints = nodes.into_iter().map(|(id, joint, _)| (id, joint.refined(image, half_px)));
+            return joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px)).collect();
+        }
+        let (joints, places): (Vec<_>, Vec<_>) =
+            nodes.into_iter().filter_map(|(id, joint, place)| Some(((id, joint), place?))).unzip();
+        let said = print::measure(image, noise::noise_gray(image), &places);
+        let corners = joints.into_iter().zip(said).filter_map(|((id, joint), said)| match said {
+            print::Seen::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
+            print::Seen::Otherwise if !is_printed => None,
+            print::Seen::Outside | print::Seen::Otherwise => Some(detection(id, joint.pixel, joint.sigma_px)),
+        });
+        corners.collect()
     }
 }
 
-/// Half window of the refinement over the distance to the nearest corner. Calibrating from 2 × 13 real views leaves
-/// 0.179 / 0.185 px at 0.25, 0.176 / 0.179 px at 0.34, and 0.201 / 0.326 px at 0.40, where neighbours come in.
-const WINDOW_RATIO: f64 = 0.34;
+/// A print further than this from the saddle point is another's, pixels.
+const MAX_MOVE_PX: f64 = 1.5;
+
+/// The print around a corner, as the corners beside it say; none where they do not.
+fn around(
+    board: &Chessboard,
+    node: &dyn Fn(i32, i32) -> Option<Joint>,
+    column: i32,
+    row: i32,
+) -> Option<Surroundings<impl Fn(PlanePoint) -> f32 + use<>>> {
+    let at = |c: i32, r: i32| PlanePoint::new(c as f64, r as f64);
+    let near = (-1..=1).flat_map(|dv| (-1..=1).map(move |du| (column + du, row + dv)));
+    let pairs: Vec<(PlanePoint, Pixel)> =
+        near.filter_map(|(c, r)| Some((at(c, r), node(c, r)?.pixel))).collect();
+    let map = Homography::fit(&pairs)?;
+    let place = at(column, row);
+    let found = node(column, row)?.pixel;
+    let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
+    let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - found).norm());
+    let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
+    let last = PlanePoint::new(board.columns as f64, board.rows as f64);
+    // Corner 0 has a black square between it and the next ones; outside of the outer squares the board is white.
+    let ink = move |x: PlanePoint| {
+        let is_inside = -1.0 <= x.x && -1.0 <= x.y && x.x < last.x && x.y < last.y;
+        let is_even = (x.x.floor() + x.y.floor()).rem_euclid(2.0) == 0.0;
+        if is_inside && is_even { -1.0 } else { 1.0 }
+    };
+    Some(Surroundings { found, place, map, square_px, clear_px: f64::INFINITY, reach_px: MAX_MOVE_PX, ink })
+}
 
 /// A board whose pieces are grown.
 struct Search<'a> {

@@ -3,11 +3,12 @@
 //! A few tags that were read tell where every corner of the grid is. What is printed around one (the tag's border and bits, the corner square)
 //! says whether it is there and where: of tags too small, too blurred or partly covered all corners that are visible count.
 
+use super::super::DetectError;
 use super::super::families::{MarkerPattern, marker_pattern};
 use super::super::homography::{Homography, PlanePoint};
 use super::super::joints::Joint;
+use super::super::print::{self, Place, Seen};
 use super::super::template::{self, Fit, Window};
-use super::super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::target::{AprilGrid, Feature};
@@ -131,6 +132,52 @@ impl GridPrint {
         }
     }
 
+    /// The corners as their print places them. One whose print does not show is covered, and left out, but for those in `doubtful`, which rest on the edges of
+    /// their tag: there a corner square is missing.
+    pub fn measured(
+        &self,
+        image: &GrayImage,
+        noise_gray: f64,
+        border_cells: usize,
+        known: &Corners,
+        doubtful: &[Feature],
+    ) -> Corners {
+        let look = Look { print: self, image, noise_gray, border_cells, blur_px: BLURS_PX[0] };
+        let place = |(feature, joint): (&Feature, &Joint)| {
+            let place = self.place(feature.id, feature.corner);
+            let map = look.map_near(known, feature.id, &place)?;
+            let edge_px = edge_px(&map, &place)?;
+            let ink = move |x: PlanePoint| self.ink(x, border_cells);
+            let spacing = self.grid.tag_spacing_ratio;
+            // Beyond the gap around the outer tags anything may be.
+            let outer_px = (0.7 * spacing * edge_px - 0.5).max(3.0);
+            let clear_px = if self.is_outer(&place) { outer_px } else { f64::INFINITY };
+            let square_px = (2.0 * spacing).min(1.0) * edge_px;
+            let reach_px = (0.05 * edge_px).clamp(1.0, SEARCH_PX.0);
+            Some((*feature, Place { found: joint.pixel, place, map, square_px, clear_px, reach_px, ink }))
+        };
+        let (features, places): (Vec<Feature>, Vec<Place<_>>) = known.iter().filter_map(place).unzip();
+        let mut measured = known.clone();
+        for (feature, seen) in features.into_iter().zip(print::measure(image, noise_gray, &places)) {
+            match seen {
+                Seen::Print { pixel, sigma_px } => {
+                    measured.insert(feature, Joint { pixel, sigma_px });
+                }
+                Seen::Otherwise if !doubtful.contains(&feature) => {
+                    measured.remove(&feature);
+                }
+                Seen::Otherwise | Seen::Outside => {}
+            }
+        }
+        measured
+    }
+
+    /// Whether a place lies on the outline of the grid.
+    fn is_outer(&self, x: &PlanePoint) -> bool {
+        let last = |n: u32| (n - 1) as f64 * (1.0 + self.grid.tag_spacing_ratio) + 0.5;
+        x.x < 0.5 || x.y < 0.5 || last(self.grid.columns) < x.x || last(self.grid.rows) < x.y
+    }
+
     /// A tag and those up to so many columns and rows away.
     fn tags_near(&self, id: u32, reach: u32) -> impl Iterator<Item = u32> + use<> {
         let AprilGrid { rows, columns, first_id, .. } = self.grid;
@@ -153,8 +200,16 @@ impl GridPrint {
     }
 }
 
+/// Length of a tag's edge in the image at a place, where it is shortest, pixels.
+fn edge_px(map: &Homography, place: &PlanePoint) -> Option<f64> {
+    let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
+    let at = map.at(place);
+    let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - at).norm());
+    Some(2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min)).filter(|edge| edge.is_finite())
+}
+
 fn printed(fit: &Fit) -> Joint {
-    Joint { pixel: fit.pixel, sigma_px: sigma::refined_px(fit.sigma_px) }
+    Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
 }
 
 /// What every corner of an image is compared with.
@@ -176,12 +231,7 @@ impl Look<'_> {
         if !inside(at.x, self.image.width_px) || !inside(at.y, self.image.height_px) {
             return None;
         }
-        let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
-        let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - at).norm());
-        let edge_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
-        if !(LEAST_EDGE_PX <= edge_px && edge_px.is_finite()) {
-            return None;
-        }
+        let edge_px = edge_px(&map, &place).filter(|edge| LEAST_EDGE_PX <= *edge)?;
         let reach_px = (SEARCH_EDGES * edge_px).clamp(SEARCH_PX.0, SEARCH_PX.1);
         let half_px = (PRINT_EDGES * edge_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
         let window = Window { half_px, blur_px: self.blur_px, noise_gray: self.noise_gray };

@@ -7,7 +7,6 @@
 
 use super::super::homography::PlanePoint;
 use super::super::joints::Joint;
-use super::super::sigma;
 use super::super::template::{self, Fit, Window};
 use super::lattice::{Extent, Lattice, Node};
 use super::place::Ends;
@@ -193,7 +192,7 @@ impl<'a> Pattern<'a> {
 }
 
 fn printed(fit: &Fit) -> Joint {
-    Joint { pixel: fit.pixel, sigma_px: sigma::refined_px(fit.sigma_px) }
+    Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
 }
 
 /// Nodes beside the known ones, with how many of their eight neighbours are known.

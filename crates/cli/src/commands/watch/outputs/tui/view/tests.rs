@@ -49,7 +49,7 @@ fn estimate(pose: &Pose) -> PoseEstimate {
         let x_in_cam = *pose * target.point(feature).expect("a point").position;
         let error = 0.1 * (5.0 * x_in_cam.x + 40.0 * x_in_cam.y).sin();
         let pixel = camera.project(&x_in_cam).expect("in the picture").map(|x| x + error);
-        Detection { feature, pixel, sigma_px: 0.2, covariance_px2: None }
+        Detection { feature, pixel, sigma_px: 0.2, lens_sigma_px: 0.0, covariance_px2: None }
     };
     let detections: Vec<Detection> = target.features().into_iter().map(detection).collect();
     let points: Vec<_> = correspond(&detections, &target, &camera).0.into_iter().map(|(_, c)| c).collect();
