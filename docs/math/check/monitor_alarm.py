@@ -1,9 +1,9 @@
-"""docs/math/monitor.md section 9: eqs. (35), (36) and (39)."""
+"""docs/math/monitor.md section 10: eqs. (46), (47) and (50)."""
 
 import numpy as np
 import sympy as sp
 
-# (35): variance of the difference of neighbouring means of an error with autocorrelation exp(-|s|/tau), T = x tau.
+# (46): variance of the difference of neighbouring means of an error with autocorrelation exp(-|s|/tau), T = x tau.
 x, a, b = sp.symbols("x a b", positive=True)
 inner = sp.integrate(sp.exp(b - a), (b, 0, a))  # b < a < x, both in units of tau
 variance = 2 * sp.integrate(inner, (a, 0, x)) / x**2
@@ -14,7 +14,7 @@ assert sp.simplify(2 * (variance - shared) - stated) == 0
 assert abs(float(stated.subs(x, 1)) - 0.672) < 5e-4
 assert sp.limit(stated / x, x, 0) == sp.Rational(4, 3)
 
-# (36): errors f times as large as the model says; ln Lambda of (8) as it is and as it should be.
+# (47): errors f times as large as the model says; ln Lambda of (8) as it is and as it should be.
 rng = np.random.default_rng(36)
 gamma = 4.0
 for f2 in (1.5, 4.0, 10.0):
@@ -26,7 +26,7 @@ for f2 in (1.5, 4.0, 10.0):
     exponent = (false + 0.5 * np.log1p(gamma * d)) / f2 - 0.5 * np.log1p(gamma * d / f2)
     assert np.max(np.abs(exponent - true) / (1 + np.abs(true))) < 0.1
 
-# (39): a camera that stays where it was found (D = 1 sigma away) is said to be back at most once in 1100.
+# (50): a camera that stays where it was found (D = 1 sigma away) is said to be back at most once in 1100.
 runs, readings = 4000, 2000
 y = 1.0 + rng.normal(0, 1, (runs, readings))
 n = np.arange(1, readings + 1)

@@ -5,7 +5,7 @@
 //!        └──► moved: told from where it was known to be before (`base`); course and rate from the means of readings since
 //!               └──► back: where it was before is a thousand times likelier than where the alarm found it
 //! ```
-//! Derivation: docs/math/monitor.md sections 4 and 9.
+//! Derivation: docs/math/monitor.md sections 4 and 10.
 
 use super::drift::Rate;
 use super::gate::{Gate, Passed};
@@ -42,7 +42,7 @@ pub(super) struct Aftermath {
 
 /// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
 const CHOSEN: f64 = 4.0;
-/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: eq. (36).
+/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: eq. (47).
 const SIZE: f64 = 8.0;
 /// Odds of another course at which the name is changed, as Δχ²: 400 to 1.
 const RENAMED: f64 = 12.0;
@@ -59,7 +59,7 @@ const MEDIAN: f64 = 5.348;
 /// Errors found larger than the model are told for this long, seconds, and so many decisions, at least.
 const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
-/// The difference of two neighbouring means over the time in which a lasting error is forgotten, in units of that error: eq. (35).
+/// The difference of two neighbouring means over the time in which a lasting error is forgotten, in units of that error: eq. (46).
 const OVER_ONE_TIME: f64 = 0.672;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;

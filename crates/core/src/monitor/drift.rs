@@ -56,7 +56,7 @@ impl Drift {
 
     /// The one axis whose motion alone explains all of it; none where chance leaves more than that so seldom, where another axis explains it
     /// about as well, or where it does not stand out of its own error. Of all six known together none may stand out though the motion
-    /// is beyond doubt; given that the others are zero this one is known far better: docs/math/monitor.md eq. (38).
+    /// is beyond doubt; given that the others are zero this one is known far better: docs/math/monitor.md eq. (49).
     pub fn alone(&self) -> Option<Alone> {
         let weight = self.covariance.cholesky()?.inverse();
         let score = weight * self.old_from_new;

@@ -1,7 +1,7 @@
 //! Where a camera was known to be before a change: the filters' level at times gone by, closer together the more recent.
 //!
 //! The reference errs, by as much as the readings that it was learned from. That error is no motion: as readings come it is known better
-//! and better, and a motion is told from where the camera was known to be just before it began. docs/math/monitor.md eq. (34).
+//! and better, and a motion is told from where the camera was known to be just before it began. docs/math/monitor.md eq. (45).
 
 use crate::snapshot::numbers;
 use crate::{Matrix6, Vector6};

@@ -5,7 +5,7 @@
 //!   v_k  what the model makes the variance of d_k     u_k = d_k/√v_k: of variance one where the model is right
 //! ```
 //! A step is in one difference of each length, a ramp in the mean of all: neither makes errors look larger. Errors that last longer than
-//! was learned, or are larger, do. docs/math/monitor.md eqs. (35)–(36).
+//! was learned, or are larger, do. docs/math/monitor.md eqs. (46)–(47).
 
 use super::axis::AxisNoise;
 use super::onsets::AXES;

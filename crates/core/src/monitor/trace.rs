@@ -4,7 +4,7 @@
 //!   ȳ_i  mean of the readings of block i at t_i     step: ȳ = m + δ [t ≥ k]      ramp: ȳ = m + ρ (t − k)⁺
 //!   both have the unknowns m, δ or ρ, and k: what explains the blocks better is what happened, whatever the scale of the errors
 //! ```
-//! The alarm weighs the same two, but it must be early; this goes on as readings come. docs/math/monitor.md eq. (37).
+//! The alarm weighs the same two, but it must be early; this goes on as readings come. docs/math/monitor.md eq. (48).
 
 use super::onsets::Course;
 use crate::snapshot::numbers;
