@@ -59,7 +59,7 @@ fn worst_px(found: &[Detection], columns: u32, view: &View) -> f64 {
 #[test]
 fn ids_of_a_partly_visible_board_are_never_wrong() {
     let (mut placed, mut silent, mut n) = (0, 0, 0);
-    let scenes: usize = std::env::var("RESIGHT_SCENES").ok().and_then(|x| x.parse().ok()).unwrap_or(36);
+    let scenes: usize = std::env::var("RESIGHT_SCENES").ok().and_then(|x| x.parse().ok()).unwrap_or(24);
     let mut pcg = Pcg::new(11);
     for scene in 0..scenes {
         let (rows, columns) = [(6, 9), (5, 7), (4, 11)][scene % 3];
