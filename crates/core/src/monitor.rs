@@ -249,9 +249,8 @@ impl Monitor {
     /// an error, it is possible too: docs/math/monitor.md section 9.
     pub fn measure_noise(&mut self, readings: &[Reading]) {
         let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
-        let whitened = |reading: &Reading| {
-            (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance))
-        };
+        let whitened =
+            |reading: &Reading| (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance));
         let learned: Vec<_> = usable.map(whitened).collect();
         self.test.measure(&learned);
     }
@@ -325,7 +324,7 @@ impl Monitor {
         let push = |joined: &Passed| self.test.push(joined.t_s, &joined.reading, period_s, most);
         let log_r = passed.iter().map(push).last();
         // What the noise in use does not explain, other noise may.
-        if !log_r.is_some_and(|log_r| threshold <= log_r && threshold <= self.test.log_statistic(log_r)) {
+        if !log_r.is_some_and(|log_r| self.test.passes(log_r, threshold)) {
             return;
         }
         let Some(moved) = self.moved() else { return };

@@ -148,7 +148,9 @@ impl DriftTest {
         if readings.is_empty() {
             measured.presume();
         } else {
-            let wide = self.noise.map(|noise| AxisNoise { reference_sigma: WIDE * (1.0 + noise.bias_sigma), ..noise });
+            let wide = self
+                .noise
+                .map(|noise| AxisNoise { reference_sigma: WIDE * (1.0 + noise.bias_sigma), ..noise });
             measured.set_scales(&scales(readings));
             // Once for the scales of all models, once for their likelihoods.
             for _ in 0..2 {
@@ -159,7 +161,8 @@ impl DriftTest {
                 readings.iter().for_each(|(t_s, reading)| {
                     self.observe(*t_s, reading);
                 });
-                measured = self.measured.take().unwrap_or_else(|| Measured::new(&self.noise, &self.typical, unit_s));
+                measured =
+                    self.measured.take().unwrap_or_else(|| Measured::new(&self.noise, &self.typical, unit_s));
             }
         }
         self.measured = Some(measured);
@@ -271,9 +274,10 @@ impl DriftTest {
         self.onsets.add(t_s, &innovations, log_weight, then)
     }
 
-    /// The same against all noise that the readings have not excluded: no larger.
-    pub fn log_statistic(&self, log_r: f64) -> f64 {
-        self.measured.as_ref().map_or(log_r, |measured| self.onsets.log_statistic_against(measured))
+    /// Whether R passes the threshold against all noise that the readings have not excluded; against the noise in use it is `log_r`.
+    pub fn passes(&self, log_r: f64, threshold: f64) -> bool {
+        let against = |measured: &Measured| self.onsets.log_statistic_against(measured, threshold);
+        threshold <= log_r && threshold <= self.measured.as_ref().map_or(log_r, against)
     }
 
     /// What would explain the readings best; none before the first.

@@ -4,7 +4,7 @@ use super::Rng;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 use resight_core::Pose;
 use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{Monitor, MonitorConfig, Reading, Watch};
+use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 pub const DAY_S: f64 = 86_400.0;
 /// Stated noise of a corner, pixels.
@@ -21,15 +21,29 @@ pub enum Condition {
     /// Twice as noisy from 18 to 6 o'clock.
     NightDoubled,
     /// Every corner's error is an AR(1) process of that time constant for that share of its variance.
-    Correlated { share: f64, time_s: f64 },
+    Correlated {
+        share: f64,
+        time_s: f64,
+    },
     /// A sine of the camera about its y axis, degrees, seconds.
-    Sine { amplitude_deg: f64, period_s: f64 },
+    Sine {
+        amplitude_deg: f64,
+        period_s: f64,
+    },
     /// All corners off by so much in one direction, for a time, beginning so often a day.
-    Biased { px: f64, for_s: f64, per_day: f64, corners: usize },
+    Biased {
+        px: f64,
+        for_s: f64,
+        per_day: f64,
+        corners: usize,
+    },
     /// Student's t of so many degrees of freedom.
     HeavyTails(f64),
     /// A random walk of the camera about its x axis, reflected at a limit.
-    LimitedWalk { deg_per_sqrt_h: f64, limit_deg: f64 },
+    LimitedWalk {
+        deg_per_sqrt_h: f64,
+        limit_deg: f64,
+    },
     /// Correlated errors and a daily sine.
     CorrelatedAndDaily,
     /// A reading a second, and for every second hour one in ten.
@@ -49,6 +63,8 @@ pub struct Scene {
     bias: SVector<f64, 8>,
     phase: f64,
     period_s: f64,
+    /// Of the corners' variance, what the readings state.
+    stated_share: f64,
     pub t_s: f64,
 }
 
@@ -60,7 +76,8 @@ pub fn cam_from_target() -> Pose {
 fn corners(pose: &Pose) -> SVector<f64, 8> {
     let mut all = SVector::<f64, 8>::zeros();
     for (i, (x, y)) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].into_iter().enumerate() {
-        let p = pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
+        let p =
+            pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
         all[2 * i] = FOCAL_PX * p.x / p.z;
         all[2 * i + 1] = FOCAL_PX * p.y / p.z;
     }
@@ -89,6 +106,7 @@ impl Scene {
             bias: SVector::zeros(),
             phase,
             period_s,
+            stated_share: 1.0,
             t_s: 0.0,
             chance,
         }
@@ -115,7 +133,8 @@ impl Scene {
     fn errors(&mut self, elapsed_s: f64) -> (SVector<f64, 8>, Vector6<f64>) {
         let still = Vector6::zeros();
         let about = |axis: usize, degrees: f64| Vector6::ith(axis, degrees.to_radians());
-        let turn = |t_s: f64, period_s: f64, phase: f64| (std::f64::consts::TAU * (t_s / period_s + phase)).sin();
+        let turn =
+            |t_s: f64, period_s: f64, phase: f64| (std::f64::consts::TAU * (t_s / period_s + phase)).sin();
         match self.condition {
             Condition::White | Condition::ChangingRate => (self.white(), still),
             Condition::Understated(factor) => (self.white() * factor, still),
@@ -180,7 +199,7 @@ impl Scene {
         Reading {
             t_s: self.t_s,
             a_from_b: Pose::exp(&-motion) * cam_from_target(),
-            covariance: self.covariance,
+            covariance: self.covariance * self.stated_share,
             is_consistent: true,
         }
     }
@@ -191,10 +210,32 @@ impl Scene {
         let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
         let reference = learn(&readings, &nothing).expect("a reference");
         let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");
-        if std::env::var_os("RESIGHT_STATED").is_none() {
-            monitor.measure_noise(&readings);
-        }
+        monitor.measure_noise(&readings);
         monitor
+    }
+
+    /// A monitor that is told the errors as they are, its reference the mean of as many readings.
+    pub fn known(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
+        let mut sum = Vector6::zeros();
+        for _ in 0..readings {
+            sum += (cam_from_target() * self.next(&Vector6::zeros()).a_from_b.inverse()).log();
+        }
+        let (share, bias_time_s) = match self.condition {
+            Condition::Correlated { share, time_s } => (share, time_s),
+            _ => (0.0, 1.0),
+        };
+        self.stated_share = 1.0 - share;
+        let n = readings as f64;
+        let independent = (n * self.period_s / (2.0 * bias_time_s)).max(1.0);
+        let noise = DriftNoise {
+            reference: self.covariance * ((1.0 - share) / n + share / independent),
+            reading: self.covariance * (1.0 - share),
+            bias: self.covariance * share,
+            bias_time_s,
+            daily: Matrix6::zeros(),
+        };
+        let a_from_b = Pose::exp(&(-sum / n)) * cam_from_target();
+        Monitor::new(&Reference { a_from_b, noise }, config, self.t_s).expect("a monitor")
     }
 }
 
