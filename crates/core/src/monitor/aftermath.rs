@@ -117,7 +117,7 @@ impl Monitor {
         }
         let (Some(log_r), Some(last)) = (log_r, passed.last()) else { return };
         // What the noise in use does not explain, other noise may.
-        if threshold <= log_r && threshold <= self.test.log_statistic(log_r) {
+        if self.test.passes(log_r, threshold) {
             self.alarmed(last.t_s, log_r);
         }
         self.rename(last.t_s);

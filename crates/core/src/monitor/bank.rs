@@ -105,7 +105,7 @@ const STATED_COUNTS: f64 = 10.0;
 /// A square of a standardised innovation counts up to this: nine in ten thousand are larger by chance, outliers and steps are.
 const LARGEST_SQUARE: f64 = 11.0;
 /// Of the square of a normal variable that is cut off there.
-const MEAN_SQUARE: f64 = 0.994;
+const MEAN_SQUARE: f64 = 0.998_3;
 
 /// All models of one coordinate.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,6 +128,30 @@ pub(super) struct AxisBank {
     /// The model whose filter is used.
     pub used: usize,
     readings: f64,
+}
+
+/// Whether a model is the next one of larger or longer errors beside another: the truth is between grid points, and of a long record only one
+/// is left, whose errors of low frequency may be several times too small.
+pub(super) fn is_next(of: usize, model: usize) -> bool {
+    /// The widest step of the grid.
+    const STEP: f64 = 4.7;
+    if GRID <= of || GRID <= model || of == WHITE {
+        return false;
+    }
+    let (a, b) = (GRID_MODELS[of], GRID_MODELS[model]);
+    let (share, time) = (b.share / a.share, b.time / a.time);
+    (time == 1.0 && 1.0 < share && share < STEP) || (share == 1.0 && 1.0 < time && time < STEP)
+}
+
+/// The first of the largest.
+pub(super) fn best(of: &[f64]) -> usize {
+    let mut best = 0;
+    for (i, value) in of.iter().enumerate() {
+        if of[best] < *value {
+            best = i;
+        }
+    }
+    best
 }
 
 fn largest(of: &[f64; MODELS]) -> f64 {
@@ -360,8 +384,11 @@ impl AxisBank {
         self.readings
     }
 
-    /// The error that lasts of the model in use.
+    /// The error that lasts of the model in use, where white noise is excluded.
     pub fn lasting(&self, unit_s: f64) -> Option<LastingError> {
+        if largest(&self.log_likelihood) - EXCLUDED <= self.log_likelihood[WHITE] {
+            return None;
+        }
         match self.used {
             WHITE | STATED => None,
             used if GRID <= used => Some(LastingError {
@@ -375,14 +402,16 @@ impl AxisBank {
         }
     }
 
-    /// The least that `n` readings, a time apart and each as good as `joined`, say of a step of one, over all models that are not excluded.
-    pub fn least_information(&self, passed: &Passed, n: usize, joined: f64) -> f64 {
-        let most = largest(&self.log_likelihood);
-        let is_left = |model: &usize| most - EXCLUDED <= self.log_likelihood[*model] || *model == self.used;
-        (0..GRID)
-            .filter(is_left)
-            .map(|model| self.information(model, passed, n, joined))
-            .fold(f64::INFINITY, f64::min)
+    /// What `n` readings, a time apart and each as good as `joined`, say of a step of one under each model, and what the model has to make up
+    /// for before it explains them: nothing where it is not excluded.
+    pub fn possible(&self, passed: &Passed, n: usize, joined: f64) -> [(f64, f64); GRID] {
+        let best = best(&self.log_likelihood);
+        let least = self.log_likelihood[best] - EXCLUDED;
+        std::array::from_fn(|model| {
+            let is_next = is_next(best, model);
+            let behind = if is_next { 0.0 } else { (least - self.log_likelihood[model]).max(0.0) };
+            (self.information(model, passed, n, joined), behind)
+        })
     }
 
     fn information(&self, model: usize, passed: &Passed, n: usize, joined: f64) -> f64 {

@@ -9,7 +9,7 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AxisNoise, Innovation, Transition};
-use super::bank::{AxisBank, EXCLUDED, FURTHEST_BEHIND, MODELS, Passed};
+use super::bank::{self, AxisBank, EXCLUDED, FURTHEST_BEHIND, MODELS, Passed};
 use super::onsets::{self, AXES};
 use super::promise::{self, Detectable, MeasuredNoise};
 use super::test::Whitened;
@@ -18,8 +18,8 @@ use nalgebra::{Matrix6, Vector6};
 
 /// Noise may have grown since an onset, in all coordinates at once: its variance by these factors.
 const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
-/// ln of how seldom noise grows at the very time of an onset.
-const GROWS: f64 = -7.0;
+/// ln of how seldom that is at the very time of an onset; by the first factor the scale may err at any time.
+const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
 /// The models stand on a grid, and the noise between them: what the best of them may be worse by, a reading.
 const BETWEEN: f64 = 1e-3;
 /// Readings over which the time between them is taken.
@@ -157,7 +157,8 @@ impl Measured {
             best += gained.max(of_models);
         }
         let between = BETWEEN * (self.readings - then[READINGS_AT]);
-        let grown = self.grown.iter().zip(&then[GROWN_AT..HEAVY_AT]).map(|(now, then)| now - then + GROWS);
+        let since = self.grown.iter().zip(&then[GROWN_AT..HEAVY_AT]).map(|(now, then)| now - then);
+        let grown = since.zip(GROWS).map(|(gained, log_prior)| gained + log_prior);
         // As the models: what the readings before the onset excluded had to make up for that.
         let least = then[..AXES].iter().sum::<f64>() - EXCLUDED;
         let heavy = self.heavy - then[HEAVY_AT].max(least);
@@ -240,22 +241,19 @@ impl Measured {
 /// centre, at a sum of squares: eq. (40).
 fn log_student(squares: f64) -> f64 {
     /// ln Γ(11/2)/Γ(5/2) − 3 ln (5/2) − 3 ln (3/5).
-    const AT_CENTRE: f64 = 2.456_7;
+    const AT_CENTRE: f64 = 2.456_735_8;
     AT_CENTRE - 5.5 * (squares / 3.0).ln_1p()
 }
 
 /// The most that a model has gained since an onset, of those that were not excluded before it; one that was had to make up for that.
 fn most_since(now: &[f64; MODELS], then: &[f64]) -> f64 {
-    let least = then.iter().copied().fold(f64::NEG_INFINITY, f64::max) - EXCLUDED;
-    let mut stated = f64::NEG_INFINITY;
-    let mut most = f64::NEG_INFINITY;
-    for (i, (now, then)) in now.iter().zip(then).enumerate() {
-        most = most.max(now - then.max(least));
-        if i == super::bank::STATED {
-            stated = now - then;
-        }
-    }
-    most.max(stated)
+    let best = bank::best(then);
+    let least = then[best] - EXCLUDED;
+    let gained = |model: usize| {
+        let is_possible = model == bank::STATED || bank::is_next(best, model);
+        now[model] - if is_possible { then[model] } else { then[model].max(least) }
+    };
+    (0..MODELS).map(gained).fold(f64::NEG_INFINITY, f64::max)
 }
 
 numbers!(Measured { banks, unit_s, own, grown, heavy, readings, between_s, set_aside });

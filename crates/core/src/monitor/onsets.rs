@@ -225,11 +225,24 @@ impl Onsets {
         self.log_mass(&self.onsets)
     }
 
-    /// ln R, the ratios of each onset taken against all noise that is possible.
-    pub fn log_statistic_against(&self, measured: &Measured) -> f64 {
-        let of =
-            |onset: &Onset| self.log_mass(std::slice::from_ref(onset)) + measured.log_against(&onset.then);
-        LogSum::of(self.onsets.iter().map(of)).ln()
+    /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
+    /// that.
+    pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
+        let mass = |onset: &Onset| self.log_mass(std::slice::from_ref(onset));
+        let masses: ArrayVec<f64, { ONSETS + 1 }> = self.onsets.iter().map(mass).collect();
+        let mut order: ArrayVec<usize, { ONSETS + 1 }> = (0..masses.len()).collect();
+        order.sort_by(|a, b| masses[*b].total_cmp(&masses[*a]));
+        let mut sum = LogSum::nothing();
+        for (i, onset) in order.iter().enumerate() {
+            sum.add((masses[*onset] + measured.log_against(&self.onsets[*onset].then)).into());
+            // The others are worth no more than they are against the noise in use.
+            let mut most = sum;
+            order[i + 1..].iter().for_each(|other| most.add(masses[*other].into()));
+            if most.ln() < threshold {
+                return most.ln();
+            }
+        }
+        sum.ln()
     }
 
     /// What the models of noise were worth before the onset nearest to `onset_s`.

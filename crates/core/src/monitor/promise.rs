@@ -1,6 +1,6 @@
 //! What the measured noise is, and which motion it lets the monitor promise to find.
 
-use super::bank::{AxisBank, Passed};
+use super::bank::{AxisBank, GRID, Passed};
 use super::onsets::AXES;
 use crate::{Matrix6, Vector6};
 
@@ -53,10 +53,12 @@ pub struct Detectable {
 const FOLLOWED: usize = 128;
 /// The statistic of a mean motion is exceeded by half of them; nine in ten do with this much more, in standard deviations of it.
 const NINE_IN_TEN: f64 = 1.28;
+/// Of a range of 10¹² to a hundredth.
+const HALVINGS: usize = 12;
 /// What six coordinates lose on average to the errors that fit each by chance, nats.
-const FITTED: f64 = 3.0;
+const FITTED: f64 = 5.0;
 
-/// `log_evidence`: ln of what a single onset needs. `directions`: columns, unit changes of the motion in whitened coordinates.
+/// `log_evidence`: ln of what a single onset needs; `between_s`: the time between readings.
 pub(super) fn detectable(
     banks: &[AxisBank; AXES],
     unit_s: f64,
@@ -65,25 +67,41 @@ pub(super) fn detectable(
     within_s: f64,
     log_evidence: f64,
 ) -> Detectable {
-    let n = (within_s / between_s).floor().max(1.0);
+    let n = (within_s / between_s).floor().clamp(1.0, 1e6);
     let followed = n.min(FOLLOWED as f64);
     let (elapsed_s, joined) = (between_s * n / followed, n / followed);
-    let information = Vector6::from_fn(|axis, _| {
-        banks[axis].least_information(&Passed::new(elapsed_s, unit_s), followed as usize, joined)
-    });
-    // Cδ²/2 in the mean, scattering by √(Cδ²).
-    let needed = log_evidence + FITTED;
-    let root = NINE_IN_TEN + (NINE_IN_TEN * NINE_IN_TEN + 2.0 * needed).sqrt();
+    let passed = Passed::new(elapsed_s, unit_s);
+    let possible = std::array::from_fn(|axis| banks[axis].possible(&passed, followed as usize, joined));
+    // A mean of E nats scatters by √2E.
+    let root = NINE_IN_TEN + (NINE_IN_TEN * NINE_IN_TEN + 2.0 * (log_evidence + FITTED)).sqrt();
     let size = |coordinate: usize| {
-        let column = whitened_from_motion.column(coordinate);
-        let of_unit: f64 = (0..AXES).map(|axis| column[axis].powi(2) * information[axis]).sum();
-        root / of_unit.sqrt()
+        let along: Vector6 = whitened_from_motion.column(coordinate).into();
+        smallest(&possible, &along, 0.5 * root * root)
     };
     Detectable {
         within_s,
         rotation_rad: std::array::from_fn(size),
         translation_m: std::array::from_fn(|i| size(3 + i)),
     }
+}
+
+/// The size along a direction at which even the models that explain the step best leave so many nats for it.
+fn smallest(possible: &[[(f64, f64); GRID]; AXES], along: &Vector6, needed: f64) -> f64 {
+    let nats = |size: f64| -> f64 {
+        let of_axis = |axis: usize| -> f64 {
+            let square = 0.5 * (size * along[axis]).powi(2);
+            possible[axis].iter().map(|(d, behind)| square * d + behind).fold(f64::INFINITY, f64::min)
+        };
+        (0..AXES).map(of_axis).sum()
+    };
+    // A motion of one in whitened coordinates is about a standard deviation of a reading.
+    let unit = 1.0 / along.norm().max(f64::MIN_POSITIVE);
+    let (mut low, mut high) = (1e-6 * unit, 1e6 * unit);
+    for _ in 0..HALVINGS {
+        let middle = (low * high).sqrt();
+        if nats(middle) < needed { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// What the noise is, of all coordinates together.

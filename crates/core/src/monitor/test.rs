@@ -284,9 +284,10 @@ impl DriftTest {
         self.onsets.add(t_s, &innovations, log_weight, then)
     }
 
-    /// The same against all noise that the readings have not excluded: no larger.
-    pub fn log_statistic(&self, log_r: f64) -> f64 {
-        self.measured.as_ref().map_or(log_r, |measured| self.onsets.log_statistic_against(measured))
+    /// Whether R passes the threshold against all noise that the readings have not excluded; against the noise in use it is `log_r`.
+    pub fn passes(&self, log_r: f64, threshold: f64) -> bool {
+        let against = |measured: &Measured| self.onsets.log_statistic_against(measured, threshold);
+        threshold <= log_r && threshold <= self.measured.as_ref().map_or(log_r, against)
     }
 
     /// What would explain the readings best; none before the first.

@@ -4,7 +4,7 @@ use super::Rng;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 use resight_core::Pose;
 use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{Monitor, MonitorConfig, Reading, Watch};
+use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 pub const DAY_S: f64 = 86_400.0;
 /// Stated noise of a corner, pixels.
@@ -63,6 +63,8 @@ pub struct Scene {
     bias: SVector<f64, 8>,
     phase: f64,
     period_s: f64,
+    /// Of the corners' variance, what the readings state.
+    stated_share: f64,
     pub t_s: f64,
 }
 
@@ -104,6 +106,7 @@ impl Scene {
             bias: SVector::zeros(),
             phase,
             period_s,
+            stated_share: 1.0,
             t_s: 0.0,
             chance,
         }
@@ -196,7 +199,7 @@ impl Scene {
         Reading {
             t_s: self.t_s,
             a_from_b: Pose::exp(&-motion) * cam_from_target(),
-            covariance: self.covariance,
+            covariance: self.covariance * self.stated_share,
             is_consistent: true,
         }
     }
@@ -207,10 +210,32 @@ impl Scene {
         let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
         let reference = learn(&readings, &nothing).expect("a reference");
         let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");
-        if std::env::var_os("RESIGHT_STATED").is_none() {
-            monitor.measure_noise(&readings);
-        }
+        monitor.measure_noise(&readings);
         monitor
+    }
+
+    /// A monitor that is told the errors as they are, its reference the mean of as many readings.
+    pub fn known(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
+        let mut sum = Vector6::zeros();
+        for _ in 0..readings {
+            sum += (cam_from_target() * self.next(&Vector6::zeros()).a_from_b.inverse()).log();
+        }
+        let (share, bias_time_s) = match self.condition {
+            Condition::Correlated { share, time_s } => (share, time_s),
+            _ => (0.0, 1.0),
+        };
+        self.stated_share = 1.0 - share;
+        let n = readings as f64;
+        let independent = (n * self.period_s / (2.0 * bias_time_s)).max(1.0);
+        let noise = DriftNoise {
+            reference: self.covariance * ((1.0 - share) / n + share / independent),
+            reading: self.covariance * (1.0 - share),
+            bias: self.covariance * share,
+            bias_time_s,
+            daily: Matrix6::zeros(),
+        };
+        let a_from_b = Pose::exp(&(-sum / n)) * cam_from_target();
+        Monitor::new(&Reference { a_from_b, noise }, config, self.t_s).expect("a monitor")
     }
 }
 
