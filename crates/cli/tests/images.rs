@@ -104,7 +104,7 @@ fn detect_lists_the_points_of_every_image_a_pattern_matches() {
     for found in json_lines(&run) {
         let detections = found["detections"].as_array().unwrap();
         assert_eq!(detections.len(), 64);
-        let keys = ["id", "corner", "u_px", "v_px", "sigma_px"];
+        let keys = ["id", "corner", "u_px", "v_px", "sigma_px", "lens_sigma_px"];
         assert!(detections.iter().all(|d| keys.iter().all(|key| d[key].is_number())));
     }
 }

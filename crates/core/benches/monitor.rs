@@ -43,9 +43,17 @@ fn decisions(c: &mut Criterion) {
     };
     let reference = Reference { a_from_b: cam_from_target(), noise };
     let readings = readings(3000);
-    for (name, decision_period_s) in [("every reading decided", 1e-3), ("six readings a decision", 0.2)] {
+    for (name, decision_period_s, is_measured) in [
+        ("every reading decided", 1e-3, false),
+        ("six readings a decision", 0.2, false),
+        ("noise measured, every reading decided", 1e-3, true),
+        ("noise measured, six readings a decision", 0.2, true),
+    ] {
         let config = MonitorConfig { decision_period_s, ..MonitorConfig::default() };
         let mut monitor = Monitor::new(&reference, &config, 0.0).expect("a monitor");
+        if is_measured {
+            monitor.measure_noise(&[]);
+        }
         let mut next = 0;
         c.bench_function(&format!("monitor, {name}"), |b| {
             b.iter(|| {

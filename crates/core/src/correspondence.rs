@@ -14,10 +14,20 @@ pub struct Detection {
     pub feature: Feature,
     /// Where it was seen, pixels.
     pub pixel: Pixel,
-    /// Standard deviation of each pixel coordinate.
+    /// Standard deviation of each pixel coordinate by the image alone: noise, blur, what the detector adds.
     pub sigma_px: f64,
+    /// Standard deviation of each pixel coordinate by what the lens model leaves; 0 where `sigma_px` holds that too. [`correspond`] adds it, once.
+    pub lens_sigma_px: f64,
     /// Covariance of the pixel, where it is not the same in all directions; replaces `sigma_px`.
     pub covariance_px2: Option<PixelCovariance>,
+}
+
+#[cfg(feature = "std")]
+impl Detection {
+    /// With what the lens model leaves: standard deviation of each pixel coordinate against the camera model.
+    pub fn total_sigma_px(&self) -> f64 {
+        self.sigma_px.hypot(self.lens_sigma_px)
+    }
 }
 
 /// Covariance of a pixel, such as that of the centre of an ellipse: long across a blurred or slanted dot, short along it.
@@ -99,7 +109,8 @@ pub struct Skipped {
     pub reason: Option<Error>,
 }
 
-/// Joins detections with the target's points; what cannot be used is returned with its reason.
+/// Joins detections with the target's points; what cannot be used is returned with its reason. What the lens model leaves is added to the sigmas
+/// here and nowhere else.
 #[cfg(feature = "std")]
 pub fn correspond(
     detections: &[Detection],
@@ -113,9 +124,15 @@ pub fn correspond(
             skipped.push(Skipped { feature: d.feature, reason: None });
             continue;
         };
-        match Correspondence::new(camera, known.position, d.pixel, d.sigma_px) {
+        let lens_px2 = d.lens_sigma_px * d.lens_sigma_px;
+        match Correspondence::new(camera, known.position, d.pixel, d.total_sigma_px()) {
             Ok(c) => {
-                let c = d.covariance_px2.map_or(c, |covariance| c.with_covariance(covariance));
+                let with_lens = |covariance: PixelCovariance| PixelCovariance {
+                    uu_px2: covariance.uu_px2 + lens_px2,
+                    vv_px2: covariance.vv_px2 + lens_px2,
+                    ..covariance
+                };
+                let c = d.covariance_px2.map_or(c, |covariance| c.with_covariance(with_lens(covariance)));
                 seen.push((d.feature, Correspondence { sigma_m: known.sigma_m, ..c }));
             }
             Err(reason) => skipped.push(Skipped { feature: d.feature, reason: Some(reason) }),

@@ -10,26 +10,40 @@
 
 mod log_sum;
 mod axis;
+mod bank;
+mod measured;
 mod onsets;
 mod test;
 mod gate;
 mod drift;
+mod milestones;
+mod scatter;
+mod trace;
+mod aftermath;
+mod earlier;
+mod promise;
+mod transients;
 mod unsettled;
 pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Drift, turn_alone};
+pub use drift::{Alone, Drift, Rate, turn_alone};
 pub use onsets::Course;
+pub use promise::{Detectable, LastingError, MeasuredNoise};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 
 use crate::covariance::is_covariance;
 use crate::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
-use gate::{Gate, Passed};
+use aftermath::Aftermath;
+use earlier::Version2;
+use gate::Gate;
 use log_sum::{LogSum, Scaled};
+use milestones::Milestone;
 use test::DriftTest;
+use transients::Transients;
 
 /// What counts as an alarm, and as seeing nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,6 +115,8 @@ pub enum Watch {
     },
     /// Something is different, but not yet often enough to be more than a wrong reading.
     Settling,
+    /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
+    Doubted,
     /// It moved.
     Drifted(Drift),
     /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
@@ -117,6 +133,10 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
+    /// Until then a drift is not told: it may come back as others did.
+    held_until_s: Option<f64>,
+    transients: Transients,
+    aftermath: Aftermath,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -128,7 +148,9 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 2;
+const SNAPSHOT_VERSION: u32 = 3;
+/// Before noise was measured.
+const VERSION_2: u32 = 2;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -150,6 +172,13 @@ impl Monitor {
             gate: Gate::new(config.decision_period_s),
             test,
             drift: None,
+            held_until_s: None,
+            transients: Transients::default(),
+            aftermath: Aftermath::new(Milestone {
+                t_s,
+                motion: Vector6::zeros(),
+                covariance: reference.noise.reference,
+            }),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -184,22 +213,21 @@ impl Monitor {
             _ if self.config.unseen_after_s < t_s - self.last_s => Watch::Unseen { for_s },
             _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
             _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
+            Some(_) if self.is_held(t_s) => Watch::Settling,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Settling,
+            None if self.aftermath.is_doubted(t_s) => Watch::Doubted,
             None => Watch::Steady,
         }
     }
 
     /// The drift last decided, also while nothing is seen.
     pub fn drift(&self) -> Option<Drift> {
-        self.drift.map(|drift| self.refined(&drift))
+        self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
     }
 
-    /// How far, with all that has been read since the alarm.
-    fn refined(&self, drift: &Drift) -> Drift {
-        let (motion, covariance) = self.test.level();
-        let old_from_new = (self.old_from_level * Pose::exp(&motion)).log();
-        Drift { old_from_new, covariance: covariance + self.reference.noise.reference, ..*drift }
+    fn is_held(&self, t_s: f64) -> bool {
+        self.held_until_s.is_some_and(|until_s| t_s < until_s)
     }
 
     /// When there last was a usable reading, seconds.
@@ -213,19 +241,31 @@ impl Monitor {
         let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
         let reference =
             Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
+        let test = self.test.accepted(&reference.noise).ok_or(NOT_POSITIVE)?;
         *self = Monitor {
             last_usable_s: self.last_usable_s,
+            transients: self.transients,
+            test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
         Ok(())
     }
 
-    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
-    pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
-        match self.drift() {
-            Some(drift) => Some((drift.old_from_new, drift.covariance)),
-            None => self.test.level_after_jump(onset_s),
-        }
+    /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera
+    /// that stayed (those that the reference was learned from, in order of time; none where there are none) and from all that follow. What
+    /// the reference says of its noise is where the estimate begins, and an error that it states stays possible. Until the readings exclude
+    /// an error, it is possible too: docs/math/monitor.md section 9.
+    pub fn measure_noise(&mut self, readings: &[Reading]) {
+        let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
+        let whitened =
+            |reading: &Reading| (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance));
+        let learned: Vec<_> = usable.map(whitened).collect();
+        self.test.measure(&learned);
+    }
+
+    /// Whether noise is measured.
+    pub fn measures_noise(&self) -> bool {
+        self.test.measured().is_some()
     }
 
     /// All of its state: what `restore` makes of it goes on as this one would.
@@ -233,15 +273,18 @@ impl Monitor {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let monitor: Monitor = snapshot.state(SNAPSHOT_VERSION)?;
+        let monitor = match snapshot.version {
+            VERSION_2 => snapshot.state::<Version2>(VERSION_2)?.0,
+            _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
+        };
         check(&monitor.config)?;
         monitor.reference.check()?;
-        if !monitor.test.is_sound() {
+        if !(monitor.test.is_sound() && monitor.aftermath.is_sound()) {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
         }
         Ok(monitor)
@@ -263,15 +306,9 @@ impl Monitor {
     }
 
     fn accepts(&mut self, reading: &Reading) -> bool {
-        let pose = &reading.a_from_b;
-        let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
-        let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
-        let is_finite = is_finite
-            && reading.covariance.amax() <= test::MOST_VARIANCE
-            && is_covariance(&reading.covariance);
         let is_late = reading.t_s < self.last_s;
         self.out_of_order += u64::from(is_late);
-        is_finite && !is_late
+        is_numbers(reading) && !is_late
     }
 
     /// y, from where it has been since the last change.
@@ -279,47 +316,29 @@ impl Monitor {
         let old_from_new = self.reference.a_from_b * reading.a_from_b.inverse();
         (self.old_from_level.inverse() * old_from_new).log()
     }
+}
 
-    /// All that comes through at once is read before anything is decided: what waited together says the same.
-    fn decide(&mut self, passed: &[Passed]) {
-        let log_r = passed.iter().map(|joined| self.test.push(joined.t_s, &joined.reading)).last();
-        if !log_r.is_some_and(|log_r| self.log_threshold() <= log_r) {
-            return;
-        }
-        let Some(moved) = self.moved() else { return };
-        let covariance = moved.covariance + self.reference.noise.reference;
-        if (Drift { covariance, ..moved }).matters(&self.config) || self.drift.is_some() {
-            self.start_again(moved);
-        }
+impl Monitor {
+    /// What the readings say of their own noise; none where it is taken for what it is stated to be.
+    pub fn measured_noise(&self) -> Option<MeasuredNoise> {
+        self.test.measured().map(|measured| measured.noise())
     }
 
-    /// The change that raised the alarm, added to the level so far.
-    fn moved(&self) -> Option<Drift> {
-        let change = self.test.change()?;
-        let (motion, covariance) = self.test.level_after(&change);
-        let first = self.drift.unwrap_or(Drift {
-            old_from_new: Vector6::zeros(),
-            covariance: Matrix6::zeros(),
-            began_s: change.onset_s,
-            began_sigma_s: change.onset_sigma_s,
-            course: change.course,
-            course_probability: change.course_probability,
-        });
-        Some(Drift { old_from_new: (self.old_from_level * Pose::exp(&motion)).log(), covariance, ..first })
+    /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while errors that last are
+    /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
+    pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
+        let (threshold, period_s) = (self.log_threshold(), self.config.decision_period_s);
+        let measured = self.test.measured()?;
+        Some(measured.detectable(self.test.whitened_from_motion(), within_s, threshold, period_s))
     }
+}
 
-    /// From here on the test asks whether it moves away from where it is now; back at the reference it is steady again. Where it is
-    /// now is learned anew: the alarm chose its moment and its onset, so its estimate errs by more than its covariance says.
-    fn start_again(&mut self, moved: Drift) {
-        let own = &self.reference.noise;
-        let doubt = moved.covariance + own.reading + own.bias + own.reference;
-        let Some(test) = DriftTest::new(&DriftNoise { reference: doubt, ..*own }) else { return };
-        self.drift =
-            (self.drift.is_none() || !is_likely(&moved.old_from_new, &(doubt + own.daily))).then_some(moved);
-        let level = if self.drift.is_some() { moved.old_from_new } else { Vector6::zeros() };
-        (self.test, self.old_from_level) = (test, Pose::exp(&level));
-        self.gate = Gate::new(self.config.decision_period_s);
-    }
+/// Whether a reading has a time, a pose and a covariance that is one.
+fn is_numbers(reading: &Reading) -> bool {
+    let pose = &reading.a_from_b;
+    let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
+    let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
+    is_finite && reading.covariance.amax() <= test::MOST_VARIANCE && is_covariance(&reading.covariance)
 }
 
 /// Whether a motion can be an error of this covariance.
@@ -381,6 +400,9 @@ numbers!(Monitor {
     test,
     gate,
     drift,
+    held_until_s,
+    transients,
+    aftermath,
     last_s,
     last_usable_s,
     inconsistent_share,

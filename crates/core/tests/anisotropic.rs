@@ -162,6 +162,7 @@ fn a_detection_carries_its_ellipse() {
             feature: Feature { id: i as u32, corner: 0 },
             pixel: c.pixel,
             sigma_px: 1.0,
+            lens_sigma_px: 0.0,
             covariance_px2: c.covariance_px2,
         })
         .collect();

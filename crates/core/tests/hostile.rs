@@ -417,6 +417,7 @@ fn seven_points_eight_pixels() -> Answer {
             feature: Feature { id: i as u32, corner: 0 },
             pixel: c.pixel,
             sigma_px: SIGMA_PX,
+            lens_sigma_px: 0.0,
             covariance_px2: None,
         })
         .collect();

@@ -66,13 +66,29 @@ fn moving() -> TrackConfig {
 /// Put into numbers and back before every 7th reading; equal to the one that was left alone, in state and word, to the last bit.
 #[test]
 fn a_restored_monitor_goes_on_as_if_nothing_had_been() {
-    let (mut left_alone, mut restored) = (monitor(), monitor());
+    goes_on_as_if_nothing_had_been(monitor());
+}
+
+/// With all models of its noise, and what each onset remembers of them.
+#[test]
+fn a_restored_monitor_that_measures_its_noise_goes_on_as_if_nothing_had_been() {
+    let mut measuring = monitor();
+    measuring.measure_noise(&readings(60, 0x5a2));
+    goes_on_as_if_nothing_had_been(measuring);
+}
+
+fn later(reading: Reading) -> Reading {
+    Reading { t_s: reading.t_s + 6.0, ..reading }
+}
+
+fn goes_on_as_if_nothing_had_been(monitor: Monitor) {
+    let (mut left_alone, mut restored) = (monitor.clone(), monitor);
     let mut drifts = 0;
-    for (i, reading) in readings(4000, 0x5a1).iter().enumerate() {
+    for (i, reading) in readings(4000, 0x5a1).into_iter().map(later).enumerate() {
         if i % 7 == 0 {
             restored = Monitor::restore(&restored.snapshot()).expect("its own snapshot");
         }
-        let (said, wanted) = (restored.push(reading), left_alone.push(reading));
+        let (said, wanted) = (restored.push(&reading), left_alone.push(&reading));
         assert_eq!(said, wanted, "reading {i}");
         drifts += usize::from(matches!(said, Watch::Drifted(_)));
     }
@@ -122,8 +138,29 @@ fn a_changed_layout_needs_another_version() {
     sentry.push(first);
     tracker.push(first.t_s, &candidates(first));
     let (of_monitor, of_tracker) = (sentry.snapshot(), tracker.snapshot());
-    assert_eq!((of_monitor.version, of_monitor.numbers.len()), (2, 540));
+    assert_eq!((of_monitor.version, of_monitor.numbers.len()), (3, 553));
     assert_eq!((of_tracker.version, of_tracker.numbers.len()), (1, 274));
+}
+
+/// What version 2 wrote of a camera that had panned by 0.01 rad: it is known after the change of layout, and so is the way back.
+#[test]
+fn a_monitor_of_the_version_before_goes_on() {
+    let numbers = include_str!("data/monitor_2.txt").split_whitespace();
+    let numbers = numbers.map(|number| number.parse().expect("a number")).collect();
+    let mut sentry = Monitor::restore(&Snapshot { version: 2, numbers }).expect("version 2");
+    let (mut chance, reference, start_s) = (Rng::new(0x2), *sentry.reference(), sentry.last_s());
+    let mut watch = |moved: Vector6<f64>, seconds: std::ops::Range<u32>| {
+        let reading = |i: u32| {
+            let error = Vector6::from_fn(|_, _| SIGMA * chance.normal());
+            let a_from_b = Pose::exp(&error) * Pose::exp(&moved).inverse() * reference.a_from_b;
+            Reading { t_s: start_s + f64::from(i), a_from_b, covariance: spread(1.0), is_consistent: true }
+        };
+        seconds.map(reading).map(|reading| sentry.push(&reading)).last().expect("readings")
+    };
+    let panned = Vector6::ith(1, 0.01);
+    let Watch::Drifted(drift) = watch(panned, 1..50) else { panic!("it is not known any more") };
+    assert!((drift.old_from_new - panned).norm() < 2.0 * SIGMA, "{}", drift.old_from_new);
+    assert_eq!(watch(Vector6::zeros(), 50..150), Watch::Steady);
 }
 
 #[test]
@@ -135,7 +172,7 @@ fn numbers_of_something_else_are_refused() {
     let good = sentry.snapshot();
     let with = |numbers: Vec<f64>| Snapshot { numbers, ..good.clone() };
     let later = Snapshot { version: 9, ..good.clone() };
-    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 2 }));
+    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 3 }));
     for length in 0..good.numbers.len() {
         let torn = with(good.numbers[..length].to_vec());
         assert!(matches!(Monitor::restore(&torn), Err(Error::SnapshotNumbers { .. })), "{length}");

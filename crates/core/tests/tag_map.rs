@@ -85,6 +85,7 @@ fn detections(rng: &mut Rng, camera: &Camera, cam_from_world: &Pose, tags: &[Map
             feature: Feature { id: tag.id, corner: k },
             pixel,
             sigma_px: SIGMA_PX,
+            lens_sigma_px: 0.0,
             covariance_px2: None,
         }
     };

@@ -69,7 +69,13 @@ fn picture(title: &str, target: &Target) -> Result<Vec<u8>> {
     let pixels = true_pixels(&placed, &camera);
     let detections: Vec<Detection> = pixels
         .into_iter()
-        .map(|(feature, pixel)| Detection { feature, pixel, sigma_px: 0.05, covariance_px2: None })
+        .map(|(feature, pixel)| Detection {
+            feature,
+            pixel,
+            sigma_px: 0.05,
+            lens_sigma_px: 0.0,
+            covariance_px2: None,
+        })
         .collect();
     let (seen, _) = correspond(&detections, target, &camera);
     let points: Vec<_> = seen.iter().map(|(_, point)| *point).collect();

@@ -17,6 +17,7 @@ pub mod follow;
 mod homography;
 mod joints;
 mod noise;
+mod print;
 mod region;
 pub(crate) mod sigma;
 pub mod tags;

@@ -8,6 +8,7 @@ mod known;
 mod guard;
 mod look;
 mod memory;
+mod outlet;
 mod pace;
 mod queue;
 mod reader;
@@ -162,14 +163,23 @@ pub enum State {
         /// Since, seconds.
         for_s: f64,
     },
-    /// Something is different; not yet decided.
-    Settling,
+    /// Something is different, and why that is no motion (yet).
+    Settling(Doubt),
     /// It moved.
     Drifted(Box<Drift>),
     /// The pictures contradict intrinsics or target.
     Inconsistent,
     /// Seen, and followed: the camera moves, and that is no drift.
     Followed,
+}
+
+/// Why a camera is neither steady nor moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Doubt {
+    /// Something is different; not yet decided.
+    Different,
+    /// Errors of the pose last longer, or are larger, than was learned: what was found is no larger than they are.
+    ErrorsLast,
 }
 
 /// What a session says.

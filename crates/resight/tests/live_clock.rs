@@ -53,7 +53,13 @@ fn frame(i: u64, capture_s: f64, pan_deg: f64) -> Frame {
         let pixel =
             camera.project(&(now.rotation * known.position + now.translation)).expect("in the picture");
         let noise = Pixel::new(SIGMA_PX * chance.normal(), SIGMA_PX * chance.normal());
-        Detection { feature, pixel: pixel + noise, sigma_px: SIGMA_PX, covariance_px2: None }
+        Detection {
+            feature,
+            pixel: pixel + noise,
+            sigma_px: SIGMA_PX,
+            lens_sigma_px: 0.0,
+            covariance_px2: None,
+        }
     });
     Frame { number: i, capture_s, name: format!("frame {i}"), content: Content::Detections(seen.collect()) }
 }

@@ -59,7 +59,7 @@ impl Source for Corners {
             let x = cam_from_tag * target.point(feature).expect("a corner").position;
             let noise_px = Pixel::new(0.1 * chance.normal(), 0.1 * chance.normal());
             let pixel = camera().project(&x).expect("in front") + noise_px;
-            Detection { feature, pixel, sigma_px: 0.1, covariance_px2: None }
+            Detection { feature, pixel, sigma_px: 0.1, lens_sigma_px: 0.0, covariance_px2: None }
         };
         let seen = target.features().into_iter().map(corner).collect();
         let capture_s = 0.1 * number as f64;

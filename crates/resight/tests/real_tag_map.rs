@@ -40,7 +40,7 @@ fn corners(view: &[Detection], id: u32) -> Vec<Correspondence> {
     let of_tag = view.iter().filter(|d| d.feature.id == id);
     let corner = |d: &Detection| {
         let x = tag.point(d.feature).unwrap().position;
-        Correspondence::new(&camera(), x, d.pixel, d.sigma_px).unwrap()
+        Correspondence::new(&camera(), x, d.pixel, d.total_sigma_px()).unwrap()
     };
     of_tag.map(corner).collect()
 }

@@ -61,6 +61,7 @@ struct DetectionObject {
     u_px: f64,
     v_px: f64,
     sigma_px: f64,
+    lens_sigma_px: f64,
 }
 
 impl DetectionObject {
@@ -72,6 +73,7 @@ impl DetectionObject {
             u_px: d.pixel.x,
             v_px: d.pixel.y,
             sigma_px: d.sigma_px,
+            lens_sigma_px: d.lens_sigma_px,
         }
     }
 }

@@ -59,6 +59,16 @@ impl Transition {
         }
     }
 
+    /// Of a correlated error alone that keeps a share `kept`; what it gains is its own filter's matter.
+    pub fn of_bias(kept: f64, elapsed_s: f64) -> Self {
+        Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, daily_gain: 0.0, elapsed_s }
+    }
+
+    /// The same for a wobble of another variance.
+    pub fn with_daily_variance(&self, from: f64, to: f64) -> Self {
+        Transition { daily_gain: self.daily_gain / from * to, ..*self }
+    }
+
     /// F x.
     pub fn apply(&self, x: &Vector4<f64>) -> Vector4<f64> {
         Vector4::new(

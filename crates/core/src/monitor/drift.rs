@@ -2,7 +2,7 @@
 
 use super::{Course, MonitorConfig};
 use crate::frames::chi_square::tail;
-use crate::snapshot::numbers;
+use crate::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
 use nalgebra::{Matrix3, Vector3};
 
@@ -21,6 +21,28 @@ pub struct Drift {
     pub course: Course,
     /// Probability of that course.
     pub course_probability: f64,
+    /// Of a slow drift, when enough is known of it.
+    pub rate: Option<Rate>,
+}
+
+/// A motion about or along one axis of the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alone {
+    /// Of `[rotation_rad; translation_m]`.
+    pub axis: usize,
+    /// Radians or metres.
+    pub size: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// How fast it drifts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rate {
+    /// `[rotation_rad; translation_m]` a second, in its own old frame.
+    pub per_s: Vector6,
+    /// Its covariance.
+    pub covariance: Matrix6,
 }
 
 impl Drift {
@@ -30,6 +52,27 @@ impl Drift {
     pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let is_likely = PURE_ROTATION_PROBABILITY < self.chance_of(3)?;
         if is_likely { turn_alone(&self.old_from_new, &self.covariance) } else { None }
+    }
+
+    /// The one axis whose motion alone explains all of it; none where chance leaves more than that so seldom, where another axis explains it
+    /// about as well, or where it does not stand out of its own error. Of all six known together none may stand out though the motion
+    /// is beyond doubt; given that the others are zero this one is known far better: docs/math/monitor.md eq. (49).
+    pub fn alone(&self) -> Option<Alone> {
+        let weight = self.covariance.cholesky()?.inverse();
+        let score = weight * self.old_from_new;
+        let explained = |axis: usize| score[axis] * score[axis] / weight[(axis, axis)];
+        let all = self.old_from_new.dot(&score);
+        let axis = (0..6).max_by(|a, b| explained(*a).total_cmp(&explained(*b)))?;
+        let is_rivalled = (0..6).any(|other| other != axis && explained(axis) < explained(other) + RIVALLED);
+        let is_left = tail(5, all - explained(axis)) < PURE_ROTATION_PROBABILITY;
+        if is_rivalled || is_left || explained(axis) < RIVALLED {
+            return None;
+        }
+        Some(Alone {
+            axis,
+            size: score[axis] / weight[(axis, axis)],
+            sigma: weight[(axis, axis)].sqrt().recip(),
+        })
     }
 
     /// Whether it goes beyond what the configuration tolerates. A turn and a shift look much alike, and neither estimate is ever zero:
@@ -64,9 +107,22 @@ impl Drift {
 
 /// A translation that chance makes larger this often speaks against a pure rotation.
 const PURE_ROTATION_PROBABILITY: f64 = 0.05;
+/// Another axis explains a motion about as well within this Δχ²: odds of 90 to 1, three standard deviations.
+const RIVALLED: f64 = 9.0;
 /// What chance makes larger this seldom is no chance when a tolerance is applied: a tolerated turn is looked at for days, and the alarm
 /// chose its moment.
 const CHANCE: f64 = 1e-6;
+
+impl Rate {
+    /// The turn alone, radians a second about x, y, z, and its covariance, if it only turns: none where it shifts more than chance allows.
+    pub fn turn_alone(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let shift: Vector3<f64> = self.per_s.fixed_rows::<3>(3).into();
+        let own: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();
+        let chance = tail(3, shift.dot(&own.cholesky()?.solve(&shift)));
+        let is_likely = PURE_ROTATION_PROBABILITY < chance;
+        if is_likely { turn_alone(&self.per_s, &self.covariance) } else { None }
+    }
+}
 
 /// The turn of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
 /// docs/math/monitor.md eq. (17). None where the covariance of the shift is not positive definite.
@@ -83,4 +139,30 @@ fn alone(motion: &Vector6, covariance: &Matrix6, at: usize) -> Option<(Vector3<f
     Some((part(at) - gain * part(other), block(at, at) - gain * block(other, at)))
 }
 
-numbers!(Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability });
+numbers!(Rate { per_s, covariance });
+
+/// Without the rate: the monitor knows that from the readings.
+impl Numbers for Drift {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        let Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability, rate: _ } =
+            self;
+        old_from_new.put(numbers);
+        covariance.put(numbers);
+        began_s.put(numbers);
+        began_sigma_s.put(numbers);
+        course.put(numbers);
+        course_probability.put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Some(Drift {
+            old_from_new: Numbers::take(rest)?,
+            covariance: Numbers::take(rest)?,
+            began_s: Numbers::take(rest)?,
+            began_sigma_s: Numbers::take(rest)?,
+            course: Numbers::take(rest)?,
+            course_probability: Numbers::take(rest)?,
+            rate: None,
+        })
+    }
+}

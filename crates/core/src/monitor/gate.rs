@@ -1,17 +1,19 @@
 //! What reaches the test: readings of one decision joined, single outliers held back until others confirm them.
 //!
 //! A flipped pose or a passing person is far from the expected reading and alone; a knocked camera is far and stays there. An outlier
-//! therefore waits until `CONFIRM` readings in a row agree with each other, and is dropped when the next ones are where they were.
+//! therefore waits until `CONFIRM` readings in a row, over a decision period at least, agree with each other, and is dropped when the next
+//! ones are where they were.
 
-use super::test::{DriftTest, Whitened};
+use super::test::{DriftTest, SURPRISE, Whitened};
 use crate::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
 
-/// χ² of six degrees of freedom that one in 10⁶ readings exceeds.
-const SURPRISE: f64 = 38.3;
 /// Outliers in a row that agree: a pose estimate flips once or twice, seldom three times to the same place.
 const CONFIRM: usize = 3;
+
+/// Of a period: times are rounded.
+const ROUNDING: f64 = 1.0 - 1e-6;
 
 /// A reading on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,16 +65,21 @@ impl Gate {
         let mut through = Through::new();
         let here = Passed { t_s, reading: *reading };
         let is_expected = test.surprise(t_s, reading) < SURPRISE;
-        if is_expected || self.confirmed.is_some_and(|at| agree(&at, reading)) {
+        if is_expected || self.confirmed.is_some_and(|at| agree(test, &at, reading)) {
             let dropped = self.waiting.len() as u64;
             self.waiting.clear();
             self.join(&here, &mut through);
             return (through, dropped);
         }
         let mut dropped = 0;
-        if self.waiting.last().is_some_and(|last| !agree(&last.reading, reading)) {
+        if self.waiting.last().is_some_and(|last| !agree(test, &last.reading, reading)) {
             dropped = self.waiting.len() as u64;
             self.waiting.clear();
+        }
+        // Half an oscillation of a mount that vibrates is three pictures too: those that confirm must span a decision.
+        let is_short = self.waiting.first().is_some_and(|first| t_s < first.t_s + ROUNDING * self.period_s);
+        if self.waiting.len() + 1 == CONFIRM && is_short {
+            self.waiting.pop();
         }
         self.waiting.push(here);
         if self.waiting.is_full() {
@@ -115,9 +122,10 @@ impl Joining {
 }
 
 /// Whether two readings can be of one pose: errors that last do not count between neighbours.
-fn agree(a: &Whitened, b: &Whitened) -> bool {
+fn agree(test: &DriftTest, a: &Whitened, b: &Whitened) -> bool {
     let difference = a.value - b.value;
-    let chi2: f64 = (0..6).map(|axis| difference[axis].powi(2) / (a.variance[axis] + b.variance[axis])).sum();
+    let variance = (a.variance + b.variance).component_mul(&test.scales());
+    let chi2: f64 = (0..6).map(|axis| difference[axis].powi(2) / variance[axis]).sum();
     chi2 < SURPRISE
 }
 

@@ -16,6 +16,9 @@ pub const LEAST_READINGS: usize = 20;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.
 const OUTLIER: f64 = 27.9;
 
+/// Times 1/√n: no eigenvalue of the correlation of n independent readings with the next ones is larger, but for one in some hundreds.
+const BY_CHANCE: f64 = 4.5;
+
 /// How the camera moved while these readings were taken; none where they may be a reference. What is found falsely is at most once in
 /// `1 / FALSE_ALARM_PROBABILITY` tests, whatever correlated errors they have: docs/math/monitor.md section 8.
 pub fn unsettled(readings: &[Reading], config: &LearnConfig) -> Option<Unsettled> {
@@ -111,7 +114,7 @@ fn reference(mean: &Pose, kept: &[&Reading], config: &LearnConfig) -> Reference 
         let sum: Matrix6 = y.iter().zip(&y[lag..]).map(|(now, later)| now * later.transpose()).sum();
         (sum + sum.transpose()) / (2.0 * (y.len() - lag) as f64)
     };
-    let bias = not_negative(&lagged(1)) + config.bias;
+    let bias = significant(&lagged(1), &total, y.len()) + config.bias;
     let span_s = kept[kept.len() - 1].t_s - kept[0].t_s;
     let bias_time_s = memory_s(&lagged, &stated, y.len(), span_s).max(config.bias_time_s);
     // The mean of errors that last τ over a span T errs like one of T/2τ independent ones.
@@ -126,12 +129,14 @@ fn reference(mean: &Pose, kept: &[&Reading], config: &LearnConfig) -> Reference 
     Reference { a_from_b: *mean, noise }
 }
 
-/// The part of a symmetric matrix with positive eigenvalues, in coordinates of like size.
-fn not_negative(matrix: &Matrix6) -> Matrix6 {
-    let scale = matrix.diagonal().map(|v| v.abs().sqrt().max(1e-12));
+/// The part of a symmetric matrix with positive eigenvalues, in units of the scatter `total`; of those only what chance does not give:
+/// white noise makes the largest of six about 2 √(6/2n).
+fn significant(matrix: &Matrix6, total: &Matrix6, n: usize) -> Matrix6 {
+    let scale = total.diagonal().map(|v| v.abs().sqrt().max(1e-12));
     let eigen = SymmetricEigen::new(Matrix6::from_fn(|i, j| matrix[(i, j)] / (scale[i] * scale[j])));
+    let least = BY_CHANCE / (n as f64).sqrt();
     let kept = eigen.eigenvectors
-        * Matrix6::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0)))
+        * Matrix6::from_diagonal(&eigen.eigenvalues.map(|v| if least < v { v } else { 0.0 }))
         * eigen.eigenvectors.transpose();
     Matrix6::from_fn(|i, j| kept[(i, j)] * scale[i] * scale[j])
 }

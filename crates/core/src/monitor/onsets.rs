@@ -12,6 +12,7 @@
 //! Derivation: docs/math/monitor.md eqs. (5)–(12).
 
 use super::axis::{Innovation, Transition, read};
+use super::measured::Measured;
 use super::{LogSum, Scaled};
 use crate::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -37,6 +38,12 @@ const CHANGE_WEIGHTS: [f64; CHANGES] = [0.2, 0.2, 0.2, 1.0 / 15.0, 1.0 / 15.0, 1
 /// ln w of an onset that begins.
 static LOG_WEIGHTS: LazyLock<[[f64; CHANGES]; COURSES.len()]> =
     LazyLock::new(|| COURSE_WEIGHTS.map(|course| CHANGE_WEIGHTS.map(|change| (course * change).ln())));
+
+/// What the evidence of a step in one coordinate loses to what else might have been looked for: its prior weight, and a size that is not
+/// known (half of ln (1 + Γd) with d of ten readings or so).
+pub(super) fn log_cost() -> f64 {
+    2.0 - (COURSE_WEIGHTS[0] * CHANGE_WEIGHTS[3]).ln()
+}
 
 /// How a change goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,12 +84,15 @@ struct Onset {
     gathered: [[Gathered; AXES]; COURSES.len()],
     /// ln w.
     log_weights: [[f64; CHANGES]; COURSES.len()],
+    /// Where noise is measured: how likely the readings before it were under each model of their noise.
+    then: Vec<f64>,
 }
 
 impl Onset {
-    fn new(t_s: f64) -> Self {
+    fn new(t_s: f64, log_weight: f64, then: Vec<f64>) -> Self {
         let jump = Gathered { signature: Vector4::x(), ..Gathered::default() };
-        Onset { t_s, gathered: [[jump; AXES], [Gathered::default(); AXES]], log_weights: *LOG_WEIGHTS }
+        let log_weights = LOG_WEIGHTS.map(|of_course| of_course.map(|log_w| log_w + log_weight));
+        Onset { t_s, gathered: [[jump; AXES], [Gathered::default(); AXES]], log_weights, then }
     }
 
     fn predict(&mut self, transitions: &[Transition; AXES]) {
@@ -190,18 +200,56 @@ impl Onsets {
         self.onsets.iter_mut().for_each(|onset| onset.predict(transitions));
     }
 
-    /// Takes in the readings at `t_s`, at which a change may have begun too: ln R.
-    pub fn add(&mut self, t_s: f64, innovations: &[Innovation; AXES]) -> f64 {
+    /// When the last one began.
+    pub fn last_s(&self) -> Option<f64> {
+        self.onsets.last().map(|onset| onset.t_s)
+    }
+
+    /// Takes in the readings at `t_s`, at which a change may have begun too, with a weight: ln R.
+    pub fn add(
+        &mut self,
+        t_s: f64,
+        innovations: &[Innovation; AXES],
+        log_weight: f64,
+        then: Vec<f64>,
+    ) -> f64 {
         if self.onsets.len() == ONSETS {
             self.merge_two();
         }
-        self.onsets.push(Onset::new(t_s));
+        self.onsets.push(Onset::new(t_s, log_weight, then));
         for onset in &mut self.onsets {
             for gathered in &mut onset.gathered {
                 gathered.iter_mut().zip(innovations).for_each(|(g, innovation)| g.add(innovation));
             }
         }
         self.log_mass(&self.onsets)
+    }
+
+    /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
+    /// that.
+    pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
+        let mass = |onset: &Onset| self.log_mass(std::slice::from_ref(onset));
+        let masses: ArrayVec<f64, { ONSETS + 1 }> = self.onsets.iter().map(mass).collect();
+        let mut order: ArrayVec<usize, { ONSETS + 1 }> = (0..masses.len()).collect();
+        order.sort_by(|a, b| masses[*b].total_cmp(&masses[*a]));
+        let mut sum = LogSum::nothing();
+        for (i, onset) in order.iter().enumerate() {
+            sum.add((masses[*onset] + measured.log_against(&self.onsets[*onset].then)).into());
+            // The others are worth no more than they are against the noise in use.
+            let mut most = sum;
+            order[i + 1..].iter().for_each(|other| most.add(masses[*other].into()));
+            if most.ln() < threshold {
+                return most.ln();
+            }
+        }
+        sum.ln()
+    }
+
+    /// What the models of noise were worth before the onset nearest to `onset_s`.
+    pub fn then(&self, onset_s: f64) -> Option<&[f64]> {
+        let distance = |onset: &&Onset| (onset.t_s - onset_s).abs();
+        let nearest = self.onsets.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        Some(&nearest.then)
     }
 
     /// ln Σ wΛ of these onsets.
@@ -216,8 +264,11 @@ impl Onsets {
     }
 
     /// Probability of each onset and course, were one of them what happened.
-    fn probabilities(&self) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
-        let log_mass = |onset: &Onset, course| LogSum::of(onset.masses(course, &self.directions)).ln();
+    fn probabilities(&self, measured: Option<&Measured>) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
+        let log_mass = |onset: &Onset, course| {
+            let against = measured.map_or(0.0, |measured| measured.log_against(&onset.then));
+            LogSum::of(onset.masses(course, &self.directions)).ln() + against
+        };
         let of = |onset: &Onset| [0, 1].map(|course| log_mass(onset, course));
         let log_masses: ArrayVec<_, { ONSETS + 1 }> = self.onsets.iter().map(of).collect();
         let all = LogSum::of(log_masses.iter().flatten().copied()).ln();
@@ -243,8 +294,8 @@ impl Onsets {
     }
 
     /// The change that explains the readings; none before the first reading.
-    pub fn change(&self) -> Option<Change> {
-        let probabilities = self.probabilities();
+    pub fn change(&self, measured: Option<&Measured>) -> Option<Change> {
+        let probabilities = self.probabilities(measured);
         let (best, _) = probabilities.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
         let by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);
@@ -270,6 +321,30 @@ impl Onsets {
     }
 }
 
+impl Onsets {
+    /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
+    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+        self.onsets.len().put(numbers);
+        for onset in &self.onsets {
+            onset.t_s.put(numbers);
+            onset.gathered.put(numbers);
+            onset.log_weights.put(numbers);
+        }
+        self.directions.put(numbers);
+    }
+
+    /// Reads what that wrote.
+    pub fn take_version_2(rest: &mut Rest) -> Option<Self> {
+        let mut onsets = ArrayVec::new();
+        for _ in 0..usize::take(rest)? {
+            let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);
+            let onset = Onset { t_s, gathered, log_weights: Numbers::take(rest)?, then: Vec::new() };
+            onsets.try_push(onset).ok()?;
+        }
+        Some(Onsets { onsets, directions: Directions::take(rest)? })
+    }
+}
+
 fn sum(of_courses: &[f64; COURSES.len()]) -> f64 {
     of_courses.iter().sum()
 }
@@ -286,7 +361,7 @@ fn shift(gathered: &[Gathered; AXES], sigma: f64) -> (Vector6<f64>, Vector6<f64>
 }
 
 numbers!(Gathered { signature, score, information });
-numbers!(Onset { t_s, gathered, log_weights });
+numbers!(Onset { t_s, gathered, log_weights, then });
 numbers!(Onsets { onsets, directions });
 
 impl Numbers for Directions {
@@ -321,7 +396,7 @@ mod tests {
             column.normalize_mut();
         });
         let onsets = Onsets::new(directions);
-        let mut onset = Onset::new(0.0);
+        let mut onset = Onset::new(0.0, 0.0, Vec::new());
         for (axis, gathered) in onset.gathered[0].iter_mut().enumerate() {
             (gathered.score, gathered.information) = ((axis as f64 + 0.3).cos(), 0.5 + axis as f64);
         }

@@ -19,6 +19,7 @@ pub use star::Glance;
 
 use super::attribute::{Attribution, MovedNode};
 use super::axis::DAY_S;
+use super::test::LEAST_EVIDENCE;
 use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
 use crate::consistency::Consistency;
 use crate::frames::chi_square::tail;
@@ -238,7 +239,10 @@ impl RigMonitor {
         self.typical.add(moment, &self.reference.noise);
         // A decision period has one onset, shared among its moments: were there only one place for it, no camera's motion would explain
         // the moments on both sides of a change elsewhere.
-        let share = ((onset_s - self.last_onset_s) / self.config.decision_period_s).clamp(0.0, 1.0);
+        // However slow the moments come, an onset weighs the time that it stands for: eq. (34).
+        let most = (self.threshold() / LEAST_EVIDENCE).max(1.0);
+        let periods = (onset_s - self.last_onset_s) / self.config.decision_period_s;
+        let share = if self.last_onset_s == f64::MIN { 1.0 } else { periods.clamp(0.0, most) };
         if 0.0 < share {
             self.evidence.begin(onset_s, share, self.typical.variances());
             self.last_onset_s = onset_s;
@@ -248,8 +252,7 @@ impl RigMonitor {
     }
 
     fn decide(&mut self) {
-        let threshold = DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day);
-        let is_over = threshold <= self.evidence.statistic;
+        let is_over = self.threshold() <= self.evidence.statistic;
         if self.open.is_none() && !is_over {
             return;
         }
@@ -264,6 +267,11 @@ impl RigMonitor {
         } else {
             self.open = Some(open);
         }
+    }
+
+    /// Alarm at this R.
+    fn threshold(&self) -> f64 {
+        DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)
     }
 
     fn has_moved(&self) -> bool {
@@ -295,6 +303,7 @@ impl RigMonitor {
                 began_sigma_s: first.map_or(began.sigma_s, |first| first.began_sigma_s),
                 course: first.map_or(began.course(), |first| first.course),
                 course_probability: first.map_or(began.course_probability, |first| first.course_probability),
+                rate: None,
             }
         };
         let drifts = attribution.moved.iter().map(drift).collect();

@@ -256,6 +256,7 @@ pub(super) fn described(
         began_s: found.began_s,
         began_sigma_s: found.began_sigma_s,
         course: if found.unrest == Unrest::Step { Course::Step } else { Course::Slow },
+        rate: None,
         course_probability: found.probability,
     };
     Unsettled { unrest: found.unrest, reading, drift }

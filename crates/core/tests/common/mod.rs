@@ -12,6 +12,7 @@ pub mod rooms;
 pub mod recordings;
 pub mod sentry;
 pub mod rivals;
+pub mod conditions;
 pub mod delay;
 pub mod wild;
 

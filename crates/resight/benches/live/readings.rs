@@ -80,7 +80,13 @@ fn frame(target: &Target, cam_from_target: &Pose, chance: &mut Pcg) -> Frame {
         let x_in_target = target.point(feature).expect("a corner").position;
         let pixel = camera().project(&(*cam_from_target * x_in_target)).expect("in the picture");
         let noise = Pixel::new(normal(), normal()) * SIGMA_PX;
-        Detection { feature, pixel: pixel + noise, sigma_px: SIGMA_PX, covariance_px2: None }
+        Detection {
+            feature,
+            pixel: pixel + noise,
+            sigma_px: SIGMA_PX,
+            lens_sigma_px: 0.0,
+            covariance_px2: None,
+        }
     };
     let detections = target.features().into_iter().map(detection).collect();
     Frame { number: 0, capture_s: 0.0, name: String::new(), content: Content::Detections(detections) }

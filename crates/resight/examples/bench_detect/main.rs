@@ -1,6 +1,7 @@
 //! The pictures of a sweep over conditions, and what the detectors find in them, for `benches/peers`.
 //!
-//! `bench_detect draw FOLDER COUNT` draws `COUNT` pictures of each target and condition and writes `truth.json` beside them;
+//! `bench_detect draw FOLDER COUNT [TARGET [CONDITION]]` draws `COUNT` pictures of each target and condition, or of those whose names start so,
+//! and writes `truth.json` beside them;
 //! `bench_detect find FOLDER ROUNDS [TARGET]` prints what is found, and the mean time of each picture, as JSON.
 
 mod sweep;
@@ -35,18 +36,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
-        ["draw", folder, count] => draw(Path::new(folder), count.parse()?),
+        ["draw", folder, count] => draw(Path::new(folder), count.parse()?, "", ""),
+        ["draw", folder, count, target] => draw(Path::new(folder), count.parse()?, target, ""),
+        ["draw", folder, count, target, condition] => {
+            draw(Path::new(folder), count.parse()?, target, condition)
+        }
         ["find", folder, rounds] => find(Path::new(folder), rounds.parse()?, None),
         ["find", folder, rounds, target] => find(Path::new(folder), rounds.parse()?, Some(target)),
-        _ => Err("usage: bench_detect draw FOLDER COUNT | find FOLDER ROUNDS [TARGET]".into()),
+        _ => {
+            Err("usage: bench_detect draw FOLDER COUNT [TARGET [CONDITION]] | find FOLDER ROUNDS [TARGET]"
+                .into())
+        }
     }
 }
 
-fn draw(folder: &Path, count: u64) -> Result<(), Box<dyn Error>> {
+fn draw(folder: &Path, count: u64, only_target: &str, only_condition: &str) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     let mut rows = Vec::new();
-    for (name, target, size_m) in sweep::targets() {
-        for (k, condition) in sweep::conditions().iter().enumerate() {
+    for (name, target, size_m) in sweep::targets().into_iter().filter(|t| t.0.starts_with(only_target)) {
+        let conditions = sweep::conditions();
+        let drawn = conditions.iter().enumerate().filter(|(_, c)| c.name.starts_with(only_condition));
+        for (k, condition) in drawn {
             for index in 0..count {
                 let picture = sweep::draw(&target, size_m, condition, index)?;
                 let image = format!("{name}_{k:02}_{index}.png");

@@ -19,6 +19,10 @@ pub struct Condition {
     noise: f64,
     contrast: f64,
     occluders: usize,
+    /// Diameter of an occluder over the largest distance of two features.
+    occluder_size: f64,
+    /// The board's middle lies on the picture's edge, or this share of the way there.
+    off_centre: f64,
     has_clutter: bool,
     lens: LensKind,
     /// Edges of the picture over those of 1280 × 960.
@@ -41,6 +45,8 @@ const EASY: Condition = Condition {
     noise: 2.0,
     contrast: 1.0,
     occluders: 0,
+    occluder_size: 0.12,
+    off_centre: 0.0,
     has_clutter: false,
     lens: LensKind::Straight,
     enlarged: 1.0,
@@ -59,6 +65,7 @@ pub fn conditions() -> Vec<Condition> {
         Condition { name: "tilt 45", tilt_deg: 45.0, ..c },
         Condition { name: "tilt 60", tilt_deg: 60.0, ..c },
         Condition { name: "tilt 70", tilt_deg: 70.0, ..c },
+        Condition { name: "tilt 75", tilt_deg: 75.0, ..c },
         Condition { name: "blur 0", blur_px: 0.0, ..c },
         Condition { name: "blur 2", blur_px: 2.0, ..c },
         Condition { name: "blur 3", blur_px: 3.0, ..c },
@@ -70,7 +77,10 @@ pub fn conditions() -> Vec<Condition> {
         Condition { name: "contrast 15 %", contrast: 0.15, ..c },
         Condition { name: "motion 3", motion_px: 3.0, ..c },
         Condition { name: "motion 5", motion_px: 5.0, ..c },
+        Condition { name: "motion 10", motion_px: 10.0, ..c },
         Condition { name: "occlusion", occluders: 3, ..c },
+        Condition { name: "hidden", occluders: 1, occluder_size: 0.5, ..c },
+        Condition { name: "cut off", off_centre: 0.9, ..c },
         Condition { name: "clutter", has_clutter: true, ..c },
         Condition { name: "barrel", lens: LensKind::Barrel, ..c },
         Condition { name: "fisheye", lens: LensKind::Fisheye, ..c },
@@ -143,7 +153,7 @@ pub fn draw(target: &Target, size_m: f64, c: &Condition, index: u64) -> Result<P
     let style = Style { ink, paper: Some(255.0 - ink), ..Style::default() };
     let cam_from_target = pose(target, size_m, c, &mut pcg);
     let placed = Placed { target: target.clone(), cam_from_target, style };
-    let occluder = occluders(&placed, c.occluders, &mut pcg);
+    let occluder = occluders(&placed, c, &mut pcg);
     let (width, height) = (size.width_px as f64, size.height_px as f64);
     let is_counted = |feature: &Feature, p: &Pixel| {
         let inside =
@@ -206,22 +216,28 @@ fn pose(target: &Target, size_m: f64, c: &Condition, pcg: &mut Pcg) -> Pose {
     let points: Vec<Point> =
         target.features().into_iter().filter_map(|f| target.point(f)).map(|p| p.position).collect();
     let middle = points.iter().sum::<Point>() / points.len().max(1) as f64;
-    let shift = Point::new(pcg.between(-0.1, 0.1), pcg.between(-0.08, 0.08), 1.0) * depth;
+    let shift = if c.off_centre == 0.0 {
+        Point::new(pcg.between(-0.1, 0.1), pcg.between(-0.08, 0.08), 1.0) * depth
+    } else {
+        let towards = pcg.between(0.0, std::f64::consts::TAU);
+        let edge = c.off_centre * (0.64 / towards.cos().abs()).min(0.48 / towards.sin().abs());
+        Point::new(edge * towards.cos(), edge * towards.sin(), 1.0) * depth
+    };
     Pose::new(rotation, shift - rotation * middle)
 }
 
-/// Balls of one grey in front of random features, each as large as two squares.
-fn occluders(placed: &Placed, count: usize, pcg: &mut Pcg) -> Option<Placed> {
+/// Balls of one grey in front of random features.
+fn occluders(placed: &Placed, c: &Condition, pcg: &mut Pcg) -> Option<Placed> {
     let features = placed.target.features();
     let at = |f: Feature| placed.target.point(f).map(|p| placed.cam_from_target * p.position);
     let reach_m =
         features.iter().filter_map(|f| Some((at(*f)? - at(features[0])?).norm())).fold(0.0, f64::max);
-    let balls = (0..count).filter_map(|_| {
+    let balls = (0..c.occluders).filter_map(|_| {
         let position = at(features[pcg.next_u32() as usize % features.len()])? * 0.9;
         Some(NamedPoint { name: String::new(), position, sigma_m: 0.0 })
     });
     let balls: Vec<NamedPoint> = balls.collect();
-    let style = Style { ink: 90.0, dot_diameter_m: Some(0.12 * reach_m), ..Style::default() };
+    let style = Style { ink: 90.0, dot_diameter_m: Some(c.occluder_size * reach_m), ..Style::default() };
     (!balls.is_empty()).then(|| Placed {
         target: Target::Points(balls),
         cam_from_target: Pose::identity(),

@@ -1,6 +1,6 @@
 //! A target was not found: what was looked for, and what is in the image instead.
 
-use super::chessboard::ChessboardFinder;
+use super::chessboard::{ChessboardFinder, Outcome};
 use super::dots::DotDetector;
 use super::every_tag::{EveryTagFinder, FamilyTags};
 use super::joints::CornerWindow;
@@ -103,17 +103,24 @@ fn named(family: &FamilyTags) -> String {
 /// A chessboard of another size.
 fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
     let finder = ChessboardFinder::new(board, CornerWindow::Clear).ok()?;
-    let (rows, columns) = finder.largest_grid(image)?;
-    let counts = |rows: u32, columns: u32| [rows.min(columns) as usize, rows.max(columns) as usize];
-    let hint = match counts(board.rows, board.columns) {
-        // Squares were counted.
-        [r, c] if [r, c] == [rows + 1, columns + 1] => {
-            "; rows and columns count inner corners, one less than squares"
+    let (places, (rows, columns)) = match finder.look(image) {
+        Outcome::Part { columns, rows, places } => {
+            (places, (rows.min(columns) as usize, rows.max(columns) as usize))
         }
-        [r, c] if r <= rows && c <= columns => "; the numbering of a part of a larger board is not known",
-        _ => "; rows and columns count inner corners: correct them, or show the whole board",
+        _ => (0, finder.largest_grid(image)?),
     };
-    Some(format!("a grid of {rows} × {columns} inner corners is there{hint}"))
+    let wanted = (board.rows.min(board.columns) as usize, board.rows.max(board.columns) as usize);
+    let hint = if wanted == (rows + 1, columns + 1) {
+        "rows and columns count inner corners, one less than squares".to_owned() // Squares were counted.
+    } else if 0 < places {
+        format!(
+            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)",
+            wanted.0, wanted.1
+        )
+    } else {
+        "rows and columns count inner corners: correct them, or show the whole board".to_owned()
+    };
+    Some(format!("a grid of {rows} × {columns} inner corners is there; {hint}"))
 }
 
 /// Tags in the squares of what should be a plain chessboard.

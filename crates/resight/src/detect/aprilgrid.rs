@@ -5,6 +5,8 @@
 //! by a white dot before the tags are sought. And Kalibr's border is two cells wide; both borders are looked for.
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
+mod print;
+
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::homography::{Homography, PlanePoint};
@@ -15,6 +17,7 @@ use super::tags::FoundTag;
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
 use crate::GrayImage;
+use print::{Corners, GridPrint};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{AprilGrid, Feature};
@@ -23,6 +26,7 @@ use resight_core::target::{AprilGrid, Feature};
 pub(super) struct AprilGridFinder {
     grid: AprilGrid,
     decoder: QuadDecoder,
+    print: GridPrint,
 }
 
 impl AprilGridFinder {
@@ -32,25 +36,7 @@ impl AprilGridFinder {
         let family = Family::named(&grid.family)?.only(&grid.family, &ids)?;
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { grid: grid.clone(), decoder })
-    }
-
-    /// For `tags` alone: every id of a family, whatever the grid.
-    pub fn of_any_grid(family: &str) -> Result<Self, DetectError> {
-        let tables = Family::named(family)?;
-        let (rows, columns) = (1, tables.codes.len() as u32);
-        let family = family.to_owned();
-        let grid = AprilGrid { rows, columns, tag_size_m: 1.0, tag_spacing_ratio: 0.3, first_id: 0, family };
-        let families = [tables.clone(), tables.with_double_border()];
-        let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { grid, decoder })
-    }
-
-    /// The tags that touch small black squares at their corners, without what a grid says of those not decoded.
-    pub fn tags(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        let joints = joints(image);
-        let (_, tags) = self.decoded(image, &joints);
-        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::new).collect()
+        Ok(AprilGridFinder { grid: grid.clone(), decoder, print: GridPrint::new(grid)? })
     }
 
     fn ids(&self) -> impl Iterator<Item = u32> + use<> {
@@ -86,45 +72,51 @@ impl AprilGridFinder {
                 feature,
                 pixel: joint.pixel,
                 sigma_px: joint.sigma_px,
+                lens_sigma_px: sigma::LENS_PX,
                 covariance_px2: None,
             });
         }
         detections.try_into().ok()
     }
 
-    /// A tag corner on the grid, in tag edges.
     fn corner(&self, id: u32, corner: u8) -> PlanePoint {
-        let index = id - self.grid.first_id;
-        let pitch = 1.0 + self.grid.tag_spacing_ratio;
-        let (dx, dy) = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)][corner as usize % 4];
-        let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-        PlanePoint::new(column as f64 * pitch + dx, row as f64 * pitch + dy)
+        self.print.place(id, corner)
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
         let joints = joints(image);
-        let (is_reduced, mut tags) = self.decoded(image, &joints);
-        if is_reduced {
+        let quiet = Quietened::new(image);
+        let decimate = decimate(image);
+        let mut tags = first_look(&mut self.decoder, image, &joints, &quiet, decimate);
+        if quiet.is_smoothed() || 1.0 < decimate {
             tags = self.with_missing(image, tags, &joints);
         }
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
         let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
-        let decoded = tags.iter().flat_map(|tag| corners(tag, &joints));
-        let mut detections: Vec<Detection> = decoded.chain(completed).collect();
-        detections.sort_by_key(|d| d.feature);
-        detections
-    }
-
-    /// The tags of a first look, and whether that was at an image smoothed or reduced.
-    fn decoded(&mut self, image: &GrayImage, joints: &[Joint]) -> (bool, Vec<DecodedTag>) {
-        let quiet = Quietened::new(image);
-        self.decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
-        let decimate =
-            if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 };
-        let cut = cut_joints(quiet.image(), joints, decimate);
-        let look = Look { decimate, edges: Edges::FullSize };
-        let tags = one_border(tiles::search(&mut self.decoder, &cut, look));
-        (quiet.is_smoothed() || 1.0 < decimate, tags)
+        let mut known = Corners::new();
+        known.extend(completed.map(|d| (d.feature, Joint { pixel: d.pixel, sigma_px: d.sigma_px })));
+        let mut doubtful = Vec::new();
+        for tag in &tags {
+            for (feature, joint, is_joint) in corners(tag, &joints) {
+                known.insert(feature, joint);
+                doubtful.extend((!is_joint).then_some(feature));
+            }
+        }
+        let is_whole = known.len() == 4 * self.ids().count() && doubtful.is_empty();
+        if is_vouched(&tags) && !is_whole {
+            let border_cells = 1 + tags[0].family;
+            self.print.complete(image, quiet.noise_gray, border_cells, &mut known, &doubtful);
+        }
+        let border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
+        let measured = self.print.measured(image, quiet.noise_gray, border_cells, &known, &doubtful);
+        let detection = |(feature, joint): (Feature, Joint)| Detection {
+            feature,
+            pixel: joint.pixel,
+            sigma_px: joint.sigma_px,
+            lens_sigma_px: sigma::LENS_PX,
+            covariance_px2: None,
+        };
+        measured.into_iter().map(detection).collect()
     }
 
     /// With the tags that show, in the image as it came, where those found say they are.
@@ -157,6 +149,51 @@ impl AprilGridFinder {
         }
         one_border(all)
     }
+}
+
+/// Finds tags that touch small black squares at their corners, whatever grid they are of.
+pub(super) struct GridTagFinder {
+    decoder: QuadDecoder,
+}
+
+impl GridTagFinder {
+    /// Every id of a family.
+    pub fn new(family: &str) -> Result<Self, DetectError> {
+        let family = Family::named(family)?;
+        let decoder = QuadDecoder::new(&[family.clone(), family.with_double_border()]);
+        Ok(GridTagFinder { decoder: decoder.ok_or(DetectError::OutOfMemory)? })
+    }
+
+    /// The tags, as far as they are decoded.
+    pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
+        let tags =
+            first_look(&mut self.decoder, image, &joints(image), &Quietened::new(image), decimate(image));
+        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::new).collect()
+    }
+}
+
+/// How much an image is reduced before tags are sought in it.
+fn decimate(image: &GrayImage) -> f32 {
+    if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 }
+}
+
+/// The tags that show in the whole image, quietened where it is noisy.
+fn first_look(
+    decoder: &mut QuadDecoder,
+    image: &GrayImage,
+    joints: &[Joint],
+    quiet: &Quietened,
+    decimate: f32,
+) -> Vec<DecodedTag> {
+    decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
+    let look = Look { decimate, edges: Edges::FullSize };
+    let tags = one_border(tiles::search(decoder, &cut_joints(quiet.image(), joints, decimate), look));
+    if !tags.is_empty() || !quiet.is_smoothed() {
+        return tags;
+    }
+    // The smallest tags show only in the image as it came, however noisy.
+    decoder.set_least_contrast(quiet.least_contrast_unsmoothed(LEAST_CONTRAST));
+    one_border(tiles::search(decoder, &cut_joints(image, joints, decimate), look))
 }
 
 /// Largest image, pixels, in which tags are sought at full size. At half size a third of the tags of a 1-megapixel
@@ -212,20 +249,22 @@ fn one_border(tags: Vec<DecodedTag>) -> Vec<DecodedTag> {
     kept
 }
 
+/// A lone tag is believed to tell where all others are with a clear reading, grey levels; two vouch for each other.
+const LONE_MARGIN_GRAY: f64 = 30.0;
+
+fn is_vouched(tags: &[DecodedTag]) -> bool {
+    2 <= tags.len() || tags.iter().any(|tag| LONE_MARGIN_GRAY <= tag.margin_gray)
+}
+
 /// The corners of a tag, each at the joint it belongs to, or where the tag's edges meet when it has none (a corner
-/// square missing or covered).
-fn corners(tag: &DecodedTag, joints: &[Joint]) -> [Detection; 4] {
+/// square missing or covered), and whether it is a joint.
+fn corners(tag: &DecodedTag, joints: &[Joint]) -> [(Feature, Joint, bool); 4] {
     let edge_px = sigma::shortest_edge_px(&tag.corners);
     // Half a corner square (spacing ratio 0.3 of the tag) away lies the square's other corner.
     let within_px = (0.1 * edge_px).clamp(1.5, 4.0);
     [0, 1, 2, 3].map(|k| {
         let met = Joint { pixel: tag.corners[k], sigma_px: sigma::tag_px(tag) };
-        let joint = nearest(joints, &met.pixel, within_px).unwrap_or(met);
-        Detection {
-            feature: Feature { id: tag.id, corner: k as u8 },
-            pixel: joint.pixel,
-            sigma_px: joint.sigma_px,
-            covariance_px2: None,
-        }
+        let joint = nearest(joints, &met.pixel, within_px);
+        (Feature { id: tag.id, corner: k as u8 }, joint.unwrap_or(met), joint.is_some())
     })
 }

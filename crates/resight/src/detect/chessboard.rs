@@ -1,16 +1,30 @@
-//! Chessboards: inner corners through `calib-targets` (ChESS corners, saddle-point refinement), numbered our way.
+//! Chessboards: saddle points (ChESS corners) joined to a lattice, numbered our way.
 //!
 //! Corner ids run along the rows of `columns` corners, corner 0 next to a **black** square on its inner side
 //! (between corners 0, 1 and `columns`), which for an odd sum of rows and columns (OpenCV's 9 × 6 board) leaves
 //! exactly one numbering, the one OpenCV uses. Where the colours allow several (even sum: half a turn; square boards
 //! of odd squares: quarter turns) no detector can tell them apart: the most upright is taken, the one whose last row
 //! lies lowest below its first in the image, as OpenCV does. A mirrored numbering is never returned.
+//!
+//! A board that `calib-targets` finds nearly whole is taken as it comes. Otherwise its pieces, or black squares of our own (`squares`), are
+//! grown node by node (`grow`). Of a board that is only partly visible the ids follow from its outer edges (`place`); where these do not tell,
+//! no id is given, and [`Outcome::Part`] says so.
 
-use super::joints::{CornerWindow, Joint, corner_config, corners};
-use super::{DetectError, sigma};
+mod grow;
+mod lattice;
+mod place;
+mod squares;
+
+use super::homography::{Homography, PlanePoint};
+use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
+use super::print::{self, Place as Surroundings};
+use super::{DetectError, noise, sigma};
 use crate::GrayImage;
-use calib_targets::chessboard::{ChessboardDetection, ChessboardDetector, ChessboardParams};
+use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
 use calib_targets::core::DetectorConfig;
+use grow::{MOST_NODES, Pattern};
+use lattice::Lattice;
+use place::{MIN_LABELLED, Place, Placement, Seen};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Chessboard, Feature};
@@ -23,6 +37,26 @@ pub(super) struct ChessboardFinder {
     /// Tried in order until one shows the board: the library's own sweep, its default first.
     detectors: Vec<ChessboardDetector>,
 }
+
+/// What an image shows of a board.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Outcome {
+    /// Its corners.
+    Board(Vec<Detection>),
+    /// A part of the pattern, so many columns and rows of corners, that could be in this many places of the board.
+    Part { columns: u32, rows: u32, places: usize },
+    /// No board.
+    Nothing,
+}
+
+/// The image is searched as it is, at half and at a quarter of its size: saddle points smeared over more than the detector's ring show there.
+const LEVELS: usize = 3;
+/// Pieces of a library's search, and squares, that are grown at each level.
+const MOST_SEEDS: usize = 3;
+/// Fewer nodes than this are no board unless it has no more.
+const LEAST_NODES: usize = 6;
+/// Fewest nodes of a part that is told of.
+const LEAST_OF_PART: usize = 12;
 
 impl ChessboardFinder {
     pub fn new(board: &Chessboard, window: CornerWindow) -> Result<Self, DetectError> {
@@ -37,220 +71,240 @@ impl ChessboardFinder {
         Ok(ChessboardFinder { board: *board, window, config: corner_config(), detectors })
     }
 
-    pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
-        let corners = corners(image, &self.config);
-        let found = self
-            .detectors
-            .iter()
-            .flat_map(|detector| detector.detect_all(&corners))
-            .find_map(|found| number(&Grid::new(&found), &self.board, image, self.window));
-        found.unwrap_or_default()
+    pub fn detect(&self, image: &GrayImage) -> Vec<Detection> {
+        match self.look(image) {
+            Outcome::Board(found) => found,
+            Outcome::Part { .. } | Outcome::Nothing => Vec::new(),
+        }
     }
 
     /// Rows and columns of inner corners of the largest grid in an image, fewer rows than columns, whatever the board; none where there is
     /// no grid of nine corners.
     pub fn largest_grid(&self, image: &GrayImage) -> Option<(usize, usize)> {
         let corners = corners(image, &self.config);
-        let grids = self.detectors.iter().flat_map(|detector| detector.detect_all(&corners));
-        let sizes = grids.map(|found| Grid::new(&found)).filter(|grid| {
-            let labelled = grid.nodes.iter().flatten().count();
-            MIN_LABELLED * grid.nodes.len() as f64 <= labelled as f64
-        });
-        let sizes = sizes.map(|grid| (grid.width.min(grid.height), grid.width.max(grid.height)));
+        let lattices = self.detectors.iter().flat_map(|detector| detector.detect_all(&corners));
+        let size = |lattice: &Lattice| {
+            let (columns, rows) = lattice.extent()?.size();
+            let is_full = MIN_LABELLED * f64::from(columns * rows) <= lattice.nodes.len() as f64;
+            is_full.then_some((columns.min(rows) as usize, columns.max(rows) as usize))
+        };
+        let sizes = lattices.filter_map(|found| size(&Lattice::labelled(&found)));
         sizes.filter(|(rows, _)| 3 <= *rows).max_by_key(|(rows, columns)| rows * columns)
     }
-}
 
-/// The labelled lattice: `nodes[v * width + u]`.
-struct Grid {
-    width: usize,
-    height: usize,
-    nodes: Vec<Option<Joint>>,
-}
-
-impl Grid {
-    fn new(found: &ChessboardDetection) -> Self {
-        let label = |x: i32| x.max(0) as usize;
-        let width = 1 + found.corners.iter().map(|c| label(c.grid.u)).max().unwrap_or(0);
-        let height = 1 + found.corners.iter().map(|c| label(c.grid.v)).max().unwrap_or(0);
-        let mut nodes = vec![None; width * height];
-        for c in &found.corners {
-            let pixel = Pixel::new(c.position.x as f64, c.position.y as f64);
-            let library_px = c.position_covariance.map(|k| k.sigma_max_px() as f64);
-            nodes[label(c.grid.v) * width + label(c.grid.u)] =
-                Some(Joint { pixel, sigma_px: sigma::saddle_px(library_px) });
-        }
-        Grid { width, height, nodes }
-    }
-
-    fn at(&self, u: i32, v: i32) -> Option<Joint> {
-        let inside = 0 <= u && 0 <= v && (u as usize) < self.width && (v as usize) < self.height;
-        if inside { self.nodes[v as usize * self.width + u as usize] } else { None }
-    }
-}
-
-/// A way to lay the board over the lattice: board (column, row) → lattice (u, v).
-#[derive(Debug, Clone, Copy)]
-struct Placement {
-    origin: (i32, i32),
-    column_step: (i32, i32),
-    row_step: (i32, i32),
-}
-
-impl Placement {
-    fn node(&self, column: i32, row: i32) -> (i32, i32) {
-        let along = |origin: i32, c: i32, r: i32| origin + column * c + row * r;
-        (
-            along(self.origin.0, self.column_step.0, self.row_step.0),
-            along(self.origin.1, self.column_step.1, self.row_step.1),
-        )
-    }
-}
-
-/// At least this share of the corners must carry a label; fewer leave room for a board shifted by one row.
-const MIN_LABELLED: f64 = 0.9;
-
-/// Numbers the lattice as `board`, or says that this is not the board.
-fn number(
-    grid: &Grid,
-    board: &Chessboard,
-    image: &GrayImage,
-    window: CornerWindow,
-) -> Option<Vec<Detection>> {
-    let fits: Vec<(usize, Placement)> = placements(grid, board)
-        .into_iter()
-        .map(|p| (n_labelled(grid, board, &p), p))
-        .filter(|(n, p)| {
-            MIN_LABELLED * (board.rows * board.columns) as f64 <= *n as f64 && is_right_handed(grid, board, p)
-        })
-        .collect();
-    let most = fits.iter().map(|(n, _)| *n).max()?;
-    let best = fits
-        .iter()
-        .filter(|(n, p)| *n == most && inner_square_is_black(grid, board, p, image))
-        .max_by(|a, b| drop_px(grid, board, &a.1).total_cmp(&drop_px(grid, board, &b.1)))?;
-    Some(refined(grid, board, &best.1, image, window))
-}
-
-/// Half window of the refinement over the distance to the nearest corner. Calibrating from 2 × 13 real views leaves
-/// 0.179 / 0.185 px at 0.25, 0.176 / 0.179 px at 0.34, and 0.201 / 0.326 px at 0.40, where neighbours come in.
-const WINDOW_RATIO: f64 = 0.34;
-
-/// The corners, each refined in the largest window that stays clear of its neighbours, or in the one asked for.
-fn refined(
-    grid: &Grid,
-    board: &Chessboard,
-    p: &Placement,
-    image: &GrayImage,
-    window: CornerWindow,
-) -> Vec<Detection> {
-    let (rows, columns) = (board.rows as i32, board.columns as i32);
-    let node = |column: i32, row: i32| {
-        let (u, v) = p.node(column, row);
-        grid.at(u, v).filter(|_| 0 <= column && column < columns && 0 <= row && row < rows)
-    };
-    let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
-    cells
-        .filter_map(|(column, row)| {
-            let joint = node(column, row)?;
-            let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)];
-            let neighbours = beside.into_iter().filter_map(|(du, dv)| node(column + du, row + dv));
-            let nearest_px = neighbours.map(|n| (n.pixel - joint.pixel).norm()).fold(f64::INFINITY, f64::min);
-            let joint = joint.refined(image, WINDOW_RATIO * nearest_px, window);
-            let feature = Feature { id: (row * columns + column) as u32, corner: 0 };
-            Some(Detection { feature, pixel: joint.pixel, sigma_px: joint.sigma_px, covariance_px2: None })
-        })
-        .collect()
-}
-
-/// Every window of the lattice as large as the board, in every orientation. The lattice is larger than the board
-/// where the background continues the pattern by chance.
-fn placements(grid: &Grid, board: &Chessboard) -> Vec<Placement> {
-    let (w, h) = (grid.width as i32, grid.height as i32);
-    let mut all = Vec::new();
-    for (column_step, row_step) in [
-        ((1, 0), (0, 1)),
-        ((0, 1), (-1, 0)),
-        ((-1, 0), (0, -1)),
-        ((0, -1), (1, 0)),
-        ((1, 0), (0, -1)),
-        ((0, 1), (1, 0)),
-        ((-1, 0), (0, 1)),
-        ((0, -1), (-1, 0)),
-    ] {
-        for origin in (0..w).flat_map(|u| (0..h).map(move |v| (u, v))) {
-            let placement = Placement { origin, column_step, row_step };
-            let (u, v) = placement.node(board.columns as i32 - 1, board.rows as i32 - 1);
-            if 0 <= u && u < w && 0 <= v && v < h {
-                all.push(placement);
+    /// What the image shows of the board.
+    pub fn look(&self, image: &GrayImage) -> Outcome {
+        let corners = corners(image, &self.config);
+        let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
+        let mut pieces = Vec::new();
+        for detector in &self.detectors {
+            for found in detector.detect_all(&corners) {
+                let lattice = Lattice::labelled(&found);
+                let seen = Seen::new(&lattice, &self.board, image);
+                if let Some(Place::Known(p)) = seen.map(|seen| seen.place_whole()) {
+                    return search.whole(lattice, &p);
+                }
+                pieces.push(lattice);
             }
         }
+        search.by_pieces(pieces, corners)
     }
-    all
+
+    /// The corners, each measured by the print around it or in the window asked for. Of a board that grew by its print (`is_printed`) a corner stays where
+    /// that put it when the print around it alone does not show.
+    fn refined(
+        &self,
+        lattice: &Lattice,
+        p: &Placement,
+        image: &GrayImage,
+        is_printed: bool,
+    ) -> Vec<Detection> {
+        let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
+        let node = |column: i32, row: i32| {
+            let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
+            lattice.at(p.node(column, row)).filter(|_| is_corner)
+        };
+        let id = |column: i32, row: i32| (row * columns + column) as u32;
+        let corner = |(column, row): (i32, i32)| {
+            Some((id(column, row), node(column, row)?, around(&self.board, &node, column, row)))
+        };
+        let nodes: Vec<(u32, Joint, Option<Surroundings<_>>)> =
+            Placement::cells(&self.board).filter_map(corner).collect();
+        let detection = |id: u32, pixel: Pixel, sigma_px: f64| {
+            let feature = Feature { id, corner: 0 };
+            Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
+        };
+        if let CornerWindow::Half(half_px) = self.window {
+            let joints = nodes.into_iter().map(|(id, joint, _)| (id, joint.refined(image, half_px)));
+            return joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px)).collect();
+        }
+        let (joints, places): (Vec<_>, Vec<_>) =
+            nodes.into_iter().filter_map(|(id, joint, place)| Some(((id, joint), place?))).unzip();
+        let said = print::measure(image, noise::noise_gray(image), &places);
+        let corners = joints.into_iter().zip(said).filter_map(|((id, joint), said)| match said {
+            print::Seen::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
+            print::Seen::Otherwise if !is_printed => None,
+            print::Seen::Outside | print::Seen::Otherwise => Some(detection(id, joint.pixel, joint.sigma_px)),
+        });
+        corners.collect()
+    }
 }
 
-fn n_labelled(grid: &Grid, board: &Chessboard, p: &Placement) -> usize {
-    let cells =
-        (0..board.rows as i32).flat_map(|row| (0..board.columns as i32).map(move |column| (column, row)));
-    cells.map(|(column, row)| p.node(column, row)).filter(|&(u, v)| grid.at(u, v).is_some()).count()
-}
+/// A print further than this from the saddle point is another's, pixels.
+const MAX_MOVE_PX: f64 = 1.5;
 
-/// Mean of a lattice line of the placed board; rows when `along_row`, else columns.
-fn line_mean(
-    grid: &Grid,
+/// The print around a corner, as the corners beside it say; none where they do not.
+fn around(
     board: &Chessboard,
-    p: &Placement,
-    row: Option<i32>,
-    column: Option<i32>,
-) -> Option<Pixel> {
-    let (rows, columns) = (board.rows as i32, board.columns as i32);
-    let cells = (0..rows).flat_map(|r| (0..columns).map(move |c| (c, r)));
-    let on_line = cells.filter(|&(c, r)| row.is_none_or(|x| x == r) && column.is_none_or(|x| x == c));
-    let nodes: Vec<Pixel> =
-        on_line.map(|(c, r)| p.node(c, r)).filter_map(|(u, v)| grid.at(u, v)).map(|n| n.pixel).collect();
-    if nodes.is_empty() { None } else { Some(nodes.iter().sum::<Pixel>() / nodes.len() as f64) }
+    node: &dyn Fn(i32, i32) -> Option<Joint>,
+    column: i32,
+    row: i32,
+) -> Option<Surroundings<impl Fn(PlanePoint) -> f32 + use<>>> {
+    let at = |c: i32, r: i32| PlanePoint::new(c as f64, r as f64);
+    let near = (-1..=1).flat_map(|dv| (-1..=1).map(move |du| (column + du, row + dv)));
+    let pairs: Vec<(PlanePoint, Pixel)> =
+        near.filter_map(|(c, r)| Some((at(c, r), node(c, r)?.pixel))).collect();
+    let map = Homography::fit(&pairs)?;
+    let place = at(column, row);
+    let found = node(column, row)?.pixel;
+    let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
+    let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - found).norm());
+    let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
+    let last = PlanePoint::new(board.columns as f64, board.rows as f64);
+    // Corner 0 has a black square between it and the next ones; outside of the outer squares the board is white.
+    let ink = move |x: PlanePoint| {
+        let is_inside = -1.0 <= x.x && -1.0 <= x.y && x.x < last.x && x.y < last.y;
+        let is_even = (x.x.floor() + x.y.floor()).rem_euclid(2.0) == 0.0;
+        if is_inside && is_even { -1.0 } else { 1.0 }
+    };
+    Some(Surroundings { found, place, map, square_px, clear_px: f64::INFINITY, reach_px: MAX_MOVE_PX, ink })
 }
 
-/// Seen from the front, x to the right and y down turn clockwise in the image.
-fn is_right_handed(grid: &Grid, board: &Chessboard, p: &Placement) -> bool {
-    let line = |row, column| line_mean(grid, board, p, row, column);
-    let (last_row, last_column) = (board.rows as i32 - 1, board.columns as i32 - 1);
-    let x_axis = line(None, Some(last_column)).zip(line(None, Some(0))).map(|(b, a)| b - a);
-    let y_axis = line(Some(last_row), None).zip(line(Some(0), None)).map(|(b, a)| b - a);
-    x_axis.zip(y_axis).is_some_and(|(x, y)| 0.0 < x.x * y.y - x.y * y.x)
+/// A board whose pieces are grown.
+struct Search<'a> {
+    finder: &'a ChessboardFinder,
+    image: &'a GrayImage,
+    noise_gray: f64,
 }
 
-/// How far the last row lies below the first, pixels.
-fn drop_px(grid: &Grid, board: &Chessboard, p: &Placement) -> f64 {
-    let row = |r| line_mean(grid, board, p, Some(r), None);
-    row(board.rows as i32 - 1).zip(row(0)).map_or(f64::NEG_INFINITY, |(last, first)| last.y - first.y)
-}
-
-/// Whether squares of the colour of the one inside corner 0 are darker than the others.
-fn inner_square_is_black(grid: &Grid, board: &Chessboard, p: &Placement, image: &GrayImage) -> bool {
-    let mut sums = [0.0; 2];
-    let mut counts = [0.0; 2];
-    for row in 0..board.rows as i32 - 1 {
-        for column in 0..board.columns as i32 - 1 {
-            let node = |dc, dr| {
-                let (u, v) = p.node(column + dc, row + dr);
-                grid.at(u, v).map(|n| n.pixel)
-            };
-            let (Some(a), Some(b), Some(c), Some(d)) = (node(0, 0), node(1, 0), node(1, 1), node(0, 1))
-            else {
-                continue;
-            };
-            let parity = ((row + column) % 2) as usize;
-            sums[parity] += sample(image, &((a + b + c + d) / 4.0));
-            counts[parity] += 1.0;
+impl Search<'_> {
+    /// A board that the library found, with the corners that it missed where their print shows them.
+    fn whole(&self, lattice: Lattice, p: &Placement) -> Outcome {
+        let board = &self.finder.board;
+        let found = Outcome::Board(self.finder.refined(&lattice, p, self.image, false));
+        if Placement::cells(board).all(|(c, r)| lattice.at(p.node(c, r)).is_some()) {
+            return found;
+        }
+        match place::dark(&lattice, self.image) {
+            Some(dark) if lattice.nodes.len() <= MOST_NODES => {
+                better(found, self.grown(lattice, dark, &mut Vec::new()))
+            }
+            _ => found,
         }
     }
-    // A 2 × 2 board has one square only: nothing to compare with, and every numbering is as good.
-    counts.contains(&0.0) || sums[0] / counts[0] < sums[1] / counts[1]
+
+    /// The best of what grows at the levels of the image, beginning with what was found at full size.
+    fn by_pieces(&self, pieces: Vec<Lattice>, corners: Vec<ChessCorner>) -> Outcome {
+        let mut best = self.at_level(pieces, &corners, 1.0);
+        let mut reduced = halved(self.image);
+        for level in 1..LEVELS {
+            if self.is_enough(&best) {
+                break;
+            }
+            let corners = super::joints::corners(&reduced, &self.finder.config);
+            best = better(best, self.at_level(Vec::new(), &corners, (1 << level) as f64));
+            reduced = halved(&reduced);
+        }
+        best
+    }
+
+    fn is_enough(&self, found: &Outcome) -> bool {
+        let n_corners = (self.finder.board.rows * self.finder.board.columns) as usize;
+        matches!(found, Outcome::Board(corners) if n_corners <= 2 * corners.len())
+    }
+
+    /// Grows the largest pieces, and squares that none of them holds. `scale` is how much smaller the image is that the corners are from.
+    fn at_level(&self, mut pieces: Vec<Lattice>, corners: &[ChessCorner], scale: f64) -> Outcome {
+        pieces.sort_by_key(|piece| std::cmp::Reverse(piece.nodes.len()));
+        pieces.retain(|piece| piece.nodes.len() <= MOST_NODES);
+        pieces.truncate(1);
+        let mut best = Outcome::Nothing;
+        let mut grown: Vec<Lattice> = Vec::new();
+        for piece in pieces {
+            if let Some(dark) = place::dark(&piece, self.image) {
+                best = better(best, self.grown(piece, dark, &mut grown));
+            }
+        }
+        if self.is_enough(&best) {
+            return best;
+        }
+        let mut strongest: Vec<&ChessCorner> = corners.iter().collect();
+        strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+        let joints: Vec<Joint> = strongest.into_iter().map(|c| enlarged(Joint::new(c), scale)).collect();
+        let squares = squares::black_squares(&joints, self.image, self.noise_gray);
+        for square in squares {
+            if MOST_SEEDS <= grown.len() || self.is_enough(&best) {
+                break;
+            }
+            let corners = square.map(|k| joints[k]);
+            if grown.iter().any(|lattice| corners.iter().any(|joint| holds(lattice, joint))) {
+                continue;
+            }
+            let nodes = [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().zip(corners);
+            best = better(best, self.grown(Lattice { nodes: nodes.collect() }, 0, &mut grown));
+        }
+        best
+    }
+
+    /// What a piece grows to, and its place in the board.
+    fn grown(&self, mut lattice: Lattice, dark: i32, all: &mut Vec<Lattice>) -> Outcome {
+        let board = &self.finder.board;
+        let mut pattern = Pattern::new(self.image, self.noise_gray, dark, &lattice);
+        pattern.keep_vouched(&mut lattice);
+        // One more than the board has: a larger one is another board.
+        let most = board.rows.max(board.columns) as i32 + 1;
+        pattern.grow(&mut lattice, most);
+        let n = lattice.nodes.len();
+        let outcome = match Seen::new(&lattice, board, self.image) {
+            Some(seen) if LEAST_NODES.min((board.rows * board.columns) as usize) <= n => {
+                seen.place(pattern.ends(&lattice))
+            }
+            _ => Place::Nowhere,
+        };
+        let (columns, rows) = lattice.extent().map_or((0, 0), |extent| extent.size());
+        let outcome = match outcome {
+            Place::Known(p) => {
+                let nodes = Placement::cells(board).map(|(c, r)| p.node(c, r));
+                pattern.complete(&mut lattice, p.extent(board), nodes);
+                Outcome::Board(self.finder.refined(&lattice, &p, self.image, true))
+            }
+            Place::OneOf(places) if LEAST_OF_PART <= n => {
+                Outcome::Part { columns: columns as u32, rows: rows as u32, places }
+            }
+            _ => Outcome::Nothing,
+        };
+        all.push(lattice);
+        outcome
+    }
 }
 
-/// Grey value at the nearest pixel.
-fn sample(image: &GrayImage, pixel: &Pixel) -> f64 {
-    let clamp = |x: f64, n: u32| x.round().clamp(0.0, (n - 1) as f64) as u32;
-    image.at(clamp(pixel.x, image.width_px), clamp(pixel.y, image.height_px)) as f64
+/// Whether a joint is a node of a lattice already.
+fn holds(lattice: &Lattice, joint: &Joint) -> bool {
+    lattice.nodes.values().any(|node| (node.pixel - joint.pixel).norm() < 3.0)
+}
+
+/// A joint of a reduced image, whose pixel is the mean of `scale` × `scale`, in the whole one.
+fn enlarged(joint: Joint, scale: f64) -> Joint {
+    let middle = Pixel::new(0.5, 0.5) * (scale - 1.0);
+    Joint { pixel: joint.pixel * scale + middle, sigma_px: scale * joint.sigma_px }
+}
+
+/// Of two outcomes the one that says more.
+fn better(a: Outcome, b: Outcome) -> Outcome {
+    let worth = |x: &Outcome| match x {
+        Outcome::Board(corners) => (2, corners.len() as u64),
+        Outcome::Part { columns, rows, .. } => (1, *columns as u64 * *rows as u64),
+        Outcome::Nothing => (0, 0),
+    };
+    if worth(&a) < worth(&b) { b } else { a }
 }

@@ -278,6 +278,7 @@ impl DotDetector {
                 feature,
                 pixel: dot.centroid - shift,
                 sigma_px: variance.sqrt(),
+                lens_sigma_px: 0.0,
                 covariance_px2: None,
             },
             *dot,

@@ -1,6 +1,6 @@
 //! Every tag of an image, of one family or of whatever family: for who does not know yet what hangs there.
 
-use super::aprilgrid::AprilGridFinder;
+use super::aprilgrid::GridTagFinder;
 use super::families::APRILTAG_FAMILIES;
 use super::tags::{FoundTag, TagFinder};
 use super::{DetectError, sigma};
@@ -27,7 +27,7 @@ pub struct FamilyTags {
 pub struct EveryTagFinder {
     free: Vec<(String, TagFinder)>,
     /// Tags that touch the small squares of an AprilGrid, sought where no tag stands free.
-    in_grids: Vec<(String, AprilGridFinder)>,
+    in_grids: Vec<(String, GridTagFinder)>,
 }
 
 impl EveryTagFinder {
@@ -47,7 +47,7 @@ impl EveryTagFinder {
         for family in families {
             finder.free.push((family.to_owned(), TagFinder::new(family)?));
             if OF_GRIDS.contains(&family) {
-                finder.in_grids.push((family.to_owned(), AprilGridFinder::of_any_grid(family)?));
+                finder.in_grids.push((family.to_owned(), GridTagFinder::new(family)?));
             }
         }
         Ok(finder)
@@ -59,7 +59,7 @@ impl EveryTagFinder {
         let of = |family: &str, tags: Vec<FoundTag>| FamilyTags { family: family.to_owned(), tags };
         let mut found: Vec<FamilyTags> =
             self.free.iter_mut().map(|(family, finder)| of(family, finder.find(image))).collect();
-        found.extend(self.in_grids.iter_mut().map(|(family, finder)| of(family, finder.tags(image))));
+        found.extend(self.in_grids.iter_mut().map(|(family, finder)| of(family, finder.find(image))));
         // The sort is stable: among equals the family named first.
         found.sort_by_key(|family| std::cmp::Reverse(family.tags.len()));
         let mut kept: Vec<FamilyTags> = Vec::new();

@@ -28,30 +28,19 @@ impl Joint {
 /// How far the window of a corner's refinement reaches to each side of its centre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CornerWindow {
-    /// As far as the neighbouring corners leave room, 2 to 11 px. Of a ChArUco board all that is printed around a corner is compared.
+    /// None: what is printed around a corner is laid on the image, 4 to 7 px to each side.
     #[default]
     Clear,
     /// This many pixels, whatever comes in: for corners comparable with those of OpenCV's `cornerSubPix` and its `winSize`.
     Half(u32),
 }
 
-/// A refinement that leads further than this from the saddle point, pixels, has met a foreign edge.
-const MAX_MOVE_PX: f64 = 1.5;
-
 impl Joint {
-    /// Refined in a window that leaves `clear_px` to each side to this corner alone; itself when that fails.
-    pub fn refined(self, image: &GrayImage, clear_px: f64, window: CornerWindow) -> Self {
-        let refined = match window {
-            CornerWindow::Clear => {
-                let half_px = clear_px.clamp(2.0, 11.0) as u32;
-                refine_corner(image, &self.pixel, half_px, MAX_MOVE_PX).map(|c| (c.pixel, c.sigma_px))
-            }
-            // How well all edges in the window meet says nothing of this corner's: every corner weighs the same.
-            CornerWindow::Half(half_px) => {
-                refine_corner(image, &self.pixel, half_px, half_px as f64).map(|c| (c.pixel, 0.0))
-            }
-        };
-        refined.map_or(self, |(pixel, meeting_px)| Joint { pixel, sigma_px: sigma::refined_px(meeting_px) })
+    /// Refined in a window of so many pixels to each side, whatever comes in; itself when that fails.
+    pub fn refined(self, image: &GrayImage, half_px: u32) -> Self {
+        // How well all edges in the window meet says nothing of this corner's: every corner weighs the same.
+        let refined = refine_corner(image, &self.pixel, half_px, half_px as f64);
+        refined.map_or(self, |c| Joint { pixel: c.pixel, sigma_px: sigma::WINDOW_PX })
     }
 }
 
@@ -113,6 +102,20 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
         }
     }
     all
+}
+
+/// The image at half its size, each pixel the mean of four; a last odd column or row is left out.
+pub(super) fn halved(image: &GrayImage) -> GrayImage {
+    let (width, height) = (image.width_px as usize / 2, image.height_px as usize / 2);
+    let stride = image.width_px as usize;
+    let mut data = Vec::with_capacity(width * height);
+    for rows in image.data.chunks_exact((2 * stride).max(1)).take(height) {
+        let (above, below) = rows.split_at(stride);
+        let quads = above.chunks_exact(2).zip(below.chunks_exact(2));
+        let sums = quads.map(|(a, b)| a[0] as u16 + a[1] as u16 + b[0] as u16 + b[1] as u16);
+        data.extend(sums.map(|sum| ((sum + 2) / 4) as u8));
+    }
+    GrayImage { width_px: width as u32, height_px: height as u32, data }
 }
 
 /// The joint nearest to a place, if one lies close enough.

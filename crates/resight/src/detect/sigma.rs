@@ -3,27 +3,21 @@
 use super::apriltag::DecodedTag;
 use resight_core::Pixel;
 
-/// Smallest sigma of any corner, pixels: what remains between a good detector and a good lens model, and must be
-/// covered or every good view would be called inconsistent. Residuals per axis with published intrinsics: 0.11–0.20
-/// (chessboard webcam, 26 views, 0.14 in the middle), 0.17 (EuRoC), 0.10–0.13 (four ChArUco webcams), 0.06 (TUM-VI
-/// fisheye); on rendered pictures the same detectors miss by 0.01–0.03.
-const LENS_FLOOR_PX: f64 = 0.15;
+/// What a lens model leaves of a corner's place, standard deviation of each coordinate in pixels: it must be covered, or every good view would be
+/// called inconsistent. No one number serves all lenses (docs/math/corner_sigma.md section 5): recordings with published intrinsics need 0.12 and
+/// 0.13 (chessboard, two webcams), 0.16 (EuRoC), 0.06 (TUM-VI fisheye), 0.21 and at most 0.05 (four ChArUco webcams).
+pub const LENS_PX: f64 = 0.15;
 
 /// Sigma of a corner where the library gives none: its refinement did not converge, and the corner stayed at the
 /// centre of mass of the response, 0.09 px from the truth on rendered boards.
-const UNREFINED_PX: f64 = 0.30;
+const UNREFINED_PX: f64 = 0.10;
+
+/// Sigma of a corner refined in a window that may hold foreign edges.
+pub(super) const WINDOW_PX: f64 = 0.05;
 
 /// Sigma of a saddle point from the library's own estimate (image noise through the fit, plus its systematic part).
 pub(super) fn saddle_px(library_px: Option<f64>) -> f64 {
-    match library_px.filter(|s| s.is_finite()) {
-        Some(s) => s.hypot(LENS_FLOOR_PX),
-        None => UNREFINED_PX,
-    }
-}
-
-/// Sigma of a refined corner from how well its edges meet.
-pub(super) fn refined_px(meeting_px: f64) -> f64 {
-    meeting_px.hypot(LENS_FLOOR_PX)
+    library_px.filter(|s| s.is_finite() && 0.0 < *s).unwrap_or(UNREFINED_PX)
 }
 
 /// Two fitted edges meet in the corner; the points each rests on grow with its length. Against the reference corners of
@@ -42,7 +36,7 @@ pub(super) fn tag_px(tag: &DecodedTag) -> f64 {
 pub(crate) fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f64 {
     let margin_gray = margin_gray.unwrap_or(CLEAR_MARGIN_GRAY);
     let dim = (CLEAR_MARGIN_GRAY / margin_gray.max(1.0)).max(1.0);
-    LENS_FLOOR_PX.hypot(dim * TAG_AT_ONE_PX / shortest_edge_px(corners).max(1.0).sqrt())
+    dim * TAG_AT_ONE_PX / shortest_edge_px(corners).max(1.0).sqrt()
 }
 
 /// Length of a quadrilateral's shortest edge, pixels.

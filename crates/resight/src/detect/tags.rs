@@ -18,7 +18,7 @@ pub struct FoundTag {
     pub id: u32,
     /// Corners 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag, pixels.
     pub corners: [Pixel; 4],
-    /// Standard deviation of each corner coordinate, pixels.
+    /// Standard deviation of each corner coordinate by the image, pixels.
     pub sigma_px: f64,
     /// How far its bits lie from the black/white threshold, grey levels.
     pub margin_gray: f64,
@@ -199,6 +199,7 @@ impl FoundTag {
             feature: Feature { id: self.id, corner },
             pixel,
             sigma_px: self.sigma_px,
+            lens_sigma_px: sigma::LENS_PX,
             covariance_px2: None,
         })
     }

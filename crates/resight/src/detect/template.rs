@@ -4,7 +4,9 @@
 //! corners than a window for edges is wide, and every saddle-point detector loses corners; but what is printed there is known. The model of
 //! the image at pixel p is a + g T(p − t), with T the print seen through the predicted homography and a Gaussian blur; the shift t, the
 //! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
-//! explains says whether the corner is there at all.
+//! explains says whether the corner is there at all; how well the shift is known, `scatter` says.
+
+mod scatter;
 
 use super::homography::{Homography, PlanePoint};
 use crate::GrayImage;
@@ -16,12 +18,21 @@ use resight_core::Pixel;
 pub(super) struct Fit {
     /// Where the corner is.
     pub pixel: Pixel,
-    /// Standard deviation along the less certain axis, from the residual.
-    pub sigma_px: f64,
+    /// Standard deviation of each coordinate by the noise alone.
+    pub noise_px: f64,
+    /// Variance that the residual shows over that of the noise.
+    pub excess: f64,
     /// Share of the variance, besides that of the noise, that the print explains: 1 of a perfect fit.
     pub explained: f64,
     /// Grey levels from black to white; negative of a print with exchanged colours.
     pub contrast_gray: f64,
+}
+
+impl Fit {
+    /// Standard deviation of each coordinate by this corner's own residual alone.
+    pub fn sigma_px(&self) -> f64 {
+        self.noise_px * self.excess.max(1.0).sqrt()
+    }
 }
 
 /// A window of the image around a corner, and how it is compared.
@@ -38,8 +49,12 @@ pub(super) struct Window {
 /// Steps of a search; each about squares the error.
 const STEPS: usize = 8;
 const SETTLED_PX: f64 = 2e-3;
-/// Sub-pixels along each side of a pixel of the print's picture.
-const SAMPLES: usize = 3;
+/// The last step corrects for a blur that is not the assumed one; a longer one has found something else.
+const LAST_STEP_PX: f64 = 0.3;
+/// Places in a pixel at which the print is looked up: Fibonacci's lattice (k/34, 21k/34) has 34 distances along either axis and is even in every
+/// direction, a square grid of as many has 6.
+const SAMPLES: usize = 34;
+const LATTICE: usize = 21;
 /// Pixels around the window in which the shifted print and its slopes are known.
 const RIM: usize = 3;
 
@@ -76,10 +91,13 @@ impl Picture {
             if around.iter().all(|x| *x == around[0]) {
                 return around[0];
             }
-            let sub = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
-            let samples =
-                (0..SAMPLES * SAMPLES).map(|s| at(u as f64 + sub(s % SAMPLES), v as f64 + sub(s / SAMPLES)));
-            samples.sum::<f32>() / (SAMPLES * SAMPLES) as f32
+            // Moved within a step from pixel to pixel, so that the steps do not add up along an edge that lies along an axis.
+            let (u, v) = (u as f64, v as f64);
+            let (along, down) =
+                ((0.618034 * u + 0.754878 * v).fract(), (0.569840 * u + 0.618034 * v).fract());
+            let sub = |i: usize, step: f64| (i as f64 + step) / SAMPLES as f64 - 0.5;
+            let samples = (0..SAMPLES).map(|s| at(u + sub(s, along), v + sub(LATTICE * s % SAMPLES, down)));
+            samples.sum::<f32>() / SAMPLES as f32
         };
         let raw: Vec<f32> = (0..wide * wide).map(pixel).collect();
         let side = wide - 2 * reach;
@@ -91,6 +109,25 @@ impl Picture {
             kernel.iter().enumerate().map(|(i, w)| w * rows[(k / side + i) * side + k % side]).sum()
         };
         Picture { side, values: (0..side * side).map(down).collect() }
+    }
+
+    /// Second derivatives along u, along both and along v at a place relative to the middle, bilinear.
+    fn bends(&self, u: f64, v: f64) -> [f64; 3] {
+        let middle = (self.side / 2) as f64;
+        let most = (self.side - 3) as f64 - 1e-9;
+        let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));
+        let (a, b) = (x.fract(), y.fract());
+        let (side, k) = (self.side, y as usize * self.side + x as usize);
+        let value = |k: usize| self.values[k] as f64;
+        let bends = |k: usize| {
+            let twice = 2.0 * value(k);
+            let across =
+                value(k + side + 1) - value(k + side - 1) - value(k - side + 1) + value(k - side - 1);
+            [value(k + 1) + value(k - 1) - twice, 0.25 * across, value(k + side) + value(k - side) - twice]
+        };
+        let (c00, c10, c01, c11) = (bends(k), bends(k + 1), bends(k + side), bends(k + side + 1));
+        [0, 1, 2]
+            .map(|i| (1.0 - b) * ((1.0 - a) * c00[i] + a * c10[i]) + b * ((1.0 - a) * c01[i] + a * c11[i]))
     }
 
     /// Value and slopes at a place relative to the middle, bilinear; held at least a pixel inside, for the slopes.
@@ -150,7 +187,15 @@ pub(super) fn fit(
             let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
             let solved = sums.solve()?;
             if max_move_px <= 0.0 {
-                return sums.fit(at, &solved, window.noise_gray);
+                let laid = Laid {
+                    image,
+                    picture: &picture,
+                    middle,
+                    shift: at - drawn_at,
+                    corner: drawn_at - middle,
+                    window,
+                };
+                return sums.fit(at, &laid, false);
             }
             at += solved.step;
             if !((at - start).norm() <= max_move_px) || !((at - drawn_at).norm() < RIM as f64 - 1.0) {
@@ -162,7 +207,15 @@ pub(super) fn fit(
         }
         if round == 1 || (at - drawn_at).norm() < 0.05 {
             let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
-            return sums.fit(at, &sums.solve()?, window.noise_gray);
+            let laid = Laid {
+                image,
+                picture: &picture,
+                middle,
+                shift: at - drawn_at,
+                corner: drawn_at - middle,
+                window,
+            };
+            return sums.fit(at, &laid, true);
         }
     }
     None
@@ -176,40 +229,51 @@ struct Sums {
     n: f64,
 }
 
+/// Calls with (1, T, −∂T/∂u, −∂T/∂v) and the grey level of each pixel of a window, row by row.
+fn each_pixel(
+    image: &GrayImage,
+    picture: &Picture,
+    middle: Pixel,
+    shift: Pixel,
+    half: usize,
+    mut call: impl FnMut(Vector4<f64>, f64),
+) {
+    let side = 2 * half + 1;
+    let (u0, v0) = (middle.x as usize - half, middle.y as usize - half);
+    for row in 0..side {
+        let line = &image.data[(v0 + row) * image.width_px as usize + u0..][..side];
+        for (column, &gray) in line.iter().enumerate() {
+            let (u, v) = (column as f64 - half as f64, row as f64 - half as f64);
+            let (value, du, dv) = picture.at(u - shift.x, v - shift.y);
+            // Grey levels from a middle one keep the sums small.
+            call(Vector4::new(1.0, value, -du, -dv), gray as f64 - 128.0);
+        }
+    }
+}
+
 struct Solved {
-    x: Vector4<f64>,
     step: Pixel,
 }
 
 impl Sums {
     fn over(image: &GrayImage, picture: &Picture, middle: Pixel, shift: Pixel, half: usize) -> Self {
         let mut sums = Sums { normal: Matrix4::zeros(), right: Vector4::zeros(), squares: 0.0, n: 0.0 };
-        let side = 2 * half + 1;
-        let (u0, v0) = (middle.x as usize - half, middle.y as usize - half);
-        for row in 0..side {
-            let line = &image.data[(v0 + row) * image.width_px as usize + u0..][..side];
-            for (column, &gray) in line.iter().enumerate() {
-                let (u, v) = (column as f64 - half as f64, row as f64 - half as f64);
-                let (value, du, dv) = picture.at(u - shift.x, v - shift.y);
-                let line = Vector4::new(1.0, value, -du, -dv);
-                // Grey levels from a middle one keep the sums small.
-                let gray = gray as f64 - 128.0;
-                sums.normal += line * line.transpose();
-                sums.right += line * gray;
-                sums.squares += gray * gray;
-                sums.n += 1.0;
-            }
-        }
+        each_pixel(image, picture, middle, shift, half, |line, gray| {
+            sums.normal += line * line.transpose();
+            sums.right += line * gray;
+            sums.squares += gray * gray;
+            sums.n += 1.0;
+        });
         sums
     }
 
     fn solve(&self) -> Option<Solved> {
         let x = self.normal.cholesky()?.solve(&self.right);
         let step = Pixel::new(x[2] / x[1], x[3] / x[1]);
-        (x.iter().all(|x| x.is_finite()) && step.norm().is_finite()).then_some(Solved { x, step })
+        (x.iter().all(|x| x.is_finite()) && step.norm().is_finite()).then_some(Solved { step })
     }
 
-    fn fit(&self, pixel: Pixel, solved: &Solved, noise_gray: f64) -> Option<Fit> {
+    fn fit(&self, pixel: Pixel, laid: &Laid, is_moved: bool) -> Option<Fit> {
         // Of the shift only what moved the print counts as explained, so the print is compared where it lies.
         let (value, mean) = (self.normal[(1, 1)], self.normal[(0, 1)] / self.n);
         let gray = self.right[0] / self.n;
@@ -217,20 +281,28 @@ impl Sums {
         let total = self.squares - self.n * gray * gray;
         let contrast = ti / tt;
         let residual = (total - ti * ti / tt).max(0.0);
-        let noise = self.n * noise_gray * noise_gray;
+        let noise = self.n * laid.window.noise_gray * laid.window.noise_gray;
         let explained = 1.0 - (residual - noise).max(0.0) / (total - noise).max(1e-9);
-        let inverse = self.normal.cholesky()?.inverse();
-        let (mean, half, cross) = (
-            0.5 * (inverse[(2, 2)] + inverse[(3, 3)]),
-            0.5 * (inverse[(2, 2)] - inverse[(3, 3)]),
-            inverse[(2, 3)],
-        );
-        let variance =
-            residual / (self.n - 4.0).max(1.0) * (mean + half.hypot(cross)) / (solved.x[1] * solved.x[1]);
-        let fit = Fit { pixel, sigma_px: variance.sqrt(), explained, contrast_gray: 2.0 * contrast };
-        (fit.sigma_px.is_finite() && fit.explained.is_finite() && fit.contrast_gray.is_finite())
-            .then_some(fit)
+        let scatter = scatter::of(laid, contrast)?;
+        // The last step, with a blur that may be another than the assumed one.
+        let pixel = if is_moved && scatter.step.norm() < LAST_STEP_PX { pixel + scatter.step } else { pixel };
+        let (noise_px, excess) =
+            (scatter.by_noise_px2.sqrt(), scatter.by_residual_px2 / scatter.by_noise_px2);
+        let fit = Fit { pixel, noise_px, excess, explained, contrast_gray: 2.0 * contrast };
+        [noise_px, excess, explained, contrast].iter().all(|x| x.is_finite()).then_some(fit)
     }
+}
+
+/// A print's picture where it lies on the image.
+struct Laid<'a> {
+    image: &'a GrayImage,
+    picture: &'a Picture,
+    /// The pixel the picture is drawn around, and how far the picture is shifted from where it was drawn.
+    middle: Pixel,
+    shift: Pixel,
+    /// Where the corner is in the picture, from its middle.
+    corner: Pixel,
+    window: Window,
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What is done with each frame of one camera, for every target that it watches.
 
+mod disagreement;
 mod expect;
 mod landmarks;
 mod pair;

@@ -3,6 +3,7 @@
 use super::guard::{Ending, guarded};
 use super::look::{Look, LookError};
 use super::memory::Memory;
+use super::outlet::Outlet;
 use super::pace::Pace;
 use super::queue::Queue;
 use super::reader::{PATIENCE, Reader};
@@ -103,18 +104,20 @@ fn hear(
     state: Option<&StateFile>,
     tell: &mut impl FnMut(&Event) -> bool,
 ) {
+    let mut outlet = Outlet::default();
     loop {
         let told = match events.recv_timeout(PATIENCE) {
             Ok(event) => relations.take(event),
             Err(RecvTimeoutError::Timeout) => relations.idle(),
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if !told.iter().all(&mut *tell) {
+        if !told.into_iter().flat_map(|event| outlet.take(event)).all(|event| tell(&event)) {
             return; // What nobody heard is not remembered: it is looked at again.
         }
         relations.keep(state, false);
     }
-    if relations.finish().iter().all(tell) {
+    let last: Vec<Event> = relations.finish().into_iter().flat_map(|event| outlet.take(event)).collect();
+    if last.iter().chain(&outlet.finish()).all(tell) {
         relations.keep(state, true);
     }
 }

@@ -20,7 +20,7 @@ fn drawn() -> (Canvas, PoseEstimate) {
     let cam_from_target = Pose::exp(&Vector6::new(0.4, 0.5, 0.0, 0.0, 0.0, 0.6));
     let seen = |feature| {
         let pixel = camera().project(&(cam_from_target * target.point(feature)?.position))?;
-        Some(Detection { feature, pixel, sigma_px: 0.1, covariance_px2: None })
+        Some(Detection { feature, pixel, sigma_px: 0.1, lens_sigma_px: 0.0, covariance_px2: None })
     };
     let detections: Vec<Detection> = target.features().into_iter().filter_map(seen).collect();
     let points: Vec<_> = correspond(&detections, &target, &camera()).0.iter().map(|(_, c)| *c).collect();

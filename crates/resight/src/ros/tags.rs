@@ -55,6 +55,7 @@ fn corners(tag: &ToldTag) -> [Detection; 4] {
         feature: Feature { id: tag.id, corner },
         pixel: tag.corners[usize::from(corner)],
         sigma_px,
+        lens_sigma_px: crate::detect::sigma::LENS_PX,
         covariance_px2: None,
     })
 }

@@ -33,6 +33,8 @@ struct Found {
     u_px: f64,
     v_px: f64,
     sigma_px: f64,
+    /// As `resight detect --json` states it; without it `sigma_px` holds all.
+    lens_sigma_px: Option<f64>,
 }
 
 /// What of a line says whose it is, where the rest cannot be read.
@@ -137,7 +139,13 @@ fn told(line: &[u8], first: &str, cameras: &BTreeMap<String, Camera>) -> Result<
 
 impl Found {
     fn detection(&self) -> Result<Detection, String> {
-        let Found { id, corner, u_px, v_px, sigma_px } = *self;
+        let Found { id, corner, u_px, v_px, sigma_px, lens_sigma_px } = *self;
+        let lens_sigma_px = lens_sigma_px.unwrap_or(0.0);
+        if !(0.0..f64::INFINITY).contains(&lens_sigma_px) {
+            return Err(format!(
+                "point {id}/{corner} has lens_sigma_px {lens_sigma_px}; 0 or more is needed"
+            ));
+        }
         if ![u_px, v_px, sigma_px].iter().all(|x| x.is_finite()) || sigma_px <= 0.0 {
             return Err(format!(
                 "point {id}/{corner} has u_px {u_px}, v_px {v_px}, sigma_px {sigma_px}; finite numbers are needed, sigma positive"
@@ -147,6 +155,7 @@ impl Found {
             feature: Feature { id, corner },
             pixel: Pixel::new(u_px, v_px),
             sigma_px,
+            lens_sigma_px,
             covariance_px2: None,
         })
     }

@@ -10,6 +10,7 @@ use crate::detect::apriltag::DecodedTag;
 use crate::detect::corner::refine_corner;
 use crate::detect::homography::{Homography, PlanePoint};
 use crate::detect::joints::CornerWindow;
+use crate::detect::print;
 use crate::detect::sigma;
 use crate::detect::template::{self, Fit, Window};
 use resight_core::Pixel;
@@ -36,9 +37,9 @@ const VOUCHING_MARKERS: usize = 3;
 const CLEARLY_EXPLAINED: f64 = 0.8;
 
 /// Blurs that are tried, standard deviations in pixels; the first where nothing can be compared.
-const BLURS_PX: [f64; 4] = [0.8, 1.3, 2.0, 3.0];
+const BLURS_PX: [f64; 6] = [0.7, 0.35, 1.1, 1.6, 2.2, 3.0];
 /// Corners that the blur is chosen by.
-const BLUR_CORNERS: usize = 6;
+const BLUR_CORNERS: usize = 4;
 
 /// A corner before it is looked for.
 struct Expected {
@@ -64,8 +65,14 @@ impl CharucoFinder {
         let is_inverted = markers.first().is_some_and(|m| m.family % 2 == 1);
         let look = Comparison { finder: self, image, noise_gray, sign: if is_inverted { -1.0 } else { 1.0 } };
         let blur_px = look.blur_px(&expected);
-        let corners: Vec<Detection> =
-            expected.iter().filter_map(|corner| look.corner(corner, blur_px)).collect();
+        let (seen, fits): (Vec<&Expected>, Vec<Fit>) =
+            expected.iter().filter_map(|corner| Some((corner, look.print(corner, blur_px)?))).unzip();
+        let sigmas_px = print::sigmas_px(&fits);
+        let corners: Vec<Detection> = seen
+            .iter()
+            .zip(fits.iter().zip(sigmas_px))
+            .map(|(corner, (fit, sigma_px))| look.corner(corner, fit, sigma_px))
+            .collect();
         let is_vouched =
             VOUCHING_MARKERS <= markers.len() || self.beside_are_seen(markers, &expected, &look, blur_px);
         if is_vouched { corners } else { Vec::new() }
@@ -143,19 +150,18 @@ impl Comparison<'_> {
         BLURS_PX[best.unwrap_or(0)]
     }
 
-    fn corner(&self, corner: &Expected, blur_px: f64) -> Option<Detection> {
-        let fit = self.print(corner, blur_px)?;
-        let by_print = (fit.pixel, sigma::refined_px(fit.sigma_px));
+    fn corner(&self, corner: &Expected, fit: &Fit, sigma_px: f64) -> Detection {
+        let by_print = (fit.pixel, sigma_px);
         let (pixel, sigma_px) = match self.finder.window {
             CornerWindow::Clear => by_print,
             // How well all edges in the window meet says nothing of this corner's: every corner weighs the same.
             CornerWindow::Half(half_px) => {
                 let refined = refine_corner(self.image, &fit.pixel, half_px, half_px as f64);
-                refined.map_or(by_print, |c| (c.pixel, sigma::refined_px(0.0)))
+                refined.map_or(by_print, |c| (c.pixel, sigma::WINDOW_PX))
             }
         };
         let feature = Feature { id: corner.id, corner: 0 };
-        Some(Detection { feature, pixel, sigma_px, covariance_px2: None })
+        Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
     }
 
     /// The print around a corner where it explains the image.

@@ -120,8 +120,12 @@ pub(super) struct Fit {
     pub moments_px2: [Matrix2<f64>; 4],
 }
 
-/// Largest ratio of the axes of J: a disc turned by 78°. Beyond, a row of letters passes for a target seen edge-on.
-const MAX_ELONGATION: f64 = 5.0;
+/// Largest ratio of the axes of J: a disc turned by 83°,
+const MAX_ELONGATION: f64 = 8.0;
+/// and one turned by 78°. Beyond, a row of letters passes for a target seen edge-on, unless its images are seen to be so long themselves,
+const CERTAIN_ELONGATION: f64 = 5.0;
+/// their shape known to this part of it.
+const ELONGATED_RESOLUTION: f64 = 0.3;
 
 /// Finds λ (and ρ, blur) from the shapes; dots in the order of `Layout::ids`. None when no λ puts all four in front.
 pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option<Fit> {
@@ -171,14 +175,17 @@ fn shapes_at(layout: &Layout, dots: &[ViewDot; 4], line: &(Point, Point), lambda
     let h2 = (d * lambda - line.0 * layout.off[0] - line.1) / layout.off[1];
     let h = Matrix3::from_columns(&[line.0, h2, line.1]);
     let mut shapes = [Matrix2::zeros(); 4];
+    // (a + 1/a) with a the ratio of the axes: trace over √det.
+    let limit = |ratio: f64| ratio + 1.0 / ratio;
+    let mut longest = 0.0f64;
     for (i, (shape, x)) in shapes.iter_mut().zip(layout.points()).enumerate() {
         let jacobian = dots[i].pixel_by_view * derivative(&h, &x)?;
         *shape = jacobian * jacobian.transpose();
-        // (a + 1/a) with a the ratio of the axes: trace over √det.
         let elongation = shape.trace() / jacobian.determinant().abs();
-        if !(elongation < MAX_ELONGATION + 1.0 / MAX_ELONGATION) {
+        if !(elongation < limit(MAX_ELONGATION)) {
             return None;
         }
+        longest = longest.max(elongation);
     }
     let (q, s2) = disc_and_blur(layout, dots, &shapes);
     let moments_px2 = shapes.map(|shape| shape * q + Matrix2::identity() * s2);
@@ -189,7 +196,8 @@ fn shapes_at(layout: &Layout, dots: &[ViewDot; 4], line: &(Point, Point), lambda
         chi2 += (off[(0, 0)].powi(2) + off[(0, 1)].powi(2) + off[(1, 1)].powi(2)) / (sigma * sigma);
         resolution = resolution.min(sigma / (0.5 * q * shape.trace()).max(1e-9));
     }
-    Some(Fit { view_from_target: h, q, chi2, resolution, moments_px2 })
+    let is_certain = longest < limit(CERTAIN_ELONGATION) || resolution < ELONGATED_RESOLUTION;
+    is_certain.then_some(Fit { view_from_target: h, q, chi2, resolution, moments_px2 })
 }
 
 /// Least squares for M ≈ q J Jᵀ + s² 1, eq. (11), with 0 ≤ q and 0 ≤ s².

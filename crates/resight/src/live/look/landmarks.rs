@@ -275,6 +275,7 @@ fn with_translation(rotation: &Matrix3<f64>, translation_m2: f64) -> Matrix6 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::live::Doubt;
     use resight_core::Lens;
     use resight_core::camera::{CameraMatrix, Pinhole};
 
@@ -286,7 +287,7 @@ mod tests {
         let watched = WatchedLandmarks { picture: None };
         let landmarks = LandmarkWatch::new(&lens, &watched, &LiveConfig::default()).expect("landmarks");
         let learning = |readings| State::Learning { readings, needed: 50 };
-        for seen in [State::Settling, State::Steady, State::Inconsistent, learning(1)] {
+        for seen in [State::Settling(Doubt::Different), State::Steady, State::Inconsistent, learning(1)] {
             assert_eq!(landmarks.states(7.0, vec![seen.clone()]), [seen]);
         }
         for unseen in [State::Unseen { for_s: 6.0 }, learning(0)] {

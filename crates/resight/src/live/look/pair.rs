@@ -1,11 +1,12 @@
 //! One camera and one target: detection, pose, pose through time, decision.
 
+use super::disagreement::disagree;
 use super::expect::Expectation;
 use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
 use crate::detect::follow::Follower;
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{LiveConfig, Observation, State, Watched};
+use crate::live::{Doubt, LiveConfig, Observation, State, Watched};
 use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::Detection;
@@ -118,7 +119,8 @@ impl Pair {
     pub fn may_have_moved(&self, t_s: f64) -> bool {
         let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
         let is_suspect = |monitor: &Monitor| {
-            monitor.drift().is_some() || monitor.watch(monitor.last_usable_s()) == Watch::Settling
+            let now = monitor.watch(monitor.last_usable_s());
+            monitor.drift().is_some() || matches!(now, Watch::Settling | Watch::Doubted)
         };
         self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
@@ -154,7 +156,12 @@ impl Pair {
                 Stage::Learning(readings.ok_or("a reading learned so far is damaged")?)
             }
             StageRecord::Watching(monitor) => {
-                Stage::Watching(Box::new(Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?))
+                let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
+                // A state of a version that believed the noise it was told.
+                if !monitor.measures_noise() {
+                    monitor.measure_noise(&[]);
+                }
+                Stage::Watching(Box::new(monitor))
             }
             StageRecord::Following(last_s) => Stage::Following { last_s: *last_s, is_seen: last_s.is_some() },
         };
@@ -221,7 +228,8 @@ impl Pair {
         self.began = Some((t_s, is_readable));
         match &mut self.stage {
             Stage::Starting(reference) if is_readable => {
-                if let Ok(monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                if let Ok(mut monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                    monitor.measure_noise(&[]);
                     self.stage = Stage::Watching(Box::new(monitor));
                 }
             }
@@ -258,6 +266,9 @@ impl Pair {
         observation.tracked = self.tracker.push(frame.capture_s, &candidates);
         let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
+        if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
+            reading.is_consistent &= !is_fault(monitor, reading, &points, lens);
+        }
         observation.times.decide_us = micros(started);
         Ok(())
     }
@@ -299,7 +310,8 @@ impl Pair {
             return Some(Learned::Motion(Box::new(unsettled)));
         }
         let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
-            let monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            let mut monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            monitor.measure_noise(readings);
             Some((reference, monitor))
         });
         let Some((reference, monitor)) = reference else {
@@ -344,6 +356,22 @@ fn mostly_contradict(readings: &[Reading]) -> bool {
     LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
+/// Whether the points contradict each other about where the camera went since all was well.
+fn is_fault(monitor: &Monitor, reading: &Reading, points: &[Correspondence], lens: &Camera) -> bool {
+    if monitor.drift().is_some() {
+        return false; // What is true of the old place says nothing of the new one.
+    }
+    let Reference { a_from_b, noise } = monitor.reference();
+    let known = noise.reference + noise.bias + noise.daily;
+    let motion = (*a_from_b * reading.a_from_b.inverse()).log();
+    let chi2 = (known + reading.covariance).cholesky().map(|factor| motion.dot(&factor.solve(&motion)));
+    let is_different = chi2.is_some_and(|chi2| UNLIKELY < chi2);
+    is_different && disagree(points, lens, (a_from_b, &known), &reading.a_from_b)
+}
+
+/// χ² of six numbers that one reading in a thousand exceeds: only then are its points looked at.
+const UNLIKELY: f64 = 22.5;
+
 /// All minima of a frame: time chooses among them.
 fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
     let first = Candidate {
@@ -375,7 +403,8 @@ impl From<Watch> for State {
         match watch {
             Watch::Steady => State::Steady,
             Watch::Unseen { for_s } => State::Unseen { for_s },
-            Watch::Settling => State::Settling,
+            Watch::Settling => State::Settling(Doubt::Different),
+            Watch::Doubted => State::Settling(Doubt::ErrorsLast),
             Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
             Watch::Inconsistent => State::Inconsistent,
         }

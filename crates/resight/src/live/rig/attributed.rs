@@ -1,7 +1,7 @@
 //! Cameras and targets that all stand still: which of them an alarm is about.
 
 use super::Nodes;
-use crate::live::{Event, LiveConfig, Observation, State};
+use crate::live::{Doubt, Event, LiveConfig, Observation, State};
 use resight_core::Pose;
 use resight_core::monitor::attribute::{Attribution, Edge, attribute};
 use resight_core::monitor::{Drift, Monitor, MonitorConfig, Reference, Watch};
@@ -31,10 +31,23 @@ struct Pair {
 /// What moved, as last told.
 #[derive(Default)]
 struct Told {
+    answer: Answer,
+    /// How often it was told otherwise since it was last news.
+    corrections: u32,
+    /// Another answer, and since when there is no third, seconds.
+    other: Option<(Answer, f64)>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Answer {
     moved: Vec<usize>,
     rivals: Vec<Vec<usize>>,
     is_explained: bool,
 }
+
+/// A correction of what moved must last for this many decision periods, and twice as long after each one: the n-th comes 2ⁿ periods after
+/// the alarm at the earliest, however close to each other two explanations are.
+const FIRST_CORRECTION: f64 = 2.0;
 
 impl Pairs {
     pub fn new(nodes: Nodes, config: &LiveConfig) -> Self {
@@ -66,7 +79,7 @@ impl Pairs {
             Event::StateChanged { camera, target, t_s, state } => {
                 let index = self.index(camera, target);
                 self.pairs[index].state = Some(state);
-                self.weighed(t_s)
+                self.weighed(t_s, false)
             }
             Event::Observed { camera, target, observation } => {
                 let (index, t_s) = (self.index(camera, target), observation.capture_s);
@@ -77,7 +90,7 @@ impl Pairs {
                 let mut events = vec![Event::Observed { camera, target, observation }];
                 if is_news || (self.is_due(camera) && self.is_any_drifted()) {
                     self.asked_by = camera;
-                    events.extend(self.weighed(t_s));
+                    events.extend(self.weighed(t_s, is_news));
                 }
                 events
             }
@@ -93,7 +106,7 @@ impl Pairs {
     /// What the last frames say is told at the end.
     pub fn finish(&mut self) -> Vec<Event> {
         let t_s = self.newest_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        if self.is_any_drifted() { self.weighed(t_s) } else { Vec::new() }
+        if self.is_any_drifted() { self.weighed(t_s, true) } else { Vec::new() }
     }
 
     /// All sets that may have moved are looked through: once a decision period by the clock of one camera, and by another's when that
@@ -107,10 +120,10 @@ impl Pairs {
         self.pairs.iter().any(|pair| pair.began_s().is_some())
     }
 
-    /// What moved, and every state that is not as last told because of it.
-    fn weighed(&mut self, t_s: f64) -> Vec<Event> {
+    /// What moved, and every state that is not as last told because of it. `is_news`: a pair has just moved, or is back.
+    fn weighed(&mut self, t_s: f64, is_news: bool) -> Vec<Event> {
         self.asked_s.clone_from(&self.newest_s);
-        let mut events: Vec<Event> = self.attributed().into_iter().collect();
+        let mut events: Vec<Event> = self.attributed(t_s, is_news).into_iter().collect();
         events.extend((0..self.pairs.len()).filter_map(|pair| self.tell(pair, t_s)));
         events
     }
@@ -137,14 +150,17 @@ impl Pairs {
     }
 
     /// What moved, when that is not as last told.
-    fn attributed(&mut self) -> Option<Event> {
+    fn attributed(&mut self, t_s: f64, is_news: bool) -> Option<Event> {
         let (attribution, began_s) = self.attribution();
-        let moved: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
-        self.told.is_explained = attribution.is_explained;
-        if moved == self.told.moved && attribution.rivals == self.told.rivals {
+        let answer = Answer::of(&attribution);
+        let before = self.told.answer.clone();
+        if !self.told.corrected(answer, t_s, is_news, self.config.decision_period_s) {
             return None;
         }
-        (self.told.moved, self.told.rivals) = (moved, attribution.rivals);
+        let answer = &self.told.answer;
+        if (&answer.moved, &answer.rivals) == (&before.moved, &before.rivals) {
+            return None;
+        }
         let name = |node: &usize| match node.checked_sub(self.nodes.cameras.len()) {
             Some(target) => self.nodes.targets[target].clone(),
             None => self.nodes.cameras[*node].clone(),
@@ -152,7 +168,7 @@ impl Pairs {
         Some(Event::Attributed {
             t_s: began_s,
             moved: attribution.moved.iter().map(|moved| (name(&moved.node), moved.clone())).collect(),
-            rivals: self.told.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
+            rivals: answer.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
         })
     }
 
@@ -181,21 +197,60 @@ impl Pairs {
     }
 }
 
+impl Answer {
+    fn of(attribution: &Attribution) -> Self {
+        let moved = attribution.moved.iter().map(|moved| moved.node).collect();
+        Answer { moved, rivals: attribution.rivals.clone(), is_explained: attribution.is_explained }
+    }
+
+    /// Which of rivals fits a little better says nothing.
+    fn is_same(&self, other: &Answer) -> bool {
+        let sets = |of: &Answer| {
+            let mut sets: Vec<Vec<usize>> = std::iter::once(&of.moved).chain(&of.rivals).cloned().collect();
+            sets.sort();
+            sets
+        };
+        self.is_explained == other.is_explained && sets(self) == sets(other)
+    }
+}
+
 impl Told {
+    /// Whether this answer takes the place of the one that was told: at once where there was none or it is news, else when it has lasted.
+    fn corrected(&mut self, answer: Answer, t_s: f64, is_news: bool, period_s: f64) -> bool {
+        if answer.is_same(&self.answer) {
+            self.other = None;
+            return false;
+        }
+        let is_first = is_news || (self.corrections == 0 && self.answer.moved.is_empty());
+        let since_s = match &self.other {
+            Some((other, since_s)) if other.is_same(&answer) => *since_s,
+            _ => t_s,
+        };
+        let lasts_s = FIRST_CORRECTION * period_s * f64::from(self.corrections.min(60)).exp2();
+        if !is_first && t_s < since_s + lasts_s {
+            self.other = Some((answer, since_s));
+            return false;
+        }
+        self.corrections = if is_news { 0 } else { self.corrections + u32::from(!is_first) };
+        (self.answer, self.other) = (answer, None);
+        true
+    }
+
     /// What a drift of a camera against a target comes to: none where it is the camera's. A camera whose target was carried away has not
     /// moved, and while it may have been either nothing is decided.
     fn blamed(&self, camera: usize, target: usize) -> Option<State> {
-        if self.moved.is_empty() || !self.is_explained {
+        let Answer { moved, rivals, is_explained } = &self.answer;
+        if moved.is_empty() || !is_explained {
             return None;
         }
-        let sets = || std::iter::once(&self.moved).chain(&self.rivals);
+        let sets = || std::iter::once(moved).chain(rivals);
         if sets().all(|set| set.contains(&camera)) {
             return None;
         }
         if sets().all(|set| set.contains(&target) && !set.contains(&camera)) {
             return Some(State::Steady);
         }
-        (!self.rivals.is_empty()).then_some(State::Settling)
+        (!rivals.is_empty()).then_some(State::Settling(Doubt::Different))
     }
 }
 
@@ -219,6 +274,7 @@ impl Pair {
         };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, reading.t_s).ok();
+            self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&[]));
         }
         if let Some(monitor) = &mut self.monitor {
             monitor.push(reading);

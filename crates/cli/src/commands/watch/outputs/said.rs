@@ -1,5 +1,7 @@
 //! Events in words and as JSON.
 
+mod drifted;
+
 use super::super::names::Names;
 use super::Output;
 use super::measured::measured;
@@ -8,9 +10,9 @@ use crate::turned::{self, parts};
 use anyhow::Result;
 use resight::answer::TransformObject;
 use resight::core::monitor::attribute::MovedNode;
-use resight::core::monitor::{Course, Drift, Unrest, Unsettled};
+use resight::core::monitor::{Unrest, Unsettled};
 use resight::core::{Matrix6, Vector6};
-use resight::live::{Event, Observation, State};
+use resight::live::{Doubt, Event, Observation, State};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -267,7 +269,7 @@ pub fn word(state: &State) -> &'static str {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
         State::Unseen { .. } => "unseen",
-        State::Settling => "settling",
+        State::Settling(_) => "settling",
         State::Drifted(_) => "drifted",
         State::Inconsistent => "inconsistent",
         State::Followed => "followed",
@@ -279,33 +281,13 @@ pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
         State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
-        State::Settling => "settling: something is different, not yet decided".to_string(),
-        State::Inconsistent => "inconsistent: intrinsics or target are wrong, or landmarks move".to_string(),
-        State::Drifted(drift) => drift_words(drift),
+        State::Settling(Doubt::Different) => "settling: something is different, not yet decided".to_string(),
+        State::Settling(Doubt::ErrorsLast) => "settling: errors last longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
+        State::Inconsistent => "inconsistent: intrinsics or target are wrong, part of it is hidden, or landmarks move".to_string(),
+        State::Drifted(drift) => drifted::words(drift),
         State::Steady => "steady".to_string(),
         State::Followed => "followed: the camera moves, that is no drift".to_string(),
     }
-}
-
-fn drift_words(drift: &Drift) -> String {
-    let sigma = drift.covariance.diagonal().map(f64::sqrt);
-    let motion = &drift.old_from_new;
-    let how = match drift.course {
-        Course::Step => "at once",
-        Course::Slow => "slowly",
-    };
-    let began = format!("drifted {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
-    if let Some((turn, covariance)) = drift.pure_rotation() {
-        let motion = Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0);
-        let sigma = covariance.diagonal().map(f64::sqrt);
-        return format!(
-            "{began}: turned {}; to put it back: {}",
-            parts(&motion, |i| sigma.as_slice().get(i).copied()),
-            back(&motion, sigma.as_slice())
-        );
-    }
-    let moved = parts(motion, |i| Some(sigma[i]));
-    format!("{began}: turned and shifted {moved}; to put it back: {}", back(motion, sigma.as_slice()))
 }
 
 fn unrest_word(unrest: Unrest) -> &'static str {
@@ -342,13 +324,6 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
     }
 }
 
-/// The opposite of what stands out of its own error.
-fn back(motion: &Vector6, sigma: &[f64]) -> String {
-    let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
-    let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);
-    if back.is_empty() { "nothing that can be told from zero".to_string() } else { back }
-}
-
 fn state_object(state: &State) -> Value {
     let mut object = json!({"state": word(state)});
     match state {
@@ -361,15 +336,18 @@ fn state_object(state: &State) -> Value {
                 object["pure_rotation_rad"] = json!(turn.as_slice());
                 object["pure_rotation_sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
             }
-            object["course"] = json!(if drift.course == Course::Slow { "slow" } else { "step" });
-            object["course_probability"] = json!(drift.course_probability);
+            drifted::add_to(&mut object, drift);
         }
         State::Unseen { for_s } => object["for_s"] = json!(for_s),
         State::Learning { readings, needed } => {
             object["readings"] = json!(readings);
             object["needed"] = json!(needed);
         }
-        State::Steady | State::Settling | State::Inconsistent | State::Followed => {}
+        State::Settling(doubt) => {
+            let errors = *doubt == Doubt::ErrorsLast;
+            object["doubt"] = json!(if errors { "errors_last" } else { "different" });
+        }
+        State::Steady | State::Inconsistent | State::Followed => {}
     }
     object["message"] = json!(state_words(state));
     object

@@ -180,7 +180,7 @@ fn moved(drift: &Drift) -> Pose {
 fn level(state: &State) -> Level {
     match state {
         State::Steady | State::Learning { .. } | State::Followed => Level::Ok,
-        State::Settling => Level::Warn,
+        State::Settling(_) => Level::Warn,
         State::Drifted(_) | State::Inconsistent => Level::Error,
         State::Unseen { .. } => Level::Stale,
     }

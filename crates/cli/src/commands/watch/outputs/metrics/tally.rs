@@ -174,7 +174,7 @@ impl Tally {
         let is_well = |pair: &PairTally| {
             matches!(
                 pair.state,
-                Some(State::Steady | State::Settling | State::Learning { .. } | State::Followed)
+                Some(State::Steady | State::Settling(_) | State::Learning { .. } | State::Followed)
             )
         };
         self.cameras.iter().all(|camera| camera.is_there) && self.pairs.iter().all(is_well)

@@ -161,7 +161,7 @@ impl Picture<'_> {
             _ if camera.is_some_and(|camera| camera.lost.is_some()) => ("✗", "lost", Color::Magenta),
             Some(State::Steady) => ("●", "steady", Color::Green),
             Some(State::Followed) => ("●", "followed", Color::Green),
-            Some(State::Settling) => ("◐", "settling", Color::Yellow),
+            Some(State::Settling(_)) => ("◐", "settling", Color::Yellow),
             Some(State::Inconsistent) => ("≠", "inconsistent", Color::Magenta),
             Some(State::Learning { .. }) => ("…", "learning", Color::Cyan),
             Some(State::Unseen { .. }) => ("○", "unseen", Color::Magenta),

@@ -11,7 +11,7 @@ use resight::core::correspondence::{Detection, correspond};
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::monitor::{Course, Drift, DriftNoise, Reading, Reference};
 use resight::core::{Camera, Pose, Target};
-use resight::live::{Event, Observation, StageTimes};
+use resight::live::{Doubt, Event, Observation, StageTimes};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -49,7 +49,7 @@ fn estimate(pose: &Pose) -> PoseEstimate {
         let x_in_cam = *pose * target.point(feature).expect("a point").position;
         let error = 0.1 * (5.0 * x_in_cam.x + 40.0 * x_in_cam.y).sin();
         let pixel = camera.project(&x_in_cam).expect("in the picture").map(|x| x + error);
-        Detection { feature, pixel, sigma_px: 0.2, covariance_px2: None }
+        Detection { feature, pixel, sigma_px: 0.2, lens_sigma_px: 0.0, covariance_px2: None }
     };
     let detections: Vec<Detection> = target.features().into_iter().map(detection).collect();
     let points: Vec<_> = correspond(&detections, &target, &camera).0.into_iter().map(|(_, c)| c).collect();
@@ -93,6 +93,7 @@ fn turned_right() -> State {
         covariance: diagonal(2e-4, 2e-4),
         began_s: 6.7,
         began_sigma_s: 0.1,
+        rate: None,
         course: Course::Step,
         course_probability: 1.0,
     }))
@@ -207,7 +208,7 @@ fn many_cameras_scroll_and_lost_ones_are_named() {
     (0..11).for_each(|camera| made.take(&is_now(camera, 1.0, State::Steady), 0.0));
     made.take(&is_now(3, 1.0, State::Learning { readings: 1, needed: 50 }), 0.0);
     made.take(&is_now(4, 1.0, State::Inconsistent), 0.0);
-    made.take(&is_now(5, 1.0, State::Settling), 0.0);
+    made.take(&is_now(5, 1.0, State::Settling(Doubt::Different)), 0.0);
     let reason = Some("/dev/video2: no such device".to_string());
     made.take(&Event::Source { camera: 10, is_there: false, reason }, 0.0);
     let mut view = View::default();

@@ -1,0 +1,265 @@
+//! What a camera that stays is watched through: a tag whose corners err in all the ways that are met, none of them declared.
+
+use super::Rng;
+use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
+use resight_core::Pose;
+use resight_core::monitor::learn::{LearnConfig, learn};
+use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+
+pub const DAY_S: f64 = 86_400.0;
+/// Stated noise of a corner, pixels.
+pub const SIGMA_PX: f64 = 0.2;
+const FOCAL_PX: f64 = 900.0;
+const HALF_TAG_M: f64 = 0.1;
+
+/// Errors of corners, and motions that are none of the camera's mounting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Condition {
+    White,
+    /// The stated sigma is so many times too small.
+    Understated(f64),
+    /// Twice as noisy from 18 to 6 o'clock.
+    NightDoubled,
+    /// Every corner's error is an AR(1) process of that time constant for that share of its variance.
+    Correlated {
+        share: f64,
+        time_s: f64,
+    },
+    /// A sine of the camera about its y axis, degrees, seconds.
+    Sine {
+        amplitude_deg: f64,
+        period_s: f64,
+    },
+    /// All corners off by so much in one direction, for a time, beginning so often a day.
+    Biased {
+        px: f64,
+        for_s: f64,
+        per_day: f64,
+        corners: usize,
+    },
+    /// Student's t of so many degrees of freedom.
+    HeavyTails(f64),
+    /// A random walk of the camera about its x axis, reflected at a limit.
+    LimitedWalk {
+        deg_per_sqrt_h: f64,
+        limit_deg: f64,
+    },
+    /// Correlated errors and a daily sine.
+    CorrelatedAndDaily,
+    /// A reading a second, and for every second hour one in ten.
+    ChangingRate,
+}
+
+/// A camera that stays and a tag, a reading every `period_s`.
+pub struct Scene {
+    condition: Condition,
+    chance: Rng,
+    /// Motion of the camera from errors of the corners.
+    motion_from_corners: SMatrix<f64, 6, 8>,
+    covariance: Matrix6<f64>,
+    lasting: SVector<f64, 8>,
+    walk_deg: f64,
+    biased_until_s: f64,
+    bias: SVector<f64, 8>,
+    phase: f64,
+    period_s: f64,
+    /// Of the corners' variance, what the readings state.
+    stated_share: f64,
+    pub t_s: f64,
+}
+
+pub fn cam_from_target() -> Pose {
+    Pose::exp(&Vector6::new(0.45, -0.5, 0.1, 0.2, -0.1, 2.0))
+}
+
+/// Corners in pixels, relative to the principal point.
+fn corners(pose: &Pose) -> SVector<f64, 8> {
+    let mut all = SVector::<f64, 8>::zeros();
+    for (i, (x, y)) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].into_iter().enumerate() {
+        let p =
+            pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
+        all[2 * i] = FOCAL_PX * p.x / p.z;
+        all[2 * i + 1] = FOCAL_PX * p.y / p.z;
+    }
+    all
+}
+
+impl Scene {
+    pub fn new(condition: Condition, period_s: f64, seed: u64) -> Self {
+        let pose = cam_from_target();
+        let mut jacobian = SMatrix::<f64, 8, 6>::zeros();
+        for i in 0..6 {
+            let step = |h: f64| corners(&(Pose::exp(&Vector6::ith(i, h)) * pose));
+            jacobian.set_column(i, &((step(1e-5) - step(-1e-5)) / 2e-5));
+        }
+        let inverse = (jacobian.transpose() * jacobian).try_inverse().expect("six motions");
+        let mut chance = Rng::new(seed);
+        let lasting = SVector::from_fn(|_, _| chance.normal());
+        let phase = chance.uniform(0.0, 1.0);
+        Scene {
+            condition,
+            motion_from_corners: inverse * jacobian.transpose(),
+            covariance: inverse * SIGMA_PX * SIGMA_PX,
+            lasting,
+            walk_deg: 0.0,
+            biased_until_s: f64::MIN,
+            bias: SVector::zeros(),
+            phase,
+            period_s,
+            stated_share: 1.0,
+            t_s: 0.0,
+            chance,
+        }
+    }
+
+    /// Standard deviations of a reading, `[rotation_rad; translation_m]`.
+    pub fn sigma(&self) -> Vector6<f64> {
+        self.covariance.diagonal().map(f64::sqrt)
+    }
+
+    fn white(&mut self) -> SVector<f64, 8> {
+        SVector::from_fn(|_, _| self.chance.normal())
+    }
+
+    /// AR(1) of unit variance.
+    fn correlated(&mut self, time_s: f64, elapsed_s: f64) -> SVector<f64, 8> {
+        let kept = (-elapsed_s / time_s).exp();
+        let fresh = self.white();
+        self.lasting = self.lasting * kept + fresh * (1.0 - kept * kept).sqrt();
+        self.lasting
+    }
+
+    /// Errors of the corners in units of the stated sigma, and a motion of the camera.
+    fn errors(&mut self, elapsed_s: f64) -> (SVector<f64, 8>, Vector6<f64>) {
+        let still = Vector6::zeros();
+        let about = |axis: usize, degrees: f64| Vector6::ith(axis, degrees.to_radians());
+        let turn =
+            |t_s: f64, period_s: f64, phase: f64| (std::f64::consts::TAU * (t_s / period_s + phase)).sin();
+        match self.condition {
+            Condition::White | Condition::ChangingRate => (self.white(), still),
+            Condition::Understated(factor) => (self.white() * factor, still),
+            Condition::NightDoubled => {
+                let hour = (self.t_s / 3600.0 + 12.0) % 24.0;
+                let is_night = !(6.0..18.0).contains(&hour);
+                (self.white() * if is_night { 2.0 } else { 1.0 }, still)
+            }
+            Condition::Correlated { share, time_s } => {
+                let lasting = self.correlated(time_s, elapsed_s) * share.sqrt();
+                (self.white() * (1.0 - share).sqrt() + lasting, still)
+            }
+            Condition::Sine { amplitude_deg, period_s } => {
+                let degrees = amplitude_deg * turn(self.t_s, period_s, self.phase);
+                (self.white(), about(1, degrees))
+            }
+            Condition::Biased { px, for_s, per_day, corners } => {
+                let chance = self.chance.uniform(0.0, 1.0);
+                if self.biased_until_s < self.t_s {
+                    self.bias = SVector::zeros();
+                    if chance < per_day * elapsed_s / DAY_S {
+                        self.biased_until_s = self.t_s + for_s;
+                        let (sin, cos) = (std::f64::consts::TAU * self.chance.uniform(0.0, 1.0)).sin_cos();
+                        for corner in 0..corners {
+                            self.bias[2 * corner] = cos * px / SIGMA_PX;
+                            self.bias[2 * corner + 1] = sin * px / SIGMA_PX;
+                        }
+                    }
+                }
+                (self.white() + self.bias, still)
+            }
+            Condition::HeavyTails(freedom) => {
+                let n = freedom as usize;
+                let mut student = |_, _| {
+                    let chi2: f64 = (0..n).map(|_| self.chance.normal().powi(2)).sum();
+                    self.chance.normal() / (chi2 / freedom).sqrt()
+                };
+                (SVector::from_fn(&mut student), still)
+            }
+            Condition::LimitedWalk { deg_per_sqrt_h, limit_deg } => {
+                self.walk_deg += deg_per_sqrt_h * (elapsed_s / 3600.0).sqrt() * self.chance.normal();
+                if limit_deg < self.walk_deg.abs() {
+                    self.walk_deg = self.walk_deg.signum() * (2.0 * limit_deg - self.walk_deg.abs());
+                }
+                (self.white(), about(0, self.walk_deg))
+            }
+            Condition::CorrelatedAndDaily => {
+                let lasting = self.correlated(120.0, elapsed_s) * 0.5_f64.sqrt();
+                let degrees = 0.02 * turn(self.t_s, DAY_S, self.phase);
+                (self.white() * 0.5_f64.sqrt() + lasting, about(1, degrees))
+            }
+        }
+    }
+
+    /// The next reading; in it the camera has moved by `moved` besides.
+    pub fn next(&mut self, moved: &Vector6<f64>) -> Reading {
+        let is_slow = self.condition == Condition::ChangingRate && (self.t_s / 3600.0) as u64 % 2 == 1;
+        let elapsed_s = self.period_s * if is_slow { 10.0 } else { 1.0 };
+        self.t_s += elapsed_s;
+        let (corners, turned) = self.errors(elapsed_s);
+        let motion = self.motion_from_corners * corners * SIGMA_PX + turned + moved;
+        Reading {
+            t_s: self.t_s,
+            a_from_b: Pose::exp(&-motion) * cam_from_target(),
+            covariance: self.covariance * self.stated_share,
+            is_consistent: true,
+        }
+    }
+
+    /// A monitor as a session makes it: the reference learned from the next readings, nothing declared.
+    pub fn learned(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
+        let readings: Vec<Reading> = (0..readings).map(|_| self.next(&Vector6::zeros())).collect();
+        let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+        let reference = learn(&readings, &nothing).expect("a reference");
+        let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");
+        monitor.measure_noise(&readings);
+        monitor
+    }
+
+    /// A monitor that is told the errors as they are, its reference the mean of as many readings.
+    pub fn known(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
+        let mut sum = Vector6::zeros();
+        for _ in 0..readings {
+            sum += (cam_from_target() * self.next(&Vector6::zeros()).a_from_b.inverse()).log();
+        }
+        let (share, bias_time_s) = match self.condition {
+            Condition::Correlated { share, time_s } => (share, time_s),
+            _ => (0.0, 1.0),
+        };
+        self.stated_share = 1.0 - share;
+        let n = readings as f64;
+        let independent = (n * self.period_s / (2.0 * bias_time_s)).max(1.0);
+        let noise = DriftNoise {
+            reference: self.covariance * ((1.0 - share) / n + share / independent),
+            reading: self.covariance * (1.0 - share),
+            bias: self.covariance * share,
+            bias_time_s,
+            daily: Matrix6::zeros(),
+        };
+        let a_from_b = Pose::exp(&(-sum / n)) * cam_from_target();
+        Monitor::new(&Reference { a_from_b, noise }, config, self.t_s).expect("a monitor")
+    }
+}
+
+/// Alarms while nothing moves: each drift that is told for the first time. One that does not come back within a quarter of an hour is
+/// accepted, so that there may be another.
+pub fn alarms(condition: Condition, period_s: f64, rate: f64, days: f64, seed: u64) -> usize {
+    let mut scene = Scene::new(condition, period_s, seed);
+    let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
+    let mut monitor = scene.learned(50, &config);
+    let (mut alarms, mut since_s) = (0, None);
+    while scene.t_s < days * DAY_S {
+        let is_drifted = matches!(monitor.push(&scene.next(&Vector6::zeros())), Watch::Drifted(_));
+        match since_s {
+            None if is_drifted => {
+                alarms += 1;
+                since_s = Some(scene.t_s);
+            }
+            Some(_) if monitor.drift().is_none() => since_s = None,
+            Some(began_s) if 900.0 < scene.t_s - began_s => {
+                monitor.accept().expect("accepted");
+                since_s = None;
+            }
+            _ => {}
+        }
+    }
+    alarms
+}

@@ -1,0 +1,230 @@
+//! A piece of a checker pattern grown to all of the board that is visible, each node vouched for by its print.
+//!
+//! The nodes that are known predict their neighbours through a homography; where the print explains what the image shows there, the neighbour
+//! is one more node. Angles, lengths and gaps do not matter, so this finds what a library's rules about them give up: boards in strong
+//! perspective, smeared by motion, partly hidden. At the outer edge of the board the print is another one (squares on one side, the white
+//! margin on the other), which shows where the board ends. Derived in docs/math/print.md, section 3.
+
+use super::super::homography::PlanePoint;
+use super::super::joints::Joint;
+use super::super::template::{self, Fit, Window};
+use super::lattice::{Extent, Lattice, Node};
+use super::place::Ends;
+use crate::GrayImage;
+use resight_core::Pixel;
+use std::collections::BTreeMap;
+
+/// Least share of the variance that the print explains. Where the board ends its inner print explains a third.
+const EXPLAINED: f64 = 0.6;
+/// Least contrast of a print, grey levels.
+const CONTRAST_GRAY: f64 = 10.0;
+/// A node is looked for this far from its prediction, in squares,
+const SEARCH_SQUARES: f64 = 0.2;
+/// within these bounds, pixels.
+const SEARCH_PX: (f64, f64) = (2.0, 4.0);
+/// The print is compared this far around a node, in squares,
+const PRINT_SQUARES: f64 = 0.45;
+/// within these bounds, pixels.
+const PRINT_PX: (f64, f64) = (4.0, 8.0);
+/// Squares with a shorter edge show no print.
+const LEAST_SQUARE_PX: f64 = 4.0;
+/// A joint further than this from where its print lies is another, pixels.
+const SAME_PX: f64 = 1.5;
+/// Blurs that are tried, standard deviations in pixels.
+const BLURS_PX: [f64; 4] = [0.8, 1.3, 2.0, 3.2];
+/// Nodes that the blur is chosen by.
+const BLUR_NODES: usize = 6;
+/// Nodes that are looked for again once this many more of their neighbours are known.
+const MORE_KNOWN: usize = 3;
+/// Most nodes looked for beyond gaps.
+const MOST_LOOKS: usize = 2000;
+/// A lattice of more nodes is not grown: each takes a tenth of a millisecond, and boards have hundreds.
+pub(super) const MOST_NODES: usize = 4000;
+/// Fewest nodes that show the edge of the board on one side.
+const LEAST_AT_EDGE: usize = 2;
+
+/// A checker pattern in an image.
+pub(super) struct Pattern<'a> {
+    pub image: &'a GrayImage,
+    pub noise_gray: f64,
+    /// 0 where squares whose first node has an even u + v are black, 1 where the others are.
+    pub dark: i32,
+    blur_px: f64,
+    /// The part of the lattice that the board covers, once it is known.
+    board: Option<Extent>,
+}
+
+/// On which side of a node the board ends: the step that leads out of it.
+type Outside = Option<Node>;
+
+impl<'a> Pattern<'a> {
+    /// The pattern that explains most of a lattice's nodes best.
+    pub fn new(image: &'a GrayImage, noise_gray: f64, dark: i32, lattice: &Lattice) -> Self {
+        let every = (lattice.nodes.len() / BLUR_NODES).max(1);
+        let explained = |blur_px: f64| -> f64 {
+            let pattern = Pattern { image, noise_gray, dark, blur_px, board: None };
+            let some = lattice.nodes.keys().skip(every / 2).step_by(every).take(BLUR_NODES);
+            some.filter_map(|node| pattern.look(lattice, *node, None)).map(|fit| fit.explained).sum()
+        };
+        let shares = BLURS_PX.map(explained);
+        let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
+        Pattern { image, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
+    }
+
+    /// Takes nodes out that their print does not vouch for, and moves the others to where it lies.
+    pub fn keep_vouched(&self, lattice: &mut Lattice) {
+        let vouched = |(node, joint): (&Node, &Joint)| {
+            let fit = self.look(lattice, *node, None)?;
+            ((fit.pixel - joint.pixel).norm() <= SAME_PX).then(|| (*node, printed(&fit)))
+        };
+        lattice.nodes = lattice.nodes.iter().filter_map(vouched).collect();
+    }
+
+    /// Adds neighbours of nodes as long as their print is seen, in a lattice of at most `most` columns and rows.
+    pub fn grow(&self, lattice: &mut Lattice, most: i32) {
+        let mut tried: BTreeMap<Node, usize> = BTreeMap::new();
+        for _ in 0..2 * most {
+            let mut rim = rim(lattice);
+            rim.retain(|(node, known)| {
+                2 <= *known && tried.get(node).is_none_or(|before| before + MORE_KNOWN <= *known)
+            });
+            rim.sort_by_key(|(node, known)| (std::cmp::Reverse(*known), *node));
+            let mut grew = false;
+            for (node, known) in rim {
+                tried.insert(node, known);
+                if MOST_NODES <= lattice.nodes.len() {
+                    break;
+                }
+                if fits_within(lattice, node, most) && self.add(lattice, node) {
+                    grew = true;
+                }
+            }
+            if !grew {
+                break;
+            }
+        }
+        trim(lattice);
+    }
+
+    /// Looks for all nodes of the board, beyond gaps too, and again for those beside its outer squares, which small ones have in their window.
+    pub fn complete(&mut self, lattice: &mut Lattice, board: Extent, nodes: impl Iterator<Item = Node>) {
+        self.board = Some(board);
+        let Extent { u, v } = board;
+        for node in nodes.take(MOST_LOOKS) {
+            let is_outermost = node.0 == u.0 || node.0 == u.1 || node.1 == v.0 || node.1 == v.1;
+            let is_known = lattice.at(node).is_some();
+            if is_outermost && is_known {
+                match self.look(lattice, node, None) {
+                    Some(fit) => lattice.nodes.insert(node, printed(&fit)),
+                    None => lattice.nodes.remove(&node),
+                };
+            } else if !is_known {
+                self.add(lattice, node);
+            }
+        }
+    }
+
+    fn add(&self, lattice: &mut Lattice, node: Node) -> bool {
+        let Some(fit) = self.look(lattice, node, None) else { return false };
+        // A second name of one place leads to a lattice that is folded over.
+        if lattice.nodes.values().any(|joint| (joint.pixel - fit.pixel).norm() < LEAST_SQUARE_PX) {
+            return false;
+        }
+        lattice.nodes.insert(node, printed(&fit));
+        true
+    }
+
+    /// On which sides the print of the board's outer edge is seen.
+    pub fn ends(&self, lattice: &Lattice) -> Ends {
+        let Some(Extent { u, v }) = lattice.extent() else { return Ends::default() };
+        let is_end = |outside: Node| {
+            let is_outermost = |n: &Node| match outside {
+                (-1, _) => n.0 == u.0,
+                (1, _) => n.0 == u.1,
+                (_, -1) => n.1 == v.0,
+                _ => n.1 == v.1,
+            };
+            let beyond = lattice.nodes.keys().filter(|n| is_outermost(n));
+            let beyond = beyond.map(|n| (n.0 + outside.0, n.1 + outside.1));
+            let looks: Vec<bool> =
+                beyond.map(|node| self.look(lattice, node, Some(outside)).is_some()).collect();
+            let seen = looks.iter().filter(|x| **x).count();
+            LEAST_AT_EDGE <= seen && looks.len() <= 2 * seen
+        };
+        Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
+    }
+
+    /// The print around a node where it explains the image.
+    fn look(&self, lattice: &Lattice, node: Node, outside: Outside) -> Option<Fit> {
+        let map = lattice.map_near(node)?;
+        let zero = PlanePoint::zeros();
+        let at = map.at(&zero);
+        let beside = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
+        let edges_px = beside.map(|(x, y)| (map.at(&PlanePoint::new(0.5 * x, 0.5 * y)) - at).norm());
+        let square_px = 2.0 * edges_px.into_iter().fold(f64::INFINITY, f64::min);
+        if !(LEAST_SQUARE_PX <= square_px && square_px.is_finite()) {
+            return None;
+        }
+        let reach_px = (SEARCH_SQUARES * square_px).clamp(SEARCH_PX.0, SEARCH_PX.1);
+        let half_px = (PRINT_SQUARES * square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
+        let ink = |x: PlanePoint| self.ink(node, x, outside);
+        let lay = |start: Pixel, blur_px: f64| {
+            let window = Window { half_px, blur_px, noise_gray: self.noise_gray };
+            let fit = template::fit(self.image, ink, &map, &zero, start, reach_px, window)?;
+            ((fit.pixel - at).norm() <= reach_px).then_some(fit)
+        };
+        // A blurred print draws a corner in from further away.
+        let far = lay(at, self.blur_px.max(0.4 * reach_px));
+        let fit = lay(far.map_or(at, |fit| fit.pixel), self.blur_px).or(far)?;
+        (EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray).then_some(fit)
+    }
+
+    /// −1 where the board is black and 1 where it is white, in squares from a node.
+    fn ink(&self, node: Node, x: PlanePoint, outside: Outside) -> f32 {
+        if outside.is_some_and(|(u, v)| 0.0 < x.x * u as f64 + x.y * v as f64) {
+            return 1.0;
+        }
+        let is_beyond = |x: f64, (first, last): (i32, i32)| x < first as f64 - 1.0 || last as f64 + 1.0 < x;
+        if self
+            .board
+            .is_some_and(|b| is_beyond(node.0 as f64 + x.x, b.u) || is_beyond(node.1 as f64 + x.y, b.v))
+        {
+            return 1.0;
+        }
+        let square = x.x.floor() as i32 + x.y.floor() as i32 + node.0 + node.1;
+        if square.rem_euclid(2) == self.dark { -1.0 } else { 1.0 }
+    }
+}
+
+fn printed(fit: &Fit) -> Joint {
+    Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
+}
+
+/// Nodes beside the known ones, with how many of their eight neighbours are known.
+fn rim(lattice: &Lattice) -> Vec<(Node, usize)> {
+    let mut known: BTreeMap<Node, usize> = BTreeMap::new();
+    for &(u, v) in lattice.nodes.keys() {
+        let around = (-1..=1).flat_map(|du| (-1..=1).map(move |dv| (u + du, v + dv)));
+        around.filter(|n| lattice.at(*n).is_none()).for_each(|n| *known.entry(n).or_default() += 1);
+    }
+    known.into_iter().collect()
+}
+
+fn fits_within(lattice: &Lattice, node: Node, most: i32) -> bool {
+    let Some(Extent { u, v }) = lattice.extent() else { return false };
+    u.1.max(node.0) - u.0.min(node.0) < most && v.1.max(node.1) - v.0.min(node.1) < most
+}
+
+/// Takes outer columns and rows of one node away: by that one alone the place of a board is not told.
+fn trim(lattice: &mut Lattice) {
+    while let Some(Extent { u, v }) = lattice.extent() {
+        let single = |is_on: &dyn Fn(&Node) -> bool| {
+            let mut on = lattice.nodes.keys().filter(|n| is_on(n));
+            on.next().copied().filter(|_| on.next().is_none())
+        };
+        let lines: [&dyn Fn(&Node) -> bool; 4] =
+            [&|n| n.0 == u.0, &|n| n.0 == u.1, &|n| n.1 == v.0, &|n| n.1 == v.1];
+        let Some(lone) = lines.iter().find_map(|line| single(line)) else { return };
+        lattice.nodes.remove(&lone);
+    }
+}

@@ -1,0 +1,84 @@
+//! A piece of a checker pattern: its nodes by lattice place, wherever in the board that may be.
+
+use super::super::homography::{Homography, PlanePoint};
+use super::super::joints::Joint;
+use super::super::sigma;
+use calib_targets::chessboard::ChessboardDetection;
+use resight_core::Pixel;
+use std::collections::BTreeMap;
+
+/// A place in a lattice.
+pub(super) type Node = (i32, i32);
+
+/// Nodes that belong together.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lattice {
+    pub nodes: BTreeMap<Node, Joint>,
+}
+
+/// Nodes that a local homography rests on: enough to average, few enough to follow a lens's distortion.
+const NEAREST: usize = 12;
+/// Further away than this, in squares, the distortion of a lens is no longer the same.
+const LOCAL_SQUARES: i32 = 4;
+
+impl Lattice {
+    /// What the library has labelled.
+    pub fn labelled(found: &ChessboardDetection) -> Self {
+        let nodes = found.corners.iter().map(|c| {
+            let pixel = Pixel::new(c.position.x as f64, c.position.y as f64);
+            let library_px = c.position_covariance.map(|k| k.sigma_max_px() as f64);
+            ((c.grid.u, c.grid.v), Joint { pixel, sigma_px: sigma::saddle_px(library_px) })
+        });
+        Lattice { nodes: nodes.collect() }
+    }
+
+    pub fn at(&self, node: Node) -> Option<Joint> {
+        self.nodes.get(&node).copied()
+    }
+
+    /// First and last column, first and last row; none of an empty lattice.
+    pub fn extent(&self) -> Option<Extent> {
+        let (u, v) = (self.nodes.keys().map(|n| n.0), self.nodes.keys().map(|n| n.1));
+        Some(Extent { u: (u.clone().min()?, u.max()?), v: (v.clone().min()?, v.max()?) })
+    }
+
+    /// The homography from lattice places, relative to `around`, to the image near there; none where the nodes do not determine it.
+    pub fn map_near(&self, around: Node) -> Option<Homography> {
+        let squares = |n: &Node| (n.0 - around.0).pow(2) + (n.1 - around.1).pow(2);
+        let window = -LOCAL_SQUARES..=LOCAL_SQUARES;
+        let columns = window.clone().flat_map(|u| window.clone().map(move |v| (around.0 + u, around.1 + v)));
+        let mut near: Vec<(Node, Joint)> = columns.filter_map(|n| Some((n, self.at(n)?))).collect();
+        if near.len() < 4 {
+            // Beyond a gap there is nothing nearby.
+            near = self.nodes.iter().map(|(n, joint)| (*n, *joint)).collect();
+        }
+        near.sort_by_key(|(n, _)| (squares(n), *n));
+        near.truncate(NEAREST);
+        let spans = |along: fn(&Node) -> i32| near.iter().any(|(n, _)| along(n) != along(&near[0].0));
+        if near.len() < 4 || !spans(|n| n.0) || !spans(|n| n.1) {
+            return None;
+        }
+        let place = |n: &Node| PlanePoint::new((n.0 - around.0) as f64, (n.1 - around.1) as f64);
+        let pairs: Vec<(PlanePoint, Pixel)> = near.iter().map(|(n, j)| (place(n), j.pixel)).collect();
+        Homography::fit(&pairs)
+    }
+}
+
+/// Columns and rows of a lattice that hold nodes, first and last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Extent {
+    pub u: (i32, i32),
+    pub v: (i32, i32),
+}
+
+impl Extent {
+    pub fn holds(&self, other: &Extent) -> bool {
+        let within = |all: (i32, i32), part: (i32, i32)| all.0 <= part.0 && part.1 <= all.1;
+        within(self.u, other.u) && within(self.v, other.v)
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> (i32, i32) {
+        (self.u.1 - self.u.0 + 1, self.v.1 - self.v.0 + 1)
+    }
+}

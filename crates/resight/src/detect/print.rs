@@ -1,0 +1,113 @@
+//! Corners measured by what is printed around them, for boards whose print is known up to the corner's exact place.
+
+use super::homography::{Homography, PlanePoint};
+use super::template::{self, Fit, Window};
+use crate::GrayImage;
+use resight_core::Pixel;
+
+/// The print is compared this far around a corner, in squares,
+const PRINT_SQUARES: f64 = 0.45;
+/// within these bounds, pixels.
+const PRINT_PX: (f64, f64) = (4.0, 7.0);
+/// Fewest pixels to each side that show two edges; nearer to the image's edge a corner is not compared.
+const LEAST_HALF_PX: usize = 3;
+/// Least share of the variance that the print explains where it is (noise aside).
+const EXPLAINED: f64 = 0.8;
+/// Least contrast of a print, grey levels.
+const CONTRAST_GRAY: f64 = 10.0;
+
+/// A residual that shows so many times the variance of the common one is this corner's own.
+const OWN_EXCESS: f64 = 3.0;
+/// What the method itself leaves, standard deviation in pixels: 0.006 px on rendered boards without noise.
+const METHOD_PX: f64 = 0.003;
+/// The image's noise is known to a fifth; a smaller residual is chance.
+const LEAST_EXCESS: f64 = 0.6;
+
+/// Blurs that are tried, standard deviations in pixels.
+const BLURS_PX: [f64; 6] = [0.35, 0.7, 1.1, 1.6, 2.2, 3.0];
+/// Corners that the blur is chosen by.
+const BLUR_CORNERS: usize = 4;
+
+/// A corner that was found, and the print around it.
+pub(super) struct Place<Ink> {
+    /// Where it was found.
+    pub found: Pixel,
+    /// Where it is on the plane, and how the plane appears around it.
+    pub place: PlanePoint,
+    pub map: Homography,
+    /// Shortest edge of the squares around it, pixels.
+    pub square_px: f64,
+    /// How far the print is known, pixels.
+    pub clear_px: f64,
+    /// It is elsewhere if its print lies further off, pixels.
+    pub reach_px: f64,
+    /// −1 where black and 1 where white, on the plane.
+    pub ink: Ink,
+}
+
+/// What the print says of a corner.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Seen {
+    /// The print is there.
+    Print { pixel: Pixel, sigma_px: f64 },
+    /// Something else is: the corner is covered, or was none.
+    Otherwise,
+    /// Too near to the edge of the image to say.
+    Outside,
+}
+
+/// Variances of corners, from their noise and from what the residuals of all show (docs/math/corner_sigma.md section 3).
+pub(super) fn sigmas_px(fits: &[Fit]) -> Vec<f64> {
+    let mut excess: Vec<f64> = fits.iter().map(|fit| fit.excess).collect();
+    excess.sort_by(f64::total_cmp);
+    let common = excess.get(excess.len() / 2).copied().unwrap_or(1.0).max(LEAST_EXCESS);
+    let of = |fit: &Fit| {
+        let own = if OWN_EXCESS * common < fit.excess { fit.excess } else { common };
+        (own * fit.noise_px * fit.noise_px + METHOD_PX * METHOD_PX).sqrt()
+    };
+    fits.iter().map(of).collect()
+}
+
+/// Compares corners with their print; one blur for all, the one that explains most.
+pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
+    image: &GrayImage,
+    noise_gray: f64,
+    places: &[Place<Ink>],
+) -> Vec<Seen> {
+    let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
+    let every = (places.len() / BLUR_CORNERS).max(1);
+    let share = |blur_px: f64| -> f64 {
+        let explained = |place| look(place, blur_px).flatten().map_or(0.0, |fit| fit.explained);
+        places.iter().skip(every / 2).step_by(every).map(explained).sum()
+    };
+    let shares = BLURS_PX.map(share);
+    let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
+    let blur_px = BLURS_PX[best.unwrap_or(0)];
+    let fits: Vec<Option<Option<Fit>>> = places.iter().map(|place| look(place, blur_px)).collect();
+    let seen: Vec<Fit> = fits.iter().flatten().flatten().copied().collect();
+    let mut sigmas_px = sigmas_px(&seen).into_iter();
+    let said = fits.into_iter().map(|fit| match fit {
+        Some(Some(fit)) => Seen::Print { pixel: fit.pixel, sigma_px: sigmas_px.next().unwrap_or(f64::NAN) },
+        Some(None) => Seen::Otherwise,
+        None => Seen::Outside,
+    });
+    said.collect()
+}
+
+impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
+    /// The print where it is there; none too near to the edge of the image.
+    fn look(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> Option<Option<Fit>> {
+        let size = |n: u32| n as f64 - 1.0;
+        let (u, v) = (self.found.x.round(), self.found.y.round());
+        let room_px = u.min(v).min(size(image.width_px) - u).min(size(image.height_px) - v);
+        let half_px =
+            (PRINT_SQUARES * self.square_px).clamp(PRINT_PX.0, PRINT_PX.1).min(self.clear_px).min(room_px);
+        if !(LEAST_HALF_PX as f64 <= half_px) {
+            return None;
+        }
+        let window = Window { half_px: half_px as usize, blur_px, noise_gray };
+        let fit = template::fit(image, &self.ink, &self.map, &self.place, self.found, self.reach_px, window);
+        let is_seen = |fit: &Fit| EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray;
+        Some(fit.filter(is_seen))
+    }
+}

@@ -1,0 +1,105 @@
+//! How well the shift of a print is known (docs/math/corner_sigma.md).
+//!
+//! Two answers to one question. What white noise does, from the slopes of the print: the Cramér–Rao bound. And what the residual shows: pixels of
+//! one edge that lie off together (a foreign edge, a wrong print, ink that spreads) move the corner as noise does, so each pixel's pull on the corner
+//! is summed over small squares, and the squares of these sums are added (W. K. Newey and K. D. West, Econometrica 1987, in two dimensions).
+//! A blur that is not the assumed one, nor round, and a print that is a little turned or sheared against the predicted one are fitted here too, with
+//! seven more unknowns: else they would be counted as errors, which they are not, for they hardly move a corner.
+
+use super::Laid;
+use nalgebra::{SMatrix, SVector, Vector2};
+use resight_core::Pixel;
+
+/// Variance of rounding to whole grey levels.
+const ROUNDING_GRAY2: f64 = 1.0 / 12.0;
+
+/// Pixels along the squares over which pulls are summed: in standard deviations of the blur, and the fewest and most.
+const REACH_BLURS: f64 = 3.0;
+const REACH_PX: (usize, usize) = (3, 7);
+
+/// Brightness, contrast; contrast times shift, times half of the blur's excess variance, times the local affine map's departure.
+const UNKNOWNS: usize = 11;
+/// What blur and map are known to beforehand, so that prints that leave them open are no matter: standard deviations, pixels² and none.
+const PRIORS: [(std::ops::Range<usize>, f64); 2] = [(4..7, 1.0), (7..11, 0.1)];
+type Row = SVector<f64, UNKNOWNS>;
+
+/// Variances of the shift, means over both axes, and the shift that is left.
+pub(super) struct Scatter {
+    pub by_noise_px2: f64,
+    pub by_residual_px2: f64,
+    pub step: Pixel,
+}
+
+/// docs/math/corner_sigma.md eqs. (1)–(5); none where the print has no structure. `gain_gray` is the contrast found so far.
+pub(super) fn of(laid: &Laid, gain_gray: f64) -> Option<Scatter> {
+    let half = laid.window.half_px;
+    let width = 2 * half + 1;
+    let rows = rows(laid);
+    let noise_gray2 = laid.window.noise_gray.powi(2).max(ROUNDING_GRAY2);
+    let (x, inverse) = solved(&rows, noise_gray2 / (gain_gray * gain_gray))?;
+    let shift_rows = inverse.fixed_rows::<2>(2) / x[1];
+    let by_noise_px2 = 0.5 * noise_gray2 * (inverse[(2, 2)] + inverse[(3, 3)]) / (x[1] * x[1]);
+    let reach = reach_px(laid.window.blur_px, &x);
+    // Every square that holds a pixel: those that begin up to `reach` − 1 before it.
+    let side = width + reach - 1;
+    let mut squares = vec![Vector2::<f64>::zeros(); side * side];
+    for (k, (row, gray)) in rows.iter().enumerate() {
+        let pull = shift_rows * row * (gray - row.dot(&x));
+        let (u, v) = (k % width, k / width);
+        for line in v..v + reach {
+            squares[line * side + u..][..reach].iter_mut().for_each(|sum| *sum += pull);
+        }
+    }
+    let squares_px2 =
+        0.5 * squares.iter().map(|sum| sum.norm_squared()).sum::<f64>() / (reach * reach) as f64;
+    let by_residual_px2 = unbiased(reach as f64 / width as f64) * squares_px2;
+    Some(Scatter { by_noise_px2, by_residual_px2, step: Pixel::new(x[2], x[3]) / x[1] })
+}
+
+/// The unknowns take up part of the noise, and more of sums over squares than of single pixels: what white noise would show is divided out, with
+/// `share` the edge of a square over that of the window (eq. (6), right to 15 %).
+fn unbiased(share: f64) -> f64 {
+    1.0 + 2.0 * share + 2.0 * share * share
+}
+
+/// The unknowns, and the inverse of their normal equations; `noise_share2` is the variance of the noise over the squared contrast.
+fn solved(rows: &[(Row, f64)], noise_share2: f64) -> Option<(Row, SMatrix<f64, UNKNOWNS, UNKNOWNS>)> {
+    let (mut normal, mut right) = (SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros(), Row::zeros());
+    for (row, gray) in rows {
+        for i in 0..UNKNOWNS {
+            right[i] += row[i] * gray;
+            for j in 0..=i {
+                normal[(i, j)] += row[i] * row[j];
+            }
+        }
+    }
+    for (unknowns, sigma) in PRIORS {
+        unknowns.for_each(|i| normal[(i, i)] += noise_share2 / (sigma * sigma));
+    }
+    let factor = normal.cholesky()?;
+    Some((factor.solve(&right), factor.inverse()))
+}
+
+/// Edge of the squares, pixels: as wide as an edge is blurred.
+fn reach_px(blur_px: f64, x: &Row) -> usize {
+    let more = (2.0 * x[4].max(x[6]) / x[1]).max(0.0);
+    let blur_px = (blur_px * blur_px + more).sqrt();
+    ((REACH_BLURS * blur_px).round() as usize).clamp(REACH_PX.0, REACH_PX.1)
+}
+
+/// (1, T, −∂T/∂u, −∂T/∂v, ∂²T/∂u², ∂²T/∂u∂v, ∂²T/∂v², slopes by places) and the grey level of each pixel.
+fn rows(laid: &Laid) -> Vec<(Row, f64)> {
+    let Laid { image, picture, middle, shift, corner, window } = laid;
+    let (half, side) = (window.half_px as f64, 2 * window.half_px + 1);
+    let (u0, v0) = (middle.x as usize - window.half_px, middle.y as usize - window.half_px);
+    let row = |k: usize| {
+        let (column, line) = (k % side, k / side);
+        let (u, v) = (column as f64 - half - shift.x, line as f64 - half - shift.y);
+        let ((value, du, dv), [uu, uv, vv]) = (picture.at(u, v), picture.bends(u, v));
+        // From the corner, about which the map's departure turns.
+        let (x, y) = (u - corner.x, v - corner.y);
+        let gray = image.data[(v0 + line) * image.width_px as usize + u0 + column] as f64 - 128.0;
+        (Row::from([1.0, value, -du, -dv, uu, uv, vv, du * x, du * y, dv * x, dv * y]), gray)
+    };
+    (0..side * side).map(row).collect()
+}
