@@ -30,7 +30,7 @@ use crate::source::Source;
 use resight_core::locate::PoseEstimate;
 use resight_core::monitor::attribute::MovedNode;
 use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::{Drift, MonitorConfig, Reading, Reference, Unsettled};
+use resight_core::monitor::{Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled};
 use resight_core::track::{TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Target};
 use std::sync::Arc;
@@ -182,6 +182,15 @@ pub enum Doubt {
     ErrorsLast,
 }
 
+/// What was learned of the noise of one camera and one target, and what follows from it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Promise {
+    /// The noise of the readings beside the stated one.
+    pub noise: MeasuredNoise,
+    /// The smallest sudden motions that are found within a time, nine times in ten.
+    pub detectable: Detectable,
+}
+
 /// What a session says.
 #[derive(Debug, Clone)]
 pub enum Event {
@@ -222,6 +231,8 @@ pub enum Event {
         target: usize,
         /// The reference.
         reference: Box<Reference>,
+        /// How noisy the readings were, and which motions are found with that; none where noise is taken for what it is stated to be.
+        promise: Option<Box<Promise>>,
     },
     /// The camera moved while its reference was being learned: learning goes on with the readings after the motion.
     MovedWhileLearning {

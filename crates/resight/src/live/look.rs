@@ -6,7 +6,7 @@ mod landmarks;
 mod pair;
 
 use super::state::{CameraRecord, unix_s};
-use super::{LiveCamera, LiveConfig, Observation, StageTimes, State};
+use super::{LiveCamera, LiveConfig, Observation, Promise, StageTimes, State};
 use crate::GrayImage;
 use crate::detect::DetectError;
 use crate::landmarks::LandmarksError;
@@ -36,6 +36,8 @@ pub struct Looked {
     pub state: State,
     /// The reference, where this frame completed it.
     pub learned: Option<Box<Reference>>,
+    /// What was learned of its noise with it.
+    pub promise: Option<Box<Promise>>,
     /// How the camera moved amid the readings that were to be the reference, where this frame showed it.
     pub unsettled: Option<Box<Unsettled>>,
 }
@@ -120,6 +122,7 @@ impl Look {
             observation: Observation { reason: reason.clone(), ..blank(frame, waited_us, true) },
             state,
             learned: None,
+            promise: None,
             unsettled: None,
         };
         states.map(looked).collect()

@@ -134,7 +134,9 @@ impl Teller {
         let camera = self.camera;
         looked.into_iter().enumerate().all(|(target, looked)| {
             let observation = Box::new(looked.observation);
-            let learned = looked.learned.map(|reference| Event::Learned { camera, target, reference });
+            let promise = looked.promise;
+            let learned =
+                looked.learned.map(|reference| Event::Learned { camera, target, reference, promise });
             let moved = looked.unsettled.map(|unsettled| Event::MovedWhileLearning {
                 camera,
                 target,

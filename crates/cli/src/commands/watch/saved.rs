@@ -55,7 +55,7 @@ impl Saved {
     /// The next event; also when to try again.
     pub fn take(&mut self, event: &Event) {
         match event {
-            Event::Learned { camera, target, reference } => {
+            Event::Learned { camera, target, reference, .. } => {
                 let file = self.references.get(self.names.pair_index(*camera, *target)).cloned().flatten();
                 let words = format!("{} is saved", self.names.pair(*camera, *target));
                 self.save("reference", file, words, || reference::to_text(reference).map(String::into_bytes));

@@ -97,7 +97,7 @@ impl LandmarkWatch {
         }
         if looked.is_empty() {
             let state = State::Unseen { for_s: 0.0 };
-            looked.push(Looked { observation: blank, state, learned: None, unsettled: None });
+            looked.push(Looked { observation: blank, state, learned: None, promise: None, unsettled: None });
         }
         let is_seen = looked.iter().any(|looked| looked.observation.estimate.is_some());
         let observation = &mut looked[0].observation;

@@ -6,7 +6,7 @@ use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
 use crate::detect::follow::Follower;
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{Doubt, LiveConfig, Observation, State, Watched};
+use crate::live::{Doubt, LiveConfig, Observation, Promise, State, Watched};
 use crate::source::{Content, Frame};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::Detection;
@@ -188,7 +188,14 @@ impl Pair {
             Some(Learned::Motion(unsettled)) => (None, Some(unsettled)),
             None => (None, None),
         };
-        Looked { observation, state: self.state(frame.capture_s), learned, unsettled }
+        let promise = learned.as_ref().and_then(|_| self.promise()).map(Box::new);
+        Looked { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
+    }
+
+    /// What its noise lets the monitor promise, where that is measured.
+    fn promise(&self) -> Option<Promise> {
+        let monitor = self.monitor()?;
+        Some(Promise { noise: monitor.measured_noise()?, detectable: monitor.detectable(PROMISED_WITHIN_S)? })
     }
 
     /// How things stand at a time, also when no frame has come.
@@ -323,6 +330,9 @@ impl Pair {
         Some(Learned::Reference(Box::new(reference)))
     }
 }
+
+/// The time within which a motion of the promised size is found, seconds; at least three readings.
+const PROMISED_WITHIN_S: f64 = 60.0;
 
 /// What learning came to.
 enum Learned {

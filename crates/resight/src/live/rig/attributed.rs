@@ -94,10 +94,10 @@ impl Pairs {
                 }
                 events
             }
-            Event::Learned { camera, target, reference } => {
+            Event::Learned { camera, target, reference, promise } => {
                 let index = self.index(camera, target);
                 self.pairs[index].reference = Some(*reference);
-                vec![Event::Learned { camera, target, reference }]
+                vec![Event::Learned { camera, target, reference, promise }]
             }
             other => vec![other],
         }

@@ -1,6 +1,7 @@
 //! Events in words and as JSON.
 
 mod drifted;
+mod promised;
 
 use super::super::names::Names;
 use super::Output;
@@ -140,12 +141,13 @@ impl Said {
             Event::StateChanged { camera, target, t_s, state } => {
                 format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), state_words(state))
             }
-            Event::Learned { camera, target, reference } => {
+            Event::Learned { camera, target, reference, promise } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
                 let (turn, shift) = (sigma.fixed_rows::<3>(0).norm(), sigma.fixed_rows::<3>(3).norm());
                 let [turn, shift] = [turn.to_degrees(), 1e3 * shift];
+                let promised = promise.as_ref().map(|promise| promised::words(promise)).unwrap_or_default();
                 format!(
-                    "{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm",
+                    "{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm{promised}",
                     self.names.pair(*camera, *target)
                 )
             }
@@ -204,9 +206,13 @@ impl Said {
                 object["t_s"] = json!(t_s);
                 object
             }
-            Event::Learned { camera, target, reference } => {
-                json!({"event": "learned", "camera": self.names.camera(*camera),
-                "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)})
+            Event::Learned { camera, target, reference, promise } => {
+                let mut object = json!({"event": "learned", "camera": self.names.camera(*camera),
+                "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)});
+                if let Some(promise) = promise {
+                    (object["noise"], object["detectable"]) = promised::objects(promise);
+                }
+                object
             }
             Event::MovedWhileLearning { camera, target, rivals, unsettled } => {
                 let drift = &unsettled.drift;

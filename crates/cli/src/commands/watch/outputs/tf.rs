@@ -84,7 +84,7 @@ impl Output for Tf {
     fn take(&mut self, event: &Event) -> Result<()> {
         match event {
             Event::Observed { camera, target, observation } => self.pose(*camera, *target, observation),
-            Event::Learned { camera, target, reference } => {
+            Event::Learned { camera, target, reference, .. } => {
                 self.reference(*camera, *target, reference, self.last_ns[*camera]);
             }
             Event::StateChanged { camera, target, t_s, state } => self.state(*camera, *target, *t_s, state),

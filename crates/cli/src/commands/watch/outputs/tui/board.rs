@@ -108,7 +108,7 @@ impl Board {
             Event::StateChanged { camera, target, state, .. } => {
                 self.change(*camera, *target, |pair| pair.is_now(state, now));
             }
-            Event::Learned { camera, target, reference } => {
+            Event::Learned { camera, target, reference, .. } => {
                 self.change(*camera, *target, |pair| pair.learned(reference.a_from_b));
             }
             _ => self.of_source(event),
