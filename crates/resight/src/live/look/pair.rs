@@ -31,6 +31,8 @@ pub(super) struct Pair {
     stage: Stage,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
+    /// Whether points of the last view contradicted each other.
+    was_fault: bool,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -94,6 +96,7 @@ impl Pair {
             began: None,
             config: config.clone(),
             name: watched.name.clone(),
+            was_fault: false,
             settings: settings(camera, watched, config),
         })
     }
@@ -274,7 +277,8 @@ impl Pair {
         let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
         if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
-            reading.is_consistent &= !is_fault(monitor, reading, &points, lens);
+            self.was_fault = is_fault(monitor, reading, &points, lens, self.was_fault);
+            reading.is_consistent &= !self.was_fault;
         }
         observation.times.decide_us = micros(started);
         Ok(())
@@ -367,20 +371,32 @@ fn mostly_contradict(readings: &[Reading]) -> bool {
 }
 
 /// Whether the points contradict each other about where the camera went since all was well.
-fn is_fault(monitor: &Monitor, reading: &Reading, points: &[Correspondence], lens: &Camera) -> bool {
+fn is_fault(
+    monitor: &Monitor,
+    reading: &Reading,
+    points: &[Correspondence],
+    lens: &Camera,
+    was_fault: bool,
+) -> bool {
     if monitor.drift().is_some() {
         return false; // What is true of the old place says nothing of the new one.
     }
     let Reference { a_from_b, noise } = monitor.reference();
-    let known = noise.reference + noise.bias + noise.daily;
     let motion = (*a_from_b * reading.a_from_b.inverse()).log();
-    let chi2 = (known + reading.covariance).cholesky().map(|factor| motion.dot(&factor.solve(&motion)));
-    let is_different = chi2.is_some_and(|chi2| UNLIKELY < chi2);
-    is_different && disagree(points, lens, (a_from_b, &known), &reading.a_from_b)
+    let chi2 =
+        (noise.reference + reading.covariance).cholesky().map(|factor| motion.dot(&factor.solve(&motion)));
+    if chi2.is_none_or(|chi2| chi2 < UNLIKELY) {
+        return false;
+    }
+    // Where it stood is known far better by now than when the reference was learned.
+    let mut at_home = monitor.clone();
+    let is_known = at_home.accept().is_ok();
+    let Reference { a_from_b, noise } = at_home.reference();
+    is_known && disagree(points, lens, (a_from_b, &noise.reference), &reading.a_from_b, was_fault)
 }
 
-/// χ² of six numbers that one reading in a thousand exceeds: only then are its points looked at.
-const UNLIKELY: f64 = 22.5;
+/// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.
+const UNLIKELY: f64 = 16.8;
 
 /// All minima of a frame: time chooses among them.
 fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
