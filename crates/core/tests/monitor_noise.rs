@@ -142,6 +142,20 @@ fn a_twentieth_of_a_degree_is_found_within_two_seconds_of_its_first_reading() {
     }
 }
 
+/// However large: noise that follows a jump does not explain it.
+#[test]
+fn a_gross_step_is_found_at_the_third_reading() {
+    for degrees in [0.2, 0.5, 1.0, 5.0, 30.0] {
+        for (learned, quiet_s) in [(50, 0.0), (50, 150.0), (50, 3000.0)] {
+            let mut scene = Scene::new(Condition::White, 1.0, 0x6055);
+            let monitor = scene.learned(learned, &default_rate());
+            let delay = delay_s(monitor, scene, quiet_s, &turned(1, degrees), 60.0);
+            println!("{degrees}° after {quiet_s} s: {delay:?}");
+            assert!(delay.is_some_and(|delay| delay <= 5.0), "{degrees}° after {quiet_s} s: {delay:?}");
+        }
+    }
+}
+
 /// Whoever knows share and time constant of the errors needs this long, by the test of section 3; one who measures them needs no more than
 /// half as long again, and a reading, in the median.
 #[test]

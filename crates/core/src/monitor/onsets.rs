@@ -26,6 +26,8 @@ const ONSETS: usize = 24;
 /// Size looked for of each course, in standard deviations of a reading, of a drift per day. A change five times larger or smaller costs
 /// about ln 5 of evidence.
 const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
+/// Sizes looked for beside noise that may follow a jump, in units of those, and their prior weights.
+const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
 /// Estimates of a change expect it below this many of that size: any that can be seen.
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
@@ -108,7 +110,12 @@ impl Onset {
 
     /// Λ of every change of one course.
     fn ratios(&self, course: usize, directions: &Directions) -> [Scaled; CHANGES] {
-        let (gathered, variance) = (&self.gathered[course], SIZES[course].powi(2));
+        self.ratios_of(course, directions, SIZES[course])
+    }
+
+    /// The same of changes of another size.
+    fn ratios_of(&self, course: usize, directions: &Directions, size: f64) -> [Scaled; CHANGES] {
+        let (gathered, variance) = (&self.gathered[course], size.powi(2));
         let (mut score, mut information) = (Vector6::zeros(), Vector6::zeros());
         let (mut along, mut squared) = (Vector6::zeros(), Vector6::zeros());
         for (axis, gathered) in gathered.iter().enumerate() {
@@ -129,7 +136,11 @@ impl Onset {
 
     /// wΛ of every change of one course.
     fn masses(&self, course: usize, directions: &Directions) -> [Scaled; CHANGES] {
-        let mut masses = self.ratios(course, directions);
+        self.masses_of(course, directions, SIZES[course])
+    }
+
+    fn masses_of(&self, course: usize, directions: &Directions, size: f64) -> [Scaled; CHANGES] {
+        let mut masses = self.ratios_of(course, directions, size);
         masses.iter_mut().zip(&self.log_weights[course]).for_each(|(mass, log_w)| mass.exponent += log_w);
         masses
     }
@@ -228,8 +239,8 @@ impl Onsets {
     /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
     /// that.
     pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
-        let mass = |onset: &Onset| self.log_mass(std::slice::from_ref(onset));
-        let masses: ArrayVec<f64, { ONSETS + 1 }> = self.onsets.iter().map(mass).collect();
+        let masses: ArrayVec<f64, { ONSETS + 1 }> =
+            self.onsets.iter().map(|onset| self.log_mass_of_any_size(onset)).collect();
         let mut order: ArrayVec<usize, { ONSETS + 1 }> = (0..masses.len()).collect();
         order.sort_by(|a, b| masses[*b].total_cmp(&masses[*a]));
         let mut sum = LogSum::nothing();
@@ -240,6 +251,21 @@ impl Onsets {
             order[i + 1..].iter().for_each(|other| most.add(masses[*other].into()));
             if most.ln() < threshold {
                 return most.ln();
+            }
+        }
+        sum.ln()
+    }
+
+    /// ln wΛ of an onset, a change being of any size. Beside the noise in use a size that is expected too small costs little of what a gross
+    /// change is worth; noise that follows a jump explains one of a hundred standard deviations better than a change of two does.
+    fn log_mass_of_any_size(&self, onset: &Onset) -> f64 {
+        let mut sum = LogSum::nothing();
+        for (times, weight) in WIDER {
+            for course in 0..COURSES.len() {
+                let masses = onset.masses_of(course, &self.directions, times * SIZES[course]);
+                masses.into_iter().for_each(|mass| {
+                    sum.add(Scaled { exponent: mass.exponent, factor: weight * mass.factor });
+                });
             }
         }
         sum.ln()
