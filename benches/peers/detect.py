@@ -16,6 +16,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
+import curves
+
 NEAR_PX = 2.0
 
 
@@ -172,6 +174,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--target", help="this one alone")
     parser.add_argument("--alone", action="store_true", help="without the others")
+    parser.add_argument("--curves", metavar="FOLDER", help="write pictures of recall and error over size, tilt and blur there")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     folder = f"{options.folder}/sweep_{options.count}"
@@ -182,12 +185,16 @@ def main():
     ours = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     ours = {found["image"]: (found["found"], found["milliseconds"]) for found in ours}
     peers = {} if options.alone else contenders()
+    cells = {}
     for target in dict.fromkeys(row["target"] for row in rows):
-        if options.target in (None, target):
-            table(target, [row for row in rows if row["target"] == target], ours, peers.get(target, []), options.rounds, folder)
+        of_target = [row for row in rows if row["target"] == target]
+        cells |= table(target, of_target, ours, peers.get(target, []), options.rounds, folder)
+    if options.curves:
+        curves.write(cells, options.curves)
 
 
 def table(target, rows, ours, peers, rounds, folder):
+    """Prints the table of a target; recall % and rms of each cell."""
     results = [("Resight", ours)]
     for name, run in peers:
         found = {row["image"]: timed(run, cv2.imread(f"{folder}/{row['image']}", 0), rounds) for row in rows}
@@ -197,14 +204,17 @@ def table(target, rows, ours, peers, rounds, folder):
     heads = [f"{name}: recall %, wrong, rms px" + (", NEES" if name == "Resight" else "") + ", ms" for name in names]
     print("| cell | " + " | ".join(heads) + " |")
     print("| --- |" + " ---: |" * len(names))
+    cells = {}
     for condition in dict.fromkeys(row["condition"] for row in rows):
         of_cell = [row for row in rows if row["condition"] == condition]
         columns = []
         for name, result in results:
             recall, wrong, rms, nees, ms = cell(of_cell, result, name == "Resight")
+            cells[target, name, condition] = (recall, rms)
             middle = f", {nees:.2f}" if name == "Resight" else ""
             columns.append(f"{recall:.1f}, {wrong}, {rms:.3f}{middle}, {ms:.1f}")
         print(f"| {condition} | " + " | ".join(columns) + " |")
+    return cells
 
 
 if __name__ == "__main__":

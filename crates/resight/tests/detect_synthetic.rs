@@ -186,6 +186,25 @@ fn aprilgrid_tag_that_cannot_be_read_is_completed() {
     assert!(rms_px(&errors(&target, &found, &view, |x| (x.x, x.y))) < 0.08);
 }
 
+/// A cover hides the right half of a column of tags, so none of them is read: their left corners are seen by their print.
+#[test]
+fn aprilgrid_corners_of_half_covered_tags_are_found() {
+    let (rows, columns, first_id) = (4, 5, 0);
+    let family = "tag36h11".into();
+    let grid = AprilGrid { family, rows, columns, tag_size_m: 1.0, tag_spacing_ratio: 0.3, first_id };
+    let mut view = View::new(Pixel::new(110.0, 410.0), 62.0, 4.0, 20.0);
+    view.0 *= nalgebra::Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0);
+    let ink = aprilgrid_ink(&grid, 2);
+    let image = photograph(640, 480, &view, |x, y| if 3.1 < x { Some(120.0) } else { ink(x, y) });
+    let target = Target::AprilGrid(grid);
+    let found = detect(target.clone(), &image);
+    let half_covered = |d: &&Detection| d.feature.id % columns == 2;
+    let corners: Vec<u8> = found.iter().filter(half_covered).map(|d| d.feature.corner).collect();
+    assert_eq!(corners, [0, 3, 0, 3, 0, 3, 0, 3]);
+    assert_eq!(found.len(), 40);
+    assert!(rms_px(&errors(&target, &found, &view, |x| (x.x, x.y))) < 0.08);
+}
+
 fn chessboard(rows: u32, columns: u32) -> Target {
     Target::Chessboard(Chessboard { rows, columns, square_m: 1.0 })
 }

@@ -53,3 +53,17 @@ once = [sp.Rational(k, 4) for k in (1, 2, 1)]
 twice = [sum(once[i] * once[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)]
 zero(sum(k * k for k in once) - sp.Rational(6, 16), "(7) one pass")
 zero(sum(k * k for k in twice) - sp.Rational(70, 256), "(7) two passes")
+
+# (9): an inner node and the edge of the board explain a third of each other.
+inner, edge = sp.Matrix([-1, 1, 1, -1]), sp.Matrix([-1, 1, 1, 1])
+assert sum(inner) == 0
+spread = edge.dot(edge) - sum(edge) ** 2 / sp.Integer(4)
+zero(inner.dot(edge) ** 2 / (inner.dot(inner) * spread) - sp.Rational(1, 3), "(9) a third")
+
+# (10): windows of a board that hold a part of it, counted, and those whose first square is black.
+for rows, columns, height, width in [(6, 9, 4, 5), (5, 8, 5, 3), (7, 7, 2, 6)]:
+    windows = [(r, c) for r in range(rows - height + 1) for c in range(columns - width + 1)]
+    black = [w for w in windows if sum(w) % 2 == 0]
+    n = (columns - width + 1) * (rows - height + 1)
+    assert len(windows) == n and 2 * len(black) in (n, n + 1)
+    print(f"ok  (10) {rows} x {columns}, part {height} x {width}: {n} windows, {len(black)} of the right colour")

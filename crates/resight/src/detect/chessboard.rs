@@ -22,7 +22,7 @@ use super::{DetectError, noise, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
 use calib_targets::core::DetectorConfig;
-use grow::Pattern;
+use grow::{MOST_NODES, Pattern};
 use lattice::Lattice;
 use place::{Place, Placement, Seen};
 use resight_core::Pixel;
@@ -182,8 +182,10 @@ impl Search<'_> {
             return found;
         }
         match place::dark(&lattice, self.image) {
-            Some(dark) => better(found, self.grown(lattice, dark, &mut Vec::new())),
-            None => found,
+            Some(dark) if lattice.nodes.len() <= MOST_NODES => {
+                better(found, self.grown(lattice, dark, &mut Vec::new()))
+            }
+            _ => found,
         }
     }
 
@@ -210,6 +212,7 @@ impl Search<'_> {
     /// Grows the largest pieces, and squares that none of them holds. `scale` is how much smaller the image is that the corners are from.
     fn at_level(&self, mut pieces: Vec<Lattice>, corners: &[ChessCorner], scale: f64) -> Outcome {
         pieces.sort_by_key(|piece| std::cmp::Reverse(piece.nodes.len()));
+        pieces.retain(|piece| piece.nodes.len() <= MOST_NODES);
         pieces.truncate(1);
         let mut best = Outcome::Nothing;
         let mut grown: Vec<Lattice> = Vec::new();

@@ -95,14 +95,22 @@ impl<'a> Quietened<'a> {
 
     /// The difference of grey levels that noise hardly gives within the tiles the tag library compares.
     pub fn least_contrast(&self, least: u8) -> u8 {
-        (SPREAD_OF_TILES * self.left_gray).clamp(least as f64, MOST_GRAY) as u8
+        spread_of_tiles(self.left_gray, least)
     }
 
     /// The same for the image as it came, in which the smallest markers show.
     pub fn least_contrast_unsmoothed(&self, least: u8) -> u8 {
-        (SPREAD_OF_TILES * self.noise_gray).clamp(least as f64, MOST_GRAY) as u8
+        spread_of_tiles(self.noise_gray, least)
     }
 }
+
+/// The next whole grey level above what noise of this standard deviation spreads over a tile, rounding to whole levels included.
+fn spread_of_tiles(noise_gray: f64, least: u8) -> u8 {
+    (SPREAD_OF_TILES * noise_gray.hypot(ROUNDING_GRAY)).ceil().clamp(least as f64, MOST_GRAY) as u8
+}
+
+/// Standard deviation of rounding to whole grey levels, √(1/12).
+const ROUNDING_GRAY: f64 = 0.2887;
 
 /// Range of noise over a tile with its neighbours (144 pixels), in its standard deviations: 5 in the mean, above this once in some
 /// thousand tiles.
@@ -164,8 +172,8 @@ mod tests {
         assert_eq!(noise_gray(&GrayImage::filled(0, 0, 0)), 0.0);
     }
 
-    /// In outlines of noise a search of an AprilGrid spent nine tenths of its time: at the library's own 5 grey levels every tile holds one. Where
-    /// whole grey levels are coarse against the noise some do still (73 of 400 at a noise of 3).
+    /// In outlines of noise a search of an AprilGrid spent nine tenths of its time: at the library's own 5 grey levels every tile holds one. The
+    /// limit is rounded up and knows of the rounding of the image: rounded down, 73 of 400 tiles reached it at a noise of 3.
     #[test]
     fn noise_holds_no_outlines() {
         for sigma in [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0] {
@@ -179,7 +187,7 @@ mod tests {
                 values.clone().max().unwrap() - values.min().unwrap()
             };
             let loud = (0..400).filter(|tile| quiet.least_contrast(5) <= range(*tile)).count();
-            assert!(loud <= 100, "{sigma}: {loud} of 400 tiles");
+            assert!(loud <= 8, "{sigma}: {loud} of 400 tiles");
             assert!(quiet.least_contrast(5) <= 32, "{sigma}: {}", quiet.least_contrast(5));
         }
     }

@@ -38,6 +38,8 @@ const BLUR_NODES: usize = 6;
 const MORE_KNOWN: usize = 3;
 /// Most nodes looked for beyond gaps.
 const MOST_LOOKS: usize = 2000;
+/// A lattice of more nodes is not grown: each takes a tenth of a millisecond, and boards have hundreds.
+pub(super) const MOST_NODES: usize = 4000;
 /// Fewest nodes that show the edge of the board on one side.
 const LEAST_AT_EDGE: usize = 2;
 
@@ -90,6 +92,9 @@ impl<'a> Pattern<'a> {
             let mut grew = false;
             for (node, known) in rim {
                 tried.insert(node, known);
+                if MOST_NODES <= lattice.nodes.len() {
+                    break;
+                }
                 if fits_within(lattice, node, most) && self.add(lattice, node) {
                     grew = true;
                 }
