@@ -189,6 +189,8 @@ pub struct Promise {
     pub noise: MeasuredNoise,
     /// The smallest sudden motions that are found within a time, nine times in ten.
     pub detectable: Detectable,
+    /// The readings that this, and the reference, were learned from.
+    pub learned_from: Vec<Reading>,
 }
 
 /// What a session says.

@@ -186,19 +186,20 @@ impl Pair {
         let started = Instant::now();
         let decided = observation.reading.and_then(|reading| self.decide(&reading));
         observation.times.decide_us += micros(started);
-        let (learned, unsettled) = match decided {
-            Some(Learned::Reference(reference)) => (Some(reference), None),
-            Some(Learned::Motion(unsettled)) => (None, Some(unsettled)),
-            None => (None, None),
+        let (learned, promise, unsettled) = match decided {
+            Some(Learned::Reference(reference, from)) => (Some(reference), self.promise(from), None),
+            Some(Learned::Motion(unsettled)) => (None, None, Some(unsettled)),
+            None => (None, None, None),
         };
-        let promise = learned.as_ref().and_then(|_| self.promise()).map(Box::new);
+        let promise = promise.map(Box::new);
         Looked { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
     }
 
     /// What its noise lets the monitor promise, where that is measured.
-    fn promise(&self) -> Option<Promise> {
+    fn promise(&self, learned_from: Vec<Reading>) -> Option<Promise> {
         let monitor = self.monitor()?;
-        Some(Promise { noise: monitor.measured_noise()?, detectable: monitor.detectable(PROMISED_WITHIN_S)? })
+        let (noise, detectable) = (monitor.measured_noise()?, monitor.detectable(PROMISED_WITHIN_S)?);
+        Some(Promise { noise, detectable, learned_from })
     }
 
     /// How things stand at a time, also when no frame has come.
@@ -330,8 +331,9 @@ impl Pair {
             readings.drain(..readings.len() / 2);
             return None;
         };
+        let from = std::mem::take(readings);
         self.stage = Stage::Watching(Box::new(monitor));
-        Some(Learned::Reference(Box::new(reference)))
+        Some(Learned::Reference(Box::new(reference), from))
     }
 }
 
@@ -340,7 +342,8 @@ const PROMISED_WITHIN_S: f64 = 60.0;
 
 /// What learning came to.
 enum Learned {
-    Reference(Box<Reference>),
+    /// With the readings that it comes from.
+    Reference(Box<Reference>, Vec<Reading>),
     /// The camera moved, and learning goes on.
     Motion(Box<Unsettled>),
 }

@@ -4,7 +4,7 @@ use super::Nodes;
 use crate::live::{Doubt, Event, LiveConfig, Observation, State};
 use resight_core::Pose;
 use resight_core::monitor::attribute::{Attribution, Edge, attribute};
-use resight_core::monitor::{Drift, Monitor, MonitorConfig, Reference, Watch};
+use resight_core::monitor::{Drift, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 /// Every pair of a camera and a target, watched as its own camera watches it.
 pub(in crate::live) struct Pairs {
@@ -22,6 +22,8 @@ pub(in crate::live) struct Pairs {
 #[derive(Default)]
 struct Pair {
     reference: Option<Reference>,
+    /// The readings that it comes from, until there is a monitor.
+    learned_from: Vec<Reading>,
     monitor: Option<Monitor>,
     /// As its camera says, and as it was told.
     state: Option<State>,
@@ -97,6 +99,8 @@ impl Pairs {
             Event::Learned { camera, target, reference, promise } => {
                 let index = self.index(camera, target);
                 self.pairs[index].reference = Some(*reference);
+                self.pairs[index].learned_from =
+                    promise.as_ref().map_or(Vec::new(), |promise| promise.learned_from.clone());
                 vec![Event::Learned { camera, target, reference, promise }]
             }
             other => vec![other],
@@ -274,7 +278,9 @@ impl Pair {
         };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, reading.t_s).ok();
-            self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&[]));
+            // As the monitor whose state is told: what one says the other says too.
+            let learned_from = std::mem::take(&mut self.learned_from);
+            self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&learned_from));
         }
         if let Some(monitor) = &mut self.monitor {
             monitor.push(reading);
