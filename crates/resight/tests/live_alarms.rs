@@ -47,7 +47,7 @@ impl Source for Corners {
             let noise = SIGMA_PX * Pixel::new(self.chance.normal(), self.chance.normal());
             let pixel =
                 camera().project(&x).expect("in front") + noise + (self.scene.off)(capture_s, feature.corner);
-            Detection { feature, pixel, sigma_px: SIGMA_PX, covariance_px2: None }
+            Detection { feature, pixel, sigma_px: SIGMA_PX, lens_sigma_px: 0.0, covariance_px2: None }
         };
         let seen = target.features().into_iter().map(&mut corner).collect();
         Next::Frame(Frame { number, capture_s, name: String::new(), content: Content::Detections(seen) })

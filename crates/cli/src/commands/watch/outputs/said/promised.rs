@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 /// After "reference learned, ± …".
 pub(super) fn words(promise: &Promise) -> String {
-    let Promise { noise, detectable } = promise;
+    let Promise { noise, detectable, .. } = promise;
     let largest = |of: &[f64; 3]| of.iter().copied().fold(0.0, f64::max);
     let (rotation, translation) =
         (largest(&detectable.rotation_rad).to_degrees(), 1e3 * largest(&detectable.translation_m));
@@ -31,7 +31,7 @@ pub(super) fn words(promise: &Promise) -> String {
 
 /// The same as the JSON objects `noise` and `detectable`.
 pub(super) fn objects(promise: &Promise) -> (Value, Value) {
-    let Promise { noise, detectable } = promise;
+    let Promise { noise, detectable, .. } = promise;
     let lasting = noise.lasting.map(|l| json!({"sigma_ratio": l.sigma_ratio, "time_s": l.time_s}));
     let noise = json!({"sigma_ratio": noise.sigma_ratio, "sigma_ratio_sigma": noise.sigma_ratio_sigma,
         "contradicts_stated": noise.contradicts_stated(), "correlated": lasting, "n_readings": noise.readings});
