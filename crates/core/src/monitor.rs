@@ -10,7 +10,9 @@
 
 mod log_sum;
 mod axis;
+mod transients;
 mod bank;
+mod promise;
 mod measured;
 mod onsets;
 mod test;
@@ -21,8 +23,6 @@ mod scatter;
 mod trace;
 mod aftermath;
 mod earlier;
-mod promise;
-mod transients;
 mod unsettled;
 pub mod learn;
 pub mod attribute;
@@ -327,7 +327,8 @@ impl Monitor {
     /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while errors that last are
     /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
     pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
-        let (threshold, period_s) = (self.log_threshold(), self.config.decision_period_s);
+        let (threshold, period_s) =
+            (self.log_threshold() + onsets::log_cost(), self.config.decision_period_s);
         let measured = self.test.measured()?;
         Some(measured.detectable(self.test.whitened_from_motion(), within_s, threshold, period_s))
     }

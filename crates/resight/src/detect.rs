@@ -157,7 +157,7 @@ fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
-    copies: Vec<(u32, usize)>,
+    copies: tags::Copies,
 }
 
 enum Finder {

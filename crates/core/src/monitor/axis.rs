@@ -9,7 +9,19 @@
 //! Derivation: docs/math/monitor.md eqs. (1)–(4).
 
 use crate::snapshot::numbers;
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix4, Vector4, Vector6};
+
+/// Coordinates of a small motion.
+pub(super) const AXES: usize = 6;
+
+/// A reading in whitened coordinates, in which its errors are independent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Whitened {
+    /// y.
+    pub value: Vector6<f64>,
+    /// r.
+    pub variance: Vector6<f64>,
+}
 
 /// A day, seconds.
 pub const DAY_S: f64 = 86_400.0;
@@ -152,3 +164,4 @@ pub(super) fn read(x: &Vector4<f64>) -> f64 {
 
 numbers!(AxisNoise { reference_sigma, bias_sigma, bias_time_s, daily_sigma });
 numbers!(AxisFilter { mean, covariance });
+numbers!(Whitened { value, variance });

@@ -8,9 +8,17 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
-use super::promise::LastingError;
 use crate::snapshot::numbers;
 use nalgebra::Vector4;
+
+/// Errors that last.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LastingError {
+    /// Their standard deviation over that of a reading's own noise.
+    pub sigma_ratio: f64,
+    /// The time in which they are forgotten, seconds; a day for those that come back every day.
+    pub time_s: f64,
+}
 
 /// A correlated error: variance in units of a reading's own, time constant in units of the bank's.
 #[derive(Debug, Clone, Copy)]

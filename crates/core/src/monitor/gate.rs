@@ -4,7 +4,8 @@
 //! therefore waits until `CONFIRM` readings in a row, over a decision period at least, agree with each other, and is dropped when the next
 //! ones are where they were.
 
-use super::test::{DriftTest, SURPRISE, Whitened};
+use super::axis::Whitened;
+use super::test::{DriftTest, SURPRISE};
 use crate::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;

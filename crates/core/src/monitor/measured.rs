@@ -8,11 +8,9 @@
 //! ```
 //! Derivation: docs/math/monitor.md section 9.
 
-use super::axis::{AxisNoise, Innovation, Transition};
+use super::axis::{AXES, AxisNoise, Innovation, Transition, Whitened};
 use super::bank::{self, AxisBank, EXCLUDED, FURTHEST_BEHIND, MODELS, Passed};
-use super::onsets::{self, AXES};
 use super::promise::{self, Detectable, MeasuredNoise};
-use super::test::Whitened;
 use crate::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
 
@@ -224,7 +222,7 @@ impl Measured {
     ) -> Detectable {
         let log_weight = (self.between_s / period_s).max(1.0).ln();
         let (unit_s, between_s) = (self.unit_s, self.between_s.max(1e-3));
-        let needed = log_threshold - log_weight + onsets::log_cost();
+        let needed = log_threshold - log_weight;
         promise::detectable(&self.banks, unit_s, between_s, whitened_from_motion, within_s, needed)
     }
 

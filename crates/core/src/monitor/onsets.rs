@@ -11,7 +11,7 @@
 //! Λ, w and R are kept by their exponents: no change is so gross that they leave the range of numbers.
 //! Derivation: docs/math/monitor.md eqs. (5)–(12).
 
-use super::axis::{Innovation, Transition, read};
+use super::axis::{AXES, Innovation, Transition, read};
 use super::measured::Measured;
 use super::{LogSum, Scaled};
 use crate::snapshot::{Numbers, Rest, numbers};
@@ -19,8 +19,6 @@ use arrayvec::ArrayVec;
 use nalgebra::{Matrix6, Vector4, Vector6};
 use std::sync::LazyLock;
 
-/// Coordinates of a small motion.
-pub(super) const AXES: usize = 6;
 /// Onsets kept; older ones lie further apart.
 const ONSETS: usize = 24;
 /// Size looked for of each course, in standard deviations of a reading, of a drift per day. A change five times larger or smaller costs

@@ -1,7 +1,8 @@
 //! What the measured noise is, and which motion it lets the monitor promise to find.
 
+use super::axis::AXES;
+pub use super::bank::LastingError;
 use super::bank::{AxisBank, GRID, Passed};
-use super::onsets::AXES;
 use crate::{Matrix6, Vector6};
 
 /// The noise of the readings, as far as it is measured.
@@ -16,15 +17,6 @@ pub struct MeasuredNoise {
     pub lasting: Option<LastingError>,
     /// Readings that it was measured from, at most 200: older ones are forgotten.
     pub readings: usize,
-}
-
-/// Errors that last.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LastingError {
-    /// Their standard deviation over that of a reading's own noise.
-    pub sigma_ratio: f64,
-    /// The time in which they are forgotten, seconds; a day for those that come back every day.
-    pub time_s: f64,
 }
 
 impl MeasuredNoise {

@@ -7,9 +7,7 @@
 //! A step is in one difference of each length, a ramp in the mean of all: neither makes errors look larger. Errors that last longer than
 //! was learned, or are larger, do. docs/math/monitor.md eqs. (46)–(47).
 
-use super::axis::AxisNoise;
-use super::onsets::AXES;
-use super::test::Whitened;
+use super::axis::{AXES, AxisNoise, Whitened};
 use crate::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;

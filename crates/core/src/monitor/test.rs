@@ -1,8 +1,8 @@
 //! The sequential test on one stream of poses: whitened coordinates, one filter each, one statistic for all.
 
-use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
+use super::axis::{AXES, AxisFilter, AxisNoise, Innovation, Transition, Whitened};
 use super::measured::Measured;
-use super::onsets::{AXES, Change, Onsets};
+use super::onsets::{Change, Onsets};
 use crate::Error;
 use crate::covariance::is_covariance;
 use crate::snapshot::{Numbers, Rest, numbers};
@@ -75,15 +75,6 @@ pub(super) struct DriftTest {
 
 /// The evidence that an onset needs at least, however long there was no reading before it.
 pub(super) const LEAST_EVIDENCE: f64 = 20.0;
-
-/// A reading in whitened coordinates, in which its errors are independent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Whitened {
-    /// y.
-    pub value: Vector6<f64>,
-    /// r.
-    pub variance: Vector6<f64>,
-}
 
 impl DriftTest {
     /// None where a covariance is not positive definite.
@@ -315,8 +306,11 @@ impl DriftTest {
             Some(measured) => measured.level(axis),
             None => (self.filters[axis].mean[0], self.filters[axis].covariance[(0, 0)]),
         };
+        // Readings that scatter by less than their sigmas find a motion sooner, but how large it was is known no better than stated: what a
+        // lens leaves of a corner's error stays the same while nothing moves.
+        let widened = self.scales().map(|scale| 1.0 / scale.clamp(1e-3, 1.0));
         let value = Vector6::from_fn(|axis, _| level(axis).0 + shift[axis]);
-        let variance = Vector6::from_fn(|axis, _| level(axis).1 + variance[axis]);
+        let variance = Vector6::from_fn(|axis, _| widened[axis] * (level(axis).1 + variance[axis]));
         let back = &self.motion_from_whitened;
         (back * value, back * Matrix6::from_diagonal(&variance) * back.transpose())
     }
@@ -413,4 +407,3 @@ numbers!(DriftTest {
     typical,
     measured,
 });
-numbers!(Whitened { value, variance });

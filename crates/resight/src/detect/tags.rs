@@ -205,12 +205,15 @@ impl FoundTag {
     }
 }
 
+/// Ids seen more often than once, with how often.
+pub(super) type Copies = Vec<(u32, usize)>;
+
 /// Corners of the tags found, by id, and the ids seen more often than once, with how often. A copied tag of a map is left out, for the others
 /// still say where the camera is; where none is left, and of a single tag, copies are an error.
 pub(super) fn single_or_unique(
     found: &[FoundTag],
     is_map: bool,
-) -> Result<(Vec<Detection>, Vec<(u32, usize)>), DetectError> {
+) -> Result<(Vec<Detection>, Copies), DetectError> {
     let (detections, copies) = unique(found);
     match copies.first() {
         Some(&(id, count)) if !is_map || detections.is_empty() => Err(DetectError::Copies { id, count }),
@@ -219,7 +222,7 @@ pub(super) fn single_or_unique(
 }
 
 /// Corners of the tags whose id is seen once; the ids seen more often, with how often.
-fn unique(found: &[FoundTag]) -> (Vec<Detection>, Vec<(u32, usize)>) {
+fn unique(found: &[FoundTag]) -> (Vec<Detection>, Copies) {
     let mut detections = Vec::with_capacity(4 * found.len());
     let mut copies = Vec::new();
     for same in found.chunk_by(|a, b| a.id == b.id) {

@@ -1,4 +1,4 @@
-//! What was measured on the points of a target, and the layout it decided.
+//! What was measured on the points of a target, and the layout it decided: docs/math/configuration.md.
 
 /// Layouts that need different closed forms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -50,7 +50,11 @@ impl Hall {
             monitors: (0..2).map(|camera| Some(own.as_ref()?[camera].clone())).collect(),
             pace: Arc::new(Pace::new(2)),
         };
-        let fresh = |camera| Monitor::new(&reference(camera), &config.monitor, 0.0).expect("a monitor");
+        let fresh = |camera| {
+            let mut monitor = Monitor::new(&reference(camera), &config.monitor, 0.0).expect("a monitor");
+            monitor.measure_noise(&[]);
+            monitor
+        };
         let frame = own.as_ref().map_or(0.0, |own| own[1].last_s() / PERIOD_S).round() as u32;
         let own = own.unwrap_or_else(|| (0..2).map(fresh).collect());
         let pairs = Pairs::new(nodes, &config);
