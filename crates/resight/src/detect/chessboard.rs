@@ -53,6 +53,8 @@ pub(super) enum Outcome {
 const LEVELS: usize = 3;
 /// Pieces of a library's search, and squares, that are grown at each level.
 const MOST_SEEDS: usize = 3;
+/// The same corner found in two ways lies within this, pixels.
+const SAME_CORNER_PX: f64 = 3.0;
 /// Fewer nodes than this are no board unless it has no more.
 const LEAST_NODES: usize = 6;
 /// Fewest nodes of a part that is told of.
@@ -177,16 +179,21 @@ impl Search<'_> {
     /// A board that the library found, with the corners that it missed where their print shows them.
     fn whole(&self, lattice: Lattice, p: &Placement) -> Outcome {
         let board = &self.finder.board;
-        let found = Outcome::Board(self.finder.refined(&lattice, p, self.image, false));
-        if Placement::cells(board).all(|(c, r)| lattice.at(p.node(c, r)).is_some()) {
-            return found;
-        }
-        match place::dark(&lattice, self.image) {
-            Some(dark) if lattice.nodes.len() <= MOST_NODES => {
-                better(found, self.grown(lattice, dark, &mut Vec::new()))
+        let mut found = self.finder.refined(&lattice, p, self.image, false);
+        let is_whole = found.len() == (board.rows * board.columns) as usize;
+        let dark =
+            place::dark(&lattice, self.image).filter(|_| !is_whole && lattice.nodes.len() <= MOST_NODES);
+        let grown = dark.map(|dark| self.grown(lattice, dark, &mut Vec::new()));
+        if let Some(Outcome::Board(more)) = grown {
+            let known = found.clone();
+            let same = |d: &Detection| known.iter().find(|k| k.feature == d.feature);
+            // Numbered the same way, or not to be mixed.
+            if more.iter().all(|d| same(d).is_none_or(|k| (k.pixel - d.pixel).norm() < SAME_CORNER_PX)) {
+                found.extend(more.into_iter().filter(|d| same(d).is_none()));
+                found.sort_by_key(|d| d.feature);
             }
-            _ => found,
         }
+        Outcome::Board(found)
     }
 
     /// The best of what grows at the levels of the image, beginning with what was found at full size.
