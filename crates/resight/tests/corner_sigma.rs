@@ -75,7 +75,7 @@ fn picture(
     let cam_from_target = Pose::new(rotation, shift - rotation * middle);
     let ink = 127.5 - 107.5 * case.contrast;
     let style = Style { ink, paper: Some(255.0 - ink), ..Style::default() };
-    let scene = Scene::of(target.clone(), cam_from_target, style.clone());
+    let scene = Scene::of(target.clone(), cam_from_target, style);
     let finish = Finish {
         blur_sigma_px: case.blur_px,
         noise_sigma: case.noise,
