@@ -191,7 +191,8 @@ impl Pairs {
         let pair = &self.pairs[index];
         let (monitor, reference) = (pair.monitor.as_ref()?, pair.reference.as_ref()?);
         let is_sure = matches!(monitor.watch(monitor.last_usable_s()), Watch::Steady | Watch::Drifted(_));
-        if !is_sure || monitor.last_usable_s() <= began_s {
+        // The motion is in a reading of the very time that it began at.
+        if !is_sure || monitor.last_usable_s() < began_s {
             return None;
         }
         let (motion, covariance) = monitor.jump_since(began_s)?;
