@@ -1,9 +1,7 @@
 //! The book's examples: what a page tells the reader to write works, and what it shows is what the program says.
 
-mod support;
-
+use crate::support::{folder, json_lines, resight, same, table_two};
 use std::path::Path;
-use support::{folder, json_lines, resight, same, table_two};
 
 fn page(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs").join(name)).unwrap()
@@ -50,13 +48,13 @@ fn table_two_is_shown_as_it_is() {
 fn reading_the_answer_shows_a_real_one() {
     let run = resight(&[
         "locate",
-        &support::demo("left.png"),
+        &crate::support::demo("left.png"),
         "--camera",
-        &support::demo("left.toml"),
+        &crate::support::demo("left.toml"),
         "--target",
-        &support::demo("dots.toml"),
+        &crate::support::demo("dots.toml"),
     ]);
-    let said = run.stdout.replace(&support::demo(""), "");
+    let said = run.stdout.replace(&crate::support::demo(""), "");
     let shown = block(&page("reading-the-answer.md"), "text", 0);
     assert!(same(&said, &shown), "said\n{said}\nshown\n{shown}");
 }
