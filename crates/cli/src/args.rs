@@ -1,8 +1,8 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
 use crate::commands::{
-    advise, compare, convert, demo, detect, explain, history, landmarks, locate, measure, rig, solve, watch,
-    whisker,
+    advise, compare, convert, demo, detect, explain, hand_eye, history, landmarks, locate, measure,
+    pose_graph, rig, solve, watch, whisker,
 };
 use clap::{Args, Parser, Subcommand};
 use resight::core::Target;
@@ -35,8 +35,12 @@ pub enum Command {
     Detect(detect::Detect),
     /// The pose from points you already have, in a CSV file.
     Solve(solve::Solve),
-    /// Where several cameras sit relative to each other, from targets they see together.
+    /// The extrinsics of several cameras relative to each other, from targets that they see together.
     Rig(rig::Rig),
+    /// The poses of several cameras in one frame, from the relative poses of pairs of them.
+    PoseGraph(pose_graph::PoseGraphArgs),
+    /// Where a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
+    HandEye(hand_eye::HandEyeArgs),
     /// What moved between two rigs or poses, by how much, and how sure that is.
     Compare(compare::Compare),
     /// Writes camera files in another program's format, with the poses of other files merged in.

@@ -9,6 +9,8 @@ pub mod explain;
 pub mod history;
 pub mod locate;
 pub mod rig;
+pub mod pose_graph;
+pub mod hand_eye;
 pub mod landmarks;
 pub mod measure;
 pub mod solve;
@@ -32,6 +34,8 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::PoseGraph(args) => pose_graph::run(&args),
+        Command::HandEye(args) => hand_eye::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Measure(args) => measure::run(&args),

@@ -1,4 +1,4 @@
-//! `rig --pairs` and `rig --hand-eye`: rigs from poses that something else measured.
+//! `pose-graph` and `hand-eye`: rigs and mountings from poses that something else measured.
 
 use crate::support::{folder, json_lines, resight};
 use resight::core::{Point, Pose, Vector6};
@@ -59,7 +59,7 @@ fn pairs_make_a_rig_and_a_wrong_one_is_named() {
     let (file, out) = (folder.join("pairs.csv"), folder.join("rig.toml"));
     pairs_file(&file);
     let (file, out) = (file.display().to_string(), out.display().to_string());
-    let run = resight(&["rig", "--pairs", &file, "--anchor", "cam1", "--json", "-o", &out]);
+    let run = resight(&["pose-graph", &file, "--reference", "cam1", "--json", "-o", &out]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     let answer = &json_lines(&run)[0];
     assert_eq!(answer["suspicious"], serde_json::json!(["cam1-cam4"]));
@@ -85,7 +85,7 @@ fn pairs_make_a_rig_and_a_wrong_one_is_named() {
     let full: toml::Table = std::fs::read_to_string(&full).unwrap().parse().unwrap();
     let placed = full["camera"].as_array().unwrap().iter().filter(|c| c.get("placement").is_some());
     assert_eq!(placed.count(), 2);
-    let said = resight(&["rig", "--pairs", &file]).stdout;
+    let said = resight(&["pose-graph", &file]).stdout;
     assert!(said.contains("pairs that contradict others: cam1-cam4"), "{said}");
 }
 
@@ -95,7 +95,7 @@ fn a_chain_follows_one_path() {
     let folder = folder("pairs_chain");
     let file = folder.join("pairs.csv");
     pairs_file(&file);
-    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--chain", "--json"]);
+    let run = resight(&["pose-graph", &file.display().to_string(), "--chain", "--json"]);
     let answer = &json_lines(&run)[0];
     assert_eq!(answer["cameras"]["cam4"]["path"], serde_json::json!(["cam1", "cam4"]));
     let off = apart(&read(&answer["cameras"]["cam4"]["cam_from_rig"]), &cameras()[3]);
@@ -107,10 +107,10 @@ fn groups_that_nothing_joins_are_named() {
     let folder = folder("pairs_apart");
     let file = folder.join("pairs.csv");
     std::fs::write(&file, format!("a,b,{POSE}\n1,2,1,0,0,0,1,0,0\n3,4,1,0,0,0,1,0,0\n")).unwrap();
-    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--json"]);
+    let run = resight(&["pose-graph", &file.display().to_string(), "--json"]);
     assert_eq!(run.code, 1);
     assert_eq!(json_lines(&run)[0]["groups"], serde_json::json!([["1", "2"], ["3", "4"]]));
-    let run = resight(&["rig", "--pairs", &file.display().to_string(), "--anchor", "9"]);
+    let run = resight(&["pose-graph", &file.display().to_string(), "--reference", "9"]);
     assert_eq!(run.code, 2);
     assert!(run.stderr.contains("there is no camera `9`"), "{}", run.stderr);
 }
@@ -119,13 +119,13 @@ const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_p
 
 /// A camera on a hand that looks at a flat target from nine places.
 struct Cell {
-    cam_from_hand: Pose,
+    cam_from_gripper: Pose,
     base_from_target: Pose,
-    base_from_hand: Vec<Pose>,
+    base_from_gripper: Vec<Pose>,
 }
 
 fn cell(second_axis: f64) -> Cell {
-    let cam_from_hand = pose([0.2, -0.1, 1.2], [0.03, -0.05, 0.08]);
+    let cam_from_gripper = pose([0.2, -0.1, 1.2], [0.03, -0.05, 0.08]);
     let base_from_target = pose([0.1, 0.2, -0.4], [0.6, 0.1, 0.02]);
     let station = |i: usize| {
         let (a, b) = (i as f64 * 0.7, i as f64 * 1.9);
@@ -133,9 +133,9 @@ fn cell(second_axis: f64) -> Cell {
         let tilt = pose([second_axis * a.sin(), second_axis * b.cos(), 0.0], [0.0; 3]);
         let cam_from_target =
             tilt * pose([0.0, 0.0, 0.5 * b.sin()], [0.05 * a.cos(), 0.04 * b.sin(), 0.8 + 0.05 * a.sin()]);
-        base_from_target * cam_from_target.inverse() * cam_from_hand
+        base_from_target * cam_from_target.inverse() * cam_from_gripper
     };
-    Cell { cam_from_hand, base_from_target, base_from_hand: (0..9).map(station).collect() }
+    Cell { cam_from_gripper, base_from_target, base_from_gripper: (0..9).map(station).collect() }
 }
 
 /// Writes camera, motions and points (columns of `solve`, and of `rig --detections`).
@@ -143,9 +143,9 @@ fn cell_files(folder: &Path, cell: &Cell) {
     std::fs::write(folder.join("camera.toml"), CAMERA).unwrap();
     let mut motions = format!("view,{POSE}\n");
     let mut points = String::from("camera,view,id,x_m,y_m,z_m,u_px,v_px\n");
-    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
-        writeln!(motions, "v{i},{}", cells(base_from_hand)).unwrap();
-        let cam_from_target = cell.cam_from_hand * base_from_hand.inverse() * cell.base_from_target;
+    for (i, base_from_gripper) in cell.base_from_gripper.iter().enumerate() {
+        writeln!(motions, "v{i},{}", cells(base_from_gripper)).unwrap();
+        let cam_from_target = cell.cam_from_gripper * base_from_gripper.inverse() * cell.base_from_target;
         for k in 0..16 {
             let x = Point::new(0.05 * f64::from(k % 4) - 0.075, 0.05 * f64::from(k / 4) - 0.075, 0.0);
             let seen = cam_from_target * x;
@@ -165,11 +165,11 @@ fn in_folder(folder: &Path, name: &str) -> String {
 
 fn agrees(answer: &Value, cell: &Cell) {
     assert_eq!(answer["n_used"], 9, "{answer}");
-    let (hand, target) = (read(&answer["cam_from_hand"]), read(&answer["base_from_target"]));
+    let (hand, target) = (read(&answer["cam_from_gripper"]), read(&answer["base_from_target"]));
     // 0.07 px over 144 points at 0.8 m: a tenth of a milliradian.
-    assert!(apart(&hand, &cell.cam_from_hand) < 1e-3, "{}", apart(&hand, &cell.cam_from_hand));
+    assert!(apart(&hand, &cell.cam_from_gripper) < 1e-3, "{}", apart(&hand, &cell.cam_from_gripper));
     assert!(apart(&target, &cell.base_from_target) < 1e-3);
-    assert!(answer["cam_from_hand"]["sigma_m"][0].as_f64().unwrap() < 1e-2);
+    assert!(answer["cam_from_gripper"]["sigma_m"][0].as_f64().unwrap() < 1e-2);
 }
 
 #[test]
@@ -181,8 +181,8 @@ fn points_and_motions_say_where_the_camera_sits() {
         ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
     let named = format!("cam={camera}");
     let run = resight(&[
-        "rig",
-        "--hand-eye",
+        "hand-eye",
+        "--motions",
         &motions,
         "--camera",
         &named,
@@ -203,22 +203,22 @@ fn a_target_on_the_hand_says_where_the_camera_stands() {
     let cell = cell(0.4);
     cell_files(&folder, &cell);
     let mut text = format!("view,{POSE}\n");
-    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
-        writeln!(text, "v{i},{}", cells(&base_from_hand.inverse())).unwrap();
+    for (i, base_from_gripper) in cell.base_from_gripper.iter().enumerate() {
+        writeln!(text, "v{i},{}", cells(&base_from_gripper.inverse())).unwrap();
     }
     let [camera, motions, points] =
         ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
     std::fs::write(&motions, text).unwrap();
     let named = format!("cam={camera}");
-    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
-    let more = ["--sigma-px", "0.1", "--json", "--target-on-hand"];
+    let arguments = ["hand-eye", "--motions", &motions, "--camera", &named, "--detections", &points];
+    let more = ["--sigma-px", "0.1", "--json", "--eye-to-hand"];
     let run = resight(&[&arguments[..], &more].concat());
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert!(!run.stderr.contains("counterpart"), "{}", run.stderr);
     let answer = &json_lines(&run)[0];
     assert_eq!(answer["n_used"], 9, "{answer}");
-    assert!(apart(&read(&answer["cam_from_base"]), &cell.cam_from_hand) < 1e-3, "{answer}");
-    assert!(apart(&read(&answer["hand_from_target"]), &cell.base_from_target) < 1e-3, "{answer}");
+    assert!(apart(&read(&answer["cam_from_base"]), &cell.cam_from_gripper) < 1e-3, "{answer}");
+    assert!(apart(&read(&answer["gripper_from_target"]), &cell.base_from_target) < 1e-3, "{answer}");
     let other = &json_lines(&resight(&[&arguments[..], &more[..3]].concat()))[0];
     assert_ne!(other["status"], "ok", "{other}");
 }
@@ -229,15 +229,15 @@ fn a_known_height_is_enough_for_parallel_axes() {
     let folder = folder("hand_eye_height");
     let cell = cell(0.0);
     cell_files(&folder, &cell);
-    let hand_from_cam = cell.cam_from_hand.inverse();
-    let axis = hand_from_cam.rotation.column(2).into_owned();
-    let height_m = hand_from_cam.translation.dot(&axis).to_string();
+    let gripper_from_cam = cell.cam_from_gripper.inverse();
+    let axis = gripper_from_cam.rotation.column(2).into_owned();
+    let height_m = gripper_from_cam.translation.dot(&axis).to_string();
     let direction = format!("{},{},{}", axis.x, axis.y, axis.z);
     let [camera, motions, points] =
         ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
     let named = format!("cam={camera}");
-    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
-    let known = ["--height-known-m", &height_m, "--height-axis", &direction, "--sigma-px", "0.1", "--json"];
+    let arguments = ["hand-eye", "--motions", &motions, "--camera", &named, "--detections", &points];
+    let known = ["--known-height-m", &height_m, "--height-axis", &direction, "--sigma-px", "0.1", "--json"];
     let run = resight(&[&arguments[..], &known].concat());
     assert_eq!(run.code, 0, "{}", run.stderr);
     agrees(&json_lines(&run)[0], &cell);
@@ -253,7 +253,7 @@ fn poses_of_another_command_serve_as_well() {
         ["camera.toml", "motions.csv", "points.csv", "poses.jsonl"].map(|name| in_folder(&folder, name));
     let solved = resight(&["solve", &points, "--camera", &camera, "--sigma-px", "0.1", "-o", &poses]);
     assert_eq!(solved.code, 0, "{}", solved.stderr);
-    let run = resight(&["rig", "--hand-eye", &motions, "--poses", &poses, "--json"]);
+    let run = resight(&["hand-eye", "--motions", &motions, "--poses", &poses, "--json"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     agrees(&json_lines(&run)[0], &cell);
     let text = std::fs::read_to_string(&motions).unwrap();
@@ -261,7 +261,7 @@ fn poses_of_another_command_serve_as_well() {
     let moved = lines[4].replace("v3", "v7");
     lines[8] = &moved;
     std::fs::write(&motions, lines.join("\n")).unwrap();
-    let run = resight(&["rig", "--hand-eye", &motions, "--poses", &poses, "--json"]);
+    let run = resight(&["hand-eye", "--motions", &motions, "--poses", &poses, "--json"]);
     let answer = &json_lines(&run)[0];
     assert_eq!(
         (answer["n_used"].clone(), answer["rejected"][0]["view"].clone()),
@@ -277,7 +277,8 @@ fn what_says_too_little_or_is_not_named_is_refused() {
     let [camera, motions, points] =
         ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
     let named = format!("cam={camera}");
-    let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points, "--json"];
+    let arguments =
+        ["hand-eye", "--motions", &motions, "--camera", &named, "--detections", &points, "--json"];
     let run = resight(&arguments);
     assert_eq!(run.code, 1);
     let answer = &json_lines(&run)[0];
@@ -300,7 +301,7 @@ fn what_loops_told_outlives_convert() {
     let short = |line: &str| line.rsplitn(3, ',').last().unwrap_or_default().to_owned();
     let text: Vec<String> = std::fs::read_to_string(&file).unwrap().lines().map(short).collect();
     std::fs::write(&file, text.join("\n")).unwrap();
-    let run = resight(&["rig", "--pairs", &file, "--json", "-o", &out]);
+    let run = resight(&["pose-graph", &file, "--json", "-o", &out]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     // Nine pairs of five cameras take part: five loops of three numbers each.
     assert_eq!(json_lines(&run)[0]["noise_degrees_of_freedom"], 15);
@@ -334,7 +335,7 @@ fn what_loops_told_outlives_convert() {
     assert!(said.contains("the covariance of all cameras together"), "{said}");
     let tree: Vec<&str> = text.iter().take(5).map(String::as_str).collect();
     std::fs::write(&file, tree.join("\n")).unwrap();
-    let run = resight(&["rig", "--pairs", &file, "--json", "--joint-covariance"]);
+    let run = resight(&["pose-graph", &file, "--json", "--joint-covariance"]);
     let answer = &json_lines(&run)[0];
     assert_eq!((run.code, &answer["noise_degrees_of_freedom"]), (0, &0.into()), "{answer}");
     assert!(answer["cameras"]["cam2"].get("covariance").is_none_or(Value::is_null), "{answer}");
@@ -355,7 +356,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
         ["camera.toml", "motions.csv", "points.csv"].map(|name| in_folder(&folder, name));
     let named = format!("cam={camera}");
     let asked = |more: &[&str]| {
-        let arguments = ["rig", "--hand-eye", &motions, "--camera", &named, "--detections", &points];
+        let arguments = ["hand-eye", "--motions", &motions, "--camera", &named, "--detections", &points];
         resight(&[&arguments[..], &["--sigma-px", "0.1"], more].concat())
     };
     let run = asked(&["--json"]);
@@ -364,18 +365,18 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
     let keys = [
         "status",
         "mount",
-        "cam_from_hand",
+        "cam_from_gripper",
         "base_from_target",
         "n_views",
         "n_used",
         "chi2",
-        "dof",
+        "degrees_of_freedom",
         "pose_chi2",
-        "pose_dof",
+        "pose_degrees_of_freedom",
         "noise_scale",
-        "hand_noise",
+        "robot_noise",
         "target_size",
-        "turns_rad",
+        "rotations_rad",
         "views",
         "rejected",
         "causes",
@@ -389,21 +390,25 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
     assert!(lost.is_empty() && new.is_empty(), "lost {lost:?}, new {new:?}");
     let number = |value: &Value| value.as_f64().unwrap();
     // Nine views of 32 numbers; twelve unknowns.
-    assert_eq!((&answer["dof"], &answer["pose_dof"]), (&276.into(), &42.into()));
+    assert_eq!(
+        (&answer["degrees_of_freedom"], &answer["pose_degrees_of_freedom"]),
+        (&276.into(), &42.into())
+    );
     assert!(
         (number(&answer["target_size"]["ratio"]) - 1.0).abs() < 5.0 * number(&answer["target_size"]["sigma"])
     );
     assert!(
-        number(&answer["hand_noise"]["sigma_rad"]) < 1e-3 && number(&answer["hand_noise"]["sigma_m"]) < 1e-3
+        number(&answer["robot_noise"]["sigma_rad"]) < 1e-3
+            && number(&answer["robot_noise"]["sigma_m"]) < 1e-3
     );
     assert_eq!(answer["views"].as_array().unwrap().len(), 9);
     assert!(answer["views"].as_array().unwrap().iter().all(|view| view["is_used"] == true));
-    let stated = asked(&["--json", "--hand-sigma-deg", "0.01", "--hand-sigma-mm", "0.1"]);
+    let stated = asked(&["--json", "--robot-sigma-deg", "0.01", "--robot-sigma-mm", "0.1"]);
     let stated = &json_lines(&stated)[0];
-    assert_eq!((&stated["status"], stated.get("hand_noise")), (&"ok".into(), None));
+    assert_eq!((&stated["status"], stated.get("robot_noise")), (&"ok".into(), None));
     let mut text = format!("view,{POSE}\n");
-    for (i, base_from_hand) in cell.base_from_hand.iter().enumerate() {
-        writeln!(text, "v{i},{}", cells(&base_from_hand.inverse())).unwrap();
+    for (i, base_from_gripper) in cell.base_from_gripper.iter().enumerate() {
+        writeln!(text, "v{i},{}", cells(&base_from_gripper.inverse())).unwrap();
     }
     std::fs::write(&motions, text).unwrap();
     let run = asked(&["--json"]);

@@ -164,7 +164,7 @@ fn pairs(truth: &[Pose], joined: &[(usize, usize)], noise: PairNoise, rng: &mut 
     joined.iter().map(pair).collect()
 }
 
-/// A rig from pairs, as `rig --pairs` writes it.
+/// A rig from pairs, as `pose-graph` writes it.
 fn from_pairs(n: usize, pairs: &[RelativePose]) -> RigPlaces {
     let graph = PoseGraph { n_cameras: n, pairs };
     let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor: 0, median_sigma: None }).unwrap();

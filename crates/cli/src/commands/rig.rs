@@ -1,15 +1,12 @@
 //! `rig`: where several cameras sit relative to each other, from targets that they see together.
 
 mod detections;
-mod hand_eye;
 mod moments;
-mod named;
-mod object;
-mod pairs;
+pub(super) mod named;
+pub(super) mod object;
 mod pictures;
-mod placed;
-mod solving;
-mod stations;
+pub(super) mod placed;
+pub(super) mod solving;
 mod words;
 
 use crate::args::{CornerArgs, positive};
@@ -39,27 +36,36 @@ use std::path::{Path, PathBuf};
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
       --timestamps times.csv --sync-tolerance-ms 20 -o rig.toml --report rig.html --scene rig.mcap
   resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json
-  resight rig --pairs pairs.csv --anchor cam1 -o rig.toml
-  resight rig --hand-eye motions.csv --camera cam.yaml --target board.toml --images cam='*.jpg' --json")]
+
+A rig from relative poses of pairs of cameras: resight pose-graph. A camera or rig on a robot or vehicle: resight hand-eye.")]
 pub struct Rig {
     #[command(flatten)]
-    seen: SeenArgs,
+    observed: ObservationArgs,
+    /// The target (surveyed points, a tag map) that stands still beside the cameras and whose frame is the world: the answer then
+    /// has world_from_rig and world_from_cam.
+    #[arg(long, value_name = "TARGET")]
+    world: Option<String>,
     #[command(flatten)]
     solving: SolvingArgs,
+    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
+    #[arg(long)]
+    joint_covariance: bool,
     #[command(flatten)]
-    pairs: pairs::PairsArgs,
-    #[command(flatten)]
-    hand_eye: hand_eye::HandEyeArgs,
-    #[command(flatten)]
-    output: RigOutputArgs,
+    output: AnswerArgs,
+    /// Writes one self-contained page to FILE (HTML): the rig to rotate, residuals, views, pairs, input hashes.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Writes cameras, targets and frames to FILE (MCAP) for Foxglove and Rerun.
+    #[arg(long, value_name = "FILE.mcap")]
+    scene: Option<PathBuf>,
 }
 
-/// What was seen, and by which cameras.
+/// What was observed, and by which cameras.
 #[derive(Debug, Args)]
-struct SeenArgs {
+pub struct ObservationArgs {
     /// Camera file in any supported format, under the name it is to have; without NAME= every camera of the file under its own
     /// name. FILE#NAME picks one of several.
-    #[arg(long = "camera", value_name = "[NAME=]FILE", required_unless_present_any = ["pairs", "poses"], num_args = 1..)]
+    #[arg(long = "camera", value_name = "[NAME=]FILE", num_args = 1..)]
     cameras: Vec<String>,
     /// Target file; several targets move independently of each other. The name is the file's unless given.
     #[arg(long = "target", value_name = "[NAME=]FILE", num_args = 1..)]
@@ -82,10 +88,6 @@ struct SeenArgs {
     /// Targets mounted on one body, whose places relative to each other are not known but stay.
     #[arg(long, value_name = "TARGET,TARGET…")]
     fixed_together: Vec<String>,
-    /// The target (surveyed points, a tag map) that stands still beside the cameras and whose frame is the world: the answer then
-    /// has world_from_rig and world_from_cam.
-    #[arg(long, value_name = "TARGET")]
-    world: Option<String>,
     /// Standard deviation of u_px and v_px where the detections have no sigma_px [default: 0.5]
     #[arg(long, value_name = "S", requires = "detections", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: Option<f64>,
@@ -95,7 +97,7 @@ struct SeenArgs {
 
 /// How it is solved.
 #[derive(Debug, Args)]
-struct SolvingArgs {
+pub struct SolvingArgs {
     /// The camera whose frame is the rig's [default: the first by name]
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
@@ -103,33 +105,24 @@ struct SolvingArgs {
     /// adjustment, and with it the target's size can be checked.
     #[arg(long, value_name = "A,B,METRES,SIGMA")]
     known_distance_m: Vec<String>,
-    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
-    #[arg(long)]
-    joint_covariance: bool,
 }
 
-/// How the answer leaves the program.
+/// How an answer about cameras leaves the program.
 #[derive(Debug, Args)]
-struct RigOutputArgs {
+pub struct AnswerArgs {
     /// One JSON object on stdout and nothing else.
     #[arg(long)]
-    json: bool,
-    /// No table of shared views and no remarks on stderr; errors are still told.
+    pub json: bool,
+    /// No tables and no remarks on stderr; errors are still reported.
     #[arg(long, short)]
-    quiet: bool,
-    /// Writes the cameras with their places and covariances to FILE (TOML), which --camera and `compare` read.
+    pub quiet: bool,
+    /// Writes the answer to FILE, which other commands read: the cameras with their poses and covariances (TOML), of hand-eye its JSON.
     #[arg(long, short, value_name = "FILE")]
-    output: Option<PathBuf>,
-    /// Writes one self-contained page to FILE (HTML): the rig to turn, residuals, views, pairs, input hashes.
-    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["pairs", "hand_eye"])]
-    report: Option<PathBuf>,
-    /// Writes cameras, targets and frames to FILE (MCAP) for Foxglove and Rerun.
-    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["pairs", "hand_eye"])]
-    scene: Option<PathBuf>,
+    pub output: Option<PathBuf>,
 }
 
 /// What one frame shows.
-struct Frame {
+pub(super) struct Frame {
     /// Index into the cameras given.
     camera: usize,
     /// Its view, or the number of the frame.
@@ -141,7 +134,7 @@ struct Frame {
 }
 
 /// Something that took no part, and why.
-struct LeftOut {
+pub(super) struct LeftOut {
     camera: String,
     view: String,
     /// A target, a point of it, or the frame.
@@ -151,7 +144,7 @@ struct LeftOut {
 
 /// All that was seen.
 #[derive(Default)]
-struct Collected {
+pub(super) struct Collected {
     cameras: Vec<resight::formats::NamedCamera>,
     targets: Vec<NamedTarget>,
     frames: Vec<Frame>,
@@ -160,78 +153,90 @@ struct Collected {
     remarks: Vec<String>,
 }
 
+/// What was observed, checked and gathered by camera, view and target.
+pub struct Observed {
+    gathered: Gathered,
+    reference: usize,
+    distances: Vec<KnownDistance>,
+    inputs: Vec<InputFile>,
+    left_out: Vec<LeftOut>,
+    n_alone: usize,
+}
+
 /// See `Rig`.
 pub fn run(args: &Rig) -> Result<Outcome> {
-    for path in [&args.output.output, &args.output.report, &args.output.scene].into_iter().flatten() {
+    for path in [&args.output.output, &args.report, &args.scene].into_iter().flatten() {
         crate::files::must_be_writable(path)?;
     }
-    if let Some(path) = &args.pairs.pairs {
-        let cameras = named::cameras(&args.seen.cameras, &mut Collected::default())?;
-        return pairs::run(&args.pairs, path, &cameras, &args.output, args.solving.joint_covariance);
+    let observed = observed(&args.observed, args.world.as_deref(), &args.solving, &args.output)?;
+    if !args.output.quiet {
+        eprintln!("{}", words::shared_views(&observed.gathered).trim_end());
     }
-    if let (Some(motions), Some(poses)) = (&args.hand_eye.hand_eye, &args.hand_eye.poses) {
-        return hand_eye::run_on_poses(&args.hand_eye, motions, poses, &args.output);
-    }
-    let mut collected = collected(&args.seen)?;
-    let world = world(&args.seen, &collected)?;
-    let Moments { n_alone, remarks } =
-        moments::name_views(&mut collected.frames, args.seen.sync_tolerance_ms.map(|ms| 1e-3 * ms))?;
-    collected.remarks.extend(remarks);
-    check_twins(&collected)?;
-    let inputs = inputs(&collected.files)?;
-    let Collected { cameras, targets, frames, left_out, remarks, .. } = collected;
-    let gathered = gather(cameras, targets, glimpses(frames), world);
-    let reference = reference(&args.solving, &gathered)?;
-    let distances = solving::known_distances(&args.solving.known_distance_m, &gathered)?;
-    let remark = |text: &str| {
-        if !args.output.quiet {
-            eprintln!("{text}");
-        }
-    };
-    remarks.iter().for_each(|text| remark(text));
-    if let Some(motions) = &args.hand_eye.hand_eye {
-        return on_hand(args, motions, gathered, reference, &distances, inputs);
-    }
-    remark(words::shared_views(&gathered).trim_end());
+    let Observed { gathered, reference, distances, inputs, left_out, n_alone } = observed;
     match solving::solve(gathered, reference, &distances, inputs) {
         Ok(mut solved) => {
             (solved.left_out, solved.n_alone) = (left_out, n_alone);
-            answer(&args.output, &solved, args.solving.joint_covariance)
+            answer(args, &solved)
         }
         Err(reason) => unanswered(&args.output, &reason),
     }
 }
 
-/// Where the camera sits on the hand; several cameras are made a rig first.
-fn on_hand(
-    args: &Rig,
-    motions: &Path,
-    gathered: Gathered,
-    reference: usize,
-    distances: &[KnownDistance],
-    inputs: Vec<InputFile>,
-) -> Result<Outcome> {
-    let mut is_inconsistent = false;
-    let places = match &gathered.rig.cameras[..] {
-        [_] => vec![Pose::identity()],
-        _ => match solving::solve(gathered.clone(), reference, distances, inputs) {
-            Ok(solved) => {
-                if let Some(sentence) = rig_verdict_sentence(&solved.run) {
-                    eprintln!("warning: the rig is INCONSISTENT: {sentence}");
-                    is_inconsistent = true;
-                }
-                solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect()
-            }
-            Err(reason) => return unanswered(&args.output, &reason),
-        },
-    };
-    let on_hand = hand_eye::run_on_points(&args.hand_eye, motions, &gathered, &places, &args.output)?;
-    Ok(if is_inconsistent { Outcome::SomeUnanswered } else { on_hand })
+/// Reads or detects all observations.
+fn observed(
+    args: &ObservationArgs,
+    world_name: Option<&str>,
+    solving: &SolvingArgs,
+    output: &AnswerArgs,
+) -> Result<Observed> {
+    let mut collected = collected(args)?;
+    let world = world(world_name, &collected)?;
+    let Moments { n_alone, remarks } =
+        moments::name_views(&mut collected.frames, args.sync_tolerance_ms.map(|ms| 1e-3 * ms))?;
+    collected.remarks.extend(remarks);
+    check_twins(&collected)?;
+    let inputs = inputs(&collected.files)?;
+    let Collected { cameras, targets, frames, left_out, remarks, .. } = collected;
+    let gathered = gather(cameras, targets, glimpses(frames), world);
+    let reference = reference(solving, &gathered)?;
+    let distances = solving::known_distances(&solving.known_distance_m, &gathered)?;
+    if !output.quiet {
+        remarks.iter().for_each(|text| eprintln!("{text}"));
+    }
+    Ok(Observed { gathered, reference, distances, inputs, left_out, n_alone })
+}
+
+/// What a command takes that needs the rig and its observations.
+pub struct Placed {
+    /// The observations.
+    pub gathered: Gathered,
+    /// For each camera, in their order.
+    pub cam_from_rig: Vec<Pose>,
+    /// What contradicts in the rig.
+    pub contradiction: Option<String>,
+}
+
+/// The observations, and the cameras' poses in their rig; a single camera is its own rig.
+pub fn placed(
+    args: &ObservationArgs,
+    solving: &SolvingArgs,
+    output: &AnswerArgs,
+) -> Result<Result<Placed, solving::Unsolved>> {
+    let Observed { gathered, reference, distances, inputs, .. } = observed(args, None, solving, output)?;
+    if let [_] = &gathered.rig.cameras[..] {
+        return Ok(Ok(Placed { gathered, cam_from_rig: vec![Pose::identity()], contradiction: None }));
+    }
+    let solved = solving::solve(gathered.clone(), reference, &distances, inputs);
+    Ok(solved.map(|solved| Placed {
+        gathered,
+        cam_from_rig: solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
+        contradiction: rig_verdict_sentence(&solved.run),
+    }))
 }
 
 /// Prints and writes what was found.
-fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Outcome> {
-    if let Some(path) = &args.output {
+fn answer(args: &Rig, solved: &Solved) -> Result<Outcome> {
+    if let Some(path) = &args.output.output {
         let file = own_rig_file(&solved.run.placed_cameras(), object::joint_of(solved))?;
         write_atomically(path, stated(&file, rig_verdict_sentence(&solved.run)).as_bytes())?;
     }
@@ -241,20 +246,22 @@ fn answer(args: &RigOutputArgs, solved: &Solved, with_joint: bool) -> Result<Out
     if let Some(path) = &args.scene {
         write_atomically(path, &rig_scene(&solved.run)?)?;
     }
-    match args.json {
-        true => print(&format!("{}\n", serde_json::to_string(&object::object(solved, with_joint))?))?,
+    match args.output.json {
+        true => {
+            print(&format!("{}\n", serde_json::to_string(&object::object(solved, args.joint_covariance))?))?;
+        }
         false => print(&words::describe(solved))?,
     }
     Ok(outcome(solved.run.solution.verdict.is_inconsistent))
 }
 
 /// A rig that contradicts itself is printed and written, and is no success.
-fn outcome(is_inconsistent: bool) -> Outcome {
+pub(super) fn outcome(is_inconsistent: bool) -> Outcome {
     if is_inconsistent { Outcome::SomeUnanswered } else { Outcome::Answered }
 }
 
 /// A file of cameras with its status in the first line: whoever reads it later says so.
-fn stated(file: &str, contradiction: Option<String>) -> String {
+pub(super) fn stated(file: &str, contradiction: Option<String>) -> String {
     // A single camera without a place is no rig.
     match file.contains("[[") {
         true => format!("{}{file}", status_keys(contradiction.as_deref())),
@@ -263,7 +270,7 @@ fn stated(file: &str, contradiction: Option<String>) -> String {
 }
 
 /// Says why there is no rig; nothing is written.
-fn unanswered(args: &RigOutputArgs, reason: &solving::Unsolved) -> Result<Outcome> {
+pub(super) fn unanswered(args: &AnswerArgs, reason: &solving::Unsolved) -> Result<Outcome> {
     match args.json {
         true => print(&format!("{}\n", serde_json::to_string(&object::refusal(reason))?))?,
         false => print(&format!("NO RIG   {}\n", reason.message))?,
@@ -272,7 +279,10 @@ fn unanswered(args: &RigOutputArgs, reason: &solving::Unsolved) -> Result<Outcom
     Ok(Outcome::SomeUnanswered)
 }
 
-fn collected(args: &SeenArgs) -> Result<Collected> {
+fn collected(args: &ObservationArgs) -> Result<Collected> {
+    if args.cameras.is_empty() {
+        bail!("--camera [NAME=]FILE is missing: the cameras' intrinsics are needed");
+    }
     let mut collected = Collected::default();
     collected.cameras = named::cameras(&args.cameras, &mut collected)?;
     collected.targets = named::targets(&args.targets, &mut collected)?;
@@ -287,8 +297,8 @@ fn collected(args: &SeenArgs) -> Result<Collected> {
     Ok(collected)
 }
 
-fn world(args: &SeenArgs, collected: &Collected) -> Result<Option<usize>> {
-    let Some(name) = &args.world else { return Ok(None) };
+fn world(name: Option<&str>, collected: &Collected) -> Result<Option<usize>> {
+    let Some(name) = name else { return Ok(None) };
     let target = named::target_number(&collected.targets, name, "--world")?;
     let body = collected.targets[target].body;
     match collected.targets.iter().filter(|t| t.body == body).count() {

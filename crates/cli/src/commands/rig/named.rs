@@ -16,8 +16,15 @@ pub fn split(argument: &str) -> (Option<&str>, &str) {
     }
 }
 
+/// The cameras of `--camera` and what is unusual about their files, for a command without observations.
+pub fn cameras_alone(arguments: &[String]) -> Result<(Vec<NamedCamera>, Vec<String>)> {
+    let mut collected = Collected::default();
+    let cameras = cameras(arguments, &mut collected)?;
+    Ok((cameras, collected.remarks))
+}
+
 /// The cameras of `--camera`, as they come.
-pub fn cameras(arguments: &[String], collected: &mut Collected) -> Result<Vec<NamedCamera>> {
+pub(super) fn cameras(arguments: &[String], collected: &mut Collected) -> Result<Vec<NamedCamera>> {
     let mut cameras: Vec<NamedCamera> = Vec::new();
     for argument in arguments {
         let (name, file) = split(argument);
@@ -47,7 +54,7 @@ fn cameras_of(name: Option<&str>, file: &str, collected: &mut Collected) -> Resu
 }
 
 /// The targets of `--target`, each a body of its own.
-pub fn targets(arguments: &[String], collected: &mut Collected) -> Result<Vec<NamedTarget>> {
+pub(super) fn targets(arguments: &[String], collected: &mut Collected) -> Result<Vec<NamedTarget>> {
     let mut targets: Vec<NamedTarget> = Vec::new();
     for argument in arguments {
         let (name, file) = split(argument);

@@ -2,7 +2,7 @@
 
 mod views;
 
-use super::{Collected, Frame, LeftOut, SeenArgs, named};
+use super::{Collected, Frame, LeftOut, ObservationArgs, named};
 use crate::table::Table;
 use anyhow::{Context, Result, bail};
 use resight::GrayImage;
@@ -50,7 +50,7 @@ struct Sight {
 }
 
 /// Looks for every target in every frame.
-pub fn look(args: &SeenArgs, collected: &mut Collected) -> Result<()> {
+pub fn look(args: &ObservationArgs, collected: &mut Collected) -> Result<()> {
     if collected.targets.is_empty() {
         bail!("--images needs --target FILE: what is to be found in them");
     }
@@ -108,7 +108,7 @@ fn sources(arguments: &[String], collected: &mut Collected) -> Result<(Vec<Pictu
 
 /// Frames of a video, a block at a time: memory stays bounded.
 fn watch(
-    args: &SeenArgs,
+    args: &ObservationArgs,
     camera: usize,
     path: &Path,
     lenses: &mut [Option<Camera>],
@@ -143,7 +143,7 @@ fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>>
 
 /// Looks for every target in a list of frames, on all cores.
 fn detect(
-    args: &SeenArgs,
+    args: &ObservationArgs,
     jobs: &[Job],
     lenses: &mut [Option<Camera>],
     collected: &mut Collected,

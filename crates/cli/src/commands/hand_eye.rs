@@ -1,8 +1,10 @@
-//! `rig --hand-eye`: where the camera (or the rig) sits on what carries it, from known motions.
+//! `hand-eye`: where the camera (or the rig) is mounted on a robot or vehicle, from known motions.
 
-use super::placed::KnownObject;
-use super::solving::Unsolved;
-use super::{RigOutputArgs, stations, unanswered};
+mod robot_poses;
+
+use super::rig::placed::KnownObject;
+use super::rig::solving::Unsolved;
+use super::rig::{self, AnswerArgs, ObservationArgs, Placed, SolvingArgs, unanswered};
 use crate::args::{not_negative, positive};
 use crate::output::{Outcome, print};
 use crate::text::line;
@@ -16,70 +18,82 @@ use resight::core::rig_pose::RigView;
 use resight::core::{Matrix6, Point, Pose};
 use resight::report::verdict::figures;
 use resight::report::words::{degrees, length, sigmas};
-use resight::rig::gather::Gathered;
+use robot_poses::{Observation, RobotView};
 use serde::Serialize;
-use stations::{Seen, Station};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Hand–eye calibration.
+/// Where a camera or rig is mounted on a robot's gripper or a vehicle, and where the target stands (hand–eye calibration).
+///
+/// A rig of several cameras is solved first. The robot's own noise is estimated from the views unless it is given.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  resight hand-eye --motions motions.csv --camera cam=cam.yaml --target board.toml --images cam='*.jpg' --json
+  resight hand-eye --motions motions.csv --poses poses.jsonl
+  resight hand-eye --motions motions.csv --poses poses.jsonl --eye-to-hand")]
 pub struct HandEyeArgs {
-    /// Where the hand (or vehicle) was: columns view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_hand · x_in_hand) and optionally
-    /// sigma_deg,sigma_mm. Asks where the camera sits on the hand and where the target stands; a rig of several cameras is solved first.
-    #[arg(long, value_name = "MOTIONS.csv", conflicts_with_all = ["pairs", "world"])]
-    pub hand_eye: Option<PathBuf>,
+    /// Poses of the gripper (or of the vehicle's body): columns view,qw,qx,qy,qz,x_m,y_m,z_m
+    /// (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
+    #[arg(long, value_name = "FILE.csv")]
+    motions: PathBuf,
     /// Poses found already, instead of images or detections: what `locate` and `solve` wrote with -o.
-    #[arg(long, value_name = "POSES.jsonl", requires = "hand_eye", conflicts_with_all = ["images", "detections"])]
-    pub poses: Option<PathBuf>,
-    /// The target is on the hand and the camera stands still (eye to hand).
-    #[arg(long, requires = "hand_eye")]
-    target_on_hand: bool,
-    /// Standard deviation of the hand's orientation where the file has no sigma_deg; 0 for an exact hand [default: estimated from the views]
-    #[arg(long, value_name = "DEG", requires = "hand_eye", requires = "hand_sigma_mm", value_parser = not_negative)]
-    hand_sigma_deg: Option<f64>,
-    /// Standard deviation of the hand's position where the file has no sigma_mm; 0 for an exact hand [default: estimated from the views]
-    #[arg(long, value_name = "MM", requires = "hand_eye", requires = "hand_sigma_deg", value_parser = not_negative)]
-    hand_sigma_mm: Option<f64>,
-    /// The camera's place along --height-axis, m from the hand's origin (from the base's with --target-on-hand): needed where the
-    /// hand turns about parallel axes only, as vehicles do.
-    #[arg(long = "height-known-m", value_name = "M", requires = "hand_eye", allow_negative_numbers = true)]
-    height_known: Option<f64>,
+    #[arg(long, value_name = "POSES.jsonl", conflicts_with_all = ["images", "detections", "cameras", "targets"])]
+    poses: Option<PathBuf>,
+    #[command(flatten)]
+    observed: ObservationArgs,
+    #[command(flatten)]
+    solving: SolvingArgs,
+    /// The target is on the gripper and the camera stands still.
+    #[arg(long)]
+    eye_to_hand: bool,
+    /// Standard deviation of the robot's orientation where the file has no sigma_deg; 0 for an exact robot [default: estimated from the views]
+    #[arg(long, value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
+    robot_sigma_deg: Option<f64>,
+    /// Standard deviation of the robot's position where the file has no sigma_mm; 0 for an exact robot [default: estimated from the views]
+    #[arg(long, value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
+    robot_sigma_mm: Option<f64>,
+    /// The camera's position along --height-axis, m from the gripper's origin (from the base's with --eye-to-hand): needed where the
+    /// robot rotates about parallel axes only, as vehicles do.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    known_height_m: Option<f64>,
     /// Standard deviation of that height.
-    #[arg(long, value_name = "MM", requires = "height_known", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]
     height_sigma_mm: f64,
-    /// Its direction in the hand's frame (the base's with --target-on-hand).
+    /// Its direction in the gripper's frame (the base's with --eye-to-hand).
     #[arg(
         long,
         value_name = "X,Y,Z",
-        requires = "height_known",
+        requires = "known_height_m",
         default_value = "0,0,1",
         allow_hyphen_values = true
     )]
     height_axis: String,
+    #[command(flatten)]
+    output: AnswerArgs,
 }
 
 #[derive(Serialize)]
 struct HandEyeObject {
     status: &'static str,
     mount: &'static str,
-    /// `cam_from_hand` (or `rig_from_hand`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `hand_from_target`).
+    /// `cam_from_gripper` (or `rig_from_gripper`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `gripper_from_target`).
     #[serde(flatten)]
     poses: BTreeMap<String, KnownObject>,
     n_views: usize,
     n_used: usize,
     chi2: f64,
-    dof: usize,
+    degrees_of_freedom: usize,
     pose_chi2: f64,
-    pose_dof: usize,
+    pose_degrees_of_freedom: usize,
     noise_scale: f64,
-    /// The hand's noise where it was estimated.
+    /// The robot's noise where it was estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
-    hand_noise: Option<HandNoiseObject>,
-    /// The target's size by the hand's motions, over the stated one.
+    robot_noise: Option<RobotNoiseObject>,
+    /// The target's size by the robot's motions, over the stated one.
     #[serde(skip_serializing_if = "Option::is_none")]
     target_size: Option<TargetSizeObject>,
-    turns_rad: [f64; 3],
+    /// Root mean square rotation between views about three axes, the largest first.
+    rotations_rad: [f64; 3],
     views: Vec<ViewObject>,
     rejected: Vec<RejectedObject>,
     /// Why the answer is not to be believed, the likely cause first.
@@ -89,7 +103,7 @@ struct HandEyeObject {
 
 /// Standard deviations per axis.
 #[derive(Serialize)]
-struct HandNoiseObject {
+struct RobotNoiseObject {
     sigma_rad: f64,
     sigma_m: f64,
 }
@@ -120,41 +134,48 @@ struct Asked<'a> {
     config: HandEyeConfig,
     /// `cam` or `rig`.
     eye: &'static str,
-    stations: &'a [Station],
+    robot_views: &'a [RobotView],
     /// Views that took no part from the beginning.
     left_out: Vec<(String, String)>,
 }
 
-/// With poses from a file.
-pub fn run_on_poses(
-    args: &HandEyeArgs,
-    motions: &Path,
-    poses: &Path,
-    output: &RigOutputArgs,
-) -> Result<Outcome> {
-    let (stations, left_out) =
-        stations::joined(stations::motions(motions, args.sigmas())?, stations::poses(poses)?);
-    let views: Vec<HandView> = stations.iter().map(|station| station.view(&[])).collect();
-    let asked = Asked { config: args.config()?, eye: "cam", stations: &stations, left_out };
-    answer(&asked, &views, output)
+/// See `HandEyeArgs`.
+pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
+    if let Some(path) = &args.output.output {
+        crate::files::must_be_writable(path)?;
+    }
+    match &args.poses {
+        Some(poses) => {
+            let motions = robot_poses::motions(&args.motions, args.sigmas())?;
+            let (robot_views, left_out) = robot_poses::joined(motions, robot_poses::poses(poses)?);
+            let views: Vec<HandView> = robot_views.iter().map(|view| view.view(&[])).collect();
+            let asked = Asked { config: args.config()?, eye: "cam", robot_views: &robot_views, left_out };
+            answer(&asked, &views, &args.output)
+        }
+        None => on_observations(args),
+    }
 }
 
-/// With points: `cam_from_rig` for each camera, in the order of the gathered ones.
-pub fn run_on_points(
-    args: &HandEyeArgs,
-    motions: &Path,
-    gathered: &Gathered,
-    cam_from_rig: &[Pose],
-    output: &RigOutputArgs,
-) -> Result<Outcome> {
+/// With points of one target; a rig that contradicts itself is no basis for a success.
+fn on_observations(args: &HandEyeArgs) -> Result<Outcome> {
+    let motions = robot_poses::motions(&args.motions, args.sigmas())?;
+    let Placed { gathered, cam_from_rig, contradiction } =
+        match rig::placed(&args.observed, &args.solving, &args.output)? {
+            Ok(placed) => placed,
+            Err(reason) => return unanswered(&args.output, &reason),
+        };
+    if let Some(sentence) = &contradiction {
+        eprintln!("warning: the rig is INCONSISTENT: {sentence}");
+    }
     let rig = &gathered.rig;
     if rig.targets.len() != 1 {
-        bail!("--hand-eye needs one target, {} are given; solve one target at a time", rig.targets.len());
+        bail!("hand-eye needs one target, {} are given; solve one target at a time", rig.targets.len());
     }
-    let seen = rig.views.iter().map(|view| Seen { view: view.clone(), candidates: Vec::new() }).collect();
-    let (stations, left_out) = stations::joined(stations::motions(motions, args.sigmas())?, seen);
-    let of_view = |station: &Station| -> Vec<RigView> {
-        let number = rig.views.iter().position(|view| *view == station.view);
+    let observed =
+        rig.views.iter().map(|view| Observation { view: view.clone(), candidates: Vec::new() }).collect();
+    let (robot_views, left_out) = robot_poses::joined(motions, observed);
+    let of_view = |robot_view: &RobotView| -> Vec<RigView> {
+        let number = rig.views.iter().position(|view| *view == robot_view.view);
         let sightings = rig.sightings.iter().filter(|s| Some(s.view) == number);
         let view = sightings.map(|s| RigView {
             camera: &rig.lenses[s.camera],
@@ -164,20 +185,22 @@ pub fn run_on_points(
         });
         view.collect()
     };
-    let rigs: Vec<Vec<RigView>> = stations.iter().map(of_view).collect();
-    let views: Vec<HandView> = stations.iter().zip(&rigs).map(|(station, seen)| station.view(seen)).collect();
+    let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
+    let views: Vec<HandView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
-    answer(&Asked { config: args.config()?, eye, stations: &stations, left_out }, &views, output)
+    let asked = Asked { config: args.config()?, eye, robot_views: &robot_views, left_out };
+    let outcome = answer(&asked, &views, &args.output)?;
+    Ok(if contradiction.is_some() { Outcome::SomeUnanswered } else { outcome })
 }
 
 impl HandEyeArgs {
     fn sigmas(&self) -> Option<(f64, f64)> {
-        self.hand_sigma_deg.zip(self.hand_sigma_mm).map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm))
+        self.robot_sigma_deg.zip(self.robot_sigma_mm).map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm))
     }
 
     fn config(&self) -> Result<HandEyeConfig> {
-        let mount = if self.target_on_hand { Mount::TargetOnHand } else { Mount::CameraOnHand };
-        let Some(height_m) = self.height_known else { return Ok(HandEyeConfig { mount, height: None }) };
+        let mount = if self.eye_to_hand { Mount::TargetOnHand } else { Mount::CameraOnHand };
+        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mount, height: None }) };
         let numbers: Vec<f64> = self.height_axis.split(',').filter_map(|x| x.trim().parse().ok()).collect();
         let [x, y, z] = numbers[..] else {
             bail!("--height-axis {}: three numbers separated by commas are needed", self.height_axis);
@@ -191,7 +214,7 @@ impl HandEyeArgs {
     }
 }
 
-fn answer(asked: &Asked, views: &[HandView], output: &RigOutputArgs) -> Result<Outcome> {
+fn answer(asked: &Asked, views: &[HandView], output: &AnswerArgs) -> Result<Outcome> {
     let found = match solve_hand_eye(views, &asked.config) {
         Ok(found) => found,
         Err(reason) => {
@@ -227,8 +250,8 @@ fn left_out(views: &[(String, String)]) -> String {
 /// Names of X and Z.
 fn names(asked: &Asked) -> (String, &'static str) {
     match asked.config.mount {
-        Mount::CameraOnHand => (format!("{}_from_hand", asked.eye), "base_from_target"),
-        Mount::TargetOnHand => (format!("{}_from_base", asked.eye), "hand_from_target"),
+        Mount::CameraOnHand => (format!("{}_from_gripper", asked.eye), "base_from_target"),
+        Mount::TargetOnHand => (format!("{}_from_base", asked.eye), "gripper_from_target"),
     }
 }
 
@@ -238,8 +261,8 @@ fn object(asked: &Asked, found: &HandEye) -> HandEyeObject {
         (carrier, KnownObject::of(&found.cam_from_carrier, &found.carrier_covariance)),
         (holder.to_string(), KnownObject::of(&found.holder_from_target, &found.holder_covariance)),
     ]);
-    let view = |(station, result): (&Station, &HandViewResult)| ViewObject {
-        view: station.view.clone(),
+    let view = |(robot_view, result): (&RobotView, &HandViewResult)| ViewObject {
+        view: robot_view.view.clone(),
         residual_rad: result.residual.map(|r| r.fixed_rows::<3>(0).norm()),
         residual_m: result.residual.map(|r| r.fixed_rows::<3>(3).norm()),
         chi2: result.chi2,
@@ -247,21 +270,21 @@ fn object(asked: &Asked, found: &HandEye) -> HandEyeObject {
     };
     HandEyeObject {
         status: if found.is_inconsistent { "inconsistent" } else { "ok" },
-        mount: if found.mount == Mount::CameraOnHand { "camera_on_hand" } else { "target_on_hand" },
+        mount: if found.mount == Mount::CameraOnHand { "eye_in_hand" } else { "eye_to_hand" },
         poses,
         n_views: found.views.len(),
         n_used: found.n_used,
         chi2: found.chi2,
-        dof: found.degrees_of_freedom,
+        degrees_of_freedom: found.degrees_of_freedom,
         pose_chi2: found.pose_chi2,
-        pose_dof: found.pose_degrees_of_freedom,
+        pose_degrees_of_freedom: found.pose_degrees_of_freedom,
         noise_scale: found.noise_scale,
-        hand_noise: found
+        robot_noise: found
             .hand_noise
-            .map(|noise| HandNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
+            .map(|noise| RobotNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
         target_size: found.target_size.map(|size| TargetSizeObject { ratio: size.ratio, sigma: size.sigma }),
-        turns_rad: found.turns_rad,
-        views: asked.stations.iter().zip(&found.views).map(view).collect(),
+        rotations_rad: found.turns_rad,
+        views: asked.robot_views.iter().zip(&found.views).map(view).collect(),
         rejected: rejected(asked, found),
         causes: found.causes.iter().map(HandEyeCause::to_string).collect(),
         message: message(found),
@@ -274,15 +297,15 @@ fn rejected(asked: &Asked, found: &HandEye) -> Vec<RejectedObject> {
         .left_out
         .iter()
         .map(|(view, reason)| RejectedObject { view: view.clone(), reason: reason.clone() });
-    let solver = asked.stations.iter().zip(&found.views).filter_map(|(station, result)| {
+    let solver = asked.robot_views.iter().zip(&found.views).filter_map(|(robot_view, result)| {
         let reason = match result.rejected.as_ref()? {
             RejectedView::Unlocated(reason) => reason.to_string(),
             RejectedView::Contradicts => {
-                "contradicts the other views: a flipped pose, a hand pose of another view, or a target that moved".into()
+                "contradicts the other views: a flipped pose, a robot pose of another view, or a target that moved".into()
             }
             _ => "took no part".into(),
         };
-        Some(RejectedObject { view: station.view.clone(), reason })
+        Some(RejectedObject { view: robot_view.view.clone(), reason })
     });
     before.chain(solver).collect()
 }
@@ -313,7 +336,7 @@ fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
     line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
     let [first, second, third] = found.turns_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
-    line(&mut out, "turns", &text);
+    line(&mut out, "rotations", &text);
     line(
         &mut out,
         "fit",
@@ -325,11 +348,11 @@ fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
             degrees(noise.sigma_rad),
             length(noise.sigma_m)
         );
-        line(&mut out, "hand's noise", &text);
+        line(&mut out, "robot's noise", &text);
     }
     if let Some(size) = &found.target_size {
         let text = format!(
-            "{:+.2} % ± {:.2} % by the hand's motions, over the stated size",
+            "{:+.2} % ± {:.2} % by the robot's motions, over the stated size",
             100.0 * (size.ratio - 1.0),
             100.0 * size.sigma
         );

@@ -1,4 +1,4 @@
-//! Stations of the hand from a CSV file, poses of the target from `locate`'s JSON Lines, joined by the name of the view.
+//! Poses of the robot from a CSV file, poses of the target from `locate`'s JSON Lines, joined by the name of the view.
 
 use crate::table::Table;
 use anyhow::{Context, Result, bail};
@@ -9,34 +9,34 @@ use resight::rig::pairs::{isotropic, pose_from_numbers};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Where the hand was in one view.
+/// The pose of the gripper in one view.
 pub struct Motion {
     view: String,
-    base_from_hand: Pose,
+    base_from_gripper: Pose,
     covariance: Option<Matrix6>,
 }
 
 /// What one view shows.
-pub struct Seen {
+pub struct Observation {
     /// Its name.
     pub view: String,
     /// Poses that fit; empty where points are given instead.
     pub candidates: Vec<Candidate>,
 }
 
-/// Both.
-pub struct Station {
+/// The robot's pose and what the camera observed.
+pub struct RobotView {
     /// The view's name as the camera has it.
     pub view: String,
     motion: Motion,
     candidates: Vec<Candidate>,
 }
 
-impl Station {
+impl RobotView {
     /// As the solver takes it.
     pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandView<'a> {
         HandView {
-            base_from_hand: self.motion.base_from_hand,
+            base_from_hand: self.motion.base_from_gripper,
             hand_covariance: self.motion.covariance,
             candidates: self.candidates.clone(),
             seen,
@@ -70,12 +70,12 @@ pub fn motions(path: &Path, sigmas: Option<(f64, f64)>) -> Result<Vec<Motion>> {
         for (x, column) in v.iter_mut().zip(columns) {
             *x = row.number(column)?;
         }
-        let base_from_hand = pose_from_numbers(&v)
+        let base_from_gripper = pose_from_numbers(&v)
             .map_err(|reason| anyhow::anyhow!("{}:{}: {reason}", path.display(), row.line))?;
         let own = row.optional_number(turn)?.zip(row.optional_number(shift)?);
         let sigma = own.map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm)).or(sigmas);
         let covariance = sigma.map(|(rad, m)| isotropic(rad, m));
-        motions.push(Motion { view: name.to_string(), base_from_hand, covariance });
+        motions.push(Motion { view: name.to_string(), base_from_gripper, covariance });
         Ok(())
     })?;
     Ok(motions)
@@ -105,10 +105,10 @@ struct MinimumLine {
 }
 
 /// Reads the JSON Lines of `locate` and `solve`; views without a pose come without candidates.
-pub fn poses(path: &Path) -> Result<Vec<Seen>> {
+pub fn poses(path: &Path) -> Result<Vec<Observation>> {
     crate::files::must_exist(path)?;
     let text = resight::input::read_text(path, resight::input::Kind::Results)?;
-    let mut seen: Vec<Seen> = Vec::new();
+    let mut seen: Vec<Observation> = Vec::new();
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let at = || format!("{}:{}", path.display(), n + 1);
         let pose: PoseLine = serde_json::from_str(line).with_context(at)?;
@@ -116,7 +116,7 @@ pub fn poses(path: &Path) -> Result<Vec<Seen>> {
             bail!("{}: view {} is there twice", at(), pose.view);
         }
         let candidates = candidates(&pose).map_err(|reason| anyhow::anyhow!("{}: {reason}", at()))?;
-        seen.push(Seen { view: pose.view, candidates });
+        seen.push(Observation { view: pose.view, candidates });
     }
     Ok(seen)
 }
@@ -140,21 +140,21 @@ fn candidates(line: &PoseLine) -> Result<Vec<Candidate>, String> {
 }
 
 /// Views that both know, by name: as written, else by the file's name, else without its ending. What has no counterpart is named.
-pub fn joined(mut motions: Vec<Motion>, seen: Vec<Seen>) -> (Vec<Station>, Vec<(String, String)>) {
-    let (mut stations, mut left_out) = (Vec::new(), Vec::new());
-    for Seen { view, candidates } in seen {
+pub fn joined(mut motions: Vec<Motion>, seen: Vec<Observation>) -> (Vec<RobotView>, Vec<(String, String)>) {
+    let (mut robot_views, mut left_out) = (Vec::new(), Vec::new());
+    for Observation { view, candidates } in seen {
         let by = |key: fn(&str) -> &str| {
             let mut same = (0..motions.len()).filter(|i| key(&motions[*i].view) == key(&view));
             same.next().filter(|_| same.next().is_none())
         };
         match by(|name| name).or_else(|| by(file_name)).or_else(|| by(stem)) {
-            Some(at) => stations.push(Station { view, motion: motions.swap_remove(at), candidates }),
+            Some(at) => robot_views.push(RobotView { view, motion: motions.swap_remove(at), candidates }),
             None => left_out.push((view, "no row of the motions has this view".to_string())),
         }
     }
     left_out.extend(motions.into_iter().map(|m| (m.view, "the camera has no such view".to_string())));
     left_out.sort();
-    (stations, left_out)
+    (robot_views, left_out)
 }
 
 fn file_name(view: &str) -> &str {

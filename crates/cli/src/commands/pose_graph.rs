@@ -1,9 +1,9 @@
-//! `rig --pairs`: the cameras of a rig from the relative poses of pairs of them.
+//! `pose-graph`: the cameras of a rig from the relative poses of pairs of them.
 
-use super::object::JointObject;
-use super::placed::PlacedObject;
-use super::solving::Unsolved;
-use super::{RigOutputArgs, named, unanswered};
+use super::rig::object::JointObject;
+use super::rig::placed::PlacedObject;
+use super::rig::solving::Unsolved;
+use super::rig::{AnswerArgs, named, outcome, stated, unanswered};
 use crate::args::positive;
 use crate::output::{Outcome, print};
 use crate::text::line;
@@ -21,27 +21,42 @@ use resight::rig::RIG_FRAME;
 use resight::rig::pairs::{PairFile, read_pairs};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// A rig from pairs.
+/// The poses of several cameras in one frame, from the relative poses of pairs of them.
+///
+/// All pairs are weighed together; pairs that contradict the others are named. Without stated sigmas the noise of a pair is estimated
+/// from how well loops of pairs close.
 #[derive(Debug, Args)]
-pub struct PairsArgs {
-    /// Relative poses of pairs of cameras instead of points: columns a,b,qw,qx,qy,qz,x_m,y_m,z_m (x_in_b = b_from_a · x_in_a) and
-    /// sigma_deg,sigma_mm, or rmse, or neither; or Caliscope's stereograph JSON. With -o and no --camera the file holds places only.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["images", "detections", "targets", "reference"])]
-    pub pairs: Option<PathBuf>,
+#[command(after_help = "Examples:
+  resight pose-graph pairs.csv --reference cam1 -o rig.toml
+  resight pose-graph stereograph.json --reference 8 --chain --json")]
+pub struct PoseGraphArgs {
+    /// Relative poses of pairs of cameras: columns a,b,qw,qx,qy,qz,x_m,y_m,z_m (x_in_b = b_from_a · x_in_a) and
+    /// sigma_deg,sigma_mm, or rmse, or neither; or Caliscope's stereograph JSON.
+    #[arg(value_name = "PAIRS")]
+    pairs: PathBuf,
+    /// Camera files whose intrinsics go into the file of -o, which holds poses only without them. Without NAME= every camera of the
+    /// file under its own name.
+    #[arg(long = "camera", value_name = "[NAME=]FILE", num_args = 1..)]
+    cameras: Vec<String>,
     /// The camera whose frame is the rig's [default: the first by name]
-    #[arg(long, value_name = "NAME", requires = "pairs")]
-    anchor: Option<String>,
+    #[arg(long, value_name = "NAME")]
+    reference: Option<String>,
     /// Every camera by the chain of pairs whose errors add up to least, instead of all pairs weighed together.
-    #[arg(long, requires = "pairs")]
+    #[arg(long)]
     chain: bool,
-    /// Standard deviation of the turn of a pair of median rmse [default: from how well the pairs agree]
-    #[arg(long, value_name = "DEG", requires = "pairs", requires = "pair_sigma_mm", value_parser = positive)]
+    /// Standard deviation of the rotation of a pair of median rmse [default: from how well the pairs agree]
+    #[arg(long, value_name = "DEG", requires = "pair_sigma_mm", value_parser = positive)]
     pair_sigma_deg: Option<f64>,
-    /// Standard deviation of the shift of a pair of median rmse.
-    #[arg(long, value_name = "MM", requires = "pairs", requires = "pair_sigma_deg", value_parser = positive)]
+    /// Standard deviation of the translation of a pair of median rmse.
+    #[arg(long, value_name = "MM", requires = "pair_sigma_deg", value_parser = positive)]
     pair_sigma_mm: Option<f64>,
+    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
+    #[arg(long)]
+    joint_covariance: bool,
+    #[command(flatten)]
+    output: AnswerArgs,
 }
 
 #[derive(Serialize)]
@@ -56,7 +71,7 @@ struct GraphObject {
     /// Pairs that contradict the others, as `a-b`.
     suspicious: Vec<String>,
     chi2: Option<f64>,
-    dof: Option<usize>,
+    degrees_of_freedom: Option<usize>,
     noise_scale: Option<f64>,
     median_sigma_rad: Option<f64>,
     median_sigma_m: Option<f64>,
@@ -97,50 +112,51 @@ struct Placed {
     solution: Option<PoseGraphSolution>,
 }
 
-/// See `PairsArgs`; `cameras` are the lenses that go into the written file, by name.
-pub fn run(
-    args: &PairsArgs,
-    path: &Path,
-    cameras: &[NamedCamera],
-    output: &RigOutputArgs,
-    with_joint: bool,
-) -> Result<Outcome> {
-    crate::files::must_exist(path)?;
-    let file = read_pairs(path)?;
-    let anchor = match &args.anchor {
+/// See `PoseGraphArgs`.
+pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
+    if let Some(path) = &args.output.output {
+        crate::files::must_be_writable(path)?;
+    }
+    crate::files::must_exist(&args.pairs)?;
+    let (cameras, remarks) = named::cameras_alone(&args.cameras)?;
+    if !args.output.quiet {
+        remarks.iter().for_each(|text| eprintln!("{text}"));
+    }
+    let file = read_pairs(&args.pairs)?;
+    let reference = match &args.reference {
         None => 0,
         Some(name) => match file.cameras.iter().position(|camera| camera == name) {
             Some(found) => found,
-            None => bail!("--anchor {name}: {}", named::not_among(name, "camera", &file.cameras)),
+            None => bail!("--reference {name}: {}", named::not_among(name, "camera", &file.cameras)),
         },
     };
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
     if let Some(reason) = falls_apart(&graph, &file) {
-        return unanswered(output, &reason);
+        return unanswered(&args.output, &reason);
     }
-    let placed = match placed(args, &graph, anchor) {
+    let placed = match placed(args, &graph, reference) {
         Ok(placed) => placed,
         Err(reason) => {
             let message = reason.to_string();
-            return unanswered(output, &Unsolved { status: "error", message, groups: Vec::new() });
+            return unanswered(&args.output, &Unsolved { status: "error", message, groups: Vec::new() });
         }
     };
     let contradiction = contradiction(&file, &placed);
-    if let Some(out) = &output.output {
-        let text = super::stated(&written(&file, &placed, cameras)?, contradiction.clone());
+    if let Some(out) = &args.output.output {
+        let text = stated(&written(&file, &placed, &cameras)?, contradiction.clone());
         write_atomically(out, text.as_bytes())?;
     }
     let is_inconsistent = contradiction.is_some();
-    let mut object = object(&file, anchor, &placed, contradiction);
-    if with_joint {
+    let mut object = object(&file, reference, &placed, contradiction);
+    if args.joint_covariance {
         let joint = sure(&placed).map(|s| &s.joint_covariance);
         object.joint_covariance = joint.map(|matrix| JointObject::of(file.cameras.clone(), matrix));
     }
-    match output.json {
+    match args.output.json {
         true => print(&format!("{}\n", serde_json::to_string(&object)?))?,
         false => print(&words(&file, &placed, &object))?,
     }
-    Ok(super::outcome(is_inconsistent))
+    Ok(outcome(is_inconsistent))
 }
 
 /// Groups of cameras that no chain of pairs joins, by name.
@@ -159,7 +175,7 @@ fn falls_apart(graph: &PoseGraph, file: &PairFile) -> Option<Unsolved> {
     Some(Unsolved { status: "not_connected", message, groups })
 }
 
-fn placed(args: &PairsArgs, graph: &PoseGraph, anchor: usize) -> Result<Placed, resight::core::Error> {
+fn placed(args: &PoseGraphArgs, graph: &PoseGraph, anchor: usize) -> Result<Placed, resight::core::Error> {
     if args.chain {
         let Chain { cameras, .. } = chain(graph, anchor)?;
         let cam_from_rig = cameras.iter().map(|c| (c.cam_from_rig, c.covariance)).collect();
@@ -181,7 +197,7 @@ fn sure(placed: &Placed) -> Option<&PoseGraphSolution> {
     placed.solution.as_ref().filter(|s| s.noise_degrees_of_freedom != Some(0))
 }
 
-fn object(file: &PairFile, anchor: usize, placed: &Placed, contradiction: Option<String>) -> GraphObject {
+fn object(file: &PairFile, reference: usize, placed: &Placed, contradiction: Option<String>) -> GraphObject {
     let name = |i: usize| file.cameras[i].clone();
     let verdict = placed.solution.as_ref().map(|s| &s.verdict);
     let place = |(i, (cam_from_rig, covariance)): (usize, &(Pose, Option<Matrix6>))| {
@@ -201,13 +217,13 @@ fn object(file: &PairFile, anchor: usize, placed: &Placed, contradiction: Option
         status: if contradiction.is_some() { Status::Inconsistent } else { Status::Ok }.name(),
         contradiction,
         method: if s.is_some() { "joint" } else { "chain" },
-        reference: name(anchor),
+        reference: name(reference),
         cameras: placed.cam_from_rig.iter().enumerate().map(place).collect(),
         message: message(file, placed, &suspicious),
         pairs,
         suspicious,
         chi2: s.map(|s| s.chi2),
-        dof: s.map(|s| s.degrees_of_freedom),
+        degrees_of_freedom: s.map(|s| s.degrees_of_freedom),
         noise_scale: s.map(|s| s.noise_scale),
         median_sigma_rad: sigma.map(|s| s.sigma_rad),
         median_sigma_m: sigma.map(|s| s.sigma_m),
