@@ -91,7 +91,7 @@ fn whisker_page_shows_what_the_program_says() {
 /// The README and the guides: every command runs as printed, on files of the repository, with the exit status promised, and prints what
 /// the page shows. The tests themselves and what installs the program are left out.
 #[cfg(unix)]
-fn the_page_can_be_followed(file: &str, at_least: usize) {
+fn the_page_can_be_followed(file: &str, [commands_at_least, shown_at_least]: [usize; 2]) {
     let page = std::fs::read_to_string(book_support::root().join(file)).unwrap();
     let folder = folder(&format!("book-{}", file.replace(['/', '.'], "-")));
     for shipped in ["examples", "testdata", "docs"] {
@@ -100,7 +100,7 @@ fn the_page_can_be_followed(file: &str, at_least: usize) {
     let program = assert_cmd::cargo::cargo_bin("resight");
     let path = std::env::var("PATH").unwrap_or_default();
     let path = format!("{}:{path}", program.parent().unwrap().display());
-    let (mut printed, mut runs) = (String::new(), 0);
+    let (mut printed, mut runs, mut comparisons) = (String::new(), 0, 0);
     for piece in book_support::pieces(&page) {
         match piece {
             Piece::Commands(commands) => {
@@ -120,22 +120,26 @@ fn the_page_can_be_followed(file: &str, at_least: usize) {
                 let (p, s): (Vec<&str>, Vec<&str>) =
                     (printed.trim_end().lines().collect(), shown.lines().collect());
                 assert!(book_support::is_shown(&p, &s), "{file}: printed\n{printed}\nshown\n{shown}");
+                comparisons += 1;
             }
         }
     }
-    assert!(at_least <= runs, "{file}: only {runs} commands seen");
+    assert!(commands_at_least <= runs, "{file}: only {runs} commands seen");
+    assert!(shown_at_least <= comparisons, "{file}: only {comparisons} answers seen");
 }
 
 #[test]
 #[cfg(unix)]
 fn the_readme_can_be_followed() {
-    the_page_can_be_followed("README.md", 13);
+    the_page_can_be_followed("README.md", [14, 1]);
 }
 
 #[test]
 #[cfg(unix)]
 fn the_guides_can_be_followed() {
-    for (guide, at_least) in [("operator", 5), ("robot", 5), ("surveyor", 4), ("developer", 2)] {
+    for (guide, at_least) in
+        [("operator", [6, 2]), ("robot", [8, 1]), ("surveyor", [5, 3]), ("developer", [2, 0])]
+    {
         the_page_can_be_followed(&format!("docs/guide-{guide}.md"), at_least);
     }
 }
@@ -210,4 +214,41 @@ fn the_contents_are_complete() {
         let is_listed = contents.contains(&name) || name == "SUMMARY.md" || name.starts_with("math/");
         assert!(is_listed, "docs/SUMMARY.md does not name {name}");
     }
+}
+
+/// Messages and statuses that the page for troubleshooting explains are those of the program, and it explains every status.
+#[test]
+fn troubleshooting_explains_what_the_program_says() {
+    let page = page("troubleshooting.md");
+    let sources = book_support::sources();
+    let first_cells = page.lines().filter_map(|line| line.strip_prefix("| ")?.split(" | ").next());
+    let messages: Vec<&str> = first_cells.filter_map(|c| c.strip_prefix('`')?.strip_suffix('`')).collect();
+    for message in &messages {
+        assert!(sources.contains(message), "no source says: {message}");
+    }
+    for status in ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "undecided", "error"]
+        .into_iter()
+        .chain(["learning", "steady", "settling", "drifted", "unseen", "followed"])
+    {
+        assert!(messages.contains(&status), "{status} is not explained");
+    }
+    assert!(80 < messages.len(), "only {} messages seen", messages.len());
+}
+
+/// Every file that the map of the code names is there.
+#[test]
+fn the_files_of_the_map_exist() {
+    let mut checked = 0;
+    for name in ["ARCHITECTURE.md", "docs/where.md"] {
+        let map = std::fs::read_to_string(book_support::root().join(name)).unwrap();
+        for path in map.split('`').skip(1).step_by(2) {
+            let path = path.strip_prefix("crates/").unwrap_or(path);
+            let is_ours = ["core/", "resight/", "whisker/", "cli/"].iter().any(|c| path.starts_with(c));
+            if is_ours {
+                assert!(book_support::root().join("crates").join(path).exists(), "{name}: {path} is missing");
+                checked += 1;
+            }
+        }
+    }
+    assert!(80 < checked, "only {checked} files seen");
 }

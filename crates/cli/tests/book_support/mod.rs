@@ -32,17 +32,19 @@ impl Command {
 pub enum Piece {
     /// The commands of a block `sh`, or of the cell of a table.
     Commands(Vec<Command>),
-    /// A block `text` that follows a block `sh`: what its commands print. A line `…` stands for any lines.
+    /// A block `text` directly after a block `sh`: what its commands print. A line `…` stands for any lines.
     Printed(String),
 }
 
 pub fn pieces(page: &str) -> Vec<Piece> {
     let mut found = Vec::new();
     let mut lines = page.lines();
+    let mut follows_commands = false;
     while let Some(line) = lines.next() {
         let Some(language) = line.strip_prefix("```") else {
             let cells = line.strip_prefix('|').unwrap_or("").split('`').skip(1).step_by(2);
             let commands = cells.filter(|cell| cell.starts_with("resight ") && 2 < cell.split(' ').count());
+            follows_commands &= line.is_empty();
             found.extend(commands.map(|cell| Piece::Commands(Command::of(cell).into_iter().collect())));
             continue;
         };
@@ -52,11 +54,10 @@ pub fn pieces(page: &str) -> Vec<Piece> {
                 let text = block.join("\n").replace("\\\n", " ");
                 found.push(Piece::Commands(text.lines().filter_map(Command::of).collect()));
             }
-            "text" if matches!(found.last(), Some(Piece::Commands(_))) => {
-                found.push(Piece::Printed(block.join("\n")));
-            }
+            "text" if follows_commands => found.push(Piece::Printed(block.join("\n"))),
             _ => {}
         }
+        follows_commands = language == "sh";
     }
     found
 }
@@ -119,4 +120,25 @@ pub fn anchors(page: &str) -> Vec<String> {
     };
     let headings = outside.lines().filter(|line| line.starts_with('#'));
     headings.map(|line| anchor(line.trim_start_matches('#'))).collect()
+}
+
+/// The sources of all crates as one text, strings that are broken over lines joined as the compiler joins them.
+pub fn sources() -> String {
+    let mut folders: Vec<PathBuf> =
+        ["core", "resight", "whisker", "cli"].map(|c| root().join("crates").join(c).join("src")).to_vec();
+    let mut text = String::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let source = std::fs::read_to_string(&path).unwrap_or_default();
+                let mut parts = source.split("\\\n");
+                text += parts.next().unwrap_or_default();
+                parts.for_each(|part| text += part.trim_start());
+            }
+        }
+    }
+    text
 }
