@@ -253,3 +253,35 @@ fn the_files_of_the_map_exist() {
     }
     assert!(80 < checked, "only {checked} files seen");
 }
+
+/// A reader who knows the field reads no private dialect. Derivations, the changelog and code in backticks are left out.
+#[test]
+fn the_pages_use_the_words_of_the_field() {
+    const FOREIGN: [&str; 12] = [
+        "sentry",
+        "cry wolf",
+        "knock",
+        "seed paper",
+        "carried about",
+        "foretold",
+        "is told",
+        "are told",
+        "rival",
+        "wobble",
+        "spoils",
+        "sightings",
+    ];
+    let mut checked = 0;
+    for path in book_support::pages() {
+        let name = path.strip_prefix(book_support::root()).unwrap().display().to_string();
+        if name.starts_with("docs/math/") || name == "CHANGELOG.md" {
+            continue;
+        }
+        let prose = book_support::prose(&std::fs::read_to_string(&path).unwrap()).to_lowercase();
+        for word in FOREIGN {
+            assert!(!prose.contains(word), "{name} says `{word}`");
+        }
+        checked += 1;
+    }
+    assert!(30 < checked, "only {checked} pages seen");
+}
