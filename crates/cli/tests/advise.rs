@@ -1,9 +1,7 @@
 //! `advise`: the three questions, their pictures, and what is refused.
 
-mod support;
-
+use crate::support::{Run, folder, json_lines, resight};
 use std::path::Path;
-use support::{Run, folder, json_lines, resight};
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 800.0\nfy_px = 800.0\ncx_px = 319.5\ncy_px = 239.5\n";
 /// Three marks on a road, seen by that camera from (0, 0, 8) m with 0.3 px of noise.

@@ -1,11 +1,8 @@
 //! The book's examples: what a page tells the reader to write works, and what it shows is what the program says.
 
-mod book_support;
-mod support;
-
-use book_support::{Command, Piece};
+use crate::book_support::{self, Command, Piece};
+use crate::support::{folder, json_lines, resight, same, table_two};
 use std::path::Path;
-use support::{folder, json_lines, resight, same, table_two};
 
 fn page(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs").join(name)).unwrap()
@@ -52,13 +49,13 @@ fn table_two_is_shown_as_it_is() {
 fn reading_the_answer_shows_a_real_one() {
     let run = resight(&[
         "locate",
-        &support::demo("left.png"),
+        &crate::support::demo("left.png"),
         "--camera",
-        &support::demo("left.toml"),
+        &crate::support::demo("left.toml"),
         "--target",
-        &support::demo("dots.toml"),
+        &crate::support::demo("dots.toml"),
     ]);
-    let said = run.stdout.replace(&support::demo(""), "");
+    let said = run.stdout.replace(&crate::support::demo(""), "");
     let shown = block(&page("reading-the-answer.md"), "text", 0);
     assert!(same(&said, &shown), "said\n{said}\nshown\n{shown}");
 }
@@ -163,7 +160,7 @@ fn the_readme_shows_the_example_and_what_it_prints() {
     let shown = page.split("```rust\n").nth(1).unwrap();
     let shown = block(shown, "text", 0);
     let test = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["example::runs", "--exact", "--nocapture", "--include-ignored"])
+        .args(["book::example::runs", "--exact", "--nocapture", "--include-ignored"])
         .current_dir(&root)
         .output()
         .unwrap();

@@ -1,13 +1,10 @@
 //! `compare` on simulated rigs of which something was knocked, and on poses.
 
-mod rig_support;
-mod support;
-
+use crate::rig_support::*;
+use crate::support::{Run, data, folder, json_lines, resight, same};
 use resight::core::{Pose, Vector6};
-use rig_support::*;
 use serde_json::Value;
 use std::path::Path;
-use support::{Run, data, folder, json_lines, resight, same};
 
 fn compare(a: &str, b: &str, extra: &[&str]) -> Run {
     resight(&[&["compare", a, b], extra].concat())

@@ -1,9 +1,7 @@
 //! `convert`: what it prints, what it writes, what it refuses, with which exit status.
 
-mod support;
-
+use crate::support::{Run, folder, json_lines, matches_golden, resight};
 use std::path::Path;
-use support::{Run, folder, json_lines, matches_golden, resight};
 
 fn example(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name).display().to_string()

@@ -1,8 +1,6 @@
 //! `watch` on video files: every frame at its own time, drift found, damaged files and a missing ffmpeg told.
 
-mod film_support;
-
-use film_support::{H264, encode, frames, has_ffmpeg, states, studio, watch_once};
+use crate::film_support::{H264, encode, frames, has_ffmpeg, states, studio, watch_once};
 use serde_json::Value;
 
 /// Knocked by a degree after 90 of 150 frames.
@@ -128,7 +126,7 @@ fn without_ffmpeg_the_message_says_how_to_get_it() {
     for source in [film.to_str().expect("a path"), "rtsp://127.0.0.1:1/x", "/dev/video0"] {
         let mut command = assert_cmd::Command::cargo_bin("resight").expect("the program");
         let run = command
-            .args(film_support::arguments(&studio))
+            .args(crate::film_support::arguments(&studio))
             .args(["--source", source])
             .env("PATH", "")
             .output()

@@ -5,10 +5,7 @@
 //! and command; the spoilt file is kept below target/tmp.
 #![cfg(target_os = "linux")] // `ulimit -v` bounds memory there.
 
-#[path = "../../resight/tests/fuzz_support/mod.rs"]
-mod fuzz_support;
-
-use fuzz_support::{Draw, setting, spoilt};
+use crate::fuzz_support::{Draw, setting, spoilt};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -1,18 +1,14 @@
 //! `watch --history` under faults: killed, full disk, no access, two at once, damaged files. What was acknowledged is there. And what else a
 //! session writes, on a disk that is full.
 
-mod rig_support;
-mod support;
-mod watch_support;
-
-use rig_support::Chance;
+use crate::rig_support::Chance;
+use crate::support::folder;
+use crate::watch_support::{Session, lines, start, still, text};
 use rusqlite::Connection;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
-use support::folder;
-use watch_support::{Session, lines, start, still, text};
 
 fn count(connection: &Connection, table: &str, session: i64) -> u64 {
     let select = format!("SELECT count(*) FROM {table} WHERE session = ?1");

@@ -1,13 +1,11 @@
 //! Files that are none, or far too large, where files are expected: refused by name in time and memory, and a session goes on past them.
 
-mod support;
-
+use crate::support::{demo, folder};
 use assert_cmd::Command;
 use resight::GrayImage;
 use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
-use support::{demo, folder};
 
 /// Longer than any refusal takes on a machine that does much besides.
 const PATIENCE: Duration = Duration::from_secs(20);

@@ -1,8 +1,6 @@
 //! `locate`, `detect`, `explain` and `demo` on the shipped pictures.
 
-mod support;
-
-use support::{demo, folder, json_lines, matches_golden, resight};
+use crate::support::{demo, folder, json_lines, matches_golden, resight};
 
 #[test]
 fn locate_answers_in_input_order_and_draws() {

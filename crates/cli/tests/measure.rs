@@ -1,7 +1,6 @@
 //! `measure`: two photographs of the scene of an accident, marks with known distances, and a table of lengths that holds the truth.
 
-mod support;
-
+use crate::support::{Run, folder, json_lines, resight};
 use resight::core::camera::{ImageSize, Pinhole};
 use resight::core::target::{Chessboard, NamedPoint};
 use resight::core::{Camera, CameraMatrix, Pixel, Point, Pose, Target, Vector6};
@@ -9,7 +8,6 @@ use resight::render::{Finish, Placed, Scene, Style, render};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use support::{Run, folder, json_lines, resight};
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 1600\nheight_px = 1066\nfx_px = 1300.0\nfy_px = 1300.0\ncx_px = 799.5\ncy_px = 532.5\n";
 /// Known distances between the marks, metres' worth of tape.
@@ -394,7 +392,7 @@ fn the_page_shows_what_is_said() {
     let shipped = std::fs::read_to_string(&scene).expect("a scene");
     assert_eq!(block("toml").trim(), shipped.trim());
     let said = run(&scene, &[]);
-    assert!(support::same(&said.stdout, &block("text")), "said\n{}", said.stdout);
+    assert!(crate::support::same(&said.stdout, &block("text")), "said\n{}", said.stdout);
 }
 
 /// A stereo pair from a rig file: positions in the rig's frame, the pair's own uncertainty counted.

@@ -1,13 +1,10 @@
 //! `rig` on simulated recordings whose truth is known, and what it says about what it cannot use.
 
-mod rig_support;
-mod support;
-
+use crate::rig_support::*;
+use crate::support::{Run, folder, json_lines, resight};
 use assert_cmd::Command;
-use rig_support::*;
 use serde_json::Value;
 use std::path::Path;
-use support::{Run, folder, json_lines, resight};
 
 /// χ² with six degrees of freedom exceeds this once in ten thousand.
 const CHI2_6: f64 = 27.9;
@@ -288,7 +285,7 @@ fn a_target_at_rest_is_the_world() {
     let world = &answer["world"]["world_from_rig"];
     let of_rig = distance2(&pose_of(world), &rig_from_world.inverse(), &world["covariance"]);
     assert!(answer["world"]["target"] == "hall" && of_rig < CHI2_6, "{of_rig}");
-    for (name, cam_from_rig) in rig_support::cameras() {
+    for (name, cam_from_rig) in crate::rig_support::cameras() {
         let found = &answer["cameras"][name]["world_from_cam"];
         let truth = (cam_from_rig * rig_from_world).inverse();
         let distance2 = distance2(&pose_of(found), &truth, &found["covariance"]);
@@ -428,7 +425,7 @@ fn a_known_distance_checks_the_size_of_the_board() {
     let mut rows = recording(15);
     rows.iter_mut().for_each(|s| s.x *= 0.98);
     let points = write(&folder, "points.csv", &csv(&rows));
-    let truth = rig_support::cameras();
+    let truth = crate::rig_support::cameras();
     let distance_m = (truth[2].1 * truth[0].1.inverse()).translation.norm();
     let known = format!("right,left,{distance_m},0.0002");
     let run = rig(

@@ -4,21 +4,14 @@
 //! What it leaves out: the size of the only target, which nothing seen tells (`scale` says so), and a rig whose cameras all have one lens
 //! and exchanged names.
 
+use crate::recorded::recorded;
 use resight::core::pose_graph::{PoseGraph, PoseGraphConfig, solve_pose_graph};
 use resight::core::rig::{Cause, RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose};
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 type Row = HashMap<String, String>;
-
-fn real_data(set: &str) -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: tests on {set} are skipped");
-        return None;
-    };
-    Some(PathBuf::from(root).join(set))
-}
 
 fn rows(path: &Path) -> Vec<Row> {
     csv::Reader::from_path(path).unwrap().deserialize().map(|row| row.unwrap()).collect()
@@ -94,11 +87,7 @@ impl Recording {
 }
 
 fn recordings() -> Vec<Recording> {
-    let (Some(stereo), Some(webcams)) =
-        (real_data("opencv_stereo_chessboard"), real_data("caliscope_4cam_charuco"))
-    else {
-        return Vec::new();
-    };
+    let (stereo, webcams) = (recorded("opencv_stereo_chessboard"), recorded("caliscope_4cam_charuco"));
     let truth: serde_json::Value =
         serde_json::from_slice(&std::fs::read(stereo.join("truth.json")).unwrap()).unwrap();
     let lens = |side: &str| {
@@ -204,6 +193,7 @@ fn line(r: &Recording, what: &str, found: &Result<RigSolution, resight::core::Er
 const NOT_TOLD: [(&str, &str); 1] = [("four webcams", "no distortion 2")];
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_wrong_file_is_never_called_right() {
     let mut silent = Vec::new();
     for r in &recordings() {
@@ -231,6 +221,7 @@ fn blames(s: &RigSolution, camera: usize) -> bool {
 
 /// Whole recordings, their interleaved halves and thirds.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn right_files_are_never_called_wrong() {
     let mut wrong = Vec::new();
     for r in &recordings() {
@@ -250,8 +241,9 @@ fn right_files_are_never_called_wrong() {
 
 /// Pairs of eleven cameras: as they are, and with what goes wrong between programs.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn wrong_pairs_are_never_called_right() {
-    let Some(set) = real_data("caliscope_pose_graph") else { return };
+    let set = recorded("caliscope_pose_graph");
     let file = resight::rig::pairs::read_pairs(&set.join("main_stereocal_all_results.json")).unwrap();
     let judged = |what: &str, change: &dyn Fn(usize, Pose) -> Pose| {
         let mut pairs = file.pairs.clone();

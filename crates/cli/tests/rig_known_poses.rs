@@ -1,12 +1,10 @@
 //! `rig --pairs` and `rig --hand-eye`: rigs from poses that something else measured.
 
-mod support;
-
+use crate::support::{folder, json_lines, resight};
 use resight::core::{Point, Pose, Vector6};
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
-use support::{folder, json_lines, resight};
 
 fn pose(w: [f64; 3], t: [f64; 3]) -> Pose {
     let turn = Pose::exp(&Vector6::new(w[0], w[1], w[2], 0.0, 0.0, 0.0));

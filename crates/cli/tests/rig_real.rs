@@ -1,29 +1,16 @@
 //! `rig` on real recordings, against what was published with them. Needs the folder named by RESIGHT_DATA.
 
-mod rig_support;
-mod support;
-
+use crate::recorded::recorded;
+use crate::rig_support::pose_of;
+use crate::support::{folder, json_lines, resight, same};
 use resight::core::loss::Loss;
 use resight::core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
-use rig_support::pose_of;
 use serde_json::Value;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use support::{folder, json_lines, resight, same};
+use std::path::Path;
 
 type Row = HashMap<String, String>;
-
-/// The folder of a set; none, with a line that says so, when RESIGHT_DATA is unset.
-fn real_data(set: &str) -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: tests on {set} are skipped");
-        return None;
-    };
-    let folder = PathBuf::from(root).join(set);
-    assert!(folder.is_dir(), "RESIGHT_DATA is set, but {} is missing", folder.display());
-    Some(folder)
-}
 
 fn table(path: &Path) -> Vec<Row> {
     let mut reader = csv::Reader::from_path(path).unwrap();
@@ -81,8 +68,9 @@ fn stereo_cameras(folder: &Path, truth: &Value) -> Vec<String> {
 
 /// 13 pairs of photographs: from the corners that came with them, and from the photographs.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn stereo_chessboard_has_the_published_baseline() {
-    let Some(set) = real_data("opencv_stereo_chessboard") else { return };
+    let set = recorded("opencv_stereo_chessboard");
     let folder = folder("rig_real_stereo");
     let truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
     let cameras = stereo_cameras(&folder, &truth);
@@ -142,8 +130,9 @@ const INDEPENDENT: [[f64; 6]; 3] = [
 
 /// The joint adjustment on real, imperfect corners, against another program's: the same minimum to a thousandth of a degree.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn four_webcams_agree_with_an_independent_adjustment() {
-    let Some(set) = real_data("caliscope_4cam_charuco") else { return };
+    let set = recorded("caliscope_4cam_charuco");
     let file = resight::formats::read_cameras(&set.join("camera_array.toml")).unwrap();
     let cameras: Vec<Camera> = file.cameras.into_iter().map(|c| c.camera).collect();
     let rows = table(&set.join("detections.csv"));
@@ -183,8 +172,9 @@ fn four_webcams_agree_with_an_independent_adjustment() {
 /// pixel off (see detect_real.rs), and the cameras fired up to 46 ms apart. From the videos, with our corners and only frames within
 /// 2.5 ms of each other, the root mean square falls from 0.52 to 0.37 px while the answer stays 0.12°, 0.09° and 0.40° from them.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn four_webcams_from_listed_corners_and_from_videos() {
-    let Some(set) = real_data("caliscope_4cam_charuco") else { return };
+    let set = recorded("caliscope_4cam_charuco");
     let folder = folder("rig_real_webcams");
     let points = contract_csv(&table(&set.join("detections.csv")), "cam", "sync_index", "corner_id");
     let points = write(&folder, "points.csv", &points);
@@ -234,8 +224,9 @@ fn check_webcams(name: &str, answer: &Value, published: &[(String, Pose)], bars:
 
 /// The page shows what the program says about the photographs.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_page_shows_a_real_answer() {
-    let Some(set) = real_data("opencv_stereo_chessboard") else { return };
+    let set = recorded("opencv_stereo_chessboard");
     let folder = folder("rig_real_page");
     let truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
     let cameras = stereo_cameras(&folder, &truth);
@@ -258,8 +249,9 @@ fn the_page_shows_a_real_answer() {
 
 /// The right camera's focal length 10 % off: text, JSON, page and file say so first, and the exit status too.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_wrong_lens_file_is_said_everywhere() {
-    let Some(set) = real_data("opencv_stereo_chessboard") else { return };
+    let set = recorded("opencv_stereo_chessboard");
     let folder = folder("rig_real_wrong");
     let mut truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
     for i in 0..2 {

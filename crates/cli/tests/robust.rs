@@ -1,9 +1,7 @@
 //! `solve --robust`: wrong rows are found, named and left out; too few right ones are an error.
 
-mod support;
-
+use crate::support::{folder, json_lines, resight};
 use std::path::Path;
-use support::{folder, json_lines, resight};
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 1280\nheight_px = 960\nfx_px = 1000.0\nfy_px = 1000.0\ncx_px = 639.5\ncy_px = 479.5\n";
 
@@ -126,5 +124,5 @@ fn the_page_shows_a_real_answer() {
     let page = std::fs::read_to_string(page).unwrap();
     let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
     let said = run.stdout.replace("points.csv", "matches.csv");
-    assert!(support::same(&said, shown), "said\n{said}\nshown\n{shown}");
+    assert!(crate::support::same(&said, shown), "said\n{said}\nshown\n{shown}");
 }

@@ -1,10 +1,8 @@
 //! `solve`: real output, exit codes and complaints.
 
-mod support;
+use crate::support::{data, folder, json_lines, matches_golden, resight};
 
-use support::{data, folder, json_lines, matches_golden, resight};
-
-fn solve(arguments: &[&str]) -> support::Run {
+fn solve(arguments: &[&str]) -> crate::support::Run {
     resight(&[&["solve"], arguments].concat())
 }
 

@@ -1,8 +1,6 @@
 //! What people get wrong first: each mistake is named before any work is done, with the way out.
 
-mod support;
-
-use support::{Run, data, demo, folder, json_lines, resight};
+use crate::support::{Run, data, demo, folder, json_lines, resight};
 
 fn locate(image: &str, extra: &[&str]) -> Run {
     let (camera, target) = (demo("left.toml"), demo("dots.toml"));

@@ -1,11 +1,9 @@
 //! `watch` on live streams of a local ffmpeg: lost and back, stalled, ended, other sizes; no ffmpeg stays behind.
 
-mod film_support;
-
-use film_support::streamed::{
+use crate::film_support::streamed::{
     capture_times_are_those_of_the_camera, film, is_source, nothing_stays_behind, wait_for_listener,
 };
-use film_support::{
+use crate::film_support::{
     H264, Running, Watching, encode, frames, free_port, has_ffmpeg, runs, said, serve, states, studio,
     watch_once,
 };
@@ -203,7 +201,9 @@ fn an_ffmpeg_ends_with_its_session() {
     let _server = serve_tcp(&film, port);
     wait_for_listener(port);
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("resight"));
-    command.args(film_support::arguments(&studio)).args(["--source", &format!("tcp://127.0.0.1:{port}")]);
+    command
+        .args(crate::film_support::arguments(&studio))
+        .args(["--source", &format!("tcp://127.0.0.1:{port}")]);
     // A reader that goes away ends the session in order: its output fails.
     let mut child = command.stdout(std::process::Stdio::piped()).spawn().expect("it runs");
     drop(child.stdout.take());

@@ -1,11 +1,9 @@
 //! `watch` on UDP, which has no connection, on RTMP from either end, and on a V4L2 camera that a film stands in for.
 
-mod film_support;
-
-use film_support::streamed::{
+use crate::film_support::streamed::{
     capture_times_are_those_of_the_camera, film, is_source, nothing_stays_behind, wait_for_listener,
 };
-use film_support::{
+use crate::film_support::{
     Running, Watching, free_port, has_ffmpeg, said, serve, speaks, states, studio, watch_once,
 };
 use std::net::UdpSocket;
@@ -155,7 +153,7 @@ fn a_v4l2_camera_is_watched_when_it_is_there() {
     let studio = studio("streams-v4l2");
     let path = std::env::var_os("PATH").unwrap_or_default();
     let (recorded, plugged) = (studio.join("recorded.gray"), studio.join("plugged.gray"));
-    std::fs::write(&recorded, film_support::frames(&studio, (0..40).map(|_| 0.0))).expect("written");
+    std::fs::write(&recorded, crate::film_support::frames(&studio, (0..40).map(|_| 0.0))).expect("written");
     let options = "-video_size 320x240 -framerate 10";
     let session = ["--source", "/dev/video7", "--ffmpeg-input-options", options, "--learn", "20", "--frames"];
     let environment = [

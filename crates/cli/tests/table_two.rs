@@ -1,8 +1,6 @@
 //! The paper's Table II as shipped: `auto` finds the printed poses, the printed procedure says not to trust it.
 
-mod support;
-
-use support::{json_lines, resight, table_two};
+use crate::support::{json_lines, resight, table_two};
 
 /// R = R_Z(φ) R_Y(ϕ) R_X(ω), the paper's.
 fn printed([yaw, pitch, roll]: [f64; 3]) -> [[f64; 3]; 3] {

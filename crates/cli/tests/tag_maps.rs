@@ -1,12 +1,10 @@
 //! Maps of tags and units at the command line: what is assumed is said, what is wrong is named, and no slip of unit goes unremarked.
 
-mod support;
-
+use crate::support::{data, folder, json_lines, resight};
 use resight::core::camera::{CameraMatrix, ImageSize, Pinhole};
 use resight::core::target::{MapTag, TagMap};
 use resight::core::{Camera, Lens, Point, Pose, Target};
 use resight::render::{Finish, Scene, Style, render};
-use support::{data, folder, json_lines, resight};
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 800\nheight_px = 600\nfx_px = 700.0\nfy_px = 700.0\ncx_px = 399.5\ncy_px = 299.5\n";
 

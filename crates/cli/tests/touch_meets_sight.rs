@@ -1,12 +1,6 @@
 //! A whisker's contacts and their pixels, solved by the program: cam_from_hub, as exact as it says.
 
-mod support;
-
-#[allow(dead_code)] // Its main reads and writes folders.
-#[path = "../../whisker/examples/touch_meets_sight.rs"]
-mod example;
-
-use example::{Chance, HEADER, cam_from_hub, points_csv, simulated, wire};
+use crate::example::{Chance, HEADER, cam_from_hub, points_csv, simulated, wire};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use serde_json::Value;
 use std::path::Path;
@@ -36,10 +30,10 @@ fn the_shipped_touches_give_the_camera() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker/touch_meets_sight");
     let truth: Value =
         serde_json::from_str(&std::fs::read_to_string(root.join("truth.json")).unwrap()).unwrap();
-    let (rod, cell, touches) = example::read_folder(&root).unwrap();
+    let (rod, cell, touches) = crate::example::read_folder(&root).unwrap();
     let points = points_csv("touch", &rod, &cell, &touches).unwrap();
     assert_eq!(points.lines().filter(|line| line.ends_with("left out: OutOfPlane")).count(), 1, "{points}");
-    let file = support::folder("touch_meets_sight").join("points.csv");
+    let file = crate::support::folder("touch_meets_sight").join("points.csv");
     std::fs::write(&file, format!("{HEADER}{points}")).unwrap();
     let camera = root.join("camera.toml");
     let arguments = [
@@ -51,9 +45,9 @@ fn the_shipped_touches_give_the_camera() {
         "0.3",
         "--json",
     ];
-    let run = support::resight(&arguments);
+    let run = crate::support::resight(&arguments);
     assert_eq!(run.code, 0, "{}", run.stderr);
-    let view = &support::json_lines(&run)[0];
+    let view = &crate::support::json_lines(&run)[0];
     assert_eq!(view["status"], "ok");
     assert_eq!(view["n_points"], 23);
     let (motion, covariance) = miss(view, &numbers(&truth["cam_from_hub"]["matrix"]));
@@ -76,7 +70,7 @@ fn two_hundred_calibrations_are_as_exact_as_they_say() {
         let touches = simulated(&mut chance);
         text += &points_csv(&view.to_string(), &rod, &cell, &touches).unwrap();
     }
-    let file = support::folder("touch_meets_sight_200").join("points.csv");
+    let file = crate::support::folder("touch_meets_sight_200").join("points.csv");
     std::fs::write(&file, text).unwrap();
     let camera =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker/touch_meets_sight/camera.toml");
@@ -89,10 +83,10 @@ fn two_hundred_calibrations_are_as_exact_as_they_say() {
         "0.3",
         "--json",
     ];
-    let run = support::resight(&arguments);
+    let run = crate::support::resight(&arguments);
     let truth: Vec<f64> = cam_from_hub().matrix().as_flattened().to_vec();
     let mut nees = Vec::new();
-    for view in support::json_lines(&run) {
+    for view in crate::support::json_lines(&run) {
         assert_eq!(view["status"], "ok", "{view}");
         let (motion, covariance) = miss(&view, &truth);
         nees.push(motion.dot(&(covariance.try_inverse().unwrap() * &motion)));

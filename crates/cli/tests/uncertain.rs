@@ -1,9 +1,7 @@
 //! Uncertain intrinsics and uncertain points: the covariance grows as re-solving with other values says it must.
 
-mod support;
-
+use crate::support::{data, demo, folder, json_lines, resight};
 use serde_json::Value;
-use support::{data, demo, folder, json_lines, resight};
 
 /// The first answer of a `solve`.
 fn solved(points: &str, camera: &str, extra: &[&str]) -> Value {

@@ -1,8 +1,6 @@
 //! `solve --method upright`: two points and the direction of down.
 
-mod support;
-
-use support::{data, folder, json_lines, resight};
+use crate::support::{data, folder, json_lines, resight};
 
 /// The test data's camera (f = 1000 px, centre 640, 480) 1.5 m above a floor whose z points up, level, looking along y: down is the
 /// camera's y axis. A point (x, y, z) of the floor's frame is seen at (640 + 1000 x/y, 480 + 1000 (1.5 − z)/y).

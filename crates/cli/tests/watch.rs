@@ -1,18 +1,14 @@
 //! `watch`: detections in, states out; what moved is said with its direction, its size and its time.
 
-mod rig_support;
-mod support;
-mod watch_support;
-
+use crate::rig_support::SIGMA_PX;
+use crate::support::{demo, folder};
 use assert_cmd::Command;
 use nalgebra::Vector6;
-use rig_support::SIGMA_PX;
 use serde_json::{Value, json};
-use support::{demo, folder};
 
 /// The dots seen once a second by a camera whose motion is given for each second, as lines of JSON.
 fn lines(seconds: std::ops::Range<usize>, seed: u64, old_from_new: impl Fn(usize) -> Vector6<f64>) -> String {
-    watch_support::lines(seconds, 1.0, seed, old_from_new).concat()
+    crate::watch_support::lines(seconds, 1.0, seed, old_from_new).concat()
 }
 
 struct Run {

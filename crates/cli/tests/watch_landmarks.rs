@@ -1,18 +1,14 @@
 //! `watch --landmarks` and `landmarks` as a user runs them: pictures in, turns and states out.
 
-#[path = "../../resight/tests/landmarks_support/mod.rs"]
-mod landmarks_support;
-mod support;
-
+use crate::landmarks_support::{camera, exposed, picture, turned};
+use crate::support::folder;
 use assert_cmd::Command;
-use landmarks_support::{camera, exposed, picture, turned};
 use resight::core::target::Tag;
 use resight::core::{Camera, Pose, Target, Vector6};
 use resight::formats::write_atomically;
 use resight::render::{Finish, Pcg, Placed, Scene, Style, render};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use support::folder;
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 480\nheight_px = 360\nfx_px = 400.0\nfy_px = 400.0\ncx_px = 239.5\ncy_px = 179.5\n";
 

@@ -1,14 +1,10 @@
 //! `watch` while it learns: a camera that moves meanwhile is told, and its reference is learned from where it then stands, or not at all.
 
-mod rig_support;
-mod support;
-mod watch_support;
-
+use crate::support::{demo, folder};
 use assert_cmd::Command;
 use nalgebra::Vector6;
 use serde_json::{Value, json};
 use std::path::Path;
-use support::{demo, folder};
 
 struct Run {
     code: i32,
@@ -41,7 +37,7 @@ fn run(arguments: &[&str], input: &str) -> Run {
 
 fn watch(more: &[&str], seconds: usize, seed: u64, moved: impl Fn(usize) -> Vector6<f64>) -> Run {
     let (camera, target) = (demo("left.toml"), demo("dots.toml"));
-    let input = watch_support::lines(0..seconds, 1.0, seed, moved).concat();
+    let input = crate::watch_support::lines(0..seconds, 1.0, seed, moved).concat();
     run(&[&["--camera", &camera, "--target", &target], more].concat(), &input)
 }
 

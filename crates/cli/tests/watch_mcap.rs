@@ -1,8 +1,7 @@
 //! `watch` on recordings that other libraries wrote, and its own recording of poses. That other people's readers understand the latter,
 //! scripts/judges/ros_recordings.py says.
 
-mod support;
-
+use crate::support::folder;
 use assert_cmd::Command;
 use resight::core::{Pose, Vector6};
 use resight::live::reference;
@@ -13,7 +12,6 @@ use serde_json::Value;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use support::folder;
 
 /// Corners of rendered pictures of 320 × 240 px; a tag of 0.16 m at 0.4 m.
 const PLACE_M: f64 = 0.004;

@@ -1,13 +1,10 @@
 //! `watch --metrics`: what the page says, and to whom.
 
-mod receivers;
-mod support;
-
-use receivers::web::{Web, get, metrics_place, page};
-use receivers::{Session, lines, wait_for};
+use crate::receivers::web::{Web, get, metrics_place, page};
+use crate::receivers::{Session, lines, wait_for};
+use crate::support::folder;
 use std::collections::BTreeMap;
 use std::net::TcpStream;
-use support::folder;
 
 /// Past the end of every feed.
 const NEVER: usize = usize::MAX;
@@ -146,5 +143,5 @@ fn a_restart_knows_what_was_learned() {
     assert!(turn_rad.is_some_and(|turn_rad| *turn_rad < 0.01), "{turn_rad:?}");
     let ended = second.end();
     assert_eq!(ended.code, 0, "{}", ended.log);
-    assert_eq!(receivers::times(&ended.log, "goes on from"), 1, "{}", ended.log);
+    assert_eq!(crate::receivers::times(&ended.log, "goes on from"), 1, "{}", ended.log);
 }

@@ -1,15 +1,12 @@
 //! `watch --webhook`, `--mqtt`: who is told what, and that whoever is slow or away delays nothing.
 
-mod receivers;
-mod support;
-
-use receivers::broker::{Broker, Deed};
-use receivers::web::{Asked, Web, metrics_place, page};
-use receivers::{Ended, Session, lines, times, wait_for};
+use crate::receivers::broker::{Broker, Deed};
+use crate::receivers::web::{Asked, Web, metrics_place, page};
+use crate::receivers::{Ended, Session, lines, times, wait_for};
+use crate::support::{demo, folder};
 use serde_json::{Value, json};
 use std::net::TcpListener;
 use std::time::Duration;
-use support::{demo, folder};
 
 /// Past the end of every feed.
 const NEVER: usize = usize::MAX;

@@ -1,18 +1,14 @@
 //! `watch` with several cameras and targets: what moved is named, and what only looks like a motion is not one.
 
-mod carried_support;
-mod rig_support;
-mod support;
-
+use crate::carried_support::{NAMES, cam_from_rig, carried_lines, lens, rig_arguments, turned};
+use crate::rig_support::{Chance, SIGMA_PX};
+use crate::support::folder;
 use assert_cmd::Command;
-use carried_support::{NAMES, cam_from_rig, carried_lines, lens, rig_arguments, turned};
 use nalgebra::Vector6;
 use resight::core::{Point, Pose, Target};
-use rig_support::{Chance, SIGMA_PX};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
-use support::folder;
 
 struct Run {
     code: i32,

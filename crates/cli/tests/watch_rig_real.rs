@@ -1,8 +1,7 @@
 //! `watch --rig` on four real webcams around a hand-held board: quiet while nothing moves, and a turned camera is named.
 //! Needs the folder named by RESIGHT_DATA.
 
-mod support;
-
+use crate::recorded::recorded;
 use assert_cmd::Command;
 use resight::core::{Camera, Pixel, Pose, Vector6};
 use serde_json::{Value, json};
@@ -14,14 +13,6 @@ const SIGMA_PX: f64 = 0.5;
 const CAMERAS: usize = 4;
 /// Frames of one moment: the cameras fired up to 46 ms apart.
 const SYNC_TOLERANCE_S: &str = "0.05";
-
-fn recording() -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: tests on caliscope_4cam_charuco are skipped");
-        return None;
-    };
-    Some(PathBuf::from(root).join("caliscope_4cam_charuco"))
-}
 
 fn rows(path: &Path) -> Vec<Vec<f64>> {
     let mut reader = csv::Reader::from_path(path).expect("a table");
@@ -135,8 +126,9 @@ fn moved(events: &[Value]) -> Vec<&Value> {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn nothing_is_said_of_cameras_that_stay() {
-    let Some(folder) = recording() else { return };
+    let folder = recorded("caliscope_4cam_charuco");
     let recording = Recording::read(folder);
     let lines = recording.lines(None);
     for arguments in [&FROM_FILE[..], &LEARNED[..]] {
@@ -166,8 +158,9 @@ fn delay(recording: &Recording, arguments: &[&str], turn: Turn) -> Option<usize>
 
 /// Five degrees about any axis of each camera, at several moments: found within eight moments, and named.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_turned_camera_is_named_within_eight_moments() {
-    let Some(folder) = recording() else { return };
+    let folder = recorded("caliscope_4cam_charuco");
     let recording = Recording::read(folder);
     let mut late = Vec::new();
     for (arguments, moments) in [(&FROM_FILE[..], &[22, 28, 34][..]), (&LEARNED[..], &[28, 34][..])] {

@@ -1,17 +1,12 @@
 //! `watch --moving-target --state`: a rig's session that was killed goes on where it stopped, as if nothing had been.
 
-mod carried_support;
-mod rig_support;
-mod support;
-mod watch_support;
-
-use carried_support::{NAMES, carried_lines, rig_arguments, turned};
+use crate::carried_support::{NAMES, carried_lines, rig_arguments, turned};
+use crate::support::folder;
+use crate::watch_support::{Session, start_with, text};
 use nalgebra::Vector6;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Duration;
-use support::folder;
-use watch_support::{Session, start_with, text};
 
 const CAMERAS: usize = 3;
 /// The machine may be slow: seconds of the wall must not count as seconds unseen.

@@ -1,15 +1,11 @@
 //! `watch --state`: a session that was killed goes on where it stopped, as if nothing had been.
 
-mod rig_support;
-mod support;
-mod watch_support;
-
+use crate::support::folder;
+use crate::watch_support::{Session, lines, start, still, text};
 use nalgebra::Vector6;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use support::folder;
-use watch_support::{Session, lines, start, still, text};
 
 /// Turned by 0.5° after 200 s.
 fn knocked(second: usize) -> Vector6<f64> {

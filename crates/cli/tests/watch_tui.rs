@@ -1,16 +1,13 @@
 //! `watch --tui` in a terminal of its own: `script` makes one. What is drawn in it, unit tests of the view say.
 
-mod rig_support;
-mod support;
-
-use rig_support::{Chance, SIGMA_PX};
+use crate::rig_support::{Chance, SIGMA_PX};
+use crate::support::{demo, folder, resight};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use support::{demo, folder, resight};
 
 /// Far longer than any of it takes.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,13 +1,12 @@
 //! `whisker`: readings to contacts to objects, every spelling of a file, every kind of bad line, and a stream that answers at once.
 
-mod support;
-
+use crate::recorded::recorded;
+use crate::support::{folder, json_lines, resight};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
-use support::{folder, json_lines, resight};
 
 fn shipped(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/whisker").join(name).display().to_string()
@@ -806,12 +805,9 @@ fn one_corner_is_no_object() {
 
 /// The recorded sets through the program: bars of the contract.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn recorded_sets_keep_their_bars() {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        eprintln!("SKIPPED: RESIGHT_DATA is not set");
-        return;
-    };
-    let root = PathBuf::from(root).join("whisker");
+    let root = recorded("whisker");
     for name in [
         "f1_square_00",
         "f2_square_30",

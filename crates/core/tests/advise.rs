@@ -1,10 +1,7 @@
 //! One view, one more point, a place and a length on the ground: what the adviser foretells against many noisy pictures.
 
-mod advise_support;
-mod common;
-
-use advise_support::{above_the_road, known, rms, trial};
-use common::{Rng, views};
+use crate::advise_support::{above_the_road, known, rms, trial};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 use resight_core::advise::expect::{View, expect, sight, worst_sigmas};
 use resight_core::advise::ground::Plane;

@@ -1,8 +1,6 @@
 //! The next board of a rig: what the adviser foretells against joint adjustments of noisy views, by a solver of the test's own.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{DMatrix, DVector, Matrix6, Vector2, Vector3, Vector6};
 use resight_core::advise::board::{Criterion, RigCamera, RigInformation, RigPlan};
 use resight_core::advise::volume::Shape;

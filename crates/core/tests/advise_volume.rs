@@ -1,10 +1,7 @@
 //! A target over a volume, and other dimensions of it: the shares foretold against pictures drawn at random.
 
-mod advise_support;
-mod common;
-
-use advise_support::{known, noisy};
-use common::{Rng, views};
+use crate::advise_support::{known, noisy};
+use crate::common::{Rng, views};
 use nalgebra::Matrix3;
 use resight_core::advise::change::{cost, tried};
 use resight_core::advise::expect::{View, expect, worst_sigmas};

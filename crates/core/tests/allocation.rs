@@ -1,9 +1,7 @@
 //! No closed form, refinement or `locate` touches the heap: a counting allocator says so.
 #![allow(unsafe_code)] // An allocator is `unsafe` by its trait; nothing else here is.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::Vector3;
 use resight_core::correspondence::PixelCovariance;
 use resight_core::known_rotation::{KnownRotation, place};

@@ -1,8 +1,6 @@
 //! Pixels whose noise is an ellipse: the covariance is taken into account everywhere, and it pays.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix2, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::correspondence::{Detection, PixelCovariance, correspond};

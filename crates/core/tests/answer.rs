@@ -1,9 +1,7 @@
 //! What the answer says beside the pose: every minimum and its probability, which motion is weak, what was measured on the points,
 //! and whether the residual fits where the intrinsics are uncertain.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::choose::Hypothesis;
 use resight_core::consistency::Consistency;

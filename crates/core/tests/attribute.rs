@@ -1,9 +1,7 @@
 //! Which of several cameras and targets moved, from what is seen between them.
 
-mod common;
-
-use common::Rng;
-use common::sentry::{SIGMA, covariance, errors};
+use crate::common::Rng;
+use crate::common::sentry::{SIGMA, covariance, errors};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
 use resight_core::monitor::attribute::{Attribution, Edge, attribute};

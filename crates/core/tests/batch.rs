@@ -2,10 +2,8 @@
 //!
 //! Whether the single answers are right is for the suites of the single path to say.
 
-mod common;
-
-use common::Rng;
-use common::views::looking_at;
+use crate::common::Rng;
+use crate::common::views::looking_at;
 use nalgebra::{Vector2, Vector3};
 use resight_core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight_core::camera::{BrownConrady, CameraMatrix, Pinhole};

@@ -1,18 +1,10 @@
 //! Real calibrations, real corners: our bearings against the undistorted coordinates OpenCV computed for the same pixels.
 //!
-//! Reads `aprilgrid_tumvi_euroc` in the folder named by RESIGHT_DATA; says so and passes when the variable is not set.
+//! Reads `aprilgrid_tumvi_euroc` in the folder named by RESIGHT_DATA.
 
+use crate::recorded::recorded;
 use nalgebra::{Vector2, Vector3};
 use resight_core::camera::*;
-use std::path::PathBuf;
-
-fn folder() -> Option<PathBuf> {
-    let Ok(data) = std::env::var("RESIGHT_DATA") else {
-        println!("skipped: RESIGHT_DATA is not set");
-        return None;
-    };
-    Some(PathBuf::from(data).join("aprilgrid_tumvi_euroc"))
-}
 
 /// The numbers of `"section": { … "key": [ … ] }`.
 fn numbers(json: &str, section: &str, key: &str) -> Vec<f64> {
@@ -29,8 +21,9 @@ fn matrix(json: &str, section: &str) -> CameraMatrix {
 /// The fisheye coordinates agree to rounding (8e-16). The others come from OpenCV's fixed-point iteration, which stops 5e-7
 /// short; ours project back to the pixel to 1e-9 px.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn bearings_match_the_undistorted_corners() {
-    let Some(folder) = folder() else { return };
+    let folder = recorded("aprilgrid_tumvi_euroc");
     let json = std::fs::read_to_string(folder.join("truth.json")).unwrap();
     let (fisheye, radtan) = ("tum_vi_cam0_kb4_1024", "euroc_cam0_radtan");
     let tum_vi = KannalaBrandt::new(matrix(&json, fisheye), &numbers(&json, fisheye, "k1k2k3k4")).unwrap();

@@ -1,8 +1,6 @@
 //! One suite for all camera models: there and back over the whole valid field, and every derivative.
 
-mod camera_zoo;
-
-use camera_zoo::cameras;
+use crate::camera_zoo::cameras;
 use nalgebra::{Rotation3, Vector3};
 use resight_core::{Camera, Point};
 use std::f64::consts::PI;

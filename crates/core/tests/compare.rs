@@ -1,8 +1,6 @@
 //! What moved: rates, gauge, sets and motions, on simulated calibrations whose noise is what their covariances say.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
 use resight_core::pose_graph::{PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph};

@@ -3,11 +3,9 @@
 //!
 //! How much: `common/wild.rs`. Surveys, batches, turns and advice: `entry_points_jobs.rs`.
 
-mod common;
-
-use common::Rng;
-use common::views;
-use common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
+use crate::common::Rng;
+use crate::common::views;
+use crate::common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use resight_core::Pose;
 use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};

@@ -1,10 +1,8 @@
 //! As `entry_points.rs`, for the jobs above a single pose: many views at once, consensus, turns, surveys, advice.
 
-mod common;
-
-use common::surveys::{Drawn, Known, ring};
-use common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
-use common::{Rng, views};
+use crate::common::surveys::{Drawn, Known, ring};
+use crate::common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
+use crate::common::{Rng, views};
 use nalgebra::Matrix2;
 use resight_core::advise::expect::{View, expect};
 use resight_core::batch::{Given, Views, locate_each, locate_each_of_three};

@@ -1,8 +1,6 @@
 //! Four points whose pixels are exact: the truth has χ² = 0, so that no other pose may be called the only one.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::Vector3;
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::Consistency;
@@ -54,7 +52,7 @@ fn scene(layout: &str, rng: &mut Rng) -> Option<Scene> {
     let truth =
         Pose::new(rng.rotation(), Vector3::new(rng.uniform(-0.3, 0.3) * z, rng.uniform(-0.2, 0.2) * z, z));
     let sigma_px = 10f64.powf(rng.uniform(-1.5, 0.0));
-    let camera = common::views::camera();
+    let camera = crate::common::views::camera();
     let seen = |x: &Point| Correspondence::new(&camera, *x, camera.project(&(&truth * x))?, sigma_px).ok();
     let seen = points.iter().map(seen).collect::<Option<_>>()?;
     Some(Scene { truth, seen })
@@ -70,7 +68,7 @@ fn is_wrong(e: &PoseEstimate, truth: &Pose) -> bool {
 }
 
 fn explain(layout: &str, s: &Scene, e: &PoseEstimate) {
-    let camera = common::views::camera();
+    let camera = crate::common::views::camera();
     let error = (e.cam_from_target * s.truth.inverse()).log();
     let nees = e.covariance.cholesky().map_or(f64::INFINITY, |c| error.dot(&c.solve(&error)));
     let at_truth = refine(&s.truth, &s.seen, &camera);
@@ -148,7 +146,7 @@ fn no_pose_of_exact_pixels_is_unique_and_wrong() {
         let (mut unique, mut refused, mut wrong) = (0, 0, 0);
         for _ in 0..scenes() {
             let Some(s) = scene(layout, &mut rng) else { continue };
-            let Ok(e) = locate(&s.seen, &common::views::camera(), &Config::default()) else {
+            let Ok(e) = locate(&s.seen, &crate::common::views::camera(), &Config::default()) else {
                 refused += 1;
                 continue;
             };

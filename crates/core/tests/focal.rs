@@ -2,10 +2,8 @@
 //!
 //! Pixels relative to the principal point, f 300–3000 px, points in front within a field of 75° or so.
 
-mod common;
-
+use crate::common::Rng;
 use arrayvec::ArrayVec;
-use common::Rng;
 use nalgebra::{Vector2, Vector3};
 use resight_core::solve::p4pf::p4pf;
 use resight_core::solve::p5pf::p5pf;

@@ -4,9 +4,7 @@
 //! more than 5° or 10 % of the distance. *Beyond its covariance*: fails, and by more than the stated covariance admits once in 10,000. *Avoidable*: the answer fails and the lowest pose of every start known here does not. What it
 //! leaves out: poses that none of those starts leads to.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
 use resight_core::choose::{Ambiguity, Hypothesis};

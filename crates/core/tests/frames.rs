@@ -3,10 +3,8 @@
 //!
 //! A flat grid of 4 × 3 points, 0.6 m wide, 0.8–2.5 m away, tilted up to 50°, f = 800 px, 0.3 px, unless a test says otherwise.
 
-mod common;
-
-use common::Rng;
-use common::views::looking_at;
+use crate::common::Rng;
+use crate::common::views::looking_at;
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::camera::{BrownConrady, Pinhole};
 use resight_core::frames::{

@@ -1,8 +1,6 @@
 //! A hundred thousand random inputs, sane and insane: never a panic, never a number in an answer that is none.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::Unit;
 use resight_core::choose::{Ambiguity, Minimum};
 use resight_core::consistency::Consistency;

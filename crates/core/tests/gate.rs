@@ -2,9 +2,7 @@
 //!
 //! Leaves out views outside that box; `weak_views.rs` has the planes and lines where it fails most.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
 use resight_core::choose::Ambiguity;

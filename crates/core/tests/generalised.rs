@@ -1,9 +1,7 @@
 //! The minimal solvers of a rig: exact rays give the exact pose, nothing behind a camera, nothing twice, no NaN. Exact data only; what
 //! noise does is tested in `rig_pose.rs`.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 use resight_core::solve::gp3p::{Ray, gp3p};
 use resight_core::solve::p3p::p3p;

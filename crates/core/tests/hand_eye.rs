@@ -1,12 +1,10 @@
 //! Hand–eye: exactness, statistics against a bound with derivatives of its own, wrong views, motions that say too little.
 
-mod common;
-
-use common::hands::{
+use crate::common::hands::{
     Vector12, World, all_stated, best_linear, block, covariance, drawn, exact, information, linearised,
     measured, part, squared,
 };
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use resight_core::hand_eye::{
     Candidate, HandEyeConfig, HandView, Height, Mount, RejectedView, solve_hand_eye,

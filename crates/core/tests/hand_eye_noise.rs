@@ -1,10 +1,10 @@
 //! Hand–eye with a robot whose noise nobody states: estimated from the views, honest, and told from faults.
 
-mod common;
-
-use common::Rng;
-use common::hands::{Stated, Vector12, World, best_linear, block, information, linearised, part, squared};
-use common::sessions::{Robot, Session, camera, solved};
+use crate::common::Rng;
+use crate::common::hands::{
+    Stated, Vector12, World, best_linear, block, information, linearised, part, squared,
+};
+use crate::common::sessions::{Robot, Session, camera, solved};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::camera::BrownConrady;
 use resight_core::hand_eye::{Candidate, HandEye, HandEyeCause, HandView, Mount, solve_hand_eye};

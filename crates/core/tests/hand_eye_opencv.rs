@@ -1,8 +1,6 @@
 //! Hand–eye beside OpenCV: the same noisy problems, its answers as recorded.
 
-mod common;
-
-use common::hands::squared;
+use crate::common::hands::squared;
 use nalgebra::{Matrix6, Vector3, Vector6};
 use resight_core::Pose;
 use resight_core::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, solve_hand_eye};

@@ -1,9 +1,7 @@
 //! Degenerate and hostile inputs give a named error or the right pose: never NaN, never a panic, never a quiet wrong answer.
 //! Random garbage: `fuzz.rs`.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector2, Vector3};
 use resight_core::consistency::Consistency;
 use resight_core::correspondence::{Detection, correspond};

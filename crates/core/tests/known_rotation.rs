@@ -1,8 +1,6 @@
 //! Place with the rotation known: exact from every sufficient mixture, covariance true, an earlier place updated as Kalman does.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::known_rotation::{Known, KnownRotation, Placed, place};
 use resight_core::line::{ImageLine, LineCorrespondence};

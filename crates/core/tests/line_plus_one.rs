@@ -3,9 +3,7 @@
 //! Layout and range of the paper's own experiment: f = 1000 px, line at 0, 1, 2 m, the fourth point 1 m off its end, the
 //! target 4–15 m away in the camera's field, attitude uniform on SO(3).
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Rotation3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
 use resight_core::choose::Ambiguity;

@@ -1,8 +1,6 @@
 //! Lines: vanishing points, the rotations and the poses they allow; exact from exact data, as good as the Cramér–Rao bound with noise.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::is_unlikely;

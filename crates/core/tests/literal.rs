@@ -1,9 +1,7 @@
 //! What noise does to the seed paper's printed procedure, beside the maximum-likelihood pose from the same four pixels.
 //! The table of docs/math/wang2004.md is what this prints.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Vector2, Vector3};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, Method, locate};

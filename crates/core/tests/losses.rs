@@ -1,8 +1,6 @@
 //! Losses: what they cost on good data, what they gain on bad, and that their covariance is true on both.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
 use resight_core::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate, locate};

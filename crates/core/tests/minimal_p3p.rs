@@ -2,9 +2,7 @@
 //! Exact data only. The truth is known to the rounding of the bearings, and a pose is determined only as well as its roots stand apart:
 //! what that leaves is counted as such, not forgiven (docs/math/p3p.md, section 6).
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Matrix6, Unit, Vector3};
 use resight_core::solve::p3p::p3p;
 use resight_core::{Bearing, Point, Pose};

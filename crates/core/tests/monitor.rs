@@ -1,9 +1,7 @@
 //! The drift sentry: its false alarms, its delays, and what it does not take for a drift.
 
-mod common;
-
-use common::Rng;
-use common::sentry::{
+use crate::common::Rng;
+use crate::common::sentry::{
     DAY_S, REALISTIC, SIGMA, Scene, Stream, WHITE, cam_from_target, delays_s, errors, mean, monitor, pan,
 };
 use nalgebra::{Matrix6, Vector6};

@@ -3,9 +3,7 @@
 //! A tag of 100 mm a good metre away, five hundredths of a degree known badly and a thousandth known well: its turns and shifts look alike.
 //! References are learned from fifty readings, one a second, as by a session, and nothing is stated beforehand.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
 use resight_core::monitor::learn::{LearnConfig, learn, unsettled};

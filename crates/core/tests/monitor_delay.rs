@@ -1,9 +1,7 @@
 //! The curves in the documents are what the code gives: docs/images/watch-delay.csv, made by the example `make_watch_delay`.
 
-mod common;
-
-use common::delay::{HEADER, Row, rivals, slow, step};
-use common::rivals::{between_alarms_of_cusum, cusum_between_alarms};
+use crate::common::delay::{HEADER, Row, rivals, slow, step};
+use crate::common::rivals::{between_alarms_of_cusum, cusum_between_alarms};
 
 const DRAWN: &str = include_str!("../../../docs/images/watch-delay.csv");
 

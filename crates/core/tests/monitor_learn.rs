@@ -1,9 +1,7 @@
 //! A camera that moves while its reference is learned: the motion is recognised, and chance is not taken for one.
 
-mod common;
-
-use common::Rng;
-use common::sentry::{REALISTIC, SIGMA, Scene, Stream, WHITE, covariance, pan};
+use crate::common::Rng;
+use crate::common::sentry::{REALISTIC, SIGMA, Scene, Stream, WHITE, covariance, pan};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::monitor::learn::{LearnConfig, learn, unsettled};
 use resight_core::monitor::{Drift, FALSE_ALARM_PROBABILITY, Reading, Unrest, Unsettled};

@@ -3,9 +3,7 @@
 //!
 //! One tag of which all corners are seen, at 0.2 px; what it leaves out: maps, rigs with a hand-held target and landmarks.
 
-mod common;
-
-use common::conditions::{Condition, DAY_S, Scene, alarms};
+use crate::common::conditions::{Condition, DAY_S, Scene, alarms};
 use nalgebra::Vector6;
 use resight_core::monitor::{Monitor, MonitorConfig, Watch};
 

@@ -1,8 +1,6 @@
 //! The sentry of a rig whose target is carried about: its false alarms, its names, and what two cameras cannot know.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{DMatrix, Matrix6, Vector2, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, PoseEstimate, locate};

@@ -4,9 +4,7 @@
 //! n-point closed form inside `locate`, P3P on three of the points for `method p3p`. Left out: lenses with distortion
 //! (`camera_models`), uncertain intrinsics (`statistics`), line-plus-one (`line_plus_one`).
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, Method, locate};

@@ -1,8 +1,6 @@
 //! Pose graphs: chains, joint answers, statistics, wrong pairs, what is refused.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use resight_core::pose_graph::{
     PairNoise, PairSigma, PoseGraph, PoseGraphConfig, PoseGraphSolution, RelativePose, chain, groups,

@@ -2,9 +2,7 @@
 //!
 //! Scenes of the bar: camera 1280×960, f = 1000 px, a line-plus-one target of 1 m, tilt 0–75°, both faces, 0.5 px.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Rotation3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
 use resight_core::choose::Ambiguity;

@@ -1,8 +1,6 @@
 //! Rotation from directions: exact, as sure as it says, refused when it cannot be known, and a χ² that betrays a camera that moved.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Unit, Vector3};
 use resight_core::consistency::is_unlikely;
 use resight_core::solve::pure_rotation::{DirectionPair, pure_rotation};

@@ -1,8 +1,6 @@
 //! Places of the target that are seen more than once, and places that lie on one line of sight: observations like any others.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::Vector2;
 use resight_core::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate, locate};

@@ -1,9 +1,7 @@
 //! Rigs that cannot be solved, and what is said: which cameras, which sighting, what would help. Sizes, known distances, weak links.
 
-mod common;
-
-use common::rooms::{self, Room};
-use common::{Rng, views};
+use crate::common::rooms::{self, Room};
+use crate::common::{Rng, views};
 use nalgebra::Vector2;
 use resight_core::rig::{
     KnownDistance, RejectedSighting, RigConfig, RigProblem, Sighting, shared_views, solve_rig,

@@ -3,10 +3,8 @@
 //! and what cannot be answered is refused by name. Rigs of two to four cameras, each point seen by one of them; 0.5 px
 //! (`common::rigs`).
 
-mod common;
-
-use common::rigs::{FAMILIES, Family, Made, SIGMA_PX, chi2, head, solve, vehicle, views_of};
-use common::{Rng, views};
+use crate::common::rigs::{FAMILIES, Family, Made, SIGMA_PX, chi2, head, solve, vehicle, views_of};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, locate};

@@ -4,9 +4,8 @@
 //!
 //! What it leaves out: errors that the right files have themselves, and the size of the only target.
 
-mod common;
-
-use common::recordings::{Recording, chessboard, root, webcams};
+use crate::common::recordings::{Recording, chessboard, webcams};
+use crate::recorded::recorded;
 use resight_core::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
 use resight_core::{Error, Vector6};
 
@@ -120,8 +119,9 @@ fn line(what: &str, fault: &str, found: &Found, right: &RigSolution) -> String {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn an_answer_that_is_wrong_is_not_called_right() {
-    let Some(root) = root() else { return };
+    let root = recorded("");
     let config = RigConfig { lens_errors: true, ..RigConfig::default() };
     let recordings = [chessboard(&root, 0.2), chessboard(&root, 0.5), webcams(&root)];
     let (mut alarms, mut silent) = (Vec::new(), Vec::new());

@@ -1,10 +1,9 @@
 //! Parts of real recordings against each other: two halves of the same views must differ by what their covariances say. Needs the folder
 //! named by RESIGHT_DATA.
 
-mod common;
-
-use common::recordings::{Recording, chessboard, root, webcams};
-use common::{Rng, rooms};
+use crate::common::recordings::{Recording, chessboard, webcams};
+use crate::common::{Rng, rooms};
+use crate::recorded::recorded;
 use resight_core::Matrix6;
 use resight_core::rig::{RigConfig, RigSolution};
 
@@ -81,15 +80,17 @@ fn check(recording: &Recording) {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn parts_of_the_webcams_differ_by_what_is_stated() {
-    let Some(root) = root() else { return };
+    let root = recorded("");
     check(&webcams(&root));
 }
 
 /// At the default of 0.5 px, three times what these corners show, and at 0.2 px, about what they show.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn parts_of_the_chessboard_differ_by_what_is_stated() {
-    let Some(root) = root() else { return };
+    let root = recorded("");
     for sigma_px in [0.5, 0.2] {
         println!("stated {sigma_px} px");
         check(&chessboard(&root, sigma_px));

@@ -1,9 +1,7 @@
 //! Wrong points, wrong labels, flipped tags, a moved target: none of them moves the answer beyond its covariance.
 
-mod common;
-
-use common::rooms::Room;
-use common::{Rng, outliers, rooms};
+use crate::common::rooms::Room;
+use crate::common::{Rng, outliers, rooms};
 use nalgebra::Vector2;
 use resight_core::rig::{GATE_SIGMAS, RejectedSighting, RigConfig, Sighting};
 use resight_core::{Correspondence, Point, Pose};

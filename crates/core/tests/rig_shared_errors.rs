@@ -1,10 +1,8 @@
 //! Errors that a whole sighting shares: late cameras, a bent board, corners off to one side. The covariance must hold them, and must not
 //! grow where there are none.
 
-mod common;
-
-use common::rooms::Room;
-use common::{Rng, rooms};
+use crate::common::rooms::Room;
+use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, Vector2};
 use resight_core::rig::{RigConfig, Sighting};
 use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};

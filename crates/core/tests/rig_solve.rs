@@ -1,9 +1,7 @@
 //! The places of cameras in a rig: exact and noisy pixels, the paper's own pair, the order of the input.
 
-mod common;
-
-use common::rooms::Room;
-use common::{Rng, rooms};
+use crate::common::rooms::Room;
+use crate::common::{Rng, rooms};
 use nalgebra::{Matrix3, Vector3};
 use resight_core::camera::{Photogrammetric, PhotogrammetricParameters};
 use resight_core::rig::{BodyInView, RigConfig, RigSolution, Sighting};

@@ -1,9 +1,7 @@
 //! Covariances of a rig against Monte Carlo and against a Fisher information that shares no derivative with the product.
 
-mod common;
-
-use common::rooms::Room;
-use common::{Rng, rooms};
+use crate::common::rooms::Room;
+use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::camera::{DoubleSphere, KannalaBrandt};
 use resight_core::correspondence::PixelCovariance;

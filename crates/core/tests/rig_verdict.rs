@@ -2,10 +2,8 @@
 //!
 //! What it leaves out: distortion (real recordings have it), two cameras with the same lens and exchanged names (nothing seen tells), the size of the only target.
 
-mod common;
-
-use common::rooms::{self, Room};
-use common::{Rng, views};
+use crate::common::rooms::{self, Room};
+use crate::common::{Rng, views};
 use resight_core::rig::{Cause, RigConfig, RigSolution, Sighting};
 use resight_core::{Camera, Correspondence, Error, Point, Pose, Vector6};
 

@@ -1,8 +1,6 @@
 //! Road marks: a lane of known width with its stop line, and a road of unknown width with the height of the camera.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::line::{ImageLine, LineCorrespondence};

@@ -1,9 +1,7 @@
 //! What `robust::consensus` is worth: as good as knowing the right correspondences, and found at nine wrong ones in ten.
 
-mod common;
-
-use common::Rng;
-use common::outliers::{camera, scene};
+use crate::common::Rng;
+use crate::common::outliers::{camera, scene};
 use resight_core::locate::{self, locate};
 use resight_core::robust::{Config, consensus};
 

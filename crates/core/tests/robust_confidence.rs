@@ -1,9 +1,7 @@
 //! The confidence that ends the search holds, and random labels get no answer.
 
-mod common;
-
-use common::Rng;
-use common::outliers::{Scene, any_pixel, camera, scene, with_rival};
+use crate::common::Rng;
+use crate::common::outliers::{Scene, any_pixel, camera, scene, with_rival};
 use resight_core::robust::{Config, consensus};
 use resight_core::{Correspondence, Error};
 

@@ -1,10 +1,8 @@
 //! What `robust::consensus` promises of every answer: never wrong with a green light, the same for the same input, inliers that are
 //! those of the returned pose, named errors for what cannot be.
 
-mod common;
-
-use common::outliers::{Scene, any_pixel, camera, scene};
-use common::{Rng, views};
+use crate::common::outliers::{Scene, any_pixel, camera, scene};
+use crate::common::{Rng, views};
 use resight_core::camera::{BrownConrady, KannalaBrandt};
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::Consistency;

@@ -1,9 +1,7 @@
 //! Bad numbers into the solvers that know something of the rotation, and those of lines: an answer in finite numbers or a named error,
 //! never a panic. What good numbers give, the other suites say.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector3};
 use resight_core::known_rotation::{Known, KnownRotation, place};
 use resight_core::line::{ImageLine, LineCorrespondence};

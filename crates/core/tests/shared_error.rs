@@ -3,9 +3,7 @@
 //! Boards of three kinds, near and far, with a random smooth displacement of the image. `RESIGHT_SCENES` draws more scenes. What no
 //! residual can show (a displacement that the pose takes up whole, or one below the noise) is left out: docs/math/shared_error.md section 4.
 
-mod common;
-
-use common::{Rng, rooms};
+use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, locate};

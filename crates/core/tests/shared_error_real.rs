@@ -3,26 +3,17 @@
 //!
 //! The noise stated is the detector's smallest, 0.15 px. Left out: halves whose points leave two poses.
 
-mod common;
-
-use common::rooms;
+use crate::common::rooms;
+use crate::recorded::recorded;
 use resight_core::camera::{BrownConrady, KannalaBrandt};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Pixel, Point};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SIGMA_PX: f64 = 0.15;
-
-fn root() -> Option<PathBuf> {
-    let root = std::env::var_os("RESIGHT_DATA").map(PathBuf::from);
-    if root.is_none() {
-        println!("RESIGHT_DATA is not set: real recordings are skipped");
-    }
-    root
-}
 
 /// The numbers of the bracketed list that follows `key`, however deep its brackets.
 fn list(text: &str, key: &str) -> Vec<f64> {
@@ -190,8 +181,9 @@ fn between_halves(set: &Set, parted: Parted) -> (f64, f64, usize) {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn halves_of_a_board_agree() {
-    let Some(root) = root() else { return };
+    let root = recorded("");
     for set in [chessboard(&root), webcams(&root), april_grid(&root)] {
         for parted in [Parted::LeftRight, Parted::UpperLower, Parted::Alternating] {
             let (with, without, n) = between_halves(&set, parted);
@@ -212,8 +204,9 @@ fn halves_of_a_board_agree() {
 
 /// Each pair of images says where the right camera is; so do all views together.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn pairs_of_cameras_agree_with_the_rig() {
-    let Some(root) = root() else { return };
+    let root = recorded("");
     let set = chessboard(&root);
     let views: Vec<&str> = {
         let mut names: Vec<&str> = set.images.iter().map(|i| i.view.as_str()).collect();

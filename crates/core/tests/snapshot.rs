@@ -1,8 +1,6 @@
 //! A tracker and a monitor put into numbers and restored go on bit for bit as if nothing had been.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 use resight_core::snapshot::Snapshot;

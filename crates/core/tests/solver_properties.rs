@@ -1,9 +1,7 @@
 //! One suite for all closed forms: exact points give the exact pose, never more solutions than stated, and the answer does not depend on
 //! frame, unit or order. Exact data only; what noise does is tested where poses are refined.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Unit, Vector3};
 use resight_core::solve::{Candidates, p3p::p3p, planar::planar, sqpnp::sqpnp};
 use resight_core::{Bearing, Camera, Correspondence, Point, Pose};

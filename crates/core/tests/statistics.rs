@@ -3,9 +3,7 @@
 //!
 //! Eight points of 1 m, 2–6 m away, f = 800 px, 0.5 px. Line-plus-one has its own bars: `line_plus_one.rs`.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, Method, locate};

@@ -1,9 +1,7 @@
 //! Measuring in photographs: exact facts give exact places; what is undetermined or contradictory is named.
 
-mod common;
-
-use common::Rng;
-use common::accident::{Scene, looking_at, photos};
+use crate::common::Rng;
+use crate::common::accident::{Scene, looking_at, photos};
 use nalgebra::Vector3;
 use resight_core::survey::{Adjusted, Fact, Frame, Item, Plane, Query, Survey, adjust};
 use resight_core::{Error, Point};
@@ -182,7 +180,7 @@ fn a_free_turn_is_held() {
 #[test]
 fn one_more_click_is_foreseen() {
     let mut scene = by_distances();
-    scene.intrinsics = Some(common::accident::intrinsics([6.0, 6.0, 4.0, 4.0]));
+    scene.intrinsics = Some(crate::common::accident::intrinsics([6.0, 6.0, 4.0, 4.0]));
     scene.facts.retain(|f| f.points()[0] != Some(5));
     let before = solve(&scene, &scene.facts).expect("places");
     scene.click(1, 5, 0.5);

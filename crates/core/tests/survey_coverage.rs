@@ -1,10 +1,8 @@
 //! Do 95 % intervals contain the truth 95 times in 100? Pixels, intrinsics, distances, coordinates and the road's unevenness drawn
 //! from their stated sigmas.
 
-mod common;
-
-use common::Rng;
-use common::accident::{Scene, intrinsics, photos};
+use crate::common::Rng;
+use crate::common::accident::{Scene, intrinsics, photos};
 use nalgebra::Vector3;
 use resight_core::Point;
 use resight_core::survey::{Fact, Plane, Query, adjust};

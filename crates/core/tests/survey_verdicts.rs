@@ -1,9 +1,7 @@
 //! Never confidently wrong: hundreds of drawn scenes, good ones, ones with a slipped decimal point, ones whose marks stand on a line.
 
-mod common;
-
-use common::Rng;
-use common::surveys::{Drawn, Known, ring, row};
+use crate::common::Rng;
+use crate::common::surveys::{Drawn, Known, ring, row};
 use nalgebra::Vector3;
 use resight_core::camera::Pinhole;
 use resight_core::survey::{Adjusted, Fact, Query, Survey, SurveyCamera, SurveyStatus, adjust};
@@ -348,7 +346,7 @@ const TRUTH: [(usize, usize, f64); 2] = [(5, 6, 5.069), (8, 9, 2.191)];
 fn marks_that_tapes_leave_nearly_flat_are_solved() {
     let matrix = CameraMatrix { fx_px: 1300.0, fy_px: 1300.0, cx_px: 799.5, cy_px: 532.5 };
     let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
-    let covariance = common::accident::intrinsics([15.0, 15.0, 6.0, 6.0]);
+    let covariance = crate::common::accident::intrinsics([15.0, 15.0, 6.0, 6.0]);
     let cameras = [SurveyCamera { camera: &camera, intrinsics_covariance: Some(&covariance) }];
     let click = |(photo, point, [u, v]): (usize, usize, [f64; 2])| Fact::Click {
         photo,

@@ -2,9 +2,7 @@
 //!
 //! Tags of 165.1 mm, 2–5 m away, f = 800 px, 0.3 px.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::Consistency;

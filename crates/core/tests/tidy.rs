@@ -1,32 +1,30 @@
 //! The house rules a machine can check: layers, what the core must not touch, names of poses, sources of solvers.
 
-mod tidy_rules;
-
-use tidy_rules::{code, files, product};
+use crate::tidy_rules::{code, files, product};
 
 #[test]
 fn modules_use_only_those_above_them() {
-    tidy_rules::modules_use_only_those_above_them(30);
+    crate::tidy_rules::modules_use_only_those_above_them(30);
 }
 
 #[test]
 fn submodules_use_only_those_above_them() {
-    tidy_rules::submodules_use_only_those_above_them(5);
+    crate::tidy_rules::submodules_use_only_those_above_them(5);
 }
 
 #[test]
 fn the_core_touches_nothing_outside() {
-    tidy_rules::nothing_outside_is_touched();
+    crate::tidy_rules::nothing_outside_is_touched();
 }
 
 #[test]
 fn the_core_does_not_panic_on_purpose() {
-    tidy_rules::nothing_panics_on_purpose();
+    crate::tidy_rules::nothing_panics_on_purpose();
 }
 
 #[test]
 fn every_cited_equation_exists() {
-    tidy_rules::every_cited_equation_exists(5);
+    crate::tidy_rules::every_cited_equation_exists(5);
 }
 
 fn says_from_which_frame(name: &str) -> bool {
@@ -78,4 +76,28 @@ fn every_solver_names_its_source() {
         solvers += 1;
     }
     assert!(4 < solvers);
+}
+
+/// All tests of a crate are one program; a file that its `main.rs` does not name would never run.
+#[test]
+fn every_test_file_is_run() {
+    let crates = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("crates/");
+    let mut n_files = 0;
+    for folder in std::fs::read_dir(crates).expect("crates/") {
+        let tests = folder.expect("a crate").path().join("tests");
+        let Ok(main) = std::fs::read_to_string(tests.join("main.rs")) else { continue };
+        for file in std::fs::read_dir(&tests).expect("tests/") {
+            let file = file.expect("a file").path();
+            let stem = file.file_stem().expect("a name").to_string_lossy().to_string();
+            if file.extension().is_some_and(|e| e == "rs") && stem != "main" {
+                n_files += 1;
+                assert!(
+                    main.lines().any(|line| line == format!("mod {stem};")),
+                    "{} does not run",
+                    file.display()
+                );
+            }
+        }
+    }
+    assert!(100 < n_files, "{n_files}");
 }

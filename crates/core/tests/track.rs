@@ -1,8 +1,6 @@
 //! Poses through time: consistent covariances, outliers, jumps, and two poses told apart by time.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::track::{Candidate, Motion, TrackConfig, Tracked, Tracker};
 use resight_core::{Error, Pose};

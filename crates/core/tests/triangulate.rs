@@ -1,10 +1,7 @@
 //! Points from two and more views: exactness for every lens, the global minimum, statistics, refusals.
 
-mod camera_zoo;
-mod common;
-
-use camera_zoo::cameras;
-use common::{Rng, views};
+use crate::camera_zoo::cameras;
+use crate::common::{Rng, views};
 use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::correspondence::PixelCovariance;

@@ -1,9 +1,7 @@
 //! The turn since a reference: exact, efficient, as sure as it says, told from what moves by itself.
 
-mod common;
-
-use common::Rng;
-use common::rooms::{barrel, pinhole};
+use crate::common::Rng;
+use crate::common::rooms::{barrel, pinhole};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 use resight_core::turn::{Landmark, Turn, TurnConfig, turn};
 use resight_core::{Bearing, Camera, Error};

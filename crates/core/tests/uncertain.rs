@@ -1,8 +1,6 @@
 //! Uncertain intrinsics and uncertain points together: the covariance is the true one in every layout, and no pose is far off and `ok`.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3, Vector6};
 use resight_core::choose::Ambiguity;
 use resight_core::consistency::Consistency;

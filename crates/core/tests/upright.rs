@@ -1,8 +1,6 @@
 //! Two points and the vertical: exact poses, never behind the camera, clean refusals; and what `locate` makes of it.
 
-mod common;
-
-use common::{Rng, views};
+use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector3};
 use resight_core::choose::Ambiguity;
 use resight_core::locate::{Config, Method, locate};

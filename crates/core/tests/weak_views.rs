@@ -1,9 +1,7 @@
 //! Views in which line-plus-one is weak: near its critical plane, and with the line seen end on. The answer may be poor; it must
 //! say so. The tables of docs/math/line_plus_one.md are what this prints.
 
-mod common;
-
-use common::Rng;
+use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2};
 use resight_core::camera::Pinhole;
 use resight_core::choose::{Ambiguity, Hypothesis};

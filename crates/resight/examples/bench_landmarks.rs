@@ -1,5 +1,6 @@
 //! What a frame costs: `cargo run --release -p resight --example bench_landmarks`.
 
+#[allow(dead_code)] // The tests use the rest.
 #[path = "../tests/landmarks_support/mod.rs"]
 mod landmarks_support;
 

@@ -1,5 +1,6 @@
 //! Draws the picture of docs/landmarks.md: `cargo run --release -p resight --example make_landmarks` from the repository's root.
 
+#[allow(dead_code)] // The tests use the rest.
 #[path = "../tests/landmarks_support/mod.rs"]
 mod landmarks_support;
 

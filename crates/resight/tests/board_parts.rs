@@ -1,8 +1,6 @@
 //! Boards that are partly hidden, cut off or strongly tilted: what is visible is found, and no id is ever wrong.
 
-mod detect_support;
-
-use detect_support::*;
+use crate::detect_support::*;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::target::*;

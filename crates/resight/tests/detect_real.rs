@@ -1,8 +1,7 @@
 //! Detectors on real photographs, against the tables beside them. Needs the folder named by RESIGHT_DATA.
 
-mod detect_support;
-
-use detect_support::*;
+use crate::detect_support::*;
+use crate::recorded::{recorded, recorded_frames};
 use resight::GrayImage;
 use resight::core::target::*;
 use resight::core::{Pixel, Target};
@@ -28,8 +27,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// 47 tags in three photographs, all of id 0. The list has pixel centres at +0.5 and starts with another corner.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn photographed_tags_are_found() {
-    let Some(folder) = real_data("apriltag_detection_truth") else { return };
+    let folder = recorded("apriltag_detection_truth");
     let rows = table(&folder.join("truth_corners.csv"));
     let mut finder = TagFinder::new("tag36h11").unwrap();
     let mut by_image: BTreeMap<String, Vec<[Pixel; 4]>> = BTreeMap::new();
@@ -60,8 +60,9 @@ fn photographed_tags_are_found() {
 
 /// Corner order and pixel origin are those of an independent detector, image by image.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn rectified_tags_agree_with_the_reference_corners() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let mut by_image: BTreeMap<String, BTreeMap<(u32, u8), Pixel>> = BTreeMap::new();
     for row in table(&folder.join("detections.csv")) {
         let corner = (row["tag"].parse().unwrap(), row["corner_TL_TR_BR_BL_upright"].parse().unwrap());
@@ -90,8 +91,9 @@ fn rectified_tags_agree_with_the_reference_corners() {
 /// All 26 images; ours and OpenCV's corners are the same point but for the places where OpenCV's window meets a
 /// neighbouring corner (up to 6 px in views 2 and 13, single corners in 5, 7 and 9).
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn chessboard_corners_agree_with_opencv() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let mut by_image: BTreeMap<String, BTreeMap<u32, Pixel>> = BTreeMap::new();
     for row in table(&folder.join("detections.csv")) {
         let view: u32 = row["view"].parse().unwrap();
@@ -121,8 +123,9 @@ fn chessboard_corners_agree_with_opencv() {
 
 /// Kalibr's grid in two fisheye views and one of EuRoC; the reference found only 16 of the 36 tags of the last.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn aprilgrids_are_found_whole() {
-    let Some(folder) = real_data("aprilgrid_tumvi_euroc") else { return };
+    let folder = recorded("aprilgrid_tumvi_euroc");
     let mut by_image: BTreeMap<String, BTreeMap<(u32, u8), Pixel>> = BTreeMap::new();
     for row in table(&folder.join("detections.csv")) {
         // Kalibr starts at the bottom left and runs the other way round.
@@ -185,14 +188,9 @@ fn recorded_corners(folder: &Path) -> Seen {
 /// Refined in the same window ours are the same points (without the pixel of camera 1 67.6 % instead of 96.0 %); in their own
 /// windows they are 1.6 to 3.4 times better.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn recorded_charuco_corners_are_found() {
-    let Some(folder) = real_data("caliscope_4cam_charuco") else { return };
-    let Some(frames) = std::env::var_os("RESIGHT_FRAMES") else {
-        println!(
-            "RESIGHT_FRAMES is not set: recorded frames are skipped (scripts/unpack_videos.sh makes them)"
-        );
-        return;
-    };
+    let folder = recorded("caliscope_4cam_charuco");
     let truth = recorded_corners(&folder);
     let dictionary = "DICT_4X4_1000".to_string();
     let board =
@@ -204,7 +202,7 @@ fn recorded_charuco_corners_are_found() {
     for camera in 0..4 {
         let flipped_px = if camera == 1 { 1.0 } else { 0.0 };
         for frame in 1..=48 {
-            let path = Path::new(&frames).join(format!("cam_{camera}/{frame:06}.png"));
+            let path = recorded_frames(&format!("cam_{camera}")).join(format!("{frame:06}.png"));
             let image = GrayImage::read(&path).unwrap();
             for d in detector.detect(&image).unwrap() {
                 let Some(listed) = truth.get(&(camera, frame, d.feature.id)) else { continue };
@@ -231,6 +229,7 @@ fn recorded_charuco_corners_are_found() {
 
 /// Photographs of other things: chessboards, tags of another family, people and furniture.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn nothing_is_found_where_nothing_is() {
     let sets =
         [("opencv_stereo_chessboard", "jpg"), ("apriltag_detection_truth", "jpg"), ("dt_apriltags", "png")];
@@ -247,7 +246,7 @@ fn nothing_is_found_where_nothing_is() {
     ];
     let (mut images, mut false_finds) = (0, Vec::new());
     for (set, extension) in sets {
-        let Some(folder) = real_data(set) else { return };
+        let folder = recorded(set);
         let mut paths: Vec<_> =
             std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
         paths.retain(|path| path.extension().is_some_and(|e| e == extension));

@@ -1,8 +1,6 @@
 //! Detectors on pictures of known geometry: ids, corner order, pixel origin, accuracy, and what is not there.
 
-mod detect_support;
-
-use detect_support::*;
+use crate::detect_support::*;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::target::*;

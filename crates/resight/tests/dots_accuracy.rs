@@ -1,8 +1,6 @@
 //! How well dots are measured: error, stated sigma, perspective's shift, over range, tilt, polarity, blur and noise.
 
-mod dots_support;
-
-use dots_support::*;
+use crate::dots_support::*;
 use resight::detect::dots::{DotConfig, DotDetector};
 use resight::render::{Finish, Pcg, Scene, Style, true_pixels};
 use resight_core::Pixel;

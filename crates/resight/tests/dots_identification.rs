@@ -1,9 +1,7 @@
 //! Which dots are the target: clutter, several targets, hidden dots, hostile images. Not found is allowed where said,
 //! wrong never is.
 
-mod dots_support;
-
-use dots_support::*;
+use crate::dots_support::*;
 use resight::GrayImage;
 use resight::detect::dots::{DotDetector, DotError, Polarity};
 use resight::render::{Blob, Finish, Pcg, Scene, Style, clutter, true_pixels};

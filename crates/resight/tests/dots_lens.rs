@@ -1,8 +1,6 @@
 //! Dots and the renderer through lenses that bend lines: the same accuracy as through a pinhole.
 
-mod dots_support;
-
-use dots_support::*;
+use crate::dots_support::*;
 use resight::detect::dots::DotDetector;
 use resight::render::{Finish, Pcg, Scene, Style};
 use resight_core::camera::{BrownConrady, CameraMatrix, ImageSize, KannalaBrandt};

@@ -1,12 +1,10 @@
 //! COLMAP's text models: several images with one lens, rigs that moved, frames that win, files that are refused.
 
-mod rigs_support;
-
+use crate::rigs_support::{assert_golden, assert_says, cameras, refusal, round_trip, seen_points};
 use resight::core::Point;
 use resight::formats::{
     CameraFile, Format, OutFile, WriteError, read_cameras_from_bytes, read_rig, write_cameras,
 };
-use rigs_support::{assert_golden, assert_says, cameras, refusal, round_trip, seen_points};
 use std::path::{Path, PathBuf};
 
 #[test]

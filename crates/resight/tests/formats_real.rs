@@ -1,24 +1,15 @@
 //! Files that other programs wrote, in the folder RESIGHT_DATA.
 
+use crate::recorded::recorded;
 use resight::core::{Point, Pose, Target, Vector6};
 use resight::formats::{Format, read_cameras, read_target};
-use std::path::PathBuf;
-
-fn data() -> Option<PathBuf> {
-    let Some(folder) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: the tests on real files are skipped");
-        return None;
-    };
-    let folder = PathBuf::from(folder);
-    assert!(folder.is_dir(), "RESIGHT_DATA = {} is not a folder", folder.display());
-    Some(folder)
-}
 
 /// The published camN_from_cam0 (checked there against an adjustment of our own) follow from the file only when its
 /// poses are read as world → camera.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn caliscope_array_is_world_to_camera() {
-    let Some(data) = data() else { return };
+    let data = recorded("");
     let folder = data.join("caliscope_4cam_charuco");
     let file = read_cameras(&folder.join("camera_array.toml")).unwrap();
     assert_eq!((file.format, file.cameras.len()), (Format::Caliscope, 4));
@@ -36,8 +27,9 @@ fn caliscope_array_is_world_to_camera() {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn caliscope_board_is_54_mm() {
-    let Some(data) = data() else { return };
+    let data = recorded("");
     let file = read_target(&data.join("caliscope_4cam_charuco/charuco.toml")).unwrap();
     let Target::Charuco(board) = file.target else { panic!() };
     assert!((board.square_m - 0.054).abs() < 1e-12 && (board.rows, board.columns) == (5, 4));
@@ -45,8 +37,9 @@ fn caliscope_board_is_54_mm() {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn opensfm_intrinsics_with_a_matrix_of_rows() {
-    let Some(data) = data() else { return };
+    let data = recorded("");
     let file = read_cameras(&data.join("opensfm_berlin_2d3d/intrinsics.json")).unwrap();
     let camera = &file.cameras[0].camera;
     assert_eq!(

@@ -3,16 +3,14 @@
 //! The goldens lie in testdata/formats/golden/rigs, one folder a format; scripts/judges lets the programs themselves
 //! read them and project the points of `pixels.csv` there, which this file writes too.
 
-mod rigs_support;
-
+use crate::rigs_support::{
+    assert_golden, assert_same_rig, assert_says, between, cameras, example, golden, read_back, refusal,
+    round_trip, seen_points,
+};
 use resight::core::Target;
 use resight::formats::{
     Field, Format, NamedCamera, OutFile, convert, read_cameras, read_cameras_from_bytes, read_field,
     read_rig, read_target, read_target_from_bytes, write_cameras, write_field_layout,
-};
-use rigs_support::{
-    assert_golden, assert_same_rig, assert_says, between, cameras, example, golden, read_back, refusal,
-    round_trip, seen_points,
 };
 use std::path::Path;
 

@@ -3,9 +3,7 @@
 //! Some seconds by default; `RESIGHT_FUZZ_SECONDS=3600` runs for an hour, `RESIGHT_FUZZ_SEED` draws others. A failure prints seed, case
 //! and file, and writes the spoilt copy below target/tmp.
 
-mod fuzz_support;
-
-use fuzz_support::{Draw, files_below, setting, spoilt};
+use crate::fuzz_support::{Draw, files_below, setting, spoilt};
 use resight::{GrayImage, formats, rig};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

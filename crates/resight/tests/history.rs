@@ -1,8 +1,6 @@
 //! The history: what ages is averaged honestly, events stay, the file stays small, tables hold what the rows hold.
 
-mod history_support;
-
-use history_support::{
+use crate::history_support::{
     FOR_EVER, cells, every, file, frames, is_mean_of, keep, open, pairs, rows, thin, turns,
 };
 use nalgebra::{Matrix3, Matrix6, Vector3};

@@ -1,8 +1,6 @@
 //! The history of a camera that goes by natural landmarks: turns are kept as numbers, and age as honestly as poses, apart from them.
 
-mod history_support;
-
-use history_support::{
+use crate::history_support::{
     FOR_EVER, cells, every, file, frames, is_mean_of, is_mean_turn_of, keep, open, rows, thin, turns,
 };
 use resight::history::export::{Table, export};

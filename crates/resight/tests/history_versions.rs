@@ -1,8 +1,6 @@
 //! Histories written by other versions: an earlier one is read as it is and brought up to date when it is written, a later one is refused.
 
-mod history_support;
-
-use history_support::{FOR_EVER, every, file, frames, keep, open, pairs, rows, thin, turns};
+use crate::history_support::{FOR_EVER, every, file, frames, keep, open, pairs, rows, thin, turns};
 use resight::history::export::{Table, export};
 use resight::history::{History, HistoryError, Selection, Span, Store};
 use rusqlite::{Connection, params};

@@ -2,9 +2,7 @@
 //!
 //! The AprilTag library ends the program where an edge has 32,768 px or more. `RESIGHT_FUZZ_SECONDS` draws for longer.
 
-mod detect_support;
-
-use detect_support::*;
+use crate::detect_support::*;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};

@@ -1,8 +1,6 @@
 //! Landmarks in rendered pictures: the turn since the reference against truth, how sure it is, and when it is not told at all.
 
-mod landmarks_support;
-
-use landmarks_support::{blurred, camera, exposed, pass_by, picture, picture_with_floor, turned};
+use crate::landmarks_support::{blurred, camera, exposed, pass_by, picture, picture_with_floor, turned};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use resight::GrayImage;
 use resight::core::Camera;

@@ -1,8 +1,6 @@
 //! Landmarks watched through time: false alarms as rare as promised, a knock found with its direction, blindness said.
 
-mod landmarks_support;
-
-use landmarks_support::{camera, exposed, picture, turned};
+use crate::landmarks_support::{camera, exposed, picture, turned};
 use nalgebra::Matrix3;
 use resight::GrayImage;
 use resight::core::monitor::{Drift, MonitorConfig};

@@ -1,8 +1,6 @@
 //! What a session says of corners that are off for a while and of a mount that vibrates: neither is a motion, and nothing is said too often.
 
-mod live_support;
-
-use live_support::{camera, tag, tag_pose, watched};
+use crate::live_support::{camera, tag, tag_pose, watched};
 use nalgebra::Vector6;
 use resight::core::correspondence::Detection;
 use resight::core::{Pixel, Pose};

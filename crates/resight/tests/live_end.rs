@@ -1,8 +1,6 @@
 //! How sessions end: stopped from outside nothing that was read is lost, and a thread that fails takes only its camera with it.
 
-mod live_support;
-
-use live_support::{camera, config, tag, tag_pose, watched};
+use crate::live_support::{camera, config, tag, tag_pose, watched};
 use resight::core::Pixel;
 use resight::core::correspondence::Detection;
 use resight::live::rig::RigConfig;

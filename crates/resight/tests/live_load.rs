@@ -1,11 +1,6 @@
 //! A session under load: what it cannot look at is dropped and counted, what it holds does not grow.
 
-mod live_support;
-#[allow(dead_code)] // the bench uses the rest
-#[path = "../benches/live/process.rs"]
-mod process;
-
-use live_support::{Pace, Replay, config, film, tag, tag_pose, trembling, watched};
+use crate::live_support::{Pace, Replay, config, film, tag, tag_pose, trembling, watched};
 use resight::GrayImage;
 use resight::live::{self, Event};
 use resight::source::{Next, Source};
@@ -31,14 +26,14 @@ fn memory_threads_and_files_stay_as_they_are() {
     let cameras =
         (0..2).map(|_| watched(&tag(), Replay::new(&pictures, Pace::AsTaken, 30.0, FRAMES))).collect();
     let (mut seen, mut poses, mut used) = (0, 0, Vec::new());
-    let before = process::threads_and_files();
+    let before = crate::process::threads_and_files();
     live::run(cameras, &config(), &Arc::new(AtomicBool::new(false)), |event| {
         if let Event::Observed { observation, .. } = event {
             seen += 1;
             poses += u64::from(observation.tracked.is_some());
             // Once both cameras are warm, and before one of them has ended.
             if [FRAMES / 2, FRAMES, 3 * FRAMES / 2].contains(&seen) {
-                used.push((process::resident_bytes(), process::threads_and_files()));
+                used.push((crate::process::resident_bytes(), crate::process::threads_and_files()));
             }
         }
         true
@@ -57,9 +52,9 @@ fn memory_threads_and_files_stay_as_they_are() {
     // A thread that has said its last is gone a moment later.
     let is_over = |_| {
         std::thread::sleep(Duration::from_millis(10));
-        process::threads_and_files() <= before
+        crate::process::threads_and_files() <= before
     };
-    assert!((0..200).any(is_over), "{before:?} stayed {:?}", process::threads_and_files());
+    assert!((0..200).any(is_over), "{before:?} stayed {:?}", crate::process::threads_and_files());
 }
 
 /// A hundred frames a second for a while, then five.
@@ -123,7 +118,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
         watched(&tag(), Burst { replay, n_fast: (FAST_S * FAST_HZ) as u64, started: None })
     };
     let cameras = (0..CAMERAS).map(burst).collect();
-    let before = process::resident_bytes();
+    let before = crate::process::resident_bytes();
     let (mut seen, mut dropped, mut told, mut stalest_us, mut most) = (0, 0, 0, 0.0f64, 0.0f64);
     let mut last = [0; CAMERAS];
     let mut last_gap_s = 0.0f64;
@@ -147,7 +142,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
             }
             _ => {}
         }
-        most = most.max(process::resident_bytes().unwrap_or(0.0));
+        most = most.max(crate::process::resident_bytes().unwrap_or(0.0));
         true
     })
     .expect("a session");

@@ -1,8 +1,6 @@
 //! Pictures of half the size that the camera was calibrated at: poses, and the relations of a rig, are those of the whole size.
 
-mod live_support;
-
-use live_support::{camera, tag, tag_pose, watched};
+use crate::live_support::{camera, tag, tag_pose, watched};
 use nalgebra::{DMatrix, Vector6};
 use resight::GrayImage;
 use resight::core::Pose;
@@ -72,7 +70,7 @@ fn a_rig_stands_where_its_file_says() {
     let cameras = cam_from_rig.iter().enumerate().map(watched).collect();
     let covariance = DMatrix::identity(12, 12) * 1e-7;
     let rig = RigConfig { reference: Some((cam_from_rig.to_vec(), covariance)), sync_tolerance_s: 0.02 };
-    let config = LiveConfig { rig: Some(rig), learn_readings: 20, ..live_support::config() };
+    let config = LiveConfig { rig: Some(rig), learn_readings: 20, ..crate::live_support::config() };
     let mut states = [None, None];
     live::run(cameras, &config, &Arc::new(AtomicBool::new(false)), |event| {
         match event {

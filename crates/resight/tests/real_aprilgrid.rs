@@ -1,8 +1,7 @@
 //! Kalibr's grid in two fisheye photographs (TUM-VI) and one of EuRoC, with the intrinsics published for those cameras.
 
-mod real_support;
-
-use real_support::*;
+use crate::real_support::*;
+use crate::recorded::recorded;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::target::AprilGrid;
@@ -23,8 +22,9 @@ fn cameras(folder: &Path) -> [Camera; 2] {
 /// Residual bars: 0.12 px (fisheye), 0.25 px (EuRoC). The reference's own corners are other corners: the poses may differ by
 /// about two standard deviations of ours, 0.06° and 1 mm. Of EuRoC it used 16 of the 36 tags; compared on those.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn grids_fit_to_a_tenth_of_a_pixel() {
-    let Some(folder) = real_data("aprilgrid_tumvi_euroc") else { return };
+    let folder = recorded("aprilgrid_tumvi_euroc");
     let [fisheye, euroc] = cameras(&folder);
     let target = Target::AprilGrid(AprilGrid {
         family: "tag36h11".into(),

@@ -3,9 +3,8 @@
 //! The published poses come from corners refined in a window of 23 px, which on this small board takes neighbouring corners
 //! in: single corners are up to 6.4 px off in views 2 and 13 (outliers on purpose), 1.1 px in 7 and 1.6 px in 9.
 
-mod real_support;
-
-use real_support::*;
+use crate::real_support::*;
+use crate::recorded::recorded;
 use resight::GrayImage;
 use resight::core::correspondence::Correspondence;
 use resight::core::locate::{Config, PoseEstimate, locate};
@@ -92,8 +91,9 @@ fn check_against_published(name: &str, answers: &[(&View, PoseEstimate)], bars: 
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn published_corners_give_the_published_poses() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let Views { camera, views, .. } = views(&folder);
     let answers: Vec<_> = views.iter().map(|v| (v, pose_from(&v.published_corners, &camera))).collect();
     check_against_published("published corners", &answers, (0.01, 0.02));
@@ -101,8 +101,9 @@ fn published_corners_give_the_published_poses() {
 
 /// From the image to the pose, only the window of the refinement being OpenCV's.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn images_in_opencvs_window_give_the_published_poses() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let Views { camera, target, views } = views(&folder);
     let window = CornerWindow::Half(PUBLISHED_HALF_WINDOW_PX);
     let mut detector = Detector::with_corner_window(&target, window).unwrap();
@@ -135,8 +136,9 @@ fn trimmed(view: &View, camera: &Camera) -> (PoseEstimate, usize) {
 /// * 2, 7, 9, 12 and 13 differ from it (0.56°, 0.06°, 0.13°, 0.03°, 0.22°) because of single published corners: without those the
 ///   published set gives our pose to 0.034° and 0.09 mm.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn own_corners_differ_where_the_published_ones_are_misplaced() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let Views { camera, target, views } = views(&folder);
     let mut detector = Detector::new(&target).unwrap();
     let mut far = Vec::new();

@@ -4,10 +4,9 @@
 //! minimum on flat ridges. So each is first followed to the minimum it belongs to; where it was there already, the answers
 //! must agree as they stand.
 
-mod real_support;
-
+use crate::real_support::*;
+use crate::recorded::recorded;
 use nalgebra::Vector3;
-use real_support::*;
 use resight::core::choose::{AMBIGUITY_GATE_CHI2, Hypothesis};
 use resight::core::correspondence::Correspondence;
 use resight::core::locate::{Config, Method, locate};
@@ -127,16 +126,18 @@ impl Tally {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn chessboard_quadruples_have_the_reference_minimum() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let mut tally = Tally::default();
     table(&folder.join("four_point.csv")).iter().for_each(|row| tally.add(row));
     tally.check("chessboard", 104, 0, 0.42);
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn aprilgrid_quadruples_have_the_reference_minimum() {
-    let Some(folder) = real_data("aprilgrid_tumvi_euroc") else { return };
+    let folder = recorded("aprilgrid_tumvi_euroc");
     let mut tally = Tally::default();
     table(&folder.join("four_point.csv")).iter().for_each(|row| tally.add(row));
     tally.check("aprilgrid", 44, 0, 0.24);
@@ -145,8 +146,9 @@ fn aprilgrid_quadruples_have_the_reference_minimum() {
 /// Rows whose reference pose (all corners of one view) is on the wrong branch are left out: it is more than 10° from the
 /// bundle adjustment there.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn charuco_quadruples_have_the_reference_minimum() {
-    let Some(folder) = real_data("caliscope_4cam_charuco") else { return };
+    let folder = recorded("caliscope_4cam_charuco");
     let frames = table(&folder.join("frame_poses.csv"));
     let wrong = frames.iter().filter(|row| 10.0 < number(row, "pnp_vs_ba_rot_deg"));
     let wrong: HashSet<(String, String)> =

@@ -1,8 +1,7 @@
 //! Do published intrinsics fit the pictures they were published with, and what do the pictures say they are?
 
-mod real_support;
-
-use real_support::*;
+use crate::real_support::*;
+use crate::recorded::recorded;
 use resight::core::frames::{Focal, Free, Group, check_intrinsics, refine_intrinsics};
 use resight::core::{Camera, Correspondence};
 use serde_json::Value;
@@ -45,8 +44,9 @@ fn with_focal_length(camera: &Camera, times: f64) -> Camera {
 /// The published intrinsics pass: they were fitted to these corners. The misplaced corners (up to 6.4 px) are put down to noise, whose
 /// variance comes out six times the stated one; nevertheless one per cent of focal length (5.36 px) is seen and named.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn published_intrinsics_fit_and_one_per_cent_of_focal_length_does_not() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let (camera, frames, _) = chessboard(&folder);
     let check = check_intrinsics(&frames, &camera).unwrap();
     println!("chessboard, published: {check}; noise scale {:.2}", check.noise_scale);
@@ -61,8 +61,9 @@ fn published_intrinsics_fit_and_one_per_cent_of_focal_length_does_not() {
 /// Refined from f × 1.01, all nine parameters agree with OpenCV's own calibration of the same corners (an independent implementation)
 /// to a thousandth of their standard deviations, and with the published ones within one.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn refined_intrinsics_are_opencvs() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let (published, frames, truth) = chessboard(&folder);
     let reference = &truth["reference_calibration_opencv5"]["left"];
     let reference = brown_conrady(matrix_of(&reference["K"]), &reference["D"]);
@@ -86,8 +87,9 @@ fn refined_intrinsics_are_opencvs() {
 /// The published principal point of the rotation pictures is the image centre, which it is not: cy is some 22 px less. The check names the
 /// principal point, and nothing else; the refined cy is that of the refit that came with the data (374.2 px), within its sigma.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_wrong_principal_point_is_named() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let truth = json(&folder.join("truth.json"));
     let camera = pinhole(matrix_of(&truth["K"]["rotation"]));
     let rows = table(&folder.join("detections.csv"));

@@ -1,11 +1,8 @@
 //! Landmarks on recorded pictures: photographs turned by exact homographies, and cameras that stood still while people moved.
 
-mod landmarks_support;
-mod real_support;
-
-use landmarks_support::{camera, exposed, photographed, turned};
+use crate::landmarks_support::{camera, exposed, photographed, turned};
+use crate::recorded::{recorded, recorded_frames};
 use nalgebra::{Matrix3, Rotation3};
-use real_support::real_data;
 use resight::GrayImage;
 use resight::landmarks::Landmarks;
 use resight::render::Pcg;
@@ -21,6 +18,7 @@ fn error(sighting: &resight::landmarks::Sighting, truth: &Matrix3<f64>) -> (f64,
 
 /// A photograph of a street or a room, seen again by a camera that turned, with other light and noise.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn photographs_turned_by_known_angles() {
     let photographs = [
         ("apriltag_detection_truth", "34085369442_304b6bafd9_c.jpg"),
@@ -28,7 +26,7 @@ fn photographs_turned_by_known_angles() {
         ("opencv_stereo_chessboard", "right13.jpg"),
     ];
     for (set, name) in photographs {
-        let Some(folder) = real_data(set) else { return };
+        let folder = recorded(set);
         let image = GrayImage::read(&folder.join(name)).expect("a photograph");
         let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
         let mut chance = Pcg::new(5);
@@ -69,6 +67,7 @@ fn stored(image: &GrayImage) -> GrayImage {
 /// Turns of less than a pixel, which shift all landmarks by nearly the same fraction of one: with noise, stored as JPEG, and with more
 /// light, which clips what is bright. Eight turns each of three photographs.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn small_turns_of_photographs_are_as_sure_as_told() {
     let photographs = [
         ("apriltag_detection_truth", "34085369442_304b6bafd9_c.jpg"),
@@ -78,7 +77,7 @@ fn small_turns_of_photographs_are_as_sure_as_told() {
     let mut chance = Pcg::new(6);
     let mut all = [Vec::new(), Vec::new(), Vec::new()];
     for (set, name) in photographs {
-        let Some(folder) = real_data(set) else { return };
+        let folder = recorded(set);
         let image = GrayImage::read(&folder.join(name)).expect("a photograph");
         let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
         let still = photographed(&image, &camera, &Matrix3::identity());
@@ -106,25 +105,22 @@ fn small_turns_of_photographs_are_as_sure_as_told() {
     }
 }
 
-/// The frames of one camera, in order; none where the recording is not unpacked.
-fn frames(camera: &str) -> Option<Vec<PathBuf>> {
-    let root = std::env::var_os("RESIGHT_FRAMES").or_else(|| {
-        println!("RESIGHT_FRAMES is not set: tests on recorded video are skipped");
-        None
-    })?;
-    let folder = PathBuf::from(root).join(camera);
+/// The frames of one camera, in order.
+fn frames(camera: &str) -> Vec<PathBuf> {
+    let folder = recorded_frames(camera);
     let mut all: Vec<PathBuf> =
-        std::fs::read_dir(&folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();
     all.retain(|path| path.extension().is_some_and(|e| e == "png" || e == "jpg"));
     all.sort();
-    Some(all)
+    all
 }
 
 /// Four webcams before which somebody waves a board: none of them turned, by the first frame as reference.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn cameras_that_stood_still_did_not_turn() {
     for name in ["cam_0", "cam_1", "cam_2", "cam_3"] {
-        let Some(frames) = frames(name) else { return };
+        let frames = frames(name);
         let first = GrayImage::read(&frames[0]).expect("a frame");
         let camera = camera(first.width_px, first.height_px, 0.8 * f64::from(first.width_px));
         let landmarks = Landmarks::new(&first, &camera).expect("landmarks");

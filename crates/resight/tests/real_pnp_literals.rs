@@ -1,9 +1,8 @@
 //! The literal cases of OpenCV's own suite: what it learnt from its users' reports.
 
-mod real_support;
-
+use crate::real_support::*;
+use crate::recorded::recorded;
 use nalgebra::Vector3;
-use real_support::*;
 use resight::core::correspondence::Correspondence;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera, Error, Pixel, Pose};
@@ -52,8 +51,9 @@ fn is_finite(e: &PoseEstimate) -> bool {
 /// Expectations by name. Case 16 shows two different points at one pixel, on one line of sight. It was to be refused for the huge residual
 /// of the pose that its reporter was given; the exact pose exists (camera 10 in front) and meets all six pixels.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn opencvs_literal_cases_come_out_as_expected() {
-    let Some(folder) = real_data("opencv_pnp_literals") else { return };
+    let folder = recorded("opencv_pnp_literals");
     let cases = json(&folder.join("cases.json"));
     let cases = cases["cases"].as_array().unwrap();
     assert_eq!(cases.len(), 17);

@@ -1,9 +1,8 @@
 //! A real room of eleven cameras, from 38 pairwise calibrations that were published with the chain they led to.
 
-mod real_support;
-
+use crate::real_support::{apart, json, largest, median};
+use crate::recorded::recorded;
 use nalgebra::{Matrix3, Vector3};
-use real_support::{apart, json, largest, median, real_data};
 use resight::core::pose_graph::{PoseGraph, PoseGraphConfig, chain, solve_pose_graph};
 use resight::core::{Pose, Vector6};
 use resight::rig::pairs::{PairFile, read_pairs};
@@ -25,19 +24,20 @@ fn published(path: &Path, cameras: &[String]) -> Vec<Pose> {
     cameras.iter().map(pose).collect()
 }
 
-fn room() -> Option<(PairFile, Vec<Pose>, usize)> {
-    let folder = real_data("caliscope_pose_graph")?;
+fn room() -> (PairFile, Vec<Pose>, usize) {
+    let folder = recorded("caliscope_pose_graph");
     let file = read_pairs(&folder.join("main_stereocal_all_results.json")).unwrap();
     assert_eq!((file.cameras.len(), file.pairs.len()), (11, 38));
     let places = published(&folder.join("main_initial_camera_array.json"), &file.cameras);
     let anchor = file.cameras.iter().position(|name| name == "8").unwrap();
-    Some((file, places, anchor))
+    (file, places, anchor)
 }
 
 /// Eight printed decimals: 1e-8 rad is 6e-7°, 1e-8 m is 1e-5 mm.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_published_chain_is_reproduced() {
-    let Some((file, places, anchor)) = room() else { return };
+    let (file, places, anchor) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
     let found = chain(&graph, anchor).unwrap();
     let off: Vec<(f64, f64)> =
@@ -49,8 +49,9 @@ fn the_published_chain_is_reproduced() {
 
 /// Around each triangle of cameras the joint poses come back to where they began; the pairs themselves do not.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn every_triangle_of_the_joint_answer_closes() {
-    let Some((file, _, anchor)) = room() else { return };
+    let (file, _, anchor) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
     let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor, median_sigma: None }).unwrap();
     let stated = |a: usize, b: usize| {
@@ -76,8 +77,9 @@ fn every_triangle_of_the_joint_answer_closes() {
 
 /// The pairs' own agreement gives the sigmas, and the answer does not hang on the anchor as the chain does (up to 1.17° and 36 mm).
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_joint_answer_has_one_shape_whatever_the_anchor() {
-    let Some((file, _, anchor)) = room() else { return };
+    let (file, _, anchor) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
     let solve = |anchor| solve_pose_graph(&graph, &PoseGraphConfig { anchor, median_sigma: None }).unwrap();
     let found = solve(anchor);

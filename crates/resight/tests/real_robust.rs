@@ -1,9 +1,8 @@
 //! Consensus on real correspondences, wrong ones included: a phone's photographs and a published example of robust estimation.
 
-mod real_support;
-
+use crate::real_support::*;
+use crate::recorded::recorded;
 use nalgebra::Vector3;
-use real_support::*;
 use resight::core::locate;
 use resight::core::loss::Loss;
 use resight::core::refine::residual_px;
@@ -16,8 +15,9 @@ use std::path::Path;
 /// known to 0.0081° only, so that the difference is one standard deviation. (Neither thresholds of 1 to 12 px nor Huber's, Cauchy's or
 /// other losses from 0.5 to 8 px come nearer than 0.0076° there.)
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn published_poses_of_photographs_are_met() {
-    let Some(folder) = real_data("opensfm_berlin_2d3d") else { return };
+    let folder = recorded("opensfm_berlin_2d3d");
     let intrinsics = json(&folder.join("intrinsics.json"));
     let camera = brown_conrady(matrix_of(&intrinsics["K"]), &intrinsics["D_k1k2p1p2k3"]);
     let rows = table(&folder.join("correspondences.csv"));
@@ -60,8 +60,9 @@ fn sqpnp_example(folder: &Path) -> (Camera, Vec<Correspondence>) {
 /// 0.05° (those of the reference: see the output), at 1 px the cost has neighbouring minima 0.01° apart; under a loss for long tails
 /// to 0.01°. K.txt holds the camera in `sqpnp_example`.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_published_example_of_robust_estimation_comes_out() {
-    let Some(folder) = real_data("sqpnp_robust_891") else { return };
+    let folder = recorded("sqpnp_robust_891");
     let (camera, seen) = sqpnp_example(&folder);
     assert_eq!(seen.len(), 891);
     let truth = json(&folder.join("truth.json"));

@@ -1,10 +1,9 @@
 //! A tag turned by hand on a printed grid in steps of 10°, photographed with published intrinsics whose principal point is
 //! wrong (the image centre; 22 px off in v).
 
-mod real_support;
-
+use crate::real_support::*;
+use crate::recorded::recorded;
 use nalgebra::Vector3;
-use real_support::*;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::locate::PoseEstimate;
@@ -42,8 +41,9 @@ fn turn_deg(cam_from_tag: &Pose) -> f64 {
 /// With the refitted intrinsics (principal point v 374.2 instead of 396). The camera's azimuth at "0" was not measured, so
 /// angles count from the zero of the series, and the angle between −a and +a needs none.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn turned_tags_have_the_angles_of_their_file_names() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let truth = json(&folder.join("truth.json"));
     let answers = poses(&photographs(&folder), &pinhole(matrix_of(&truth["refit_K_rotation"])));
     let offsets: Vec<f64> = answers.iter().map(|(a, e)| turn_deg(&e.cam_from_target) - *a as f64).collect();
@@ -67,8 +67,9 @@ fn turned_tags_have_the_angles_of_their_file_names() {
 /// Nearly face on, where the reference residual is above 1 px, the wrong principal point shows; with the refitted one the
 /// same views are as good as the corners. The turn it costs: 6° between −10 and +10.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_wrong_principal_point_is_called_inconsistent() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let truth = json(&folder.join("truth.json"));
     let photographs = photographs(&folder);
     let published = poses(&photographs, &pinhole(matrix_of(&truth["K"]["rotation"])));

@@ -3,9 +3,8 @@
 //!
 //! Data: duckietown's `test_image_multiple_*.png` (`dt_apriltags`), 640 × 480 px, rectified, tags of 65 mm, three to six of six in view.
 
-mod real_support;
-
-use real_support::{pinhole, real_data};
+use crate::real_support::pinhole;
+use crate::recorded::recorded;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::locate::{Config, locate};
@@ -90,8 +89,9 @@ fn is_another_scene(a: &[MapTag], b: &[MapTag]) -> bool {
 /// A tag moved by 60 mm in the map of its own image: it alone is named, or the image is not good (the published lens leaves residuals far
 /// above the corners' own noise in most); no answer is called good that uses it or blames another.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn moved_tag_of_a_real_image_is_named() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let (mut named, mut lied, mut n) = (0, 0, 0);
     for view in (1..=10).map(|number| seen(&folder, number)) {
         let map = mapped(&view);
@@ -117,8 +117,9 @@ fn moved_tag_of_a_real_image_is_named() {
 /// A map of the same tags as they stood for another image: no pose is called good, neither from all of them nor from a pair of small tags
 /// that happens to agree.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn map_of_another_scene_is_never_good() {
-    let Some(folder) = real_data("dt_apriltags") else { return };
+    let folder = recorded("dt_apriltags");
     let views: Vec<_> = (1..=10).map(|number| seen(&folder, number)).collect();
     let maps: Vec<_> = views.iter().map(|view| mapped(view)).collect();
     let (mut n, mut lied, mut refused) = (0, 0, 0);

@@ -1,9 +1,7 @@
 //! The rig's page: whole, alone, harmless whatever the names, and saying what the run says. Where node is at hand its script is run too.
 
-mod report_support;
-
-use report_support::page::{Parsed, parse};
-use report_support::simulated;
+use crate::report_support::page::{Parsed, parse};
+use crate::report_support::simulated;
 use resight::core::rig::{RigConfig, solve_rig};
 use resight::report::rig_page;
 use resight::rig::RigRun;
@@ -109,7 +107,8 @@ fn stored_residuals_are_the_run_s() {
     let data: serde_json::Value = serde_json::from_str(&parsed(&run).scripts[0].1).unwrap();
     let bytes = from_base64(data["residuals"].as_str().unwrap());
     let word = |i: usize| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]);
-    let (width, height) = (f64::from(report_support::WIDTH_PX), f64::from(report_support::HEIGHT_PX));
+    let (width, height) =
+        (f64::from(crate::report_support::WIDTH_PX), f64::from(crate::report_support::HEIGHT_PX));
     let mut i = 0;
     for (sighting, result) in run.rig.sightings.iter().zip(&run.solution.sightings) {
         let step = data["cameras"][sighting.camera]["step"].as_f64().unwrap();
@@ -214,11 +213,11 @@ fn poor_runs_are_reported_too() {
 /// A rig that the solver solved, from the pixels on: page and scene say what it found, which is the truth within its error bars.
 #[test]
 fn a_solved_rig_is_reported() {
-    let (rig, _) = report_support::question(4, 25, 9);
+    let (rig, _) = crate::report_support::question(4, 25, 9);
     let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
     let solution = solve_rig(&rig.problem(), &config).unwrap();
     for (i, camera) in solution.cameras.iter().enumerate().skip(1) {
-        let truth = report_support::cam_from_rig(i, 4);
+        let truth = crate::report_support::cam_from_rig(i, 4);
         // Of places with an honest covariance one in 10⁶ is farther off than χ² = 40 with six degrees of freedom.
         let xi = (camera.cam_from_rig * truth.inverse()).log();
         assert!(xi.dot(&(camera.covariance.try_inverse().unwrap() * xi)) < 40.0);

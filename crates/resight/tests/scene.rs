@@ -1,9 +1,7 @@
 //! Scene files: the container walked record by record, the same bytes every time. That other people's readers understand messages and
 //! schemas, scripts/judges/mcap_scene.py says of the golden file.
 
-mod report_support;
-
-use report_support::{camera_name, simulated};
+use crate::report_support::{camera_name, simulated};
 use resight::scene::rig_scene;
 use std::path::PathBuf;
 

@@ -1,5 +1,6 @@
 //! Identification of some 300 contacts, three sweeps: every class, and the worst case (a polygon, which tries chains of corners).
 
+#[allow(dead_code)] // The tests use the rest.
 #[path = "../tests/identify_support/mod.rs"]
 mod identify_support;
 

@@ -2,9 +2,7 @@
 //!
 //! That the simulator is right, `simulate.rs` says; the recorded sets are in `calibrate_sets.rs`, drift in `drift.rs`.
 
-mod calibrate_support;
-
-use calibrate_support::*;
+use crate::calibrate_support::*;
 use nalgebra::{Vector2, Vector3};
 use resight_whisker::calibrate::{
     Calibration, Covariance, Doubt, Gravity, Object, Options, Parameter, Priors, Role, Values, calibrate,

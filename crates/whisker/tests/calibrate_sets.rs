@@ -1,11 +1,8 @@
 //! The recorded sets, read by a rig that is wrong on purpose, against the bars: EI to 0.1 %, μ to 0.002, zeros, hub angle to 0.02°.
 
-mod calibrate_support;
-mod real_support;
-
-use calibrate_support::*;
+use crate::calibrate_support::*;
+use crate::real_support::{Set, sets};
 use nalgebra::Vector2;
-use real_support::{Set, sets};
 use resight_whisker::calibrate::{Calibrated, Calibration, Object, Options, Parameter, Values, calibrate};
 use resight_whisker::{Sample, Shape};
 
@@ -70,8 +67,9 @@ fn report(set: &Set, kind: &str, found: &Calibrated) {
 /// With the object known: stiffness to 0.1 %, μ to 0.002, hub angle to 0.02°, the hub to 0.05 mm, and the contacts where they are.
 /// A peg of 3 mm at the whisker's end (f6) is no calibration object: one place, one bend; it is held to 4 σ of what it claims.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_known_object_puts_every_recorded_set_right() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let (samples, found) = found(set, &Object::Known(object_of(set)));
         report(set, "known", &found);
@@ -97,8 +95,9 @@ fn a_known_object_puts_every_recorded_set_right() {
 
 /// With an object of which nothing is told but that it is one: the same, without the hub's place, which stays open.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn an_object_of_unknown_class_does_so_but_for_the_hubs_place() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let (samples, found) = found(set, &Object::Unclassified);
         report(set, "unclassified", &found);
@@ -123,8 +122,9 @@ fn c_mu(found: &Calibrated) -> f64 {
 
 /// Without any object: what sliding and tip contacts alone tell, to 4 σ of what is claimed; contacts never confidently wrong.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn without_an_object_nothing_is_claimed_that_is_not_known() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let (samples, found) = found(set, &Object::Unknown);
         report(set, "none", &found);
@@ -138,8 +138,9 @@ fn without_an_object_nothing_is_claimed_that_is_not_known() {
 
 /// Gains, angles and offsets trusted, only stiffness, zeros and friction free: EI to 0.1 % and μ to 0.002 without any object.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_rig_that_is_right_gives_the_stiffness_without_an_object() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let mut options = Options::of_a_new_rig(&set.cell);
         for held in [Parameter::TorqueGain, Parameter::CellAngle, HUB[0], HUB[1], HUB[2]] {

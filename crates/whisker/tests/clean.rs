@@ -1,9 +1,7 @@
 //! The recorded sets without noise: every contact is found, exactly.
 
-mod real_support;
-
+use crate::real_support::{Set, sets};
 use nalgebra::Vector2;
-use real_support::{Set, sets};
 use resight_whisker::contact::{Method, contact_in_hub};
 use resight_whisker::estimate::{Status, estimate};
 
@@ -36,8 +34,9 @@ fn worst(set: &Set) -> Worst {
 
 /// 1e-12 of the whisker's length; the truth itself is good to 1e-13, and angles, forces alike.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn uniform_whiskers_agree_with_the_truth() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| !set.name.contains("taper")) {
         let worst = worst(set);
         assert!(worst.place < 1e-12, "{}: {worst:?}", set.name);
@@ -48,8 +47,9 @@ fn uniform_whiskers_agree_with_the_truth() {
 }
 
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn tapered_whiskers_agree_with_the_truth() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| set.name.contains("taper")) {
         let worst = worst(set);
         assert!(worst.place < 1e-8, "{}: {worst:?}", set.name);
@@ -59,8 +59,9 @@ fn tapered_whiskers_agree_with_the_truth() {
 
 /// Contact or none: no row of the truth is missed, none invented.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn contacts_are_those_of_the_truth() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         for (sample, truth) in set.clean.iter().zip(&set.truth) {
             let found = estimate(&set.rod, &set.cell, sample, Method::Auto);
@@ -79,8 +80,9 @@ fn contacts_are_those_of_the_truth() {
 
 /// The seed method on uniform whiskers: the same contacts, by integration.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn integration_agrees_with_the_closed_form() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| !set.name.contains("taper")) {
         let mut worst = 0.0_f64;
         for (sample, _) in set.clean.iter().zip(&set.truth).filter(|(_, truth)| truth.contact) {

@@ -1,8 +1,6 @@
 //! A rig that changes is noticed, one that does not is left in peace.
 
-mod calibrate_support;
-
-use calibrate_support::*;
+use crate::calibrate_support::*;
 use resight_whisker::calibrate::{
     Calibrated, DriftMonitor, DriftOptions, Object, Options, Parameter, Values, Watch, calibrate, drift,
 };

@@ -1,11 +1,9 @@
 //! Touch, slip-off found and foreseen, labels, self-consistency: on the records, where RESIGHT_DATA names them, and on loads made here.
 
-mod noise;
-mod real_support;
-
+use crate::noise::Chance;
+use crate::real_support::{SETS, Set, sets};
+use crate::recorded::recorded;
 use nalgebra::Vector2;
-use noise::Chance;
-use real_support::{SETS, Set, sets};
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Status;
 use resight_whisker::events::consistency::{mark, widen};
@@ -71,8 +69,9 @@ fn a_touch_is_found_within_two_samples() {
 
 /// Every touch, at most two samples after the force exceeds 4 σ; every slip-off at the very sample; nothing else.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn touches_and_slip_offs_of_the_records() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let record = solve(set, &set.noisy);
         let found = events(&set.cell, &set.noisy, &record);
@@ -106,8 +105,7 @@ fn touches_and_slip_offs_of_the_records() {
 
 /// When each sweep of a set slips off, in seconds; none where it does not.
 fn slip_off_times(set: &Set) -> Vec<Option<f64>> {
-    let root = std::path::PathBuf::from(std::env::var_os("RESIGHT_DATA").expect("set"));
-    let path = root.join("whisker").join(set.name).join("object_truth.json");
+    let path = recorded("whisker").join(set.name).join("object_truth.json");
     let text = std::fs::read_to_string(path).expect("object_truth.json");
     let truth: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     truth["sweeps"].as_array().expect("sweeps").iter().map(|sweep| sweep["t_slip_off"].as_f64()).collect()
@@ -116,8 +114,9 @@ fn slip_off_times(set: &Set) -> Vec<Option<f64>> {
 /// Circles, the ellipse, the peg: what was touched so far foretells the slip-off within three of its sigmas and one sample. Squares are
 /// left out: the face beyond a corner is not known before it is touched, nor is its end.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn slip_off_is_foreseen() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| !set.name.contains("square")) {
         for (sweep, t_off) in slip_off_times(set).into_iter().enumerate() {
             let Some(t_off_s) = t_off else { continue };
@@ -149,8 +148,9 @@ fn slip_off_is_foreseen() {
 
 /// Corners are corners and circles are not; what the contacts do not tell stays undecided.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn labels_of_the_records() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let record = solve(set, &set.noisy);
         let of = labels(&set.rod, &set.cell, &set.noisy, &record, Method::Auto);
@@ -197,8 +197,9 @@ fn nees(set: &Set, record: &Record) -> (f64, f64) {
 /// 1 % of gain, 0.2° of clamp or cell, half a millimetre of hub: found and marked, or, where a record cannot show them, carried by
 /// covariances that hold; and a right record is called right.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn faults_are_found_or_carried() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let angle = 0.2_f64.to_radians();
     for set in &sets {
         for (fault, size) in [
@@ -243,8 +244,9 @@ fn faults_are_found_or_carried() {
 
 /// A right record is called inconsistent once in a thousand; sixty of them never, but for one in seventeen.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn right_records_are_consistent() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let (mut alarms, mut chance) = (0, Chance(13));
     let (mut hub_chi2, mut hub_tests) = (0.0, 0.0);
     for set in &sets {

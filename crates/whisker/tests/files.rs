@@ -1,7 +1,6 @@
 //! Text and rows: what is written is read back, what is foreign becomes ours.
 
-mod real_support;
-
+use crate::recorded::recorded;
 use nalgebra::{Matrix3, Vector2};
 use resight_whisker::calibrate::{Calibration, Covariance, Gravity, Parameter, Values};
 use resight_whisker::estimate::{Mode, Status};
@@ -15,9 +14,10 @@ use resight_whisker::{HubLoad, PlanarPose, Rod, Sample, Shape};
 
 /// The published sets' own files are whisker files: the same rod and instruments as read by hand.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn published_whisker_files_are_understood() {
-    let Some(sets) = real_support::sets() else { return };
-    let root = std::path::PathBuf::from(std::env::var_os("RESIGHT_DATA").expect("set")).join("whisker");
+    let sets = crate::real_support::sets();
+    let root = recorded("whisker");
     for set in sets {
         let text = std::fs::read_to_string(root.join(set.name).join("meta.json")).expect("meta.json");
         let file = whisker::read(&text).expect(set.name);

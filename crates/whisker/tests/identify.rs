@@ -1,10 +1,8 @@
 //! Identification: exact contacts, the recorded sets, and inputs of every bad kind. Statistics over many objects:
 //! identify_trials.rs.
 
-mod real_support;
-
+use crate::real_support::{Set, sets};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use real_support::{Set, sets};
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::friction::{Mu, solve_record};
@@ -259,8 +257,9 @@ fn class_of(set: &Set) -> Class {
 
 /// The recorded objects: right from three sweeps, with and without the columns of θ; never wrong from one.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_recorded_objects_are_identified() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let list = recorded(set, &[0, 1, 2], Mu::Auto);
         let found = found(&list);

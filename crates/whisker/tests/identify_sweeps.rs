@@ -1,11 +1,8 @@
 //! Identification from contacts of every estimator: smoothed contacts of a sweep share their errors and must not be taken for so
 //! many independent ones.
 
-mod identify_support;
-mod real_support;
-
-use identify_support::{Chance, How, felt, object, readings, touches};
-use real_support::{Set, sets};
+use crate::identify_support::{Chance, How, felt, object, readings, touches};
+use crate::real_support::{Set, sets};
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Touch, Verdict, identify};
 use resight_whisker::{Sample, Shape};
@@ -28,9 +25,10 @@ fn answer(touches: &[Touch]) -> Identification {
 /// Every set, every estimator, all sweeps together and each alone: none is called something else, and all sweeps together are
 /// named but for the peg of 3 mm, which single readings leave open.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn no_recorded_set_is_called_something_else() {
     let mut undecided = Vec::new();
-    for set in sets().into_iter().flatten() {
+    for set in sets() {
         let class = class_of(&set);
         for how in HOWS {
             let all = touches(&set.rod, &set.cell, &set.noisy, how);

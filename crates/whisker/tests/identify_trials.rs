@@ -2,9 +2,7 @@
 //! Objects at random places and orientations, with and without friction, felt by a load cell of 1/320 N and 1/64 N·mm whose
 //! readings are rounded; friction estimated from the same contacts unless said otherwise.
 
-mod identify_support;
-
-use identify_support::{Chance, How, felt, object, readings};
+use crate::identify_support::{Chance, How, felt, object, readings};
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Verdict, identify};
 use resight_whisker::{Sample, Shape};

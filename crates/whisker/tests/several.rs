@@ -1,8 +1,6 @@
 //! Two contacts at once: the load of a whisker that leans on two pegs, integrated here independently of the library, is told from one.
 
-mod noise;
-
-use noise::Chance;
+use crate::noise::Chance;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::events::{EventKind, events, has_several_contacts};

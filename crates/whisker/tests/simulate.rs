@@ -1,22 +1,19 @@
 //! The forward model against independently computed sets.
 
-mod real_support;
-
+use crate::real_support::{Set, Truth, sets};
+use crate::recorded::recorded;
 use nalgebra::Vector2;
-use real_support::{Set, Truth, sets};
 use resight_whisker::simulate::{
     Change, Motion, Record, Simulated, Spacing, TruthContact, record, standard_sweeps, sweep,
 };
 use resight_whisker::{Sample, Shape};
 use serde_json::Value;
 use std::f64::consts::TAU;
-use std::path::PathBuf;
 
 /// What is behind a set: the object, the friction and the sweeps as the file gives them.
 fn hidden(name: &str) -> (Shape, f64, Vec<Value>) {
-    let root = PathBuf::from(std::env::var_os("RESIGHT_DATA").expect("set where sets() is some"));
     let text =
-        std::fs::read_to_string(root.join("whisker").join(name).join("object_truth.json")).expect("a file");
+        std::fs::read_to_string(recorded("whisker").join(name).join("object_truth.json")).expect("a file");
     let json: Value = serde_json::from_str(&text).expect("JSON");
     let object = &json["object"];
     let pair = |key: &str| [0, 1].map(|i| number(&object[key][i]));
@@ -96,8 +93,9 @@ fn contradicts_itself(set: &Set, both: &Both, row: usize) -> bool {
 /// was checked to 2.5e-11. Contact kinds are equal on every row, apart from rows of the truth that contradict themselves: the
 /// sample at the touch, and the last sample of two sweeps of the peg.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn every_row_of_the_sets_comes_out() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let bar = if set.name.contains("taper") { 1e-9 } else { 1e-11 };
         for both in both(set) {
@@ -125,8 +123,9 @@ fn every_row_of_the_sets_comes_out() {
 
 /// The sample where a truth file still says free although the whisker cuts in is no contact that a load cell could see.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn forces_at_the_touch_are_far_below_the_instruments() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         for both in both(set) {
             let force = both.record.samples[20].sample.load.force_n().norm();
@@ -139,8 +138,9 @@ fn forces_at_the_touch_are_far_below_the_instruments() {
 
 /// Times of slip-off: of the files to their 1e-6, except where the peg's truth goes on inside the object.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_whisker_slips_off_when_the_sets_say() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| !set.name.contains("peg")) {
         for both in both(set) {
             let events = both.record.events.iter().filter(|event| event.change == Change::SlipOff);
@@ -162,8 +162,9 @@ fn time_s(samples: &[Sample], pose: f64) -> f64 {
 /// The layout of a sweep is that of the sets: same count, same times, same hub. The files' touch is up to 25 µm of the hub's
 /// motion late (6e-5 s), because they look for it at points of the whisker; the peg's slip-off differs as said above.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_standard_sweep_is_laid_out_as_the_sets_are() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter().filter(|set| !set.name.contains("peg")) {
         let (object, mu, _) = hidden(set.name);
         for (number, motion) in standard_sweeps().iter().enumerate() {
@@ -186,8 +187,9 @@ fn a_standard_sweep_is_laid_out_as_the_sets_are() {
 
 /// The peg's sweeps are other motions; they come out as well.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn motions_of_the_peg_are_told_by_their_ends() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let set = sets.iter().find(|set| set.name.contains("peg")).expect("the peg");
     let (_, _, sweeps) = hidden(set.name);
     let [from, to] = ["psi0_deg", "psi1_deg"].map(|key| number(&sweeps[0][key]).to_radians());

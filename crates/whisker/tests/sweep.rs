@@ -1,9 +1,7 @@
 //! Sweeps smoothed: how exact, how honest, on the recorded sets and on their readings noised anew.
 
-mod real_support;
-
+use crate::real_support::{Set, Truth, sets};
 use nalgebra::{Matrix2, Vector2};
-use real_support::{Set, Truth, sets};
 use resight_whisker::estimate::{ContactEstimate, Mode, Status};
 use resight_whisker::rod::Stiffness;
 use resight_whisker::sweep::fixed_lag::FixedLag;
@@ -140,8 +138,9 @@ fn true_mu(set: &Set) -> f64 {
 
 /// The bars of the feature: 0.25 mm without friction, 0.30 mm with μ = 0.3, median 0.12 mm, μ within 0.002.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn recorded_sweeps_are_within_a_quarter_millimetre() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let sweep = smoothed(set, &set.noisy);
         let errors = Errors::of(&sweep.estimates, &set.truth);
@@ -174,8 +173,9 @@ fn recorded_sweeps_are_within_a_quarter_millimetre() {
 /// One noise is luck: twenty more of every set. The covariance holds besides: with rounding of the hub's angle, which a linear
 /// ramp spreads evenly and so averages better than chance would, and with Gaussian noise of the same size in its place.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in sets.iter() {
         let mut gaussian = set.cell;
         gaussian.hub_angle_sigma_rad = set.cell.hub_angle_step_rad / 12.0_f64.sqrt();
@@ -214,8 +214,9 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
 
 /// Every row is answered, whatever it holds.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn rows_that_are_no_numbers_are_told_not_dropped() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let set = &sets[2];
     let mut samples = set.noisy.clone();
     samples[60].load.fx_n = f64::NAN;
@@ -245,8 +246,9 @@ fn impossible_instruments_are_refused() {
 
 /// Streamed: filtered at once, settled after the lag; every row answered once and in order.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_fixed_lag_smoother_settles_every_row_within_the_bar() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let options = Options::default();
         let (mut filtered, mut settled) = (Errors::default(), Errors::default());
@@ -278,8 +280,9 @@ fn the_fixed_lag_smoother_settles_every_row_within_the_bar() {
 /// The same hub motion over a circle and over a square, the first half of one joined to the second half of the other: the
 /// contact leaps from one object to another without letting go.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_leap_to_another_object_is_found_and_survived() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let (circle, square) = (&sets[2], &sets[0]);
     let rows = |set: &Set| (0..set.truth.len()).filter(|&i| set.clean[i].sweep == 2).collect::<Vec<_>>();
     let (circle_rows, square_rows) = (rows(circle), rows(square));
@@ -308,8 +311,9 @@ fn a_leap_to_another_object_is_found_and_survived() {
 /// nothing. Told of 22 of 24 records; both that are not have the thin peg alone, where a whisker too soft by 1 % looks like a
 /// friction of 0.008. No false alarm without a fault: the other tests demand it.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_wrong_stiffness_or_gain_is_told() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     let mut told = Vec::new();
     for set in &sets {
         for (fault, ratio) in
@@ -348,8 +352,9 @@ fn a_wrong_stiffness_or_gain_is_told() {
 /// A record without noise, from a load cell that claims to be exact: what bends the outline between contacts, |Δ| times the
 /// turn, is all that is left, and on these objects far below a micrometre.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_record_without_noise_stays_exact() {
-    let Some(sets) = sets() else { return };
+    let sets = sets();
     for set in &sets {
         let sweep = smooth(&set.rod, &Cell::default(), &set.clean, &Options::default()).expect("a sweep");
         let errors = Errors::of(&sweep.estimates, &set.truth);

@@ -1,7 +1,5 @@
 //! A rig of simulated cameras, and a board that a hand carries in front of them.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 use super::rig_support::{Chance, SIGMA_PX};
 use super::support::folder;
 use nalgebra::Vector6;

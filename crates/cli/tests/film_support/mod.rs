@@ -1,7 +1,5 @@
 //! Films of a tag whose motion is known, made by the ffmpeg that is installed, and streams of them.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 pub mod streamed;
 
 use resight::core::{Camera, Pose, Target, Vector6};
@@ -116,7 +114,7 @@ pub fn serve(file: &Path, arguments: &[&str]) -> Running {
 
 /// `resight watch --json` in the background.
 pub struct Watching {
-    pub process: Running,
+    _process: Running,
     events: Receiver<Value>,
     pub seen: Vec<Value>,
 }
@@ -164,7 +162,7 @@ impl Watching {
                 let _ = sender.send(serde_json::from_str(&line).expect("JSON"));
             }
         });
-        Watching { process, events, seen: Vec::new() }
+        Watching { _process: process, events, seen: Vec::new() }
     }
 
     /// Waits for the first event from now on that passes.

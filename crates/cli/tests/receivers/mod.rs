@@ -1,7 +1,5 @@
 //! Those who are told: small servers on 127.0.0.1, and sessions that tell them.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 pub mod broker;
 pub mod web;
 

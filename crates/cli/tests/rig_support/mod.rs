@@ -1,7 +1,5 @@
 //! A simulated rig whose truth is known, written as the files that `rig` reads.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 use nalgebra::Vector2;
 use resight::core::camera::Pinhole;
 use resight::core::{Camera, CameraMatrix, Lens, Point, Pose, Vector6};

@@ -1,7 +1,5 @@
 //! Running the program and comparing what it says with golden text, numbers within a tolerance.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 

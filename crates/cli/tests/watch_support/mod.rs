@@ -1,7 +1,5 @@
 //! Lines of detections for `watch`, and the program run while they come.
 
-#![allow(dead_code)] // Each test file uses its part.
-
 use super::rig_support::{Chance, SIGMA_PX};
 use super::support::demo;
 use nalgebra::Vector6;

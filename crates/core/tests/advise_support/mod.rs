@@ -1,5 +1,4 @@
 //! The adviser's word against trial: views drawn with noise, answered by `locate`, compared with what was foretold.
-#![allow(dead_code)] // Each test file uses its part.
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector6};

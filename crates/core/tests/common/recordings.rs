@@ -4,7 +4,7 @@ use resight_core::camera::BrownConrady;
 use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A recording: its cameras and what they saw (place on the board, pixel) by view and camera, views counted from 0 in the order of time.
 #[derive(Clone)]
@@ -14,14 +14,6 @@ pub struct Recording {
     pub n_views: usize,
     pub seen: BTreeMap<(usize, usize), Vec<(Point, Pixel)>>,
     pub sigma_px: f64,
-}
-
-pub fn root() -> Option<PathBuf> {
-    let root = std::env::var_os("RESIGHT_DATA").map(PathBuf::from);
-    if root.is_none() {
-        println!("RESIGHT_DATA is not set: real recordings are skipped");
-    }
-    root
 }
 
 /// All numbers of a text.

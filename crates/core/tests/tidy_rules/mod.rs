@@ -1,5 +1,4 @@
 //! House rules that hold in every crate of pure mathematics, checked on the sources of the crate that runs them.
-#![allow(dead_code)] // each crate checks what applies to it
 
 use std::fs;
 use std::path::{Path, PathBuf};

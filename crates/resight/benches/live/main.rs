@@ -15,6 +15,7 @@ mod process;
 mod readings;
 mod search;
 mod session;
+#[allow(dead_code)] // The tests use the rest.
 #[path = "../../tests/live_support/mod.rs"]
 mod live_support;
 

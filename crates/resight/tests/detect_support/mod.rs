@@ -1,11 +1,9 @@
 //! What the detector tests share: pictures of known geometry, and the tables beside real ones.
-#![allow(dead_code)] // each test binary uses its part
 
 use nalgebra::{Matrix3, Vector3};
 use resight::GrayImage;
 use resight::core::Pixel;
 use resight::detect::families::{MarkerPattern, marker_pattern};
-use std::path::PathBuf;
 
 /// Plane to image.
 pub struct View(pub Matrix3<f64>);
@@ -117,17 +115,6 @@ pub fn board_ink(
 /// Root mean square over coordinates.
 pub fn rms_px(differences: &[Pixel]) -> f64 {
     (differences.iter().map(|d| d.norm_squared()).sum::<f64>() / (2 * differences.len()).max(1) as f64).sqrt()
-}
-
-/// The folder of a set of real pictures; none, with a line that says so, when RESIGHT_DATA is unset.
-pub fn real_data(set: &str) -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: tests on {set} are skipped");
-        return None;
-    };
-    let folder = PathBuf::from(root).join(set);
-    assert!(folder.is_dir(), "RESIGHT_DATA is set, but {} is missing", folder.display());
-    Some(folder)
 }
 
 /// Rows of a CSV file as maps from column name to text.

@@ -1,5 +1,4 @@
 //! Scenes with dot targets for the tests.
-#![allow(dead_code)] // Each test file uses its part.
 
 use resight::GrayImage;
 use resight::render::{Finish, Pcg, Placed, Scene, Style, render, true_pixels};

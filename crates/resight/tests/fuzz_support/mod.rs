@@ -1,7 +1,5 @@
 //! Spoilt copies of shipped files: bytes, words, numbers, structure and sizes, from a seed that is printed and given again.
 
-#![allow(dead_code)] // Each test binary uses its part.
-
 use std::path::{Path, PathBuf};
 
 /// SplitMix64.

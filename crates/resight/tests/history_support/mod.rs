@@ -1,7 +1,5 @@
 //! What tests of histories share: a file, frames whose poses scatter, rows read back, thinning to its end.
 
-#![allow(dead_code)] // Each test program uses its own part.
-
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use resight::core::Pose;
 use resight::history::{FrameRow, History, Measured, Retention, Selection, Store, StoredRow, Turned};

@@ -1,5 +1,4 @@
 //! A scene at infinity whose picture is known from every direction: patches of grey that meet at corners, coarse and fine.
-#![allow(dead_code)] // each test file uses its part
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use resight::GrayImage;

@@ -1,5 +1,4 @@
 //! What tests and benches of the live session share: rendered cameras, and a source that gives pictures from memory at their own pace.
-#![allow(dead_code)] // each binary uses its part
 
 use nalgebra::Vector6;
 use resight::GrayImage;

@@ -1,5 +1,4 @@
 //! What the tests of poses on real data share: the folder, the tables, the cameras that were published with the pictures.
-#![allow(dead_code)] // each test binary uses its part
 
 use nalgebra::Vector3;
 use resight::core::camera::{BrownConrady, KannalaBrandt, Pinhole};
@@ -10,20 +9,9 @@ use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera, CameraMatrix, Lens, Pixel, Point, Pose, Target, Vector6};
 use serde_json::Value;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub type Row = HashMap<String, String>;
-
-/// The folder of a set of real pictures; none, with a line that says so, when RESIGHT_DATA is unset.
-pub fn real_data(set: &str) -> Option<PathBuf> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        println!("RESIGHT_DATA is not set: tests on {set} are skipped");
-        return None;
-    };
-    let folder = PathBuf::from(root).join(set);
-    assert!(folder.is_dir(), "RESIGHT_DATA is set, but {} is missing", folder.display());
-    Some(folder)
-}
 
 /// Rows of a CSV file as maps from column name to text.
 pub fn table(path: &Path) -> Vec<Row> {

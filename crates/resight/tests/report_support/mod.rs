@@ -2,7 +2,6 @@
 //!
 //! What reports and scene files draw does not depend on how the numbers were found; that real solutions are drawn the same way,
 //! `a_solved_rig_is_reported` says.
-#![allow(dead_code)]
 
 pub mod page;
 

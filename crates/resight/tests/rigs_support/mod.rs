@@ -1,5 +1,4 @@
 //! What the tests of rigs in foreign files share: goldens, poses along chains, and the comparison by pixels.
-#![allow(dead_code)] // Each test binary uses its own part.
 
 use resight::core::{Pixel, Point, Pose};
 use resight::formats::{

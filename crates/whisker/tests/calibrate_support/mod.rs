@@ -1,5 +1,4 @@
 //! Rigs that are wrong on purpose, and what they read.
-#![allow(dead_code)]
 
 use nalgebra::{Matrix2, Vector2};
 use resight_whisker::calibrate::{Calibrated, Calibration, Parameter, Priors, Values};

@@ -91,7 +91,6 @@ pub fn readings(object: &Shape, mu: f64) -> Result<Vec<Vec<Sample>>, Error> {
 
 /// How contacts are estimated from readings.
 // The bench takes one of them.
-#[allow(dead_code)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum How {
     /// Sample by sample.
@@ -113,14 +112,12 @@ fn lagged(rod: &Rod, cell: &Cell, samples: &[Sample]) -> Vec<ContactEstimate> {
 }
 
 /// What a user's program makes of readings: noise added, contacts estimated.
-#[allow(dead_code)]
 pub fn felt(samples: &[Sample], how: How, seed: u64) -> Vec<Touch> {
     let (rod, cell) = (rod(), cell());
     touches(&rod, &cell, &add_noise(samples, &cell, seed), how)
 }
 
 /// The contacts of readings as they are.
-#[allow(dead_code)]
 pub fn touches(rod: &Rod, cell: &Cell, noisy: &[Sample], how: How) -> Vec<Touch> {
     let estimates = match how {
         How::Raw => noisy.iter().map(|sample| estimate(rod, cell, sample, Method::Auto)).collect(),

@@ -5,7 +5,6 @@ use resight_whisker::{Cell, HubLoad, Sample};
 /// SplitMix64, and normal numbers by Box and Muller.
 pub struct Chance(pub u64);
 
-#[allow(dead_code)]
 impl Chance {
     pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);

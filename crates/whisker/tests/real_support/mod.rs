@@ -1,11 +1,11 @@
 //! The six data sets, where RESIGHT_DATA names the folder that holds `whisker/`.
 
+use crate::recorded::recorded;
 use resight_whisker::rod::{IntrinsicCurvature, Stiffness};
 use resight_whisker::{Cell, HubLoad, PlanarPose, Rod, Sample};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The names of the sets.
-#[allow(dead_code)]
 pub const SETS: [&str; 6] = [
     "f1_square_00",
     "f2_square_30",
@@ -16,7 +16,6 @@ pub const SETS: [&str; 6] = [
 ];
 
 /// A row of `truth.csv`.
-#[allow(dead_code)]
 #[derive(Debug, Clone)]
 pub struct Truth {
     pub contact: bool,
@@ -30,7 +29,6 @@ pub struct Truth {
 }
 
 /// One set: the whisker, the instruments, the readings without and with noise, the truth row by row.
-#[allow(dead_code)]
 pub struct Set {
     pub name: &'static str,
     pub rod: Rod,
@@ -40,15 +38,10 @@ pub struct Set {
     pub truth: Vec<Truth>,
 }
 
-/// None, loudly, where RESIGHT_DATA is unset.
-#[allow(dead_code)]
-pub fn sets() -> Option<Vec<Set>> {
-    let Some(root) = std::env::var_os("RESIGHT_DATA") else {
-        eprintln!("SKIPPED: RESIGHT_DATA is not set");
-        return None;
-    };
-    let root = PathBuf::from(root).join("whisker");
-    Some(SETS.iter().map(|name| read(name, &root.join(name))).collect())
+/// All six, in that order.
+pub fn sets() -> Vec<Set> {
+    let root = recorded("whisker");
+    SETS.iter().map(|name| read(name, &root.join(name))).collect()
 }
 
 fn read(name: &'static str, folder: &Path) -> Set {

@@ -1,0 +1,22 @@
+//! Where recordings lie that the repository does not hold. Tests that need one are ignored unless `build.rs` saw both variables.
+
+use std::path::PathBuf;
+
+fn below(variable: &str, name: &str) -> PathBuf {
+    let root =
+        std::env::var_os(variable).unwrap_or_else(|| panic!("{variable} is not set: ./test.sh sets it"));
+    let folder = PathBuf::from(root).join(name);
+    assert!(folder.is_dir(), "{variable} is set, but {} is missing", folder.display());
+    folder
+}
+
+/// The folder of a set of recordings.
+pub fn recorded(set: &str) -> PathBuf {
+    below("RESIGHT_DATA", set)
+}
+
+/// The folder of a recorded video's frames (`scripts/unpack_videos.sh`).
+#[allow(dead_code)] // Not every crate reads videos.
+pub fn recorded_frames(camera: &str) -> PathBuf {
+    below("RESIGHT_FRAMES", camera)
+}

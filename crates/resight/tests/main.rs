@@ -1,0 +1,67 @@
+//! The tests of this crate in one program: linking one for each file is most of the time of a clean run.
+
+mod detect_support;
+mod dots_support;
+mod fuzz_support;
+mod history_support;
+mod landmarks_support;
+mod live_support;
+#[allow(dead_code)] // The bench times too.
+#[path = "../benches/live/process.rs"]
+mod process;
+mod real_support;
+#[path = "../../core/tests/recorded.rs"]
+mod recorded;
+mod report_support;
+mod rigs_support;
+
+mod board_parts;
+mod corner_sigma;
+mod detect_real;
+mod detect_synthetic;
+mod dots_accuracy;
+mod dots_identification;
+mod dots_lens;
+mod follow;
+mod formats_colmap;
+mod formats_convert;
+mod formats_explain;
+mod formats_files;
+mod formats_fuzz;
+mod formats_read;
+mod formats_real;
+mod formats_refuse;
+mod formats_rigs;
+mod formats_write;
+mod fuzz;
+mod history;
+mod history_turns;
+mod history_versions;
+mod images_of_any_size;
+mod landmarks;
+mod landmarks_live;
+mod live_alarms;
+mod live_clock;
+mod live_end;
+mod live_load;
+mod live_size;
+mod not_found;
+mod real_aprilgrid;
+mod real_chessboard;
+mod real_four_points;
+mod real_intrinsics;
+mod real_landmarks;
+mod real_pnp_literals;
+mod real_pose_graph;
+mod real_robust;
+mod real_rotating_tag;
+mod real_tag_map;
+mod recordings;
+mod recordings_faults;
+mod render_is_read_by_detectors;
+mod render_physics;
+mod report_rig;
+mod scene;
+mod sources;
+mod streams;
+mod tag_tolerance;
