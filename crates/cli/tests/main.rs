@@ -1,5 +1,6 @@
 //! The tests of this crate in one program: linking one for each file is most of the time of a clean run.
 
+mod book_support;
 mod carried_support;
 #[allow(dead_code)] // Its main reads and writes folders.
 #[path = "../../whisker/examples/touch_meets_sight.rs"]
