@@ -13,12 +13,10 @@ mod text;
 mod turned;
 mod commands;
 
-use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = args::Arguments::parse();
-    match commands::run(arguments.command) {
+    match args::Arguments::read().and_then(|arguments| commands::run(arguments.command)) {
         Ok(outcome) => outcome.into(),
         Err(reason) => {
             output::remark(&format!("error: {reason:#}"));

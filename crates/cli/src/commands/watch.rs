@@ -8,6 +8,7 @@ mod names;
 mod outputs;
 mod rig;
 mod saved;
+pub mod session;
 mod signals;
 mod sources;
 
@@ -37,6 +38,8 @@ use std::sync::atomic::AtomicBool;
 /// Watches cameras: a pose for every frame, and an alarm, at a stated rate of false ones, when a camera moved.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
+    resight watch session.toml\n  \
+    resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
@@ -46,11 +49,20 @@ use std::sync::atomic::AtomicBool;
     resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
     Exit status with --once: 0 all steady, 3 something moved (also while it was learned), 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
 pub struct Watch {
+    /// Session file (TOML): its keys are the flags, with _ for -; a flag beside it takes the place of its key.
+    #[arg(value_name = "SESSION.toml")]
+    pub session: Option<PathBuf>,
+    /// Writes the session file that the given flags mean to stdout, every other key with its default as a comment, and ends.
+    #[arg(long)]
+    pub print_session: bool,
+    /// That file.
+    #[arg(skip)]
+    pub printed: Option<String>,
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present_any = ["rig", "session", "print_session"], value_name = "[NAME=]FILE")]
     camera: Vec<String>,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several. Not needed with landmarks.
-    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks"], value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
     #[command(flatten)]
     tags: TagArgs,
@@ -87,6 +99,10 @@ pub struct Watch {
 
 /// See `Watch`.
 pub fn run(args: &Watch) -> Result<Outcome> {
+    if let Some(text) = &args.printed {
+        crate::output::print(text)?;
+        return Ok(Outcome::Answered);
+    }
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }

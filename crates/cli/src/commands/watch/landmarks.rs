@@ -9,6 +9,7 @@ use std::path::Path;
 
 /// The landmarks.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Landmarks")]
 pub struct LandmarkArgs {
     /// Reference picture (PNG or JPEG) of a camera: while it sees no target, its turn since that picture is watched.
     #[arg(long, value_name = "[NAME=]FILE")]

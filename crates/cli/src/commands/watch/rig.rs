@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 /// The rig.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Rig")]
 pub struct RigArgs {
     /// Cameras with their names, lenses and places: what `resight rig -o` writes, or any format it reads; several files are
     /// joined by their frames' names. --camera is not needed then.
@@ -21,13 +22,13 @@ pub struct RigArgs {
     #[arg(long)]
     pub moving_target: bool,
     /// Frames of different cameras within this time belong to one moment.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]
     sync_tolerance_s: f64,
     /// How well the rig file's places are known where it does not say so: of each turn. Without it such places are learned anew.
     #[arg(long, value_name = "DEGREES", requires_all = ["rig", "rig_sigma_mm"], value_parser = crate::args::positive)]
     rig_sigma_deg: Option<f64>,
     /// The same of each shift.
-    #[arg(long, value_name = "MM", requires = "rig_sigma_deg", value_parser = crate::args::positive)]
+    #[arg(long, hide_short_help = true, value_name = "MM", requires = "rig_sigma_deg", value_parser = crate::args::positive)]
     rig_sigma_mm: Option<f64>,
 }
 
