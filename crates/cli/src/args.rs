@@ -145,14 +145,19 @@ impl CornerArgs {
 /// What the file of a map of tags does not state, for the commands that read one.
 #[derive(Debug, Clone, Default, Args)]
 pub struct TagArgs {
-    /// Family of a tag map's tags, where its file states none (WPILib field layouts) [default: tag36h11]
+    /// Family of a tag map's tags [default: tag36h11]
+    ///
+    /// Where its file states none, as WPILib field layouts.
     #[arg(long, value_name = "FAMILY")]
     tag_family: Option<String>,
-    /// Outer edge of the black square of a tag map's tags, metres, where its file states none [default for field layouts: 0.1651]
+    /// Outer edge of the black square of a tag map's tags, metres [default for field layouts: 0.1651]
+    ///
+    /// Where its file states none.
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = positive)]
     tag_size_m: Option<f64>,
-    /// Standard deviation of each tag's position along each axis, metres, where a tag map's file states none; 0 for a map that is exact
-    /// [default: 0; field layouts: 0.010, and 0.8° of rotation]
+    /// Standard deviation of each tag's position, metres [default: 0; field layouts: 0.010]
+    ///
+    /// Along each axis, where a tag map's file states none; 0 for a map that is exact. Field layouts have 0.8° of rotation besides.
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = not_negative)]
     tag_sigma_m: Option<f64>,
 }

@@ -9,8 +9,8 @@ use resight::core::monitor::learn::LearnConfig;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Alarm")]
 pub struct AlarmArgs {
-    /// False alarms a day, on average at most, for all cameras together.
-    #[arg(long, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
+    /// False alarms a day, on average at most, for all cameras together [default: 1/30, one a month]
+    #[arg(long, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is unseen.
     #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]

@@ -22,7 +22,9 @@ use std::thread::{self, JoinHandle};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "History")]
 pub struct HistoryArgs {
-    /// Keeps the pose (or turn of landmarks), covariance, residual and state of every frame, and every event, in this SQLite file; read it with `resight history`.
+    /// Keeps every frame and event in this SQLite file, which `resight history` reads.
+    ///
+    /// Pose (or rotation by landmarks), covariance, residual and state of every frame.
     /// With --json an object {"event": "stored"} says what is on the disk for good.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,

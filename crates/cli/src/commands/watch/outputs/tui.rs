@@ -35,8 +35,9 @@ const PATIENCE: Duration = Duration::from_millis(50);
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Terminal view")]
 pub struct TuiArgs {
-    /// Draws the session in the terminal instead of printing it: state, drift, times and scatter of every camera. q quits, r resets the
-    /// statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
+    /// Draws the session in the terminal instead of printing it.
+    ///
+    /// State, motion, times and scatter of every camera. q quits, r resets the statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
     #[arg(long)]
     pub tui: bool,
     /// Frames over which --tui takes medians, percentiles and standard deviations.
