@@ -1,5 +1,6 @@
 //! The program: parse, call, print. No mathematics.
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 
 mod args;
 mod files;
