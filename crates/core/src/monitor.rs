@@ -251,6 +251,14 @@ impl Monitor {
         Ok(())
     }
 
+    /// The pose that a reading at `t_s` is expected to show, and its covariance: where it is known to be, with the part of its errors that
+    /// lasts. A reading's own noise comes on top.
+    pub fn expected(&self, t_s: f64) -> (Pose, Matrix6) {
+        let (motion, covariance) = self.test.expected(t_s);
+        let old_from_new = self.old_from_level * Pose::exp(&motion);
+        (old_from_new.inverse() * self.reference.a_from_b, covariance)
+    }
+
     /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera
     /// that stayed (those that the reference was learned from, in order of time; none where there are none) and from all that follow. What
     /// the reference says of its noise is where the estimate begins, and an error that it states stays possible. Until the readings exclude

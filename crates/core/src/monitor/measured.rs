@@ -92,15 +92,24 @@ impl Measured {
         std::array::from_fn(|axis| self.banks[axis].innovation(value[axis], variance[axis]))
     }
 
-    /// Σ ν²/S of a reading after a time; the banks stay.
-    pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
+    /// A reading after a time beside what is expected of it; the banks stay.
+    pub fn foreseen(
+        &self,
+        elapsed_s: f64,
+        stated: &[Transition; AXES],
+        reading: &Whitened,
+    ) -> [Innovation; AXES] {
         let passed = Passed::new(elapsed_s, self.unit_s);
-        let of_axis = |axis: usize| {
+        std::array::from_fn(|axis| {
             let (value, variance) = (reading.value[axis], reading.variance[axis]);
-            let innovation = self.banks[axis].foreseen(&passed, &stated[axis], value, variance);
-            innovation.value * innovation.value / innovation.variance
-        };
-        (0..AXES).map(of_axis).sum()
+            self.banks[axis].foreseen(&passed, &stated[axis], value, variance)
+        })
+    }
+
+    /// Σ ν²/S of a reading after a time.
+    pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
+        let square = |innovation: &Innovation| innovation.value * innovation.value / innovation.variance;
+        self.foreseen(elapsed_s, stated, reading).iter().map(square).sum()
     }
 
     pub fn update(
