@@ -15,11 +15,11 @@ use crate::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
 
 /// Noise may have grown since an onset, in all coordinates at once: its variance by these factors.
-const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
+pub(super) const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
 /// ln of how seldom that is at the very time of an onset; by the first factor the scale may err at any time.
-const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
+pub(super) const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
 /// The models stand on a grid, and the noise between them: what the best of them may be worse by, a reading.
-const BETWEEN: f64 = 1e-3;
+pub(super) const BETWEEN: f64 = 1e-3;
 /// Readings over which the time between them is taken.
 const BETWEEN_OVER: f64 = 100.0;
 /// Where the coordinates, the grown noise and the models stand in a standing.

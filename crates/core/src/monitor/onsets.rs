@@ -25,7 +25,7 @@ const ONSETS: usize = 24;
 /// about ln 5 of evidence.
 const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
 /// Sizes looked for beside noise that may follow a jump, in units of those, and their prior weights.
-const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
+pub(super) const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
 /// Estimates of a change expect it below this many of that size: any that can be seen.
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
