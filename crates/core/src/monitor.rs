@@ -133,7 +133,7 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
-    /// Until then a drift is not told: it may come back as others did.
+    /// Until then a drift is not reported: it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
     aftermath: Aftermath,

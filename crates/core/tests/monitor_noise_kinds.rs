@@ -52,7 +52,7 @@ fn of_tags(tags: std::ops::Range<usize>) -> Matrix6<f64> {
         for (dx, dy) in [(-0.08, -0.08), (0.08, -0.08), (0.08, 0.08), (-0.08, 0.08)] {
             let point = nalgebra::Vector3::new(x + dx, y + dy, 4.0 + 0.3 * (x + dx));
             let ray = |by: Vector6<f64>| {
-                let now = Pose::exp(&by) * nalgebra::Point3::from(point);
+                let now = Pose::exp(&by) * point;
                 nalgebra::Vector2::new(now.x / now.z, now.y / now.z)
             };
             let slope = |i: usize| (ray(Vector6::ith(i, 1e-5)) - ray(Vector6::ith(i, -1e-5))) / 2e-5;

@@ -43,7 +43,7 @@ pub(super) struct Measured {
     /// Readings so far, and the time between them, seconds.
     readings: f64,
     between_s: f64,
-    /// What the readings of motions that are told said of each model: counted when it comes back by itself.
+    /// What the readings of motions that are reported said of each model: counted when it comes back by itself.
     set_aside: Vec<f64>,
 }
 

@@ -223,7 +223,7 @@ impl RigMonitor {
         let (passed, dropped) =
             self.held.push(moment, self.noises.filter(), &innovation, self.typical.variances());
         self.outliers += dropped;
-        // Seen one after the other, told at once: they say the same.
+        // Seen one after the other, reported at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);
         for moment in &passed {
             let (ahead, carried) = self.noises.ahead(moment.t_s);

@@ -160,7 +160,7 @@ impl Pair {
             }
             StageRecord::Watching(monitor) => {
                 let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
-                // A state of a version that believed the noise it was told.
+                // A state of a version that believed the stated noise.
                 if !monitor.measures_noise() {
                     monitor.measure_noise(&[]);
                 }
