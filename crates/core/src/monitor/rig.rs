@@ -6,12 +6,12 @@
 
 mod star;
 mod filter;
-mod noises;
-mod earlier;
 mod evidence;
 mod which;
 mod held;
 mod typical;
+mod noises;
+mod earlier;
 mod restore;
 mod learn;
 
