@@ -232,3 +232,29 @@ fn steps_of_maps_and_landmarks_are_found() {
         assert!(delays[4] <= 3 && delays[7] <= 8, "{kind:?}, {condition:?}: {delays:?}");
     }
 }
+
+/// Also after few readings, when little is known of the noise: how far is stated with its error.
+#[test]
+fn a_gross_step_has_its_size() {
+    for (kind, quiet) in [(Kind::Landmarks, 8), (Kind::Landmarks, 600), (Kind::Map, 600)] {
+        for degrees in [0.2, 1.0, 5.0] {
+            let mut scene = Scene::new(kind, Condition::White, 0x57e9);
+            let mut monitor = scene.watched(&MonitorConfig::default());
+            for _ in 0..quiet {
+                monitor.push(&scene.next(&Vector6::zeros()));
+            }
+            let step = Vector6::ith(1, f64::to_radians(degrees));
+            for _ in 0..8 {
+                monitor.push(&scene.next(&step));
+            }
+            let drift = monitor.drift().expect("an alarm");
+            let (turn, covariance) = drift.pure_rotation().expect("a turn");
+            let (seen, sigma) = (turn[1].to_degrees(), covariance[(1, 1)].sqrt().to_degrees());
+            println!("{kind:?} after {quiet}: {seen:.4}° ± {sigma:.4}°, truly {degrees}°");
+            assert!(
+                (seen - degrees).abs() < 0.03 + 0.005 * degrees,
+                "{kind:?} after {quiet}: {seen} of {degrees}"
+            );
+        }
+    }
+}

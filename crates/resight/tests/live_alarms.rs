@@ -15,6 +15,9 @@ use std::time::Duration;
 
 const SIGMA_PX: f64 = 0.2;
 
+/// How far a corner is off at a time, pixels.
+type Off = fn(f64, u8) -> Pixel;
+
 /// What happens to a camera before a tag.
 #[derive(Clone, Copy)]
 struct Scene {
@@ -23,7 +26,7 @@ struct Scene {
     /// Where the camera is in its old frame at a time.
     moved: fn(f64) -> Vector6<f64>,
     /// How far a corner is off at a time, pixels.
-    off: fn(f64, u8) -> Pixel,
+    off: Off,
 }
 
 struct Corners {
@@ -107,7 +110,7 @@ fn corners_that_are_off_alone_raise_no_alarm() {
     let seeds = std::env::var("RESIGHT_ALARM_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(3);
     let scene = Scene { rate_hz: 1.0, seconds: 400.0, moved: still, off: exact };
     let mut delays = [const { Vec::new() }; 3];
-    let faults: [(fn(f64, u8) -> Pixel, f64); 3] =
+    let faults: [(Off, f64); 3] =
         [(half_for_ten_seconds, 10.0), (across_for_ten_seconds, 10.0), (one_for_good, 99.0)];
     for (i, (off, within_s)) in faults.into_iter().enumerate() {
         for seed in 0..seeds {

@@ -118,7 +118,9 @@ impl Monitor {
         let (Some(log_r), Some(last)) = (log_r, passed.last()) else { return };
         // What the noise in use does not explain, other noise may.
         if self.test.passes(log_r, threshold) {
-            self.alarmed(last.t_s, log_r);
+            // What waited together may be of one motion, whichever of it the onset is put at.
+            let first_s = passed.first().map_or(last.t_s, |first| first.t_s);
+            self.alarmed(last.t_s, log_r, first_s);
         }
         self.rename(last.t_s);
         if self.drift.is_some() {
@@ -169,11 +171,11 @@ impl Monitor {
         Some((now, first))
     }
 
-    fn alarmed(&mut self, t_s: f64, log_r: f64) {
+    fn alarmed(&mut self, t_s: f64, log_r: f64, first_s: f64) {
         let Some((now, drift)) = self.changed(t_s) else { return };
         let is_first = self.drift.is_none();
         if is_first {
-            self.aftermath.base = self.aftermath.milestones.before(drift.began_s);
+            self.aftermath.base = self.aftermath.milestones.before(drift.began_s.min(first_s));
             self.aftermath.log_r = log_r;
             if let Some(excess) = self.explanation(t_s - drift.began_s) {
                 return self.doubt(t_s, &excess);

@@ -283,7 +283,7 @@ impl RigMonitor {
     fn is_over(&self) -> bool {
         let threshold = self.threshold();
         threshold <= self.evidence.statistic && {
-            let log_r = self.evidence.log_statistic_against(&self.noises);
+            let log_r = self.evidence.log_statistic_against(|then| self.noises.log_against(then));
             let then = self.evidence.began().map(|began| began.onset.then);
             threshold.ln() <= self.noises.deflated(log_r, &then.unwrap_or_default())
         }

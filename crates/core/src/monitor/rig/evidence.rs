@@ -9,8 +9,8 @@
 //! Derivation: docs/math/monitor.md eqs. (22)–(24).
 
 use super::filter::{Carried, Innovation, STATES};
-use super::noises::{Noises, Then};
 use crate::monitor::axis::DAY_S;
+use crate::monitor::measured::GROWN;
 use crate::monitor::onsets::Course;
 use crate::monitor::onsets::WIDER;
 use crate::monitor::{LogSum, Scaled};
@@ -37,6 +37,14 @@ pub(super) struct Onset {
     typical: DVector<f64>,
     /// How likely the moments before it were under each model of the noise.
     pub then: Then,
+}
+
+/// What an onset remembers of the noise before it: logarithms of likelihoods, and the count of moments.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Then {
+    pub own: f64,
+    pub grown: [f64; GROWN.len()],
+    pub moments: f64,
 }
 
 /// What the moments since an onset say of motions of all cameras.
@@ -284,8 +292,8 @@ impl Evidence {
     }
 
     /// ln R, each onset taken against all noise that is possible.
-    pub fn log_statistic_against(&self, noises: &Noises) -> f64 {
-        let of = |onset: &Onset| onset.log_mass_of_any_size() + noises.log_against(&onset.then);
+    pub fn log_statistic_against(&self, log_against: impl Fn(&Then) -> f64) -> f64 {
+        let of = |onset: &Onset| onset.log_mass_of_any_size() + log_against(&onset.then);
         LogSum::of(self.onsets.iter().map(of)).ln()
     }
 
@@ -354,6 +362,7 @@ impl Evidence {
     }
 }
 
+numbers!(Then { own, grown, moments });
 numbers!(Gathered { signature, score, information, groups });
 numbers!(Onset { t_s, gathered, log_weights, typical, then });
 numbers!(Evidence { onsets, statistic });

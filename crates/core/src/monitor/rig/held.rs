@@ -2,9 +2,8 @@
 //! another time is alone, a knocked camera stays where it is.
 
 use super::SURPRISE;
-use super::evidence::Onset;
+use super::evidence::{Onset, Then};
 use super::filter::{Innovation, RigFilter};
-use super::noises::Then;
 use super::star::Sight;
 use super::which::{explained, which};
 use crate::frames::chi_square::tail;

@@ -8,7 +8,7 @@
 //! Derivation: docs/math/monitor.md section 7.
 
 use super::RigReference;
-use super::evidence::Gathered;
+use super::evidence::{Gathered, Then};
 use super::filter::{Carried, Innovation, RigFilter};
 use crate::monitor::measured::{BETWEEN, GROWN, GROWS};
 use crate::snapshot::numbers;
@@ -54,14 +54,6 @@ struct Block {
     /// Of each camera: mean of c²/d over its coordinates, and of how many blocks.
     means: Vec<f64>,
     counts: Vec<f64>,
-}
-
-/// What an onset remembers of the moments before it.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Then {
-    own: f64,
-    grown: [f64; GROWN.len()],
-    moments: f64,
 }
 
 impl Noises {
@@ -228,6 +220,5 @@ impl Block {
     }
 }
 
-numbers!(Then { own, grown, moments });
 numbers!(Block { moments, gathered, means, counts });
 numbers!(Noises { filter, scale, own, grown, moments, blocks });
