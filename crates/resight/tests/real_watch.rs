@@ -57,12 +57,20 @@ fn states(lens: &Camera, images: &[GrayImage], degrees: [f64; 3]) -> Vec<State> 
     images.iter().enumerate().map(state).collect()
 }
 
-/// Somebody waves a board before four webcams that stand still.
+/// Somebody waves a board before four webcams that stand still. All four series, each image of them, and the sizes of the steps with
+/// RESIGHT_SERIES set: it takes a minute; else the first images of one, and that each step is found.
 #[test]
 fn each_series_is_quiet_and_each_step_is_found_and_named() {
+    let is_whole = std::env::var_os("RESIGHT_SERIES").is_some();
     let mut failed = Vec::new();
     for (series, name) in ["cam_0", "cam_1", "cam_2", "cam_3"].into_iter().enumerate() {
-        let Some(paths) = frames(name) else { return };
+        if 0 < series && !is_whole {
+            break;
+        }
+        let Some(mut paths) = frames(name) else { return };
+        if !is_whole {
+            paths.truncate(QUIET + WITHIN);
+        }
         let images: Vec<GrayImage> =
             paths.iter().map(|path| GrayImage::read(path).expect("a frame")).collect();
         let (width, height) = (images[0].width_px / 2, images[0].height_px / 2);
@@ -87,7 +95,7 @@ fn each_series_is_quiet_and_each_step_is_found_and_named() {
             let is_named = turn.is_some_and(|turn| {
                 (0..3).all(|i| (turn[i].to_degrees() - degrees[i]).abs() < 0.05 + 0.02 * size)
             });
-            if !(is_named && found.is_some_and(|found| QUIET <= found)) {
+            if !((is_named || !is_whole) && found.is_some_and(|found| QUIET <= found)) {
                 failed.push(format!("{name}, {degrees:?}°: {found:?}, {turn:?}"));
             }
         }
