@@ -93,7 +93,8 @@ impl TagFinder {
     fn by_print(&self, image: &GrayImage, noise_gray: f64, tag: &DecodedTag) -> FoundTag {
         let index = self.family.ids.iter().position(|id| *id == tag.id);
         let print = index.and_then(|index| Print::new(&self.family, self.family.codes[index]));
-        let laid = print.and_then(|print| tag_print::lay(image, noise_gray, &print, &tag.corners));
+        let laid =
+            print.and_then(|print| tag_print::lay(image, noise_gray, &print, &tag.corners, self.wanted));
         match laid {
             Some(laid) => FoundTag {
                 corners: laid.corners,

@@ -52,17 +52,18 @@ impl Part {
         self.reduce as f64
     }
 
-    /// Columns of the grid that is kept.
-    pub fn width(&self) -> usize {
-        self.size[0]
+    /// Columns and rows of the grid that is kept.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
     }
 
-    /// Each place, with its index and its grey level.
-    pub fn places(&self) -> impl Iterator<Item = (usize, Pixel, f64)> + '_ {
-        let place = |(k, gray): (usize, &f32)| {
+    /// One of `every` places, on diagonals that do not depend on the part, with index and grey level.
+    pub fn places(&self, every: usize) -> impl Iterator<Item = (usize, Pixel, f64)> + '_ {
+        let place = move |(k, gray): (usize, &f32)| {
             let (u, v) = (self.first[0] + k % self.size[0], self.first[1] + k / self.size[0]);
-            (k, Pixel::new(u as f64, v as f64), *gray as f64)
+            let place = (k, Pixel::new(u as f64, v as f64), *gray as f64);
+            (u + v).is_multiple_of(every).then_some(place)
         };
-        self.gray.iter().enumerate().map(place)
+        self.gray.iter().enumerate().filter_map(place)
     }
 }

@@ -45,6 +45,7 @@ pub(super) fn lines(
     print: &Print,
     at: &[Pixel; 4],
     blur_px2: &Matrix2<f64>,
+    every: usize,
 ) -> Option<Vec<Line>> {
     let plane = print.corners().map(|[x, y]| PlanePoint::new(x, y));
     let map_of = |at: &[Pixel; 4]| Homography::fit(&[0, 1, 2, 3].map(|k: usize| (plane[k], at[k])));
@@ -65,7 +66,7 @@ pub(super) fn lines(
     let rim_px = inset / cells * edge_px;
     let margin_px = (1.5 * (0.5 * blur_px2.trace()).sqrt() + 0.5).min(0.5 * rim_px);
     let mut lines = Vec::new();
-    for (index, p, gray) in part.places() {
+    for (index, p, gray) in part.places(every) {
         // Gradients of the plane's coordinates in the image, and the blur across the lines of each.
         let (x, gradients) = from_image.with_gradients(&p);
         if !(0.0 <= x.x && x.x <= width && 0.0 <= x.y && x.y <= width) || !print.is_known([x.x, x.y]) {
