@@ -63,7 +63,7 @@ const BOW_PRIOR: f64 = 0.02;
 /// What the unknowns take up of sums over squares, in shares of an edge.
 const TAKEN_UP: f64 = 1.5;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
-const SHARED: f64 = 2.0;
+const SHARED: f64 = 4.0;
 
 /// Lays a print on the image, corners as the library found them, one of so many tags that may be there. None where the print does not show there.
 pub(super) fn lay(

@@ -69,7 +69,7 @@ pub(super) fn lines(
     for (index, p, gray) in part.places(every) {
         // Gradients of the plane's coordinates in the image, and the blur across the lines of each.
         let (x, gradients) = from_image.with_gradients(&p);
-        if !(0.0 <= x.x && x.x <= width && 0.0 <= x.y && x.y <= width) || !print.is_known([x.x, x.y]) {
+        if !print.is_known([x.x, x.y]) {
             continue;
         }
         let depth_px = [x.x, x.y]
