@@ -36,6 +36,8 @@ const EVERY_PX: f64 = 56.0;
 const MANY: usize = 4;
 /// Rounds; each about squares the error, until a pixel that is foreign is known as such.
 const ROUNDS: usize = 40;
+/// Corners that move less lie near to where they end, pixels.
+const NEAR_PX: f64 = 0.05;
 /// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
 const SETTLED_PX: f64 = 2e-3;
 /// Blur to begin with, and its least and most, standard deviations in pixels; a pixel's own square is a part of it.
@@ -43,7 +45,6 @@ const FIRST_BLUR_PX: f64 = 0.8;
 const BLUR_PX: (f64, f64) = (0.35, 5.0);
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
-const FEW: f64 = 0.08;
 /// The same in robust standard deviations of the residuals.
 const FOREIGN_SIGMAS: f64 = 5.0;
 /// Least share of the pixels that shows the print, and of their variance that it explains.
@@ -63,7 +64,7 @@ const BOW_PRIOR: f64 = 0.02;
 /// What the unknowns take up of sums over squares, in shares of an edge.
 const TAKEN_UP: f64 = 1.5;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
-const SHARED: f64 = 4.0;
+const SHARED: f64 = 2.0;
 
 /// Lays a print on the image, corners as the library found them, one of so many tags that may be there. None where the print does not show there.
 pub(super) fn lay(
@@ -99,7 +100,10 @@ pub(super) fn lay(
         if moved_px < SETTLED_PX && is_strict {
             return conclude(&lines, &solved, &state, &part, noise_gray, every);
         }
-        state.foreign = (0.5 * state.foreign).max(FOREIGN.1);
+        // Not before the print lies where it is: else an edge that is a little off would be foreign.
+        if moved_px < NEAR_PX {
+            state.foreign = FOREIGN.1;
+        }
     }
     None
 }
@@ -134,7 +138,7 @@ struct Solved {
 impl State {
     /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
     /// standard deviation, grey levels.
-    fn weights(&mut self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
+    fn weights(&self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
         let Some(x) = &self.x else { return (lines.iter().map(|line| line.weight).collect(), noise_gray) };
         let residuals: Vec<f64> = lines.iter().map(|line| line.gray - line.predicted(x)).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
@@ -143,11 +147,6 @@ impl State {
         let sigma = (1.4826 * *median).max(noise_gray);
         let contrast = 2.0 * x[GAIN].abs();
         let limit = |foreign: f64| (foreign * contrast).max(FOREIGN_SIGMAS * sigma);
-        // Where hardly a pixel is foreign there is nothing to come nearer to.
-        let beyond = sizes.iter().filter(|size| limit(FOREIGN.1) < **size).count();
-        if beyond as f64 <= FEW * sizes.len() as f64 {
-            self.foreign = FOREIGN.1;
-        }
         let limit = limit(self.foreign);
         let weight = |(line, e): (&Line, &f64)| line.weight * (1.0 - (e / limit).powi(2)).max(0.0).powi(2);
         (lines.iter().zip(&residuals).map(weight).collect(), sigma)
