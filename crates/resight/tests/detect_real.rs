@@ -234,8 +234,9 @@ fn recorded_charuco_corners_are_found() {
 /// nothing of the marker is in that. The tag library's own corners were 0.300, 0.166, 0.161 and 0.149 px from there (root mean square of each
 /// coordinate), measured by their print they are nearer in every film.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn photographed_markers_lie_where_their_board_puts_them() {
-    let Some(folder) = real_data("caliscope_4cam_charuco") else { return };
+    let folder = recorded("caliscope_4cam_charuco");
     let Some(frames) = std::env::var_os("RESIGHT_FRAMES") else {
         println!("RESIGHT_FRAMES is not set: recorded frames are skipped");
         return;

@@ -188,8 +188,9 @@ fn held_out_rms_px(seen: &[(u32, Correspondence)], camera: &Camera) -> f64 {
 /// Whose corners are right does not matter here: those predict the other half of their board better that lie nearer to where the board's corners
 /// are. Same camera, same weights, same method, alternating corners; in every view ours are nearer.
 #[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn own_corners_predict_each_other_better_than_the_published_ones() {
-    let Some(folder) = real_data("opencv_stereo_chessboard") else { return };
+    let folder = recorded("opencv_stereo_chessboard");
     let Views { camera, target, views } = views(&folder);
     let mut detector = Detector::new(&target).unwrap();
     let (mut own2, mut published2) = (0.0, 0.0);
