@@ -154,8 +154,7 @@ fn wrong_rows_are_named() {
     assert!(refused(&|row| row.id = Some("5")).contains("point 5 of target target is there twice"));
 }
 
-/// Images in memory and images of files, named by what a pattern's wildcard stands for, are the same rig; frame times pair frames whose
-/// names differ.
+/// Images in memory and images of files are the same rig; frame times pair frames whose names differ.
 #[test]
 fn images_of_any_source_give_the_same_rig() {
     let mut request = RigRequest::default();

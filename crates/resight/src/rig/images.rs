@@ -77,7 +77,7 @@ enum Pixels<'a> {
 }
 
 /// What was found in one frame.
-struct Looked {
+struct FrameResult {
     camera: usize,
     name: String,
     found: Result<FoundTargets, String>,
@@ -212,20 +212,20 @@ impl Search<'_> {
         let window = self.options.corner_window;
         let detectors =
             || targets.iter().map(|target| Detector::with_corner_window(target, window)).collect();
-        let work = |detectors: &mut Vec<Detector>, job: &Job| Looked {
+        let work = |detectors: &mut Vec<Detector>, job: &Job| FrameResult {
             camera: job.camera,
             name: job.name.clone(),
             found: find(detectors, &targets, &cameras[job.camera], &job.image),
         };
-        detect_in_order(jobs, detectors, work, |looked| {
-            self.take(looked);
+        detect_in_order(jobs, detectors, work, |result| {
+            self.take(result);
             Ok(())
         })
     }
 
     /// Files what a frame shows; all frames of a camera must have one size.
-    fn take(&mut self, looked: Looked) {
-        let Looked { camera, name, found } = looked;
+    fn take(&mut self, result: FrameResult) {
+        let FrameResult { camera, name, found } = result;
         let found = match found {
             Ok(found) => found,
             Err(reason) => return self.leave_out(camera, name, "frame", reason),
