@@ -200,7 +200,7 @@ pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {
         Some((_, method)) => Ok(*method),
         None => {
-            let nearest = crate::files::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
+            let nearest = resight::input::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
             let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
             Err(format!("no such method; {hint}There are {}", names()))
         }

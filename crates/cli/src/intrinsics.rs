@@ -43,7 +43,7 @@ impl IntrinsicsArgs {
         let mut by_name = BTreeMap::new();
         for (name, sigma) in &self.intrinsics_sigma {
             if !known.contains(&name.as_str()) {
-                let nearest = crate::files::nearest(name, known.iter().map(|n| n.to_string()));
+                let nearest = resight::input::nearest(name, known.iter().map(|n| n.to_string()));
                 let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
                 let model = camera.model_name();
                 bail!(

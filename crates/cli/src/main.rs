@@ -9,7 +9,6 @@ mod intrinsics;
 mod output;
 mod points;
 mod robust;
-mod table;
 mod text;
 mod turned;
 mod commands;

@@ -1,7 +1,7 @@
 //! Known correspondences from a CSV file.
 
-use crate::table::{Table, TableRow};
-use anyhow::Result;
+use resight::FileError;
+use resight::input::table::{Table, TableRow};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -42,7 +42,7 @@ struct Columns {
 }
 
 /// Reads all views, in the order in which each first appears; rows of one view need not be adjacent.
-pub fn read(path: &Path, normalized: bool) -> Result<Vec<View>> {
+pub fn read(path: &Path, normalized: bool) -> Result<Vec<View>, FileError> {
     let table = Table::open(path, "x_m,y_m,z_m")?;
     let columns = columns(&table, normalized)?;
     let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -59,12 +59,12 @@ pub fn read(path: &Path, normalized: bool) -> Result<Vec<View>> {
         });
         let row = row(&columns, &cells, views[at].rows.len())?;
         views[at].rows.push(row);
-        Ok(())
+        Ok::<(), FileError>(())
     })?;
     Ok(views)
 }
 
-fn columns(table: &Table, normalized: bool) -> Result<Columns> {
+fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
     let other_kind = if normalized { "u_px" } else { "xn" };
     let hint = table.find(other_kind).map(|_| match normalized {
         true => "for columns u_px,v_px leave out --normalized",
@@ -81,7 +81,7 @@ fn columns(table: &Table, normalized: bool) -> Result<Columns> {
     })
 }
 
-fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row> {
+fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileError> {
     let [x, y, z] = columns.space;
     let [u, v] = columns.image;
     let name = columns.id.and_then(|i| cells.text(i));

@@ -57,6 +57,7 @@ fn headline(answer: &PoseAnswer) -> &'static str {
         Status::Degenerate => "NO POSE: these points do not determine one",
         Status::Inconsistent => "INCONSISTENT: do not trust this pose yet",
         Status::NotFound => "NOT FOUND: no target in this image",
+        Status::NotConnected => "NOT CONNECTED: no chain of observations joins all cameras",
         Status::Undecided => "UNDECIDED: the data do not say which",
         Status::Error => "ERROR",
     }

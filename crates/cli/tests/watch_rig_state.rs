@@ -23,7 +23,9 @@ fn seen(moments: usize, seed: u64) -> Vec<String> {
 }
 
 fn begin(state: &Path, more: &[&str]) -> Session {
-    let rig = rig_arguments("rig-state", CAMERAS, false);
+    // A folder for each state: tests that run side by side must not empty each other's.
+    let name = state.parent().and_then(Path::file_name).expect("a folder").to_string_lossy();
+    let rig = rig_arguments(&format!("{name}-files"), CAMERAS, false);
     let rig: Vec<&str> = rig.iter().map(String::as_str).collect();
     start_with(&[], &[&rig[..], &["--state", text(state)], more].concat())
 }

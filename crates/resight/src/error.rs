@@ -1,6 +1,7 @@
 //! What can go wrong at the front door, and errors of files and images: `resight_core::Error` with a path and a line.
 
 use crate::detect::DetectError;
+use crate::formats::WriteError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -17,12 +18,28 @@ pub enum Error {
     /// Numbers that no mathematics can be done with.
     #[error(transparent)]
     Math(#[from] resight_core::Error),
+    /// Cameras that a file format cannot hold.
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// Standard deviations that do not fit the camera.
     #[error("{reason}")]
     Intrinsics {
         /// What is wrong, and what is needed.
         reason: String,
     },
+    /// A request that names what is not there, contradicts itself or lacks something.
+    #[error("{reason}")]
+    Request {
+        /// What is wrong, and what is needed.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// What is wrong with a request.
+    pub fn request(reason: impl Into<String>) -> Self {
+        Error::Request { reason: reason.into() }
+    }
 }
 
 /// What is wrong with a file, where, and what to do.

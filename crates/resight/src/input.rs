@@ -3,6 +3,11 @@
 //! A header, an empty disk or a slip of the hand may claim any size; memory is taken only for what could be meant. Named pipes and
 //! devices are refused, for whoever opens one may wait for ever. Pipes that the shell has opened (`/dev/stdin`, `<(…)`) are read.
 
+mod nearest;
+pub mod table;
+
+pub use nearest::nearest;
+
 use crate::FileError;
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};

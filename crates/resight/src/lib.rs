@@ -25,6 +25,9 @@
 //! | --- | --- |
 //! | an image to a pose | [`locate_image`]; many images of one camera: [`locate::ImageLocator`] |
 //! | known points to a pose | [`locate_points`] |
+//! | images of several cameras to a rig | [`rig_from_images`]; points found already: [`rig_from_detections`] |
+//! | relative poses of pairs of cameras to a rig | [`pose_graph`] |
+//! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye`] |
 //! | a scene to lengths | [`measure`] |
 //! | cameras watched for motion | [`live`] |
 //!
@@ -36,6 +39,7 @@ pub use resight_core as core;
 
 pub mod error;
 pub mod input;
+pub mod parallel;
 pub mod image;
 pub mod detect;
 pub mod answer;
@@ -57,9 +61,10 @@ pub mod history;
 pub mod live;
 
 pub use self::image::GrayImage;
-pub use answer::{PoseAnswer, Status};
+pub use answer::{HandEyeAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status};
 pub use error::{Error, FileError};
 pub use locate::{locate_image, locate_points};
+pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.
 ///

@@ -1,12 +1,30 @@
-//! A rig with names: what commands, files and reports say about cameras, views and targets.
+//! A rig with names: the jobs that solve it, and what files and reports say about cameras, views and targets.
 
+mod detections;
 pub mod digest;
+mod frame_sets;
 pub mod gather;
+mod hand_eye;
+mod images;
+mod job;
 pub mod names;
+mod observed;
 pub mod pairs;
 pub mod places;
+mod pose_graph;
 pub mod relative;
+mod request;
+mod robot_poses;
 pub mod synchronise;
+
+pub use detections::{DetectionRow, DetectionSource, Detections};
+pub use hand_eye::{HandEyeRequest, HandEyeViews, hand_eye};
+pub use images::{CameraImage, FrameTimes, ImageOptions};
+pub use job::{ObservedRig, rig_from_detections, rig_from_images};
+pub use observed::LeftOut;
+pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
+pub use request::{CameraDistance, RigRequest, not_among};
+pub use robot_poses::{RobotPose, ViewPoses, read_robot_poses, read_view_poses};
 
 use crate::core::rig::{RigProblem, RigSolution, Sighting};
 use crate::core::{Camera, Target};
@@ -78,8 +96,8 @@ pub struct RigRun {
     pub solution: RigSolution,
     /// The files read.
     pub inputs: Vec<InputFile>,
-    /// The exact command line.
-    pub command: String,
+    /// The exact command line, where one asked.
+    pub command: Option<String>,
 }
 
 impl RigRun {

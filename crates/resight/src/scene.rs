@@ -201,11 +201,11 @@ fn target_shapes(run: &RigRun, view: usize, in_view: &[TargetInView], points: &[
 fn metadata(run: &RigRun, magnification: f64) -> BTreeMap<String, String> {
     let own = |key: &str, value: String| (key.to_string(), value);
     let mut texts = BTreeMap::from([
-        own("command", run.command.clone()),
         own("reference_camera", run.rig.cameras[run.solution.reference].name.clone()),
         own("ellipsoids", format!("95 % of each camera's place, magnified {magnification} times")),
         own("times", "views have no times here: view k is at (k + 1) * 0.1 s".into()),
     ]);
+    texts.extend(run.command.iter().map(|line| own("command", line.clone())));
     texts.extend(run.inputs.iter().map(|f| own(&format!("sha256 {}", f.path), f.sha256.clone())));
     texts
 }

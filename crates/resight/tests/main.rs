@@ -62,6 +62,7 @@ mod recordings_faults;
 mod render_is_read_by_detectors;
 mod render_physics;
 mod report_rig;
+mod rig_jobs;
 mod scene;
 mod sources;
 mod streams;

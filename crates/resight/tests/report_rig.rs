@@ -66,7 +66,7 @@ fn names_stay_names() {
     run.rig.cameras[1].name = "<img src=x onerror=alert(1)>".into();
     run.rig.cameras[2].name = "<!-- ' & &amp; \u{2028}".into();
     run.rig.targets[0].name = "--></style><b>".into();
-    run.command = "resight rig --camera '<script>'".into();
+    run.command = Some("resight rig --camera '<script>'".into());
     run.inputs[0].path = "a&b<c>.csv".into();
     let page = parsed(&run);
     let names = |p: &Parsed| p.elements.iter().map(|(n, _)| n.clone()).collect::<Vec<_>>();
@@ -162,7 +162,7 @@ fn the_page_says_what_the_run_says() {
     );
     has("board: its stated size is 0.400 ± 0.050 % too small: 1.72 mm of 430 mm.");
     has("it contradicts the other sightings by 41.5 px rms");
-    has(&run.command);
+    has(run.command.as_deref().expect("a command"));
     has(&run.inputs[0].sha256);
     has(env!("CARGO_PKG_VERSION"));
     has("Pixel (0, 0) is the centre of the top-left pixel");
@@ -304,4 +304,18 @@ fn still_points(html: &str) -> Vec<[f64; 2]> {
             [x.parse().unwrap(), y.parse().unwrap()]
         })
         .collect()
+}
+
+/// A rig that no command line asked for has a page and a scene without one.
+#[test]
+fn without_a_command_line_none_is_shown() {
+    let asked = simulated(3, 5, 2);
+    let command = asked.command.clone().expect("a command");
+    let silent = RigRun { command: None, ..asked.clone() };
+    assert!(rig_page(&asked).contains("<pre>") && !rig_page(&silent).contains("<pre>"));
+    let has_command = |run: &RigRun| {
+        let scene = resight::scene::rig_scene(run).expect("a scene");
+        scene.windows(command.len()).any(|bytes| bytes == command.as_bytes())
+    };
+    assert!(has_command(&asked) && !has_command(&silent));
 }

@@ -68,8 +68,9 @@ fn parse_format(word: &str) -> Result<To, String> {
     }
     Format::to_write(word).map(To::Cameras).ok_or_else(|| {
         let words = || Format::writable().flat_map(|(_, words)| words.iter().map(|w| (*w).to_owned()));
-        let hint =
-            crate::files::nearest(word, words()).map(|w| format!("did you mean `{w}`? ")).unwrap_or_default();
+        let hint = resight::input::nearest(word, words())
+            .map(|w| format!("did you mean `{w}`? "))
+            .unwrap_or_default();
         let first = |(_, words): (_, &[&'static str])| words.first().copied();
         let list: Vec<&str> = Format::writable().filter_map(first).collect();
         format!("no such format; {hint}There are {}, and wpilib, wpilib-2027 for tag maps", list.join(", "))

@@ -85,7 +85,7 @@ pub fn run(args: &Detect) -> Result<Outcome> {
     let mut printer = Printer::new(&args.output, images.len());
     let print = |printer: &mut Printer, found: Found| printer.result(&found, &describe(&found), found.status);
     match (&args.family, &args.target) {
-        (Some(family), _) => super::detect_in_order(
+        (Some(family), _) => resight::parallel::detect_in_order(
             &images,
             || EveryTagFinder::new(family),
             |finder, path: &PathBuf| every_tag(finder, family, path),
@@ -93,7 +93,7 @@ pub fn run(args: &Detect) -> Result<Outcome> {
         )?,
         (None, Some(file)) => {
             let (target, _) = super::target(file, &args.tags, |warning| printer.remark(warning))?;
-            super::detect_in_order(
+            resight::parallel::detect_in_order(
                 &images,
                 || args.corners.detector(&target),
                 |detector, path: &PathBuf| detect(detector, &target, path),

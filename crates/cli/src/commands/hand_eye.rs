@@ -1,26 +1,17 @@
 //! `hand-eye`: where the camera (or the rig) is mounted on a robot or vehicle, from known motions.
 
-mod robot_poses;
-
-use super::rig::placed::KnownObject;
-use super::rig::solving::Unsolved;
-use super::rig::{self, AnswerArgs, ObservationArgs, Placed, SolvingArgs, unanswered};
+use super::rig::{self, AnswerArgs, ObservationArgs, SolvingArgs, unanswered};
 use crate::args::{not_negative, positive};
 use crate::output::{Outcome, print};
 use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
-use resight::core::hand_eye::{
-    HandEye, HandEyeCause, HandEyeConfig, HandView, HandViewResult, Height, Mount, RejectedView,
-    solve_hand_eye,
-};
-use resight::core::rig_pose::RigView;
+use resight::answer::{HandEyeAnswer, SolvedHandEye};
+use resight::core::hand_eye::{HandEyeConfig, HandNoise, Height, Mount};
 use resight::core::{Matrix6, Point, Pose};
-use resight::report::verdict::figures;
+use resight::formats::write_atomically;
 use resight::report::words::{degrees, length, sigmas};
-use robot_poses::{Observation, RobotView};
-use serde::Serialize;
-use std::collections::BTreeMap;
+use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
 use std::path::PathBuf;
 
 /// Where a camera or rig is mounted on a robot's gripper or a vehicle, and where the target stands (hand–eye calibration).
@@ -72,130 +63,33 @@ pub struct HandEyeArgs {
     output: AnswerArgs,
 }
 
-#[derive(Serialize)]
-struct HandEyeObject {
-    status: &'static str,
-    mount: &'static str,
-    /// `cam_from_gripper` (or `rig_from_gripper`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `gripper_from_target`).
-    #[serde(flatten)]
-    poses: BTreeMap<String, KnownObject>,
-    n_views: usize,
-    n_used: usize,
-    chi2: f64,
-    degrees_of_freedom: usize,
-    pose_chi2: f64,
-    pose_degrees_of_freedom: usize,
-    noise_scale: f64,
-    /// The robot's noise where it was estimated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    robot_noise: Option<RobotNoiseObject>,
-    /// The target's size by the robot's motions, over the stated one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    target_size: Option<TargetSizeObject>,
-    /// Root mean square rotation between views about three axes, the largest first.
-    rotations_rad: [f64; 3],
-    views: Vec<ViewObject>,
-    rejected: Vec<RejectedObject>,
-    /// Why the answer is not to be believed, the likely cause first.
-    causes: Vec<String>,
-    message: String,
-}
-
-/// Standard deviations per axis.
-#[derive(Serialize)]
-struct RobotNoiseObject {
-    sigma_rad: f64,
-    sigma_m: f64,
-}
-
-#[derive(Serialize)]
-struct TargetSizeObject {
-    ratio: f64,
-    sigma: f64,
-}
-
-#[derive(Serialize)]
-struct ViewObject {
-    view: String,
-    residual_rad: Option<f64>,
-    residual_m: Option<f64>,
-    chi2: Option<f64>,
-    is_used: bool,
-}
-
-#[derive(Serialize)]
-struct RejectedObject {
-    view: String,
-    reason: String,
-}
-
-/// What the question is about, for names.
-struct Asked<'a> {
-    config: HandEyeConfig,
-    /// `cam` or `rig`.
-    eye: &'static str,
-    robot_views: &'a [RobotView],
-    /// Views that took no part from the beginning.
-    left_out: Vec<(String, String)>,
-}
-
 /// See `HandEyeArgs`.
 pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
     if let Some(path) = &args.output.output {
         crate::files::must_be_writable(path)?;
     }
-    match &args.poses {
+    crate::files::must_exist(&args.motions)?;
+    let robot = read_robot_poses(&args.motions, args.robot_noise())?;
+    let views = match &args.poses {
         Some(poses) => {
-            let motions = robot_poses::motions(&args.motions, args.sigmas())?;
-            let (robot_views, left_out) = robot_poses::joined(motions, robot_poses::poses(poses)?);
-            let views: Vec<HandView> = robot_views.iter().map(|view| view.view(&[])).collect();
-            let asked = Asked { config: args.config()?, eye: "cam", robot_views: &robot_views, left_out };
-            answer(&asked, &views, &args.output)
+            crate::files::must_exist(poses)?;
+            HandEyeViews::Poses(read_view_poses(poses)?)
         }
-        None => on_observations(args),
-    }
-}
-
-/// With points of one target; a rig that contradicts itself is no basis for a success.
-fn on_observations(args: &HandEyeArgs) -> Result<Outcome> {
-    let motions = robot_poses::motions(&args.motions, args.sigmas())?;
-    let Placed { gathered, cam_from_rig, contradiction } =
-        match rig::placed(&args.observed, &args.solving, &args.output)? {
-            Ok(placed) => placed,
-            Err(reason) => return unanswered(&args.output, &reason),
-        };
-    if let Some(sentence) = &contradiction {
-        eprintln!("warning: the rig is INCONSISTENT: {sentence}");
-    }
-    let rig = &gathered.rig;
-    if rig.targets.len() != 1 {
-        bail!("hand-eye needs one target, {} are given; solve one target at a time", rig.targets.len());
-    }
-    let observed =
-        rig.views.iter().map(|view| Observation { view: view.clone(), candidates: Vec::new() }).collect();
-    let (robot_views, left_out) = robot_poses::joined(motions, observed);
-    let of_view = |robot_view: &RobotView| -> Vec<RigView> {
-        let number = rig.views.iter().position(|view| *view == robot_view.view);
-        let sightings = rig.sightings.iter().filter(|s| Some(s.view) == number);
-        let view = sightings.map(|s| RigView {
-            camera: &rig.lenses[s.camera],
-            cam_from_rig: cam_from_rig[s.camera],
-            cam_from_rig_covariance: None,
-            seen: &s.seen,
-        });
-        view.collect()
+        None => {
+            let request = rig::request(&args.observed, &args.solving)?;
+            HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request, &args.output)?))
+        }
     };
-    let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
-    let views: Vec<HandView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
-    let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
-    let asked = Asked { config: args.config()?, eye, robot_views: &robot_views, left_out };
-    let outcome = answer(&asked, &views, &args.output)?;
-    Ok(if contradiction.is_some() { Outcome::SomeUnanswered } else { outcome })
+    match resight::hand_eye(HandEyeRequest { robot, views, config: args.config()? })? {
+        HandEyeAnswer::Solved(solved) => answer(&solved, &args.output),
+        HandEyeAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
+    }
 }
 
 impl HandEyeArgs {
-    fn sigmas(&self) -> Option<(f64, f64)> {
-        self.robot_sigma_deg.zip(self.robot_sigma_mm).map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm))
+    fn robot_noise(&self) -> Option<HandNoise> {
+        let sigmas = self.robot_sigma_deg.zip(self.robot_sigma_mm);
+        sigmas.map(|(deg, mm)| HandNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
     }
 
     fn config(&self) -> Result<HandEyeConfig> {
@@ -214,124 +108,28 @@ impl HandEyeArgs {
     }
 }
 
-fn answer(asked: &Asked, views: &[HandView], output: &AnswerArgs) -> Result<Outcome> {
-    let found = match solve_hand_eye(views, &asked.config) {
-        Ok(found) => found,
-        Err(reason) => {
-            let status = match reason {
-                resight::core::Error::DegenerateMotion { .. }
-                | resight::core::Error::TooFewMotions { .. } => "degenerate",
-                resight::core::Error::ViewsDisagree { .. } => "inconsistent",
-                _ => "error",
-            };
-            let message = format!("{reason}{}", left_out(&asked.left_out));
-            return unanswered(output, &Unsolved { status, message, groups: Vec::new() });
-        }
-    };
-    let object = object(asked, &found);
+fn answer(solved: &SolvedHandEye, output: &AnswerArgs) -> Result<Outcome> {
+    if let Some(sentence) = &solved.rig_contradiction {
+        eprintln!("warning: the rig is INCONSISTENT: {sentence}");
+    }
+    let json = format!("{}\n", serde_json::to_string(solved)?);
     if let Some(path) = &output.output {
-        let text = format!("{}\n", serde_json::to_string(&object)?);
-        resight::formats::write_atomically(path, text.as_bytes())?;
+        write_atomically(path, json.as_bytes())?;
     }
     match output.json {
-        true => print(&format!("{}\n", serde_json::to_string(&object)?))?,
-        false => print(&words(asked, &found, &object))?,
+        true => print(&json)?,
+        false => print(&words(solved))?,
     }
-    Ok(if found.is_inconsistent { Outcome::SomeUnanswered } else { Outcome::Answered })
+    Ok(Outcome::of([solved.status()]))
 }
 
-fn left_out(views: &[(String, String)]) -> String {
-    match views {
-        [] => String::new(),
-        [(view, reason), ..] => format!("; {} views took no part, e.g. {view}: {reason}", views.len()),
-    }
-}
-
-/// Names of X and Z.
-fn names(asked: &Asked) -> (String, &'static str) {
-    match asked.config.mount {
-        Mount::CameraOnHand => (format!("{}_from_gripper", asked.eye), "base_from_target"),
-        Mount::TargetOnHand => (format!("{}_from_base", asked.eye), "gripper_from_target"),
-    }
-}
-
-fn object(asked: &Asked, found: &HandEye) -> HandEyeObject {
-    let (carrier, holder) = names(asked);
-    let poses = BTreeMap::from([
-        (carrier, KnownObject::of(&found.cam_from_carrier, &found.carrier_covariance)),
-        (holder.to_string(), KnownObject::of(&found.holder_from_target, &found.holder_covariance)),
-    ]);
-    let view = |(robot_view, result): (&RobotView, &HandViewResult)| ViewObject {
-        view: robot_view.view.clone(),
-        residual_rad: result.residual.map(|r| r.fixed_rows::<3>(0).norm()),
-        residual_m: result.residual.map(|r| r.fixed_rows::<3>(3).norm()),
-        chi2: result.chi2,
-        is_used: result.rejected.is_none(),
-    };
-    HandEyeObject {
-        status: if found.is_inconsistent { "inconsistent" } else { "ok" },
-        mount: if found.mount == Mount::CameraOnHand { "eye_in_hand" } else { "eye_to_hand" },
-        poses,
-        n_views: found.views.len(),
-        n_used: found.n_used,
-        chi2: found.chi2,
-        degrees_of_freedom: found.degrees_of_freedom,
-        pose_chi2: found.pose_chi2,
-        pose_degrees_of_freedom: found.pose_degrees_of_freedom,
-        noise_scale: found.noise_scale,
-        robot_noise: found
-            .hand_noise
-            .map(|noise| RobotNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
-        target_size: found.target_size.map(|size| TargetSizeObject { ratio: size.ratio, sigma: size.sigma }),
-        rotations_rad: found.turns_rad,
-        views: asked.robot_views.iter().zip(&found.views).map(view).collect(),
-        rejected: rejected(asked, found),
-        causes: found.causes.iter().map(HandEyeCause::to_string).collect(),
-        message: message(found),
-    }
-}
-
-/// Views without a counterpart, then those that the solver left out.
-fn rejected(asked: &Asked, found: &HandEye) -> Vec<RejectedObject> {
-    let before = asked
-        .left_out
-        .iter()
-        .map(|(view, reason)| RejectedObject { view: view.clone(), reason: reason.clone() });
-    let solver = asked.robot_views.iter().zip(&found.views).filter_map(|(robot_view, result)| {
-        let reason = match result.rejected.as_ref()? {
-            RejectedView::Unlocated(reason) => reason.to_string(),
-            RejectedView::Contradicts => {
-                "contradicts the other views: a flipped pose, a robot pose of another view, or a target that moved".into()
-            }
-            _ => "took no part".into(),
-        };
-        Some(RejectedObject { view: robot_view.view.clone(), reason })
-    });
-    before.chain(solver).collect()
-}
-
-fn message(found: &HandEye) -> String {
-    let used = format!("{} of {} views agree", found.n_used, found.views.len());
-    if let Some(cause) = found.causes.first() {
-        return format!("not to be believed ({used}): {cause}");
-    }
-    match found.noise_scale {
-        scale if 1.0 < scale => {
-            format!(
-                "{used}; residuals are {} times what the sigmas say, and every ± is widened by as much",
-                figures(scale.sqrt())
-            )
-        }
-        _ => used,
-    }
-}
-
-fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
-    let mut out = format!("HAND-EYE   {}: {}\n", object.status.to_uppercase(), object.message);
-    for cause in object.causes.iter().skip(1) {
+fn words(solved: &SolvedHandEye) -> String {
+    let found = &solved.solution;
+    let mut out = format!("HAND-EYE   {}: {}\n", solved.status().name().to_uppercase(), solved.message());
+    for cause in solved.causes().iter().skip(1) {
         line(&mut out, "and", cause);
     }
-    let (carrier, holder) = names(asked);
+    let (carrier, holder) = solved.pose_names();
     line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
     line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
     let [first, second, third] = found.turns_rad.map(degrees);
@@ -358,12 +156,12 @@ fn words(asked: &Asked, found: &HandEye, object: &HandEyeObject) -> String {
         );
         line(&mut out, "target's size", &text);
     }
-    for view in object.views.iter().filter(|view| view.is_used) {
+    for view in solved.agreements().iter().filter(|view| view.is_used) {
         if let (Some(turn), Some(shift)) = (view.residual_rad, view.residual_m) {
             line(&mut out, &view.view, &format!("{} and {} off", degrees(turn), length(shift)));
         }
     }
-    for rejected in &object.rejected {
+    for rejected in solved.rejected() {
         line(&mut out, "left out", &format!("{}: {}", rejected.view, rejected.reason));
     }
     out

@@ -53,7 +53,7 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     let drawn = |i: usize| drawn.as_ref().and_then(|drawn| drawn.get(i).cloned());
     let jobs: Vec<(PathBuf, Option<PathBuf>)> =
         images.into_iter().enumerate().map(|(i, image)| (image, drawn(i))).collect();
-    super::in_order(
+    resight::parallel::in_order(
         &jobs,
         |(image, drawn)| compared(&reference, image, drawn.as_deref()),
         |compared: Result<Compared>| {

@@ -67,7 +67,7 @@ pub fn run(args: &Locate) -> Result<Outcome> {
             seen.located.answer.remarks.splice(..0, remarks.iter().cloned());
             Ok(seen.located.answer)
         };
-    super::detect_in_order(
+    resight::parallel::detect_in_order(
         &jobs,
         || ImageLocator::new(&camera, &target, &options),
         work,

@@ -1,29 +1,20 @@
 //! `rig`: where several cameras sit relative to each other, from targets that they see together.
 
-mod detections;
-mod moments;
 pub(super) mod named;
-pub(super) mod object;
-mod pictures;
-pub(super) mod placed;
-pub(super) mod solving;
 mod words;
 
 use crate::args::{CornerArgs, positive};
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
-use moments::Moments;
-use resight::core::rig::KnownDistance;
-use resight::core::{Correspondence, Pose};
-use resight::formats::{own_rig_file, status_keys, write_atomically};
-use resight::report::rig::rig_verdict_sentence;
+use resight::answer::{RigAnswer, SolvedRig, Unsolved};
+use resight::formats::write_atomically;
 use resight::report::rig_page;
-use resight::rig::gather::{Gathered, Glimpse, gather};
-use resight::rig::{InputFile, NamedTarget, digest};
+use resight::rig::{
+    CameraDistance, CameraImage, Detections, FrameTimes, ImageOptions, ObservedRig, RigRequest, not_among,
+};
 use resight::scene::rig_scene;
-use solving::Solved;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Where several cameras sit relative to each other, from targets that they see through time.
 ///
@@ -121,124 +112,112 @@ pub struct AnswerArgs {
     pub output: Option<PathBuf>,
 }
 
-/// What one frame shows.
-pub(super) struct Frame {
-    /// Index into the cameras given.
-    camera: usize,
-    /// Its view, or the number of the frame.
-    name: String,
-    /// When it was taken.
-    t_s: Option<f64>,
-    /// Targets (index into those given) and their points.
-    targets: Vec<(usize, Vec<(String, Correspondence)>)>,
-}
-
-/// Something that took no part, and why.
-pub(super) struct LeftOut {
-    camera: String,
-    view: String,
-    /// A target, a point of it, or the frame.
-    what: String,
-    reason: String,
-}
-
-/// All that was seen.
-#[derive(Default)]
-pub(super) struct Collected {
-    cameras: Vec<resight::formats::NamedCamera>,
-    targets: Vec<NamedTarget>,
-    frames: Vec<Frame>,
-    left_out: Vec<LeftOut>,
-    files: Vec<PathBuf>,
-    remarks: Vec<String>,
-}
-
-/// What was observed, checked and gathered by camera, view and target.
-pub struct Observed {
-    gathered: Gathered,
-    reference: usize,
-    distances: Vec<KnownDistance>,
-    inputs: Vec<InputFile>,
-    left_out: Vec<LeftOut>,
-    n_alone: usize,
-}
-
 /// See `Rig`.
 pub fn run(args: &Rig) -> Result<Outcome> {
     for path in [&args.output.output, &args.report, &args.scene].into_iter().flatten() {
         crate::files::must_be_writable(path)?;
     }
-    let observed = observed(&args.observed, args.world.as_deref(), &args.solving, &args.output)?;
+    let request = RigRequest {
+        world: args.world.clone(),
+        joint_covariance: args.joint_covariance,
+        ..request(&args.observed, &args.solving)?
+    };
+    let observed = observed(&args.observed, &request, &args.output)?;
     if !args.output.quiet {
         eprintln!("{}", words::shared_views(&observed.gathered).trim_end());
     }
-    let Observed { gathered, reference, distances, inputs, left_out, n_alone } = observed;
-    match solving::solve(gathered, reference, &distances, inputs) {
-        Ok(mut solved) => {
-            (solved.left_out, solved.n_alone) = (left_out, n_alone);
-            answer(args, &solved)
+    match observed.solve() {
+        RigAnswer::Solved(solved) => answer(args, &solved),
+        RigAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
+    }
+}
+
+/// What is asked, besides the observations.
+pub(super) fn request(args: &ObservationArgs, solving: &SolvingArgs) -> Result<RigRequest> {
+    if args.cameras.is_empty() {
+        bail!("--camera [NAME=]FILE is missing: the cameras' intrinsics are needed");
+    }
+    let names = |list: &String| {
+        let names = list.split(',').map(str::trim).filter(|name| !name.is_empty());
+        names.map(str::to_string).collect()
+    };
+    let distances = solving.known_distance_m.iter().map(|argument| known_distance(argument));
+    Ok(RigRequest {
+        fixed_together: args.fixed_together.iter().map(names).collect(),
+        reference: solving.reference.clone(),
+        known_distances: distances.collect::<Result<_>>()?,
+        sync_tolerance_s: args.sync_tolerance_ms.map(|ms| 1e-3 * ms),
+        command: Some(command_line()),
+        ..named::request(&args.cameras, &args.targets)?
+    })
+}
+
+/// `A,B,METRES,SIGMA`.
+fn known_distance(argument: &str) -> Result<CameraDistance> {
+    let flag = "--known-distance-m";
+    let parts: Vec<&str> = argument.split(',').map(str::trim).collect();
+    let [a, b, distance, sigma] = parts[..] else {
+        bail!(
+            "{flag} {argument}: two cameras, the distance and its standard deviation in metres are needed, e.g. left,right,0.1205,0.0002"
+        )
+    };
+    let length = |text: &str| positive(text).map_err(|e| anyhow::anyhow!("{flag} {argument}: `{text}`: {e}"));
+    let (distance_m, sigma_m) = (length(distance)?, length(sigma)?);
+    Ok(CameraDistance { a: a.to_string(), b: b.to_string(), distance_m, sigma_m })
+}
+
+/// Reads detections, or finds the targets in images, and says what is unusual about them.
+pub(super) fn observed(
+    args: &ObservationArgs,
+    request: &RigRequest,
+    output: &AnswerArgs,
+) -> Result<ObservedRig> {
+    let observed = if !args.detections.is_empty() {
+        args.detections.iter().try_for_each(|path| crate::files::must_exist(path))?;
+        let detections = Detections { sigma_px: args.sigma_px, ..Detections::files(&args.detections) };
+        ObservedRig::from_detections(&detections, request)?
+    } else if !args.images.is_empty() {
+        if request.targets.is_empty() {
+            bail!("--images needs --target FILE: what is to be found in them");
         }
-        Err(reason) => unanswered(&args.output, &reason),
-    }
-}
-
-/// Reads or detects all observations.
-fn observed(
-    args: &ObservationArgs,
-    world_name: Option<&str>,
-    solving: &SolvingArgs,
-    output: &AnswerArgs,
-) -> Result<Observed> {
-    let mut collected = collected(args)?;
-    let world = world(world_name, &collected)?;
-    let Moments { n_alone, remarks } =
-        moments::name_views(&mut collected.frames, args.sync_tolerance_ms.map(|ms| 1e-3 * ms))?;
-    collected.remarks.extend(remarks);
-    check_twins(&collected)?;
-    let inputs = inputs(&collected.files)?;
-    let Collected { cameras, targets, frames, left_out, remarks, .. } = collected;
-    let gathered = gather(cameras, targets, glimpses(frames), world);
-    let reference = reference(solving, &gathered)?;
-    let distances = solving::known_distances(&solving.known_distance_m, &gathered)?;
+        let names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let options = ImageOptions { times: times(args, &names)?, corner_window: args.corners.window() };
+        ObservedRig::from_images(&images(&args.images, &names)?, &options, request)?
+    } else {
+        bail!("nothing to look at: give --images NAME=GLOB for each camera, or --detections FILE.csv");
+    };
     if !output.quiet {
-        remarks.iter().for_each(|text| eprintln!("{text}"));
+        observed.remarks.iter().for_each(|text| eprintln!("{text}"));
     }
-    Ok(Observed { gathered, reference, distances, inputs, left_out, n_alone })
+    Ok(observed)
 }
 
-/// What a command takes that needs the rig and its observations.
-pub struct Placed {
-    /// The observations.
-    pub gathered: Gathered,
-    /// For each camera, in their order.
-    pub cam_from_rig: Vec<Pose>,
-    /// What contradicts in the rig.
-    pub contradiction: Option<String>,
+fn times(args: &ObservationArgs, cameras: &[String]) -> Result<Option<FrameTimes>> {
+    let Some(path) = &args.timestamps else { return Ok(None) };
+    crate::files::must_exist(path)?;
+    Ok(Some(FrameTimes::read(path, cameras)?))
 }
 
-/// The observations, and the cameras' poses in their rig; a single camera is its own rig.
-pub fn placed(
-    args: &ObservationArgs,
-    solving: &SolvingArgs,
-    output: &AnswerArgs,
-) -> Result<Result<Placed, solving::Unsolved>> {
-    let Observed { gathered, reference, distances, inputs, .. } = observed(args, None, solving, output)?;
-    if let [_] = &gathered.rig.cameras[..] {
-        return Ok(Ok(Placed { gathered, cam_from_rig: vec![Pose::identity()], contradiction: None }));
+/// The files of each `NAME=GLOB`.
+fn images(arguments: &[String], cameras: &[String]) -> Result<Vec<CameraImage>> {
+    let mut images = Vec::new();
+    for argument in arguments {
+        let (Some(name), pattern) = named::split(argument) else {
+            bail!("--images {argument}: say which camera took them, e.g. --images {}={argument}", cameras[0]);
+        };
+        if !cameras.iter().any(|known| known == name) {
+            bail!("--images {argument}: {}", not_among(name, "camera", cameras));
+        }
+        let files = crate::files::expand(&[pattern.to_string()])?;
+        images.extend(files.into_iter().map(|path| CameraImage::matched(name, path, pattern)));
     }
-    let solved = solving::solve(gathered.clone(), reference, &distances, inputs);
-    Ok(solved.map(|solved| Placed {
-        gathered,
-        cam_from_rig: solved.run.solution.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
-        contradiction: rig_verdict_sentence(&solved.run),
-    }))
+    Ok(images)
 }
 
 /// Prints and writes what was found.
-fn answer(args: &Rig, solved: &Solved) -> Result<Outcome> {
+fn answer(args: &Rig, solved: &SolvedRig) -> Result<Outcome> {
     if let Some(path) = &args.output.output {
-        let file = own_rig_file(&solved.run.placed_cameras(), object::joint_of(solved))?;
-        write_atomically(path, stated(&file, rig_verdict_sentence(&solved.run)).as_bytes())?;
+        write_atomically(path, solved.file()?.as_bytes())?;
     }
     if let Some(path) = &args.report {
         write_atomically(path, rig_page(&solved.run).as_bytes())?;
@@ -247,119 +226,32 @@ fn answer(args: &Rig, solved: &Solved) -> Result<Outcome> {
         write_atomically(path, &rig_scene(&solved.run)?)?;
     }
     match args.output.json {
-        true => {
-            print(&format!("{}\n", serde_json::to_string(&object::object(solved, args.joint_covariance))?))?;
-        }
+        true => print(&format!("{}\n", serde_json::to_string(solved)?))?,
         false => print(&words::describe(solved))?,
     }
-    Ok(outcome(solved.run.solution.verdict.is_inconsistent))
-}
-
-/// A rig that contradicts itself is printed and written, and is no success.
-pub(super) fn outcome(is_inconsistent: bool) -> Outcome {
-    if is_inconsistent { Outcome::SomeUnanswered } else { Outcome::Answered }
-}
-
-/// A file of cameras with its status in the first line: whoever reads it later says so.
-pub(super) fn stated(file: &str, contradiction: Option<String>) -> String {
-    // A single camera without a place is no rig.
-    match file.contains("[[") {
-        true => format!("{}{file}", status_keys(contradiction.as_deref())),
-        false => file.to_owned(),
-    }
+    Ok(Outcome::of([solved.status()]))
 }
 
 /// Says why there is no rig; nothing is written.
-pub(super) fn unanswered(args: &AnswerArgs, reason: &solving::Unsolved) -> Result<Outcome> {
+pub(super) fn unanswered(args: &AnswerArgs, reason: &Unsolved) -> Result<Outcome> {
     match args.json {
-        true => print(&format!("{}\n", serde_json::to_string(&object::refusal(reason))?))?,
+        true => print(&format!("{}\n", serde_json::to_string(reason)?))?,
         false => print(&format!("NO RIG   {}\n", reason.message))?,
     }
     eprintln!("error: {}", reason.message);
-    Ok(Outcome::SomeUnanswered)
+    Ok(Outcome::of([reason.status]))
 }
 
-fn collected(args: &ObservationArgs) -> Result<Collected> {
-    if args.cameras.is_empty() {
-        bail!("--camera [NAME=]FILE is missing: the cameras' intrinsics are needed");
-    }
-    let mut collected = Collected::default();
-    collected.cameras = named::cameras(&args.cameras, &mut collected)?;
-    collected.targets = named::targets(&args.targets, &mut collected)?;
-    if !args.detections.is_empty() {
-        detections::read(&args.detections, args.sigma_px, &mut collected)?;
-    } else if !args.images.is_empty() {
-        pictures::look(args, &mut collected)?;
-    } else {
-        bail!("nothing to look at: give --images NAME=GLOB for each camera, or --detections FILE.csv");
-    }
-    named::fix_together(&args.fixed_together, &mut collected.targets)?;
-    Ok(collected)
-}
-
-fn world(name: Option<&str>, collected: &Collected) -> Result<Option<usize>> {
-    let Some(name) = name else { return Ok(None) };
-    let target = named::target_number(&collected.targets, name, "--world")?;
-    let body = collected.targets[target].body;
-    match collected.targets.iter().filter(|t| t.body == body).count() {
-        1 => Ok(Some(target)),
-        _ => bail!(
-            "--world {name}: this target is fixed together with others, which move; the world stands still"
-        ),
-    }
-}
-
-fn reference(args: &SolvingArgs, gathered: &Gathered) -> Result<usize> {
-    let Some(name) = &args.reference else { return Ok(0) };
-    match gathered.rig.camera(name) {
-        Some(found) => Ok(found),
-        None => {
-            let names: Vec<String> = gathered.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
-            bail!("--reference {name}: {}", named::not_among(name, "camera", &names))
+/// The command line as a shell would take it again.
+fn command_line() -> String {
+    let quoted = |argument: String| {
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./=:,#+@%".contains(c);
+        match !argument.is_empty() && argument.chars().all(is_plain) {
+            true => argument,
+            false => format!("'{}'", argument.replace('\'', "'\\''")),
         }
-    }
-}
-
-/// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
-fn check_twins(collected: &Collected) -> Result<()> {
-    for frame in &collected.frames {
-        for (target, points) in &frame.targets {
-            let mut names: Vec<&str> = points.iter().map(|(name, _)| name.as_str()).collect();
-            names.sort_unstable();
-            if let Some(twins) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-                bail!(
-                    "camera {}, view {}: point {} of target {} is there twice; remove one (corners of a tag need the column `corner`, several targets the column `target`)",
-                    collected.cameras[frame.camera].name,
-                    frame.name,
-                    twins[0],
-                    collected.targets[*target].name
-                );
-            }
-        }
-    }
-    Ok(())
-}
-
-fn glimpses(frames: Vec<Frame>) -> Vec<Glimpse> {
-    let of_frame = |frame: Frame| {
-        let Frame { camera, name, targets, .. } = frame;
-        targets.into_iter().map(move |(target, points)| Glimpse {
-            camera,
-            view: name.clone(),
-            target,
-            points,
-        })
     };
-    frames.into_iter().flat_map(of_frame).collect()
-}
-
-/// Each file once, in order of its path, with its digest.
-fn inputs(files: &[PathBuf]) -> Result<Vec<InputFile>> {
-    let mut files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    files.sort();
-    files.dedup();
-    let digest = |path: &Path| -> Result<InputFile> {
-        Ok(InputFile { path: path.display().to_string(), sha256: digest::sha256_of_file(path)? })
-    };
-    files.into_iter().map(digest).collect()
+    let arguments =
+        std::env::args_os().skip(1).map(|argument| quoted(argument.to_string_lossy().into_owned()));
+    std::iter::once("resight".to_string()).chain(arguments).collect::<Vec<_>>().join(" ")
 }

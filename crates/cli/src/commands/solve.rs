@@ -96,7 +96,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     warn_of_twins(&views, |text| printer.remark(text));
     let remarks = unit_remarks(&views);
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
-    super::in_order(
+    resight::parallel::in_order(
         &views,
         |view| setting.answer(view),
         |answer: PoseAnswer| {

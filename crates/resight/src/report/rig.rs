@@ -19,7 +19,7 @@ use super::html::{Page, escaped};
 use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
-pub use sentences::{scale_sentences, weakest_link_sentence};
+pub use sentences::{rejection_sentence, rig_headline, scale_sentences, weakest_link_sentence};
 pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict_sentence};
 
 const STYLE: &str = include_str!("rig/page.css");

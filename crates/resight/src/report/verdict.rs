@@ -23,6 +23,8 @@ pub enum Status {
     NotFound,
     /// Several explanations fit, or the data do not reach for one.
     Undecided,
+    /// No chain of observations joins all cameras.
+    NotConnected,
     /// Anything else that kept the answer back.
     Error,
 }
@@ -37,6 +39,7 @@ impl Status {
             Status::Inconsistent => "inconsistent",
             Status::NotFound => "not_found",
             Status::Undecided => "undecided",
+            Status::NotConnected => "not_connected",
             Status::Error => "error",
         }
     }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 /// What one frame of one camera shows of one target.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Glimpse {
+pub struct Observation {
     /// Which camera, index into the cameras given.
     pub camera: usize,
     /// Name of its view.
@@ -43,34 +43,35 @@ struct Found {
     points: Vec<(String, Correspondence)>,
 }
 
-/// Everything by name: the same rig, to the bit, whatever order cameras, targets, glimpses and points come in.
+/// Everything by name: the same rig, to the bit, whatever order cameras, targets, observations and points come in.
 ///
-/// Glimpses of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
+/// Observations of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
 /// the cameras, so all its sightings belong to one moment: a view of its own, after all others.
 pub fn gather(
     cameras: Vec<NamedCamera>,
     targets: Vec<NamedTarget>,
-    glimpses: Vec<Glimpse>,
+    observations: Vec<Observation>,
     world: Option<usize>,
 ) -> Gathered {
     let (cameras, camera_numbers) = sorted(cameras, |camera| &camera.name);
     let (targets, target_numbers) = sorted(targets, |target| &target.name);
     let targets = bodies_in_order(targets);
-    let seen: Vec<Glimpse> = glimpses.into_iter().filter(|glimpse| !glimpse.points.is_empty()).collect();
+    let seen: Vec<Observation> =
+        observations.into_iter().filter(|observation| !observation.points.is_empty()).collect();
     let (mut views, numbers) = view_numbers(&seen, world);
     let world_view = seen.iter().any(|g| Some(g.target) == world).then_some(views.len());
     if world_view.is_some() {
         views.push(unused_name(&views));
     }
-    let number = |glimpse: Glimpse| Found {
+    let number = |observation: Observation| Found {
         view: match world_view {
-            Some(view) if Some(glimpse.target) == world => view,
-            _ => numbers[&glimpse.view],
+            Some(view) if Some(observation.target) == world => view,
+            _ => numbers[&observation.view],
         },
-        camera: camera_numbers[glimpse.camera],
-        target: target_numbers[glimpse.target],
-        taken_in: glimpse.view,
-        points: glimpse.points,
+        camera: camera_numbers[observation.camera],
+        target: target_numbers[observation.target],
+        taken_in: observation.view,
+        points: observation.points,
     };
     let found = in_order(seen.into_iter().map(number).collect());
     let mut gathered = Gathered {
@@ -121,9 +122,9 @@ fn bodies_in_order(targets: Vec<NamedTarget>) -> Vec<NamedTarget> {
 }
 
 /// Views in order, and the number of each name; sightings of the target at rest need none.
-fn view_numbers(seen: &[Glimpse], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
-    let moving = seen.iter().filter(|glimpse| Some(glimpse.target) != world);
-    let mut views: Vec<String> = moving.map(|glimpse| glimpse.view.clone()).collect();
+fn view_numbers(seen: &[Observation], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
+    let moving = seen.iter().filter(|observation| Some(observation.target) != world);
+    let mut views: Vec<String> = moving.map(|observation| observation.view.clone()).collect();
     views.sort_by(|a, b| natural(a, b));
     views.dedup();
     let numbers = views.iter().cloned().zip(0..).collect();
@@ -182,9 +183,9 @@ mod tests {
         (name.to_string(), seen.unwrap())
     }
 
-    fn glimpse(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> Glimpse {
+    fn observation(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> Observation {
         let points = points.iter().map(|(name, u)| point(name, *u)).collect();
-        Glimpse { camera, view: view.into(), target, points }
+        Observation { camera, view: view.into(), target, points }
     }
 
     #[test]
@@ -193,10 +194,10 @@ mod tests {
             vec![camera("a"), camera("b"), camera("b10")],
             vec![target("x", 0), target("y", 1)],
             vec![
-                glimpse(0, "2", 0, &[("0", 0.1), ("1", 0.2)]),
-                glimpse(1, "2", 0, &[("0", 0.3)]),
-                glimpse(2, "10", 1, &[("10", 0.3), ("9", 0.2)]),
-                glimpse(2, "10", 1, &[]),
+                observation(0, "2", 0, &[("0", 0.1), ("1", 0.2)]),
+                observation(1, "2", 0, &[("0", 0.3)]),
+                observation(2, "10", 1, &[("10", 0.3), ("9", 0.2)]),
+                observation(2, "10", 1, &[]),
             ],
             None,
         );
@@ -204,11 +205,11 @@ mod tests {
             vec![camera("b10"), camera("b"), camera("a")],
             vec![target("y", 4), target("x", 2)],
             vec![
-                glimpse(1, "2", 1, &[("0", 0.3)]),
-                glimpse(0, "10", 0, &[("9", 0.2)]),
-                glimpse(2, "2", 1, &[("1", 0.2)]),
-                glimpse(0, "10", 0, &[("10", 0.3)]),
-                glimpse(2, "2", 1, &[("0", 0.1)]),
+                observation(1, "2", 1, &[("0", 0.3)]),
+                observation(0, "10", 0, &[("9", 0.2)]),
+                observation(2, "2", 1, &[("1", 0.2)]),
+                observation(0, "10", 0, &[("10", 0.3)]),
+                observation(2, "2", 1, &[("0", 0.1)]),
             ],
             None,
         );
@@ -225,10 +226,10 @@ mod tests {
             vec![camera("a")],
             vec![target("w", 7), target("p", 3), target("q", 3)],
             vec![
-                glimpse(0, "1", 0, &[("0", 0.1)]),
-                glimpse(0, "2", 0, &[("0", 0.2)]),
-                glimpse(0, "2", 1, &[("0", 0.2)]),
-                glimpse(0, "world", 2, &[("0", 0.2)]),
+                observation(0, "1", 0, &[("0", 0.1)]),
+                observation(0, "2", 0, &[("0", 0.2)]),
+                observation(0, "2", 1, &[("0", 0.2)]),
+                observation(0, "world", 2, &[("0", 0.2)]),
             ],
             Some(0),
         );

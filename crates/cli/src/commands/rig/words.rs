@@ -1,10 +1,11 @@
 //! A rig in words and tables.
 
-use super::solving::{Solved, rejection};
 use crate::text::line;
+use resight::answer::SolvedRig;
 use resight::core::rig::shared_views as shared;
 use resight::report::rig::{
-    camera_status, rig_camera_sentence, rig_verdict_sentence, scale_sentences, weakest_link_sentence,
+    camera_status, rejection_sentence, rig_camera_sentence, rig_headline, rig_verdict_sentence,
+    scale_sentences, weakest_link_sentence,
 };
 use resight::report::verdict::Status;
 use resight::report::verdict::figures;
@@ -52,47 +53,13 @@ fn columns(table: &[Vec<String>]) -> String {
     out
 }
 
-/// One line: how many cameras, views and points, and how well they fit.
-pub fn headline(solved: &Solved) -> String {
-    let s = &solved.run.solution;
-    let noise = match s.noise_scale {
-        scale if 1.0 < scale => format!(
-            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
-            figures(scale.sqrt())
-        ),
-        _ => String::new(),
-    };
-    let views = match s.view_scale {
-        scale if 1.0 < scale => format!(
-            "; views contradict each other by {} times what their points explain, and every ± holds that",
-            figures(scale.sqrt())
-        ),
-        _ => String::new(),
-    };
-    let lenses = match s.lens_sigma_m {
-        Some(sigma_m) => format!(
-            "; views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}",
-            length(sigma_m)
-        ),
-        None => String::new(),
-    };
-    format!(
-        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",
-        s.cameras.len(),
-        solved.run.rig.views.len(),
-        s.n_used,
-        s.n_seen,
-        figures(s.rms_px)
-    )
-}
-
 /// The whole answer, whether it can be believed first.
-pub fn describe(solved: &Solved) -> String {
+pub fn describe(solved: &SolvedRig) -> String {
     let mut out = match rig_verdict_sentence(&solved.run) {
         Some(sentence) => format!("INCONSISTENT   {sentence}.\n\n"),
         None => "OK   ".to_string(),
     };
-    out.push_str(&format!("RIG   {}\n\n", headline(solved)));
+    out.push_str(&format!("RIG   {}\n\n", rig_headline(&solved.run)));
     out.push_str(&cameras(solved));
     contradicted(solved, &mut out);
     out.push('\n');
@@ -100,7 +67,7 @@ pub fn describe(solved: &Solved) -> String {
     out.push('\n');
     world(solved, &mut out);
     weakest(solved, &mut out);
-    line(&mut out, "scale", &scale(solved));
+    line(&mut out, "scale", &scale_sentences(&solved.run).join(" "));
     left_out(solved, &mut out);
     out
 }
@@ -110,12 +77,12 @@ fn of(n_used: usize, n: usize) -> String {
     if n_used == n { n.to_string() } else { format!("{n_used} of {n}") }
 }
 
-fn name(solved: &Solved, camera: usize) -> &str {
+fn name(solved: &SolvedRig, camera: usize) -> &str {
     &solved.run.rig.cameras[camera].name
 }
 
 /// Where each camera is in the rig, with the standard deviation along the rig's axes, and how sure its direction is.
-fn cameras(solved: &Solved) -> String {
+fn cameras(solved: &SolvedRig) -> String {
     let s = &solved.run.solution;
     let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "views", "seen", "used", "rms px"];
     let mut table = vec![head.map(str::to_string).to_vec()];
@@ -147,7 +114,7 @@ fn cameras(solved: &Solved) -> String {
 }
 
 /// Cameras that do not fit, other than the one that the verdict names.
-fn contradicted(solved: &Solved, out: &mut String) {
+fn contradicted(solved: &SolvedRig, out: &mut String) {
     let s = &solved.run.solution;
     let wrong = (0..s.cameras.len()).filter(|c| camera_status(s, *c) != Status::Ok);
     for camera in wrong {
@@ -157,7 +124,7 @@ fn contradicted(solved: &Solved, out: &mut String) {
     }
 }
 
-fn pairs(solved: &Solved) -> String {
+fn pairs(solved: &SolvedRig) -> String {
     let s = &solved.run.solution;
     let n = s.cameras.len();
     let shares = |(a, b): &(usize, usize)| 0 < s.shared.counts[*a][*b];
@@ -182,7 +149,7 @@ fn pairs(solved: &Solved) -> String {
     columns(&table) + &more
 }
 
-fn world(solved: &Solved, out: &mut String) {
+fn world(solved: &SolvedRig, out: &mut String) {
     let (Some(world), Some(target)) = (&solved.in_world, &solved.world_target) else { return };
     for (i, pose) in world.world_from_cam.iter().enumerate() {
         let place = pose.b_from_a.translation;
@@ -197,18 +164,13 @@ fn world(solved: &Solved, out: &mut String) {
     }
 }
 
-fn weakest(solved: &Solved, out: &mut String) {
+fn weakest(solved: &SolvedRig, out: &mut String) {
     if let Some(text) = weakest_link_sentence(&solved.run) {
         line(out, "weakest", &text);
     }
 }
 
-/// What is known about the targets' sizes, on which every length rests.
-pub fn scale(solved: &Solved) -> String {
-    scale_sentences(&solved.run).join(" ")
-}
-
-fn left_out(solved: &Solved, out: &mut String) {
+fn left_out(solved: &SolvedRig, out: &mut String) {
     let mut reasons: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for left_out in &solved.left_out {
         let place = format!("{} {}", left_out.camera, left_out.view);
@@ -225,8 +187,9 @@ fn left_out(solved: &Solved, out: &mut String) {
         line(out, "left out", &format!("{named}{more}: {reason}"));
     }
     let results = solved.run.solution.sightings.iter().enumerate();
-    let rejected: Vec<(usize, String)> =
-        results.filter_map(|(i, r)| r.rejected.as_ref().map(|reason| (i, rejection(reason)))).collect();
+    let rejected: Vec<(usize, String)> = results
+        .filter_map(|(i, r)| r.rejected.as_ref().map(|reason| (i, rejection_sentence(reason))))
+        .collect();
     for (i, reason) in rejected.iter().take(MAX_NAMED) {
         let sighting = &solved.run.rig.sightings[*i];
         let target = &solved.run.rig.targets[sighting.target].name;

@@ -18,9 +18,10 @@ pub(super) fn section(run: &RigRun) -> String {
         .map(|f| row(&[escaped(&f.path), format!("<code>{}</code>", escaped(&f.sha256))]))
         .collect();
     let files = tabular("files", "The files read", &["file", "SHA-256"], &files);
+    let command = run.command.as_ref();
+    let command = command.map_or(String::new(), |line| format!("<pre>{}</pre>\n", escaped(line)));
     format!(
-        "<pre>{}</pre>\n{files}\n<p class=\"note\">resight {}; {} steps of the joint adjustment.</p>\n{CONVENTIONS}",
-        escaped(&run.command),
+        "{command}{files}\n<p class=\"note\">resight {}; {} steps of the joint adjustment.</p>\n{CONVENTIONS}",
         env!("CARGO_PKG_VERSION"),
         run.solution.steps,
     )

@@ -1,8 +1,9 @@
 //! What the rig hangs on, and what is known about its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::rig::TargetScale;
+use crate::core::rig::{RejectedSighting, TargetScale};
 use crate::report::html::escaped;
+use crate::report::verdict::figures;
 use crate::report::words;
 use crate::rig::RigRun;
 
@@ -51,6 +52,51 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
         number(1e3 * off.abs() * scale.extent_m, 2),
         words::length(scale.extent_m),
     )
+}
+
+/// One line: how many cameras, views and points, and how well they fit.
+pub fn rig_headline(run: &RigRun) -> String {
+    let s = &run.solution;
+    let noise = match s.noise_scale {
+        scale if 1.0 < scale => format!(
+            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
+            figures(scale.sqrt())
+        ),
+        _ => String::new(),
+    };
+    let views = match s.view_scale {
+        scale if 1.0 < scale => format!(
+            "; views contradict each other by {} times what their points explain, and every ± holds that",
+            figures(scale.sqrt())
+        ),
+        _ => String::new(),
+    };
+    let lenses = match s.lens_sigma_m {
+        Some(sigma_m) => format!(
+            "; views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}",
+            words::length(sigma_m)
+        ),
+        None => String::new(),
+    };
+    format!(
+        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",
+        s.cameras.len(),
+        run.rig.views.len(),
+        s.n_used,
+        s.n_seen,
+        figures(s.rms_px)
+    )
+}
+
+/// Why an observation of a target took no part.
+pub fn rejection_sentence(reason: &RejectedSighting) -> String {
+    match reason {
+        RejectedSighting::Undetermined(error) => error.to_string(),
+        RejectedSighting::Contradicts { rms_px } => format!(
+            "contradicts the other sightings (rms {rms_px:.1} px): wrong labels, a moved target or another moment"
+        ),
+        _ => "took no part".to_string(),
+    }
 }
 
 pub(super) fn section(run: &RigRun) -> String {

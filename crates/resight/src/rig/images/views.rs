@@ -1,11 +1,11 @@
 //! The name of each image's view, from file names.
 
-use anyhow::{Result, bail};
+use crate::error::Error;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// An image of a camera.
-pub struct Picture {
+pub(super) struct ImageFile {
     /// Which camera.
     pub camera: usize,
     /// What the wildcards of its pattern stand for; none where it was given as a path.
@@ -14,54 +14,52 @@ pub struct Picture {
     pub path: PathBuf,
 }
 
-/// Each picture's view, and what to say about it: the file's name without its ending where cameras share such names, else what
+/// Each image's view, and what to say about it: the file's name without its ending where cameras share such names, else what
 /// the patterns' wildcards stand for. Where time stamps decide, names need only differ within a camera.
-pub fn names(pictures: &[Picture], are_timed: bool) -> Result<(Vec<String>, Option<String>)> {
-    let stems: Vec<String> = pictures
+pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String>, Option<String>), Error> {
+    let stems: Vec<String> = images
         .iter()
         .map(|p| p.path.file_stem().unwrap_or_default().to_string_lossy().into_owned())
         .collect();
-    let twins = twins(pictures, &stems);
-    if twins.is_none() && (are_timed || are_shared(pictures, &stems)) {
+    let twins = twins(images, &stems);
+    if twins.is_none() && (are_timed || are_shared(images, &stems)) {
         return Ok((stems, None));
     }
-    let wild: Option<Vec<String>> = pictures.iter().map(|p| p.wild.clone()).collect();
-    if let Some(wild) =
-        wild.filter(|wild| self::twins(pictures, wild).is_none() && are_shared(pictures, wild))
-    {
-        let example = pictures.first().map(|p| p.path.display().to_string()).unwrap_or_default();
+    let wild: Option<Vec<String>> = images.iter().map(|p| p.wild.clone()).collect();
+    if let Some(wild) = wild.filter(|wild| self::twins(images, wild).is_none() && are_shared(images, wild)) {
+        let example = images.first().map(|p| p.path.display().to_string()).unwrap_or_default();
         let remark =
             format!("views are named by what the patterns' * stands for: {example} is view {}", wild[0]);
         return Ok((wild, Some(remark)));
     }
     match twins {
-        Some((a, b)) => bail!(
+        Some((a, b)) => Err(Error::request(format!(
             "{} and {} are of one camera and would be one view; give folders by a pattern (NAME='*/image*.png') or rename them",
             a.display(),
             b.display()
-        ),
+        ))),
         None => Ok((stems, None)),
     }
 }
 
-/// Two pictures of one camera with the same name.
-fn twins<'a>(pictures: &'a [Picture], names: &[String]) -> Option<(&'a Path, &'a Path)> {
+/// Two images of one camera with the same name.
+fn twins<'a>(images: &'a [ImageFile], names: &[String]) -> Option<(&'a Path, &'a Path)> {
     let mut seen = BTreeMap::new();
-    let mut pairs = pictures.iter().zip(names);
+    let mut pairs = images.iter().zip(names);
     pairs.find_map(|(p, name)| seen.insert((p.camera, name), &p.path).map(|earlier| (&**earlier, &*p.path)))
 }
 
-/// Whether any name is that of pictures of two cameras.
-fn are_shared(pictures: &[Picture], names: &[String]) -> bool {
+/// Whether any name is that of images of two cameras.
+fn are_shared(images: &[ImageFile], names: &[String]) -> bool {
     let mut cameras: BTreeMap<&str, BTreeSet<usize>> = BTreeMap::new();
-    for (picture, name) in pictures.iter().zip(names) {
-        cameras.entry(name).or_default().insert(picture.camera);
+    for (image, name) in images.iter().zip(names) {
+        cameras.entry(name).or_default().insert(image.camera);
     }
     cameras.values().any(|cameras| 1 < cameras.len())
 }
 
 /// What the wildcards of a pattern stand for in a path, folder by folder from the end; none without wildcards.
-pub fn wild_part(pattern: &str, path: &Path) -> Option<String> {
+pub(super) fn wild_part(pattern: &str, path: &Path) -> Option<String> {
     let mut parts = Vec::new();
     let folders = Path::new(pattern).components().rev().zip(path.components().rev());
     for (pattern, name) in folders {
@@ -103,13 +101,13 @@ fn captured(pattern: &[char], name: &[char]) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn pictures(list: &[(usize, &str, &str)]) -> Vec<Picture> {
-        let picture = |(camera, pattern, path): &(usize, &str, &str)| Picture {
+    fn images(list: &[(usize, &str, &str)]) -> Vec<ImageFile> {
+        let image = |(camera, pattern, path): &(usize, &str, &str)| ImageFile {
             camera: *camera,
             wild: wild_part(pattern, Path::new(path)),
             path: PathBuf::from(path),
         };
-        list.iter().map(picture).collect()
+        list.iter().map(image).collect()
     }
 
     #[test]
@@ -129,13 +127,12 @@ mod tests {
 
     #[test]
     fn names_that_cameras_share_name_the_view() {
-        let same =
-            pictures(&[(0, "a/*.png", "a/1.png"), (1, "b/*.png", "b/1.png"), (1, "b/*.png", "b/2.png")]);
+        let same = images(&[(0, "a/*.png", "a/1.png"), (1, "b/*.png", "b/1.png"), (1, "b/*.png", "b/2.png")]);
         assert_eq!(names(&same, false).unwrap().0, ["1", "1", "2"]);
-        let sided = pictures(&[(0, "l*.png", "l1.png"), (1, "r*.png", "r1.png")]);
+        let sided = images(&[(0, "l*.png", "l1.png"), (1, "r*.png", "r1.png")]);
         assert_eq!(names(&sided, false).unwrap().0, ["1", "1"]);
         assert_eq!(names(&sided, true).unwrap().0, ["l1", "r1"]);
-        let paths = pictures(&[(0, "l1.png", "l1.png"), (1, "r1.png", "r1.png")]);
+        let paths = images(&[(0, "l1.png", "l1.png"), (1, "r1.png", "r1.png")]);
         assert_eq!(names(&paths, false).unwrap().0, ["l1", "r1"]);
     }
 
@@ -143,8 +140,8 @@ mod tests {
     fn folders_tell_recordings_apart() {
         let days =
             [(0, "d*/l*.png", "d1/l1.png"), (0, "d*/l*.png", "d2/l1.png"), (1, "d*/r*.png", "d2/r1.png")];
-        assert_eq!(names(&pictures(&days), false).unwrap().0, ["1/1", "2/1", "2/1"]);
-        let flat = pictures(&[(0, "d1/l1.png", "d1/l1.png"), (0, "d2/l1.png", "d2/l1.png")]);
+        assert_eq!(names(&images(&days), false).unwrap().0, ["1/1", "2/1", "2/1"]);
+        let flat = images(&[(0, "d1/l1.png", "d1/l1.png"), (0, "d2/l1.png", "d2/l1.png")]);
         let reason = names(&flat, false).unwrap_err().to_string();
         assert!(reason.contains("would be one view"), "{reason}");
     }

@@ -1,11 +1,12 @@
-//! Which frames were taken at the same time: by name, or by time stamp.
+//! Which frames were taken at the same time, by name or by time stamp: synchronised frame sets, the views of a rig.
 
-use super::Frame;
-use anyhow::{Result, bail};
-use resight::rig::synchronise::{TimedFrame, by_time};
+use super::observed::Frame;
+use super::synchronise::{TimedFrame, by_time};
+use crate::error::Error;
+use std::collections::HashMap;
 
 /// How it went.
-pub struct Moments {
+pub(super) struct FrameSets {
     /// Frames that no other camera has a counterpart of.
     pub n_alone: usize,
     /// What to say about it.
@@ -13,16 +14,16 @@ pub struct Moments {
 }
 
 /// Gives the frames of one view one name: with a tolerance that of their time, else the name they have.
-pub fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Result<Moments> {
+pub(super) fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Result<FrameSets, Error> {
     let n_timed = frames.iter().filter(|frame| frame.t_s.is_some()).count();
     let mut remarks = Vec::new();
     match tolerance_s {
         Some(_) if n_timed == 0 => {
-            bail!(
-                "--sync-tolerance-ms needs time stamps: a column t_s in the detections, or --timestamps FILE.csv"
-            )
+            return Err(Error::request(
+                "--sync-tolerance-ms needs time stamps: a column t_s in the detections, or --timestamps FILE.csv",
+            ));
         }
-        Some(tolerance_s) => remarks.extend(by_time_stamps(frames, tolerance_s)?),
+        Some(tolerance_s) => remarks.push(by_time_stamps(frames, tolerance_s)?),
         None if n_timed == 0 => {}
         None => remarks.push(
             "times are given but no --sync-tolerance-ms, so frames of one name are one view".to_string(),
@@ -33,17 +34,17 @@ pub fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Result<Mome
         let (n, frames) = (frames.len(), if n_alone == 1 { "frame has" } else { "frames have" });
         remarks.push(format!("{n_alone} of {n} {frames} no counterpart of another camera"));
     }
-    Ok(Moments { n_alone, remarks })
+    Ok(FrameSets { n_alone, remarks })
 }
 
-fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<Vec<String>> {
+fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<String, Error> {
     let mut timed = Vec::with_capacity(frames.len());
     for frame in frames.iter() {
         let Some(t_s) = frame.t_s else {
-            bail!(
+            return Err(Error::request(format!(
                 "frame {} has no time stamp; give every frame its time, or leave --sync-tolerance-ms out",
                 frame.name
-            );
+            )));
         };
         timed.push(TimedFrame { camera: frame.camera, t_s });
     }
@@ -59,19 +60,19 @@ fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<Vec<String>>
         frame.name = format!("{:.6} s", first_s[*view]);
     }
     let widest_s = first_s.iter().zip(&last_s).map(|(first, last)| last - first).fold(0.0, f64::max);
-    Ok(vec![format!(
+    Ok(format!(
         "{} frames in {n_views} views by time, at most {:.1} ms apart (tolerance {:.1} ms)",
         frames.len(),
         1e3 * widest_s,
         1e3 * tolerance_s
-    )])
+    ))
 }
 
 fn n_alone(frames: &[Frame]) -> usize {
     if frames.iter().all(|frame| frame.camera == frames[0].camera) {
-        return 0; // A single camera on a hand needs no counterpart.
+        return 0; // A single camera on a robot needs no counterpart.
     }
-    let mut cameras: std::collections::HashMap<&str, (usize, bool)> = std::collections::HashMap::new();
+    let mut cameras: HashMap<&str, (usize, bool)> = HashMap::new();
     for frame in frames {
         let (camera, is_shared) = cameras.entry(&frame.name).or_insert((frame.camera, false));
         *is_shared |= *camera != frame.camera;

@@ -1,34 +1,40 @@
 //! Poses of the robot from a CSV file, poses of the target from `locate`'s JSON Lines, joined by the name of the view.
 
-use crate::table::Table;
-use anyhow::{Context, Result, bail};
-use resight::core::hand_eye::{Candidate, HandView};
-use resight::core::rig_pose::RigView;
-use resight::core::{Matrix6, Pose};
-use resight::rig::pairs::{isotropic, pose_from_numbers};
+use super::pairs::{isotropic, pose_from_numbers};
+use crate::FileError;
+use crate::core::hand_eye::{Candidate, HandNoise, HandView};
+use crate::core::rig_pose::RigView;
+use crate::core::{Matrix6, Pose};
+use crate::input::table::Table;
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The pose of the gripper in one view.
-pub struct Motion {
-    view: String,
-    base_from_gripper: Pose,
-    covariance: Option<Matrix6>,
+/// The pose of a robot's gripper, or of a vehicle's body, in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotPose {
+    /// Name of the view.
+    pub view: String,
+    /// x_in_base = base_from_gripper · x_in_gripper.
+    pub base_from_gripper: Pose,
+    /// 6×6 covariance of its small left motion, base frame; zero when exact; none: the views themselves show how exact the robot is.
+    pub covariance: Option<Matrix6>,
 }
 
-/// What one view shows.
-pub struct Observation {
-    /// Its name.
+/// The poses of the target that fit one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewPoses {
+    /// Name of the view.
     pub view: String,
-    /// Poses that fit; empty where points are given instead.
+    /// Poses of the target in the camera; empty where the view shows none.
     pub candidates: Vec<Candidate>,
 }
 
 /// The robot's pose and what the camera observed.
-pub struct RobotView {
+pub(super) struct RobotView {
     /// The view's name as the camera has it.
     pub view: String,
-    motion: Motion,
+    robot: RobotPose,
     candidates: Vec<Candidate>,
 }
 
@@ -36,17 +42,19 @@ impl RobotView {
     /// As the solver takes it.
     pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandView<'a> {
         HandView {
-            base_from_hand: self.motion.base_from_gripper,
-            hand_covariance: self.motion.covariance,
+            base_from_hand: self.robot.base_from_gripper,
+            hand_covariance: self.robot.covariance,
             candidates: self.candidates.clone(),
             seen,
         }
     }
 }
 
-/// Reads `view,qw,qx,qy,qz,x_m,y_m,z_m` and optionally `sigma_deg,sigma_mm`; `sigmas` (rad, m) where these are missing.
-pub fn motions(path: &Path, sigmas: Option<(f64, f64)>) -> Result<Vec<Motion>> {
-    crate::files::must_exist(path)?;
+/// Reads `view,qw,qx,qy,qz,x_m,y_m,z_m` and optionally `sigma_deg,sigma_mm`; `noise` where these are missing.
+///
+/// # Errors
+/// With its line: a quaternion whose order is not named or that is not unit, a view that comes twice, numbers that are none.
+pub fn read_robot_poses(path: &Path, noise: Option<HandNoise>) -> Result<Vec<RobotPose>, FileError> {
     let table = Table::open(path, "view,qw,qx,qy,qz,x_m,y_m,z_m")?;
     let order = "the order of the quaternion must be named: qw is its scalar";
     let view = table.need("view", None)?;
@@ -54,31 +62,30 @@ pub fn motions(path: &Path, sigmas: Option<(f64, f64)>) -> Result<Vec<Motion>> {
     for (column, name) in columns.iter_mut().zip(["qw", "qx", "qy", "qz", "x_m", "y_m", "z_m"]) {
         *column = table.need(name, name.starts_with('q').then_some(order))?;
     }
-    let (turn, shift) = (table.find("sigma_deg"), table.find("sigma_mm"));
-    if turn.is_some() != shift.is_some() {
-        bail!("{}:1: sigma_deg and sigma_mm belong together; one is missing", path.display());
+    let (rotation, translation) = (table.find("sigma_deg"), table.find("sigma_mm"));
+    if rotation.is_some() != translation.is_some() {
+        return Err(table.complaint("sigma_deg and sigma_mm belong together; one is missing"));
     }
-    let mut motions: Vec<Motion> = Vec::new();
+    let (mut poses, mut views) = (Vec::new(), BTreeSet::new());
     table.each(|row| {
         let Some(name) = row.text(view) else {
-            bail!("{}", row.complaint(view, "is empty; a view's name is needed"))
+            return Err(row.complaint(view, "is empty; a view's name is needed"));
         };
-        if motions.iter().any(|earlier| earlier.view == name) {
-            bail!("{}", row.complaint(view, &format!("has `{name}` twice; give each view once")));
+        if !views.insert(name.to_string()) {
+            return Err(row.complaint(view, &format!("has `{name}` twice; give each view once")));
         }
         let mut v = [0.0; 7];
         for (x, column) in v.iter_mut().zip(columns) {
             *x = row.number(column)?;
         }
-        let base_from_gripper = pose_from_numbers(&v)
-            .map_err(|reason| anyhow::anyhow!("{}:{}: {reason}", path.display(), row.line))?;
-        let own = row.optional_number(turn)?.zip(row.optional_number(shift)?);
-        let sigma = own.map(|(deg, mm)| (deg.to_radians(), 1e-3 * mm)).or(sigmas);
-        let covariance = sigma.map(|(rad, m)| isotropic(rad, m));
-        motions.push(Motion { view: name.to_string(), base_from_gripper, covariance });
+        let base_from_gripper = pose_from_numbers(&v).map_err(|reason| row.complaint_of(&reason))?;
+        let own = row.optional_number(rotation)?.zip(row.optional_number(translation)?);
+        let own = own.map(|(deg, mm)| HandNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm });
+        let covariance = own.or(noise).map(|noise| isotropic(noise.sigma_rad, noise.sigma_m));
+        poses.push(RobotPose { view: name.to_string(), base_from_gripper, covariance });
         Ok(())
     })?;
-    Ok(motions)
+    Ok(poses)
 }
 
 /// The keys of the pose object that matter here.
@@ -105,20 +112,22 @@ struct MinimumLine {
 }
 
 /// Reads the JSON Lines of `locate` and `solve`; views without a pose come without candidates.
-pub fn poses(path: &Path) -> Result<Vec<Observation>> {
-    crate::files::must_exist(path)?;
-    let text = resight::input::read_text(path, resight::input::Kind::Results)?;
-    let mut seen: Vec<Observation> = Vec::new();
+///
+/// # Errors
+/// With its line: text that is no such object, a view that comes twice, a quaternion that is not unit.
+pub fn read_view_poses(path: &Path) -> Result<Vec<ViewPoses>, FileError> {
+    let text = crate::input::read_text(path, crate::input::Kind::Results)?;
+    let (mut poses, mut views) = (Vec::new(), BTreeSet::new());
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let at = || format!("{}:{}", path.display(), n + 1);
-        let pose: PoseLine = serde_json::from_str(line).with_context(at)?;
-        if seen.iter().any(|earlier| earlier.view == pose.view) {
-            bail!("{}: view {} is there twice", at(), pose.view);
+        let wrong = |reason: String| FileError::at_line(path, n + 1, reason);
+        let pose: PoseLine = serde_json::from_str(line).map_err(|reason| wrong(reason.to_string()))?;
+        if !views.insert(pose.view.clone()) {
+            return Err(wrong(format!("view {} is there twice", pose.view)));
         }
-        let candidates = candidates(&pose).map_err(|reason| anyhow::anyhow!("{}: {reason}", at()))?;
-        seen.push(Observation { view: pose.view, candidates });
+        let candidates = candidates(&pose).map_err(wrong)?;
+        poses.push(ViewPoses { view: pose.view, candidates });
     }
-    Ok(seen)
+    Ok(poses)
 }
 
 /// Every minimum within the gate; the answer alone where none are listed.
@@ -140,19 +149,22 @@ fn candidates(line: &PoseLine) -> Result<Vec<Candidate>, String> {
 }
 
 /// Views that both know, by name: as written, else by the file's name, else without its ending. What has no counterpart is named.
-pub fn joined(mut motions: Vec<Motion>, seen: Vec<Observation>) -> (Vec<RobotView>, Vec<(String, String)>) {
+pub(super) fn joined(
+    mut robot: Vec<RobotPose>,
+    observed: Vec<ViewPoses>,
+) -> (Vec<RobotView>, Vec<(String, String)>) {
     let (mut robot_views, mut left_out) = (Vec::new(), Vec::new());
-    for Observation { view, candidates } in seen {
+    for ViewPoses { view, candidates } in observed {
         let by = |key: fn(&str) -> &str| {
-            let mut same = (0..motions.len()).filter(|i| key(&motions[*i].view) == key(&view));
+            let mut same = (0..robot.len()).filter(|i| key(&robot[*i].view) == key(&view));
             same.next().filter(|_| same.next().is_none())
         };
         match by(|name| name).or_else(|| by(file_name)).or_else(|| by(stem)) {
-            Some(at) => robot_views.push(RobotView { view, motion: motions.swap_remove(at), candidates }),
+            Some(at) => robot_views.push(RobotView { view, robot: robot.swap_remove(at), candidates }),
             None => left_out.push((view, "no row of the motions has this view".to_string())),
         }
     }
-    left_out.extend(motions.into_iter().map(|m| (m.view, "the camera has no such view".to_string())));
+    left_out.extend(robot.into_iter().map(|pose| (pose.view, "the camera has no such view".to_string())));
     left_out.sort();
     (robot_views, left_out)
 }

@@ -1,13 +1,14 @@
 //! CSV files with a header line: columns by name in any order, every complaint with its line.
 
-use anyhow::{Context, Result, bail};
-use resight::input::{Rows, open_table};
+use super::{Rows, nearest, open_table};
+use crate::FileError;
 use std::path::{Path, PathBuf};
 
 /// Rows accepted in one file; more is a job for a batch tool.
 const MAX_ROWS: usize = 5_000_000;
 
 /// A file whose header has been read.
+#[derive(Debug)]
 pub struct Table {
     path: PathBuf,
     header: Vec<String>,
@@ -15,6 +16,7 @@ pub struct Table {
 }
 
 /// One row below the header.
+#[derive(Debug)]
 pub struct TableRow<'a> {
     /// Line in the file, counted from 1.
     pub line: u64,
@@ -25,12 +27,16 @@ pub struct TableRow<'a> {
 
 impl Table {
     /// Opens a file; `wanted` is the beginning of a header, for the complaint about an empty file.
-    pub fn open(path: &Path, wanted: &str) -> Result<Self> {
+    ///
+    /// # Errors
+    /// A file that cannot be read, is empty, separates cells by other marks than commas, or names a column twice.
+    pub fn open(path: &Path, wanted: &str) -> Result<Self, FileError> {
         let file = open_table(path)?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
         let header = reader.headers().map_err(|e| complaint(path, &e))?;
         if header.is_empty() {
-            bail!("{}: the file is empty; a header line {wanted},… is needed", path.display());
+            let reason = format!("the file is empty; a header line {wanted},… is needed");
+            return Err(FileError::new(path, reason));
         }
         let header = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_string()).collect();
         let table = Table { path: path.to_path_buf(), header, reader };
@@ -38,21 +44,25 @@ impl Table {
         Ok(table)
     }
 
-    fn check_header(&self, wanted: &str) -> Result<()> {
+    fn check_header(&self, wanted: &str) -> Result<(), FileError> {
         if let [only] = &self.header[..]
             && let Some(mark) = [';', '\t'].into_iter().find(|mark| only.contains(*mark))
         {
             let mark = if mark == ';' { "semicolons" } else { "tabs" };
-            bail!(
-                "{}:1: the cells are separated by {mark}; write commas between cells and points in numbers ({wanted},… and 0.5)",
-                self.path.display()
-            );
+            return Err(self.complaint(format!(
+                "the cells are separated by {mark}; write commas between cells and points in numbers ({wanted},… and 0.5)"
+            )));
         }
         let is_twin = |(i, name): &(usize, &String)| !name.is_empty() && self.header[..*i].contains(name);
         match self.header.iter().enumerate().find(is_twin) {
-            Some((_, name)) => bail!("{}:1: column `{name}` appears twice", self.path.display()),
+            Some((_, name)) => Err(self.complaint(format!("column `{name}` appears twice"))),
             None => Ok(()),
         }
+    }
+
+    /// What is wrong with the header.
+    pub fn complaint(&self, reason: impl Into<String>) -> FileError {
+        FileError::at_line(&self.path, 1, reason)
     }
 
     /// Where a column is.
@@ -61,32 +71,41 @@ impl Table {
     }
 
     /// Where a column is that must be there. `hint` says more about a missing one; else a column of a similar name is offered.
-    pub fn need(&self, name: &str, hint: Option<&str>) -> Result<usize> {
-        self.find(name).with_context(|| {
+    ///
+    /// # Errors
+    /// The columns that there are.
+    pub fn need(&self, name: &str, hint: Option<&str>) -> Result<usize, FileError> {
+        self.find(name).ok_or_else(|| {
             let similar = || {
-                let nearest = crate::files::nearest(name, self.header.iter().cloned());
+                let nearest = nearest(name, self.header.iter().cloned());
                 nearest.map(|n| format!("; did you mean `{n}` to be `{name}`?")).unwrap_or_default()
             };
             let hint = hint.map_or_else(similar, |hint| format!(" ({hint})"));
-            let (path, columns) = (self.path.display(), self.header.join(","));
-            format!("{path}:1: no column `{name}`; the columns are {columns}{hint}")
+            let columns = self.header.join(",");
+            self.complaint(format!("no column `{name}`; the columns are {columns}{hint}"))
         })
     }
 
-    /// Hands every row on. Fails on a torn row, and where there is none or too many.
-    pub fn each(mut self, mut done: impl FnMut(TableRow<'_>) -> Result<()>) -> Result<()> {
+    /// Hands every row on.
+    ///
+    /// # Errors
+    /// The first that `done` returns; a torn row; no row, or too many.
+    pub fn each<E: From<FileError>>(
+        mut self,
+        mut done: impl FnMut(TableRow<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let (path, mut n) = (self.path.as_path(), 0);
         for record in self.reader.records() {
             let record = record.map_err(|e| complaint(path, &e))?;
             if MAX_ROWS <= n {
-                bail!("{}: more than {MAX_ROWS} rows; split the file", path.display());
+                return Err(FileError::new(path, format!("more than {MAX_ROWS} rows; split the file")).into());
             }
             n += 1;
             let line = record.position().map_or(0, |p| p.line());
             done(TableRow { line, path, header: &self.header, record })?;
         }
         if n == 0 {
-            bail!("{}: no rows below the header", path.display());
+            return Err(FileError::new(path, "no rows below the header").into());
         }
         Ok(())
     }
@@ -99,30 +118,40 @@ impl TableRow<'_> {
     }
 
     /// The cell's number.
-    pub fn number(&self, column: usize) -> Result<f64> {
+    ///
+    /// # Errors
+    /// What the cell holds instead.
+    pub fn number(&self, column: usize) -> Result<f64, FileError> {
         let text = self.record.get(column).unwrap_or("");
         let shown: String = text.chars().take(40).collect();
-        text.parse().ok().with_context(|| match text {
+        text.parse().map_err(|_| match text {
             "" => self.complaint(column, "is empty; a number is needed"),
             _ => self.complaint(column, &format!("is `{shown}`, which is not a number")),
         })
     }
 
     /// The same where the column is there and the cell is filled.
-    pub fn optional_number(&self, column: Option<usize>) -> Result<Option<f64>> {
+    ///
+    /// # Errors
+    /// As of `number`.
+    pub fn optional_number(&self, column: Option<usize>) -> Result<Option<f64>, FileError> {
         column.filter(|i| self.text(*i).is_some()).map(|i| self.number(i)).transpose()
     }
 
     /// `FILE:LINE: column `c` …`.
-    pub fn complaint(&self, column: usize, what: &str) -> String {
+    pub fn complaint(&self, column: usize, what: &str) -> FileError {
         let name = self.header.get(column).map_or("", String::as_str);
-        format!("{}:{}: column `{name}` {what}", self.path.display(), self.line)
+        self.complaint_of(&format!("column `{name}` {what}"))
+    }
+
+    /// `FILE:LINE: …`.
+    pub fn complaint_of(&self, what: &str) -> FileError {
+        FileError::at_line(self.path, self.line as usize, what)
     }
 }
 
-/// A CSV error as `FILE:LINE: reason`.
-fn complaint(path: &Path, error: &csv::Error) -> anyhow::Error {
-    let line = error.position().map(|p| format!(":{}", p.line())).unwrap_or_default();
+fn complaint(path: &Path, error: &csv::Error) -> FileError {
+    let line = error.position().map(|p| p.line() as usize);
     let reason = match error.kind() {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
             format!("{len} cells where the header has {expected_len}")
@@ -130,5 +159,5 @@ fn complaint(path: &Path, error: &csv::Error) -> anyhow::Error {
         csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".to_string(),
         _ => error.to_string(),
     };
-    anyhow::anyhow!("{}{line}: {reason}", path.display())
+    FileError { path: path.to_path_buf(), line, reason }
 }

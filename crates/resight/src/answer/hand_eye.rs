@@ -1,0 +1,236 @@
+//! The answer of the job that finds where a camera is mounted on a robot, and the JSON object that it becomes.
+
+use super::placed::UncertainObject;
+use super::{Status, Unsolved};
+use crate::core::hand_eye::{HandEye, HandEyeCause, HandViewResult, Mount, RejectedView as Rejection};
+use crate::report::verdict::figures;
+use crate::rig::relative::UncertainPose;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+/// Where the camera is mounted, or why that is not known. Serialises to the JSON object of the command line.
+#[derive(Debug, Clone, Serialize)]
+#[serde(untagged)]
+pub enum HandEyeAnswer {
+    /// The poses; the status says whether they can be believed.
+    Solved(Box<SolvedHandEye>),
+    /// Why there are none.
+    Unsolved(Unsolved),
+}
+
+/// A hand–eye calibration with everything needed to report it.
+#[derive(Debug, Clone)]
+pub struct SolvedHandEye {
+    /// The solution.
+    pub solution: HandEye,
+    /// What observes: `cam`, or `rig` for several cameras.
+    pub eye: &'static str,
+    /// The names of the solution's views.
+    pub views: Vec<String>,
+    /// Views that took no part from the beginning, and why.
+    pub left_out: Vec<(String, String)>,
+    /// Why the rig of several cameras cannot be believed; none where it can, or where there is one camera.
+    pub rig_contradiction: Option<String>,
+}
+
+/// How well one view agrees with all.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewAgreement {
+    /// Its name.
+    pub view: String,
+    /// Rotation between the view's pose and the solved one, rad; none without a pose.
+    pub residual_rad: Option<f64>,
+    /// Translation between them, metres.
+    pub residual_m: Option<f64>,
+    /// Sum of squared residuals of the pose over their variances.
+    pub chi2: Option<f64>,
+    /// Whether it took part.
+    pub is_used: bool,
+}
+
+/// A view that took no part.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct RejectedView {
+    /// Its name.
+    pub view: String,
+    /// Why.
+    pub reason: String,
+}
+
+impl HandEyeAnswer {
+    /// Whether it may be relied on.
+    pub fn status(&self) -> Status {
+        match self {
+            HandEyeAnswer::Solved(solved) => solved.status(),
+            HandEyeAnswer::Unsolved(unsolved) => unsolved.status,
+        }
+    }
+
+    /// The poses, where there are any.
+    pub fn solved(&self) -> Option<&SolvedHandEye> {
+        match self {
+            HandEyeAnswer::Solved(solved) => Some(solved),
+            HandEyeAnswer::Unsolved(_) => None,
+        }
+    }
+}
+
+impl SolvedHandEye {
+    /// Whether it may be relied on; no more than the rig that it rests on.
+    pub fn status(&self) -> Status {
+        match self.solution.is_inconsistent || self.rig_contradiction.is_some() {
+            true => Status::Inconsistent,
+            false => Status::Ok,
+        }
+    }
+
+    /// Names of the two poses: `cam_from_gripper` and `base_from_target`, with the camera at rest `cam_from_base` and
+    /// `gripper_from_target`; `rig` for `cam` where several cameras observe.
+    pub fn pose_names(&self) -> (String, &'static str) {
+        match self.solution.mount {
+            Mount::CameraOnHand => (format!("{}_from_gripper", self.eye), "base_from_target"),
+            Mount::TargetOnHand => (format!("{}_from_base", self.eye), "gripper_from_target"),
+        }
+    }
+
+    /// How well each view agrees with all.
+    pub fn agreements(&self) -> Vec<ViewAgreement> {
+        let view = |(name, result): (&String, &HandViewResult)| ViewAgreement {
+            view: name.clone(),
+            residual_rad: result.residual.map(|r| r.fixed_rows::<3>(0).norm()),
+            residual_m: result.residual.map(|r| r.fixed_rows::<3>(3).norm()),
+            chi2: result.chi2,
+            is_used: result.rejected.is_none(),
+        };
+        self.views.iter().zip(&self.solution.views).map(view).collect()
+    }
+
+    /// Views without a counterpart, then those that the solver left out.
+    pub fn rejected(&self) -> Vec<RejectedView> {
+        let before = self
+            .left_out
+            .iter()
+            .map(|(view, reason)| RejectedView { view: view.clone(), reason: reason.clone() });
+        let solver = self.views.iter().zip(&self.solution.views).filter_map(|(view, result)| {
+            let reason = rejection(result.rejected.as_ref()?);
+            Some(RejectedView { view: view.clone(), reason })
+        });
+        before.chain(solver).collect()
+    }
+
+    /// Why the answer is not to be believed, the likely cause first.
+    pub fn causes(&self) -> Vec<String> {
+        let of_rig = self.rig_contradiction.iter();
+        let of_rig = of_rig.map(|sentence| format!("the rig of cameras is inconsistent: {sentence}"));
+        of_rig.chain(self.solution.causes.iter().map(HandEyeCause::to_string)).collect()
+    }
+
+    /// One line: how many views agree, or the likely cause why the answer is not to be believed.
+    pub fn message(&self) -> String {
+        let found = &self.solution;
+        let used = format!("{} of {} views agree", found.n_used, found.views.len());
+        if let Some(cause) = self.causes().first() {
+            return format!("not to be believed ({used}): {cause}");
+        }
+        match found.noise_scale {
+            scale if 1.0 < scale => {
+                format!(
+                    "{used}; residuals are {} times what the sigmas say, and every ± is widened by as much",
+                    figures(scale.sqrt())
+                )
+            }
+            _ => used,
+        }
+    }
+
+    fn json(&self) -> HandEyeObject {
+        let found = &self.solution;
+        let (carrier, holder) = self.pose_names();
+        let pose = |b_from_a, covariance| UncertainObject::of(&UncertainPose { b_from_a, covariance });
+        let poses = BTreeMap::from([
+            (carrier, pose(found.cam_from_carrier, found.carrier_covariance)),
+            (holder.to_string(), pose(found.holder_from_target, found.holder_covariance)),
+        ]);
+        HandEyeObject {
+            status: self.status().name(),
+            mount: if found.mount == Mount::CameraOnHand { "eye_in_hand" } else { "eye_to_hand" },
+            poses,
+            n_views: found.views.len(),
+            n_used: found.n_used,
+            chi2: found.chi2,
+            degrees_of_freedom: found.degrees_of_freedom,
+            pose_chi2: found.pose_chi2,
+            pose_degrees_of_freedom: found.pose_degrees_of_freedom,
+            noise_scale: found.noise_scale,
+            robot_noise: found
+                .hand_noise
+                .map(|noise| RobotNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
+            target_size: found
+                .target_size
+                .map(|size| TargetSizeObject { ratio: size.ratio, sigma: size.sigma }),
+            rotations_rad: found.turns_rad,
+            views: self.agreements(),
+            rejected: self.rejected(),
+            causes: self.causes(),
+            message: self.message(),
+        }
+    }
+}
+
+fn rejection(reason: &Rejection) -> String {
+    match reason {
+        Rejection::Unlocated(reason) => reason.to_string(),
+        Rejection::Contradicts => {
+            "contradicts the other views: a flipped pose, a robot pose of another view, or a target that moved".into()
+        }
+        _ => "took no part".into(),
+    }
+}
+
+impl Serialize for SolvedHandEye {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.json().serialize(serializer)
+    }
+}
+
+#[derive(Serialize)]
+struct HandEyeObject {
+    status: &'static str,
+    mount: &'static str,
+    /// `cam_from_gripper` (or `rig_from_gripper`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `gripper_from_target`).
+    #[serde(flatten)]
+    poses: BTreeMap<String, UncertainObject>,
+    n_views: usize,
+    n_used: usize,
+    chi2: f64,
+    degrees_of_freedom: usize,
+    pose_chi2: f64,
+    pose_degrees_of_freedom: usize,
+    noise_scale: f64,
+    /// The robot's noise where it was estimated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot_noise: Option<RobotNoiseObject>,
+    /// The target's size by the robot's motions, over the stated one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target_size: Option<TargetSizeObject>,
+    /// Root mean square rotation between views about three axes, the largest first.
+    rotations_rad: [f64; 3],
+    views: Vec<ViewAgreement>,
+    rejected: Vec<RejectedView>,
+    /// Why the answer is not to be believed, the likely cause first.
+    causes: Vec<String>,
+    message: String,
+}
+
+/// Standard deviations per axis.
+#[derive(Serialize)]
+struct RobotNoiseObject {
+    sigma_rad: f64,
+    sigma_m: f64,
+}
+
+#[derive(Serialize)]
+struct TargetSizeObject {
+    ratio: f64,
+    sigma: f64,
+}

@@ -1,0 +1,64 @@
+//! Poses of cameras with what is known of their covariance, as JSON.
+
+use super::{TransformObject, rows};
+use crate::core::{Matrix6, Pose};
+use crate::report::words::sigmas;
+use crate::rig::relative::UncertainPose;
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+/// `cam_from_rig` and its inverse; covariance and sigmas null where nothing is known.
+#[derive(Serialize)]
+pub(super) struct PlacedObject {
+    cam_from_rig: TransformObject,
+    rig_from_cam: TransformObject,
+    covariance: Option<[[f64; 6]; 6]>,
+    sigma_rad: Option<[f64; 3]>,
+    sigma_m: Option<[f64; 3]>,
+}
+
+impl PlacedObject {
+    /// From the pose and the covariance of its small left motion.
+    pub(super) fn of(cam_from_rig: &Pose, covariance: Option<&Matrix6>) -> Self {
+        let sigma = covariance.map(sigmas);
+        PlacedObject {
+            cam_from_rig: (*cam_from_rig).into(),
+            rig_from_cam: cam_from_rig.inverse().into(),
+            covariance: covariance.map(rows),
+            sigma_rad: sigma.map(|s| s.0),
+            sigma_m: sigma.map(|s| s.1),
+        }
+    }
+}
+
+/// A pose under a name of its own, with its covariance.
+#[derive(Debug, Serialize)]
+pub(super) struct UncertainObject {
+    #[serde(flatten)]
+    pose: TransformObject,
+    covariance: [[f64; 6]; 6],
+    sigma_rad: [f64; 3],
+    sigma_m: [f64; 3],
+}
+
+impl UncertainObject {
+    pub(super) fn of(pose: &UncertainPose) -> Self {
+        let (sigma_rad, sigma_m) = sigmas(&pose.covariance);
+        UncertainObject { pose: pose.b_from_a.into(), covariance: rows(&pose.covariance), sigma_rad, sigma_m }
+    }
+}
+
+/// The covariance of all cameras of a rig together.
+#[derive(Debug, Serialize)]
+pub(super) struct JointObject {
+    /// Six rows each.
+    cameras: Vec<String>,
+    matrix: Vec<Vec<f64>>,
+}
+
+impl JointObject {
+    /// Of these cameras, 6 rows each.
+    pub(super) fn of(cameras: Vec<String>, matrix: &DMatrix<f64>) -> Self {
+        JointObject { cameras, matrix: matrix.row_iter().map(|row| row.iter().copied().collect()).collect() }
+    }
+}

@@ -1,0 +1,107 @@
+//! What each view of a rig shows.
+
+use super::{SolvedRig, camera_name, first_target};
+use crate::answer::TransformObject;
+use crate::core::rig::{BodyInView, SightingResult};
+use crate::report::words::sigmas;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+#[derive(Serialize)]
+pub(super) struct ViewObject {
+    view: String,
+    n_seen: usize,
+    n_used: usize,
+    rms_px: Option<f64>,
+    cameras: BTreeMap<String, SeenObject>,
+    bodies: Vec<BodyObject>,
+}
+
+#[derive(Serialize, Default)]
+struct SeenObject {
+    n_seen: usize,
+    n_used: usize,
+    rms_px: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct BodyObject {
+    body: usize,
+    /// Of the first target of the body.
+    target: String,
+    rig_from_target: TransformObject,
+    sigma_rad: [f64; 3],
+    sigma_m: [f64; 3],
+    n_used: usize,
+    rms_px: f64,
+}
+
+pub(super) fn views(solved: &SolvedRig) -> Vec<ViewObject> {
+    let mut views: Vec<ViewObject> = solved.run.rig.views.iter().map(|name| empty_view(name)).collect();
+    let s = &solved.run.solution;
+    let mut sums = vec![Sums::default(); views.len()];
+    for (sighting, result) in solved.run.rig.sightings.iter().zip(&s.sightings) {
+        let sum = Sums::of(result);
+        sums[sighting.view].add(sum);
+        let of_camera = views[sighting.view].cameras.entry(camera_name(solved, sighting.camera)).or_default();
+        // Two targets of one camera in one view: squares add up.
+        let earlier = of_camera.rms_px.map_or(0.0, |rms| rms * rms * of_camera.n_used as f64);
+        let total = Sums {
+            n_seen: of_camera.n_seen + sum.n_seen,
+            n_used: of_camera.n_used + sum.n_used,
+            squares: earlier + sum.squares,
+        };
+        *of_camera = SeenObject { n_seen: total.n_seen, n_used: total.n_used, rms_px: total.rms_px() };
+    }
+    for (view, sum) in views.iter_mut().zip(&sums) {
+        (view.n_seen, view.n_used, view.rms_px) = (sum.n_seen, sum.n_used, sum.rms_px());
+    }
+    for body in &s.bodies {
+        views[body.view].bodies.push(body_object(solved, body));
+    }
+    views
+}
+
+fn empty_view(name: &str) -> ViewObject {
+    let (cameras, bodies) = (BTreeMap::new(), Vec::new());
+    ViewObject { view: name.to_string(), n_seen: 0, n_used: 0, rms_px: None, cameras, bodies }
+}
+
+/// What residuals add up to.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    n_seen: usize,
+    n_used: usize,
+    squares: f64,
+}
+
+impl Sums {
+    fn of(result: &SightingResult) -> Self {
+        let used = result.residuals_px.iter().flatten().filter(|(_, took_part)| *took_part);
+        let (n_used, squares) = used.fold((0, 0.0), |(n, sum), (e, _)| (n + 1, sum + e.norm_squared()));
+        Sums { n_seen: result.residuals_px.len(), n_used, squares }
+    }
+
+    fn add(&mut self, other: Sums) {
+        self.n_seen += other.n_seen;
+        self.n_used += other.n_used;
+        self.squares += other.squares;
+    }
+
+    fn rms_px(&self) -> Option<f64> {
+        (0 < self.n_used).then(|| (self.squares / self.n_used as f64).sqrt())
+    }
+}
+
+fn body_object(solved: &SolvedRig, body: &BodyInView) -> BodyObject {
+    let (sigma_rad, sigma_m) = sigmas(&body.covariance);
+    BodyObject {
+        body: body.body,
+        target: first_target(solved, body.body),
+        rig_from_target: body.rig_from_body.into(),
+        sigma_rad,
+        sigma_m,
+        n_used: body.n_used,
+        rms_px: body.rms_px,
+    }
+}

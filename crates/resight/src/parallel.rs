@@ -1,0 +1,70 @@
+//! Work on many inputs on all cores, its results in the order of the inputs and a block at a time: memory stays bounded.
+
+use rayon::prelude::*;
+
+/// Applies `work` to every input on all cores and hands the results on in input order: the first answers appear while later inputs
+/// wait.
+///
+/// # Errors
+/// The first that `done` returns.
+pub fn in_order<T: Sync, R: Send, E>(
+    inputs: &[T],
+    work: impl Fn(&T) -> R + Sync,
+    done: impl FnMut(R) -> Result<(), E>,
+) -> Result<(), E> {
+    in_blocks(inputs, 1024, |block| Ok(block.par_iter().map(&work).collect()), done)
+}
+
+/// As [`in_order`], each thread with a detector (or several) of its own: the C library keeps state in it.
+///
+/// # Errors
+/// Of a detector that cannot be made, before any work; the first that `done` returns.
+pub fn detect_in_order<T: Sync, D, R: Send, F: Send, E: From<F>>(
+    inputs: &[T],
+    detector: impl Fn() -> Result<D, F> + Sync,
+    work: impl Fn(&mut D, &T) -> R + Sync,
+    done: impl FnMut(R) -> Result<(), E>,
+) -> Result<(), E> {
+    detector()?; // Says now what is wrong with the target, once.
+    let look = |detector_of_thread: &mut Option<D>, input: &T| -> Result<R, F> {
+        match detector_of_thread {
+            Some(detector) => Ok(work(detector, input)),
+            none => Ok(work(none.insert(detector()?), input)),
+        }
+    };
+    let answers = |block: &[T]| -> Result<Vec<R>, E> {
+        let found: Result<Vec<R>, F> = block.par_iter().map_init(|| None, look).collect();
+        Ok(found?)
+    };
+    in_blocks(inputs, 4 * rayon::current_num_threads(), answers, done)
+}
+
+fn in_blocks<T, R, E>(
+    inputs: &[T],
+    size: usize,
+    answers: impl Fn(&[T]) -> Result<Vec<R>, E>,
+    mut done: impl FnMut(R) -> Result<(), E>,
+) -> Result<(), E> {
+    inputs.chunks(size).try_for_each(|block| answers(block)?.into_iter().try_for_each(&mut done))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the threads do, results come in the order of the inputs, and the first error ends the work.
+    #[test]
+    fn results_come_in_order_and_errors_end_the_work() {
+        let inputs: Vec<usize> = (0..5000).collect();
+        let mut seen = Vec::new();
+        let done = |x: usize| -> Result<(), String> {
+            seen.push(x);
+            if x == 4000 { Err("enough".into()) } else { Ok(()) }
+        };
+        assert_eq!(in_order(&inputs, |x| *x, done), Err("enough".to_string()));
+        assert_eq!(seen, inputs[..=4000]);
+        let detector = || -> Result<usize, String> { Err("no detector".into()) };
+        let found: Result<(), String> = detect_in_order(&inputs, detector, |d, _| *d, |_| Ok(()));
+        assert_eq!(found, Err("no detector".to_string()));
+    }
+}

@@ -1,0 +1,159 @@
+//! From a robot's poses and what its camera (or rig) observed to where that is mounted: the job behind `resight hand-eye`.
+
+use super::job::ObservedRig;
+use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
+use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
+use crate::core::hand_eye::{HandEyeConfig, HandView, solve_hand_eye};
+use crate::core::rig_pose::RigView;
+use crate::core::{Error as MathError, Pose};
+use crate::error::Error;
+use crate::report::rig::rig_verdict_sentence;
+
+/// What a camera or rig observed while the robot moved.
+#[derive(Debug, Clone)]
+pub enum HandEyeViews {
+    /// Poses of the target found already, in the frame of one camera.
+    Poses(Vec<ViewPoses>),
+    /// Points of one target; a rig of several cameras is solved first.
+    Points(Box<ObservedRig>),
+}
+
+/// A robot's poses and what was observed in them.
+#[derive(Debug, Clone)]
+pub struct HandEyeRequest {
+    /// The poses of the gripper; views are matched by name.
+    pub robot: Vec<RobotPose>,
+    /// What the camera or rig observed.
+    pub views: HandEyeViews,
+    /// What is on the gripper, and a coordinate of the camera that is known otherwise.
+    pub config: HandEyeConfig,
+}
+
+/// Where a camera or rig is mounted on a robot or vehicle, and where the target stands.
+///
+/// An answer without these poses has a status: `Degenerate` where the robot's motions do not determine them, `Inconsistent` where the
+/// views contradict each other, that of the rig where there is none, else `Error`.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/hand_eye"))?;
+/// use resight::rig::{Detections, HandEyeRequest, HandEyeViews, ObservedRig, RigRequest, read_robot_poses};
+/// let mut request = RigRequest::default();
+/// request.read_camera(Some("cam"), "camera.toml")?;
+/// let observed = ObservedRig::from_detections(&Detections::files(&["detections.csv".into()]), &request)?;
+/// let robot = read_robot_poses("motions.csv".as_ref(), None)?;
+/// let views = HandEyeViews::Points(Box::new(observed));
+/// let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default() })?;
+/// assert_eq!(answer.status(), resight::Status::Ok);
+/// if let Some(solved) = answer.solved() {
+///     println!("the camera is at {} m in the gripper", solved.solution.cam_from_carrier.origin().transpose());
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// Observations of more or fewer than one target.
+pub fn hand_eye(request: HandEyeRequest) -> Result<HandEyeAnswer, Error> {
+    let HandEyeRequest { robot, views, config } = request;
+    match views {
+        HandEyeViews::Poses(poses) => {
+            let (robot_views, left_out) = joined(robot, poses);
+            let views: Vec<HandView> = robot_views.iter().map(|view| view.view(&[])).collect();
+            let names = names(&robot_views);
+            Ok(solved(&views, &config, Named { eye: "cam", views: names, left_out, rig_contradiction: None }))
+        }
+        HandEyeViews::Points(observed) => from_points(robot, *observed, &config),
+    }
+}
+
+/// With points of one target; a rig that contradicts itself is no basis for a success.
+fn from_points(
+    robot: Vec<RobotPose>,
+    observed: ObservedRig,
+    config: &HandEyeConfig,
+) -> Result<HandEyeAnswer, Error> {
+    let rig = observed.gathered.rig.clone();
+    let (cam_from_rig, rig_contradiction) = match cameras(observed) {
+        Ok(placed) => placed,
+        Err(unsolved) => return Ok(HandEyeAnswer::Unsolved(unsolved)),
+    };
+    if rig.targets.len() != 1 {
+        let n = rig.targets.len();
+        return Err(Error::request(format!(
+            "hand-eye needs one target, {n} are given; solve one target at a time"
+        )));
+    }
+    let without_pose = |view: &String| ViewPoses { view: view.clone(), candidates: Vec::new() };
+    let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect());
+    let of_view = |robot_view: &RobotView| -> Vec<RigView> {
+        let number = rig.views.iter().position(|view| *view == robot_view.view);
+        let observations = rig.sightings.iter().filter(|s| Some(s.view) == number);
+        let view = observations.map(|s| RigView {
+            camera: &rig.lenses[s.camera],
+            cam_from_rig: cam_from_rig[s.camera],
+            cam_from_rig_covariance: None,
+            seen: &s.seen,
+        });
+        view.collect()
+    };
+    let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
+    let views: Vec<HandView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
+    let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
+    let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction };
+    Ok(solved(&views, config, named))
+}
+
+/// The cameras' poses in their rig, and what contradicts in it; a single camera is its own rig.
+fn cameras(observed: ObservedRig) -> Result<(Vec<Pose>, Option<String>), Unsolved> {
+    if let [_] = &observed.gathered.rig.cameras[..] {
+        return Ok((vec![Pose::identity()], None));
+    }
+    match observed.solve() {
+        RigAnswer::Solved(solved) => {
+            let cameras = &solved.run.solution.cameras;
+            let cam_from_rig = cameras.iter().map(|camera| camera.cam_from_rig).collect();
+            Ok((cam_from_rig, rig_verdict_sentence(&solved.run)))
+        }
+        RigAnswer::Unsolved(unsolved) => Err(unsolved),
+    }
+}
+
+fn names(robot_views: &[RobotView]) -> Vec<String> {
+    robot_views.iter().map(|view| view.view.clone()).collect()
+}
+
+/// What the solver's numbers are called.
+struct Named {
+    eye: &'static str,
+    views: Vec<String>,
+    left_out: Vec<(String, String)>,
+    rig_contradiction: Option<String>,
+}
+
+fn solved(views: &[HandView], config: &HandEyeConfig, named: Named) -> HandEyeAnswer {
+    let Named { eye, views: names, left_out, rig_contradiction } = named;
+    match solve_hand_eye(views, config) {
+        Ok(solution) => HandEyeAnswer::Solved(Box::new(SolvedHandEye {
+            solution,
+            eye,
+            views: names,
+            left_out,
+            rig_contradiction,
+        })),
+        Err(reason) => {
+            let status = match reason {
+                MathError::DegenerateMotion { .. } | MathError::TooFewMotions { .. } => Status::Degenerate,
+                MathError::ViewsDisagree { .. } => Status::Inconsistent,
+                _ => Status::Error,
+            };
+            let aside = match &left_out[..] {
+                [] => String::new(),
+                [(view, why), ..] => {
+                    format!("; {} views took no part, e.g. {view}: {why}", left_out.len())
+                }
+            };
+            HandEyeAnswer::Unsolved(Unsolved::new(status, format!("{reason}{aside}")))
+        }
+    }
+}

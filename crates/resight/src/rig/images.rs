@@ -1,0 +1,321 @@
+//! Targets found in images and videos, gathered into frames.
+
+mod times;
+mod views;
+
+use super::names::natural;
+use super::observed::{Collected, Frame, LeftOut};
+use super::request::not_among;
+use crate::core::correspondence::{Detection, Skipped, correspond};
+use crate::core::target::Feature;
+use crate::core::{Camera, Correspondence, Target};
+use crate::detect::{CornerWindow, Detector};
+use crate::error::Error;
+use crate::formats::check_image_size;
+use crate::image::GrayImage;
+use crate::parallel::detect_in_order;
+use crate::source::video::{Video, is_video};
+use std::path::{Path, PathBuf};
+use views::ImageFile;
+
+pub use times::FrameTimes;
+
+/// An image of a camera, or its video.
+#[derive(Debug, Clone)]
+pub struct CameraImage {
+    camera: String,
+    frame: ImageSource,
+}
+
+#[derive(Debug, Clone)]
+enum ImageSource {
+    File { path: PathBuf, pattern: Option<String> },
+    Memory { view: String, image: GrayImage },
+}
+
+impl CameraImage {
+    /// The image or the video of a file. Images of one name, without its ending, are one view.
+    pub fn file(camera: impl Into<String>, path: impl Into<PathBuf>) -> Self {
+        CameraImage { camera: camera.into(), frame: ImageSource::File { path: path.into(), pattern: None } }
+    }
+
+    /// The same of a file that a pattern matches: what its wildcards stand for names the view where the cameras' file names differ.
+    pub fn matched(camera: impl Into<String>, path: impl Into<PathBuf>, pattern: impl Into<String>) -> Self {
+        let frame = ImageSource::File { path: path.into(), pattern: Some(pattern.into()) };
+        CameraImage { camera: camera.into(), frame }
+    }
+
+    /// An image in memory; images of one `view` are one view.
+    pub fn in_memory(camera: impl Into<String>, view: impl Into<String>, image: GrayImage) -> Self {
+        CameraImage { camera: camera.into(), frame: ImageSource::Memory { view: view.into(), image } }
+    }
+}
+
+/// What is known of the images, and how targets are found in them.
+#[derive(Debug, Clone, Default)]
+pub struct ImageOptions {
+    /// When each frame was taken; none: names alone say which frames are one view.
+    pub times: Option<FrameTimes>,
+    /// Where corners of chessboards and ChArUco boards are refined.
+    pub corner_window: CornerWindow,
+}
+
+/// A camera and its video file.
+type CameraVideo = (usize, PathBuf);
+
+/// A frame to look at.
+struct Job<'a> {
+    camera: usize,
+    name: String,
+    image: Pixels<'a>,
+}
+
+enum Pixels<'a> {
+    File(PathBuf),
+    Given(&'a GrayImage),
+    Decoded(GrayImage),
+}
+
+/// What was found in one frame.
+struct FrameResult {
+    camera: usize,
+    name: String,
+    found: Result<FoundTargets, String>,
+}
+
+/// Targets in an image of a certain size.
+struct FoundTargets {
+    /// The camera at the image's size.
+    lens: Camera,
+    targets: Vec<(usize, Vec<(String, Correspondence)>)>,
+    skipped: Vec<(String, String)>,
+}
+
+/// Looks for every target in every frame.
+pub(super) fn collect(
+    images: &[CameraImage],
+    options: &ImageOptions,
+    collected: &mut Collected,
+) -> Result<(), Error> {
+    if collected.targets.is_empty() {
+        return Err(Error::request("--images needs --target FILE: what is to be found in them"));
+    }
+    let names: Vec<String> = collected.cameras.iter().map(|camera| camera.name.clone()).collect();
+    options.times.as_ref().map_or(Ok(()), |times| times.check(&names))?;
+    let (jobs, videos) = jobs(images, options, &names, collected)?;
+    let mut search = Search { options, lenses: vec![None; collected.cameras.len()], collected };
+    search.frames(&jobs)?;
+    for (camera, path) in videos {
+        search.video(camera, &path)?;
+    }
+    let Search { lenses, .. } = search;
+    for (camera, lens) in collected.cameras.iter_mut().zip(lenses) {
+        camera.camera = lens.unwrap_or_else(|| camera.camera.clone());
+    }
+    options.times.as_ref().map_or(Ok(()), |times| times.stamp(collected))
+}
+
+/// Images in the order of cameras and views, and videos; a video belongs to one camera.
+fn jobs<'a>(
+    images: &'a [CameraImage],
+    options: &ImageOptions,
+    names: &[String],
+    collected: &mut Collected,
+) -> Result<(Vec<Job<'a>>, Vec<CameraVideo>), Error> {
+    let (mut jobs, mut files, mut videos): (Vec<Job>, Vec<ImageFile>, Vec<CameraVideo>) = Default::default();
+    for image in images {
+        let Some(camera) = names.iter().position(|known| *known == image.camera) else {
+            let what = not_among(&image.camera, "camera", names);
+            return Err(Error::request(format!("--images {}: {what}", image.given_as())));
+        };
+        match &image.frame {
+            ImageSource::Memory { view, image } => {
+                jobs.push(Job { camera, name: view.clone(), image: Pixels::Given(image) });
+            }
+            ImageSource::File { path, .. } if is_video(path) => videos.push((camera, path.clone())),
+            ImageSource::File { path, pattern } => {
+                let wild = pattern.as_ref().and_then(|pattern| views::wild_part(pattern, path));
+                files.push(ImageFile { camera, wild, path: path.clone() });
+            }
+        }
+        if let ImageSource::File { path, .. } = &image.frame {
+            collected.files.push(path.clone());
+        }
+    }
+    one_video_each(&mut videos, names)?;
+    let (views, remark) = views::names(&files, options.times.is_some())?;
+    collected.remarks.extend(remark);
+    jobs.extend(files.into_iter().zip(views).map(|(file, name)| Job {
+        camera: file.camera,
+        name,
+        image: Pixels::File(file.path),
+    }));
+    jobs.sort_by(|a, b| a.camera.cmp(&b.camera).then_with(|| natural(&a.name, &b.name)));
+    Ok((jobs, videos))
+}
+
+impl CameraImage {
+    /// As the command line has it.
+    fn given_as(&self) -> String {
+        match &self.frame {
+            ImageSource::File { path, pattern: None } => format!("{}={}", self.camera, path.display()),
+            ImageSource::File { pattern: Some(pattern), .. } => format!("{}={pattern}", self.camera),
+            ImageSource::Memory { view, .. } => format!("{}={view}", self.camera),
+        }
+    }
+}
+
+fn one_video_each(videos: &mut [CameraVideo], names: &[String]) -> Result<(), Error> {
+    videos.sort();
+    match videos.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        Some(pair) => {
+            let (name, first, second) = (&names[pair[0].0], pair[0].1.display(), pair[1].1.display());
+            Err(Error::request(format!(
+                "camera {name} has two videos, {first} and {second}; their frames would have the same numbers, give one"
+            )))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The search for targets, and what it found.
+struct Search<'a> {
+    options: &'a ImageOptions,
+    /// Each camera at the size of its images, once one was looked at.
+    lenses: Vec<Option<Camera>>,
+    collected: &'a mut Collected,
+}
+
+impl Search<'_> {
+    /// Frames of a video, a block at a time: memory stays bounded.
+    fn video(&mut self, camera: usize, path: &Path) -> Result<(), Error> {
+        let mut frames = Video::open(path)?.enumerate();
+        let size = 4 * rayon::current_num_threads();
+        while let Some(block) = block(&mut frames, size) {
+            let mut jobs = Vec::with_capacity(size);
+            for (number, frame) in block {
+                let name = number.to_string();
+                match frame {
+                    Ok(image) => jobs.push(Job { camera, name, image: Pixels::Decoded(image) }),
+                    Err(reason) => self.leave_out(camera, name, "frame", reason.to_string()),
+                }
+            }
+            self.frames(&jobs)?;
+        }
+        Ok(())
+    }
+
+    /// Looks for every target in a list of frames, on all cores.
+    fn frames(&mut self, jobs: &[Job]) -> Result<(), Error> {
+        let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
+        let cameras: Vec<Camera> = self.collected.cameras.iter().map(|c| c.camera.clone()).collect();
+        let window = self.options.corner_window;
+        let detectors =
+            || targets.iter().map(|target| Detector::with_corner_window(target, window)).collect();
+        let work = |detectors: &mut Vec<Detector>, job: &Job| FrameResult {
+            camera: job.camera,
+            name: job.name.clone(),
+            found: find(detectors, &targets, &cameras[job.camera], &job.image),
+        };
+        detect_in_order(jobs, detectors, work, |result| {
+            self.take(result);
+            Ok(())
+        })
+    }
+
+    /// Files what a frame shows; all frames of a camera must have one size.
+    fn take(&mut self, result: FrameResult) {
+        let FrameResult { camera, name, found } = result;
+        let found = match found {
+            Ok(found) => found,
+            Err(reason) => return self.leave_out(camera, name, "frame", reason),
+        };
+        let lens = self.lenses[camera].get_or_insert_with(|| found.lens.clone());
+        if lens.size != found.lens.size {
+            let reason = "its size is not that of the camera's other frames".into();
+            return self.leave_out(camera, name, "frame", reason);
+        }
+        for (what, reason) in found.skipped {
+            self.leave_out(camera, name.clone(), &what, reason);
+        }
+        if found.targets.is_empty() {
+            return self.leave_out(camera, name, "frame", "no target in this image".into());
+        }
+        self.collected.frames.push(Frame { camera, name, t_s: None, targets: found.targets });
+    }
+
+    fn leave_out(&mut self, camera: usize, view: String, what: &str, reason: String) {
+        let camera = self.collected.cameras[camera].name.clone();
+        self.collected.left_out.push(LeftOut { camera, view, what: what.into(), reason });
+    }
+}
+
+/// The next so many; none at the end. A block in which nothing could be decoded is not the end.
+fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>> {
+    let block: Vec<T> = frames.take(size).collect();
+    (!block.is_empty()).then_some(block)
+}
+
+fn find(
+    detectors: &mut [Detector],
+    targets: &[Target],
+    camera: &Camera,
+    pixels: &Pixels,
+) -> Result<FoundTargets, String> {
+    let read;
+    let image = match pixels {
+        Pixels::Given(image) => image,
+        Pixels::Decoded(image) => image,
+        Pixels::File(path) => {
+            read = GrayImage::read(path).map_err(|e| e.to_string())?;
+            &read
+        }
+    };
+    let lens = check_image_size(camera, image.width_px, image.height_px)?;
+    let mut found = FoundTargets { lens, targets: Vec::new(), skipped: Vec::new() };
+    for (number, (detector, target)) in detectors.iter_mut().zip(targets).enumerate() {
+        match detector.detect_with_camera(image, &found.lens) {
+            Ok(detections) => found.add(number, target, &detections),
+            Err(reason) => found.skipped.push((target.kind().to_string(), reason.to_string())),
+        }
+    }
+    Ok(found)
+}
+
+impl FoundTargets {
+    fn add(&mut self, number: usize, target: &Target, detections: &[Detection]) {
+        let (seen, skipped) = correspond(detections, target, &self.lens);
+        let points: Vec<(String, Correspondence)> =
+            seen.into_iter().map(|(feature, c)| (feature_name(target, feature), c)).collect();
+        if !points.is_empty() {
+            self.targets.push((number, points));
+        }
+        let named = |Skipped { feature, reason }: Skipped| {
+            let reason = reason.map_or("not part of the target".to_string(), |reason| reason.to_string());
+            (format!("point {}", feature_name(target, feature)), reason)
+        };
+        self.skipped.extend(skipped.into_iter().map(named));
+    }
+}
+
+fn feature_name(target: &Target, feature: Feature) -> String {
+    match target.has_tag_corners() {
+        true => format!("{}.{}", feature.id, feature.corner),
+        false => feature.id.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight damaged frames in a row are a whole block; what follows them belongs to the video all the same.
+    #[test]
+    fn a_block_of_damaged_frames_is_not_the_end() {
+        let mut frames = (0..21).map(|i| if (4..14).contains(&i) { Err(i) } else { Ok(i) });
+        let blocks: Vec<Vec<Result<i32, i32>>> = std::iter::from_fn(|| block(&mut frames, 4)).collect();
+        assert!(blocks[1..3].iter().all(|block| block.iter().all(Result::is_err)));
+        assert_eq!(blocks.iter().map(Vec::len).collect::<Vec<_>>(), [4, 4, 4, 4, 4, 1]);
+        assert_eq!(blocks.concat().len(), 21);
+    }
+}

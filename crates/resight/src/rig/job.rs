@@ -1,0 +1,252 @@
+//! From images or detections to a rig: the jobs behind `resight rig`.
+
+use super::detections::{self, Detections};
+use super::frame_sets::{FrameSets, name_views};
+use super::gather::{Gathered, gather};
+use super::images::{self, CameraImage, ImageOptions};
+use super::observed::{Collected, LeftOut, observations};
+use super::relative::in_world;
+use super::request::RigRequest;
+use super::{InputFile, NamedRig, RigRun, digest};
+use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
+use crate::core::Error as MathError;
+use crate::core::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
+use crate::error::Error;
+use std::path::{Path, PathBuf};
+
+/// The rig of cameras from images or videos of targets that they see together.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/demo"))?;
+/// use resight::rig::{CameraImage, RigRequest};
+/// let (mut request, mut images) = (RigRequest::default(), Vec::new());
+/// request.read_target(None, "grid.toml".as_ref())?;
+/// for camera in ["left", "right"] {
+///     request.read_camera(Some(camera), &format!("{camera}.toml"))?;
+///     let image = resight::GrayImage::read(format!("{camera}.png").as_ref())?;
+///     images.push(CameraImage::in_memory(camera, "the only view", image));
+/// }
+/// let answer = resight::rig_from_images(&images, &Default::default(), &request)?;
+/// assert_eq!(answer.status(), resight::Status::Ok);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// An answer without a rig has a status: `NotConnected` where no chain of shared views joins the cameras, `Error` where they do not
+/// determine it.
+///
+/// # Errors
+/// A file that cannot be read, a target that cannot be detected, a request that names what is not there or lacks something. An image
+/// that cannot be used is left out, and the answer names it.
+pub fn rig_from_images(
+    images: &[CameraImage],
+    options: &ImageOptions,
+    request: &RigRequest,
+) -> Result<RigAnswer, Error> {
+    Ok(ObservedRig::from_images(images, options, request)?.solve())
+}
+
+/// The rig of cameras from points that a detector found in their images already.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/rig"))?;
+/// use resight::rig::{Detections, RigRequest};
+/// let mut request = RigRequest::default();
+/// request.read_camera(None, "cameras.toml")?; // Every camera of the file.
+/// let answer = resight::rig_from_detections(&Detections::files(&["detections.csv".into()]), &request)?;
+/// assert_eq!(answer.status(), resight::Status::Ok);
+/// for camera in &answer.solved().ok_or("no rig")?.run.solution.cameras {
+///     println!("{:?}", camera.cam_from_rig);
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// As of [`rig_from_images`]; a row that no mathematics can be done with.
+pub fn rig_from_detections(detections: &Detections, request: &RigRequest) -> Result<RigAnswer, Error> {
+    Ok(ObservedRig::from_detections(detections, request)?.solve())
+}
+
+/// Cameras, targets and what was observed, checked and in canonical order: ready to be solved.
+#[derive(Debug, Clone)]
+pub struct ObservedRig {
+    /// The observations by camera, view and target.
+    pub gathered: Gathered,
+    /// What took no part from the beginning.
+    pub left_out: Vec<LeftOut>,
+    /// Frames that no other camera has a counterpart of.
+    pub n_alone: usize,
+    /// What is unusual about files and observations.
+    pub remarks: Vec<String>,
+    reference: usize,
+    known_distances: Vec<KnownDistance>,
+    inputs: Vec<InputFile>,
+    command: Option<String>,
+    joint_covariance: bool,
+}
+
+impl ObservedRig {
+    /// Looks for the request's targets in images and videos, on all cores.
+    ///
+    /// # Errors
+    /// As of [`rig_from_images`].
+    pub fn from_images(
+        images: &[CameraImage],
+        options: &ImageOptions,
+        request: &RigRequest,
+    ) -> Result<Self, Error> {
+        let mut collected = Collected::new(request)?;
+        images::collect(images, options, &mut collected)?;
+        Self::of(collected, request)
+    }
+
+    /// Takes points that a detector found.
+    ///
+    /// # Errors
+    /// As of [`rig_from_detections`].
+    pub fn from_detections(detections: &Detections, request: &RigRequest) -> Result<Self, Error> {
+        let mut collected = Collected::new(request)?;
+        detections::collect(detections, &mut collected)?;
+        Self::of(collected, request)
+    }
+
+    fn of(mut collected: Collected, request: &RigRequest) -> Result<Self, Error> {
+        request.fix_together(&mut collected.targets)?;
+        let world = request.world_target(&collected.targets)?;
+        let sets = name_views(&mut collected.frames, request.sync_tolerance_s)?;
+        collected.check_twins()?;
+        let inputs = inputs(&collected.files)?;
+        let Collected { cameras, targets, frames, left_out, mut remarks, .. } = collected;
+        let FrameSets { n_alone, remarks: of_sets } = sets;
+        remarks.extend(of_sets);
+        let gathered = gather(cameras, targets, observations(frames), world);
+        let names = camera_names(&gathered.rig);
+        Ok(ObservedRig {
+            reference: request.reference_among(&names)?,
+            known_distances: request.distances_among(&names)?,
+            gathered,
+            left_out,
+            n_alone,
+            remarks,
+            inputs,
+            command: request.command.clone(),
+            joint_covariance: request.joint_covariance,
+        })
+    }
+
+    /// Checks that shared views join the cameras, then solves.
+    pub fn solve(self) -> RigAnswer {
+        let names = camera_names(&self.gathered.rig);
+        let shared = shared_views(&self.gathered.rig.problem());
+        if 1 < shared.groups.len() {
+            return RigAnswer::Unsolved(not_connected(&shared, &names));
+        }
+        match self.solved() {
+            Ok(solved) => RigAnswer::Solved(Box::new(solved)),
+            Err(unsolved) => RigAnswer::Unsolved(unsolved),
+        }
+    }
+
+    fn solved(self) -> Result<SolvedRig, Unsolved> {
+        let Gathered { rig, taken_in, points, world_view } = self.gathered;
+        // Poses between two cameras need what all have in common.
+        let config = RigConfig {
+            reference: self.reference,
+            joint_covariance: true,
+            known_distances: &self.known_distances,
+            ..RigConfig::default()
+        };
+        let failed = |reason: MathError| Unsolved::new(Status::Error, in_names(&reason, &rig, &points));
+        let solution = solve_rig(&rig.problem(), &config).map_err(failed)?;
+        let in_world = world_view
+            .map(|view| in_world(&rig.problem(), &config, &solution, view))
+            .transpose()
+            .map_err(failed)?;
+        let world_target = rig.sightings.iter().find(|s| Some(s.view) == world_view);
+        let world_target = world_target.map(|s| rig.targets[s.target].name.clone());
+        Ok(SolvedRig {
+            run: RigRun { rig, solution, inputs: self.inputs, command: self.command },
+            taken_in,
+            points,
+            in_world,
+            world_target,
+            left_out: self.left_out,
+            n_alone: self.n_alone,
+            remarks: self.remarks,
+            joint_covariance: self.joint_covariance,
+        })
+    }
+}
+
+fn camera_names(rig: &NamedRig) -> Vec<String> {
+    rig.cameras.iter().map(|camera| camera.name.clone()).collect()
+}
+
+/// Each file once, in order of its path, with its digest.
+fn inputs(files: &[PathBuf]) -> Result<Vec<InputFile>, Error> {
+    let mut files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    files.sort();
+    files.dedup();
+    let digest = |path: &Path| -> Result<InputFile, Error> {
+        Ok(InputFile { path: path.display().to_string(), sha256: digest::sha256_of_file(path)? })
+    };
+    files.into_iter().map(digest).collect()
+}
+
+/// A refusal of the solver, with names for numbers.
+fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> String {
+    let camera = |i: usize| rig.cameras[i].name.as_str();
+    let target = |i: usize| rig.targets[i].name.as_str();
+    let listed = |cameras: &[usize]| cameras.iter().map(|i| camera(*i)).collect::<Vec<_>>().join(", ");
+    match reason {
+        MathError::CameraUnseen { camera: i, n_sightings } => format!(
+            "camera {} has {n_sightings} sightings and none gives a pose; add views in which it sees a target with four or more points, or leave it out",
+            camera(*i)
+        ),
+        MathError::CamerasUnconnected { first, second, n_rejected, needed } => {
+            let aside = match n_rejected {
+                0 => String::new(),
+                n => format!(" once {n} sightings that contradict the others or give no pose are set aside"),
+            };
+            format!("cameras [{}] and [{}] are not connected{aside}; {needed}", listed(first), listed(second))
+        }
+        MathError::TargetUnconnected { target: i, .. } => format!(
+            "target {} is never seen together with another target of its body; add a view in which one camera sees both, or leave --fixed-together (column body) out",
+            target(*i)
+        ),
+        MathError::InvalidSighting { camera: c, view, target: t, reason } => {
+            let found = rig.sightings.iter().position(|s| (s.camera, s.view, s.target) == (*c, *view, *t));
+            let reason = match (&**reason, found) {
+                (MathError::Coincident { first, second, where_ }, Some(i)) => {
+                    let (first, second) = (&points[i][*first], &points[i][*second]);
+                    format!("points {first} and {second} coincide {where_}; remove one of them")
+                }
+                (reason, _) => reason.to_string(),
+            };
+            format!("camera {}, view {}, target {}: {reason}", camera(*c), rig.views[*view], target(*t))
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Groups of cameras that no chain of shared views joins.
+fn not_connected(shared: &SharedViews, names: &[String]) -> Unsolved {
+    let of_group = |group: &Vec<usize>| group.iter().map(|camera| names[*camera].clone()).collect();
+    let groups: Vec<Vec<String>> = shared.groups.iter().map(of_group).collect();
+    let blind: Vec<&str> =
+        (0..names.len()).filter(|i| shared.counts[*i][*i] == 0).map(|i| names[i].as_str()).collect();
+    let listed: Vec<String> = groups.iter().map(|group| group.join(", ")).collect();
+    let blind = match &blind[..] {
+        [] => String::new(),
+        [only] => format!("; camera {only} saw nothing at all"),
+        several => format!("; cameras {} saw nothing at all", several.join(", ")),
+    };
+    let message = format!(
+        "nothing connects the cameras {}{blind}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
+        listed.iter().map(|group| format!("[{group}]")).collect::<Vec<_>>().join(" and ")
+    );
+    Unsolved { groups, ..Unsolved::new(Status::NotConnected, message) }
+}

@@ -1,0 +1,88 @@
+//! What the cameras of a rig observed, on its way from images or detections to the solver.
+
+use super::NamedTarget;
+use super::gather::Observation;
+use super::request::RigRequest;
+use crate::core::Correspondence;
+use crate::error::Error;
+use crate::formats::NamedCamera;
+use std::path::PathBuf;
+
+/// What one frame shows.
+#[derive(Debug, Clone)]
+pub(super) struct Frame {
+    /// Index into the cameras given.
+    pub camera: usize,
+    /// Its view, or the number of the frame.
+    pub name: String,
+    /// When it was taken.
+    pub t_s: Option<f64>,
+    /// Targets (index into those given) and their points.
+    pub targets: Vec<(usize, Vec<(String, Correspondence)>)>,
+}
+
+/// Something that took no part, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Name of the camera.
+    pub camera: String,
+    /// Name of its frame.
+    pub view: String,
+    /// A target, `point ID`, or `frame`.
+    pub what: String,
+    /// Why, in a sentence.
+    pub reason: String,
+}
+
+/// All that was observed.
+#[derive(Debug)]
+pub(super) struct Collected {
+    pub cameras: Vec<NamedCamera>,
+    pub targets: Vec<NamedTarget>,
+    pub frames: Vec<Frame>,
+    pub left_out: Vec<LeftOut>,
+    pub files: Vec<PathBuf>,
+    pub remarks: Vec<String>,
+}
+
+impl Collected {
+    /// Nothing observed yet.
+    pub fn new(request: &RigRequest) -> Result<Self, Error> {
+        request.check()?;
+        Ok(Collected {
+            cameras: request.cameras.clone(),
+            targets: request.named_targets(),
+            frames: Vec::new(),
+            left_out: Vec::new(),
+            files: request.files.clone(),
+            remarks: request.remarks.clone(),
+        })
+    }
+
+    /// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
+    pub fn check_twins(&self) -> Result<(), Error> {
+        for frame in &self.frames {
+            for (target, points) in &frame.targets {
+                let mut names: Vec<&str> = points.iter().map(|(name, _)| name.as_str()).collect();
+                names.sort_unstable();
+                if let Some(twins) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+                    return Err(Error::request(format!(
+                        "camera {}, view {}: point {} of target {} is there twice; remove one (corners of a tag need the column `corner`, several targets the column `target`)",
+                        self.cameras[frame.camera].name, frame.name, twins[0], self.targets[*target].name
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Frames target by target, as they are gathered.
+pub(super) fn observations(frames: Vec<Frame>) -> Vec<Observation> {
+    let of_frame = |frame: Frame| {
+        let Frame { camera, name, targets, .. } = frame;
+        let of_target = move |(target, points)| Observation { camera, view: name.clone(), target, points };
+        targets.into_iter().map(of_target)
+    };
+    frames.into_iter().flat_map(of_frame).collect()
+}

@@ -1,0 +1,251 @@
+//! The jobs that solve rigs, pose graphs and hand–eye calibrations, called as other programs call them. How exact their answers are is
+//! tested in core; what the command line makes of them in cli.
+
+use resight::core::pose_graph::{PairNoise, PairSigma, RelativePose};
+use resight::core::{Point, Pose, Vector6};
+use resight::rig::pairs::PairFile;
+use resight::rig::{
+    CameraDistance, CameraImage, DetectionRow, Detections, FrameTimes, HandEyeRequest, HandEyeViews,
+    ImageOptions, ObservedRig, PoseGraphRequest, RigRequest, read_robot_poses,
+};
+use resight::{Error, GrayImage, HandEyeAnswer, RigAnswer, Status};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+fn data(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(file)
+}
+
+fn two_cameras() -> RigRequest {
+    let mut request = RigRequest::default();
+    request.read_camera(None, data("rig/cameras.toml").to_str().unwrap()).unwrap();
+    request
+}
+
+/// The shipped detections, cell by cell.
+fn cells() -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(data("rig/detections.csv")).unwrap();
+    text.lines().skip(1).map(|line| line.split(',').map(str::to_string).collect()).collect()
+}
+
+fn rows(cells: &[Vec<String>]) -> Vec<DetectionRow<'_>> {
+    let number = |text: &String| text.parse().unwrap();
+    let row = |c: &'_ Vec<String>| -> (f64, f64, f64, f64, f64, f64) {
+        (number(&c[3]), number(&c[4]), number(&c[5]), number(&c[6]), number(&c[7]), number(&c[8]))
+    };
+    let rows = cells.iter().map(|c| {
+        let (x, y, z, u, v, sigma) = row(c);
+        DetectionRow {
+            camera: &c[0],
+            view: &c[1],
+            id: Some(&c[2]),
+            position_m: Some([x, y, z]),
+            image_px: [u, v],
+            sigma_px: Some(sigma),
+            ..DetectionRow::default()
+        }
+    });
+    rows.collect()
+}
+
+fn json(answer: &RigAnswer) -> Value {
+    serde_json::to_value(answer).unwrap()
+}
+
+fn reason<T>(result: Result<T, Error>) -> String {
+    result.err().expect("a request that is refused").to_string()
+}
+
+/// Two doors, one answer: rows in memory and the file that they stand in. Without a command line and without files to name, the answer
+/// names none.
+#[test]
+fn rows_and_files_give_the_same_rig() {
+    let files = [data("rig/detections.csv")];
+    let from_files = resight::rig_from_detections(&Detections::files(&files), &two_cameras()).unwrap();
+    let cells = cells();
+    let from_rows = resight::rig_from_detections(&Detections::rows(&rows(&cells)), &two_cameras()).unwrap();
+    let (mut a, mut b) = (json(&from_files), json(&from_rows));
+    assert_eq!(a["status"], "ok");
+    assert_eq!(a["inputs"].as_array().unwrap().len(), 2);
+    assert_eq!(b["inputs"].as_array().unwrap().len(), 1);
+    assert!(b.get("command").is_none() && b.get("joint_covariance").is_none());
+    a["inputs"] = Value::Null;
+    b["inputs"] = Value::Null;
+    assert_eq!(a, b);
+    let request = RigRequest {
+        command: Some("resight rig".into()),
+        joint_covariance: true,
+        reference: Some("right".into()),
+        ..two_cameras()
+    };
+    let answer = json(&resight::rig_from_detections(&Detections::rows(&rows(&cells)), &request).unwrap());
+    assert_eq!((&answer["command"], &answer["reference"]), (&"resight rig".into(), &"right".into()));
+    assert_eq!(answer["joint_covariance"]["matrix"].as_array().unwrap().len(), 12);
+}
+
+/// The simulated right camera is where the file's truth says, within four of the answer's own standard deviations.
+#[test]
+fn the_shipped_rig_is_found() {
+    let files = [data("rig/detections.csv")];
+    let answer = resight::rig_from_detections(&Detections::files(&files), &two_cameras()).unwrap();
+    let right = &answer.solved().unwrap().run.solution.cameras[1];
+    let truth = Pose {
+        translation: Point::new(-0.12, 0.002, 0.01),
+        ..Pose::exp(&Vector6::new(0.02, 0.15, 0.01, 0.0, 0.0, 0.0))
+    };
+    let off = (truth * right.cam_from_rig.inverse()).log();
+    for k in 0..6 {
+        let sigma = right.covariance[(k, k)].sqrt();
+        assert!(off[k].abs() < 4.0 * sigma, "{k}: {} ± {sigma}", off[k]);
+    }
+}
+
+/// What cannot be solved is an answer; what was asked wrongly is an error that says which word was wrong.
+#[test]
+fn refusals_and_wrong_requests_stay_apart() {
+    let cells = cells();
+    let all = rows(&cells);
+    let left: Vec<DetectionRow> = all.iter().filter(|row| row.camera == "left").copied().collect();
+    let answer = resight::rig_from_detections(&Detections::rows(&left), &two_cameras()).unwrap();
+    assert_eq!(answer.status(), Status::NotConnected);
+    assert_eq!(json(&answer)["groups"], serde_json::json!([["left"], ["right"]]));
+    assert!(answer.solved().is_none());
+
+    let ask = |request: RigRequest| reason(resight::rig_from_detections(&Detections::rows(&all), &request));
+    assert!(ask(RigRequest::default()).contains("no camera is given"));
+    let named = |name: &str| Some(name.to_string());
+    assert!(ask(RigRequest { reference: named("rihgt"), ..two_cameras() }).contains("did you mean `right`?"));
+    assert!(ask(RigRequest { world: named("wall"), ..two_cameras() }).contains("no target `wall`"));
+    let distance = |b: &str, distance_m| {
+        let distance = CameraDistance { a: "left".into(), b: b.into(), distance_m, sigma_m: 1e-4 };
+        ask(RigRequest { known_distances: vec![distance], ..two_cameras() })
+    };
+    assert!(distance("left", 0.1).contains("a distance is between two"));
+    assert!(distance("right", f64::NAN).contains("positive numbers"));
+    assert!(ask(RigRequest { sync_tolerance_s: Some(-1.0), ..two_cameras() }).contains("positive"));
+    let mut twice = two_cameras();
+    twice.cameras.push(twice.cameras[0].clone());
+    assert!(ask(twice).contains("two cameras are called `left`"));
+}
+
+/// A row is named by its number, a point that comes twice by its name: nothing bad gets as far as the solver.
+#[test]
+fn wrong_rows_are_named() {
+    let cells = cells();
+    let refused = |change: &dyn Fn(&mut DetectionRow)| {
+        let mut rows = rows(&cells);
+        change(&mut rows[6]);
+        reason(resight::rig_from_detections(&Detections::rows(&rows), &two_cameras()))
+    };
+    let text = refused(&|row| row.camera = "middle");
+    assert!(text.starts_with("detection 7: camera is `middle`: there is no camera"), "{text}");
+    for (wrong, change) in [
+        ("u_px is NaN", (|row| row.image_px[0] = f64::NAN) as fn(&mut DetectionRow)),
+        ("z_m is 1e300", |row| row.position_m = Some([0.0, 0.0, 1e300])),
+        ("sigma_px is 0", |row| row.sigma_px = Some(0.0)),
+        ("sigma_m is -1", |row| row.sigma_m = Some(-1.0)),
+        ("view is empty", |row| row.view = ""),
+        ("t_s is inf", |row| row.t_s = Some(f64::INFINITY)),
+        ("target is `target`, of which no", |row| row.position_m = None),
+    ] {
+        let text = refused(&change);
+        assert!(text.starts_with(&format!("detection 7: {wrong}")), "{text}");
+    }
+    assert!(refused(&|row| row.id = Some("5")).contains("point 5 of target target is there twice"));
+}
+
+/// Images in memory and images of files are the same rig; frame times pair frames whose names differ.
+#[test]
+fn images_of_any_source_give_the_same_rig() {
+    let mut request = RigRequest::default();
+    request.read_target(Some("grid"), &data("demo/grid.toml")).unwrap();
+    for camera in ["left", "right"] {
+        let file = data(&format!("demo/{camera}.toml"));
+        request.read_camera(Some(camera), file.to_str().unwrap()).unwrap();
+    }
+    let image = |camera: &str| data(&format!("demo/{camera}.png"));
+    let in_memory = ["left", "right"]
+        .map(|camera| CameraImage::in_memory(camera, "1", GrayImage::read(&image(camera)).unwrap()));
+    let memory = resight::rig_from_images(&in_memory, &ImageOptions::default(), &request).unwrap();
+    assert_eq!(memory.status(), Status::Ok);
+
+    let files = ["left", "right"].map(|camera| CameraImage::file(camera, image(camera)));
+    let apart = resight::rig_from_images(&files, &ImageOptions::default(), &request).unwrap();
+    assert_eq!(apart.status(), Status::NotConnected, "left.png and right.png are two views");
+
+    let mut times = FrameTimes::default();
+    assert!(times.insert("left", "left", 10.0) && times.insert("right", "right", 10.004));
+    let options = ImageOptions { times: Some(times.clone()), ..ImageOptions::default() };
+    let timed = RigRequest { sync_tolerance_s: Some(0.01), ..request.clone() };
+    let found = resight::rig_from_images(&files, &options, &timed).unwrap();
+    let places = |answer: &RigAnswer| answer.solved().unwrap().run.solution.cameras.clone();
+    assert_eq!(places(&found), places(&memory));
+
+    assert!(!times.insert("left", "left", 11.0), "a second time of one frame");
+    times.insert("middle", "left", 10.0);
+    let options = ImageOptions { times: Some(times), ..ImageOptions::default() };
+    assert!(reason(resight::rig_from_images(&files, &options, &timed)).contains("no camera `middle`"));
+    let stranger = [CameraImage::file("middle", image("left"))];
+    let text = reason(resight::rig_from_images(&stranger, &ImageOptions::default(), &request));
+    assert!(text.contains("no camera `middle`"), "{text}");
+}
+
+fn shift(x_m: f64) -> Pose {
+    Pose { translation: Point::new(x_m, 0.0, 0.0), ..Pose::identity() }
+}
+
+fn pair(a: usize, b: usize, x_m: f64) -> RelativePose {
+    RelativePose { a, b, b_from_a: shift(x_m), noise: PairNoise::Error(1.0) }
+}
+
+/// A pair of cameras that are not there, a sigma that is none: errors, not panics. Cameras that no pair joins: an answer.
+#[test]
+fn pose_graphs_check_what_they_are_given() {
+    let request = |pairs: Vec<RelativePose>| {
+        let cameras = ["a", "b", "c", "d"].map(String::from).to_vec();
+        PoseGraphRequest::new(PairFile { cameras, pairs })
+    };
+    assert!(reason(resight::pose_graph(&request(vec![]))).contains("no pair"));
+    assert!(reason(resight::pose_graph(&request(vec![pair(0, 4, 1.0)]))).contains("of which there are 4"));
+    let all = vec![pair(0, 1, 1.0), pair(1, 2, 1.0), pair(0, 2, 2.001), pair(2, 3, 1.0)];
+    for sigma_rad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let median_sigma = Some(PairSigma { sigma_rad, sigma_m: 1e-3 });
+        let text = reason(resight::pose_graph(&PoseGraphRequest { median_sigma, ..request(all.clone()) }));
+        assert!(text.contains("positive numbers"), "{text}");
+    }
+    let apart = resight::pose_graph(&request(vec![pair(0, 1, 1.0), pair(2, 3, 1.0)])).unwrap();
+    assert_eq!(apart.status(), Status::NotConnected);
+    let found = resight::pose_graph(&request(all)).unwrap();
+    let solved = found.solved().unwrap();
+    assert_eq!((found.status(), solved.agreements().len()), (Status::Ok, 4));
+    assert!((solved.cam_from_rig[3].0.translation.x - 3.0).abs() < 0.01);
+    let value = serde_json::to_value(&found).unwrap();
+    assert!(value.get("joint_covariance").is_none());
+    assert_eq!(value["pairs"][2]["residual_m"].as_f64(), Some(solved.agreements()[2].residual_m));
+}
+
+/// The mounting is where the simulation put it; an answer on a rig that contradicts itself is never called ok, whatever the views say.
+#[test]
+fn hand_eye_is_no_better_than_its_rig() {
+    let mut request = RigRequest::default();
+    request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+    let files = [data("hand_eye/detections.csv")];
+    let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
+    let robot = read_robot_poses(&data("hand_eye/motions.csv"), None).unwrap();
+    let views = HandEyeViews::Points(Box::new(observed));
+    let config = Default::default();
+    let answer = resight::hand_eye(HandEyeRequest { robot, views, config }).unwrap();
+    assert_eq!(answer.status(), Status::Ok);
+    let HandEyeAnswer::Solved(mut solved) = answer else { panic!("{answer:?}") };
+    let truth = Pose {
+        translation: Point::new(0.03, -0.05, 0.08),
+        ..Pose::exp(&Vector6::new(0.2, -0.1, 1.2, 0.0, 0.0, 0.0))
+    };
+    let off = (truth * solved.solution.cam_from_carrier.inverse()).log();
+    assert!((0..6).all(|k| off[k].abs() < 4.0 * solved.solution.carrier_covariance[(k, k)].sqrt()), "{off}");
+
+    solved.rig_contradiction = Some("left does not agree with right".into());
+    let value = serde_json::to_value(&solved).unwrap();
+    assert_eq!((solved.status(), &value["status"]), (Status::Inconsistent, &"inconsistent".into()));
+    assert!(value["message"].as_str().unwrap().contains("left does not agree with right"), "{value}");
+}
