@@ -1,24 +1,33 @@
 #!/usr/bin/env bash
 # The one test command. Needs a Rust toolchain and Python 3.11 or newer with venv; installs the rest below target/.
 #   ./test.sh          everything
-# Tests on recorded pictures read the folder named by RESIGHT_DATA and say so when they are skipped.
+#   ./test.sh fast     without the derivations, other people's readers and the slow tests of scripts/slow_tests.txt: for daily work
+# Tests on recorded images read the folder named by RESIGHT_DATA and show as ignored without it.
 set -euo pipefail
 cd "$(dirname "$0")"
+case "${1:-everything}" in
+everything | fast) mode=${1:-everything} ;;
+*) echo "usage: ./test.sh [fast]" >&2; exit 2 ;;
+esac
 mkdir -p "${CARGO_TARGET_DIR:-target}"
 target=$(cd "${CARGO_TARGET_DIR:-target}" && pwd)
 summary=()
 failed=0
 
-step() { # step NAME COMMAND…: runs it, remembers how it went, goes on
-    local name=$1 started=$SECONDS
+step() { # step NAME COMMAND…: runs it, says every half minute that it still does, remembers how it went, goes on
+    local name=$1 started=$SECONDS clock
     shift
     printf '\n== %s\n' "$name"
+    (while sleep 30 >/dev/null 2>&1; do printf '   … %s, %s s\n' "$name" "$((SECONDS - started))"; done) &
+    clock=$!
     if "$@"; then
         summary+=("ok      $name ($((SECONDS - started)) s)")
     else
         summary+=("FAILED  $name")
         failed=1
     fi
+    kill "$clock"
+    wait "$clock" 2>/dev/null || true
 }
 
 python_environment() {
@@ -51,13 +60,21 @@ ffmpeg_program() { # for tests on videos and streams; without one they say that 
     ln -sf "$("$python" -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" "$target/ffmpeg/ffmpeg"
 }
 
-frames() { # the recorded videos as pictures, once
+tests() { # all, or those that are not slow
+    local slow=()
+    [ "$mode" = everything ] || while read -r name; do slow+=(--skip "$name"); done <scripts/slow_tests.txt
+    cargo test --workspace --no-fail-fast -- "${slow[@]}"
+}
+
+frames() { # the recorded videos as images, once
     sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
 
 step "python environment" python_environment
-step "derivations (SymPy, 50 digits)" derivations
-step "files read by other programs" foreign_readers
+if [ "$mode" = everything ]; then
+    step "derivations (SymPy, 50 digits)" derivations
+    step "files read by other programs" foreign_readers
+fi
 step "ffmpeg" ffmpeg_program
 export PATH=$PATH:$target/ffmpeg # An installed one comes first.
 if [ -n "${RESIGHT_DATA:-}" ]; then
@@ -67,11 +84,11 @@ if [ -n "${RESIGHT_DATA:-}" ]; then
 fi
 # Drawn inputs are the same ones in each run; `PROPTEST_RNG_SEED=$RANDOM ./test.sh` draws others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-20041}
-step "cargo test" cargo test --workspace --no-fail-fast
+step "cargo test" tests
 
 printf '\n== summary\n'
 printf '%s\n' "${summary[@]}"
 if [ -z "${RESIGHT_DATA:-}" ]; then
-    echo "skipped tests on recorded pictures: RESIGHT_DATA is not set"
+    echo "ignored: tests on recorded images, for RESIGHT_DATA is not set"
 fi
 exit "$failed"

@@ -1,10 +1,11 @@
 //! Command line arguments; every flag that several commands share is defined here once.
 
 use crate::commands::{
-    advise, compare, convert, demo, detect, explain, hand_eye, history, landmarks, locate, measure,
-    pose_graph, rig, solve, watch, whisker,
+    advise, compare, completions, convert, demo, detect, explain, hand_eye, history, landmarks, locate,
+    measure, pose_graph, rig, solve, watch, whisker,
 };
-use clap::{Args, Parser, Subcommand};
+use anyhow::anyhow;
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use resight::core::Target;
 use resight::detect::{CornerWindow, DetectError, Detector};
 use resight::formats::TagOptions;
@@ -21,6 +22,40 @@ pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+}
+
+impl Arguments {
+    /// From the command line, and for `watch SESSION.toml` from the session file.
+    ///
+    /// # Errors
+    /// What is wrong with the session file. Ends the program where the command line asks for help or is wrong.
+    pub fn read() -> anyhow::Result<Self> {
+        let command = Arguments::command();
+        let mut matches = command.clone().get_matches();
+        let mut printed = None;
+        if let (Some(("watch", given)), Some(watch)) =
+            (matches.subcommand(), command.find_subcommand("watch"))
+        {
+            let is_printed = given.get_flag("print_session");
+            if let Some(path) = given.get_one::<PathBuf>("session") {
+                let words = watch::session::words(path, watch, given)?;
+                let own = ["resight", "watch"].map(String::from).into_iter();
+                let own = own.chain(is_printed.then(|| "--print-session".to_string()));
+                matches = command.clone().try_get_matches_from(own.chain(words)).map_err(|e| {
+                    let text = e.to_string();
+                    anyhow!("{}: {}", path.display(), text.trim_start_matches("error: ").trim_end())
+                })?;
+            }
+            if let (true, Some((_, given))) = (is_printed, matches.subcommand()) {
+                printed = Some(watch::session::text(watch, given));
+            }
+        }
+        let mut arguments = Arguments::from_arg_matches(&matches)?;
+        if let Command::Watch(watch) = &mut arguments.command {
+            watch.printed = printed;
+        }
+        Ok(arguments)
+    }
 }
 
 /// The commands, each in its own file.
@@ -59,6 +94,10 @@ pub enum Command {
     Landmarks(landmarks::Landmarks),
     /// What `watch --history` wrote: a summary, or a table as CSV or Parquet.
     History(history::History),
+    /// Prints a script that completes commands and flags in bash, zsh, fish, elvish or PowerShell.
+    Completions(completions::Completions),
+    /// Writes manual pages.
+    Man(completions::Man),
 }
 
 /// How answers leave the program.
@@ -106,14 +145,19 @@ impl CornerArgs {
 /// What the file of a map of tags does not state, for the commands that read one.
 #[derive(Debug, Clone, Default, Args)]
 pub struct TagArgs {
-    /// Family of a tag map's tags, where its file states none (WPILib field layouts) [default: tag36h11]
+    /// Family of a tag map's tags [default: tag36h11]
+    ///
+    /// Where its file states none, as WPILib field layouts.
     #[arg(long, value_name = "FAMILY")]
     tag_family: Option<String>,
-    /// Outer edge of the black square of a tag map's tags, metres, where its file states none [default for field layouts: 0.1651]
+    /// Outer edge of the black square of a tag map's tags, metres [default for field layouts: 0.1651]
+    ///
+    /// Where its file states none.
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = positive)]
     tag_size_m: Option<f64>,
-    /// Standard deviation of each tag's position along each axis, metres, where a tag map's file states none; 0 for a map that is exact
-    /// [default: 0; field layouts: 0.010, and 0.8° of rotation]
+    /// Standard deviation of each tag's position, metres [default: 0; field layouts: 0.010]
+    ///
+    /// Along each axis, where a tag map's file states none; 0 for a map that is exact. Field layouts have 0.8° of rotation besides.
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = not_negative)]
     tag_sigma_m: Option<f64>,
 }

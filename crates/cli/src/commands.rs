@@ -16,6 +16,7 @@ pub mod measure;
 pub mod solve;
 pub mod whisker;
 pub mod watch;
+pub mod completions;
 
 use crate::args::{Command, TagArgs};
 use crate::output::Outcome;
@@ -43,6 +44,8 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Watch(args) => watch::run(&args),
         Command::Landmarks(args) => landmarks::run(&args),
         Command::History(args) => history::run(&args),
+        Command::Completions(args) => completions::completions(&args),
+        Command::Man(args) => completions::man(&args),
     }
 }
 

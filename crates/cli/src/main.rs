@@ -1,5 +1,6 @@
 //! The program: parse, call, print. No mathematics.
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 
 mod args;
 mod files;
@@ -12,12 +13,10 @@ mod text;
 mod turned;
 mod commands;
 
-use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let arguments = args::Arguments::parse();
-    match commands::run(arguments.command) {
+    match args::Arguments::read().and_then(|arguments| commands::run(arguments.command)) {
         Ok(outcome) => outcome.into(),
         Err(reason) => {
             output::remark(&format!("error: {reason:#}"));

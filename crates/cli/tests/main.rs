@@ -1,5 +1,6 @@
 //! The tests of this crate in one program: linking one for each file is most of the time of a clean run.
 
+mod book_support;
 mod carried_support;
 #[allow(dead_code)] // Its main reads and writes folders.
 #[path = "../../whisker/examples/touch_meets_sight.rs"]
@@ -21,6 +22,7 @@ mod watch_support;
 mod advise;
 mod book;
 mod compare;
+mod completions;
 mod convert;
 mod films;
 mod fuzz;
@@ -51,6 +53,7 @@ mod watch_outputs;
 mod watch_rig;
 mod watch_rig_real;
 mod watch_rig_state;
+mod watch_session;
 mod watch_state;
 mod watch_tui;
 mod whisker;

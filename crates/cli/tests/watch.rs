@@ -166,10 +166,14 @@ fn a_moving_camera_is_followed() {
     let way = |second: usize| pan(0.05 * second as f64);
     let run = watch(&lines(0..100, 0x5a, way), &["--source", "-", "--motion", "moving"]);
     assert_eq!((run.code, states(&run)), (0, vec!["followed"]), "{}", run.stderr);
-    let mixed = watch("", &["--source", "-", "--motion", "moving", "--sway-deg", "1"]);
-    assert!(mixed.code == 2 && mixed.stderr.contains("--agility-deg-per-s"), "{}", mixed.stderr);
-    let fixed = watch("", &["--source", "-", "--agility-mm-per-s", "1"]);
-    assert!(fixed.code == 2 && fixed.stderr.contains("--sway-mm"), "{}", fixed.stderr);
+    let mixed = watch("", &["--source", "-", "--motion", "moving", "--rotation-noise-deg-per-sqrt-s", "1"]);
+    assert!(
+        mixed.code == 2 && mixed.stderr.contains("--acceleration-noise-deg-per-s-sqrt-s"),
+        "{}",
+        mixed.stderr
+    );
+    let fixed = watch("", &["--source", "-", "--acceleration-noise-mm-per-s-sqrt-s", "1"]);
+    assert!(fixed.code == 2 && fixed.stderr.contains("--position-noise-mm-per-sqrt-s"), "{}", fixed.stderr);
 }
 
 /// A blind camera is told as such from the start; seen again, it goes on learning.

@@ -108,7 +108,7 @@ fn a_camera_that_sways_is_not_learned_until_that_is_stated() {
     assert_ne!(ended.code, 0, "{}", ended.text);
     assert_eq!(ended.states(), ["learning"]);
     assert!(!ended.of("moved_while_learning").is_empty());
-    let stated = watch(&["--json", "--bias-deg", "1", "--bias-mm", "20"], 60, 0x1ea5, sway);
+    let stated = watch(&["--json", "--correlated-deg", "1", "--correlated-mm", "20"], 60, 0x1ea5, sway);
     assert_eq!((stated.code, stated.states()), (0, vec!["learning", "steady"]), "{}", stated.text);
 }
 

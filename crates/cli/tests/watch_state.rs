@@ -161,7 +161,7 @@ fn frames_taken_in_before_do_not_make_a_blind_camera_steady() {
 fn a_state_of_something_else_is_refused_by_name() {
     for (more, words) in [
         (["--tolerance-deg", "0.1"], "tolerance_rotation_rad was 0 and is 0.0017"),
-        (["--bias-deg", "0.02"], "bias was"),
+        (["--correlated-deg", "0.02"], "bias was"),
         (["--learn", "60"], "learn_readings was 50 and is 60"),
     ] {
         let state = learned("state-else");

@@ -3,6 +3,7 @@
 //! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each
 //! may use those above it, never those below (tests/tidy.rs).
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod error;

@@ -133,7 +133,7 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
-    /// Until then a drift is not told: it may come back as others did.
+    /// Until then a drift is not reported: it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
     aftermath: Aftermath,
@@ -249,6 +249,14 @@ impl Monitor {
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
         Ok(())
+    }
+
+    /// The pose that a reading at `t_s` is expected to show, and its covariance: where it is known to be, with the part of its errors that
+    /// lasts. A reading's own noise comes on top.
+    pub fn expected(&self, t_s: f64) -> (Pose, Matrix6) {
+        let (motion, covariance) = self.test.expected(t_s);
+        let old_from_new = self.old_from_level * Pose::exp(&motion);
+        (old_from_new.inverse() * self.reference.a_from_b, covariance)
     }
 
     /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera

@@ -113,7 +113,7 @@ fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counte
     sum
 }
 
-/// The table of docs/math/hand_eye.md section 8: `RESIGHT_RUNS=300 cargo test -p resight-core --test hand_eye_noise few_views -- --nocapture`.
+/// The table of docs/math/hand_eye.md section 8: `RESIGHT_RUNS=300 cargo test -p resight-core --test it hand_eye_noise few_views -- --nocapture`.
 /// With twelve views the noise is known to a third; a noise below the camera's own with eight views leaves the covariance a tenth too
 /// small (6.6 over 300 runs).
 #[test]

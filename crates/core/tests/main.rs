@@ -46,6 +46,8 @@ mod monitor_learn;
 mod monitor_noise;
 mod monitor_rig;
 mod n_points;
+mod monitor_noise_kinds;
+mod monitor_noise_rig;
 mod no_std;
 mod pose_graph;
 mod priors;

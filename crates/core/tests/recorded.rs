@@ -1,4 +1,4 @@
-//! Where recordings lie that the repository does not hold. Tests that need one are ignored unless `build.rs` saw both variables.
+//! Where recordings lie that the repository does not hold. Tests that need one are ignored where `build.rs` saw no RESIGHT_DATA.
 
 use std::path::PathBuf;
 

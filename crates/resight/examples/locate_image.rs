@@ -1,18 +1,18 @@
-//! One image to one pose: `cargo run -p resight --example locate_image -- IMAGE CAMERA TARGET`.
-
-use resight::report::words::place_sigma_m;
+// An image to a pose: `cargo run -p resight --example locate_image` in the root of the repository.
+use resight::{GrayImage, locate_image, read_camera, read_target, report::words::place_sigma_m};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [image, camera, target] = &arguments[..] else { return Err("IMAGE CAMERA TARGET are needed".into()) };
-    let (camera, target) = (resight::read_camera(camera)?, resight::read_target(target)?);
-    let image = resight::GrayImage::read(image.as_ref())?;
-    let answer = resight::locate_image(&image, &camera, &target, &Default::default())?;
+    let camera = read_camera("examples/photo/left.yml")?;
+    let target = read_target("examples/photo/board.toml")?;
+    let image = GrayImage::read("examples/photo/left03.jpg".as_ref())?;
+    let answer = locate_image(&image, &camera, &target, &Default::default())?;
     println!("{}: {}", answer.status().name(), answer.verdict.message);
     if let Some(pose) = &answer.estimate {
-        let (place_m, sigma_m) =
-            (pose.cam_from_target.origin(), place_sigma_m(&pose.cam_from_target, &pose.covariance));
-        println!("camera in the target's frame: {:?} ± {:?} m", place_m.as_slice(), sigma_m.as_slice());
+        let camera_m = pose.cam_from_target.origin(); // Position of the camera in the target's frame,
+        let sigma_m = place_sigma_m(&pose.cam_from_target, &pose.covariance); // 1σ along the same axes.
+        for (axis, (x, sigma)) in ["x", "y", "z"].iter().zip(camera_m.iter().zip(&sigma_m)) {
+            println!("{axis} {x:+.4} ± {sigma:.4} m");
+        }
     }
     Ok(())
 }

@@ -20,6 +20,7 @@ mod noise;
 mod print;
 mod region;
 pub(crate) mod sigma;
+mod tag_print;
 pub mod tags;
 mod template;
 mod tiles;

@@ -33,6 +33,7 @@
 //!
 //! Answers ([`answer`]) have a status and serialise to the JSON of the command line. The mathematics is in [`core`].
 #![deny(unsafe_code)]
+#![warn(missing_docs)]
 
 pub use resight_core as core;
 

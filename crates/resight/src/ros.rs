@@ -6,7 +6,6 @@
 
 pub mod definition;
 pub mod value;
-mod base64;
 pub mod decode;
 mod image;
 mod bayer;

@@ -4,7 +4,7 @@
 use resight::GrayImage;
 use resight::core::camera::{CameraMatrix, ImageSize, Pinhole};
 use resight::core::correspondence::Detection;
-use resight::core::target::{AprilGrid, Charuco, Chessboard};
+use resight::core::target::{AprilGrid, Charuco, Chessboard, MapTag, TagMap};
 use resight::core::{Camera, Pixel, Point, Pose, Target};
 use resight::detect::Detector;
 use resight::render::{Finish, Pcg, Placed, Scene, Style, render, true_pixels};
@@ -28,14 +28,23 @@ const CASES: [Case; 4] = [
 ];
 
 /// Targets with the metres of what spans the pixels given.
-fn targets() -> [(Target, f64, f64); 3] {
+fn targets() -> [(Target, f64, f64); 4] {
     let family = "tag36h11".to_string();
     let dictionary = "DICT_4X4_50".to_string();
     let charuco =
         Charuco { rows: 7, columns: 10, square_m: 0.04, marker_m: 0.03, dictionary, legacy_pattern: false };
     let (rows, columns, tag_spacing_ratio) = (5, 5, 0.3);
     let grid = AprilGrid { family, rows, columns, tag_size_m: 0.08, tag_spacing_ratio, first_id: 0 };
+    let tag = |id: u32| MapTag {
+        id,
+        size_m: 0.06,
+        world_from_tag: Pose::exp(&[0.0, 0.0, 0.0, 0.1 * (id % 6) as f64, 0.1 * (id / 6) as f64, 0.0].into()),
+        sigma_m: 0.0,
+        sigma_rad: 0.0,
+    };
+    let map = TagMap { family: "tag36h11".to_string(), tags: (0..24).map(tag).collect() };
     [
+        (Target::TagMap(map), 0.06, 42.0),
         (Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m: 0.03 }), 0.03, 30.0),
         (Target::AprilGrid(grid), 0.08, 40.0),
         (Target::Charuco(charuco), 0.04, 36.0),

@@ -13,6 +13,9 @@ use std::time::Duration;
 
 const SIGMA_PX: f64 = 0.2;
 
+/// How far a corner is off at a time, pixels.
+type Off = fn(f64, u8) -> Pixel;
+
 /// What happens to a camera before a tag.
 #[derive(Clone, Copy)]
 struct Scene {
@@ -21,7 +24,7 @@ struct Scene {
     /// Where the camera is in its old frame at a time.
     moved: fn(f64) -> Vector6<f64>,
     /// How far a corner is off at a time, pixels.
-    off: fn(f64, u8) -> Pixel,
+    off: Off,
 }
 
 struct Corners {
@@ -93,20 +96,38 @@ fn across_for_ten_seconds(t_s: f64, corner: u8) -> Pixel {
     if is_off { Pixel::new(-0.2, 1.0) } else { Pixel::zeros() }
 }
 
-/// Two corners of four off by a pixel for ten seconds: no alarm; a real step of half a degree meanwhile is told.
+fn one_for_good(t_s: f64, corner: u8) -> Pixel {
+    if 200.0 <= t_s && corner == 2 { Pixel::new(1.5, 0.0) } else { Pixel::zeros() }
+}
+
+/// Two corners of four off by a pixel for ten seconds, one for good: no alarm; a real step of half a degree later is found, also while one is
+/// off: most views of a target of which one corner is always off contradict themselves, wherever the camera is, so that it takes longer.
+/// RESIGHT_ALARM_SEEDS for a larger count.
 #[test]
 fn corners_that_are_off_alone_raise_no_alarm() {
+    let seeds = std::env::var("RESIGHT_ALARM_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(3);
     let scene = Scene { rate_hz: 1.0, seconds: 400.0, moved: still, off: exact };
-    for (i, off) in [half_for_ten_seconds, across_for_ten_seconds].into_iter().enumerate() {
-        for seed in 0..3 {
-            let states = told(Scene { off, ..scene }, 0xc0_0000 + 16 * i as u64 + seed);
+    let mut delays = [const { Vec::new() }; 3];
+    let faults: [(Off, f64); 3] =
+        [(half_for_ten_seconds, 10.0), (across_for_ten_seconds, 10.0), (one_for_good, 99.0)];
+    for (i, (off, within_s)) in faults.into_iter().enumerate() {
+        for seed in 0..seeds {
+            let seed = 0xc0_0000 + 0x1000 * i as u64 + seed;
+            let states = told(Scene { off, ..scene }, seed);
             assert_eq!(drifts(&states), 0, "{i}, {seed}: {states:?}");
+            let moved =
+                |t_s: f64| if t_s < 300.0 { still(t_s) } else { Vector6::ith(1, 0.5_f64.to_radians()) };
+            let states = told(Scene { off, moved, ..scene }, seed);
+            let is_drifted = |(_, state): &&(f64, State)| matches!(state, State::Drifted(_));
+            let alarm_s = states.iter().find(is_drifted).map(|(t_s, _)| *t_s);
+            assert!(
+                alarm_s.is_some_and(|t_s| (300.0..300.0 + within_s).contains(&t_s)),
+                "{i}, {seed}: {states:?}"
+            );
+            delays[i].push(alarm_s.map_or(f64::INFINITY, |t_s| t_s - 300.0));
         }
     }
-    let moved = |t_s: f64| if t_s < 300.0 { still(t_s) } else { Vector6::ith(1, 0.5_f64.to_radians()) };
-    let states = told(Scene { off: half_for_ten_seconds, moved, ..scene }, 0xc1);
-    let alarm_s = states.iter().find(|(_, state)| matches!(state, State::Drifted(_))).map(|(t_s, _)| *t_s);
-    assert!(alarm_s.is_some_and(|t_s| (300.0..310.0).contains(&t_s)), "{states:?}");
+    println!("seconds from step to alarm: {delays:?}");
 }
 
 fn vibrates(t_s: f64) -> Vector6<f64> {

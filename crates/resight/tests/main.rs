@@ -56,6 +56,7 @@ mod real_pose_graph;
 mod real_robust;
 mod real_rotating_tag;
 mod real_tag_map;
+mod real_watch;
 mod recordings;
 mod recordings_faults;
 mod render_is_read_by_detectors;

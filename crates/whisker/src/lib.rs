@@ -6,6 +6,7 @@
 //! No disk, clock, thread, global state or unseeded chance: `files` turns text into rows and rows into text. The modules stand
 //! in layers: each may use those above it, never those below (tests/tidy.rs).
 #![forbid(unsafe_code)]
+#![warn(missing_docs)]
 
 pub mod error;
 pub mod plane;

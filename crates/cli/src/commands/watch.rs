@@ -8,6 +8,7 @@ mod names;
 mod outputs;
 mod rig;
 mod saved;
+pub mod session;
 mod signals;
 mod sources;
 
@@ -37,6 +38,13 @@ use std::sync::atomic::AtomicBool;
 /// Watches cameras: a pose for every frame, and an alarm, at a stated rate of false ones, when a camera moved.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
+    resight watch session.toml\n  \
+    resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
+    resight watch --camera gate.yaml --target tag.toml --source 'night/*.png' --period-s 1 --reference gate.ref.toml --once\n\n\
+    Every flag is also a key of the session file; --help explains all of them.")]
+#[command(after_long_help = "Examples:\n  \
+    resight watch session.toml\n  \
+    resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --learn 50 --save-reference gate=gate.ref.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate='night/*.png' --period-s 1 --reference gate=gate.ref.toml --once\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=rtsp://cam.local/stream1 --reference gate=gate.ref.toml\n  \
@@ -46,11 +54,26 @@ use std::sync::atomic::AtomicBool;
     resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
     Exit status with --once: 0 all steady, 3 something moved (also while it was learned), 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
 pub struct Watch {
+    /// Session file: its keys are the flags, with _ for -.
+    ///
+    /// A flag beside it takes the place of its key.
+    #[arg(value_name = "SESSION.toml")]
+    pub session: Option<PathBuf>,
+    /// Prints the session file that the given flags mean, and ends.
+    ///
+    /// Every other key is there with its default, as a comment.
+    #[arg(long)]
+    pub print_session: bool,
+    /// That file.
+    #[arg(skip)]
+    pub printed: Option<String>,
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required_unless_present = "rig", value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present_any = ["rig", "session", "print_session"], value_name = "[NAME=]FILE")]
     camera: Vec<String>,
-    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several. Not needed with landmarks.
-    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks"], value_name = "[NAME=]FILE")]
+    /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
+    ///
+    /// Not needed with landmarks.
+    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
     #[command(flatten)]
     tags: TagArgs,
@@ -58,22 +81,25 @@ pub struct Watch {
     landmarks: LandmarkArgs,
     #[command(flatten)]
     sources: SourceArgs,
-    /// What a camera is compared with, written by --save-reference [default: learned]. NAME is a camera, or CAMERA/TARGET
-    /// where there are several targets.
-    #[arg(long, value_name = "[NAME=]FILE")]
+    /// What a camera is compared with, written by --save-reference [default: learned].
+    ///
+    /// NAME is a camera, or CAMERA/TARGET where there are several targets.
+    #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
     reference: Vec<String>,
     /// Readings from which a missing reference is learned; with --moving-target, moments.
-    #[arg(long, value_name = "N", default_value_t = 50)]
+    #[arg(long, value_name = "N", default_value_t = 50, help_heading = "Reference and state")]
     learn: usize,
     /// Where a learned reference is written.
-    #[arg(long, value_name = "[NAME=]FILE")]
+    #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
     save_reference: Vec<String>,
-    /// Keeps trackers, monitors and what is learned so far in FILE, about a second behind at most (the more cameras --moving-target has, the
-    /// more: eight, fifteen seconds), and goes on from there: a restart loses nothing. One session at a time.
-    #[arg(long, value_name = "FILE")]
+    /// Keeps the state of the session in FILE, so that a restart loses nothing.
+    ///
+    /// Trackers, monitors and what is learned so far, about a second behind at most (the more cameras --moving-target has, the more: eight,
+    /// fifteen seconds). One session at a time.
+    #[arg(long, value_name = "FILE", help_heading = "Reference and state")]
     state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
-    #[arg(long)]
+    #[arg(long, help_heading = "Reference and state")]
     once: bool,
     #[command(flatten)]
     motion: MotionArgs,
@@ -87,6 +113,10 @@ pub struct Watch {
 
 /// See `Watch`.
 pub fn run(args: &Watch) -> Result<Outcome> {
+    if let Some(text) = &args.printed {
+        crate::output::print(text)?;
+        return Ok(Outcome::Answered);
+    }
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }

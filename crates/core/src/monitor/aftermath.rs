@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   R ≥ A ──► errors scatter more than the model says, and that explains R ──► noise as it was seen, test anew, `Watch::Doubted`
-//!        └──► moved: told from where it was known to be before (`base`); course and rate from the means of readings since
+//!        └──► moved: measured from where it was known to be before (`base`); course and rate from the means of readings since
 //!               └──► back: where it was before is a thousand times likelier than where the alarm found it
 //! ```
 //! Derivation: docs/math/monitor.md sections 4 and 10.
@@ -46,17 +46,17 @@ const CHOSEN: f64 = 4.0;
 const SIZE: f64 = 8.0;
 /// Odds of another course at which the name is changed, as Δχ²: 400 to 1.
 const RENAMED: f64 = 12.0;
-/// The same at the alarm, when the name has not been told yet.
+/// The same at the alarm, when the name has not been reported yet.
 const NAMED: f64 = 4.0;
 /// The course is looked at again when it has gone on by this share.
 const AGAIN: f64 = 0.1;
-/// The beginning of a slow drift is told again when it is known so much better.
+/// The beginning of a slow drift is reported again when it is known so much better.
 const SHARPER: f64 = 0.5;
 /// ln of the odds at which a camera is back: 1000 to 1.
 const BACK: f64 = 7.0;
 /// And it must be as near as half of all cameras that are: χ² of six degrees of freedom.
 const MEDIAN: f64 = 5.348;
-/// Errors found larger than the model are told for this long, seconds, and so many decisions, at least.
+/// Errors found larger than the model are reported for this long, seconds, and so many decisions, at least.
 const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
 /// The difference of two neighbouring means over the time in which a lasting error is forgotten, in units of that error: eq. (46).
@@ -118,7 +118,9 @@ impl Monitor {
         let (Some(log_r), Some(last)) = (log_r, passed.last()) else { return };
         // What the noise in use does not explain, other noise may.
         if self.test.passes(log_r, threshold) {
-            self.alarmed(last.t_s, log_r);
+            // What waited together may be of one motion, whichever of it the onset is put at.
+            let first_s = passed.first().map_or(last.t_s, |first| first.t_s);
+            self.alarmed(last.t_s, log_r, first_s);
         }
         self.rename(last.t_s);
         if self.drift.is_some() {
@@ -169,11 +171,11 @@ impl Monitor {
         Some((now, first))
     }
 
-    fn alarmed(&mut self, t_s: f64, log_r: f64) {
+    fn alarmed(&mut self, t_s: f64, log_r: f64, first_s: f64) {
         let Some((now, drift)) = self.changed(t_s) else { return };
         let is_first = self.drift.is_none();
         if is_first {
-            self.aftermath.base = self.aftermath.milestones.before(drift.began_s);
+            self.aftermath.base = self.aftermath.milestones.before(drift.began_s.min(first_s));
             self.aftermath.log_r = log_r;
             if let Some(excess) = self.explanation(t_s - drift.began_s) {
                 return self.doubt(t_s, &excess);
@@ -225,7 +227,7 @@ impl Monitor {
         is_explained
     }
 
-    /// From here on the test asks whether it moves away from this motion, known so well; what it was told of since `onset_s` is noise only
+    /// From here on the test asks whether it moves away from this motion, known so well; what it has read since `onset_s` is noise only
     /// where it `came_back`.
     fn test_from(&mut self, motion: &Vector6, covariance: Matrix6, onset_s: f64, came_back: bool) {
         let noise = DriftNoise { reference: covariance, ..self.reference.noise };
@@ -310,14 +312,14 @@ impl Monitor {
         };
         let odds = from(found, &now.covariance).zip(from(base, &at_home)).map(|(found, base)| found - base);
         let is_near = from(base, &at_home).is_some_and(|chi2| chi2 < MEDIAN);
-        // Where a further alarm put it near its old place, the two are hardly told apart: that it stays there must do.
+        // Where a further alarm put it near its old place, the two are hardly distinguished: that it stays there must do.
         let stays = self.aftermath.is_further && DOUBT_DECISIONS <= self.aftermath.decisions;
         if is_near && (stays || odds.is_some_and(|odds| 2.0 * BACK < odds)) {
             self.is_home(t_s, t_s, &now.covariance);
         }
     }
 
-    /// A motion like others that came back by themselves is not told yet.
+    /// A motion like others that came back by themselves is not reported yet.
     fn hold(&mut self, moved: &Drift, is_first: bool) {
         if self.test.measured().is_none() {
             return;

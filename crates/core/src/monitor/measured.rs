@@ -15,11 +15,11 @@ use crate::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
 
 /// Noise may have grown since an onset, in all coordinates at once: its variance by these factors.
-const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
+pub(super) const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
 /// ln of how seldom that is at the very time of an onset; by the first factor the scale may err at any time.
-const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
+pub(super) const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
 /// The models stand on a grid, and the noise between them: what the best of them may be worse by, a reading.
-const BETWEEN: f64 = 1e-3;
+pub(super) const BETWEEN: f64 = 1e-3;
 /// Readings over which the time between them is taken.
 const BETWEEN_OVER: f64 = 100.0;
 /// Where the coordinates, the grown noise and the models stand in a standing.
@@ -43,7 +43,7 @@ pub(super) struct Measured {
     /// Readings so far, and the time between them, seconds.
     readings: f64,
     between_s: f64,
-    /// What the readings of motions that are told said of each model: counted when it comes back by itself.
+    /// What the readings of motions that are reported said of each model: counted when it comes back by itself.
     set_aside: Vec<f64>,
 }
 
@@ -92,15 +92,24 @@ impl Measured {
         std::array::from_fn(|axis| self.banks[axis].innovation(value[axis], variance[axis]))
     }
 
-    /// Σ ν²/S of a reading after a time; the banks stay.
-    pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
+    /// A reading after a time beside what is expected of it; the banks stay.
+    pub fn foreseen(
+        &self,
+        elapsed_s: f64,
+        stated: &[Transition; AXES],
+        reading: &Whitened,
+    ) -> [Innovation; AXES] {
         let passed = Passed::new(elapsed_s, self.unit_s);
-        let of_axis = |axis: usize| {
+        std::array::from_fn(|axis| {
             let (value, variance) = (reading.value[axis], reading.variance[axis]);
-            let innovation = self.banks[axis].foreseen(&passed, &stated[axis], value, variance);
-            innovation.value * innovation.value / innovation.variance
-        };
-        (0..AXES).map(of_axis).sum()
+            self.banks[axis].foreseen(&passed, &stated[axis], value, variance)
+        })
+    }
+
+    /// Σ ν²/S of a reading after a time.
+    pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
+        let square = |innovation: &Innovation| innovation.value * innovation.value / innovation.variance;
+        self.foreseen(elapsed_s, stated, reading).iter().map(square).sum()
     }
 
     pub fn update(

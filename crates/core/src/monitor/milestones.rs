@@ -1,7 +1,7 @@
 //! Where a camera was known to be before a change: the filters' level at times gone by, closer together the more recent.
 //!
 //! The reference errs, by as much as the readings that it was learned from. That error is no motion: as readings come it is known better
-//! and better, and a motion is told from where the camera was known to be just before it began. docs/math/monitor.md eq. (45).
+//! and better, and a motion is measured from where the camera was known to be just before it began. docs/math/monitor.md eq. (45).
 
 use crate::snapshot::numbers;
 use crate::{Matrix6, Vector6};
@@ -63,7 +63,7 @@ numbers!(Milestones { kept });
 mod tests {
     use super::*;
 
-    /// A week of decisions: an onset a tenth of its age before which nothing is kept would be told from too long ago.
+    /// A week of decisions: an onset a tenth of its age before which nothing is kept would be measured from too long ago.
     #[test]
     fn there_is_one_shortly_before_any_onset() {
         let at = |t_s| Milestone { t_s, motion: Vector6::repeat(t_s), covariance: Matrix6::identity() };

@@ -25,7 +25,7 @@ const ONSETS: usize = 24;
 /// about ln 5 of evidence.
 const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
 /// Sizes looked for beside noise that may follow a jump, in units of those, and their prior weights.
-const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
+pub(super) const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
 /// Estimates of a change expect it below this many of that size: any that can be seen.
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
@@ -319,7 +319,12 @@ impl Onsets {
 
     /// The change that explains the readings; none before the first reading.
     pub fn change(&self, measured: Option<&Measured>) -> Option<Change> {
-        let probabilities = self.probabilities(measured);
+        let mut probabilities = self.probabilities(measured);
+        // The weights of the courses say how soon each must be found, not how often there is one: they take no part in its name.
+        let odds = COURSE_WEIGHTS.map(|weight| COURSE_WEIGHTS[0] / weight);
+        probabilities.iter_mut().for_each(|p| p.iter_mut().zip(odds).for_each(|(p, odds)| *p *= odds));
+        let all: f64 = probabilities.iter().flatten().sum();
+        probabilities.iter_mut().flatten().for_each(|p| *p /= all);
         let (best, _) = probabilities.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
         let by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);

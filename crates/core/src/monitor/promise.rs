@@ -27,7 +27,7 @@ impl MeasuredNoise {
     }
 }
 
-/// The ratio of standard deviations from which on it is told.
+/// The ratio of standard deviations from which on it is reported.
 const FAR: f64 = 1.2;
 
 /// The smallest sudden motions that are found within a time, nine times in ten, whatever errors the readings have not excluded yet.

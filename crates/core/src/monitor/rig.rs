@@ -10,6 +10,8 @@ mod evidence;
 mod which;
 mod held;
 mod typical;
+mod noises;
+mod earlier;
 mod restore;
 mod learn;
 
@@ -28,6 +30,7 @@ use evidence::Evidence;
 use filter::{Carried, Innovation, RigFilter};
 use held::{Held, Moment};
 use nalgebra::DMatrix;
+use noises::Noises;
 use typical::Typical;
 
 /// What the cameras are compared with.
@@ -59,7 +62,7 @@ pub struct RigMonitor {
     config: MonitorConfig,
     /// Where each camera has been since its last change, in its frame of the reference.
     old_from_level: Vec<Pose>,
-    filter: RigFilter,
+    noises: Noises,
     evidence: Evidence,
     held: Held,
     typical: Typical,
@@ -104,7 +107,7 @@ impl RigMonitor {
         Ok(RigMonitor {
             config: *config,
             old_from_level: vec![Pose::identity(); n],
-            filter: RigFilter::new(&reference.cam_from_rig, &reference.covariance, &reference.noise),
+            noises: Noises::new(reference),
             evidence: Evidence::default(),
             held: Held::default(),
             typical: Typical::new(n),
@@ -207,25 +210,26 @@ impl RigMonitor {
 
     /// A moment that is as expected goes to the test; one that is not waits until others agree with it.
     fn weigh(&mut self, moment: Moment) {
-        let mut ahead = self.filter.clone();
-        let carried = ahead.predict(moment.t_s);
-        let Some(innovation) = ahead.innovation(&moment.stars) else { return };
+        let (ahead, carried) = self.noises.ahead(moment.t_s);
+        let scale = self.noises.filter().1;
+        let Some(innovation) = ahead.innovation(&moment.stars).map(|of| of.scaled(scale)) else { return };
         moment.cameras().for_each(|camera| self.seen_s[camera] = moment.t_s);
         if SURPRISE < tail(innovation.degrees_of_freedom(), innovation.chi2()) {
             self.outliers += self.held.clear(&moment);
-            self.filter = ahead;
-            self.read(&moment, moment.t_s, &carried, &innovation);
+            self.read(&moment, moment.t_s, (ahead, &carried), &innovation);
             self.decide();
             return;
         }
-        let (passed, dropped) = self.held.push(moment, &self.filter, &innovation, self.typical.variances());
+        let (passed, dropped) =
+            self.held.push(moment, self.noises.filter(), &innovation, self.typical.variances());
         self.outliers += dropped;
-        // Seen one after the other, told at once: they say the same.
+        // Seen one after the other, reported at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);
         for moment in &passed {
-            let carried = self.filter.predict(moment.t_s);
-            if let Some(innovation) = self.filter.innovation(&moment.stars) {
-                self.read(moment, began_s, &carried, &innovation);
+            let (ahead, carried) = self.noises.ahead(moment.t_s);
+            let scale = self.noises.filter().1;
+            if let Some(innovation) = ahead.innovation(&moment.stars).map(|of| of.scaled(scale)) {
+                self.read(moment, began_s, (ahead, &carried), &innovation);
             }
         }
         if !passed.is_empty() {
@@ -233,8 +237,14 @@ impl RigMonitor {
         }
     }
 
-    /// The test reads a moment, to which the filter has been carried; a change may have begun at `onset_s`.
-    fn read(&mut self, moment: &Moment, onset_s: f64, carried: &Carried, innovation: &Innovation) {
+    /// The test reads a moment, to which the filter in use has been carried; a change may have begun at `onset_s`.
+    fn read(
+        &mut self,
+        moment: &Moment,
+        onset_s: f64,
+        (ahead, carried): (RigFilter, &Carried),
+        innovation: &Innovation,
+    ) {
         self.evidence.predict(carried);
         self.typical.add(moment, &self.reference.noise);
         // A decision period has one onset, shared among its moments: were there only one place for it, no camera's motion would explain
@@ -244,15 +254,15 @@ impl RigMonitor {
         let periods = (onset_s - self.last_onset_s) / self.config.decision_period_s;
         let share = if self.last_onset_s == f64::MIN { 1.0 } else { periods.clamp(0.0, most) };
         if 0.0 < share {
-            self.evidence.begin(onset_s, share, self.typical.variances());
+            self.evidence.begin(onset_s, share, self.typical.variances(), self.noises.then());
             self.last_onset_s = onset_s;
         }
         self.evidence.add(innovation);
-        self.filter.update(innovation);
+        self.noises.read(ahead, carried, innovation);
     }
 
     fn decide(&mut self) {
-        let is_over = self.threshold() <= self.evidence.statistic;
+        let is_over = self.is_over();
         if self.open.is_none() && !is_over {
             return;
         }
@@ -266,6 +276,16 @@ impl RigMonitor {
             self.start_again(&open);
         } else {
             self.open = Some(open);
+        }
+    }
+
+    /// Whether R passes the threshold, also beside noise that grew, and beside errors like those that there were so far.
+    fn is_over(&self) -> bool {
+        let threshold = self.threshold();
+        threshold <= self.evidence.statistic && {
+            let log_r = self.evidence.log_statistic_against(|then| self.noises.log_against(then));
+            let then = self.evidence.began().map(|began| began.onset.then);
+            threshold.ln() <= self.noises.deflated(log_r, &then.unwrap_or_default())
         }
     }
 
@@ -292,7 +312,7 @@ impl RigMonitor {
         let gathered = began.onset.gathered(began.course);
         let attribution = which::which(gathered, 1);
         let drift = |moved: &MovedNode| {
-            let (level, doubt) = self.filter.level(moved.node);
+            let (level, doubt) = self.noises.level(moved.node);
             let gained = gathered.gained(moved.node);
             let motion = level + gained * moved.old_from_new;
             let first = self.drifts[moved.node];
@@ -327,7 +347,7 @@ impl RigMonitor {
         if !self.has_moved() {
             self.rivals.clear();
         }
-        self.filter = RigFilter::new(&self.places(), &self.prior(), &self.reference.noise);
+        self.noises.begin(RigFilter::new(&self.places(), &self.prior(), &self.reference.noise));
         (self.evidence, self.held, self.open) = (Evidence::default(), Held::default(), None);
         self.last_onset_s = f64::MIN;
     }
@@ -350,7 +370,7 @@ impl RigMonitor {
 
     /// How far, with all that has been read since the alarm.
     fn refined(&self, camera: usize, drift: &Drift) -> Drift {
-        let (motion, covariance) = self.filter.level(camera);
+        let (motion, covariance) = self.noises.level(camera);
         let old_from_new = (self.old_from_level[camera] * Pose::exp(&motion)).log();
         Drift { old_from_new, covariance: covariance + self.own_covariance(camera), ..*drift }
     }

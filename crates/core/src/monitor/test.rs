@@ -224,6 +224,24 @@ impl DriftTest {
         (0..AXES).map(of_axis).sum()
     }
 
+    /// Mean and covariance of the small motion that a reading at `t_s` is expected to show, its own noise left out.
+    pub fn expected(&self, t_s: f64) -> (Vector6<f64>, Matrix6<f64>) {
+        let elapsed_s = self.last_s.map_or(0.0, |last_s| (t_s - last_s).max(0.0));
+        let nothing = Whitened { value: Vector6::zeros(), variance: Vector6::zeros() };
+        let of_axes = match &self.measured {
+            Some(measured) => measured.foreseen(elapsed_s, &self.transitions(elapsed_s), &nothing),
+            None => std::array::from_fn(|axis| {
+                let mut filter = self.filters[axis];
+                filter.predict(&Transition::new(&self.noise[axis], elapsed_s));
+                filter.innovation(0.0, 0.0)
+            }),
+        };
+        let variance = Vector6::from_fn(|axis, _| of_axes[axis].variance);
+        let back = &self.motion_from_whitened;
+        let mean = Vector6::from_fn(|axis, _| -of_axes[axis].value);
+        (back * mean, back * Matrix6::from_diagonal(&variance) * back.transpose())
+    }
+
     fn transitions(&self, elapsed_s: f64) -> [Transition; AXES] {
         self.noise.map(|axis| Transition::new(&axis, elapsed_s))
     }

@@ -1,6 +1,6 @@
 //! Motions that came back by themselves: a sun spot on half of a tag, a lorry in front of the mast.
 //!
-//! To one who sees only the pose they are motions until they end. When two have come back, one that is no larger is told only when it has
+//! To one who sees only the pose they are motions until they end. When two have come back, one that is no larger is reported only when it has
 //! lasted for longer than they did: docs/math/monitor.md eq. (43).
 
 use crate::snapshot::numbers;

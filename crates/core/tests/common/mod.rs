@@ -13,6 +13,7 @@ pub mod recordings;
 pub mod sentry;
 pub mod rivals;
 pub mod conditions;
+pub mod carried;
 pub mod delay;
 pub mod wild;
 

@@ -168,7 +168,7 @@ impl GridTagFinder {
     pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
         let tags =
             first_look(&mut self.decoder, image, &joints(image), &Quietened::new(image), decimate(image));
-        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::new).collect()
+        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::by_edges).collect()
     }
 }
 

@@ -187,7 +187,7 @@ pub fn marker_pattern(family: &str, id: u32) -> Result<MarkerPattern, DetectErro
     Ok(draw(&layout, layout.codes[0]))
 }
 
-fn draw(family: &Family, code: u64) -> MarkerPattern {
+pub(super) fn draw(family: &Family, code: u64) -> MarkerPattern {
     let width = family.total_width as usize;
     let inset = ((family.total_width - family.border_width) / 2) as usize;
     // The ring just outside the border (inside it for reversed families) is the contrast the edge needs.

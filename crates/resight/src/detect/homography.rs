@@ -40,6 +40,29 @@ impl Homography {
         self.0.try_inverse().filter(|map| map.iter().all(|x| x.is_finite())).map(Homography)
     }
 
+    /// The image of a point, and the gradients of its two coordinates.
+    pub fn with_gradients(&self, x: &PlanePoint) -> (Pixel, [PlanePoint; 2]) {
+        let y = self.0 * Vector3::new(x.x, x.y, 1.0);
+        let p = Pixel::new(y.x / y.z, y.y / y.z);
+        let gradient = |i: usize| {
+            PlanePoint::new(self.0[(i, 0)] - p[i] * self.0[(2, 0)], self.0[(i, 1)] - p[i] * self.0[(2, 1)])
+                / y.z
+        };
+        (p, [gradient(0), gradient(1)])
+    }
+
+    /// The difference of two maps over `step`: how the image of a point moves from the one to the other, by [`Self::moved`].
+    pub fn difference(&self, other: &Self, step: f64) -> Matrix3<f64> {
+        (other.0 - self.0) / step
+    }
+
+    /// How the image `p` of a point moves with such a difference.
+    pub fn moved(&self, difference: &Matrix3<f64>, x: &PlanePoint, p: &Pixel) -> Pixel {
+        let x = Vector3::new(x.x, x.y, 1.0);
+        let (d, z) = (difference * x, self.0.row(2).transpose().dot(&x));
+        Pixel::new(d.x - p.x * d.z, d.y - p.y * d.z) / z
+    }
+
     /// The image of a plane point.
     pub fn at(&self, x: &PlanePoint) -> Pixel {
         apply(&self.0, x)
@@ -73,6 +96,21 @@ mod tests {
         let fitted = Homography::fit(&pairs).unwrap();
         let elsewhere = PlanePoint::new(2.0, -1.0);
         assert!((fitted.at(&elsewhere) - apply(&map, &elsewhere)).norm() < 1e-8 * 400.0);
+    }
+
+    #[test]
+    fn gradients_and_differences_are_those_of_the_map() {
+        let matrix = Matrix3::new(310.0, 21.0, 400.0, -14.0, 290.0, 300.0, 0.2, -0.1, 1.0);
+        let (map, x, h) = (Homography(matrix), PlanePoint::new(0.4, -0.7), 1e-6);
+        let (p, gradients) = map.with_gradients(&x);
+        assert_eq!(p, map.at(&x));
+        for (k, step) in [PlanePoint::x() * h, PlanePoint::y() * h].into_iter().enumerate() {
+            let difference = (map.at(&(x + step)) - map.at(&(x - step))) / (2.0 * h);
+            (0..2).for_each(|i| assert!((gradients[i][k] - difference[i]).abs() < 1e-6 * 400.0));
+        }
+        let other = Homography(matrix + h * Matrix3::new(3.0, 1.0, -2.0, 0.5, 2.0, 4.0, 0.01, 0.02, 0.0));
+        let moved = map.moved(&map.difference(&other, h), &x, &p);
+        assert!((moved - (other.at(&x) - p) / h).norm() < 1e-4, "{moved}");
     }
 
     #[test]

@@ -17,11 +17,11 @@ const EXPLAINED: f64 = 0.8;
 const CONTRAST_GRAY: f64 = 10.0;
 
 /// A residual that shows so many times the variance of the common one is this corner's own.
-const OWN_EXCESS: f64 = 3.0;
+pub(super) const OWN_EXCESS: f64 = 3.0;
 /// What the method itself leaves, standard deviation in pixels: 0.006 px on rendered boards without noise.
-const METHOD_PX: f64 = 0.003;
+pub(super) const METHOD_PX: f64 = 0.003;
 /// The image's noise is known to a fifth; a smaller residual is chance.
-const LEAST_EXCESS: f64 = 0.6;
+pub(super) const LEAST_EXCESS: f64 = 0.6;
 
 /// Blurs that are tried, standard deviations in pixels.
 const BLURS_PX: [f64; 6] = [0.35, 0.7, 1.1, 1.6, 2.2, 3.0];

@@ -40,6 +40,12 @@ pub(crate) fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f
     dim * TAG_AT_ONE_PX / shortest_edge_px(corners).max(1.0).sqrt()
 }
 
+/// What lens and paper leave of a tag's corner, against a camera model, where the image itself says how well it is measured: with that as much as
+/// the corners' sigma came to before it was predicted, so that verdicts stay.
+pub(super) fn tag_lens_px(corners: &[Pixel; 4]) -> f64 {
+    LENS_PX.hypot(tag_corner_px(corners, None))
+}
+
 /// Length of a quadrilateral's shortest edge, pixels.
 pub(super) fn shortest_edge_px(corners: &[Pixel; 4]) -> f64 {
     (0..4).map(|k| (corners[(k + 1) % 4] - corners[k]).norm()).fold(f64::INFINITY, f64::min)

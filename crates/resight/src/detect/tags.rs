@@ -4,6 +4,7 @@ use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
+use super::tag_print::{self, Print};
 use super::tiles::{self, Look};
 use super::{DetectError, sigma};
 use crate::GrayImage;
@@ -18,8 +19,10 @@ pub struct FoundTag {
     pub id: u32,
     /// Corners 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag, pixels.
     pub corners: [Pixel; 4],
-    /// Standard deviation of each corner coordinate by the image, pixels.
-    pub sigma_px: f64,
+    /// Standard deviation of each coordinate of each corner by the image, pixels.
+    pub sigmas_px: [f64; 4],
+    /// Standard deviation of each coordinate by what the lens model and a print that is not flat leave, pixels.
+    pub lens_sigma_px: f64,
     /// How far its bits lie from the black/white threshold, grey levels.
     pub margin_gray: f64,
 }
@@ -27,6 +30,7 @@ pub struct FoundTag {
 /// Finds every tag of a family, copies of an id included.
 pub struct TagFinder {
     decoder: QuadDecoder,
+    family: Family,
     min_margin_gray: f64,
     /// How many tags end the search early: all that are wanted.
     wanted: usize,
@@ -52,9 +56,16 @@ impl TagFinder {
         let rim_edges = family.rim_edges();
         // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
         // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
-        let mut decoder = QuadDecoder::new(&[family]).ok_or(DetectError::OutOfMemory)?;
+        let mut decoder = QuadDecoder::new(std::slice::from_ref(&family)).ok_or(DetectError::OutOfMemory)?;
         decoder.set_least_contrast(min_margin_gray as u8);
-        Ok(TagFinder { decoder, min_margin_gray, wanted, rim_edges, part: GrayImage::filled(0, 0, 0) })
+        Ok(TagFinder {
+            decoder,
+            family,
+            min_margin_gray,
+            wanted,
+            rim_edges,
+            part: GrayImage::filled(0, 0, 0),
+        })
     }
 
     /// The tags in an image, by id, then from the left.
@@ -68,9 +79,31 @@ impl TagFinder {
         } else {
             self.search(image, levels)
         };
-        let mut found: Vec<FoundTag> = tags.iter().map(FoundTag::new).collect();
+        self.measured(image, quiet.noise_gray, &tags)
+    }
+
+    /// Each tag measured by its print, by id, then from the left.
+    pub(super) fn measured(&self, image: &GrayImage, noise_gray: f64, tags: &[DecodedTag]) -> Vec<FoundTag> {
+        let mut found: Vec<FoundTag> = tags.iter().map(|tag| self.by_print(image, noise_gray, tag)).collect();
         found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
         found
+    }
+
+    /// A tag measured by its print; as the library has it where the print does not show.
+    fn by_print(&self, image: &GrayImage, noise_gray: f64, tag: &DecodedTag) -> FoundTag {
+        let index = self.family.ids.iter().position(|id| *id == tag.id);
+        let print = index.and_then(|index| Print::new(&self.family, self.family.codes[index]));
+        let laid =
+            print.and_then(|print| tag_print::lay(image, noise_gray, &print, &tag.corners, self.wanted));
+        match laid {
+            Some(laid) => FoundTag {
+                corners: laid.corners,
+                sigmas_px: laid.sigmas_px,
+                lens_sigma_px: sigma::tag_lens_px(&laid.corners),
+                ..FoundTag::by_edges(tag)
+            },
+            None => FoundTag::by_edges(tag),
+        }
     }
 
     /// Found in the smoothed image, measured in the image as it came, where alone the smallest tags show.
@@ -184,22 +217,25 @@ fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
 }
 
 impl FoundTag {
-    pub(super) fn new(tag: &DecodedTag) -> Self {
+    /// As the library has it.
+    pub(super) fn by_edges(tag: &DecodedTag) -> Self {
         FoundTag {
             id: tag.id,
             corners: tag.corners,
-            sigma_px: sigma::tag_px(tag),
+            sigmas_px: [sigma::tag_px(tag); 4],
+            lens_sigma_px: sigma::LENS_PX,
             margin_gray: tag.margin_gray,
         }
     }
 
     /// Its four corners as detections.
     pub fn detections(&self) -> impl Iterator<Item = Detection> + '_ {
-        self.corners.iter().zip(0..).map(|(&pixel, corner)| Detection {
+        let corners = self.corners.iter().zip(self.sigmas_px).zip(0..);
+        corners.map(|((&pixel, sigma_px), corner)| Detection {
             feature: Feature { id: self.id, corner },
             pixel,
-            sigma_px: self.sigma_px,
-            lens_sigma_px: sigma::LENS_PX,
+            sigma_px,
+            lens_sigma_px: self.lens_sigma_px,
             covariance_px2: None,
         })
     }

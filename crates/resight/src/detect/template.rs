@@ -6,7 +6,7 @@
 //! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
 //! explains says whether the corner is there at all; how well the shift is known, `scatter` says.
 
-mod scatter;
+pub(super) mod scatter;
 
 use super::homography::{Homography, PlanePoint};
 use crate::GrayImage;

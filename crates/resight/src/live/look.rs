@@ -76,7 +76,7 @@ impl Look {
         }
     }
 
-    /// Goes on where another session stopped; true where there was something to go on from. `refused` is told which target begins anew,
+    /// Goes on where another session stopped; true where there was something to go on from. `refused` receives which target begins anew,
     /// by its place, and why.
     pub(super) fn restore(&mut self, record: &CameraRecord, mut refused: impl FnMut(usize, String)) -> bool {
         let mut is_any = false;

@@ -1,7 +1,7 @@
 //! How often a session says something: a state that comes and goes with every frame must not fill a disk and an inbox.
 //!
 //! Every change of a state, and of what moved, passes here. Alarms pass at once, calm (`steady`) after it has lasted, and all of them through a bucket:
-//! `BURST` at once, then one every `AGAIN_S`. What must wait is not lost: the newest state is told when its time has come, or at the end.
+//! `BURST` at once, then one every `AGAIN_S`. What must wait is not lost: the newest state is reported when its time has come, or at the end.
 
 use super::{Event, State};
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ const BURST: f64 = 10.0;
 /// and then one in this time, seconds of capture time.
 const AGAIN_S: f64 = 60.0;
 
-/// What was told of every pair and of what moved, and what waits.
+/// What was reported of every pair and of what moved, and what waits.
 #[derive(Default)]
 pub(super) struct Outlet {
     pairs: BTreeMap<(usize, usize), Pair>,
@@ -60,7 +60,7 @@ impl Bucket {
 }
 
 impl Outlet {
-    /// What is to be told now that this has happened.
+    /// What is to be reported now that this has happened.
     pub fn take(&mut self, event: Event) -> Vec<Event> {
         match event {
             Event::StateChanged { camera, target, t_s, state } => {
@@ -159,7 +159,7 @@ mod tests {
         events.into_iter().filter_map(of).collect()
     }
 
-    /// Thirty frames a second, every third an outlier, for an hour: the doubt is told once, and calm when it has lasted.
+    /// Thirty frames a second, every third an outlier, for an hour: the doubt is reported once, and calm when it has lasted.
     #[test]
     fn a_state_that_flickers_is_told_once() {
         let (mut outlet, mut told) = (Outlet::default(), Vec::new());
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(states(outlet.finish()).len(), 1, "that it is steady at the end");
     }
 
-    /// What comes and goes every five seconds for a day, an alarm each time: no more than is stated, and the last one is told.
+    /// What comes and goes every five seconds for a day, an alarm each time: no more than is stated, and the last one is reported.
     #[test]
     fn no_output_exceeds_its_stated_rate() {
         let (mut outlet, mut told) = (Outlet::default(), Vec::new());

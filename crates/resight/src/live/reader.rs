@@ -1,4 +1,4 @@
-//! The thread that reads a source: frames into the queue, losses and steps of the clock told.
+//! The thread that reads a source: frames into the queue, losses and steps of the clock reported.
 
 use super::clock::{CaptureClock, Stamp};
 use super::pace::Pace;

@@ -1,4 +1,4 @@
-//! Several cameras and targets: what moved, camera or target, told from all that they see of each other.
+//! Several cameras and targets: what moved, camera or target, decided from all that they see of each other.
 //!
 //! Where targets stand still every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms
 //! moved. Where a target is carried about only the relations among the cameras are watched, moment by moment.
@@ -70,7 +70,7 @@ impl Relations {
         }
     }
 
-    /// The event, as it is to be told, and what follows from it.
+    /// The event, as it is to be reported, and what follows from it.
     pub fn take(&mut self, event: Event) -> Vec<Event> {
         match self {
             Relations::None => vec![event],
@@ -102,7 +102,7 @@ impl Relations {
         }
     }
 
-    /// What is still to be told when all sources have ended.
+    /// What is still to be reported when all sources have ended.
     pub fn finish(&mut self) -> Vec<Event> {
         match self {
             Relations::Cameras(cameras) => cameras.finish(),

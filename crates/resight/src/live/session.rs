@@ -21,7 +21,7 @@ use std::thread;
 const EVENTS: usize = 256;
 
 /// Runs until every source has ended or `stop` is set, telling `listener` each event. With `stop` no more is read, and what was read is
-/// still looked at and told. False from the listener ends the session at once; it is told nothing more.
+/// still looked at and reported. False from the listener ends the session at once; it receives nothing more.
 ///
 /// # Errors
 /// A camera that cannot be watched, before anything has started.

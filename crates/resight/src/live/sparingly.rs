@@ -1,11 +1,11 @@
-//! What happens with every frame is told at once, then together: an event for each would fill a disk and an inbox.
+//! What happens with every frame is reported at once, then together: an event for each would fill a disk and an inbox.
 
 use std::time::{Duration, Instant};
 
-/// What has been told is told again after this long.
+/// What has been reported is reported again after this long.
 const AGAIN: Duration = Duration::from_secs(60);
 
-/// Counts what is told now and then.
+/// Counts what is reported now and then.
 #[derive(Default)]
 pub(super) struct Sparingly {
     untold: u64,
@@ -17,7 +17,7 @@ impl Sparingly {
         self.untold += count;
     }
 
-    /// How many are to be told now; at the end all that are not told yet.
+    /// How many are to be reported now; at the end all that are not reported yet.
     pub fn due(&mut self, now: Instant, is_end: bool) -> Option<u64> {
         let is_due = is_end || self.told.is_none_or(|told| AGAIN <= now.saturating_duration_since(told));
         if self.untold == 0 || !is_due {

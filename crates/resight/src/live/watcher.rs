@@ -120,7 +120,7 @@ impl<'a> Watcher<'a> {
 struct Teller {
     camera: usize,
     told: SyncSender<Event>,
-    /// As last told, for each target.
+    /// As last reported, for each target.
     states: Vec<Option<State>>,
     dropped: Sparingly,
 }
@@ -167,7 +167,7 @@ impl Teller {
         !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
     }
 
-    /// A drift is known better at the end than when it was told.
+    /// A drift is known better at the end than when it was reported.
     fn at_the_end(&self, t_s: f64, states: Vec<State>) {
         let camera = self.camera;
         for (target, state) in states.into_iter().enumerate() {

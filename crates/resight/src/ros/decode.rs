@@ -3,9 +3,10 @@
 //! CDR: OMG DDSI-RTPS 2.3 section 10; four bytes say the byte order, then each number lies at a multiple of its size, counted from
 //! after them. ROS 1: the same without those four bytes and without gaps, little end first.
 
-use super::base64;
 use super::definition::{Count, Definition, Field, Kind};
 use super::value::Value;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine, alphabet};
 use std::borrow::Cow;
 
 /// Messages nested deeper are none of those read here.
@@ -170,13 +171,20 @@ pub fn from_json(data: &[u8]) -> Result<Value<'static>, String> {
     Ok(json_value(value, ""))
 }
 
+/// The bytes of a text in Base64, as JSON carries images; with or without padding.
+fn bytes_of(text: &str) -> Option<Vec<u8>> {
+    const ANY_PADDING: GeneralPurposeConfig =
+        GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    GeneralPurpose::new(&alphabet::STANDARD, ANY_PADDING).decode(text).ok()
+}
+
 fn json_value(value: serde_json::Value, name: &str) -> Value<'static> {
     use serde_json::Value as Json;
     match value {
         Json::Number(x) => Value::Number(x.as_f64().unwrap_or(f64::NAN)),
         Json::Bool(flag) => Value::Number(f64::from(u8::from(flag))),
         Json::Null => Value::List(Vec::new()),
-        Json::String(text) => match base64::decode(&text).filter(|_| name == "data") {
+        Json::String(text) => match bytes_of(&text).filter(|_| name == "data") {
             Some(bytes) => Value::Bytes(bytes.into()),
             None => Value::Text(text.into()),
         },
@@ -190,6 +198,22 @@ fn json_value(value: serde_json::Value, name: &str) -> Value<'static> {
                 (Cow::Owned(name), value)
             };
             Value::Message(fields.into_iter().map(read).collect())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::bytes_of;
+
+    /// Writers leave the padding out or put it in; what is no Base64 stays a text.
+    #[test]
+    fn bytes_are_read_with_and_without_padding() {
+        for coded in ["Zm8=", "Zm8"] {
+            assert_eq!(bytes_of(coded).as_deref(), Some(&b"fo"[..]), "{coded}");
+        }
+        for text in ["Z", "Zg-_", "Zm9v!"] {
+            assert_eq!(bytes_of(text), None, "{text}");
         }
     }
 }

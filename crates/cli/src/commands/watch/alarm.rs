@@ -7,35 +7,36 @@ use resight::core::monitor::learn::LearnConfig;
 
 /// The alarm.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Alarm")]
 pub struct AlarmArgs {
-    /// False alarms a day, on average at most, for all cameras together.
-    #[arg(long, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
+    /// False alarms a day, on average at most, for all cameras together [default: 1/30, one a month]
+    #[arg(long, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is unseen.
-    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
     unseen_after_s: f64,
-    /// Turns below this are no drift.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
+    /// Rotations below this are no motion.
+    #[arg(long, hide_short_help = true, value_name = "DEGREES", default_value_t = 0.0)]
     tolerance_deg: f64,
-    /// Shifts below this are no drift.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
+    /// Translations below this are no motion.
+    #[arg(long, hide_short_help = true, value_name = "MM", default_value_t = 0.0)]
     tolerance_mm: f64,
-    /// Errors of the pose that last from frame to frame, as far as they are known beforehand: of the rotation
-    /// [default: 0, with --moving-target 0.2].
-    #[arg(long, value_name = "DEGREES")]
-    bias_deg: Option<f64>,
-    /// The same of the place [default: 0, with --moving-target 2].
-    #[arg(long, value_name = "MM")]
-    bias_mm: Option<f64>,
-    /// How long such errors last.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::seconds)]
-    bias_time_s: f64,
-    /// The wobble of every day (sun, load), as a standard deviation: of the rotation.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0)]
-    daily_deg: f64,
-    /// The same of the place.
-    #[arg(long, value_name = "MM", default_value_t = 0.0)]
-    daily_mm: f64,
+    /// Standard deviation of the rotation error that is correlated from frame to frame, as far as it is known beforehand; it is measured
+    /// otherwise [default: 0, with --moving-target 0.2]
+    #[arg(long, hide_short_help = true, value_name = "DEGREES")]
+    correlated_deg: Option<f64>,
+    /// Standard deviation of the correlated position error [default: 0, with --moving-target 2]
+    #[arg(long, hide_short_help = true, value_name = "MM")]
+    correlated_mm: Option<f64>,
+    /// Time constant of these correlated errors (Gauss–Markov).
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::args::seconds)]
+    correlation_time_s: f64,
+    /// Standard deviation of the diurnal variation (sun, load) of the rotation.
+    #[arg(long, hide_short_help = true, value_name = "DEGREES", default_value_t = 0.0)]
+    diurnal_deg: f64,
+    /// Standard deviation of the diurnal variation of the position.
+    #[arg(long, hide_short_help = true, value_name = "MM", default_value_t = 0.0)]
+    diurnal_mm: f64,
 }
 
 /// What a lens model leaves over changes as the target is carried through the picture, and a short look shows little of it: degrees and
@@ -56,11 +57,14 @@ impl AlarmArgs {
 
     /// Errors known beforehand.
     pub fn lasting(&self, is_target_moving: bool) -> LearnConfig {
-        let [bias_deg, bias_mm] = if is_target_moving { CARRIED_ABOUT } else { [0.0, 0.0] };
+        let [correlated_deg, correlated_mm] = if is_target_moving { CARRIED_ABOUT } else { [0.0, 0.0] };
         LearnConfig {
-            bias: spread(self.bias_deg.unwrap_or(bias_deg), self.bias_mm.unwrap_or(bias_mm)),
-            bias_time_s: self.bias_time_s,
-            daily: spread(self.daily_deg, self.daily_mm),
+            bias: spread(
+                self.correlated_deg.unwrap_or(correlated_deg),
+                self.correlated_mm.unwrap_or(correlated_mm),
+            ),
+            bias_time_s: self.correlation_time_s,
+            daily: spread(self.diurnal_deg, self.diurnal_mm),
         }
     }
 }
@@ -88,7 +92,7 @@ mod tests {
 
     /// All different, so that no two can be mistaken for each other.
     const ALL: &str = "watch --false-alarms-per-day 0.6 --unseen-after-s 7 --tolerance-deg 0.5 --tolerance-mm 3 \
-        --bias-deg 0.2 --bias-mm 4 --bias-time-s 90 --daily-deg 0.1 --daily-mm 5";
+        --correlated-deg 0.2 --correlated-mm 4 --correlation-time-s 90 --diurnal-deg 0.1 --diurnal-mm 5";
 
     fn is_spread(covariance: &Matrix6<f64>, degrees: f64, metres: f64) -> bool {
         let sigma = covariance.diagonal().map(f64::sqrt);

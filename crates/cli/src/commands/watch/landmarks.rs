@@ -9,13 +9,17 @@ use std::path::Path;
 
 /// The landmarks.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Landmarks")]
 pub struct LandmarkArgs {
-    /// Reference picture (PNG or JPEG) of a camera: while it sees no target, its turn since that picture is watched.
+    /// Reference image of a camera: while it sees no target, its rotation since then is watched.
+    ///
+    /// PNG or JPEG.
     #[arg(long, value_name = "[NAME=]FILE")]
     landmarks: Vec<String>,
-    /// The same with the first picture that shows enough, which is written to this PNG file. A file that is there already is not
-    /// overwritten but is the reference picture; remove it to take another.
-    #[arg(long, value_name = "[NAME=]FILE")]
+    /// Takes the first image that shows enough as the reference image and writes it to this PNG file.
+    ///
+    /// A file that is there already is not overwritten but is the reference image; remove it to take another.
+    #[arg(long, hide_short_help = true, value_name = "[NAME=]FILE")]
     save_landmarks: Vec<String>,
 }
 

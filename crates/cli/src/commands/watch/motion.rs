@@ -7,7 +7,7 @@ use resight::core::track::{Motion, TrackConfig};
 /// Mounted, or on something that moves.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 enum Kind {
-    /// Mounted: it stays where it is, but for a sway.
+    /// Mounted: it stays where it is, but for its process noise.
     Static,
     /// On a vehicle, an arm or in a hand: it goes on as it went. Its pose is followed; that it moves is no drift.
     Moving,
@@ -15,24 +15,25 @@ enum Kind {
 
 /// The motion.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Motion")]
 pub struct MotionArgs {
     /// How cameras move.
-    #[arg(long, value_enum, default_value_t = Kind::Static)]
+    #[arg(long, hide_short_help = true, value_enum, default_value_t = Kind::Static)]
     motion: Kind,
-    /// How far a mounted camera turns within one second (standard deviation about each axis; grows with the root of time)
-    /// [default: 0.006].
-    #[arg(long, value_name = "DEGREES", value_parser = crate::args::positive)]
-    sway_deg: Option<f64>,
-    /// The same, how far it shifts [default: 0.1].
-    #[arg(long, value_name = "MM", value_parser = crate::args::positive)]
-    sway_mm: Option<f64>,
-    /// By how much the turning speed of a moving camera changes within one second, degrees per second (standard deviation about
-    /// each axis; grows with the root of time) [default: 30].
-    #[arg(long, value_name = "DEG_PER_S", value_parser = crate::args::positive)]
-    agility_deg_per_s: Option<f64>,
-    /// The same of its speed, millimetres per second [default: 500].
-    #[arg(long, value_name = "MM_PER_S", value_parser = crate::args::positive)]
-    agility_mm_per_s: Option<f64>,
+    /// Process noise of a mounted camera: standard deviation of its rotation about each axis after one second; grows with the root of
+    /// time [default: 0.006]
+    #[arg(long, hide_short_help = true, value_name = "DEG", value_parser = crate::args::positive)]
+    rotation_noise_deg_per_sqrt_s: Option<f64>,
+    /// Process noise of a mounted camera: standard deviation of its position along each axis after one second [default: 0.1]
+    #[arg(long, hide_short_help = true, value_name = "MM", value_parser = crate::args::positive)]
+    position_noise_mm_per_sqrt_s: Option<f64>,
+    /// Process noise of a moving camera: standard deviation of the change of its angular velocity about each axis after one second,
+    /// degrees per second; grows with the root of time [default: 30]
+    #[arg(long, hide_short_help = true, value_name = "DEG", value_parser = crate::args::positive)]
+    acceleration_noise_deg_per_s_sqrt_s: Option<f64>,
+    /// Process noise of a moving camera: standard deviation of the change of its velocity after one second, mm per second [default: 500]
+    #[arg(long, hide_short_help = true, value_name = "MM", value_parser = crate::args::positive)]
+    acceleration_noise_mm_per_s_sqrt_s: Option<f64>,
 }
 
 impl MotionArgs {
@@ -43,22 +44,27 @@ impl MotionArgs {
 
     /// As the filter wants it.
     pub fn track(&self) -> Result<TrackConfig> {
-        let sways = self.sway_deg.is_some() || self.sway_mm.is_some();
-        let is_agile = self.agility_deg_per_s.is_some() || self.agility_mm_per_s.is_some();
+        let is_mounted =
+            self.rotation_noise_deg_per_sqrt_s.is_some() || self.position_noise_mm_per_sqrt_s.is_some();
+        let is_moving = self.acceleration_noise_deg_per_s_sqrt_s.is_some()
+            || self.acceleration_noise_mm_per_s_sqrt_s.is_some();
         let motion = match self.motion {
-            Kind::Static if is_agile => bail!(
-                "--agility-deg-per-s and --agility-mm-per-s belong to --motion moving; a mounted camera has --sway-deg and --sway-mm"
+            Kind::Static if is_moving => bail!(
+                "--acceleration-noise-deg-per-s-sqrt-s and --acceleration-noise-mm-per-s-sqrt-s belong to --motion moving; a mounted camera has --rotation-noise-deg-per-sqrt-s and --position-noise-mm-per-sqrt-s"
             ),
-            Kind::Moving if sways => bail!(
-                "--sway-deg and --sway-mm belong to --motion static; a moving camera has --agility-deg-per-s and --agility-mm-per-s"
+            Kind::Moving if is_mounted => bail!(
+                "--rotation-noise-deg-per-sqrt-s and --position-noise-mm-per-sqrt-s belong to --motion static; a moving camera has --acceleration-noise-deg-per-s-sqrt-s and --acceleration-noise-mm-per-s-sqrt-s"
             ),
             Kind::Static => Motion::Static {
-                rotation_rad_per_sqrt_s: self.sway_deg.map_or(1e-4, f64::to_radians),
-                translation_m_per_sqrt_s: 1e-3 * self.sway_mm.unwrap_or(0.1),
+                rotation_rad_per_sqrt_s: self.rotation_noise_deg_per_sqrt_s.map_or(1e-4, f64::to_radians),
+                translation_m_per_sqrt_s: 1e-3 * self.position_noise_mm_per_sqrt_s.unwrap_or(0.1),
             },
             Kind::Moving => Motion::ConstantVelocity {
-                rotation_rad_per_s_sqrt_s: self.agility_deg_per_s.unwrap_or(30.0).to_radians(),
-                translation_m_per_s_sqrt_s: 1e-3 * self.agility_mm_per_s.unwrap_or(500.0),
+                rotation_rad_per_s_sqrt_s: self
+                    .acceleration_noise_deg_per_s_sqrt_s
+                    .unwrap_or(30.0)
+                    .to_radians(),
+                translation_m_per_s_sqrt_s: 1e-3 * self.acceleration_noise_mm_per_s_sqrt_s.unwrap_or(500.0),
             },
         };
         Ok(TrackConfig { motion, ..TrackConfig::default() })
@@ -85,15 +91,17 @@ mod tests {
     }
 
     #[test]
-    fn sway_and_agility_are_radians_and_metres() {
+    fn process_noise_is_in_radians_and_metres() {
         let Motion::Static { rotation_rad_per_sqrt_s: turn, translation_m_per_sqrt_s: shift } =
-            motion("watch --sway-deg 0.02 --sway-mm 0.7")
+            motion("watch --rotation-noise-deg-per-sqrt-s 0.02 --position-noise-mm-per-sqrt-s 0.7")
         else {
             panic!("static")
         };
         assert!(near(turn, 0.02_f64.to_radians()) && near(shift, 0.7e-3), "{turn} {shift}");
         let Motion::ConstantVelocity { rotation_rad_per_s_sqrt_s: turn, translation_m_per_s_sqrt_s: shift } =
-            motion("watch --motion moving --agility-deg-per-s 12 --agility-mm-per-s 80")
+            motion(
+                "watch --motion moving --acceleration-noise-deg-per-s-sqrt-s 12 --acceleration-noise-mm-per-s-sqrt-s 80",
+            )
         else {
             panic!("moving")
         };

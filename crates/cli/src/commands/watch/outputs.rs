@@ -50,12 +50,13 @@ pub fn tell(
 
 /// The outputs.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Outputs")]
 pub struct OutputArgs {
     /// JSON Lines on stdout, one object per event and nothing else.
     #[arg(long)]
     pub json: bool,
     /// Also says what every frame showed.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     frames: bool,
     #[command(flatten)]
     history: HistoryArgs,
@@ -68,10 +69,10 @@ pub struct OutputArgs {
     #[command(flatten)]
     mqtt: mqtt::MqttArgs,
     /// Certificates (PEM) to believe for https and mqtts [default: those of this machine].
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, hide_short_help = true, value_name = "FILE")]
     ca_file: Option<PathBuf>,
     /// At the end of a session, how long --webhook and --mqtt each may take for what still waits.
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     flush_s: f64,
     #[command(flatten)]
     tui: tui::TuiArgs,

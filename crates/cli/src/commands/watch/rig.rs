@@ -11,23 +11,26 @@ use std::path::PathBuf;
 
 /// The rig.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Rig")]
 pub struct RigArgs {
-    /// Cameras with their names, lenses and places: what `resight rig -o` writes, or any format it reads; several files are
-    /// joined by their frames' names. --camera is not needed then.
+    /// Cameras with their names, intrinsics and extrinsics, instead of --camera.
+    ///
+    /// What `resight rig -o` writes, or any format it reads; several files are joined by their frames' names.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "camera")]
     pub rig: Vec<PathBuf>,
-    /// The target is carried about, or the rig drives past it: only the cameras' places relative to each other are watched, in
-    /// moments in which two of them see it.
+    /// The target is hand-held, or the rig drives past it: only the cameras' relative poses are watched.
+    ///
+    /// In synchronised frame sets in which two of them see the target.
     #[arg(long)]
     pub moving_target: bool,
-    /// Frames of different cameras within this time belong to one moment.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]
+    /// Frames of different cameras within this time are one synchronised frame set.
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]
     sync_tolerance_s: f64,
-    /// How well the rig file's places are known where it does not say so: of each turn. Without it such places are learned anew.
-    #[arg(long, value_name = "DEGREES", requires_all = ["rig", "rig_sigma_mm"], value_parser = crate::args::positive)]
+    /// Standard deviation of the rotations of the rig file where it states none; without it such extrinsics are learned anew.
+    #[arg(long, hide_short_help = true, value_name = "DEG", requires_all = ["rig", "rig_sigma_mm"], value_parser = crate::args::positive)]
     rig_sigma_deg: Option<f64>,
-    /// The same of each shift.
-    #[arg(long, value_name = "MM", requires = "rig_sigma_deg", value_parser = crate::args::positive)]
+    /// Standard deviation of its translations.
+    #[arg(long, hide_short_help = true, value_name = "MM", requires = "rig_sigma_deg", value_parser = crate::args::positive)]
     rig_sigma_mm: Option<f64>,
 }
 

@@ -15,22 +15,25 @@ use video::Film;
 
 /// The sources.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Sources")]
 pub struct SourceArgs {
-    /// Where frames come from: a folder that fills up, pictures ('night/*.png'), a video file, a recording (run.mcap, or
-    /// run.mcap#/topic where several topics show something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera
-    /// (/dev/video0), or - for detections as JSON Lines on stdin. NAME=SOURCE where there are several cameras. An address with a
-    /// password comes from the first line of a file that only you can read (@FILE) or from a variable (env:VARIABLE).
-    #[arg(long, required = true, value_name = "[NAME=]SOURCE")]
+    /// Where frames come from: a folder, images, a video, a recording, a stream, a device, or - for stdin.
+    ///
+    /// A folder that fills up, images ('night/*.png'), a video file, a recording (run.mcap, or run.mcap#/topic where several topics show
+    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on
+    /// stdin. NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
+    /// read (@FILE) or from a variable (env:VARIABLE).
+    #[arg(long, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
     /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
-    #[arg(long, value_name = "SECONDS", value_parser = crate::args::seconds)]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", value_parser = crate::args::seconds)]
     period_s: Option<f64>,
     /// A stream without a frame for this long is lost, and opened again.
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     lost_after_s: f64,
     /// Further options for ffmpeg, before its input: "-video_size 1280x720 -framerate 30" for a camera, "-t 60" for the first
     /// minute. NAME=OPTIONS for the stream of one camera.
-    #[arg(long, value_name = "[NAME=]OPTIONS", allow_hyphen_values = true)]
+    #[arg(long, hide_short_help = true, value_name = "[NAME=]OPTIONS", allow_hyphen_values = true)]
     ffmpeg_input_options: Vec<String>,
 }
 

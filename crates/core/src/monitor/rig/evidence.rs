@@ -9,10 +9,12 @@
 //! Derivation: docs/math/monitor.md eqs. (22)–(24).
 
 use super::filter::{Carried, Innovation, STATES};
-use crate::monitor::LogSum;
 use crate::monitor::axis::DAY_S;
+use crate::monitor::measured::GROWN;
 use crate::monitor::onsets::Course;
-use crate::snapshot::numbers;
+use crate::monitor::onsets::WIDER;
+use crate::monitor::{LogSum, Scaled};
+use crate::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector};
 
@@ -33,6 +35,16 @@ pub(super) struct Onset {
     log_weights: [Vec<[f64; KINDS]>; 2],
     /// Variances of a sight of each camera when this onset came up.
     typical: DVector<f64>,
+    /// How likely the moments before it were under each model of the noise.
+    pub then: Then,
+}
+
+/// What an onset remembers of the noise before it: logarithms of likelihoods, and the count of moments.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Then {
+    pub own: f64,
+    pub grown: [f64; GROWN.len()],
+    pub moments: f64,
 }
 
 /// What the moments since an onset say of motions of all cameras.
@@ -66,7 +78,25 @@ impl Gathered {
         self.signature.fixed_view::<6, 6>(STATES * camera, 6 * camera).into()
     }
 
-    fn is_sound(&self, cameras: usize) -> bool {
+    /// Of motions that begin now and stay.
+    pub fn of_jumps(cameras: usize) -> Self {
+        Gathered::new(unit(cameras))
+    }
+
+    pub fn predict(&mut self, carried: &Carried) {
+        for mut column in self.signature.column_iter_mut() {
+            column.component_mul_assign(&carried.factors);
+        }
+    }
+
+    /// c²/d of a camera, the mean over its six coordinates; none where it was not seen.
+    pub fn mean_square(&self, camera: usize) -> Option<f64> {
+        let square = |i: usize| self.score[i] * self.score[i] / self.information[(i, i)];
+        let own = 6 * camera..6 * camera + 6;
+        own.clone().all(|i| 0.0 < self.information[(i, i)]).then(|| own.map(square).sum::<f64>() / 6.0)
+    }
+
+    pub fn is_sound(&self, cameras: usize) -> bool {
         let n = 6 * cameras;
         self.signature.shape() == (STATES * cameras, n)
             && (self.score.len(), self.information.shape()) == (n, (n, n))
@@ -74,7 +104,7 @@ impl Gathered {
             && self.groups.iter().all(|group| *group < cameras)
     }
 
-    fn add(&mut self, innovation: &Innovation) {
+    pub fn add(&mut self, innovation: &Innovation) {
         self.tie(&innovation.design);
         let seen = &innovation.design * &self.signature;
         let weighted = innovation.spread.solve(&seen);
@@ -98,7 +128,7 @@ impl Gathered {
 
 impl Onset {
     /// `share`: weight of all cameras and kinds together.
-    pub fn new(t_s: f64, share: f64, typical: &DVector<f64>) -> Self {
+    pub fn new(t_s: f64, share: f64, typical: &DVector<f64>, then: Then) -> Self {
         let cameras = typical.len() / 6;
         let jump = unit(cameras);
         let weight = share / (COURSES.len() * cameras * KINDS) as f64;
@@ -108,6 +138,7 @@ impl Onset {
             gathered: [Gathered::new(jump.clone()), Gathered::new(jump * 0.0)],
             log_weights: [log_weights.clone(), log_weights],
             typical: typical.clone(),
+            then,
         }
     }
 
@@ -125,9 +156,7 @@ impl Onset {
 
     pub fn predict(&mut self, carried: &Carried) {
         for (course, gathered) in COURSES.into_iter().zip(&mut self.gathered) {
-            for mut column in gathered.signature.column_iter_mut() {
-                column.component_mul_assign(&carried.factors);
-            }
+            gathered.predict(carried);
             if course == Course::Slow {
                 for i in 0..gathered.signature.ncols() {
                     gathered.signature[(STATES * (i / 6) + i % 6, i)] += carried.elapsed_s / DAY_S;
@@ -142,10 +171,15 @@ impl Onset {
 
     /// ln Λ of a course, camera and every kind, (23).
     fn log_ratios(&self, course: usize, camera: usize) -> [f64; KINDS] {
+        self.log_ratios_of(course, camera, SIZES[course])
+    }
+
+    /// The same of motions of another size.
+    fn log_ratios_of(&self, course: usize, camera: usize, size: f64) -> [f64; KINDS] {
         let gathered = &self.gathered[course];
         // In units of what is looked for: Γ is one.
         let typical = self.typical.fixed_rows::<6>(6 * camera);
-        let sigma = Vector6::from_fn(|i, _| SIZES[course] * typical[i].sqrt());
+        let sigma = Vector6::from_fn(|i, _| size * typical[i].sqrt());
         let score = gathered.score.fixed_rows::<6>(6 * camera).component_mul(&sigma);
         let mut spread: Matrix6 = gathered.information.fixed_view::<6, 6>(6 * camera, 6 * camera).into();
         spread.component_mul_assign(&(sigma * sigma.transpose()));
@@ -165,6 +199,22 @@ impl Onset {
     /// ln Σ wΛ.
     fn log_mass(&self) -> f64 {
         LogSum::of([0, 1].into_iter().flat_map(|course| self.log_masses(course))).ln()
+    }
+
+    /// The same, a motion being of any size: noise that follows a jump explains a gross one better than a small one does.
+    fn log_mass_of_any_size(&self) -> f64 {
+        let mut sum = LogSum::nothing();
+        for (times, weight) in WIDER {
+            for course in 0..COURSES.len() {
+                for (camera, weights) in self.log_weights[course].iter().enumerate() {
+                    let ratios = self.log_ratios_of(course, camera, times * SIZES[course]);
+                    ratios.iter().zip(weights).for_each(|(ratio, log_w)| {
+                        sum.add(Scaled { exponent: ratio + log_w, factor: weight });
+                    });
+                }
+            }
+        }
+        sum.ln()
     }
 
     /// What an onset that goes was worth is added to this one.
@@ -229,16 +279,22 @@ impl Evidence {
     }
 
     /// Lets a change begin at `t_s` too, with a weight of `share`.
-    pub fn begin(&mut self, t_s: f64, share: f64, typical: &DVector<f64>) {
+    pub fn begin(&mut self, t_s: f64, share: f64, typical: &DVector<f64>, then: Then) {
         if self.onsets.len() == ONSETS {
             self.merge_two();
         }
-        self.onsets.push(Onset::new(t_s, share, typical));
+        self.onsets.push(Onset::new(t_s, share, typical, then));
     }
 
     pub fn add(&mut self, innovation: &Innovation) {
         self.onsets.iter_mut().for_each(|onset| onset.add(innovation));
         self.statistic = LogSum::of(self.onsets.iter().map(Onset::log_mass)).ln().exp().min(f64::MAX);
+    }
+
+    /// ln R, each onset taken against all noise that is possible.
+    pub fn log_statistic_against(&self, log_against: impl Fn(&Then) -> f64) -> f64 {
+        let of = |onset: &Onset| onset.log_mass_of_any_size() + log_against(&onset.then);
+        LogSum::of(self.onsets.iter().map(of)).ln()
     }
 
     /// Joins the neighbours that lie closest for their age; the heavier stands for both.
@@ -276,8 +332,39 @@ impl Evidence {
     }
 }
 
+impl Evidence {
+    /// As version 1 of a snapshot has it: without what an onset remembers of the noise before it.
+    pub fn put_version_1(&self, numbers: &mut Vec<f64>) {
+        self.onsets.len().put(numbers);
+        for Onset { t_s, gathered, log_weights, typical, .. } in &self.onsets {
+            t_s.put(numbers);
+            gathered.put(numbers);
+            log_weights.put(numbers);
+            typical.put(numbers);
+        }
+        self.statistic.put(numbers);
+    }
+
+    /// Reads what that wrote.
+    pub fn take_version_1(rest: &mut Rest) -> Option<Self> {
+        let n = usize::take(rest)?;
+        let mut onsets = Vec::new();
+        for _ in 0..n {
+            onsets.push(Onset {
+                t_s: f64::take(rest)?,
+                gathered: Numbers::take(rest)?,
+                log_weights: Numbers::take(rest)?,
+                typical: Numbers::take(rest)?,
+                then: Then::default(),
+            });
+        }
+        Some(Evidence { onsets, statistic: f64::take(rest)? })
+    }
+}
+
+numbers!(Then { own, grown, moments });
 numbers!(Gathered { signature, score, information, groups });
-numbers!(Onset { t_s, gathered, log_weights, typical });
+numbers!(Onset { t_s, gathered, log_weights, typical, then });
 numbers!(Evidence { onsets, statistic });
 
 #[cfg(test)]
@@ -301,7 +388,7 @@ pub(super) mod tests {
     fn turned(quiet: usize, after: usize, turn_rad: f64) -> Evidence {
         let (mut evidence, typical) = (Evidence::default(), DVector::from_element(12, SIGMA * SIGMA));
         for i in 0..quiet + after {
-            evidence.begin(i as f64, 1.0, &typical);
+            evidence.begin(i as f64, 1.0, &typical, Then::default());
             evidence.add(&difference(2, [0, 1], if i < quiet { 0.0 } else { turn_rad }));
         }
         evidence

@@ -98,6 +98,17 @@ impl Innovation {
         self.value.dot(&self.spread.solve(&self.value))
     }
 
+    /// ln |S|.
+    pub fn log_volume(&self) -> f64 {
+        self.spread.l_dirty().diagonal().iter().map(|root| 2.0 * root.ln()).sum()
+    }
+
+    /// The same where all variances are so many times as large.
+    pub fn scaled(self, scale: f64) -> Self {
+        let spread = nalgebra::Cholesky::pack_dirty(self.spread.unpack_dirty() * scale.sqrt());
+        Innovation { spread, ..self }
+    }
+
     pub fn degrees_of_freedom(&self) -> usize {
         self.value.len()
     }

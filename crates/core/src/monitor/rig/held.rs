@@ -2,7 +2,7 @@
 //! another time is alone, a knocked camera stays where it is.
 
 use super::SURPRISE;
-use super::evidence::Onset;
+use super::evidence::{Onset, Then};
 use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
 use super::which::{explained, which};
@@ -65,11 +65,11 @@ impl Held {
     pub fn push(
         &mut self,
         moment: Moment,
-        filter: &RigFilter,
+        (filter, scale): (&RigFilter, f64),
         innovation: &Innovation,
         typical: &DVector<f64>,
     ) -> (Vec<Moment>, u64) {
-        let mut onset = Onset::new(moment.t_s, 1.0, typical);
+        let mut onset = Onset::new(moment.t_s, 1.0, typical, Then::default());
         onset.add(innovation);
         let attribution = which(onset.gathered(0), 1);
         let mut suspects: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
@@ -86,7 +86,7 @@ impl Held {
         if self.waiting.len() < CONFIRM {
             return (Vec::new(), dropped);
         }
-        match self.agreed(filter, typical) {
+        match self.agreed((filter, scale), typical) {
             Some(confirmed) => {
                 self.confirmed = confirmed;
                 let passed = self.waiting.drain(..).map(|(moment, _)| moment).collect();
@@ -101,12 +101,12 @@ impl Held {
     }
 
     /// Those whose motion explains all waiting moments together: the same motion in each. Who it was could be said of any three outliers.
-    fn agreed(&self, filter: &RigFilter, typical: &DVector<f64>) -> Option<Vec<usize>> {
-        let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical));
+    fn agreed(&self, (filter, scale): (&RigFilter, f64), typical: &DVector<f64>) -> Option<Vec<usize>> {
+        let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical, Then::default()));
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
         for (moment, _) in &self.waiting {
             onset.predict(&filter.predict(moment.t_s));
-            let innovation = filter.innovation(&moment.stars)?;
+            let innovation = filter.innovation(&moment.stars)?.scaled(scale);
             chi2 += innovation.chi2();
             degrees_of_freedom += innovation.degrees_of_freedom();
             onset.add(&innovation);

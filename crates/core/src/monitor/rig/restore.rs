@@ -1,26 +1,32 @@
 //! The sentry of a rig as plain numbers, and back: a program that stops can go on later as if nothing had been.
 
+use super::earlier::Version1;
 use super::{Open, RigMonitor, RigReference};
 use crate::Error;
 use crate::monitor::{NOT_POSITIVE, check};
 use crate::snapshot::{Snapshot, numbers};
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 1;
+const SNAPSHOT_VERSION: u32 = 2;
+/// Before noise was measured.
+const VERSION_1: u32 = 1;
 
 impl RigMonitor {
-    /// All of its state: what `restore` makes of it goes on as this one would. 80 000 numbers for four cameras; it grows with the square of
+    /// All of its state: what `restore` makes of it goes on as this one would. 150 000 numbers for four cameras; it grows with the square of
     /// their number.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no rig's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let monitor: RigMonitor = snapshot.state(SNAPSHOT_VERSION)?;
+        let monitor = match snapshot.version {
+            VERSION_1 => snapshot.state::<Version1>(VERSION_1)?.0,
+            _ => snapshot.state::<RigMonitor>(SNAPSHOT_VERSION)?,
+        };
         check(&monitor.config)?;
         monitor.reference.check()?;
         if !monitor.is_sound() {
@@ -50,7 +56,7 @@ impl RigMonitor {
             self.drifts.len(),
         ];
         of_cameras == [n; 5]
-            && self.filter.is_sound(n)
+            && self.noises.is_sound(n)
             && self.evidence.is_sound(n)
             && self.held.is_sound(n)
             && self.typical.is_sound(n)
@@ -95,7 +101,7 @@ numbers!(RigMonitor {
     reference,
     config,
     old_from_level,
-    filter,
+    noises,
     evidence,
     held,
     typical,

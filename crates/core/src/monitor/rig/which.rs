@@ -79,7 +79,7 @@ mod tests {
     /// Four cameras in two groups that no target ties: two motions are determined, not three.
     #[test]
     fn groups_that_nothing_ties_have_a_free_motion_each() {
-        let mut onset = Onset::new(0.0, 1.0, &DVector::from_element(24, SIGMA * SIGMA));
+        let mut onset = Onset::new(0.0, 1.0, &DVector::from_element(24, SIGMA * SIGMA), Default::default());
         onset.add(&difference(4, [0, 1], 100.0 * SIGMA));
         onset.add(&difference(4, [2, 3], 5.75 * SIGMA));
         let gathered = onset.gathered(0);

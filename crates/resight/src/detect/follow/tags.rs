@@ -4,8 +4,9 @@ use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
 use crate::detect::DetectError;
 use crate::detect::apriltag::DecodedTag;
+use crate::detect::noise::noise_gray;
 use crate::detect::region::{Region, joined, longer_side_px};
-use crate::detect::tags::{COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, single_or_unique};
+use crate::detect::tags::{COARSE, FINE, FINEST, TagFinder, add_new, single_or_unique};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
@@ -84,8 +85,7 @@ impl TagFollower {
             self.absence.found();
         }
         self.seen.clone_from(&found);
-        let mut found: Vec<FoundTag> = found.iter().map(FoundTag::new).collect();
-        found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
+        let found = self.finder.measured(image, noise_gray(image), &found);
         Ok((single_or_unique(&found, self.is_map)?.0, extent))
     }
 

@@ -58,7 +58,7 @@ pub(super) fn of(laid: &Laid, gain_gray: f64) -> Option<Scatter> {
 
 /// The unknowns take up part of the noise, and more of sums over squares than of single pixels: what white noise would show is divided out, with
 /// `share` the edge of a square over that of the window (eq. (6), right to 15 %).
-fn unbiased(share: f64) -> f64 {
+pub(in crate::detect) fn unbiased(share: f64) -> f64 {
     1.0 + 2.0 * share + 2.0 * share * share
 }
 

@@ -72,7 +72,12 @@ impl LandmarkWatch {
         if let Some(words) = changed(&record.settings, own) {
             return Err(words);
         }
-        self.monitor = Some(Monitor::restore(&record.monitor.snapshot()).map_err(|e| e.to_string())?);
+        let mut monitor = Monitor::restore(&record.monitor.snapshot()).map_err(|e| e.to_string())?;
+        // A state of a version that believed the stated noise.
+        if !monitor.measures_noise() {
+            monitor.measure_noise(&[]);
+        }
+        self.monitor = Some(monitor);
         Ok(())
     }
 
@@ -190,6 +195,10 @@ impl LandmarkWatch {
         if self.monitor.is_none() {
             let reference = reference(&sighting.turn.covariance, &lasting(lens, sighting), &self.config);
             self.monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok();
+            // How exactly landmarks are found is seen from picture to picture; what lasts is not, and is expected as large as stated at least.
+            if let Some(monitor) = &mut self.monitor {
+                monitor.measure_noise(&[]);
+            }
         }
         if let Some(monitor) = &mut self.monitor {
             monitor.push(reading);

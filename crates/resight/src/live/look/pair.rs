@@ -1,6 +1,6 @@
 //! One camera and one target: detection, pose, pose through time, decision.
 
-use super::disagreement::disagree;
+use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::{LookError, Looked, micros, nothing};
 use crate::GrayImage;
@@ -31,8 +31,8 @@ pub(super) struct Pair {
     stage: Stage,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
-    /// Whether points of the last view contradicted each other.
-    was_fault: bool,
+    /// Whether points of the last views contradicted each other.
+    disagreement: Disagreement,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -96,7 +96,7 @@ impl Pair {
             began: None,
             config: config.clone(),
             name: watched.name.clone(),
-            was_fault: false,
+            disagreement: Disagreement::default(),
             settings: settings(camera, watched, config),
         })
     }
@@ -160,7 +160,7 @@ impl Pair {
             }
             StageRecord::Watching(monitor) => {
                 let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
-                // A state of a version that believed the noise it was told.
+                // A state of a version that believed the stated noise.
                 if !monitor.measures_noise() {
                     monitor.measure_noise(&[]);
                 }
@@ -278,8 +278,7 @@ impl Pair {
         let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
         if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
-            self.was_fault = is_fault(monitor, reading, &points, lens, self.was_fault);
-            reading.is_consistent &= !self.was_fault;
+            reading.is_consistent &= !is_fault(&mut self.disagreement, monitor, reading, &points, lens);
         }
         observation.times.decide_us = micros(started);
         Ok(())
@@ -375,27 +374,29 @@ fn mostly_contradict(readings: &[Reading]) -> bool {
 
 /// Whether the points contradict each other about where the camera went since all was well.
 fn is_fault(
+    disagreement: &mut Disagreement,
     monitor: &Monitor,
     reading: &Reading,
     points: &[Correspondence],
     lens: &Camera,
-    was_fault: bool,
 ) -> bool {
-    if monitor.drift().is_some() {
-        return false; // What is true of the old place says nothing of the new one.
+    // What is true of the old pose says nothing of the new one.
+    let known = (monitor.drift().is_none()).then(|| monitor.expected(reading.t_s));
+    let weighed = known.and_then(|(pose, covariance)| {
+        let motion = (pose * reading.a_from_b.inverse()).log();
+        let factor = (covariance + reading.covariance).cholesky()?;
+        let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse() };
+        Some((motion.dot(&factor.solve(&motion)), expected))
+    });
+    match weighed {
+        Some((chi2, expected)) if disagreement.is_lasting() || UNLIKELY < chi2 => {
+            disagreement.is_in(points, &expected, &reading.a_from_b)
+        }
+        _ => {
+            disagreement.end();
+            false
+        }
     }
-    let Reference { a_from_b, noise } = monitor.reference();
-    let motion = (*a_from_b * reading.a_from_b.inverse()).log();
-    let chi2 =
-        (noise.reference + reading.covariance).cholesky().map(|factor| motion.dot(&factor.solve(&motion)));
-    if chi2.is_none_or(|chi2| chi2 < UNLIKELY) {
-        return false;
-    }
-    // Where it stood is known far better by now than when the reference was learned.
-    let mut at_home = monitor.clone();
-    let is_known = at_home.accept().is_ok();
-    let Reference { a_from_b, noise } = at_home.reference();
-    is_known && disagree(points, lens, (a_from_b, &noise.reference), &reading.a_from_b, was_fault)
 }
 
 /// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.

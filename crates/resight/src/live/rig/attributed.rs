@@ -25,16 +25,16 @@ struct Pair {
     /// The readings that it comes from, until there is a monitor.
     learned_from: Vec<Reading>,
     monitor: Option<Monitor>,
-    /// As its camera says, and as it was told.
+    /// As its camera says, and as it was reported.
     state: Option<State>,
     told: Option<State>,
 }
 
-/// What moved, as last told.
+/// What moved, as last reported.
 #[derive(Default)]
 struct Told {
     answer: Answer,
-    /// How often it was told otherwise since it was last news.
+    /// How often it was reported otherwise since it was last news.
     corrections: u32,
     /// Another answer, and since when there is no third, seconds.
     other: Option<(Answer, f64)>,
@@ -107,7 +107,7 @@ impl Pairs {
         }
     }
 
-    /// What the last frames say is told at the end.
+    /// What the last frames say is reported at the end.
     pub fn finish(&mut self) -> Vec<Event> {
         let t_s = self.newest_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if self.is_any_drifted() { self.weighed(t_s, true) } else { Vec::new() }
@@ -124,7 +124,7 @@ impl Pairs {
         self.pairs.iter().any(|pair| pair.began_s().is_some())
     }
 
-    /// What moved, and every state that is not as last told because of it. `is_news`: a pair has just moved, or is back.
+    /// What moved, and every state that is not as last reported because of it. `is_news`: a pair has just moved, or is back.
     fn weighed(&mut self, t_s: f64, is_news: bool) -> Vec<Event> {
         self.asked_s.clone_from(&self.newest_s);
         let mut events: Vec<Event> = self.attributed(t_s, is_news).into_iter().collect();
@@ -132,7 +132,7 @@ impl Pairs {
         events
     }
 
-    /// The state of a pair when it is not as last told.
+    /// The state of a pair when it is not as last reported.
     fn tell(&mut self, index: usize, t_s: f64) -> Option<Event> {
         let targets = self.nodes.targets.len();
         let (camera, target) = (index / targets, index % targets);
@@ -153,7 +153,7 @@ impl Pairs {
         Some(Event::StateChanged { camera, target, t_s, state })
     }
 
-    /// What moved, when that is not as last told.
+    /// What moved, when that is not as last reported.
     fn attributed(&mut self, t_s: f64, is_news: bool) -> Option<Event> {
         let (attribution, began_s) = self.attribution();
         let answer = Answer::of(&attribution);
@@ -220,7 +220,7 @@ impl Answer {
 }
 
 impl Told {
-    /// Whether this answer takes the place of the one that was told: at once where there was none or it is news, else when it has lasted.
+    /// Whether this answer takes the place of the one that was reported: at once where there was none or it is news, else when it has lasted.
     fn corrected(&mut self, answer: Answer, t_s: f64, is_news: bool, period_s: f64) -> bool {
         if answer.is_same(&self.answer) {
             self.other = None;
@@ -279,7 +279,7 @@ impl Pair {
         };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, reading.t_s).ok();
-            // As the monitor whose state is told: what one says the other says too.
+            // As the monitor whose state is reported: what one says the other says too.
             let learned_from = std::mem::take(&mut self.learned_from);
             self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&learned_from));
         }

@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(moments.complete(later).len(), 5);
     }
 
-    /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is told without the
+    /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is reported without the
     /// slow one. One that has nothing to give is not waited for.
     #[test]
     fn a_fast_recording_waits_for_a_slow_one() {

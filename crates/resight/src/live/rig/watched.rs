@@ -181,7 +181,7 @@ impl Cameras {
     pub fn finish(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         for (camera, state) in self.states(self.last_s).into_iter().enumerate() {
-            // Known better at the end than when it was told.
+            // Known better at the end than when it was reported.
             if matches!(state, State::Drifted(_)) {
                 events.extend(self.changed(camera, self.last_s, &state));
             }
@@ -322,7 +322,7 @@ impl Cameras {
         (0..self.nodes.cameras.len()).map(state).collect()
     }
 
-    /// What has changed since it was told: what moved first, then the cameras' states.
+    /// What has changed since it was reported: what moved first, then the cameras' states.
     fn told(&mut self, t_s: f64) -> Vec<Event> {
         if self.first_s.is_none() {
             return Vec::new();

@@ -56,7 +56,7 @@ struct Inner {
 }
 
 impl StateFile {
-    /// Reads what there is; `say` is told what could not be used and why, now and later.
+    /// Reads what there is; `say` receives what could not be used and why, now and later.
     ///
     /// # Errors
     /// A folder that does not exist, a file that is something else, that another session uses, or that cannot be read or put aside.

@@ -75,7 +75,7 @@ impl From<Snapshot> for SnapshotRecord {
 }
 
 impl CameraRecord {
-    /// Leaves out what is not made of numbers, which JSON cannot hold and no session could go on from; told by its name.
+    /// Leaves out what is not made of numbers, which JSON cannot hold and no session could go on from; reported by its name.
     pub fn without_holes(mut self) -> (Self, Vec<String>) {
         let mut left_out = Vec::new();
         self.pairs.retain(|pair| {

@@ -20,25 +20,28 @@ use std::thread::{self, JoinHandle};
 
 /// The history.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "History")]
 pub struct HistoryArgs {
-    /// Keeps the pose (or turn of landmarks), covariance, residual and state of every frame, and every event, in this SQLite file; read it with `resight history`.
+    /// Keeps every frame and event in this SQLite file, which `resight history` reads.
+    ///
+    /// Pose (or rotation by landmarks), covariance, residual and state of every frame.
     /// With --json an object {"event": "stored"} says what is on the disk for good.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
     /// Every frame is kept this long, then one row a minute.
-    #[arg(long, value_name = "DAYS", default_value_t = 7.0, value_parser = crate::args::positive, requires = "history")]
+    #[arg(long, hide_short_help = true, value_name = "DAYS", default_value_t = 7.0, value_parser = crate::args::positive, requires = "history")]
     history_full_days: f64,
     /// Rows of a minute are kept until they are this old, then one an hour [default: 90, or as long as all is kept].
-    #[arg(long, value_name = "DAYS", value_parser = crate::args::positive, requires = "history")]
+    #[arg(long, hide_short_help = true, value_name = "DAYS", value_parser = crate::args::positive, requires = "history")]
     history_minute_days: Option<f64>,
     /// Rows of an hour are kept until they are this old; events for good.
-    #[arg(long, value_name = "DAYS", default_value_t = 1100.0, value_parser = crate::args::positive, requires = "history")]
+    #[arg(long, hide_short_help = true, value_name = "DAYS", default_value_t = 1100.0, value_parser = crate::args::positive, requires = "history")]
     history_keep_days: f64,
     /// Beyond this size of the file the oldest rows are joined, and then removed, before their time.
-    #[arg(long, value_name = "MB", value_parser = crate::args::positive, requires = "history")]
+    #[arg(long, hide_short_help = true, value_name = "MB", value_parser = crate::args::positive, requires = "history")]
     history_max_mb: Option<f64>,
     /// Longest time until a frame is on the disk, as far as that keeps up.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::seconds, requires = "history")]
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::seconds, requires = "history")]
     history_commit_s: f64,
 }
 

@@ -21,16 +21,17 @@ use tally::Tally;
 
 /// The metrics.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Metrics")]
 pub struct MetricsArgs {
     /// Serves Prometheus metrics at http://ADDRESS:PORT/metrics, and /healthz. Other machines are let in only with
     /// --metrics-token-file.
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, hide_short_help = true, value_name = "ADDRESS:PORT")]
     metrics: Option<String>,
     /// /metrics asks for the token on the first line of this file: 'Authorization: Bearer TOKEN'.
-    #[arg(long, value_name = "FILE", requires = "metrics")]
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "metrics")]
     metrics_token_file: Option<PathBuf>,
     /// A name by which the metrics are reached, as NAME or NAME:PORT, besides localhost and the address. May be given again.
-    #[arg(long, value_name = "NAME", requires = "metrics")]
+    #[arg(long, hide_short_help = true, value_name = "NAME", requires = "metrics")]
     metrics_host: Vec<String>,
 }
 

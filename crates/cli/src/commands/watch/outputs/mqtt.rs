@@ -24,19 +24,20 @@ const WAITING: usize = 1000;
 
 /// The broker.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "MQTT")]
 pub struct MqttArgs {
     /// Keeps states at an MQTT broker: mqtt://HOST[:PORT][/PREFIX], mqtts:// with TLS, USER@ before HOST. Topics are
     /// PREFIX/CAMERA/TARGET/state (retained) and PREFIX/availability (online, offline).
-    #[arg(long, value_name = "URL")]
+    #[arg(long, hide_short_help = true, value_name = "URL")]
     mqtt: Option<String>,
     /// The password is on the first line of this file [default: the variable RESIGHT_MQTT_PASSWORD].
-    #[arg(long, value_name = "FILE", requires = "mqtt")]
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "mqtt")]
     mqtt_password_file: Option<PathBuf>,
     /// Also sends what every frame showed, to PREFIX/CAMERA/TARGET/frame, while the broker is there.
-    #[arg(long, requires = "mqtt")]
+    #[arg(long, hide_short_help = true, requires = "mqtt")]
     mqtt_frames: bool,
     /// Also announces each camera to Home Assistant, which listens below this prefix.
-    #[arg(long, requires = "mqtt", value_name = "PREFIX", num_args = 0..=1, default_missing_value = "homeassistant")]
+    #[arg(long, hide_short_help = true, requires = "mqtt", value_name = "PREFIX", num_args = 0..=1, default_missing_value = "homeassistant")]
     mqtt_discovery: Option<String>,
 }
 

@@ -21,17 +21,18 @@ use std::path::PathBuf;
 
 /// Where poses go.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "ROS transforms")]
 pub struct TfArgs {
     /// Writes poses as ROS 2 messages to FILE.mcap: /tf, /tf_static (references and drift corrections), CAMERA/pose with covariance,
     /// /diagnostics.
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, hide_short_help = true, value_name = "FILE.mcap")]
     tf: Option<PathBuf>,
     /// Which frame is the parent on /tf: the target (the camera's pose in the target's frame), or the camera (the target's pose in
     /// the camera's frame, as tag detectors publish it).
-    #[arg(long, value_name = "FRAME", value_enum, default_value_t = Parent::Target)]
+    #[arg(long, hide_short_help = true, value_name = "FRAME", value_enum, default_value_t = Parent::Target)]
     tf_parent: Parent,
     /// Frame id of a camera or target on /tf [default: its name].
-    #[arg(long, value_name = "NAME=FRAME_ID")]
+    #[arg(long, hide_short_help = true, value_name = "NAME=FRAME_ID")]
     tf_frame: Vec<String>,
 }
 

@@ -33,13 +33,15 @@ const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The terminal view.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Terminal view")]
 pub struct TuiArgs {
-    /// Draws the session in the terminal instead of printing it: state, drift, times and scatter of every camera. q quits, r resets the
-    /// statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
+    /// Draws the session in the terminal instead of printing it.
+    ///
+    /// State, motion, times and scatter of every camera. q quits, r resets the statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
     #[arg(long)]
     pub tui: bool,
     /// Frames over which --tui takes medians, percentiles and standard deviations.
-    #[arg(long, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    #[arg(long, hide_short_help = true, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1000))]
     tui_window: u32,
 }
 

@@ -19,13 +19,14 @@ const WAITING: usize = 1000;
 
 /// The webhook.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Webhook")]
 pub struct WebhookArgs {
     /// Posts a JSON object to this http or https address when a state changes, when it is known who moved, and when a source is lost
     /// or back; tried again until it is acknowledged (status 2xx).
-    #[arg(long, value_name = "URL")]
+    #[arg(long, hide_short_help = true, value_name = "URL")]
     webhook: Option<String>,
     /// A header for --webhook, 'Name: value', or @FILE with one a line: secrets belong in a file. May be given again.
-    #[arg(long, value_name = "HEADER", requires = "webhook")]
+    #[arg(long, hide_short_help = true, value_name = "HEADER", requires = "webhook")]
     webhook_header: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Two cameras that look at a door, and what is told of them; each camera's own monitor says its state, as in a session.
+//! Two cameras that look at a door, and what is reported of them; each camera's own monitor says its state, as in a session.
 
 use super::*;
 use crate::live::pace::Pace;
@@ -197,8 +197,8 @@ fn what_moved_is_not_asked_for_every_frame() {
     assert!((30..=51).contains(&hall.asked), "{}", hall.asked);
 }
 
-/// One camera before two targets, one of which was moved by 5 mm and 0.5°: four hours with a reference from fifty readings. What is told
-/// is right, and it is told once, not thousands of times; the reading noise that it rests on was measured with those fifty.
+/// One camera before two targets, one of which was moved by 5 mm and 0.5°: four hours with a reference from fifty readings. What is reported
+/// is right, and it is reported once, not thousands of times; the reading noise that it rests on was measured with those fifty.
 #[test]
 fn a_moved_target_is_told_once() {
     for seed in 0..4 {
@@ -234,7 +234,7 @@ struct Room {
     told: Vec<Event>,
 }
 
-/// σ of a tag of 100 mm a good metre away: turns and shifts across are hardly told apart, which makes both seem badly known.
+/// σ of a tag of 100 mm a good metre away: turns and shifts across are hardly distinguished, which makes both seem badly known.
 fn of_a_tag() -> Matrix6 {
     let mut lower = Matrix6::from_diagonal(&(Vector6::new(6e-3, 6e-3, 2e-3, 3e-4, 3e-4, 8e-4)));
     (lower[(3, 1)], lower[(4, 0)]) = (7e-3, -7e-3);

@@ -1,0 +1,144 @@
+//! Pages of the book as data: the commands that they tell the reader to run with the text that they show, and their links.
+
+use crate::support::same;
+use std::path::{Path, PathBuf};
+
+/// The root of the repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+/// A command line as a shell takes it, and the exit status that the page promises (`# exit status 3` behind it; else 0).
+#[derive(Debug, PartialEq)]
+pub struct Command {
+    pub line: String,
+    pub code: i32,
+}
+
+impl Command {
+    /// None where the line is for a build tool. `cargo run --release -- demo` is the program itself.
+    fn of(line: &str) -> Option<Command> {
+        let (line, remark) = line.split_once(" #").unwrap_or((line, ""));
+        let line = line.trim().replace("cargo run --release --", "resight");
+        let code = remark.trim().strip_prefix("exit status ").map_or(0, |n| n.trim().parse().unwrap());
+        let is_for_tools =
+            ["cargo ", "git ", "./test.sh", "benches/"].iter().any(|tool| line.starts_with(tool));
+        (!line.is_empty() && !is_for_tools).then_some(Command { line, code })
+    }
+}
+
+/// What a page says in the order in which it says it.
+#[derive(Debug, PartialEq)]
+pub enum Piece {
+    /// The commands of a block `sh`, or of the cell of a table.
+    Commands(Vec<Command>),
+    /// A block `text` directly after a block `sh`: what its commands print. A line `…` stands for any lines.
+    Printed(String),
+}
+
+pub fn pieces(page: &str) -> Vec<Piece> {
+    let mut found = Vec::new();
+    let mut lines = page.lines();
+    let mut follows_commands = false;
+    while let Some(line) = lines.next() {
+        let Some(language) = line.strip_prefix("```") else {
+            let cells = line.strip_prefix('|').unwrap_or("").split('`').skip(1).step_by(2);
+            let commands = cells.filter(|cell| cell.starts_with("resight ") && 2 < cell.split(' ').count());
+            follows_commands &= line.is_empty();
+            found.extend(commands.map(|cell| Piece::Commands(Command::of(cell).into_iter().collect())));
+            continue;
+        };
+        let block: Vec<&str> = lines.by_ref().take_while(|line| *line != "```").collect();
+        match language {
+            "sh" => {
+                let text = block.join("\n").replace("\\\n", " ");
+                found.push(Piece::Commands(text.lines().filter_map(Command::of).collect()));
+            }
+            "text" if follows_commands => found.push(Piece::Printed(block.join("\n"))),
+            _ => {}
+        }
+        follows_commands = language == "sh";
+    }
+    found
+}
+
+/// Whether what was printed is what a page shows, `…` standing for any lines.
+pub fn is_shown(printed: &[&str], shown: &[&str]) -> bool {
+    match shown.split_first() {
+        None => printed.is_empty(),
+        Some((first, rest)) if first.trim() == "…" => {
+            (0..=printed.len()).any(|n| is_shown(&printed[n..], rest))
+        }
+        Some((first, rest)) => {
+            printed.split_first().is_some_and(|(p, more)| same(p, first) && is_shown(more, rest))
+        }
+    }
+}
+
+/// Every page of the repository.
+pub fn pages() -> Vec<PathBuf> {
+    let mut folders = vec![root()];
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() && name != "target" && !name.starts_with('.') {
+                folders.push(path);
+            } else if name.ends_with(".md") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The prose of a page: without fenced blocks and without code in backticks.
+pub fn prose(page: &str) -> String {
+    let outside = page.split("```").step_by(2);
+    outside.map(|text| text.split('`').step_by(2).collect::<String>()).collect()
+}
+
+/// Where the links and pictures of a page lead, those to other hosts left out.
+pub fn links(page: &str) -> Vec<String> {
+    let text = prose(page);
+    let linked = text.split("](").skip(1).filter_map(|rest| rest.split_once(')').map(|(link, _)| link));
+    let drawn =
+        text.split("<img src=\"").skip(1).filter_map(|rest| rest.split_once('"').map(|(link, _)| link));
+    let is_here = |link: &&str| !link.contains("://") && !link.starts_with("mailto:");
+    linked.chain(drawn).filter(is_here).map(str::to_string).collect()
+}
+
+/// The anchors of a page's headings, as GitHub makes them.
+pub fn anchors(page: &str) -> Vec<String> {
+    let outside: String = page.split("```").step_by(2).collect();
+    let anchor = |heading: &str| -> String {
+        let kept = heading.trim().to_lowercase();
+        let kept = kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+        kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+    };
+    let headings = outside.lines().filter(|line| line.starts_with('#'));
+    headings.map(|line| anchor(line.trim_start_matches('#'))).collect()
+}
+
+/// The sources of all crates as one text, strings that are broken over lines joined as the compiler joins them.
+pub fn sources() -> String {
+    let mut folders: Vec<PathBuf> =
+        ["core", "resight", "whisker", "cli"].map(|c| root().join("crates").join(c).join("src")).to_vec();
+    let mut text = String::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let source = std::fs::read_to_string(&path).unwrap_or_default();
+                let mut parts = source.split("\\\n");
+                text += parts.next().unwrap_or_default();
+                parts.for_each(|part| text += part.trim_start());
+            }
+        }
+    }
+    text
+}

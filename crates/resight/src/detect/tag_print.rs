@@ -1,0 +1,319 @@
+//! A tag measured by all that is printed on it (docs/math/tag_print.md).
+//!
+//! The library fits a line to each edge of a tag. Where the image is blurred, or the tag small, the bits inside reach into these lines; but the bits are
+//! known once the tag is read. The whole print, seen through the homography of four corners and a blur, is laid on the image: corners, brightness,
+//! contrast, blur, the spread of the ink and the bows of the edges minimise a robust sum of squares. What does not look like the print (a finger
+//! over a corner) counts for nothing, and its corner is known the worse.
+
+mod ink;
+mod part;
+mod rows;
+
+pub(super) use ink::Print;
+
+use super::region::longer_side_px;
+use crate::GrayImage;
+use nalgebra::{Matrix2, SMatrix, SVector, SymmetricEigen};
+use part::Part;
+use resight_core::Pixel;
+use rows::{BLUR, BOWS, CORNERS, GAIN, Line, Row, SPREAD, UNKNOWNS};
+
+/// Where a tag's corners are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LaidTag {
+    pub corners: [Pixel; 4],
+    /// Standard deviation of each coordinate of each corner, pixels.
+    pub sigmas_px: [f64; 4],
+}
+
+type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+
+/// Longest edge of a tag that is compared at full size, pixels; larger ones are reduced.
+const LONGEST_PX: f64 = 130.0;
+/// Of a tag with longer edges every second pixel is compared, of one of twice this size every third, pixels: enough, and in the time of a small tag.
+const EVERY_PX: f64 = 56.0;
+/// From so many tags in one picture on each is compared at half of these lengths.
+const MANY: usize = 4;
+/// Rounds; each about squares the error, until a pixel that is foreign is known as such.
+const ROUNDS: usize = 40;
+/// Corners that move less lie near to where they end, pixels.
+const NEAR_PX: f64 = 0.05;
+/// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
+const SETTLED_PX: f64 = 2e-3;
+/// Blur to begin with, and its least and most, standard deviations in pixels; a pixel's own square is a part of it.
+const FIRST_BLUR_PX: f64 = 0.8;
+const BLUR_PX: (f64, f64) = (0.35, 5.0);
+/// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
+const FOREIGN: (f64, f64) = (0.4, 0.12);
+/// The same in robust standard deviations of the residuals.
+const FOREIGN_SIGMAS: f64 = 5.0;
+/// Least share of the pixels that shows the print, and of their variance that it explains.
+const SHOWN: f64 = 0.5;
+const EXPLAINED: f64 = 0.8;
+/// Least contrast of a print, grey levels.
+const CONTRAST_GRAY: f64 = 8.0;
+/// The corners lie further than this from where the library has them, in edges (at least so many pixels): another's.
+const REACH_EDGES: f64 = 0.3;
+const REACH_PX: f64 = 1.5;
+
+/// How far the blur may depart from a round one, pixels² of its variance; how far ink spreads, pixels; what a lens bends an edge by in its
+/// middle, in squares of the edge over the longer side of the picture (0.04 px at an edge of 50 px in a picture of 1280).
+const BLUR_PRIOR_PX2: f64 = 2.0;
+const SPREAD_PRIOR_PX: f64 = 0.3;
+const BOW_PRIOR: f64 = 0.02;
+/// What the unknowns take up of sums over squares, in shares of an edge.
+const TAKEN_UP: f64 = 1.5;
+/// Noise that moves what these priors are about as the residuals do, in their standard deviations.
+const SHARED: f64 = 2.0;
+
+/// Lays a print on the image, corners as the library found them, one of so many tags that may be there. None where the print does not show there.
+pub(super) fn lay(
+    image: &GrayImage,
+    noise_gray: f64,
+    print: &Print,
+    corners: &[Pixel; 4],
+    n_tags: usize,
+) -> Option<LaidTag> {
+    let share = if n_tags < MANY { 1.0 } else { 0.5 };
+    let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
+    let part = Part::cut(image, &around(print, corners), reduce)?;
+    // The rounding of each grey level is noise too.
+    let noise_gray = (noise_gray.powi(2) + 1.0 / 12.0).sqrt() / reduce as f64;
+    let start = corners.map(|corner| part.reduced(&corner));
+    let every =
+        (longer_side_px(corners) / (reduce as f64 * share * EVERY_PX)).ceil().clamp(1.0, 3.0) as usize;
+    let reach_px = (REACH_EDGES * super::sigma::shortest_edge_px(&start)).max(REACH_PX);
+    let mut state = State {
+        at: start,
+        blur_px2: Matrix2::identity() * FIRST_BLUR_PX.powi(2),
+        x: None,
+        foreign: FOREIGN.0,
+        view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
+    };
+    for _ in 0..ROUNDS {
+        let lines = rows::lines(&part, print, &state.at, &state.blur_px2, every)?;
+        let solved = state.solve(&lines, noise_gray)?;
+        let (moved_px, is_strict) = (state.step(&solved)?, state.foreign <= FOREIGN.1);
+        if !(0..4).all(|k| (state.at[k] - start[k]).norm() <= reach_px) {
+            return None;
+        }
+        if moved_px < SETTLED_PX && is_strict {
+            return conclude(&lines, &solved, &state, &part, noise_gray, every);
+        }
+        // Not before the print lies where it is: else an edge that is a little off would be foreign.
+        if moved_px < NEAR_PX {
+            state.foreign = FOREIGN.1;
+        }
+    }
+    None
+}
+
+/// Corners of all that is printed, and a little more, in the image.
+fn around(print: &Print, corners: &[Pixel; 4]) -> [Pixel; 4] {
+    let centre = corners.iter().sum::<Pixel>() / 4.0;
+    let cells = (print.width - 2 * print.inset) as f64;
+    let grown = 1.15 * (1.0 + 2.0 * print.inset as f64 / cells);
+    corners.map(|corner| centre + (corner - centre) * grown)
+}
+
+/// What is known from round to round.
+struct State {
+    at: [Pixel; 4],
+    blur_px2: Matrix2<f64>,
+    /// The unknowns that enter linearly; none before the first round.
+    x: Option<Row>,
+    /// Contrasts beyond which a pixel is foreign.
+    foreign: f64,
+    /// Longer side of the picture, pixels of the part.
+    view_px: f64,
+}
+
+struct Solved {
+    x: Row,
+    inverse: Normal,
+    /// Weight of each line.
+    weights: Vec<f64>,
+}
+
+impl State {
+    /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
+    /// standard deviation, grey levels.
+    fn weights(&self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
+        let Some(x) = &self.x else { return (lines.iter().map(|line| line.weight).collect(), noise_gray) };
+        let residuals: Vec<f64> = lines.iter().map(|line| line.gray - line.predicted(x)).collect();
+        let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
+        let middle = sizes.len() / 2;
+        let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+        let sigma = (1.4826 * *median).max(noise_gray);
+        let contrast = 2.0 * x[GAIN].abs();
+        let limit = |foreign: f64| (foreign * contrast).max(FOREIGN_SIGMAS * sigma);
+        let limit = limit(self.foreign);
+        let weight = |(line, e): (&Line, &f64)| line.weight * (1.0 - (e / limit).powi(2)).max(0.0).powi(2);
+        (lines.iter().zip(&residuals).map(weight).collect(), sigma)
+    }
+
+    fn solve(&mut self, lines: &[Line], noise_gray: f64) -> Option<Solved> {
+        let (weights, residual_gray) = self.weights(lines, noise_gray);
+        let (mut sums, mut right) = ([[0.0; UNKNOWNS]; UNKNOWNS], Row::zeros());
+        for (line, weight) in lines.iter().zip(&weights).filter(|(_, weight)| 0.0 < **weight) {
+            right += line.row * (*weight * line.gray);
+            let row = &line.row.data.0[0];
+            for (j, sums) in sums.iter_mut().enumerate() {
+                let w = weight * row[j];
+                sums[..=j].iter_mut().zip(&row[..=j]).for_each(|(sum, x)| *sum += w * x);
+            }
+        }
+        let mut normal = Normal::from_fn(|i, j| if j <= i { sums[i][j] } else { 0.0 });
+        let gain = self.x.map_or(64.0, |x| x[GAIN]);
+        // What the print leaves unexplained is shared by neighbouring pixels, and counts for more than as much noise.
+        let share2 = (SHARED * residual_gray / gain).powi(2);
+        let mut known = |i: usize, sigma: f64, mean: f64| {
+            normal[(i, i)] += share2 / (sigma * sigma);
+            right[i] += share2 / (sigma * sigma) * mean;
+        };
+        // A departure from the round blur of the same variance.
+        let b = self.blur_px2;
+        let half = 0.5 * (b[(0, 0)] - b[(1, 1)]);
+        known(BLUR.start, BLUR_PRIOR_PX2, -half * gain);
+        known(BLUR.start + 1, BLUR_PRIOR_PX2, -b[(0, 1)] * gain);
+        known(BLUR.start + 2, BLUR_PRIOR_PX2, half * gain);
+        known(SPREAD, SPREAD_PRIOR_PX, 0.0);
+        let edge_px = super::sigma::shortest_edge_px(&self.at);
+        let bow_px = BOW_PRIOR * edge_px * edge_px / self.view_px;
+        BOWS.for_each(|i| known(i, bow_px, 0.0));
+        let factor = normal.cholesky()?;
+        let (x, inverse) = (factor.solve(&right), factor.inverse());
+        (x.iter().all(|x| x.is_finite()) && CONTRAST_GRAY < 2.0 * x[GAIN]).then_some(Solved {
+            x,
+            inverse,
+            weights,
+        })
+    }
+
+    /// Takes a step; how far the furthest corner moves.
+    fn step(&mut self, solved: &Solved) -> Option<f64> {
+        let x = &solved.x;
+        let steps = x.fixed_rows::<8>(CORNERS.start) / x[GAIN];
+        for (k, corner) in self.at.iter_mut().enumerate() {
+            *corner += Pixel::new(steps[2 * k], steps[2 * k + 1]);
+        }
+        let more = x.fixed_rows::<3>(BLUR.start) / x[GAIN];
+        let next = self.blur_px2 + Matrix2::new(more[0], more[1], more[1], more[2]);
+        let most = 4.0 * self.blur_px2.trace();
+        let mut eigen = SymmetricEigen::new(next);
+        let (low, high) = (BLUR_PX.0.powi(2), BLUR_PX.1.powi(2).min(most));
+        eigen.eigenvalues.apply(|x| *x = x.clamp(low, high));
+        self.blur_px2 = eigen.recompose();
+        self.x = Some(*x);
+        let is_finite = self.blur_px2.iter().all(|x| x.is_finite()) && steps.iter().all(|x| x.is_finite());
+        is_finite.then(|| steps.amax())
+    }
+}
+
+/// Whether the print shows, and how well its corners are known: docs/math/tag_print.md section 3.
+fn conclude(
+    lines: &[Line],
+    solved: &Solved,
+    state: &State,
+    part: &Part,
+    noise_gray: f64,
+    every: usize,
+) -> Option<LaidTag> {
+    let Solved { x, inverse, weights } = solved;
+    let noise_gray2 = noise_gray * noise_gray;
+    let shown: f64 = weights.iter().sum();
+    let mean = lines.iter().zip(weights).map(|(line, w)| w * line.gray).sum::<f64>() / shown;
+    let widest_px2 = state.blur_px2.symmetric_eigenvalues().max();
+    let reach = (3.0 * widest_px2.sqrt()).round().clamp(7.0, 9.0) as usize;
+    // Pulls of a sparse lattice are gathered in larger cells, which are fewer.
+    let cell = if every < 3 { 1 } else { 2 };
+    let [width, height] = part.size().map(|n| n.div_ceil(cell));
+    let mut pulls = vec![Pull::zeros(); width * height];
+    let rows = inverse.fixed_rows::<8>(CORNERS.start) / x[GAIN];
+    let (mut total, mut left) = (0.0, 0.0);
+    for (line, weight) in lines.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight) {
+        let residual = line.gray - line.row.dot(x);
+        total += weight * (line.gray - mean).powi(2);
+        left += weight * residual * residual;
+        let (u, v) = (line.index % part.size()[0] / cell, line.index / part.size()[0] / cell);
+        pulls[v * width + u] += rows * line.row * (weight * residual);
+    }
+    let explained = 1.0 - (left - shown * noise_gray2).max(0.0) / (total - shown * noise_gray2).max(1e-9);
+    let expected: f64 = lines.iter().map(|line| line.weight).sum();
+    if !(EXPLAINED <= explained) || !(SHOWN * expected <= shown) {
+        return None;
+    }
+    let cells = reach.div_ceil(cell);
+    let mut by_residual = squares(&pulls, width, cells);
+    let share = reach as f64 / super::sigma::shortest_edge_px(&state.at);
+    by_residual *= (1.0 + TAKEN_UP * share) / (cells * cells) as f64;
+    let noise_px2 =
+        |i: usize| noise_gray2 * inverse[(CORNERS.start + i, CORNERS.start + i)] / (x[GAIN] * x[GAIN]);
+    let sums =
+        |k: usize| (by_residual[2 * k] + by_residual[2 * k + 1], noise_px2(2 * k) + noise_px2(2 * k + 1));
+    let corners = [0, 1, 2, 3].map(sums);
+    let mut excesses = corners.map(|(by_residual, by_noise)| by_residual / by_noise);
+    excesses.sort_by(f64::total_cmp);
+    let common = (0.5 * (excesses[1] + excesses[2])).max(1.0);
+    let sigma = |(by_residual, by_noise): (f64, f64)| {
+        let is_own = super::print::OWN_EXCESS * common * by_noise < by_residual;
+        let variance_px2 = 0.5 * if is_own { by_residual } else { common * by_noise };
+        (part.scale().powi(2) * variance_px2 + super::print::METHOD_PX.powi(2)).sqrt()
+    };
+    let sigmas_px = corners.map(sigma);
+    let laid = LaidTag { corners: state.at.map(|corner| part.full(&corner)), sigmas_px };
+    sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
+}
+
+/// How a pixel's residual moves the eight coordinates of the corners.
+type Pull = SVector<f64, 8>;
+
+/// The sums over all squares of so many pixels that touch the part, squared and added.
+fn squares(pulls: &[Pull], width: usize, reach: usize) -> Pull {
+    let side = width + reach - 1;
+    let height = pulls.len() / width;
+    // Sums along each row, of the pixels up to `reach` − 1 before.
+    let mut along = vec![Pull::zeros(); side * height];
+    for (row, sums) in pulls.chunks(width).zip(along.chunks_mut(side)) {
+        let mut sum = Pull::zeros();
+        for (k, out) in sums.iter_mut().enumerate() {
+            sum += row.get(k).copied().unwrap_or_else(Pull::zeros);
+            if reach <= k {
+                sum -= row[k - reach];
+            }
+            *out = sum;
+        }
+    }
+    let (mut down, mut total) = (vec![Pull::zeros(); side], Pull::zeros());
+    for k in 0..height + reach - 1 {
+        for (u, sum) in down.iter_mut().enumerate() {
+            if k < height {
+                *sum += along[k * side + u];
+            }
+            if reach <= k {
+                *sum -= along[(k - reach) * side + u];
+            }
+            total += sum.component_mul(sum);
+        }
+    }
+    total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_over_squares_are_those_of_their_pixels() {
+        let pull = |k: usize| Pull::from_fn(|i, _| ((k * 7 + i * 3) % 11) as f64 - 5.0);
+        let pulls: Vec<Pull> = (0..5 * 4).map(pull).collect();
+        let mut expected = Pull::zeros();
+        for (u, v) in (0..5 + 2).flat_map(|u| (0..4 + 2).map(move |v| (u, v))) {
+            let is_in = |k: usize, first: usize| first <= k + 2 && k <= first;
+            let inside = (0..20).filter(|k| is_in(k % 5, u) && is_in(k / 5, v));
+            let sum: Pull = inside.map(|k| pulls[k]).sum();
+            expected += sum.component_mul(&sum);
+        }
+        assert!((squares(&pulls, 5, 3) - expected).amax() < 1e-9);
+    }
+}

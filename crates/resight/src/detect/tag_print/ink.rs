@@ -1,0 +1,234 @@
+//! What is printed of a tag, seen through a blur: closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
+
+use crate::detect::families::{Family, draw};
+
+/// Most lines between cells along an edge; a family with more is not compared.
+const MOST_CELLS: usize = 12;
+/// Beyond so many standard deviations a blurred edge is flat.
+const REACH_SIGMAS: f64 = 3.3;
+
+/// The cells of a tag.
+#[derive(Debug, Clone)]
+pub(in crate::detect) struct Print {
+    /// Cells along the edge of the whole print, and from its edge to the square whose corners are detected.
+    pub width: usize,
+    pub inset: usize,
+    /// −1 black, 1 white, row by row.
+    values: Vec<f64>,
+    /// Whether the family says what is printed there.
+    is_known: Vec<bool>,
+}
+
+/// The blurred print at a place, with its derivatives by the place, in cells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ink {
+    pub value: f64,
+    /// First derivatives, ∂x and ∂y.
+    pub slope: [f64; 2],
+    /// Second derivatives xx, xy, yy.
+    pub bend: [f64; 3],
+}
+
+/// The blur across the lines of a print, in cells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blur {
+    pub sigma: [f64; 2],
+    /// Correlation of the two: not zero where the lines do not meet at right angles in the image.
+    pub correlation: f64,
+}
+
+/// The lines near a place, along one direction.
+struct Lines {
+    first: usize,
+    n: usize,
+    /// Density (1/√2π) exp(−a²/2) of each line; a, its distance in standard deviations.
+    density: [f64; MOST_CELLS],
+    away: [f64; MOST_CELLS],
+    /// Share of each cell from `first` − 1 on.
+    share: [f64; MOST_CELLS + 1],
+}
+
+impl Print {
+    /// None of a family with more cells than a tag has.
+    pub fn new(family: &Family, code: u64) -> Option<Self> {
+        let pattern = draw(family, code);
+        let (width, inset) = (pattern.width_cells, pattern.inset_cells);
+        if !(3..MOST_CELLS).contains(&width) || inset < 1 {
+            return None;
+        }
+        let is_near = |c: usize| inset - 1 <= c && c <= width - inset;
+        let mut is_known: Vec<bool> =
+            (0..width * width).map(|k| is_near(k % width) && is_near(k / width)).collect();
+        for (x, y) in family.bit_x.iter().zip(&family.bit_y) {
+            is_known[(y + inset as i32) as usize * width + (x + inset as i32) as usize] = true;
+        }
+        let values = pattern.white.iter().map(|white| if *white { 1.0 } else { -1.0 }).collect();
+        Some(Print { width, inset, values, is_known })
+    }
+
+    /// Corners of the square that is detected, in cells: 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left.
+    pub fn corners(&self) -> [[f64; 2]; 4] {
+        let (low, high) = (self.inset as f64, (self.width - self.inset) as f64);
+        [[low, low], [high, low], [high, high], [low, high]]
+    }
+
+    /// Whether the family says what is printed at a place.
+    pub fn is_known(&self, [x, y]: [f64; 2]) -> bool {
+        let cell = |x: f64| (0.0 <= x && x < self.width as f64).then_some(x as usize);
+        cell(x).zip(cell(y)).is_some_and(|(x, y)| self.is_known[y * self.width + x])
+    }
+
+    /// The print at a place through a Gaussian blur; beyond its edge it goes on as at the edge. None where no line is near.
+    pub(super) fn at(&self, [x, y]: [f64; 2], blur: &Blur) -> Option<Ink> {
+        let is_near = |x: f64, sigma: f64| {
+            let line = x.round().max(1.0).min(self.width as f64 - 1.0);
+            (x - line).abs() <= REACH_SIGMAS * sigma
+        };
+        if !is_near(x, blur.sigma[0]) && !is_near(y, blur.sigma[1]) {
+            return None;
+        }
+        let (across, down) = (self.lines(x, blur.sigma[0]), self.lines(y, blur.sigma[1]));
+        if across.n == 0 && down.n == 0 {
+            return None;
+        }
+        let [sx, sy] = blur.sigma;
+        let cell = |i: usize, j: usize| self.values[j * self.width + i];
+        let (i0, j0) = (across.first - 1, down.first - 1);
+        let mut ink = Ink { value: 0.0, slope: [0.0; 2], bend: [0.0; 3] };
+        for j in 0..=down.n {
+            let row: f64 = (0..=across.n).map(|i| across.share[i] * cell(i0 + i, j0 + j)).sum();
+            ink.value += down.share[j] * row;
+        }
+        for i in 0..across.n {
+            let jump: f64 =
+                (0..=down.n).map(|j| down.share[j] * (cell(i0 + i + 1, j0 + j) - cell(i0 + i, j0 + j))).sum();
+            ink.slope[0] += across.density[i] * jump / sx;
+            ink.bend[0] -= across.away[i] * across.density[i] * jump / (sx * sx);
+        }
+        for j in 0..down.n {
+            let jump: f64 = (0..=across.n)
+                .map(|i| across.share[i] * (cell(i0 + i, j0 + j + 1) - cell(i0 + i, j0 + j)))
+                .sum();
+            ink.slope[1] += down.density[j] * jump / sy;
+            ink.bend[2] -= down.away[j] * down.density[j] * jump / (sy * sy);
+        }
+        // Where lines cross, the blur is one Gaussian of two correlated coordinates: the tetrachoric series to its third term.
+        let r = blur.correlation;
+        for i in 0..across.n {
+            for j in 0..down.n {
+                let (a, b) = (across.away[i], down.away[j]);
+                let jump = cell(i0 + i + 1, j0 + j + 1) - cell(i0 + i, j0 + j + 1) - cell(i0 + i + 1, j0 + j)
+                    + cell(i0 + i, j0 + j);
+                let at_crossing = jump * across.density[i] * down.density[j];
+                let (a2, b2) = (a * a - 1.0, b * b - 1.0);
+                ink.value += at_crossing * r * (1.0 + r * (0.5 * a * b + r / 6.0 * a2 * b2));
+                ink.slope[0] -= at_crossing * r * (a + 0.5 * r * a2 * b) / sx;
+                ink.slope[1] -= at_crossing * r * (b + 0.5 * r * b2 * a) / sy;
+                ink.bend[0] += at_crossing * r * a2 / (sx * sx);
+                ink.bend[1] += at_crossing * (1.0 + r * a * b) / (sx * sy);
+                ink.bend[2] += at_crossing * r * b2 / (sy * sy);
+            }
+        }
+        Some(ink)
+    }
+
+    /// Colour of the cell at a place, held inside the print.
+    #[cfg(test)]
+    fn plain(&self, [x, y]: [f64; 2]) -> f64 {
+        let cell = |x: f64| (x.max(0.0) as usize).min(self.width - 1);
+        self.values[cell(y) * self.width + cell(x)]
+    }
+
+    fn lines(&self, x: f64, sigma: f64) -> Lines {
+        // A place that is no number has no lines.
+        let bound = |x: f64| x.max(1.0).min(self.width as f64) as usize;
+        let first = bound((x - REACH_SIGMAS * sigma).ceil());
+        let end = bound((x + REACH_SIGMAS * sigma).floor() + 1.0);
+        let n = end.saturating_sub(first);
+        let zeros = [0.0; MOST_CELLS];
+        let mut lines = Lines { first, n, density: zeros, away: zeros, share: [0.0; MOST_CELLS + 1] };
+        // What lies beyond each line, less what lies beyond the next.
+        let mut left = 1.0;
+        for k in 0..n {
+            let away = (x - (first + k) as f64) / sigma;
+            let (density, beyond) = normal(away);
+            (lines.away[k], lines.density[k], lines.share[k]) = (away, density, left - beyond);
+            left = beyond;
+        }
+        lines.share[n] = left;
+        lines
+    }
+}
+
+/// The density of the standard normal distribution and its integral, to 1.5e-7 (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions,
+/// 7.1.26): a ten-thousandth of a grey level.
+fn normal(a: f64) -> (f64, f64) {
+    let bell = (-0.5 * a * a).exp();
+    let t = 1.0 / (1.0 + 0.327_591_1 * a.abs() * std::f64::consts::FRAC_1_SQRT_2);
+    let series = t
+        * (0.254_829_592
+            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    let tail = 0.5 * series * bell;
+    (0.398_942_280_401_432_7 * bell, if a < 0.0 { tail } else { 1.0 - tail })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn print() -> Print {
+        let family = Family::named("tag36h11").unwrap();
+        Print::new(&family, family.codes[7]).unwrap()
+    }
+
+    /// The mean of the cells under a correlated Gaussian, on a fine grid.
+    fn by_sampling(print: &Print, [x, y]: [f64; 2], blur: &Blur) -> f64 {
+        let (r, steps) = (blur.correlation, 1200);
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for k in 0..steps * steps {
+            let at = |k: usize| 10.0 * ((k as f64 + 0.5) / steps as f64 - 0.5);
+            let (a, b) = (at(k % steps), at(k / steps));
+            let w = (-0.5 * (a * a + b * b)).exp();
+            let (dx, dy) = (blur.sigma[0] * a, blur.sigma[1] * (r * a + (1.0 - r * r).sqrt() * b));
+            sum += w * print.plain([x - dx, y - dy]);
+            weight += w;
+        }
+        sum / weight
+    }
+
+    #[test]
+    fn closed_form_is_the_blurred_print() {
+        let print = print();
+        for (correlation, bar) in [(0.0, 4e-3), (0.3, 6e-3), (-0.5, 1.8e-2)] {
+            for at in [[1.1, 1.05], [2.0, 3.1], [5.4, 6.6], [8.9, 4.0]] {
+                let blur = Blur { sigma: [0.35, 0.25], correlation };
+                let (closed, sampled) = (print.at(at, &blur).unwrap().value, by_sampling(&print, at, &blur));
+                assert!((closed - sampled).abs() < bar, "{correlation} {at:?}: {closed} {sampled}");
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_value() {
+        let (print, h) = (print(), 1e-4);
+        let blur = Blur { sigma: [0.4, 0.3], correlation: 0.1 };
+        let value = |x: f64, y: f64| print.at([x, y], &blur).unwrap();
+        for [x, y] in [[1.1, 1.05], [2.0, 3.1], [5.4, 6.6]] {
+            let ink = value(x, y);
+            let differences = [
+                (value(x + h, y).value - value(x - h, y).value) / (2.0 * h),
+                (value(x, y + h).value - value(x, y - h).value) / (2.0 * h),
+            ];
+            let bends = [
+                (value(x + h, y).slope[0] - value(x - h, y).slope[0]) / (2.0 * h),
+                (value(x, y + h).slope[0] - value(x, y - h).slope[0]) / (2.0 * h),
+                (value(x, y + h).slope[1] - value(x, y - h).slope[1]) / (2.0 * h),
+            ];
+            // Terms of the second power of the correlation are left out of the derivatives.
+            (0..2).for_each(|k| {
+                assert!((ink.slope[k] - differences[k]).abs() < 0.02, "{ink:?} {differences:?}")
+            });
+            (0..3).for_each(|k| assert!((ink.bend[k] - bends[k]).abs() < 0.1, "{ink:?} {bends:?}"));
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! The image around a tag, reduced where the tag is large.
+
+use crate::GrayImage;
+use resight_core::Pixel;
+
+/// Means of squares of pixels, on a grid that does not depend on where the tag is sought.
+pub(super) struct Part {
+    /// Pixels along a square.
+    reduce: usize,
+    /// First column and row of the grid, and how many.
+    first: [usize; 2],
+    size: [usize; 2],
+    gray: Vec<f32>,
+}
+
+impl Part {
+    /// The part that holds these places of the image; none where nothing of it lies in the image.
+    pub fn cut(image: &GrayImage, places: &[Pixel], reduce: usize) -> Option<Self> {
+        let range = |axis: usize, n: u32| {
+            let (low, high) = places
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p[axis]), b.max(p[axis])));
+            let first = (low.max(0.0) / reduce as f64).floor() as usize;
+            let end = ((high.max(0.0) / reduce as f64).ceil() as usize + 1).min(n as usize / reduce);
+            (low.is_finite() && high.is_finite() && first < end).then(|| (first, end - first))
+        };
+        let ((u0, width), (v0, height)) = (range(0, image.width_px)?, range(1, image.height_px)?);
+        let stride = image.width_px as usize;
+        let mean = |k: usize| {
+            let (u, v) = ((u0 + k % width) * reduce, (v0 + k / width) * reduce);
+            let rows = (v..v + reduce).map(|v| &image.data[v * stride + u..][..reduce]);
+            let sum: u32 = rows.flatten().map(|x| *x as u32).sum();
+            // Grey levels from a middle one keep the sums small.
+            sum as f32 / (reduce * reduce) as f32 - 128.0
+        };
+        let gray = (0..width * height).map(mean).collect();
+        Some(Part { reduce, first: [u0, v0], size: [width, height], gray })
+    }
+
+    /// A place of the image on the grid.
+    pub fn reduced(&self, pixel: &Pixel) -> Pixel {
+        pixel.map(|x| (x - 0.5 * (self.reduce as f64 - 1.0)) / self.reduce as f64)
+    }
+
+    /// A place on the grid in the image.
+    pub fn full(&self, pixel: &Pixel) -> Pixel {
+        pixel.map(|x| x * self.reduce as f64 + 0.5 * (self.reduce as f64 - 1.0))
+    }
+
+    /// Pixels of the image along one of the grid.
+    pub fn scale(&self) -> f64 {
+        self.reduce as f64
+    }
+
+    /// Columns and rows of the grid that is kept.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// One of `every` places, on diagonals that do not depend on the part, with index and grey level.
+    pub fn places(&self, every: usize) -> impl Iterator<Item = (usize, Pixel, f64)> + '_ {
+        let place = move |(k, gray): (usize, &f32)| {
+            let (u, v) = (self.first[0] + k % self.size[0], self.first[1] + k / self.size[0]);
+            let place = (k, Pixel::new(u as f64, v as f64), *gray as f64);
+            (u + v).is_multiple_of(every).then_some(place)
+        };
+        self.gray.iter().enumerate().filter_map(place)
+    }
+}

@@ -1,0 +1,113 @@
+"""Writes the simulated files of examples/: robot, gate and marks. Needs NumPy. Run it in this folder: python make.py"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+chance = np.random.default_rng(7)
+F_PX, CX_PX, CY_PX = 900.0, 639.5, 479.5
+CAMERA = f'model = "pinhole"\nwidth_px = 1280\nheight_px = 960\nfx_px = {F_PX}\nfy_px = {F_PX}\ncx_px = {CX_PX}\ncy_px = {CY_PX}\n'
+
+
+def rotation(vector):
+    """Rodrigues' formula."""
+    angle = np.linalg.norm(vector)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(vector) / angle
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+def pose(vector, translation_m):
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation(vector), translation_m
+    return matrix
+
+
+def quaternion_wxyz(r):
+    """Of a rotation by less than half a turn."""
+    w = 0.5 * np.sqrt(1.0 + np.trace(r))
+    return [w, (r[2, 1] - r[1, 2]) / (4 * w), (r[0, 2] - r[2, 0]) / (4 * w), (r[1, 0] - r[0, 1]) / (4 * w)]
+
+
+def pixels(cam_from_target, points_m, sigma_px):
+    x = points_m @ cam_from_target[:3, :3].T + cam_from_target[:3, 3]
+    assert (x[:, 2] > 0).all()
+    uv = F_PX * x[:, :2] / x[:, 2:] + [CX_PX, CY_PX]
+    return uv + chance.normal(0.0, sigma_px, uv.shape)
+
+
+def robot():
+    """A camera on a gripper before a board of 4 × 5 corners; the robot is exact to 0.1° and 0.3 mm."""
+    corners_m = np.array([[0.03 * c, 0.03 * r, 0.0] for r in range(4) for c in range(5)])
+    cam_from_gripper = pose([0.02, -0.03, 1.55], [0.04, -0.02, 0.07])
+    base_from_target = pose([0.0, 0.0, 0.3], [0.6, 0.1, 0.0])
+    motions, rows = ["view,qw,qx,qy,qz,x_m,y_m,z_m"], ["camera,view,id,x_m,y_m,z_m,u_px,v_px,sigma_px"]
+    for i in range(15):
+        tilt = rotation(chance.uniform(-0.45, 0.45, 3)) @ rotation([0.0, 0.0, chance.uniform(-0.5, 0.5)])
+        cam_from_target = np.eye(4)
+        cam_from_target[:3, :3] = tilt
+        cam_from_target[:3, 3] = -tilt @ [0.06, 0.045, 0.0] + chance.uniform([-0.05, -0.04, 0.35], [0.05, 0.04, 0.5])
+        base_from_gripper = base_from_target @ np.linalg.inv(cam_from_target) @ cam_from_gripper
+        noise = pose(chance.normal(0.0, np.radians(0.1), 3), chance.normal(0.0, 0.0003, 3))
+        reported = base_from_gripper @ noise
+        numbers = [*quaternion_wxyz(reported[:3, :3]), *reported[:3, 3]]
+        motions.append(f"{i}," + ",".join(f"{n:.7f}" for n in numbers))
+        for corner, (x, uv) in enumerate(zip(corners_m, pixels(cam_from_target, corners_m, 0.1))):
+            rows.append(f"cam,{i},{corner},{x[0]:.3f},{x[1]:.3f},0,{uv[0]:.3f},{uv[1]:.3f},0.1")
+    Path("robot/motions.csv").write_text("\n".join(motions) + "\n")
+    Path("robot/corners.csv").write_text("\n".join(rows) + "\n")
+    Path("robot/camera.toml").write_text(CAMERA)
+
+
+def gate():
+    """A tag of 160 mm at 2 m, once a second; after 80 s the camera turns right by 0.5°. The next night it is still turned."""
+    half = 0.08
+    corners_m = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
+    steady = pose([0.35, 0.5, 0.05], [0.1, -0.05, 2.0])
+    turned = pose([0.0, -np.radians(0.5), 0.0], [0, 0, 0]) @ steady
+
+    def line(t_s, cam_from_tag):
+        seen = [
+            {"id": 3, "corner": c, "u_px": round(float(u), 3), "v_px": round(float(v), 3), "sigma_px": 0.1}
+            for c, (u, v) in enumerate(pixels(cam_from_tag, corners_m, 0.1))
+        ]
+        return json.dumps({"camera": "gate", "t_s": t_s, "detections": seen}, separators=(",", ":"))
+
+    day = [line(float(t), turned if t >= 80 else steady) for t in range(100)]
+    Path("gate/day.jsonl").write_text("\n".join(day) + "\n")
+    night = [line(43200.0 + t, turned) for t in range(20)]
+    Path("gate/night.jsonl").write_text("\n".join(night) + "\n")
+    Path("gate/gate.toml").write_text(CAMERA)
+    Path("gate/tag.toml").write_text('kind = "tag"\nfamily = "tag36h11"\nid = 3\nsize_m = 0.16\n')
+
+
+def marks():
+    """Six surveyed marks on a road, seen by a camera 4 m above it."""
+    marks_m = np.array([[-2.0, 8.0, 0], [2.5, 9.0, 0], [0.5, 12.0, 0.4], [-3.0, 15.0, 0], [4.0, 16.0, 0], [0.0, 20.0, 0.8]])
+    # Camera x to the right, y down, z forward: 20° below the horizon along the road's y axis.
+    dip = np.radians(20.0)
+    r = np.array([[1, 0, 0], [0, -np.sin(dip), -np.cos(dip)], [0, np.cos(dip), -np.sin(dip)]])
+    cam_from_road = np.eye(4)
+    cam_from_road[:3, :3], cam_from_road[:3, 3] = r, -r @ [0.0, 0.0, 4.0]
+    rows = ["id,x_m,y_m,z_m,u_px,v_px,sigma_px"]
+    for i, (x, uv) in enumerate(zip(marks_m, pixels(cam_from_road, marks_m, 0.3))):
+        rows.append(f"m{i},{x[0]},{x[1]},{x[2]},{uv[0]:.2f},{uv[1]:.2f},0.3")
+    Path("marks/marks.csv").write_text("\n".join(rows) + "\n")
+    swapped = rows[:]  # Two labels exchanged, as happens in the field.
+    for a, b in [(2, 5)]:
+        u = [row.split(",") for row in (rows[a], rows[b])]
+        swapped[a] = ",".join(u[0][:4] + u[1][4:])
+        swapped[b] = ",".join(u[1][:4] + u[0][4:])
+    more_m = np.array([[chance.uniform(-5, 5), chance.uniform(8, 25), chance.uniform(0, 1)] for _ in range(14)])
+    for i, (x, uv) in enumerate(zip(more_m, pixels(cam_from_road, more_m, 0.3))):
+        swapped.append(f"n{i},{x[0]:.3f},{x[1]:.3f},{x[2]:.3f},{uv[0]:.2f},{uv[1]:.2f},0.3")
+    Path("marks/swapped.csv").write_text("\n".join(swapped) + "\n")
+    Path("marks/camera.toml").write_text(CAMERA)
+
+
+robot()
+gate()
+marks()
