@@ -213,6 +213,9 @@ fn pose_graphs_check_what_they_are_given() {
         let text = reason(resight::pose_graph(&PoseGraphRequest { median_sigma, ..request(all.clone()) }));
         assert!(text.contains("positive numbers"), "{text}");
     }
+    let mut torn = all.clone();
+    torn[1].b_from_a.translation.x = f64::NAN;
+    assert_eq!(resight::pose_graph(&request(torn)).unwrap().status(), Status::Error, "no NaN comes out");
     let apart = resight::pose_graph(&request(vec![pair(0, 1, 1.0), pair(2, 3, 1.0)])).unwrap();
     assert_eq!(apart.status(), Status::NotConnected);
     let found = resight::pose_graph(&request(all)).unwrap();
@@ -234,7 +237,17 @@ fn hand_eye_is_no_better_than_its_rig() {
     let robot = read_robot_poses(&data("hand_eye/motions.csv"), None).unwrap();
     let views = HandEyeViews::Points(Box::new(observed));
     let config = Default::default();
-    let answer = resight::hand_eye(HandEyeRequest { robot, views, config }).unwrap();
+    let request = HandEyeRequest { robot, views, config };
+    let mut torn = request.clone();
+    torn.robot[3].base_from_gripper.translation.y = f64::INFINITY;
+    assert_eq!(resight::hand_eye(torn).unwrap().status(), Status::Error, "no NaN comes out");
+    let mut strange = request.clone();
+    strange.robot.iter_mut().for_each(|pose| pose.view.push_str("-other"));
+    let strange = resight::hand_eye(strange).unwrap();
+    assert_eq!(strange.status(), Status::Degenerate);
+    let why = serde_json::to_value(&strange).unwrap()["message"].to_string();
+    assert!(why.contains("18 views took no part") && why.contains("no row of the motions"), "{why}");
+    let answer = resight::hand_eye(request).unwrap();
     assert_eq!(answer.status(), Status::Ok);
     let HandEyeAnswer::Solved(mut solved) = answer else { panic!("{answer:?}") };
     let truth = Pose {

@@ -104,7 +104,7 @@ fn argument<'a>(watch: &'a Command, key: &str) -> Result<&'a Arg> {
 }
 
 fn not_among(key: &str, keys: &[String]) -> String {
-    let nearest = crate::files::nearest(key, keys.iter().cloned());
+    let nearest = resight::input::nearest(key, keys.iter().cloned());
     let hint = nearest.map(|nearest| format!("; did you mean `{nearest}`?")).unwrap_or_default();
     format!("there is no such key{hint} (`resight watch --print-session` lists them)")
 }
