@@ -9,7 +9,7 @@ fn every_shell_completes_every_command() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let run = resight(&["completions", shell]);
         assert_eq!(run.code, 0, "{shell}: {}", run.stderr);
-        for command in COMMANDS.into_iter().chain(["--sync-tolerance-ms"]) {
+        for command in COMMANDS.into_iter().chain(["--sync-tolerance-s"]) {
             let name = command.trim_start_matches('-');
             assert!(run.stdout.contains(name), "{shell} does not complete {command}");
         }

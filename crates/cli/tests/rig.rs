@@ -189,8 +189,10 @@ fn times_join_frames() {
         );
     }
     let points = write(&folder, "points.csv", &text);
-    let run =
-        rig(&cameras, &["--detections", &points, "--sync-tolerance-ms", "10", "--sigma-px", "0.2", "--json"]);
+    let run = rig(
+        &cameras,
+        &["--detections", &points, "--sync-tolerance-s", "0.01", "--sigma-px", "0.2", "--json"],
+    );
     let answer = &json_lines(&run)[0];
     is_true(answer, &["middle", "right"]);
     assert_eq!((&answer["n_views"], &answer["n_frames_alone"]), (&12.into(), &1.into()));
@@ -199,7 +201,7 @@ fn times_join_frames() {
         "{}",
         run.stderr
     );
-    let narrow = rig(&cameras, &["--detections", &points, "--sync-tolerance-ms", "2"]);
+    let narrow = rig(&cameras, &["--detections", &points, "--sync-tolerance-s", "0.002"]);
     assert_eq!(narrow.code, 1, "nothing is within 2 ms: {}", narrow.stderr);
 }
 
@@ -360,11 +362,11 @@ fn wrong_usage_is_named() {
             "there is no target `hall`",
         ),
         (
-            vec!["--detections".into(), points.clone(), "--sync-tolerance-ms".into(), "5".into()],
+            vec!["--detections".into(), points.clone(), "--sync-tolerance-s".into(), "0.005".into()],
             "needs time stamps",
         ),
         (
-            vec!["--detections".into(), points.clone(), "--sync-tolerance-ms".into(), "-5".into()],
+            vec!["--detections".into(), points.clone(), "--sync-tolerance-s".into(), "-0.005".into()],
             "a positive number",
         ),
         (

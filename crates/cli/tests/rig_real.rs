@@ -188,7 +188,7 @@ fn four_webcams_from_listed_corners_and_from_videos() {
     let video = |camera: usize| format!("{camera}={}", set.join(format!("cam_{camera}.mp4")).display());
     let target = ["--target".to_string(), set.join("charuco.toml").display().to_string()];
     let videos: Vec<String> = (0..4).flat_map(|camera| ["--images".to_string(), video(camera)]).collect();
-    let times = ["--timestamps".into(), times(&folder, &set), "--sync-tolerance-ms".into(), "60".into()];
+    let times = ["--timestamps".into(), times(&folder, &set), "--sync-tolerance-s".into(), "0.06".into()];
     let seen = solved(&[cameras.to_vec(), target.to_vec(), videos, times.to_vec()].concat());
     assert_eq!(seen["n_views"], 48);
     check_webcams("videos", &seen, &published(&set), [(0.20, 6.0), (0.20, 4.0), (0.60, 5.0)]);

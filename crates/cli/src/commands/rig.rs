@@ -25,7 +25,7 @@ use std::path::PathBuf;
   resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\
       --images left='left*.jpg' --images right='right*.jpg' -o rig.toml
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
-      --timestamps times.csv --sync-tolerance-ms 20 -o rig.toml --report rig.html --scene rig.mcap
+      --timestamps times.csv --sync-tolerance-s 0.02 -o rig.toml --report rig.html --scene rig.mcap
   resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json
 
 A rig from relative poses of pairs of cameras: resight pose-graph. A camera or rig on a robot or vehicle: resight hand-eye.")]
@@ -73,9 +73,9 @@ pub struct ObservationArgs {
     /// video's frame counted from 0.
     #[arg(long, value_name = "FILE.csv", requires = "images")]
     timestamps: Option<PathBuf>,
-    /// Frames within MS milliseconds of each other are one view, whatever their names; needs time stamps.
-    #[arg(long, value_name = "MS", allow_negative_numbers = true, value_parser = positive)]
-    sync_tolerance_ms: Option<f64>,
+    /// Frames within this time of each other are one synchronised frame set, whatever their names; needs time stamps.
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
+    sync_tolerance_s: Option<f64>,
     /// Targets mounted on one body, whose places relative to each other are not known but stay.
     #[arg(long, value_name = "TARGET,TARGET…")]
     fixed_together: Vec<String>,
@@ -146,7 +146,7 @@ pub(super) fn request(args: &ObservationArgs, solving: &SolvingArgs) -> Result<R
         fixed_together: args.fixed_together.iter().map(names).collect(),
         reference: solving.reference.clone(),
         known_distances: distances.collect::<Result<_>>()?,
-        sync_tolerance_s: args.sync_tolerance_ms.map(|ms| 1e-3 * ms),
+        sync_tolerance_s: args.sync_tolerance_s,
         command: Some(command_line()),
         ..named::request(&args.cameras, &args.targets)?
     })

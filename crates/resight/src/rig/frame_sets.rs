@@ -20,13 +20,13 @@ pub(super) fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Resu
     match tolerance_s {
         Some(_) if n_timed == 0 => {
             return Err(Error::request(
-                "--sync-tolerance-ms needs time stamps: a column t_s in the detections, or --timestamps FILE.csv",
+                "--sync-tolerance-s needs time stamps: a column t_s in the detections, or --timestamps FILE.csv",
             ));
         }
         Some(tolerance_s) => remarks.push(by_time_stamps(frames, tolerance_s)?),
         None if n_timed == 0 => {}
         None => remarks.push(
-            "times are given but no --sync-tolerance-ms, so frames of one name are one view".to_string(),
+            "times are given but no --sync-tolerance-s, so frames of one name are one view".to_string(),
         ),
     }
     let n_alone = n_alone(frames);
@@ -42,7 +42,7 @@ fn by_time_stamps(frames: &mut [Frame], tolerance_s: f64) -> Result<String, Erro
     for frame in frames.iter() {
         let Some(t_s) = frame.t_s else {
             return Err(Error::request(format!(
-                "frame {} has no time stamp; give every frame its time, or leave --sync-tolerance-ms out",
+                "frame {} has no time stamp; give every frame its time, or leave --sync-tolerance-s out",
                 frame.name
             )));
         };
