@@ -231,9 +231,9 @@ fn steps_of_maps_and_landmarks_are_found() {
     }
 }
 
-/// Also after few readings, when little is known of the noise: how far is stated with its error.
+/// Also after few readings, when little is known of the noise: how far is stated with its error, and since when.
 #[test]
-fn a_gross_step_has_its_size() {
+fn a_gross_step_has_its_size_and_its_beginning() {
     for (kind, quiet) in [(Kind::Landmarks, 8), (Kind::Landmarks, 600), (Kind::Map, 600)] {
         for degrees in [0.2, 1.0, 5.0] {
             let mut scene = Scene::new(kind, Condition::White, 0x57e9);
@@ -242,13 +242,19 @@ fn a_gross_step_has_its_size() {
                 monitor.push(&scene.next(&Vector6::zeros()));
             }
             let step = Vector6::ith(1, f64::to_radians(degrees));
-            for _ in 0..8 {
-                monitor.push(&scene.next(&step));
-            }
+            let after: [_; 8] = std::array::from_fn(|_| scene.next(&step));
+            after.iter().for_each(|reading| {
+                monitor.push(reading);
+            });
             let drift = monitor.drift().expect("an alarm");
             let (turn, covariance) = drift.pure_rotation().expect("a turn");
             let (seen, sigma) = (turn[1].to_degrees(), covariance[(1, 1)].sqrt().to_degrees());
-            println!("{kind:?} after {quiet}: {seen:.4}° ± {sigma:.4}°, truly {degrees}°");
+            let late_s = drift.began_s - after[0].t_s;
+            println!("{kind:?} after {quiet}: {seen:.4}° ± {sigma:.4}°, truly {degrees}°; {late_s} s late");
+            assert!(
+                late_s.abs() < 1e-9 + 3.0 * drift.began_sigma_s,
+                "{kind:?} after {quiet}: {late_s} s late"
+            );
             assert!(
                 (seen - degrees).abs() < 0.03 + 0.005 * degrees,
                 "{kind:?} after {quiet}: {seen} of {degrees}"

@@ -237,8 +237,11 @@ impl Onsets {
     /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
     /// that.
     pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
-        let masses: ArrayVec<f64, { ONSETS + 1 }> =
-            self.onsets.iter().map(|onset| self.log_mass_of_any_size(onset)).collect();
+        let masses: ArrayVec<f64, { ONSETS + 1 }> = self
+            .onsets
+            .iter()
+            .map(|onset| LogSum::of([0, 1].map(|course| self.log_mass_of_any_size(onset, course))).ln())
+            .collect();
         let mut order: ArrayVec<usize, { ONSETS + 1 }> = (0..masses.len()).collect();
         order.sort_by(|a, b| masses[*b].total_cmp(&masses[*a]));
         let mut sum = LogSum::nothing();
@@ -254,17 +257,15 @@ impl Onsets {
         sum.ln()
     }
 
-    /// ln wΛ of an onset, a change being of any size. Beside the noise in use a size that is expected too small costs little of what a gross
+    /// ln wΛ of an onset and a course, a change being of any size. Beside the noise in use a size that is expected too small costs little of what a gross
     /// change is worth; noise that follows a jump explains one of a hundred standard deviations better than a change of two does.
-    fn log_mass_of_any_size(&self, onset: &Onset) -> f64 {
+    fn log_mass_of_any_size(&self, onset: &Onset, course: usize) -> f64 {
         let mut sum = LogSum::nothing();
         for (times, weight) in WIDER {
-            for course in 0..COURSES.len() {
-                let masses = onset.masses_of(course, &self.directions, times * SIZES[course]);
-                masses.into_iter().for_each(|mass| {
-                    sum.add(Scaled { exponent: mass.exponent, factor: weight * mass.factor });
-                });
-            }
+            let masses = onset.masses_of(course, &self.directions, times * SIZES[course]);
+            masses.into_iter().for_each(|mass| {
+                sum.add(Scaled { exponent: mass.exponent, factor: weight * mass.factor });
+            });
         }
         sum.ln()
     }
@@ -289,9 +290,10 @@ impl Onsets {
 
     /// Probability of each onset and course, were one of them what happened.
     fn probabilities(&self, measured: Option<&Measured>) -> ArrayVec<[f64; COURSES.len()], { ONSETS + 1 }> {
-        let log_mass = |onset: &Onset, course| {
-            let against = measured.map_or(0.0, |measured| measured.log_against(&onset.then));
-            LogSum::of(onset.masses(course, &self.directions)).ln() + against
+        // As the test weighs them: a gross change of the expected size only would seem to have begun later than it did.
+        let log_mass = |onset: &Onset, course| match measured {
+            Some(measured) => self.log_mass_of_any_size(onset, course) + measured.log_against(&onset.then),
+            None => LogSum::of(onset.masses(course, &self.directions)).ln(),
         };
         let of = |onset: &Onset| [0, 1].map(|course| log_mass(onset, course));
         let log_masses: ArrayVec<_, { ONSETS + 1 }> = self.onsets.iter().map(of).collect();
