@@ -9,7 +9,8 @@ mod common;
 mod plot;
 
 use common::delay::{
-    FEW_RATES, HEADER, LARGE, RATES, Row, SIZES, SLOPES_DEG_PER_H, TAG_QUIET_S, TAG_STEPS_DEG, TAG_TIMES_S, TAG_TRIALS, rivals, rivals_false, slow, step, tag,
+    FEW_RATES, HEADER, LARGE, RATES, Row, SIZES, SLOPES_DEG_PER_H, TAG_QUIET_S, TAG_STEPS_DEG, TAG_TIMES_S,
+    TAG_TRIALS, rivals, rivals_false, slow, step, tag,
 };
 use nalgebra::Vector2;
 use plot::{Axes, Pen};
