@@ -1,6 +1,6 @@
 //! The curves in the documents are what the code gives: docs/images/watch-delay.csv, made by the example `make_watch_delay`.
 
-use crate::common::delay::{HEADER, Row, rivals, slow, step};
+use crate::common::delay::{HEADER, Row, rivals, slow, step, tag};
 use crate::common::rivals::{between_alarms_of_cusum, cusum_between_alarms};
 
 const DRAWN: &str = include_str!("../../../docs/images/watch-delay.csv");
@@ -30,6 +30,9 @@ fn drawn_delays_are_those_of_the_code() {
         agrees(&step("white", size, per_day, 50_000..50_120));
     }
     agrees(&step("lasting", 4.0, 1.0 / 30.0, 50_000..50_060));
+    for (time_s, is_known) in [(10.0, false), (10.0, true), (60.0, false)] {
+        agrees(&tag(time_s, 0.02, 3600.0, is_known, 50_000..50_012));
+    }
     agrees(&slow(0.1, 1.0 / 30.0, 50_000..50_010));
 }
 

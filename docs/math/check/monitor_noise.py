@@ -100,6 +100,16 @@ for _ in range(50):
             assert since[0] - max(since[0], most) <= since[0] - s
 print("ok  (40) no model that is not excluded is favoured")
 
+# (53): a parabola through three points is itself between them, and is ln 1000 below its summit at u.
+below, best, above = mp.mpf(-31), mp.mpf(2), mp.mpf(-12)
+a, b = (above + below) / 2 - best, (above - below) / 2
+parabola = lambda u: u * (u - 1) / 2 * below + (1 - u * u) * best + u * (u + 1) / 2 * above
+for u, value in ((-1, below), (0, best), (1, above)):
+    close(f"(53) passes through {u}", parabola(mp.mpf(u)), value)
+furthest = -b / (2 * a) + mp.sqrt(mp.log(1000) / -a)
+close("(53) is not excluded so far", parabola(furthest), parabola(-b / (2 * a)) - mp.log(1000))
+assert mp.mpf("0.5") < furthest < 1
+
 # (34): weights that are times make R minus the time a martingale: with Λ of mean one, E R after k onsets is the sum of weights.
 weights = [mp.mpf(w) for w in (1, 1, 5, 300, 1)]
 gamma, c1 = mp.mpf(4), mp.mpf(1)

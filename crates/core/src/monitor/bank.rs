@@ -9,7 +9,9 @@
 
 use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
 use crate::snapshot::numbers;
+use arrayvec::ArrayVec;
 use nalgebra::Vector4;
+use std::sync::LazyLock;
 
 /// Errors that last.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -138,17 +140,88 @@ pub(super) struct AxisBank {
     readings: f64,
 }
 
-/// Whether a model is the next one of larger or longer errors beside another: the truth is between grid points, and of a long record only one
-/// is left, whose errors of low frequency may be several times too small.
-pub(super) fn is_next(of: usize, model: usize) -> bool {
+/// The models beside one along one direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Beside {
+    /// White noise where errors would be smaller or shorter than any of the grid; none where the grid has no such neighbour.
+    smaller: Option<usize>,
+    larger: usize,
+}
+
+/// Directions of the grid: larger errors, longer ones, and both.
+pub(super) const DIRECTIONS: [(bool, bool); 3] = [(true, false), (false, true), (true, true)];
+
+/// Along each direction; none where no model is further along it.
+static BESIDE: LazyLock<[[Option<Beside>; DIRECTIONS.len()]; GRID]> =
+    LazyLock::new(|| std::array::from_fn(|of| DIRECTIONS.map(|direction| beside(of, direction))));
+
+fn beside(of: usize, (in_share, in_time): (bool, bool)) -> Option<Beside> {
+    let (least, own) = (&GRID_MODELS[1], &GRID_MODELS[of]);
+    let is_least = (in_share && own.share <= least.share) || (in_time && own.time <= least.time);
+    let larger = nearest(of, (in_share, in_time), false)?;
+    let smaller = nearest(of, (in_share, in_time), true).or(is_least.then_some(WHITE));
+    (of != WHITE).then_some(Beside { smaller, larger })
+}
+
+/// The nearest model that is larger, or smaller, than `of` in the parameters along which to look, and as it is in the others.
+fn nearest(of: usize, (in_share, in_time): (bool, bool), is_smaller: bool) -> Option<usize> {
     /// The widest step of the grid.
     const STEP: f64 = 4.7;
-    if GRID <= of || GRID <= model || of == WHITE {
-        return false;
+    let ratios = |model: usize| {
+        let (from, to) = if is_smaller { (model, of) } else { (of, model) };
+        let (a, b) = (GRID_MODELS[from], GRID_MODELS[to]);
+        (b.share / a.share, b.time / a.time)
+    };
+    let is_along =
+        |ratio: f64, is_looked: bool| if is_looked { 1.0 < ratio && ratio < STEP } else { ratio == 1.0 };
+    let is_it = |model: &usize| {
+        let (share, time) = ratios(*model);
+        is_along(share, in_share) && is_along(time, in_time)
+    };
+    let distance = |model: &usize| {
+        let (share, time) = ratios(*model);
+        share * time
+    };
+    (1..GRID).filter(is_it).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// Noise between the best model and the next one of larger or longer errors: a value of it is that of a parabola through those of three.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Between {
+    models: [usize; 3],
+    weights: [f64; 3],
+}
+
+impl Between {
+    pub fn of(&self, value: impl Fn(usize) -> f64) -> f64 {
+        self.models.iter().zip(self.weights).map(|(model, weight)| weight * value(*model)).sum()
     }
-    let (a, b) = (GRID_MODELS[of], GRID_MODELS[model]);
-    let (share, time) = (b.share / a.share, b.time / a.time);
-    (time == 1.0 && 1.0 < share && share < STEP) || (share == 1.0 && 1.0 < time && time < STEP)
+
+    /// At a share of the way from `best` to the larger one: as far as its likelihood is not excluded, and half of the way at least, because
+    /// beyond it the larger model would be the better one.
+    fn new(best: usize, Beside { smaller, larger }: Beside, log_likelihoods: &[f64]) -> Self {
+        let behind = |model: usize| (log_likelihoods[model] - log_likelihoods[best]).min(0.0);
+        let Some(smaller) = smaller else {
+            return Between { models: [best, best, larger], weights: [0.0, 0.0, 1.0] };
+        };
+        let (below, above) = (behind(smaller), behind(larger));
+        let (curvature, slope) = (0.5 * (above + below), 0.5 * (above - below));
+        let furthest =
+            if curvature < 0.0 { -0.5 * slope / curvature + (-EXCLUDED / curvature).sqrt() } else { 1.0 };
+        let u = furthest.clamp(HALF_WAY, 1.0);
+        let weights = [0.5 * u * (u - 1.0), 1.0 - u * u, 0.5 * u * (u + 1.0)];
+        Between { models: [smaller, best, larger], weights }
+    }
+}
+
+/// Of the way between two models, whose likelihoods are bounded and do not show more after a long record.
+const HALF_WAY: f64 = 0.5;
+
+/// The largest errors between the best model and the next ones that are not excluded: the truth is between grid points, and of a long record
+/// only one of these is left, whose errors of low frequency may be several times too small.
+pub(super) fn between(best: usize, log_likelihoods: &[f64]) -> impl Iterator<Item = Between> {
+    let beside = if best < GRID { BESIDE[best] } else { [None; DIRECTIONS.len()] };
+    beside.into_iter().flatten().map(move |beside| Between::new(best, beside, log_likelihoods))
 }
 
 /// The first of the largest.
@@ -410,16 +483,27 @@ impl AxisBank {
         }
     }
 
-    /// What `n` readings, a time apart and each as good as `joined`, say of a step of one under each model, and what the model has to make up
-    /// for before it explains them: nothing where it is not excluded.
-    pub fn possible(&self, passed: &Passed, n: usize, joined: f64) -> [(f64, f64); GRID] {
+    /// What `n` readings, a time apart and each as good as `joined`, say of a step of one under each model and under those between the best
+    /// and the next, and what each has to make up for before it explains them: nothing where it is not excluded.
+    pub fn possible(
+        &self,
+        passed: &Passed,
+        n: usize,
+        joined: f64,
+    ) -> ArrayVec<(f64, f64), { GRID + DIRECTIONS.len() }> {
         let best = best(&self.log_likelihood);
         let least = self.log_likelihood[best] - EXCLUDED;
-        std::array::from_fn(|model| {
-            let is_next = is_next(best, model);
-            let behind = if is_next { 0.0 } else { (least - self.log_likelihood[model]).max(0.0) };
+        let of = |model: usize| {
+            let behind = (least - self.log_likelihood[model]).max(0.0);
             (self.information(model, passed, n, joined), behind)
-        })
+        };
+        let mut all: ArrayVec<_, { GRID + DIRECTIONS.len() }> = (0..GRID).map(of).collect();
+        for between in between(best, &self.log_likelihood) {
+            // Of three numbers far apart a parabola may leave their range.
+            let d = between.of(|model| all[model].0);
+            all.push((d.max(0.0), 0.0));
+        }
+        all
     }
 
     fn information(&self, model: usize, passed: &Passed, n: usize, joined: f64) -> f64 {

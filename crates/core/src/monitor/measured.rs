@@ -252,15 +252,16 @@ fn log_student(squares: f64) -> f64 {
     AT_CENTRE - 5.5 * (squares / 3.0).ln_1p()
 }
 
-/// The most that a model has gained since an onset, of those that were not excluded before it; one that was had to make up for that.
+/// The most that a model has gained since an onset, of those that were not excluded before it and of those between grid points; one that
+/// was excluded had to make up for that.
 fn most_since(now: &[f64; MODELS], then: &[f64]) -> f64 {
     let best = bank::best(then);
     let least = then[best] - EXCLUDED;
-    let gained = |model: usize| {
-        let is_possible = model == bank::STATED || bank::is_next(best, model);
-        now[model] - if is_possible { then[model] } else { then[model].max(least) }
-    };
-    (0..MODELS).map(gained).fold(f64::NEG_INFINITY, f64::max)
+    let of_model =
+        |model: usize| now[model] - if model == bank::STATED { then[model] } else { then[model].max(least) };
+    let of_grid = (0..MODELS).map(of_model).fold(f64::NEG_INFINITY, f64::max);
+    let of_between = |between: bank::Between| between.of(|model| now[model] - then[model]);
+    bank::between(best, then).map(of_between).fold(of_grid, f64::max)
 }
 
 numbers!(Measured { banks, unit_s, own, grown, heavy, readings, between_s, set_aside });

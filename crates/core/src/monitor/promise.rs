@@ -2,8 +2,9 @@
 
 use super::axis::AXES;
 pub use super::bank::LastingError;
-use super::bank::{AxisBank, GRID, Passed};
+use super::bank::{AxisBank, DIRECTIONS, GRID, Passed};
 use crate::{Matrix6, Vector6};
+use arrayvec::ArrayVec;
 
 /// The noise of the readings, as far as it is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +64,8 @@ pub(super) fn detectable(
     let followed = n.min(FOLLOWED as f64);
     let (elapsed_s, joined) = (between_s * n / followed, n / followed);
     let passed = Passed::new(elapsed_s, unit_s);
-    let possible = std::array::from_fn(|axis| banks[axis].possible(&passed, followed as usize, joined));
+    let possible: [_; AXES] =
+        std::array::from_fn(|axis| banks[axis].possible(&passed, followed as usize, joined));
     // A mean of E nats scatters by √2E.
     let root = NINE_IN_TEN + (NINE_IN_TEN * NINE_IN_TEN + 2.0 * (log_evidence + FITTED)).sqrt();
     let size = |coordinate: usize| {
@@ -78,7 +80,11 @@ pub(super) fn detectable(
 }
 
 /// The size along a direction at which even the models that explain the step best leave so many nats for it.
-fn smallest(possible: &[[(f64, f64); GRID]; AXES], along: &Vector6, needed: f64) -> f64 {
+fn smallest(
+    possible: &[ArrayVec<(f64, f64), { GRID + DIRECTIONS.len() }>; AXES],
+    along: &Vector6,
+    needed: f64,
+) -> f64 {
     let nats = |size: f64| -> f64 {
         let of_axis = |axis: usize| -> f64 {
             let square = 0.5 * (size * along[axis]).powi(2);

@@ -1,19 +1,22 @@
 //! How late the sentry is, for which rate of false alarms: the numbers of docs/images/watch-delay.csv.
 
+use super::conditions::{Condition, Scene as Tag};
 use super::rivals::{alarms, cusum_delays, cusum_threshold, lorden, three_in_a_row};
 use super::sentry::{DAY_S, REALISTIC, SIGMA, Scene, Stream, WHITE, delays_s, pan};
 use nalgebra::Vector6;
+use resight_core::monitor::{Monitor, MonitorConfig, Watch};
 
 /// A row: what changed, at which rate of false alarms, which test, and how late it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// `white` or `lasting` (errors that last, and a daily wobble): steps; `slow`: drifts under such errors.
+    /// `white` or `lasting` (errors that last, and a daily wobble): steps; `slow`: drifts under such errors; `tag 10 s after 3600 s`: steps
+    /// of a tag whose corners err by 30 % correlated over 10 s, after 3600 s of watching.
     pub noise: String,
-    /// σ of a reading of a step; degrees an hour of a slow drift.
+    /// σ of a reading of a step; degrees an hour of a slow drift; degrees of a tag's step.
     pub size: f64,
     /// False alarms a day that are promised.
     pub per_day: f64,
-    /// `sentry`, `lorden`, `cusum` or `three`; `cusum_false` and `three_false`: alarms a day while nothing moves, in `mean`.
+    /// `sentry`, `lorden`, `cusum` or `three`; of a tag `measured` (nothing declared) or `known` (share and time constant stated); `cusum_false` and `three_false`: alarms a day while nothing moves, in `mean`.
     pub test: String,
     /// Of the delay: readings (seconds) of steps, degrees that a slow drift has gone.
     pub mean: f64,
@@ -89,6 +92,40 @@ pub fn slow(slope_deg_per_h: f64, per_day: f64, trials: std::ops::Range<u64>) ->
     let gone =
         delays_s(scene, per_day, DAY_S, trials, moved).into_iter().map(|s| slope_deg_per_h * s / 3600.0);
     Row::of("slow", slope_deg_per_h, per_day, "sentry", gone.collect())
+}
+
+/// Correlated errors of a tag: seconds; steps, degrees; seconds of watching before a step, longer than which a delay is not waited for.
+pub const TAG_TIMES_S: [f64; 2] = [10.0, 60.0];
+pub const TAG_STEPS_DEG: [f64; 3] = [0.02, 0.05, 0.1];
+pub const TAG_QUIET_S: [f64; 3] = [600.0, 3600.0, 21_600.0];
+pub const TAG_TRIALS: u64 = 40;
+const TAG_LONGEST_S: f64 = 1200.0;
+
+/// A pan of a camera that sees a tag, at one false alarm a month.
+pub fn tag(time_s: f64, degrees: f64, quiet_s: f64, is_known: bool, trials: std::ops::Range<u64>) -> Row {
+    let config = MonitorConfig::default();
+    let delay = |trial: u64| {
+        let mut tag = Tag::new(Condition::Correlated { share: 0.3, time_s }, 1.0, 0x7a6_0000 + trial);
+        let mut monitor = if is_known { tag.known(50, &config) } else { tag.learned(50, &config) };
+        let began_s = tag.t_s + quiet_s;
+        tag_alarm_s(&mut monitor, &mut tag, &Vector6::zeros(), began_s)
+            .is_none()
+            .then(|| tag_alarm_s(&mut monitor, &mut tag, &pan(degrees), began_s + TAG_LONGEST_S))
+            .map(|alarm_s| alarm_s.map_or(TAG_LONGEST_S, |alarm_s| alarm_s - began_s))
+    };
+    let test = if is_known { "known" } else { "measured" };
+    let noise = format!("tag {time_s} s after {quiet_s} s");
+    Row::of(&noise, degrees, config.false_alarms_per_day, test, trials.filter_map(delay).collect())
+}
+
+/// When the alarm is raised; none until then.
+fn tag_alarm_s(monitor: &mut Monitor, tag: &mut Tag, moved: &Vector6<f64>, until_s: f64) -> Option<f64> {
+    while tag.t_s < until_s {
+        if let Watch::Drifted(_) = monitor.push(&tag.next(moved)) {
+            return Some(tag.t_s);
+        }
+    }
+    None
 }
 
 /// What others are, for the same step in white noise.

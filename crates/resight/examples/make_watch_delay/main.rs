@@ -9,7 +9,8 @@ mod common;
 mod plot;
 
 use common::delay::{
-    FEW_RATES, HEADER, LARGE, RATES, Row, SIZES, SLOPES_DEG_PER_H, rivals, rivals_false, slow, step,
+    FEW_RATES, HEADER, LARGE, RATES, Row, SIZES, SLOPES_DEG_PER_H, TAG_QUIET_S, TAG_STEPS_DEG, TAG_TIMES_S,
+    TAG_TRIALS, rivals, rivals_false, slow, step, tag,
 };
 use nalgebra::Vector2;
 use plot::{Axes, Pen};
@@ -58,8 +59,22 @@ fn simulated(mut take: impl FnMut(Row)) {
     for (size, (trials, rates)) in LARGE.into_iter().zip([(40, 3), (80, 4), (80, 4)]) {
         FEW_RATES[..rates].iter().for_each(|per_day| take(step("lasting", size, *per_day, 0..trials)));
     }
+    tags(&mut take);
     for slope in SLOPES_DEG_PER_H {
         FEW_RATES[1..].iter().for_each(|per_day| take(slow(slope, *per_day, 0..20)));
+    }
+}
+
+/// Steps of a tag under correlated errors that nobody stated, and as found by one who knows them.
+fn tags(take: &mut impl FnMut(Row)) {
+    for time_s in TAG_TIMES_S {
+        for quiet_s in TAG_QUIET_S {
+            for degrees in TAG_STEPS_DEG {
+                for is_known in [false, true] {
+                    take(tag(time_s, degrees, quiet_s, is_known, 0..TAG_TRIALS));
+                }
+            }
+        }
     }
 }
 
