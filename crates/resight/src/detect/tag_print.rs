@@ -39,11 +39,11 @@ const FEW: usize = 1000;
 /// Rounds; each about squares the error, until a pixel that is foreign is known as such.
 const ROUNDS: usize = 40;
 /// Corners that move less lie near to where they end, pixels.
-const NEAR_PX: f64 = 0.05;
+const NEAR_PX: f64 = 0.1;
 /// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
 const SETTLED_PX: f64 = 2e-3;
-/// Blur to begin with, and its least and most, standard deviations in pixels; a pixel's own square is a part of it.
-const FIRST_BLUR_PX: f64 = 0.8;
+/// Blur to begin with, without a pixel's own square; its least and most, with it: standard deviations in pixels.
+const FIRST_BLUR_PX: f64 = 0.6;
 const BLUR_PX: (f64, f64) = (0.35, 5.0);
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
@@ -88,7 +88,7 @@ pub(super) fn lay(
     let reach_px = (REACH_EDGES * super::sigma::shortest_edge_px(&start)).max(REACH_PX);
     let mut state = State {
         at: start,
-        blur_px2: Matrix2::identity() * FIRST_BLUR_PX.powi(2),
+        blur_px2: Matrix2::identity() * ((FIRST_BLUR_PX / reduce as f64).powi(2) + 1.0 / 12.0),
         x: None,
         foreign: FOREIGN.0,
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,

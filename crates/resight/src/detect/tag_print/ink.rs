@@ -1,6 +1,7 @@
 //! What is printed of a tag, seen through a blur: closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
 
 use crate::detect::families::{Family, draw};
+use std::ops::Range;
 use std::sync::LazyLock;
 
 /// Most lines between cells along an edge; a family with more is not compared.
@@ -38,16 +39,20 @@ pub(super) struct Blur {
     pub correlation: f64,
 }
 
-/// The lines near a place, along one direction.
-struct Lines {
+/// The lines near a place, along one direction: fewer than `N`.
+struct Lines<const N: usize> {
     first: usize,
     n: usize,
     /// Density (1/√2π) exp(−a²/2) of each line; a, its distance in standard deviations.
-    density: [f64; MOST_CELLS],
-    away: [f64; MOST_CELLS],
+    density: [f64; N],
+    away: [f64; N],
     /// Share of each cell from `first` − 1 on.
-    share: [f64; MOST_CELLS + 1],
+    share: [f64; N],
 }
+
+/// Room for the lines near most places, and for all: clearing the larger takes longer than what is done with the smaller.
+const FEW: usize = 3;
+const ALL: usize = MOST_CELLS + 1;
 
 impl Print {
     /// None of a family with more cells than a tag has.
@@ -86,7 +91,23 @@ impl Print {
 
     /// The print at a place through a Gaussian blur; beyond its edge it goes on as at the edge. None where no line is near.
     pub(super) fn at(&self, [x, y]: [f64; 2], blur: &Blur) -> Option<Ink> {
-        let (across, down) = (self.lines(x, blur.sigma[0]), self.lines(y, blur.sigma[1]));
+        let (across, down) = (self.near(x, blur.sigma[0]), self.near(y, blur.sigma[1]));
+        if across.len().max(down.len()) < FEW {
+            self.at_with::<FEW>([x, y], blur, across, down)
+        } else {
+            self.at_with::<ALL>([x, y], blur, across, down)
+        }
+    }
+
+    fn at_with<const N: usize>(
+        &self,
+        [x, y]: [f64; 2],
+        blur: &Blur,
+        across: Range<usize>,
+        down: Range<usize>,
+    ) -> Option<Ink> {
+        let (across, down) =
+            (Lines::<N>::new(across, x, blur.sigma[0]), Lines::<N>::new(down, y, blur.sigma[1]));
         if across.n == 0 && down.n == 0 {
             return None;
         }
@@ -138,14 +159,21 @@ impl Print {
         self.values[cell(y) * self.width + cell(x)]
     }
 
-    fn lines(&self, x: f64, sigma: f64) -> Lines {
-        // A place that is no number has no lines.
+    /// The lines within reach; a place that is no number has none.
+    fn near(&self, x: f64, sigma: f64) -> Range<usize> {
         let bound = |x: f64| x.max(1.0).min(self.width as f64) as usize;
-        let first = bound((x - REACH_SIGMAS * sigma).ceil());
-        let end = bound((x + REACH_SIGMAS * sigma).floor() + 1.0);
-        let n = end.saturating_sub(first);
-        let zeros = [0.0; MOST_CELLS];
-        let mut lines = Lines { first, n, density: zeros, away: zeros, share: [0.0; MOST_CELLS + 1] };
+        // Faster than `ceil` and `floor`, which are calls: all numbers are positive.
+        let (low, high) = (x - REACH_SIGMAS * sigma, x + REACH_SIGMAS * sigma);
+        let first = bound(low);
+        let first = if (first as f64) < low { first + 1 } else { first };
+        first..bound(high + 1.0).max(first)
+    }
+}
+
+impl<const N: usize> Lines<N> {
+    fn new(lines: Range<usize>, x: f64, sigma: f64) -> Self {
+        let (first, n) = (lines.start, lines.len().min(N - 1));
+        let mut lines = Lines { first, n, density: [0.0; N], away: [0.0; N], share: [0.0; N] };
         // What lies beyond each line, less what lies beyond the next.
         let (mut left, table) = (1.0, &*NORMAL);
         for k in 0..n {

@@ -100,14 +100,13 @@ impl<'a> Placed<'a> {
     pub fn lines(&self, part: &Part, every: usize, rows: usize, lines: &mut Vec<Line>) -> Option<()> {
         lines.clear();
         for (index, at, gray) in part.places(every, rows) {
-            if let Some((row, weight)) = self.line([at[0] - self.centre.x, at[1] - self.centre.y], gray) {
-                lines.push(Line { index, row, weight });
-            }
+            lines.extend(self.line(index, [at[0] - self.centre.x, at[1] - self.centre.y], gray));
         }
         (UNKNOWNS < lines.len()).then_some(())
     }
 
-    fn line(&self, p: [f64; 2], gray: f64) -> Option<([f64; WIDTH], f64)> {
+    #[inline]
+    fn line(&self, index: usize, p: [f64; 2], gray: f64) -> Option<Line> {
         let (inset, width) = (self.print.inset as f64, self.print.width as f64);
         let half = 0.5 * width - inset;
         let homogeneous = self.from_image.homogeneous(p);
@@ -154,7 +153,7 @@ impl<'a> Placed<'a> {
         row[BOWS.start + 4] = -bow[0] * ink.slope[0];
         row[BOWS.start + 5] = -bow[1] * ink.slope[1];
         row[GRAY] = gray;
-        Some((row, weight))
+        Some(Line { index, row, weight })
     }
 
     /// 1 well inside of the print, 0 nearer to its end than the margin.
