@@ -16,7 +16,7 @@ use crate::GrayImage;
 use nalgebra::{Matrix2, SMatrix, SVector, SymmetricEigen};
 use part::Part;
 use resight_core::Pixel;
-use rows::{BLUR, BOWS, CORNERS, GAIN, Line, Row, SPREAD, UNKNOWNS};
+use rows::{BLUR, BOWS, CornersByMap, GAIN, GRAY, Line, MAP, Placed, Row, SPREAD, UNKNOWNS, WIDTH};
 
 /// Where a tag's corners are.
 #[derive(Debug, Clone, Copy)]
@@ -34,14 +34,16 @@ const LONGEST_PX: f64 = 130.0;
 const EVERY_PX: f64 = 56.0;
 /// From so many tags in one picture on each is compared at half of these lengths.
 const MANY: usize = 4;
+/// A part with fewer pixels that are compared is compared with all of them from the first round on.
+const FEW: usize = 1000;
 /// Rounds; each about squares the error, until a pixel that is foreign is known as such.
 const ROUNDS: usize = 40;
 /// Corners that move less lie near to where they end, pixels.
-const NEAR_PX: f64 = 0.05;
+const NEAR_PX: f64 = 0.1;
 /// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
 const SETTLED_PX: f64 = 2e-3;
-/// Blur to begin with, and its least and most, standard deviations in pixels; a pixel's own square is a part of it.
-const FIRST_BLUR_PX: f64 = 0.8;
+/// Blur to begin with, without a pixel's own square; its least and most, with it: standard deviations in pixels.
+const FIRST_BLUR_PX: f64 = 0.6;
 const BLUR_PX: (f64, f64) = (0.35, 5.0);
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
@@ -82,18 +84,25 @@ pub(super) fn lay(
     let start = corners.map(|corner| part.reduced(&corner));
     let every =
         (longer_side_px(corners) / (reduce as f64 * share * EVERY_PX)).ceil().clamp(1.0, 3.0) as usize;
+    let n_pixels = part.size()[0] * part.size()[1] / every;
     let reach_px = (REACH_EDGES * super::sigma::shortest_edge_px(&start)).max(REACH_PX);
     let mut state = State {
         at: start,
-        blur_px2: Matrix2::identity() * FIRST_BLUR_PX.powi(2),
+        blur_px2: Matrix2::identity() * ((FIRST_BLUR_PX / reduce as f64).powi(2) + 1.0 / 12.0),
         x: None,
         foreign: FOREIGN.0,
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
     };
+    let mut lines = Vec::new();
     for _ in 0..ROUNDS {
-        let lines = rows::lines(&part, print, &state.at, &state.blur_px2, every)?;
-        let solved = state.solve(&lines, noise_gray)?;
-        let (moved_px, is_strict) = (state.step(&solved)?, state.foreign <= FOREIGN.1);
+        let is_strict = state.foreign <= FOREIGN.1;
+        let placed = Placed::new(print, &state.at, &state.blur_px2)?;
+        // Half of the pixels show the way of a tag that is not small.
+        let rows = if is_strict || n_pixels < FEW { 1 } else { 2 };
+        placed.lines(&part, every, rows, &mut lines)?;
+        let mut solved = state.solve(&lines, noise_gray)?;
+        solved.corners_by_map = placed.corners_by_map(&state.at);
+        let moved_px = state.step(&solved)?;
         if !(0..4).all(|k| (state.at[k] - start[k]).norm() <= reach_px) {
             return None;
         }
@@ -131,6 +140,7 @@ struct State {
 struct Solved {
     x: Row,
     inverse: Normal,
+    corners_by_map: CornersByMap,
     /// Weight of each line.
     weights: Vec<f64>,
 }
@@ -140,7 +150,7 @@ impl State {
     /// standard deviation, grey levels.
     fn weights(&self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
         let Some(x) = &self.x else { return (lines.iter().map(|line| line.weight).collect(), noise_gray) };
-        let residuals: Vec<f64> = lines.iter().map(|line| line.gray - line.predicted(x)).collect();
+        let residuals: Vec<f64> = lines.iter().map(|line| line.gray() - line.predicted(x)).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
         let middle = sizes.len() / 2;
         let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
@@ -154,16 +164,9 @@ impl State {
 
     fn solve(&mut self, lines: &[Line], noise_gray: f64) -> Option<Solved> {
         let (weights, residual_gray) = self.weights(lines, noise_gray);
-        let (mut sums, mut right) = ([[0.0; UNKNOWNS]; UNKNOWNS], Row::zeros());
-        for (line, weight) in lines.iter().zip(&weights).filter(|(_, weight)| 0.0 < **weight) {
-            right += line.row * (*weight * line.gray);
-            let row = &line.row.data.0[0];
-            for (j, sums) in sums.iter_mut().enumerate() {
-                let w = weight * row[j];
-                sums[..=j].iter_mut().zip(&row[..=j]).for_each(|(sum, x)| *sum += w * x);
-            }
-        }
+        let sums = products(lines, &weights);
         let mut normal = Normal::from_fn(|i, j| if j <= i { sums[i][j] } else { 0.0 });
+        let mut right = Row::from_fn(|i, _| sums[GRAY][i]);
         let gain = self.x.map_or(64.0, |x| x[GAIN]);
         // What the print leaves unexplained is shared by neighbouring pixels, and counts for more than as much noise.
         let share2 = (SHARED * residual_gray / gain).powi(2);
@@ -186,6 +189,7 @@ impl State {
         (x.iter().all(|x| x.is_finite()) && CONTRAST_GRAY < 2.0 * x[GAIN]).then_some(Solved {
             x,
             inverse,
+            corners_by_map: CornersByMap::zeros(),
             weights,
         })
     }
@@ -193,7 +197,7 @@ impl State {
     /// Takes a step; how far the furthest corner moves.
     fn step(&mut self, solved: &Solved) -> Option<f64> {
         let x = &solved.x;
-        let steps = x.fixed_rows::<8>(CORNERS.start) / x[GAIN];
+        let steps = solved.corners_by_map * x.fixed_rows::<8>(MAP.start) / x[GAIN];
         for (k, corner) in self.at.iter_mut().enumerate() {
             *corner += Pixel::new(steps[2 * k], steps[2 * k + 1]);
         }
@@ -210,6 +214,31 @@ impl State {
     }
 }
 
+/// Sums over the lines of the products of each two entries of their rows, below the diagonal.
+fn products(lines: &[Line], weights: &[f64]) -> [[f64; WIDTH]; GRAY + 1] {
+    let mut sums = [[0.0; WIDTH]; GRAY + 1];
+    let kept: Vec<(&Line, f64)> =
+        lines.iter().zip(weights.iter().copied()).filter(|(_, weight)| 0.0 < *weight).collect();
+    let (fours, rest) = kept.as_chunks::<4>();
+    for four in fours {
+        let [a, b, c, d] = four.map(|(line, _)| &line.row);
+        for (j, sums) in sums.iter_mut().enumerate() {
+            let [wa, wb, wc, wd] = four.map(|(line, weight)| weight * line.row[j]);
+            // Whole fours of columns are faster than none too many.
+            for i in 0..(j / 4 + 1) * 4 {
+                sums[i] += (wa * a[i] + wb * b[i]) + (wc * c[i] + wd * d[i]);
+            }
+        }
+    }
+    for (line, weight) in rest {
+        for (j, sums) in sums.iter_mut().enumerate() {
+            let w = weight * line.row[j];
+            sums.iter_mut().zip(&line.row).take(j + 1).for_each(|(sum, x)| *sum += w * x);
+        }
+    }
+    sums
+}
+
 /// Whether the print shows, and how well its corners are known: docs/math/tag_print.md section 3.
 fn conclude(
     lines: &[Line],
@@ -219,24 +248,25 @@ fn conclude(
     noise_gray: f64,
     every: usize,
 ) -> Option<LaidTag> {
-    let Solved { x, inverse, weights } = solved;
+    let Solved { x, inverse, corners_by_map, weights } = solved;
     let noise_gray2 = noise_gray * noise_gray;
     let shown: f64 = weights.iter().sum();
-    let mean = lines.iter().zip(weights).map(|(line, w)| w * line.gray).sum::<f64>() / shown;
+    let mean = lines.iter().zip(weights).map(|(line, w)| w * line.gray()).sum::<f64>() / shown;
     let widest_px2 = state.blur_px2.symmetric_eigenvalues().max();
     let reach = (3.0 * widest_px2.sqrt()).round().clamp(7.0, 9.0) as usize;
     // Pulls of a sparse lattice are gathered in larger cells, which are fewer.
-    let cell = if every < 3 { 1 } else { 2 };
+    let cell = if every < 2 { 1 } else { 2 };
     let [width, height] = part.size().map(|n| n.div_ceil(cell));
     let mut pulls = vec![Pull::zeros(); width * height];
-    let rows = inverse.fixed_rows::<8>(CORNERS.start) / x[GAIN];
+    let rows = corners_by_map * inverse.fixed_rows::<8>(MAP.start) / x[GAIN];
+    let by_noise_px2 = rows.fixed_columns::<8>(MAP.start) * corners_by_map.transpose() / x[GAIN];
     let (mut total, mut left) = (0.0, 0.0);
     for (line, weight) in lines.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight) {
-        let residual = line.gray - line.row.dot(x);
-        total += weight * (line.gray - mean).powi(2);
+        let residual = line.residual(x);
+        total += weight * (line.gray() - mean).powi(2);
         left += weight * residual * residual;
         let (u, v) = (line.index % part.size()[0] / cell, line.index / part.size()[0] / cell);
-        pulls[v * width + u] += rows * line.row * (weight * residual);
+        pulls[v * width + u] += rows * Row::from_column_slice(&line.row[..UNKNOWNS]) * (weight * residual);
     }
     let explained = 1.0 - (left - shown * noise_gray2).max(0.0) / (total - shown * noise_gray2).max(1e-9);
     let expected: f64 = lines.iter().map(|line| line.weight).sum();
@@ -247,8 +277,7 @@ fn conclude(
     let mut by_residual = squares(&pulls, width, cells);
     let share = reach as f64 / super::sigma::shortest_edge_px(&state.at);
     by_residual *= (1.0 + TAKEN_UP * share) / (cells * cells) as f64;
-    let noise_px2 =
-        |i: usize| noise_gray2 * inverse[(CORNERS.start + i, CORNERS.start + i)] / (x[GAIN] * x[GAIN]);
+    let noise_px2 = |i: usize| noise_gray2 * by_noise_px2[(i, i)];
     let sums =
         |k: usize| (by_residual[2 * k] + by_residual[2 * k + 1], noise_px2(2 * k) + noise_px2(2 * k + 1));
     let corners = [0, 1, 2, 3].map(sums);

@@ -1,6 +1,8 @@
 //! What is printed of a tag, seen through a blur: closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
 
 use crate::detect::families::{Family, draw};
+use std::ops::Range;
+use std::sync::LazyLock;
 
 /// Most lines between cells along an edge; a family with more is not compared.
 const MOST_CELLS: usize = 12;
@@ -37,16 +39,20 @@ pub(super) struct Blur {
     pub correlation: f64,
 }
 
-/// The lines near a place, along one direction.
-struct Lines {
+/// The lines near a place, along one direction: fewer than `N`.
+struct Lines<const N: usize> {
     first: usize,
     n: usize,
     /// Density (1/√2π) exp(−a²/2) of each line; a, its distance in standard deviations.
-    density: [f64; MOST_CELLS],
-    away: [f64; MOST_CELLS],
+    density: [f64; N],
+    away: [f64; N],
     /// Share of each cell from `first` − 1 on.
-    share: [f64; MOST_CELLS + 1],
+    share: [f64; N],
 }
+
+/// Room for the lines near most places, and for all: clearing the larger takes longer than what is done with the smaller.
+const FEW: usize = 3;
+const ALL: usize = MOST_CELLS + 1;
 
 impl Print {
     /// None of a family with more cells than a tag has.
@@ -66,28 +72,42 @@ impl Print {
         Some(Print { width, inset, values, is_known })
     }
 
-    /// Corners of the square that is detected, in cells: 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left.
-    pub fn corners(&self) -> [[f64; 2]; 4] {
-        let (low, high) = (self.inset as f64, (self.width - self.inset) as f64);
-        [[low, low], [high, low], [high, high], [low, high]]
-    }
-
     /// Whether the family says what is printed at a place.
     pub fn is_known(&self, [x, y]: [f64; 2]) -> bool {
         let cell = |x: f64| (0.0 <= x && x < self.width as f64).then_some(x as usize);
         cell(x).zip(cell(y)).is_some_and(|(x, y)| self.is_known[y * self.width + x])
     }
 
+    /// Whether a line between two cells, in either direction, is near enough to show.
+    pub(super) fn is_near_line(&self, x: [f64; 2], sigma: [f64; 2]) -> bool {
+        let last = self.width as f64 - 1.0;
+        let is_near = |k: usize| {
+            // Faster than `round`, which is a call.
+            let line = ((x[k].max(0.0) + 0.5) as usize as f64).clamp(1.0, last);
+            (x[k] - line).abs() <= REACH_SIGMAS * sigma[k]
+        };
+        is_near(0) || is_near(1)
+    }
+
     /// The print at a place through a Gaussian blur; beyond its edge it goes on as at the edge. None where no line is near.
     pub(super) fn at(&self, [x, y]: [f64; 2], blur: &Blur) -> Option<Ink> {
-        let is_near = |x: f64, sigma: f64| {
-            let line = x.round().max(1.0).min(self.width as f64 - 1.0);
-            (x - line).abs() <= REACH_SIGMAS * sigma
-        };
-        if !is_near(x, blur.sigma[0]) && !is_near(y, blur.sigma[1]) {
-            return None;
+        let (across, down) = (self.near(x, blur.sigma[0]), self.near(y, blur.sigma[1]));
+        if across.len().max(down.len()) < FEW {
+            self.at_with::<FEW>([x, y], blur, across, down)
+        } else {
+            self.at_with::<ALL>([x, y], blur, across, down)
         }
-        let (across, down) = (self.lines(x, blur.sigma[0]), self.lines(y, blur.sigma[1]));
+    }
+
+    fn at_with<const N: usize>(
+        &self,
+        [x, y]: [f64; 2],
+        blur: &Blur,
+        across: Range<usize>,
+        down: Range<usize>,
+    ) -> Option<Ink> {
+        let (across, down) =
+            (Lines::<N>::new(across, x, blur.sigma[0]), Lines::<N>::new(down, y, blur.sigma[1]));
         if across.n == 0 && down.n == 0 {
             return None;
         }
@@ -139,19 +159,26 @@ impl Print {
         self.values[cell(y) * self.width + cell(x)]
     }
 
-    fn lines(&self, x: f64, sigma: f64) -> Lines {
-        // A place that is no number has no lines.
+    /// The lines within reach; a place that is no number has none.
+    fn near(&self, x: f64, sigma: f64) -> Range<usize> {
         let bound = |x: f64| x.max(1.0).min(self.width as f64) as usize;
-        let first = bound((x - REACH_SIGMAS * sigma).ceil());
-        let end = bound((x + REACH_SIGMAS * sigma).floor() + 1.0);
-        let n = end.saturating_sub(first);
-        let zeros = [0.0; MOST_CELLS];
-        let mut lines = Lines { first, n, density: zeros, away: zeros, share: [0.0; MOST_CELLS + 1] };
+        // Faster than `ceil` and `floor`, which are calls: all numbers are positive.
+        let (low, high) = (x - REACH_SIGMAS * sigma, x + REACH_SIGMAS * sigma);
+        let first = bound(low);
+        let first = if (first as f64) < low { first + 1 } else { first };
+        first..bound(high + 1.0).max(first)
+    }
+}
+
+impl<const N: usize> Lines<N> {
+    fn new(lines: Range<usize>, x: f64, sigma: f64) -> Self {
+        let (first, n) = (lines.start, lines.len().min(N - 1));
+        let mut lines = Lines { first, n, density: [0.0; N], away: [0.0; N], share: [0.0; N] };
         // What lies beyond each line, less what lies beyond the next.
-        let mut left = 1.0;
+        let (mut left, table) = (1.0, &*NORMAL);
         for k in 0..n {
             let away = (x - (first + k) as f64) / sigma;
-            let (density, beyond) = normal(away);
+            let (density, beyond) = normal(table, away);
             (lines.away[k], lines.density[k], lines.share[k]) = (away, density, left - beyond);
             left = beyond;
         }
@@ -160,9 +187,27 @@ impl Print {
     }
 }
 
-/// The density of the standard normal distribution and its integral, to 1.5e-7 (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions,
-/// 7.1.26): a ten-thousandth of a grey level.
-fn normal(a: f64) -> (f64, f64) {
+/// The density of the standard normal distribution and its integral, at these steps.
+static NORMAL: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
+    let end = (REACH_SIGMAS * STEPS) as i32 + 1;
+    (-end..=end).map(|k| normal_at(k as f64 / STEPS)).collect()
+});
+const STEPS: f64 = 32.0;
+
+/// The density of the standard normal distribution and its integral within [`REACH_SIGMAS`]: Taylor's series about the nearest step, to 1e-8.
+fn normal(table: &[(f64, f64)], a: f64) -> (f64, f64) {
+    let middle = table.len() / 2;
+    let index = (a * STEPS + middle as f64 + 0.5) as usize;
+    let Some((density, beyond)) = table.get(index) else { return normal_at(a) };
+    let at = (index as f64 - middle as f64) / STEPS;
+    let d = a - at;
+    let (first, second, third) = (-at, at * at - 1.0, at * (3.0 - at * at));
+    let bell = density * (1.0 + d * (first + d * (0.5 * second + d * third / 6.0)));
+    (bell, beyond + density * d * (1.0 + d * (0.5 * first + d * (second / 6.0 + d * third / 24.0))))
+}
+
+/// The same to 1.5e-7 anywhere (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, 7.1.26): a ten-thousandth of a grey level.
+fn normal_at(a: f64) -> (f64, f64) {
     let bell = (-0.5 * a * a).exp();
     let t = 1.0 / (1.0 + 0.327_591_1 * a.abs() * std::f64::consts::FRAC_1_SQRT_2);
     let series = t
@@ -194,6 +239,16 @@ mod tests {
             weight += w;
         }
         sum / weight
+    }
+
+    #[test]
+    fn the_table_is_the_normal_distribution() {
+        for k in -3300..=3300 {
+            let a = k as f64 * 1e-3;
+            let (by_table, by_series) = (normal(&NORMAL, a), normal_at(a));
+            assert!((by_table.0 - by_series.0).abs() < 2e-8, "{a}");
+            assert!((by_table.1 - by_series.1).abs() < 4e-7, "{a}");
+        }
     }
 
     #[test]

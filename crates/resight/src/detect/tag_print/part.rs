@@ -57,13 +57,18 @@ impl Part {
         self.size
     }
 
-    /// One of `every` places, on diagonals that do not depend on the part, with index and grey level.
-    pub fn places(&self, every: usize) -> impl Iterator<Item = (usize, Pixel, f64)> + '_ {
-        let place = move |(k, gray): (usize, &f32)| {
-            let (u, v) = (self.first[0] + k % self.size[0], self.first[1] + k / self.size[0]);
-            let place = (k, Pixel::new(u as f64, v as f64), *gray as f64);
-            (u + v).is_multiple_of(every).then_some(place)
+    /// One of `every` places, on diagonals that do not depend on the part, of every `rows`th row, with index and grey level.
+    pub fn places(&self, every: usize, rows: usize) -> impl Iterator<Item = (usize, [f64; 2], f64)> + '_ {
+        let row = move |(j, grays): (usize, &'_ [f32])| {
+            (self.first[1] + j).is_multiple_of(rows).then_some((j, grays.len()))
         };
-        self.gray.iter().enumerate().filter_map(place)
+        self.gray.chunks(self.size[0]).enumerate().filter_map(row).flat_map(move |(j, width)| {
+            let v = self.first[1] + j;
+            let skipped = (every - (self.first[0] + v) % every) % every;
+            (skipped..width).step_by(every).map(move |i| {
+                let k = j * width + i;
+                (k, [(self.first[0] + i) as f64, v as f64], self.gray[k] as f64)
+            })
+        })
     }
 }

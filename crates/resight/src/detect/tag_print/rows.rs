@@ -3,115 +3,170 @@
 use super::ink::{Blur, Print};
 use super::part::Part;
 use crate::detect::homography::{Homography, PlanePoint};
-use nalgebra::{Matrix2, SVector};
+use nalgebra::{Matrix2, SMatrix, SVector};
 use resight_core::Pixel;
 use std::ops::Range;
 
-/// Brightness and its two slopes; contrast; times the contrast: eight coordinates of the corners, the blur's variances along u, along both and along v,
+/// Brightness and its two slopes; contrast; times the contrast: eight entries of the homography, the blur's variances along u, along both and along v,
 /// the spread of the white, six bows.
 pub(super) const UNKNOWNS: usize = 22;
 pub(super) const GAIN: usize = 3;
-pub(super) const CORNERS: Range<usize> = 4..12;
+pub(super) const MAP: Range<usize> = 4..12;
 pub(super) const BLUR: Range<usize> = 12..15;
 pub(super) const SPREAD: usize = 15;
 pub(super) const BOWS: Range<usize> = 16..22;
+/// The grey level follows the derivatives, and a zero fills the row: sums of products of whole rows hold both sides of the normal equations.
+pub(super) const GRAY: usize = 22;
+pub(super) const WIDTH: usize = 24;
 
 pub(super) type Row = SVector<f64, UNKNOWNS>;
+/// How the eight coordinates of the corners move with the entries of the homography.
+pub(super) type CornersByMap = SMatrix<f64, 8, 8>;
 
 /// One pixel.
 pub(super) struct Line {
     /// Where it is in the part.
     pub index: usize,
-    pub row: Row,
-    pub gray: f64,
+    pub row: [f64; WIDTH],
     /// 1 well inside of the print, 0 outside.
     pub weight: f64,
 }
 
 impl Line {
+    pub fn gray(&self) -> f64 {
+        self.row[GRAY]
+    }
+
     /// Its grey level without a further step of corners and blur.
     pub fn predicted(&self, x: &Row) -> f64 {
         let fixed = |range: Range<usize>| -> f64 { range.map(|i| self.row[i] * x[i]).sum() };
-        fixed(0..CORNERS.start) + fixed(SPREAD..UNKNOWNS)
+        fixed(0..MAP.start) + fixed(SPREAD..UNKNOWNS)
+    }
+
+    /// Its grey level less that of the whole fit.
+    pub fn residual(&self, x: &Row) -> f64 {
+        self.row[..UNKNOWNS].iter().zip(x).fold(self.row[GRAY], |left, (row, x)| left - row * x)
     }
 }
 
-/// Step of the derivatives by the corners' coordinates, pixels; a homography bends over edges of tens of pixels.
-const DIFFERENCE_PX: f64 = 1e-3;
+/// The print as four corners and a blur have it.
+pub(super) struct Placed<'a> {
+    print: &'a Print,
+    blur_px2: Matrix2<f64>,
+    /// From pixels off the centre to the square −1 to 1 whose corners are detected.
+    from_image: Homography,
+    centre: Pixel,
+    edge_px: f64,
+    margin_px: f64,
+}
 
-/// The pixels near lines of the print. None where the corners have no homography.
-pub(super) fn lines(
-    part: &Part,
-    print: &Print,
-    at: &[Pixel; 4],
-    blur_px2: &Matrix2<f64>,
-    every: usize,
-) -> Option<Vec<Line>> {
-    let plane = print.corners().map(|[x, y]| PlanePoint::new(x, y));
-    let map_of = |at: &[Pixel; 4]| Homography::fit(&[0, 1, 2, 3].map(|k: usize| (plane[k], at[k])));
-    let map = map_of(at)?;
-    let from_image = map.inverse()?;
-    // How each place moves with each coordinate of each corner.
-    let mut moved = Vec::with_capacity(8);
-    for k in 0..8 {
-        let mut at = *at;
-        at[k / 2][k % 2] += DIFFERENCE_PX;
-        moved.push(map.difference(&map_of(&at)?, DIFFERENCE_PX));
+impl<'a> Placed<'a> {
+    /// None where the corners have no homography.
+    pub fn new(print: &'a Print, at: &[Pixel; 4], blur_px2: &Matrix2<f64>) -> Option<Self> {
+        let centre = at.iter().sum::<Pixel>() / 4.0;
+        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let pair = |k: usize| (PlanePoint::from(square[k]), at[k] - centre);
+        let from_image = Homography::fit(&[0, 1, 2, 3].map(pair))?.inverse()?;
+        let edge_px = crate::detect::sigma::shortest_edge_px(at).max(1.0);
+        let (inset, width) = (print.inset as f64, print.width as f64);
+        // Outside of what is printed anything may be, and the blur brings it in.
+        let rim_px = inset / (width - 2.0 * inset) * edge_px;
+        let margin_px = (1.5 * (0.5 * blur_px2.trace()).sqrt() + 0.5).min(0.5 * rim_px);
+        Some(Placed { print, blur_px2: *blur_px2, from_image, centre, edge_px, margin_px })
     }
-    let centre = at.iter().sum::<Pixel>() / 4.0;
-    let edge_px = crate::detect::sigma::shortest_edge_px(at).max(1.0);
-    let (inset, width) = (print.inset as f64, print.width as f64);
-    let cells = width - 2.0 * inset;
-    // Outside of what is printed anything may be, and the blur brings it in.
-    let rim_px = inset / cells * edge_px;
-    let margin_px = (1.5 * (0.5 * blur_px2.trace()).sqrt() + 0.5).min(0.5 * rim_px);
-    let mut lines = Vec::new();
-    for (index, p, gray) in part.places(every) {
-        // Gradients of the plane's coordinates in the image, and the blur across the lines of each.
-        let (x, gradients) = from_image.with_gradients(&p);
-        if !print.is_known([x.x, x.y]) {
-            continue;
+
+    /// How the corners move with the entries of the homography from the square to the image.
+    pub fn corners_by_map(&self, at: &[Pixel; 4]) -> CornersByMap {
+        let mut moves = CornersByMap::zeros();
+        for (k, corner) in at.iter().enumerate() {
+            let p = corner - self.centre;
+            let [x, y, z] = self.from_image.homogeneous([p.x, p.y]);
+            for (axis, direction) in [[1.0, 0.0], [0.0, 1.0]].into_iter().enumerate() {
+                let by = self.by_map([x, y, z], direction, [p.x, p.y]);
+                (0..8).for_each(|i| moves[(2 * k + axis, i)] = by[i]);
+            }
         }
-        let depth_px = [x.x, x.y]
-            .iter()
-            .zip(&gradients)
-            .map(|(x, g)| x.min(width - x) / g.norm())
-            .fold(f64::INFINITY, f64::min);
-        let weight = (depth_px - margin_px + 0.5).clamp(0.0, 1.0);
-        let variance = |a: usize, b: usize| gradients[a].dot(&(blur_px2 * gradients[b]));
-        let sigma = [variance(0, 0).sqrt(), variance(1, 1).sqrt()];
-        let correlation = (variance(0, 1) / (sigma[0] * sigma[1])).clamp(-0.9, 0.9);
-        if !(0.0 < weight) || !(sigma[0] * sigma[1]).is_normal() {
-            continue;
+        moves
+    }
+
+    /// How far along a direction the image `p` of a point moves with each entry but the last of the homography: with w the third of the point's
+    /// homogeneous coordinates (x, y, w) it is w (e_a − p e_3) times (x/w, y/w, 1). The third row is in edges.
+    fn by_map(&self, [x, y, w]: [f64; 3], [du, dv]: [f64; 2], p: [f64; 2]) -> [f64; 8] {
+        let d = -(du * p[0] + dv * p[1]) / self.edge_px;
+        [du * x, du * y, du * w, dv * x, dv * y, dv * w, d * x, d * y]
+    }
+
+    /// The pixels near lines of the print, into memory that is used again. None where they are too few.
+    pub fn lines(&self, part: &Part, every: usize, rows: usize, lines: &mut Vec<Line>) -> Option<()> {
+        lines.clear();
+        for (index, at, gray) in part.places(every, rows) {
+            lines.extend(self.line(index, [at[0] - self.centre.x, at[1] - self.centre.y], gray));
         }
-        let Some(ink) = print.at([x.x, x.y], &Blur { sigma, correlation }) else { continue };
-        let slope = gradients[0] * ink.slope[0] + gradients[1] * ink.slope[1];
-        let mut row = Row::zeros();
+        (UNKNOWNS < lines.len()).then_some(())
+    }
+
+    #[inline]
+    fn line(&self, index: usize, p: [f64; 2], gray: f64) -> Option<Line> {
+        let (inset, width) = (self.print.inset as f64, self.print.width as f64);
+        let half = 0.5 * width - inset;
+        let homogeneous = self.from_image.homogeneous(p);
+        let z = homogeneous[2];
+        let square = [homogeneous[0] / z, homogeneous[1] / z];
+        let x = square.map(|x| 0.5 * width + half * x);
+        if !self.print.is_known(x) {
+            return None;
+        }
+        // Gradients of the plane's coordinates in the image, in cells.
+        let [g, h] = self.from_image.gradients(square, z).map(|g| g.map(|x| half * x));
+        let weight = self.inside(x, [g, h]);
+        let b = &self.blur_px2;
+        let variance = |g: [f64; 2], h: [f64; 2]| {
+            g[0] * (b[(0, 0)] * h[0] + b[(0, 1)] * h[1]) + g[1] * (b[(0, 1)] * h[0] + b[(1, 1)] * h[1])
+        };
+        let sigma = [variance(g, g).sqrt(), variance(h, h).sqrt()];
+        let area = sigma[0] * sigma[1];
+        if !(0.0 < weight) || !area.is_normal() || !self.print.is_near_line(x, sigma) {
+            return None;
+        }
+        let correlation = (variance(g, h) / area).clamp(-0.9, 0.9);
+        let ink = self.print.at(x, &Blur { sigma, correlation })?;
+        let slope = [0, 1].map(|a: usize| g[a] * ink.slope[0] + h[a] * ink.slope[1]);
+        let mut row = [0.0; WIDTH];
         row[0] = 1.0;
-        (row[1], row[2]) = ((p.x - centre.x) / edge_px, (p.y - centre.y) / edge_px);
+        (row[1], row[2]) = (p[0] / self.edge_px, p[1] / self.edge_px);
         row[GAIN] = ink.value;
-        for i in 0..8 {
-            row[CORNERS.start + i] = -slope.dot(&map.moved(&moved[i], &x, &p));
-        }
+        row[MAP].copy_from_slice(&self.by_map(homogeneous, slope.map(|x| -x), p));
         let bend = |a: usize, b: usize| {
             let [xx, xy, yy] = ink.bend;
-            let (g, h) = (&gradients[0], &gradients[1]);
             g[a] * g[b] * xx + (g[a] * h[b] + h[a] * g[b]) * xy + h[a] * h[b] * yy
         };
         row[BLUR.start] = 0.5 * bend(0, 0);
         row[BLUR.start + 1] = bend(0, 1);
         row[BLUR.start + 2] = 0.5 * bend(1, 1);
-        row[SPREAD] = slope.norm();
+        row[SPREAD] = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
         // Both edges of a pair bow to one side, or to opposite ones; and what is between them is moved along.
-        let (s, t) = ((x.x - inset) / cells, (x.y - inset) / cells);
-        let bow = |t: f64| 4.0 * t * (1.0 - t) * cells / edge_px;
-        row[BOWS.start] = -bow(t) * ink.slope[0];
-        row[BOWS.start + 1] = row[BOWS.start] * (2.0 * s - 1.0);
-        row[BOWS.start + 2] = -bow(s) * ink.slope[1];
-        row[BOWS.start + 3] = row[BOWS.start + 2] * (2.0 * t - 1.0);
-        row[BOWS.start + 4] = -bow(s) * ink.slope[0];
-        row[BOWS.start + 5] = -bow(t) * ink.slope[1];
-        lines.push(Line { index, row, gray, weight });
+        let bow = square.map(|s| (1.0 - s * s) * 2.0 * half / self.edge_px);
+        row[BOWS.start] = -bow[1] * ink.slope[0];
+        row[BOWS.start + 1] = row[BOWS.start] * square[0];
+        row[BOWS.start + 2] = -bow[0] * ink.slope[1];
+        row[BOWS.start + 3] = row[BOWS.start + 2] * square[1];
+        row[BOWS.start + 4] = -bow[0] * ink.slope[0];
+        row[BOWS.start + 5] = -bow[1] * ink.slope[1];
+        row[GRAY] = gray;
+        Some(Line { index, row, weight })
     }
-    (UNKNOWNS < lines.len()).then_some(lines)
+
+    /// 1 well inside of the print, 0 nearer to its end than the margin.
+    fn inside(&self, x: [f64; 2], gradients: [[f64; 2]; 2]) -> f64 {
+        let width = self.print.width as f64;
+        let mut weight = 1.0f64;
+        for (x, g) in x.iter().zip(gradients) {
+            let (depth, norm2) = (x.min(width - x), g[0] * g[0] + g[1] * g[1]);
+            // Most are well inside, and need no root.
+            if depth * depth < (self.margin_px + 0.5).powi(2) * norm2 {
+                weight = weight.min((depth / norm2.sqrt() - self.margin_px + 0.5).max(0.0));
+            }
+        }
+        weight
+    }
 }
