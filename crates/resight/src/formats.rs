@@ -409,6 +409,11 @@ fn target_of(document: &Document, options: &TagOptions) -> Result<TargetFile, Fa
     let (mut target, mut warnings) = (format.read)(document)?;
     warnings.extend(tag_options::apply(document, format.format, &mut target, options)?);
     target.check().map_err(|e| Fault::new(e.to_string()))?;
+    if let Some(extent_m) = plausible::absurd_extent_m(&target) {
+        return Err(Fault::new(format!(
+            "a target of {extent_m:.1e} m; at most 1e9 m are a size, check number and unit"
+        )));
+    }
     warnings.extend(plausible::of_target(&target));
     warnings.extend(checks::critical_plane_warning(&target));
     Ok(TargetFile { format: format.format, target, warnings })

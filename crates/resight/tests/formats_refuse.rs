@@ -371,3 +371,17 @@ fn the_largest_files_end_soon() {
         assert!(start.elapsed().as_secs_f64() < 20.0, "{name}");
     }
 }
+
+/// Points of a target of 1e308 m are no numbers.
+#[test]
+fn a_target_beyond_any_size_is_refused() {
+    for text in [
+        "kind = \"aprilgrid\"\nrows = 5\ncolumns = 6\ntag_size_m = 1.6e308\ntag_spacing_ratio = 0.3\n",
+        "kind = \"chessboard\"\nrows = 5\ncolumns = 6\nsquare_m = 1e300\n",
+    ] {
+        let refused =
+            resight::formats::read_target_from_bytes("board.toml".as_ref(), text.as_bytes().to_vec());
+        let reason = refused.expect_err("refused").to_string();
+        assert!(reason.contains("at most 1e9 m"), "{reason}");
+    }
+}

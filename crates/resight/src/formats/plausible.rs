@@ -42,6 +42,22 @@ pub fn of_target(target: &Target) -> Vec<String> {
     }
 }
 
+/// The extent of a printed target that is no size at all (metres): its points would leave the range of numbers.
+pub(super) fn absurd_extent_m(target: &Target) -> Option<f64> {
+    const LARGEST_M: f64 = 1e9;
+    let extent_m = match target {
+        Target::Tag(tag) => tag.size_m,
+        Target::AprilGrid(grid) => {
+            grid.tag_size_m * (1.0 + grid.tag_spacing_ratio) * f64::from(grid.rows.max(grid.columns))
+        }
+        Target::Chessboard(board) => board.square_m * f64::from(board.rows.max(board.columns)),
+        Target::Charuco(board) => board.square_m * f64::from(board.rows.max(board.columns)),
+        Target::TagMap(map) => map.tags.iter().map(|tag| tag.size_m).fold(0.0, f64::max),
+        _ => 0.0,
+    };
+    (!(extent_m <= LARGEST_M)).then_some(extent_m)
+}
+
 /// Coordinates of points, such as a file's columns x_m, y_m, z_m: a remark where they are hardly metres.
 pub fn of_points(points: &[Point]) -> Option<String> {
     let extent_m = extent_m(points);
