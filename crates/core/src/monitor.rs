@@ -11,6 +11,7 @@
 mod log_sum;
 mod axis;
 mod transients;
+mod models;
 mod bank;
 mod promise;
 mod measured;

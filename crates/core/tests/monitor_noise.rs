@@ -53,7 +53,7 @@ fn stays_within(rate: f64, days: f64) {
     let mut beyond = Vec::new();
     for (name, condition, first) in ROWS.iter().filter(|(name, ..)| name.contains(&only)) {
         let of = |seed: u64| alarms(*condition, 1.0, rate, days / sessions, 0x7700 + seed);
-        let counted = (0..sessions as u64).map(of).sum::<usize>() as f64;
+        let counted = f64::from((0..sessions as u64).map(of).sum::<u32>());
         let allowed = rate * days;
         let more = (counted - first * sessions - allowed).max(0.0);
         println!("{name}: {counted} in {days} days, {allowed:.2} allowed");

@@ -4,7 +4,7 @@
 //! Errors of corners and landmarks enter a pose linearly, so that a pose's own error is drawn: of the covariance that the points give it.
 
 use crate::common::Rng;
-use crate::common::conditions::{Condition, DAY_S};
+use crate::common::conditions::{Condition, DAY_S, alarms_among};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
 use resight_core::monitor::learn::{LearnConfig, learn};
@@ -152,25 +152,12 @@ fn number(variable: &str, default: f64) -> f64 {
     std::env::var(variable).ok().and_then(|value| value.parse().ok()).unwrap_or(default)
 }
 
-/// Drifts that are reported for the first time; one that does not come back within a quarter of an hour is accepted.
 fn alarms(kind: Kind, condition: Condition, rate: f64, days: f64, seed: u64) -> u32 {
     let mut scene = Scene::new(kind, condition, seed);
     let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
     let mut monitor = scene.watched(&config);
-    let (mut alarms, mut since_s) = (0, None);
-    while scene.t_s < days * DAY_S {
-        let is_drifted = matches!(monitor.push(&scene.next(&Vector6::zeros())), Watch::Drifted(_));
-        match since_s {
-            None if is_drifted => (alarms, since_s) = (alarms + 1, Some(scene.t_s)),
-            Some(_) if monitor.drift().is_none() => since_s = None,
-            Some(began_s) if 900.0 < scene.t_s - began_s => {
-                monitor.accept().expect("accepted");
-                since_s = None;
-            }
-            _ => {}
-        }
-    }
-    alarms
+    let readings = std::iter::from_fn(|| (scene.t_s < days * DAY_S).then(|| scene.next(&Vector6::zeros())));
+    alarms_among(readings, &mut monitor)
 }
 
 /// χ² with one degree of freedom beyond what is allowed: one in a thousand exceeds 10.83.

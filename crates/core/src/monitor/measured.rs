@@ -9,7 +9,8 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AXES, AxisNoise, Innovation, Transition, Whitened};
-use super::bank::{self, AxisBank, EXCLUDED, FURTHEST_BEHIND, MODELS, Passed};
+use super::bank::{AxisBank, FURTHEST_BEHIND, Passed};
+use super::models::{self, EXCLUDED, MODELS};
 use super::promise::{self, Detectable, MeasuredNoise};
 use crate::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
@@ -255,13 +256,14 @@ fn log_student(squares: f64) -> f64 {
 /// The most that a model has gained since an onset, of those that were not excluded before it and of those between grid points; one that
 /// was excluded had to make up for that.
 fn most_since(now: &[f64; MODELS], then: &[f64]) -> f64 {
-    let best = bank::best(then);
+    let best = models::best(then);
     let least = then[best] - EXCLUDED;
-    let of_model =
-        |model: usize| now[model] - if model == bank::STATED { then[model] } else { then[model].max(least) };
+    let of_model = |model: usize| {
+        now[model] - if model == models::STATED { then[model] } else { then[model].max(least) }
+    };
     let of_grid = (0..MODELS).map(of_model).fold(f64::NEG_INFINITY, f64::max);
-    let of_between = |between: bank::Between| between.of(|model| now[model] - then[model]);
-    bank::between(best, then).map(of_between).fold(of_grid, f64::max)
+    let of_between = |between: models::Between| between.of(|model| now[model] - then[model]);
+    models::between(best, then).map(of_between).fold(of_grid, f64::max)
 }
 
 numbers!(Measured { banks, unit_s, own, grown, heavy, readings, between_s, set_aside });

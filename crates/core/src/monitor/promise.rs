@@ -2,7 +2,8 @@
 
 use super::axis::AXES;
 pub use super::bank::LastingError;
-use super::bank::{AxisBank, DIRECTIONS, GRID, Passed};
+use super::bank::{AxisBank, Passed};
+use super::models::{DIRECTIONS, GRID};
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
 

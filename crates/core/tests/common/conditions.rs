@@ -241,20 +241,23 @@ impl Scene {
 
 /// Alarms while nothing moves: each drift that is told for the first time. One that does not come back within a quarter of an hour is
 /// accepted, so that there may be another.
-pub fn alarms(condition: Condition, period_s: f64, rate: f64, days: f64, seed: u64) -> usize {
+pub fn alarms(condition: Condition, period_s: f64, rate: f64, days: f64, seed: u64) -> u32 {
     let mut scene = Scene::new(condition, period_s, seed);
     let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
     let mut monitor = scene.learned(50, &config);
+    let readings = std::iter::from_fn(|| (scene.t_s < days * DAY_S).then(|| scene.next(&Vector6::zeros())));
+    alarms_among(readings, &mut monitor)
+}
+
+/// Drifts that are reported for the first time; one that does not come back within a quarter of an hour is accepted.
+pub fn alarms_among(readings: impl Iterator<Item = Reading>, monitor: &mut Monitor) -> u32 {
     let (mut alarms, mut since_s) = (0, None);
-    while scene.t_s < days * DAY_S {
-        let is_drifted = matches!(monitor.push(&scene.next(&Vector6::zeros())), Watch::Drifted(_));
+    for reading in readings {
+        let is_drifted = matches!(monitor.push(&reading), Watch::Drifted(_));
         match since_s {
-            None if is_drifted => {
-                alarms += 1;
-                since_s = Some(scene.t_s);
-            }
+            None if is_drifted => (alarms, since_s) = (alarms + 1, Some(reading.t_s)),
             Some(_) if monitor.drift().is_none() => since_s = None,
-            Some(began_s) if 900.0 < scene.t_s - began_s => {
+            Some(began_s) if 900.0 < reading.t_s - began_s => {
                 monitor.accept().expect("accepted");
                 since_s = None;
             }
