@@ -63,6 +63,7 @@ pub mod history;
 pub mod live;
 
 pub use self::image::GrayImage;
+pub use advise::{advise_boards, advise_points, advise_target};
 pub use answer::{
     CompareAnswer, HandEyeAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status,
 };
