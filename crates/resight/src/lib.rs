@@ -36,17 +36,16 @@
 #![warn(missing_docs)]
 
 pub use resight_core as core;
+pub use resight_formats::{self as formats, input};
+pub use resight_recording as recording;
 
 pub mod error;
-pub mod input;
 pub mod parallel;
 pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
-pub mod recording;
 pub mod ros;
-pub mod formats;
 pub mod overlay;
 pub mod drawing;
 pub mod render;

@@ -1,21 +1,10 @@
-//! Messages of ROS 1 and ROS 2 without ROS: read by the definitions that travel with them, and the few that are written.
-//!
-//! A definition is turned into a table of fields (`definition`), bytes into a tree of values (`decode`, `value`), and the tree into what
-//! a camera saw (`image`, `apriltag_msgs`, `isaac_apriltag`) or into intrinsics (`formats`). Fields are found by name, so messages of
-//! older and newer releases are read alike.
+//! What a camera saw, from messages of ROS 1 and ROS 2 in recordings; the messages themselves are read in `resight-recording`.
 
-pub mod definition;
-pub mod value;
-pub mod decode;
 mod image;
 mod bayer;
 mod tags;
 mod apriltag_msgs;
 mod isaac_apriltag;
 pub mod sight;
-mod cdr;
-mod known;
-mod covariance;
-pub mod write;
 
-pub use covariance::pose_covariance;
+pub use resight_recording::ros::{decode, definition, pose_covariance, value, write};

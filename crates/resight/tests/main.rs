@@ -13,7 +13,6 @@ mod real_support;
 #[path = "../../core/tests/recorded.rs"]
 mod recorded;
 mod report_support;
-mod rigs_support;
 
 mod board_parts;
 mod corner_sigma;
@@ -23,16 +22,6 @@ mod dots_accuracy;
 mod dots_identification;
 mod dots_lens;
 mod follow;
-mod formats_colmap;
-mod formats_convert;
-mod formats_explain;
-mod formats_files;
-mod formats_fuzz;
-mod formats_read;
-mod formats_real;
-mod formats_refuse;
-mod formats_rigs;
-mod formats_write;
 mod fuzz;
 mod history;
 mod history_turns;

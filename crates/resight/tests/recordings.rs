@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use resight::recording::{Channel, Message, Next, Recording, topics};
-use resight::ros::sight::{Decoder, Kind, Sight};
+use resight::ros::sight::{Decoder, Kind, Sight, sight};
 use resight::source::mcap::McapTopic;
 use resight::source::{self, Content, Frame, Source};
 use std::collections::BTreeMap;
@@ -303,7 +303,7 @@ fn a_torn_chunk_that_claims_too_little_gives_what_it_claims() {
 fn look(message: &Message) {
     if let (Some(kind), Ok(decoder)) = (Kind::of(&message.channel.kind), decoder(&message.channel))
         && let Ok(value) = decoder.read(&message.data)
-        && let Ok(Sight::Image(image)) = kind.sight(&value)
+        && let Ok(Sight::Image(image)) = sight(kind, &value)
     {
         assert_eq!(image.data.len(), image.width_px as usize * image.height_px as usize);
     }

@@ -6,9 +6,9 @@
 //! points. The node looks at rectified pictures unless told otherwise: the camera is then that of P, without distortion.
 
 use super::tags::{ToldTag, detections, four_corners, label};
-use super::value::Value;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
+use resight_recording::ros::value::Value;
 
 /// All corners of a message.
 ///

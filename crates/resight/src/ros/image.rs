@@ -3,8 +3,8 @@
 //! Encodings: sensor_msgs/image_encodings.hpp. Colours become luma with the weights of Rec. 709, as in pictures read from files.
 
 use super::bayer;
-use super::value::Value;
 use crate::GrayImage;
+use resight_recording::ros::value::Value;
 
 /// Largest image accepted, pixels, as for pictures.
 const MAX_PIXELS: u64 = 64_000_000;

@@ -7,9 +7,9 @@
 //! should count otherwise, every pose is turned by half a pixel, the same in all pictures: no drift.
 
 use super::tags::{ToldTag, detections, four_corners, label};
-use super::value::Value;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
+use resight_recording::ros::value::Value;
 
 /// All corners of a message.
 ///

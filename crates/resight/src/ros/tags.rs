@@ -1,10 +1,10 @@
 //! What the messages of tag detectors have in common.
 
-use super::value::Value;
 use crate::detect::sigma::tag_corner_px;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
+use resight_recording::ros::value::Value;
 use std::collections::BTreeMap;
 
 /// More tags than this are in no picture.

@@ -3,7 +3,7 @@
 use super::{Content, Frame, Next, Source};
 use crate::FileError;
 use crate::recording::{self, Message, Recording, Topic, topics};
-use crate::ros::sight::{Decoder, Kind, Sight};
+use crate::ros::sight::{Decoder, Kind, Sight, sight};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -101,7 +101,7 @@ impl McapTopic {
         let value = self.decoder.read(&message.data);
         let is_read = value.is_ok();
         let stamp_s = value.as_ref().ok().and_then(|value| value.stamp_s());
-        let content = match value.and_then(|value| self.kind.sight(&value)) {
+        let content = match value.and_then(|value| sight(self.kind, &value)) {
             Ok(Sight::Image(image)) => Content::Image(image),
             Ok(Sight::Detections(detections)) => Content::Detections(detections),
             Err(reason) => Content::Unreadable(format!("{} {}: {reason}", self.topic, self.number)),
