@@ -29,7 +29,7 @@
 //! | relative poses of pairs of cameras to a rig | [`pose_graph`] |
 //! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye`] |
 //! | a scene to lengths | [`measure`] |
-//! | cameras watched for motion | [`live`] |
+//! | cameras watched for motion | `run` of the crate `resight-watch` |
 //!
 //! Answers ([`answer`]) have a status and serialise to the JSON of the command line. The mathematics is in [`core`].
 #![deny(unsafe_code)]
@@ -45,19 +45,16 @@ pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
-pub mod ros;
 pub mod overlay;
 pub mod drawing;
 pub mod render;
+pub mod video;
 pub mod rig;
-pub mod source;
 pub mod scene;
 pub mod report;
 pub mod advise;
 pub mod measure;
 pub mod landmarks;
-pub mod history;
-pub mod live;
 
 pub use self::image::GrayImage;
 pub use answer::{HandEyeAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status};
