@@ -10,7 +10,6 @@ mod output;
 mod points;
 mod robust;
 mod text;
-mod turned;
 mod commands;
 
 use std::process::ExitCode;

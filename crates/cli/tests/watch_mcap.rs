@@ -4,10 +4,10 @@
 use crate::support::folder;
 use assert_cmd::Command;
 use resight::core::{Pose, Vector6};
-use resight::live::reference;
 use resight::recording::{Message, Next, Recording};
-use resight::ros::sight::Decoder;
-use resight::ros::value::Value as Field;
+use resight_watch::live::reference;
+use resight_watch::ros::sight::Decoder;
+use resight_watch::ros::value::Value as Field;
 use serde_json::Value;
 use std::fs::File;
 use std::path::{Path, PathBuf};

@@ -11,6 +11,7 @@ fn below(variable: &str, name: &str) -> PathBuf {
 }
 
 /// The folder of a set of recordings.
+#[allow(dead_code)] // Not every crate reads sets.
 pub fn recorded(set: &str) -> PathBuf {
     below("RESIGHT_DATA", set)
 }
@@ -19,4 +20,15 @@ pub fn recorded(set: &str) -> PathBuf {
 #[allow(dead_code)] // Not every crate reads videos.
 pub fn recorded_frames(camera: &str) -> PathBuf {
     below("RESIGHT_FRAMES", camera)
+}
+
+/// The frames of one camera, in order.
+#[allow(dead_code)] // Not every crate reads videos.
+pub fn frames(camera: &str) -> Vec<PathBuf> {
+    let folder = recorded_frames(camera);
+    let mut all: Vec<PathBuf> =
+        std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();
+    all.retain(|path| path.extension().is_some_and(|e| e == "png" || e == "jpg"));
+    all.sort();
+    all
 }

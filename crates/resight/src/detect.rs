@@ -19,7 +19,7 @@ mod joints;
 mod noise;
 mod print;
 mod region;
-pub(crate) mod sigma;
+pub mod sigma;
 mod tag_print;
 pub mod tags;
 mod template;

@@ -29,29 +29,27 @@
 //! | relative poses of pairs of cameras to a rig | [`pose_graph`] |
 //! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye`] |
 //! | a scene to lengths | [`measure`] |
-//! | cameras watched for motion | [`live`] |
+//! | cameras watched for motion | `run` of the crate `resight-watch` |
 //!
 //! Answers ([`answer`]) have a status and serialise to the JSON of the command line. The mathematics is in [`core`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub use resight_core as core;
+pub use resight_formats::{self as formats, input};
+pub use resight_recording as recording;
 
 pub mod error;
-pub mod input;
 pub mod parallel;
 pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
-pub mod recording;
-pub mod ros;
-pub mod formats;
 pub mod overlay;
 pub mod drawing;
 pub mod render;
+pub mod video;
 pub mod rig;
-pub mod source;
 pub mod scene;
 pub mod report;
 pub mod advise;
@@ -59,8 +57,6 @@ pub mod measure;
 pub mod compare;
 pub mod convert;
 pub mod landmarks;
-pub mod history;
-pub mod live;
 
 pub use self::image::GrayImage;
 pub use advise::{advise_boards, advise_points, advise_target};

@@ -3,6 +3,7 @@
 pub mod html;
 pub mod rig;
 pub mod truth;
+pub mod turned;
 pub mod verdict;
 pub mod words;
 

@@ -1,6 +1,6 @@
 //! Following a target: the same corners as in the whole picture, and nothing that leaves its place is lost.
 
-use crate::live_support::{camera, film, map, tag, tag_pose, trembling};
+use crate::film_support::{camera, film, map, tag, tag_pose, trembling};
 use nalgebra::Vector6;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;

@@ -2,18 +2,13 @@
 
 mod detect_support;
 mod dots_support;
+mod film_support;
 mod fuzz_support;
-mod history_support;
 mod landmarks_support;
-mod live_support;
-#[allow(dead_code)] // The bench times too.
-#[path = "../benches/live/process.rs"]
-mod process;
 mod real_support;
 #[path = "../../core/tests/recorded.rs"]
 mod recorded;
 mod report_support;
-mod rigs_support;
 
 mod board_parts;
 mod corner_sigma;
@@ -23,28 +18,9 @@ mod dots_accuracy;
 mod dots_identification;
 mod dots_lens;
 mod follow;
-mod formats_colmap;
-mod formats_convert;
-mod formats_explain;
-mod formats_files;
-mod formats_fuzz;
-mod formats_read;
-mod formats_real;
-mod formats_refuse;
-mod formats_rigs;
-mod formats_write;
 mod fuzz;
-mod history;
-mod history_turns;
-mod history_versions;
 mod images_of_any_size;
 mod landmarks;
-mod landmarks_live;
-mod live_alarms;
-mod live_clock;
-mod live_end;
-mod live_load;
-mod live_size;
 mod not_found;
 mod real_aprilgrid;
 mod real_chessboard;
@@ -56,14 +32,9 @@ mod real_pose_graph;
 mod real_robust;
 mod real_rotating_tag;
 mod real_tag_map;
-mod real_watch;
-mod recordings;
-mod recordings_faults;
 mod render_is_read_by_detectors;
 mod render_physics;
 mod report_rig;
 mod rig_jobs;
 mod scene;
-mod sources;
-mod streams;
 mod tag_tolerance;

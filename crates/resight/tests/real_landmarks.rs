@@ -1,12 +1,11 @@
 //! Landmarks on recorded pictures: photographs turned by exact homographies, and cameras that stood still while people moved.
 
 use crate::landmarks_support::{camera, exposed, photographed, turned};
-use crate::recorded::{recorded, recorded_frames};
+use crate::recorded::{frames, recorded};
 use nalgebra::{Matrix3, Rotation3};
 use resight::GrayImage;
 use resight::landmarks::Landmarks;
 use resight::render::Pcg;
-use std::path::PathBuf;
 
 /// Off by, degrees, and over its own standard deviations.
 fn error(sighting: &resight::landmarks::Sighting, truth: &Matrix3<f64>) -> (f64, f64) {
@@ -103,16 +102,6 @@ fn small_turns_of_photographs_are_as_sure_as_told() {
         println!("{what}: NEES {mean:.2}, {within} of {} within 95 %", all.len());
         assert!((1.5..4.2).contains(&mean), "{what}: {mean}");
     }
-}
-
-/// The frames of one camera, in order.
-pub fn frames(camera: &str) -> Vec<PathBuf> {
-    let folder = recorded_frames(camera);
-    let mut all: Vec<PathBuf> =
-        std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();
-    all.retain(|path| path.extension().is_some_and(|e| e == "png" || e == "jpg"));
-    all.sort();
-    all
 }
 
 /// Four webcams before which somebody waves a board: none of them turned, by the first frame as reference.

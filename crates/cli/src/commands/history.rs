@@ -6,8 +6,8 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::SCHEMA;
-use resight::history::export::{Table, export};
-use resight::history::{History as File, PairSummary, Selection, StoredEvent};
+use resight_watch::history::export::{Table, export};
+use resight_watch::history::{History as File, PairSummary, Selection, StoredEvent};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -3,12 +3,12 @@
 use super::locate::picture_paths;
 use crate::args::OutputArgs;
 use crate::output::{Outcome, Printer};
-use crate::turned;
 use anyhow::{Context, Result};
 use clap::Args;
 use resight::GrayImage;
 use resight::answer::SCHEMA;
 use resight::landmarks::{Landmarks as Reference, NotSighted, Sighting};
+use resight::report::turned;
 use resight::report::verdict::Status;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

@@ -2,14 +2,10 @@
 
 mod alarm;
 mod landmarks;
-mod log;
 mod motion;
-mod names;
 mod outputs;
 mod rig;
-mod saved;
 pub mod session;
-mod signals;
 mod sources;
 
 use crate::args::TagArgs;
@@ -18,18 +14,16 @@ use alarm::AlarmArgs;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use landmarks::LandmarkArgs;
-use log::Log;
 use motion::MotionArgs;
-use names::{Names, by_name, split};
-use outputs::said::Moved;
-use outputs::{OutputArgs, Session};
+use outputs::OutputArgs;
 use resight::core::Camera;
-use resight::core::monitor::Reference;
 use resight::core::monitor::learn::LEAST_READINGS;
 use resight::formats::NamedCamera;
-use resight::live::{self, Event, LiveCamera, LiveConfig, LookError, State, StateFile, Watched, reference};
+use resight_watch::live::{LiveCamera, LiveConfig, LookError, Watched, reference};
+use resight_watch::names::{Names, by_name, split};
+use resight_watch::outputs::said::{self, Verdict};
+use resight_watch::{Ended, Error, Log, Request, signals};
 use rig::RigArgs;
-use saved::Saved;
 use sources::SourceArgs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -141,86 +135,81 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let names = names.distinct()?;
     let config = config(args, &names, rig.as_deref())?;
     let cameras = cameras(args, &names, rig)?;
-    watch(args, &names, cameras, &config)
+    watch(args, &names, cameras, config)
 }
 
-/// Opens what the session writes to, runs it, and says how it ended.
-fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: &LiveConfig) -> Result<Outcome> {
-    let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
+/// Runs the session, and says how it ended.
+fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveConfig) -> Result<Outcome> {
+    let (log, stop) = (Log::new(crate::output::remark), Arc::new(AtomicBool::new(false)));
     signals::stop_at_request(&stop)?;
-    let files = by_name("--save-reference", &args.save_reference, &names.pairs())?;
-    let mut saved = Saved::new(names, files, args.landmarks.saved(names)?, &log)?;
-    let state = args.state.as_deref().map(|path| remembered(path, &log)).transpose()?;
-    let session = Session {
-        names,
-        references: references(args, names, &cameras, config, state.as_ref())?,
+    let request = Request {
+        names: names.clone(),
+        cameras,
+        config,
+        state: args.state.clone(),
+        save_references: saved("--save-reference", &args.save_reference, &names.pairs())?,
+        save_landmarks: writable("--save-landmarks", args.landmarks.saved(names)?)?,
+        outputs: args.outputs.config()?,
         false_alarms_per_day: args.alarm.false_alarms_per_day,
-        log: &log,
-        stop: &stop,
         is_once: args.once,
     };
-    let mut outputs = outputs::open(&args.outputs, &session)?;
-    let mut states: Vec<Option<State>> = vec![None; names.pairs().len()];
-    let (mut told, mut moved) = (Ok(()), Moved::default());
-    live::run_from(cameras, config, &stop, state.as_ref(), |event| {
-        moved.take(event);
-        if let Event::StateChanged { camera, target, state, .. } = event {
-            states[names.pair_index(*camera, *target)] = Some(state.clone());
-        }
-        saved.take(event);
-        told = outputs::tell(&mut outputs, |output| output.take(event));
-        told.is_ok()
-    })?;
-    let finished = outputs::tell(&mut outputs, |output| output.finish());
-    let saved = saved.finish();
-    told.and(finished)?;
-    match (verdict(args, names, &states, &moved, &log)?, saved) {
-        (Outcome::Moved, Err(reason)) => {
-            log.say("watch", &format!("{reason:#}"));
+    let printer = args.outputs.printer(names);
+    let ended = resight_watch::run(request, &log, &stop, |event| {
+        printer.as_ref().map_or(Ok(()), |printer| printer.take(event))
+    });
+    let ended = ended.map_err(|reason| with_file(args, names, reason))?;
+    let outcome = verdict(args, names, &ended, &log)?;
+    match (outcome, ended.unsaved) {
+        (Outcome::Moved, Some(reason)) => {
+            log.say("watch", &format!("{:#}", anyhow::Error::new(reason)));
             Ok(Outcome::Moved) // What moved matters more than a file.
         }
-        (outcome, saved) => saved.map(|()| outcome),
+        (_, Some(reason)) => Err(reason.into()),
+        (outcome, None) => Ok(outcome),
     }
 }
 
-/// What each pair is compared with, where that is known before the first frame. Also says now which camera cannot be watched.
-fn references(
-    args: &Watch,
-    names: &Names,
-    cameras: &[LiveCamera],
-    config: &LiveConfig,
-    state: Option<&StateFile>,
-) -> Result<Vec<Option<Reference>>> {
-    let mut all = Vec::new();
-    for (i, camera) in cameras.iter().enumerate() {
-        let known = live::references(camera, config, state).map_err(|reason| {
-            let is_picture = matches!(reason, LookError::Landmarks(_));
-            let file = args.landmarks.file(names, i).filter(|_| is_picture);
-            let file = file.map_or(String::new(), |file| format!("--landmarks {file}: "));
-            anyhow::Error::new(reason).context(format!("{file}camera {}", camera.name))
-        });
-        all.extend(known?);
-    }
-    Ok(all)
+fn saved(flag: &str, given: &[String], names: &[String]) -> Result<Vec<Option<String>>> {
+    writable(flag, by_name(flag, given, names)?)
 }
 
-fn verdict(
-    args: &Watch,
-    names: &Names,
-    states: &[Option<State>],
-    moved: &Moved,
-    log: &Log,
-) -> Result<Outcome> {
+/// Files that can be written, as far as can be known now.
+fn writable(flag: &str, files: Vec<Option<String>>) -> Result<Vec<Option<String>>> {
+    files.iter().flatten().try_for_each(|file| crate::files::can_be_written(flag, Path::new(file)))?;
+    Ok(files)
+}
+
+/// Which reference image it is that a camera cannot be watched by.
+fn with_file(args: &Watch, names: &Names, reason: Error) -> anyhow::Error {
+    let file = match &reason {
+        Error::Camera { camera, source: LookError::Landmarks(_), .. } => args.landmarks.file(names, *camera),
+        _ => None,
+    };
+    let reason = anyhow::Error::new(reason);
+    match file {
+        Some(file) => reason.context(format!("--landmarks {file}")),
+        None => reason,
+    }
+}
+
+fn verdict(args: &Watch, names: &Names, ended: &Ended, log: &Log) -> Result<Outcome> {
     if !args.once {
         return Ok(Outcome::Answered);
     }
     if args.outputs.is_printed() {
-        return outputs::said::verdict(names, args.outputs.json, states, moved);
+        for line in said::verdict_lines(names, args.outputs.json, &ended.states, &ended.moved) {
+            outputs::print(&line)?;
+        }
+    } else {
+        for (name, state) in names.pairs().iter().zip(&ended.states) {
+            log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("unseen", said::word)));
+        }
     }
-    for (name, state) in names.pairs().iter().zip(states) {
-        log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("unseen", outputs::said::word)));
-    }
-    Ok(outputs::said::outcome(states, moved))
+    Ok(match ended.verdict() {
+        Verdict::Steady => Outcome::Answered,
+        Verdict::Unclear => Outcome::SomeUnanswered,
+        Verdict::Moved => Outcome::Moved,
+    })
 }
 
 fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<LiveCamera>> {
@@ -291,9 +280,4 @@ fn monitors(args: &Watch, names: &Names) -> usize {
         true => names.pairs().len(),
         false => names.pairs().len() + args.landmarks.count(),
     }
-}
-
-fn remembered(path: &Path, log: &Log) -> Result<StateFile> {
-    let log = log.clone();
-    Ok(StateFile::open(path, move |text| log.say("state", text))?)
 }

@@ -34,7 +34,7 @@ pub(super) fn tag_px(tag: &DecodedTag) -> f64 {
 }
 
 /// The same from corners and decision margin (grey levels) alone; a margin that nobody told is that of a well lit tag.
-pub(crate) fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f64 {
+pub fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f64 {
     let margin_gray = margin_gray.unwrap_or(CLEAR_MARGIN_GRAY);
     let dim = (CLEAR_MARGIN_GRAY / margin_gray.max(1.0)).max(1.0);
     dim * TAG_AT_ONE_PX / shortest_edge_px(corners).max(1.0).sqrt()

@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::formats::check_image_size;
 use crate::image::GrayImage;
 use crate::parallel::detect_in_order;
-use crate::source::video::{Video, is_video};
+use crate::video::{Video, is_video};
 use std::path::{Path, PathBuf};
 use views::ImageFile;
 

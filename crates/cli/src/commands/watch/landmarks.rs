@@ -1,10 +1,10 @@
 //! Natural landmarks: reference pictures read.
 
-use super::names::{Names, by_name};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::GrayImage;
-use resight::live::WatchedLandmarks;
+use resight_watch::live::WatchedLandmarks;
+use resight_watch::names::{Names, by_name};
 use std::path::Path;
 
 /// The landmarks.

@@ -1,52 +1,21 @@
-//! Where the events of a session go. One file for each kind of output, with its arguments.
+//! The flags of the outputs, and events printed on standard output.
 
-mod history;
-mod measured;
-pub mod said;
-mod tf;
-mod outbox;
-mod retry;
-mod courier;
-pub mod secret;
-mod trust;
-mod notice;
-mod metrics;
-mod webhook;
-mod mqtt;
-mod tui;
-
-use super::log::Log;
-use super::names::Names;
-use anyhow::Result;
-use clap::Args;
-use history::HistoryArgs;
-use outbox::Counted;
-use resight::core::monitor::Reference;
-use resight::live::Event;
-use said::Said;
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use resight_watch::Event;
+use resight_watch::history::Retention;
+use resight_watch::names::Names;
+use resight_watch::outputs::OutputsConfig;
+use resight_watch::outputs::history::{HistoryConfig, OnStored};
+use resight_watch::outputs::metrics::MetricsConfig;
+use resight_watch::outputs::mqtt::MqttConfig;
+use resight_watch::outputs::said::Said;
+use resight_watch::outputs::tf::TfConfig;
+use resight_watch::outputs::tui::TuiConfig;
+use resight_watch::outputs::webhook::WebhookConfig;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
-/// Takes every event, in order, and never waits for anybody else: an output that talks to a server has a thread and a bounded
-/// queue of its own, and says in the log what went wrong. An error ends the session.
-pub trait Output {
-    /// The next event.
-    fn take(&mut self, event: &Event) -> Result<()>;
-
-    /// The session is over.
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
-    }
-}
-
-/// Tells every output, whatever becomes of the others: an alarm must not get lost because a terminal is closed. The first error is kept.
-pub fn tell(
-    outputs: &mut [Box<dyn Output>],
-    mut each: impl FnMut(&mut dyn Output) -> Result<()>,
-) -> Result<()> {
-    outputs.iter_mut().map(|output| each(output.as_mut())).fold(Ok(()), Result::and)
-}
 
 /// The outputs.
 #[derive(Debug, Args)]
@@ -61,13 +30,13 @@ pub struct OutputArgs {
     #[command(flatten)]
     history: HistoryArgs,
     #[command(flatten)]
-    tf: tf::TfArgs,
+    tf: TfArgs,
     #[command(flatten)]
-    metrics: metrics::MetricsArgs,
+    metrics: MetricsArgs,
     #[command(flatten)]
-    webhook: webhook::WebhookArgs,
+    webhook: WebhookArgs,
     #[command(flatten)]
-    mqtt: mqtt::MqttArgs,
+    mqtt: MqttArgs,
     /// Certificates (PEM) to believe for https and mqtts [default: those of this machine].
     #[arg(long, hide_short_help = true, value_name = "FILE")]
     ca_file: Option<PathBuf>,
@@ -75,7 +44,7 @@ pub struct OutputArgs {
     #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     flush_s: f64,
     #[command(flatten)]
-    tui: tui::TuiArgs,
+    tui: TuiArgs,
 }
 
 impl OutputArgs {
@@ -83,51 +52,235 @@ impl OutputArgs {
     pub fn is_printed(&self) -> bool {
         self.json || !self.tui.tui
     }
+
+    /// The listener that prints events, where they are printed.
+    pub fn printer(&self, names: &Names) -> Option<Printer> {
+        self.is_printed().then(|| Printer { said: Said::new(names), json: self.json, frames: self.frames })
+    }
+
+    /// What the session opens.
+    ///
+    /// # Errors
+    /// Flags that contradict each other.
+    pub fn config(&self) -> Result<OutputsConfig> {
+        let tui =
+            self.tui.tui.then_some(TuiConfig { window: self.tui.tui_window as usize, has_json: self.json });
+        Ok(OutputsConfig {
+            history: self.history.config(self.json)?,
+            tf: self.tf.config()?,
+            metrics: self.metrics.config(),
+            webhook: self.webhook.config(),
+            mqtt: self.mqtt.config(),
+            tui,
+            ca_file: self.ca_file.clone(),
+            flush_s: self.flush_s,
+        })
+    }
 }
 
-/// What is known of a session before it starts.
-pub struct Session<'a> {
-    /// Names of cameras and targets.
-    pub names: &'a Names,
-    /// What each pair is compared with, where that is known already.
-    pub references: Vec<Option<Reference>>,
-    /// False alarms a day that are allowed.
-    pub false_alarms_per_day: f64,
-    /// What the session itself has to say.
-    pub log: &'a Log,
-    /// Ends the session.
-    pub stop: &'a Arc<AtomicBool>,
-    /// The session ends with its sources.
-    pub is_once: bool,
+/// Prints events on standard output.
+pub struct Printer {
+    said: Said,
+    json: bool,
+    frames: bool,
 }
 
-/// What outputs that talk to servers have in common.
-struct Common<'a> {
-    names: &'a Names,
-    log: &'a Log,
-    ca: Option<Vec<u8>>,
-    flush_s: f64,
-    /// What counts its deliveries, by name.
-    counted: Vec<(&'static str, Arc<dyn Counted>)>,
+impl Printer {
+    /// The next event.
+    ///
+    /// # Errors
+    /// Nobody reads any more.
+    pub fn take(&self, event: &Event) -> std::io::Result<()> {
+        if matches!(event, Event::Observed { .. }) && !self.frames {
+            return Ok(());
+        }
+        print(&if self.json { self.said.object(event).to_string() } else { self.said.words(event) })
+    }
 }
 
-/// Opens what was asked for.
-///
-/// # Errors
-/// An address, a file or a port that cannot be used; a view without a terminal.
-pub fn open(args: &OutputArgs, session: &Session<'_>) -> Result<Vec<Box<dyn Output>>> {
-    let Session { names, log, .. } = session;
-    let ca = args.ca_file.as_deref().map(trust::read).transpose()?;
-    let mut common = Common { names, log, ca, flush_s: args.flush_s, counted: Vec::new() };
-    let said = args.is_printed().then(|| Said::new(names, args.json, args.frames));
-    let webhook = webhook::open(&args.webhook, &mut common)?;
-    let mqtt = mqtt::open(&args.mqtt, &mut common)?;
-    let metrics = metrics::open(&args.metrics, session, common.counted)?; // After those whose deliveries it counts.
-    let tui = tui::open(&args.tui, args.json, session)?;
-    // Files are begun when all that may be refused was accepted.
-    let history = history::open(&args.history, names, args.json, log)?;
-    let tf = tf::open(&args.tf, session)?;
-    let said = said.map(|said| Box::new(said) as Box<dyn Output>);
-    // The view is last: the others end while it is still there.
-    Ok([said, history, tf, webhook, mqtt, metrics, tui].into_iter().flatten().collect())
+/// Line by line, each flushed: another program may be waiting for it.
+pub fn print(line: &str) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")?;
+    out.flush()
+}
+
+/// The history.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "History")]
+pub struct HistoryArgs {
+    /// Keeps every frame and event in this SQLite file, which `resight history` reads.
+    ///
+    /// Pose (or rotation by landmarks), covariance, residual and state of every frame.
+    /// With --json an object {"event": "stored"} says what is on the disk for good.
+    #[arg(long, value_name = "FILE")]
+    history: Option<PathBuf>,
+    /// Every frame is kept this long, then one row a minute.
+    #[arg(long, hide_short_help = true, value_name = "DAYS", default_value_t = 7.0, value_parser = crate::args::positive, requires = "history")]
+    history_full_days: f64,
+    /// Rows of a minute are kept until they are this old, then one an hour [default: 90, or as long as all is kept].
+    #[arg(long, hide_short_help = true, value_name = "DAYS", value_parser = crate::args::positive, requires = "history")]
+    history_minute_days: Option<f64>,
+    /// Rows of an hour are kept until they are this old; events for good.
+    #[arg(long, hide_short_help = true, value_name = "DAYS", default_value_t = 1100.0, value_parser = crate::args::positive, requires = "history")]
+    history_keep_days: f64,
+    /// Beyond this size of the file the oldest rows are joined, and then removed, before their time.
+    #[arg(long, hide_short_help = true, value_name = "MB", value_parser = crate::args::positive, requires = "history")]
+    history_max_mb: Option<f64>,
+    /// Longest time until a frame is on the disk, as far as that keeps up.
+    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 0.5, value_parser = crate::args::seconds, requires = "history")]
+    history_commit_s: f64,
+}
+
+impl HistoryArgs {
+    fn config(&self, json: bool) -> Result<Option<HistoryConfig>> {
+        let Some(file) = self.history.clone() else { return Ok(None) };
+        // Where nobody reads any more, the session itself finds out.
+        let on_stored: OnStored = Arc::new(|stored| drop(print(&stored.to_string())));
+        Ok(Some(HistoryConfig {
+            file,
+            retention: self.retention()?,
+            commit_s: self.history_commit_s,
+            on_stored: json.then_some(on_stored),
+        }))
+    }
+
+    fn retention(&self) -> Result<Retention> {
+        let (full, keep) = (self.history_full_days, self.history_keep_days);
+        let minute = self.history_minute_days.unwrap_or(90.0_f64.max(full).min(keep));
+        if !(full <= minute && minute <= keep) {
+            bail!(
+                "--history-full-days {full}, --history-minute-days {minute} and --history-keep-days {keep} must not fall: rows grow coarser with age"
+            );
+        }
+        const DAY_S: f64 = 86_400.0;
+        Ok(Retention {
+            full_s: full * DAY_S,
+            minutes_s: minute * DAY_S,
+            keep_s: keep * DAY_S,
+            largest_bytes: self.history_max_mb.map(|mb| (mb * 1e6) as u64),
+        })
+    }
+}
+
+/// Where poses go.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "ROS transforms")]
+pub struct TfArgs {
+    /// Writes poses as ROS 2 messages to FILE.mcap: /tf, /tf_static (references and drift corrections), CAMERA/pose with covariance,
+    /// /diagnostics.
+    #[arg(long, hide_short_help = true, value_name = "FILE.mcap")]
+    tf: Option<PathBuf>,
+    /// Which frame is the parent on /tf: the target (the camera's pose in the target's frame), or the camera (the target's pose in
+    /// the camera's frame, as tag detectors publish it).
+    #[arg(long, hide_short_help = true, value_name = "FRAME", value_enum, default_value_t = Parent::Target)]
+    tf_parent: Parent,
+    /// Frame id of a camera or target on /tf [default: its name].
+    #[arg(long, hide_short_help = true, value_name = "NAME=FRAME_ID")]
+    tf_frame: Vec<String>,
+}
+
+/// The parent on `/tf`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Parent {
+    /// The target.
+    Target,
+    /// The camera.
+    Camera,
+}
+
+impl TfArgs {
+    fn config(&self) -> Result<Option<TfConfig>> {
+        let Some(file) = self.tf.clone() else {
+            if !self.tf_frame.is_empty() {
+                bail!("--tf-frame names frames of the file of --tf; give --tf FILE.mcap too");
+            }
+            return Ok(None);
+        };
+        let target_is_parent = self.tf_parent == Parent::Target;
+        Ok(Some(TfConfig { file, target_is_parent, frames: self.tf_frame.clone() }))
+    }
+}
+
+/// The metrics.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Metrics")]
+pub struct MetricsArgs {
+    /// Serves Prometheus metrics at http://ADDRESS:PORT/metrics, and /healthz. Other machines are let in only with
+    /// --metrics-token-file.
+    #[arg(long, hide_short_help = true, value_name = "ADDRESS:PORT")]
+    metrics: Option<String>,
+    /// /metrics asks for the token on the first line of this file: 'Authorization: Bearer TOKEN'.
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "metrics")]
+    metrics_token_file: Option<PathBuf>,
+    /// A name by which the metrics are reached, as NAME or NAME:PORT, besides localhost and the address. May be given again.
+    #[arg(long, hide_short_help = true, value_name = "NAME", requires = "metrics")]
+    metrics_host: Vec<String>,
+}
+
+impl MetricsArgs {
+    fn config(&self) -> Option<MetricsConfig> {
+        let (token_file, hosts) = (self.metrics_token_file.clone(), self.metrics_host.clone());
+        self.metrics.clone().map(|address| MetricsConfig { address, token_file, hosts })
+    }
+}
+
+/// The webhook.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Webhook")]
+pub struct WebhookArgs {
+    /// Posts a JSON object to this http or https address when a state changes, when it is known who moved, and when a source is lost
+    /// or back; tried again until it is acknowledged (status 2xx).
+    #[arg(long, hide_short_help = true, value_name = "URL")]
+    webhook: Option<String>,
+    /// A header for --webhook, 'Name: value', or @FILE with one a line: secrets belong in a file. May be given again.
+    #[arg(long, hide_short_help = true, value_name = "HEADER", requires = "webhook")]
+    webhook_header: Vec<String>,
+}
+
+impl WebhookArgs {
+    fn config(&self) -> Option<WebhookConfig> {
+        let headers = self.webhook_header.clone();
+        self.webhook.clone().map(|url| WebhookConfig { url, headers })
+    }
+}
+
+/// The broker.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "MQTT")]
+pub struct MqttArgs {
+    /// Keeps states at an MQTT broker: mqtt://HOST[:PORT][/PREFIX], mqtts:// with TLS, USER@ before HOST. Topics are
+    /// PREFIX/CAMERA/TARGET/state (retained) and PREFIX/availability (online, offline).
+    #[arg(long, hide_short_help = true, value_name = "URL")]
+    mqtt: Option<String>,
+    /// The password is on the first line of this file [default: the variable RESIGHT_MQTT_PASSWORD].
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "mqtt")]
+    mqtt_password_file: Option<PathBuf>,
+    /// Also sends what every frame showed, to PREFIX/CAMERA/TARGET/frame, while the broker is there.
+    #[arg(long, hide_short_help = true, requires = "mqtt")]
+    mqtt_frames: bool,
+    /// Also announces each camera to Home Assistant, which listens below this prefix.
+    #[arg(long, hide_short_help = true, requires = "mqtt", value_name = "PREFIX", num_args = 0..=1, default_missing_value = "homeassistant")]
+    mqtt_discovery: Option<String>,
+}
+
+impl MqttArgs {
+    fn config(&self) -> Option<MqttConfig> {
+        let (password_file, discovery) = (self.mqtt_password_file.clone(), self.mqtt_discovery.clone());
+        self.mqtt.clone().map(|url| MqttConfig { url, password_file, frames: self.mqtt_frames, discovery })
+    }
+}
+
+/// The terminal view.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Terminal view")]
+pub struct TuiArgs {
+    /// Draws the session in the terminal instead of printing it.
+    ///
+    /// State, motion, times and scatter of every camera. q quits, r resets the statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
+    #[arg(long)]
+    pub tui: bool,
+    /// Frames over which --tui takes medians, percentiles and standard deviations.
+    #[arg(long, hide_short_help = true, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    tui_window: u32,
 }

@@ -5,8 +5,8 @@ use clap::Args;
 use nalgebra::DMatrix;
 use resight::core::{Matrix6, Pose};
 use resight::formats::{CameraFile, NamedCamera, read_rig};
-use resight::live::rig::RigConfig;
 use resight::rig::places::{PlacedRig, placed};
+use resight_watch::live::rig::RigConfig;
 use std::path::PathBuf;
 
 /// The rig.

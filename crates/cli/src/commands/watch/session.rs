@@ -10,12 +10,12 @@
 //! file = "tag.toml"
 //! ```
 
-use super::names::split;
 use anyhow::{Context, Result, bail};
 use clap::builder::ValueParser;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use resight::input::{Kind, read_text};
+use resight_watch::names::split;
 use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -1,14 +1,14 @@
 //! Where frames come from.
 
-use super::names::{by_name, split};
-use super::outputs::secret;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use resight::recording::is_recording;
-use resight::source::mcap::McapTopic;
-use resight::source::pictures::{Clock, Folder, Pictures};
-use resight::source::stream::{Stream, StreamConfig, is_stream};
-use resight::source::{Source, lines, video};
+use resight_watch::names::{by_name, split};
+use resight_watch::outputs::secret;
+use resight_watch::source::mcap::McapTopic;
+use resight_watch::source::pictures::{Clock, Folder, Pictures};
+use resight_watch::source::stream::{Stream, StreamConfig, is_stream};
+use resight_watch::source::{Source, lines, video};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use video::Film;

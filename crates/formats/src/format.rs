@@ -1,0 +1,108 @@
+//! The names of the formats; what each reads and writes is in `table`.
+
+/// The file formats Resight knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// Our own camera file (TOML), one camera or several with poses.
+    Own,
+    /// OpenCV FileStorage, YAML, XML or JSON.
+    OpenCv,
+    /// ROS `sensor_msgs/CameraInfo`, as `camera_calibration` saves it or `ros2 topic echo` prints it.
+    RosCameraInfo,
+    /// An MCAP recording with camera_info topics, only read.
+    Mcap,
+    /// Kalibr camera chain.
+    Kalibr,
+    /// EuRoC / ASL `sensor.yaml`.
+    Euroc,
+    /// COLMAP text model: `cameras.txt`, `images.txt`, `rigs.txt`, `frames.txt`.
+    Colmap,
+    /// mrcal `.cameramodel`.
+    Mrcal,
+    /// PhotonVision or Limelight calibration JSON.
+    PhotonVision,
+    /// Basalt calibration JSON.
+    Basalt,
+    /// Caliscope `camera_array.toml`.
+    Caliscope,
+    /// aniposelib `calibration.toml`.
+    Aniposelib,
+    /// multical `calibration.json`.
+    Multical,
+    /// MC-Calib `calibrated_cameras_data.yml`.
+    McCalib,
+    /// PhotonVision before 2024 and Limelight, written; `PhotonVision` reads both shapes.
+    PhotonVisionOld,
+    /// easy_handeye's YAML, the camera on the robot's base when written; both are read as this.
+    EasyHandeyeOnBase,
+    /// The same with the camera on the robot's hand.
+    EasyHandeyeOnHand,
+    /// fSpy's camera parameters, written only.
+    FSpy,
+    /// A Python script for Blender, written only.
+    Blender,
+    /// glTF 2.0, written only.
+    Gltf,
+    /// ROS static transforms: launch files, scripts, lists. Written as a Python launch file.
+    StaticTransforms,
+    /// The same as a YAML list; recognised as `StaticTransforms`.
+    StaticTransformsYaml,
+    /// URDF, fixed joints.
+    Urdf,
+    /// KITTI `calib.txt` and the raw data's files. Written as the object benchmark has it.
+    Kitti,
+    /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
+    KittiOdometry,
+    /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
+    NuScenes,
+    /// OpenCV FileStorage as XML; recognised as `OpenCv`.
+    OpenCvXml,
+    /// Our own target file (TOML).
+    OwnTarget,
+    /// Kalibr target YAML, or Basalt's JSON twin.
+    KalibrTarget,
+    /// WPILib field layout JSON.
+    WpilibLayout,
+    /// Caliscope `charuco.toml`.
+    CaliscopeCharuco,
+}
+
+impl Format {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Own => "Resight camera file (TOML)",
+            Format::OpenCv => "OpenCV FileStorage",
+            Format::RosCameraInfo => "ROS camera_info",
+            Format::Mcap => "MCAP recording",
+            Format::Kalibr => "Kalibr camera chain",
+            Format::Euroc => "EuRoC sensor.yaml",
+            Format::Colmap => "COLMAP text model",
+            Format::Mrcal => "mrcal .cameramodel",
+            Format::PhotonVision => "PhotonVision / Limelight calibration",
+            Format::Basalt => "Basalt calibration",
+            Format::Caliscope => "Caliscope camera array",
+            Format::Aniposelib => "aniposelib camera group",
+            Format::Multical => "multical calibration",
+            Format::McCalib => "MC-Calib cameras",
+            Format::PhotonVisionOld => "PhotonVision / Limelight calibration before 2024",
+            Format::EasyHandeyeOnBase => "easy_handeye calibration",
+            Format::EasyHandeyeOnHand => "easy_handeye calibration (camera on the hand)",
+            Format::FSpy => "fSpy camera parameters",
+            Format::Blender => "Blender script",
+            Format::Gltf => "glTF scene",
+            Format::StaticTransforms => "ROS static transforms",
+            Format::StaticTransformsYaml => "ROS static transforms (YAML)",
+            Format::Urdf => "URDF",
+            Format::Kitti => "KITTI calibration",
+            Format::KittiOdometry => "KITTI odometry calibration",
+            Format::NuScenes => "nuScenes calibrated_sensor",
+            Format::OpenCvXml => "OpenCV FileStorage (XML)",
+            Format::OwnTarget => "Resight target file (TOML)",
+            Format::KalibrTarget => "Kalibr target",
+            Format::WpilibLayout => "WPILib field layout",
+            Format::CaliscopeCharuco => "Caliscope charuco board",
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Camera and target files: read by content, refused with line and reason, written without loss.
+//!
+//! A format is one file and one row of the tables in `table.rs`. Each turns its own
+//! pixel origin, units, names and direction of transforms into ours (metres, pixel (0, 0) the centre of the top-left
+//! pixel, poses `b_from_a`); nothing of a foreign convention leaves these modules.
+//!
+//! A camera of a file that another program wrote, and the same camera for ROS:
+//!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/formats"))?;
+//! use resight_formats::{Format, read_camera, write_cameras};
+//!
+//! let left = read_camera("kalibr_camchain.yaml#cam0")?;
+//! let files = write_cameras(&[left], Format::RosCameraInfo)?;
+//! assert_eq!(files.len(), 1);
+//! assert!(files[0].text.contains("distortion_model:"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | format | file | cameras | poses as stated there | written |
+//! | --- | --- | --- | --- | --- |
+//! | own TOML | `own_camera.rs` | all models | any `b_from_a`, clocks | yes |
+//! | OpenCV YAML, XML, JSON | `opencv.rs`, `opencv_write.rs` | pinhole, Brown–Conrady, fisheye | second_from_first (R, T) | YAML, XML |
+//! | ROS camera_info | `ros.rs` | plumb_bob, rational_polynomial, equidistant | none | yes |
+//! | MCAP recording | `mcap.rs` | as ROS camera_info | none | no |
+//! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
+//! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | yes |
+//! | ROS static transforms | `tf.rs`, `tf_launch.rs` | none | parent_from_child | yes |
+//! | URDF | `urdf.rs` | none | parent_from_child | yes |
+//! | KITTI | `kitti.rs` | pinhole | cam_from_rect (P), rect_from_velo, … | yes |
+//! | nuScenes | `nuscenes.rs` | pinhole | ego_from_sensor | yes |
+//! | COLMAP text model | `colmap.rs` | 13 models | cam_from_world, cam_from_rig | yes |
+//! | mrcal .cameramodel | `mrcal.rs` | PINHOLE, OPENCV4, 5, 8, 12 | cam_from_reference | yes |
+//! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 4, 5, 8, 12; fisheye | none | both shapes |
+//! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | yes |
+//! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | both dialects |
+//! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
+//! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
+//! | easy_handeye | `handeye.rs` | none | robot_from_cam | yes |
+//! | fSpy, Blender, glTF | `fspy.rs`, `blender.rs`, `gltf.rs` | pinhole; Brown–Conrady; all models in pixels | world_from_cam | only |
+//! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
+//!
+//! Recordings are read with the feature `recordings` only, because they are unpacked by C libraries; `resight` asks for it.
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+
+pub use resight_core as core;
+
+mod error;
+pub mod input;
+mod format;
+mod file;
+mod tree;
+mod entry;
+mod document;
+mod syntax;
+mod row;
+mod checks;
+mod lens;
+mod frames;
+mod placed;
+mod emit;
+mod atomic;
+mod scene;
+mod euler;
+mod tf_launch;
+mod colmap;
+mod own_camera;
+mod own_target;
+mod opencv_write;
+mod opencv;
+mod ros;
+mod kalibr;
+mod kalibr_target;
+mod euroc;
+mod mrcal;
+mod photonvision;
+mod basalt;
+mod caliscope;
+mod multical;
+mod mccalib;
+mod handeye;
+mod fspy;
+mod blender;
+mod gltf;
+mod caliscope_target;
+mod tf;
+mod urdf;
+mod kitti;
+mod nuscenes;
+pub mod plausible;
+#[cfg(feature = "recordings")]
+mod mcap;
+mod open;
+mod wpilib;
+mod tag_options;
+mod table;
+mod read;
+mod write;
+mod rig_files;
+mod convert;
+mod explain;
+
+pub use atomic::{stream_atomically, write_atomically};
+pub use checks::check_image_size;
+pub use convert::{Conversion, convert};
+pub use error::FileError;
+pub use explain::{explain, explain_from_bytes, remarks};
+pub use file::{
+    CameraFile, ClockOffset, JointCovariance, NamedCamera, OutFile, Placement, TargetFile, WriteError,
+};
+pub use format::Format;
+pub use frames::pose_between;
+pub use own_camera::status_keys;
+pub use read::{
+    read_camera, read_cameras, read_cameras_from_bytes, read_target, read_target_from_bytes, read_target_with,
+};
+pub use rig_files::read_rig;
+pub use scene::{Scene, Station, scene};
+pub use tag_options::TagOptions;
+pub use wpilib::{Field, read_field, write_field_layout};
+pub use write::{own_file, own_rig_file, write_cameras, write_rig};
+
+use file::Contents;
+use row::{CameraFormat, Reads, TargetFormat, Writer, Written};

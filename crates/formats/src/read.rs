@@ -1,0 +1,179 @@
+//! Camera and target files, read: the format by its content, then cameras by name.
+
+use super::document::{Document, Fault};
+use super::table::{CAMERA_FORMATS, camera_format, target_format};
+use super::{
+    CameraFile, Contents, NamedCamera, Reads, TagOptions, TargetFile, checks, open, plausible, tag_options,
+};
+use crate::FileError;
+use crate::core::Pose;
+use std::path::Path;
+
+/// Reads every camera of a file, recognising the format by its content.
+///
+/// Errors name file, line and key: unknown models, wrong counts, values that cannot be right, other kinds of files.
+pub fn read_cameras(path: &Path) -> Result<CameraFile, FileError> {
+    let document = open::read(path)?;
+    cameras_of(&document).map_err(|fault| fault.in_file(path))
+}
+
+/// As `read_cameras`, from bytes in memory; `path` serves names and messages only.
+pub fn read_cameras_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<CameraFile, FileError> {
+    let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
+    cameras_of(&document).map_err(|fault| fault.in_file(path))
+}
+
+pub(super) fn cameras_of(document: &Document) -> Result<CameraFile, Fault> {
+    let (format, reads) = camera_format(document).ok_or_else(|| not_a_camera(document))?;
+    let contents = contents_of(document, reads)?;
+    if contents.cameras.is_empty() {
+        let only = if contents.relations.is_empty() { "no camera" } else { "poses only, no intrinsics" };
+        let name = format.format.name();
+        return Err(Fault::new(format!("{name} with {only}; give the file that holds the camera matrices")));
+    }
+    Ok(contents.into_file(format.format))
+}
+
+pub(super) fn contents_of(document: &Document, reads: &Reads) -> Result<Contents, Fault> {
+    let contents = (reads.read)(document)?;
+    for (i, camera) in contents.cameras.iter().enumerate() {
+        if contents.cameras[..i].iter().any(|earlier| earlier.name == camera.name) {
+            return Err(Fault::new(format!("two cameras are called `{}`; names must differ", camera.name)));
+        }
+        if camera.placement.as_ref().is_some_and(|p| !is_finite(&p.b_from_a)) {
+            let name = &camera.name;
+            return Err(Fault::new(format!(
+                "camera {name}: its pose, put together from the numbers given, is too large for a number; check them and their unit"
+            )));
+        }
+    }
+    Ok(contents)
+}
+
+/// A pose of numbers only: those of a file are, their products need not be.
+fn is_finite(pose: &Pose) -> bool {
+    pose.rotation.iter().chain(&pose.translation).all(|x| x.is_finite())
+}
+
+pub(super) fn not_a_camera(document: &Document) -> Fault {
+    match target_format(document) {
+        Some(target) => Fault::new(format!(
+            "this is a target ({}), not a camera; give it with --target",
+            target.format.name()
+        )),
+        None => Fault::new(format!(
+            "not a camera file that Resight knows ({:?} syntax, {}); the formats are {}",
+            document.syntax,
+            keys_seen(document),
+            camera_format_names()
+        )),
+    }
+}
+
+fn camera_format_names() -> String {
+    let readable = CAMERA_FORMATS.iter().filter(|f| f.reads.is_some());
+    readable.map(|f| f.format.name()).collect::<Vec<_>>().join(", ")
+}
+
+fn keys_seen(document: &Document) -> String {
+    let keys: Vec<String> = document
+        .entry()
+        .entries()
+        .unwrap_or_default()
+        .iter()
+        .take(6)
+        .map(|e| e.name().chars().take(30).collect())
+        .collect();
+    if keys.is_empty() { "no keys".into() } else { format!("keys {}", keys.join(", ")) }
+}
+
+/// Reads one camera: `FILE`, or `FILE#NAME` where the file holds several.
+///
+/// Besides the errors of `read_cameras`: a name that is not in the file (its names are listed), or several cameras
+/// and no name.
+pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
+    let (path, name) = split_spec(spec);
+    let path = Path::new(path);
+    let document = open::read(path)?;
+    #[cfg(feature = "recordings")]
+    // A recording says why a topic that is there holds no camera, and knows the camera of rectified pictures.
+    if let Some(found) = name
+        .filter(|_| document.syntax == super::document::Syntax::Mcap)
+        .and_then(|n| super::mcap::camera(&document, n))
+    {
+        return found.map_err(|fault| fault.in_file(path));
+    }
+    let file = cameras_of(&document).map_err(|fault| fault.in_file(path))?;
+    pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))
+}
+
+/// A `#` belongs to the file name when a file of that whole name exists.
+pub(super) fn split_spec(spec: &str) -> (&str, Option<&str>) {
+    match spec.rsplit_once('#') {
+        Some((path, name)) if !Path::new(spec).exists() => (path, Some(name)),
+        _ => (spec, None),
+    }
+}
+
+fn pick(mut cameras: Vec<NamedCamera>, name: Option<&str>) -> Result<NamedCamera, String> {
+    let names: Vec<String> = cameras.iter().map(|c| c.name.clone()).collect();
+    let found = match name {
+        Some(name) => cameras.iter().position(|c| c.name == name),
+        None if cameras.len() == 1 => Some(0),
+        None => {
+            let (n, first) = (names.len(), &names[0]);
+            return Err(format!("holds {n} cameras ({}); pick one, e.g. FILE#{first}", names.join(", ")));
+        }
+    };
+    match found {
+        Some(at) => Ok(cameras.swap_remove(at)),
+        None => Err(format!("no camera `{}`; the file has {}", name.unwrap_or_default(), names.join(", "))),
+    }
+}
+
+/// Reads a target file, recognising the format by its content.
+///
+/// A `line_plus_one` target whose fourth point stands over the middle of the line comes with a warning.
+pub fn read_target(path: &Path) -> Result<TargetFile, FileError> {
+    read_target_with(path, &TagOptions::default())
+}
+
+/// As `read_target`, with what the caller knows of the tags of a map and the file does not state.
+///
+/// Besides the errors of `read_target`: options for a target that is no tag map, or for what the file states itself.
+pub fn read_target_with(path: &Path, options: &TagOptions) -> Result<TargetFile, FileError> {
+    let document = open::read(path)?;
+    target_of(&document, options).map_err(|fault| fault.in_file(path))
+}
+
+/// As `read_target`, from bytes in memory; `path` serves messages only.
+pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile, FileError> {
+    let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
+    target_of(&document, &TagOptions::default()).map_err(|fault| fault.in_file(path))
+}
+
+pub(super) fn target_of(document: &Document, options: &TagOptions) -> Result<TargetFile, Fault> {
+    let Some(format) = target_format(document) else {
+        return Err(match camera_format(document) {
+            Some((camera, _)) => Fault::new(format!(
+                "this is a camera ({}), not a target; give it with --camera",
+                camera.format.name()
+            )),
+            None => Fault::new(format!(
+                "not a target file that Resight knows ({}); our own begins with `kind = \"…\"`",
+                keys_seen(document)
+            )),
+        });
+    };
+    let (mut target, mut warnings) = (format.read)(document)?;
+    warnings.extend(tag_options::apply(document, format.format, &mut target, options)?);
+    target.check().map_err(|e| Fault::new(e.to_string()))?;
+    if let Some(extent_m) = plausible::absurd_extent_m(&target) {
+        return Err(Fault::new(format!(
+            "a target of {extent_m:.1e} m; at most 1e9 m are a size, check number and unit"
+        )));
+    }
+    warnings.extend(plausible::of_target(&target));
+    warnings.extend(checks::critical_plane_warning(&target));
+    Ok(TargetFile { format: format.format, target, warnings })
+}

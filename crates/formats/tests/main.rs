@@ -1,0 +1,16 @@
+//! The tests of this crate in one program: linking one for each file is most of the time of a clean run.
+
+#[path = "../../core/tests/recorded.rs"]
+mod recorded;
+mod rigs_support;
+
+mod formats_colmap;
+mod formats_convert;
+mod formats_explain;
+mod formats_files;
+mod formats_fuzz;
+mod formats_read;
+mod formats_real;
+mod formats_refuse;
+mod formats_rigs;
+mod formats_write;

@@ -1,0 +1,110 @@
+//! Small motions in words, and the turn since a reference picture in words and as JSON.
+
+use crate::core::Vector6;
+use crate::landmarks::Sighting;
+use nalgebra::Vector2;
+use serde_json::{Value, json};
+
+/// About x right, y down, z forward: the sign of a turn or shift, and its opposite.
+const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
+const SHIFTS: [[&str; 2]; 3] = [["right", "left"], ["down", "up"], ["forward", "backward"]];
+
+/// `right 0.420° ± 0.030°, …`; zeros are left out.
+pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
+    let part = |i: usize| {
+        let (words, scale, unit) =
+            if i < 3 { (TURNS[i], f64::to_degrees(1.0), "°") } else { (SHIFTS[i - 3], 1e3, " mm") };
+        let doubt = sigma(i).map(|s| format!(" ± {:.3}{unit}", s * scale)).unwrap_or_default();
+        let direction = words[usize::from(motion[i] < 0.0)];
+        (motion[i] != 0.0).then(|| format!("{direction} {:.3}{unit}{doubt}", (motion[i] * scale).abs()))
+    };
+    (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
+}
+
+/// Why the turn is no answer: most of what was found contradicts it.
+pub fn contradiction(sighting: &Sighting) -> Option<String> {
+    let (agree, found) = (sighting.turn.used.len(), sighting.turn.given);
+    (!sighting.turn.is_consistent()).then(|| {
+        format!(
+            "inconsistent: {agree} of the {found} landmarks found agree, half are needed: near things as the camera shifts, or much that moves"
+        )
+    })
+}
+
+/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A turn that most of what was found
+/// contradicts is told as that first.
+pub fn words(sighting: &Sighting) -> String {
+    let turned = turned_words(sighting);
+    match contradiction(sighting) {
+        Some(why) => format!("{why}; they say: {turned}"),
+        None => turned,
+    }
+}
+
+fn turned_words(sighting: &Sighting) -> String {
+    let (turn, covariance) = sighting.turn.old_from_new();
+    let part = |i: usize| {
+        let direction = TURNS[i][usize::from(turn[i] < 0.0)];
+        let [size, sigma] = [turn[i].abs(), covariance[(i, i)].sqrt()].map(f64::to_degrees);
+        format!("{direction} {size:.4}° ± {sigma:.4}°")
+    };
+    let shift = sighting.shift.map(|shift| format!("; image shifted {}", shift_words(&shift.px)));
+    format!(
+        "turned {}{}; {} of {} landmarks agree",
+        [0, 1, 2].map(part).join(", "),
+        shift.unwrap_or_default(),
+        sighting.turn.used.len(),
+        sighting.in_view
+    )
+}
+
+fn shift_words(px: &Vector2<f64>) -> String {
+    let word =
+        |value: f64, i: usize| format!("{:.2} px {}", value.abs(), SHIFTS[i][usize::from(value < 0.0)]);
+    format!("{}, {}", word(px.x, 0), word(px.y, 1))
+}
+
+/// The turn's numbers, beside what `object` holds already.
+pub fn add_to(object: &mut Value, sighting: &Sighting) {
+    let turn = &sighting.turn;
+    let (rotation_rad, covariance) = turn.old_from_new();
+    let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| covariance[(i, j)]).collect()).collect();
+    object["rotation_rad"] = json!(rotation_rad.as_slice());
+    object["sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
+    object["rotation_covariance_rad2"] = json!(rows);
+    if let Some(shift) = &sighting.shift {
+        object["shift_px"] = json!(shift.px.as_slice());
+        object["shift_sigma_px"] = json!(shift.covariance_px2.diagonal().map(f64::sqrt).as_slice());
+    }
+    object["n_landmarks"] = json!(turn.used.len());
+    object["n_matched"] = json!(turn.given);
+    object["n_in_view"] = json!(sighting.in_view);
+    object["rms_px"] = json!(turn.rms_px);
+    object["is_consistent"] = json!(turn.is_consistent());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::turn::Turn;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn a_contradictory_turn_is_told_as_one() {
+        let said = |agree: usize| {
+            let turn = Turn {
+                now_from_reference: Matrix3::identity(),
+                covariance: Matrix3::identity() * 1e-8,
+                used: (0..agree).collect(),
+                given: 100,
+                bend: 0.0,
+                noise_factor: 1.0,
+                coherence: 1.0,
+                rms_px: 0.1,
+            };
+            words(&Sighting { turn, shift: None, found: Vec::new(), in_view: 120 })
+        };
+        assert!(said(49).starts_with("inconsistent: 49 of the 100 landmarks found agree"), "{}", said(49));
+        assert!(said(50).starts_with("turned "), "{}", said(50));
+    }
+}

@@ -1,0 +1,32 @@
+//! Why a session cannot begin, or ended before its time.
+
+use crate::live::LookError;
+use resight::FileError;
+
+/// Why a session cannot begin, or ended before its time.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A camera that cannot be watched.
+    #[error("camera {name}")]
+    Camera {
+        /// Its place among the cameras.
+        camera: usize,
+        /// Its name.
+        name: String,
+        /// Why.
+        source: LookError,
+    },
+    /// What cannot be watched, found as the session began.
+    #[error(transparent)]
+    Look(#[from] LookError),
+    /// A file of the session.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// Whoever takes the events cannot.
+    #[error(transparent)]
+    Listener(#[from] std::io::Error),
+    /// An output: an address, a file, a port, a terminal that cannot be used.
+    #[error(transparent)]
+    Output(#[from] anyhow::Error),
+}

@@ -1,0 +1,290 @@
+//! The live session: sources read, pictures looked at, poses tracked, drift watched; all it says is one `Event`.
+//!
+//! One thread reads each source and one looks at its pictures; between them stands a queue of few frames, the oldest dropped and
+//! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
+
+mod clock;
+mod known;
+mod guard;
+mod look;
+mod memory;
+mod outlet;
+mod pace;
+mod queue;
+mod reader;
+pub mod reference;
+pub mod rig;
+mod session;
+mod sparingly;
+mod state;
+mod watcher;
+
+pub use known::references;
+pub use look::{Look, LookError, Looked};
+pub use session::{run, run_from};
+pub use state::StateFile;
+
+use crate::source::Source;
+use resight::GrayImage;
+use resight::landmarks::Sighting;
+use resight_core::locate::PoseEstimate;
+use resight_core::monitor::attribute::MovedNode;
+use resight_core::monitor::learn::LearnConfig;
+use resight_core::monitor::{Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled};
+use resight_core::track::{TrackConfig, Tracked};
+use resight_core::{Camera, Correspondence, Matrix6, Target};
+use std::sync::Arc;
+
+/// One camera of a session.
+pub struct LiveCamera {
+    /// Its name.
+    pub name: String,
+    /// Its lens.
+    pub camera: Camera,
+    /// What it looks at; with several, a target that was carried away is told from a camera that moved.
+    pub targets: Vec<Watched>,
+    /// What it goes by while it sees no target; alone (without targets) it counts as target 0.
+    pub landmarks: Option<WatchedLandmarks>,
+    /// Where its frames come from.
+    pub source: Box<dyn Source>,
+}
+
+/// A target that a camera watches.
+pub struct Watched {
+    /// Its name.
+    pub name: String,
+    /// What it looks like.
+    pub target: Arc<Target>,
+    /// Where the camera was when all was well; none: learned from the first `learn_readings`.
+    pub reference: Option<Reference>,
+}
+
+/// Natural landmarks that a camera goes by while it sees no target.
+pub struct WatchedLandmarks {
+    /// The reference picture; none: the first picture with enough to see.
+    pub picture: Option<GrayImage>,
+}
+
+/// How a session runs.
+#[derive(Debug, Clone)]
+pub struct LiveConfig {
+    /// When to say that something moved.
+    pub monitor: MonitorConfig,
+    /// How cameras move between readings.
+    pub track: TrackConfig,
+    /// Readings from which a missing reference is learned.
+    pub learn_readings: usize,
+    /// What is known of lasting errors beforehand.
+    pub lasting: LearnConfig,
+    /// Frames waiting for each camera; further ones push out the oldest.
+    pub queue_frames: usize,
+    /// The cameras are a rig and look at targets that are carried about: only their relations are watched. None: targets stand still.
+    pub rig: Option<rig::RigConfig>,
+    /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
+    pub retry_s: f64,
+}
+
+impl Default for LiveConfig {
+    /// A mounted camera, one false alarm a month, a reference learned from 50 readings.
+    fn default() -> Self {
+        let none = Matrix6::zeros();
+        LiveConfig {
+            monitor: MonitorConfig::default(),
+            track: TrackConfig::default(),
+            learn_readings: 50,
+            lasting: LearnConfig { bias: none, bias_time_s: 60.0, daily: none },
+            queue_frames: 2,
+            retry_s: 1.0,
+            rig: None,
+        }
+    }
+}
+
+/// Microseconds spent on a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StageTimes {
+    /// From capture (live) or arrival (recorded) to the start of work.
+    pub waited_us: f64,
+    /// Looking for the target.
+    pub detect_us: f64,
+    /// Pose, covariance and all minima.
+    pub solve_us: f64,
+    /// Filter and decision.
+    pub decide_us: f64,
+}
+
+/// What one frame said.
+#[derive(Debug, Clone, Default)]
+pub struct Observation {
+    /// The frame's number, capture time (s) and name.
+    pub number: u64,
+    /// When it was taken, seconds.
+    pub capture_s: f64,
+    /// Its name.
+    pub name: String,
+    /// Whether the frame could be read; a torn picture, a bad line and a frozen stream could not.
+    pub is_readable: bool,
+    /// Points found.
+    pub n_points: usize,
+    /// The pose of this frame alone.
+    pub estimate: Option<PoseEstimate>,
+    /// The points it rests on; kept only where the cameras are watched as a rig.
+    pub seen: Vec<Correspondence>,
+    /// The lens that saw them, at the size of the picture; kept with them.
+    pub lens: Option<Box<Camera>>,
+    /// Why there is none.
+    pub reason: Option<String>,
+    /// The pose through time.
+    pub tracked: Option<Tracked>,
+    /// What went to the monitor.
+    pub reading: Option<Reading>,
+    /// The turn since the reference picture, where no target was seen.
+    pub landmarks: Option<Arc<Sighting>>,
+    /// The picture that has just become the reference of the landmarks.
+    pub reference_picture: Option<Arc<GrayImage>>,
+    /// How long it took.
+    pub times: StageTimes,
+}
+
+/// State of a camera against a target.
+#[derive(Debug, Clone, PartialEq)]
+pub enum State {
+    /// Learning its reference: readings so far, readings needed.
+    Learning {
+        /// So far.
+        readings: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// Seen, and where it was.
+    Steady,
+    /// Not seen.
+    Unseen {
+        /// Since, seconds.
+        for_s: f64,
+    },
+    /// Something is different, and why that is no motion (yet).
+    Settling(Doubt),
+    /// It moved.
+    Drifted(Box<Drift>),
+    /// The pictures contradict intrinsics or target.
+    Inconsistent,
+    /// Seen, and followed: the camera moves, and that is no drift.
+    Followed,
+}
+
+/// Why a camera is neither steady nor moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Doubt {
+    /// Something is different; not yet decided.
+    Different,
+    /// Errors of the pose last longer, or are larger, than was learned: what was found is no larger than they are.
+    ErrorsLast,
+}
+
+/// What was learned of the noise of one camera and one target, and what follows from it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Promise {
+    /// The noise of the readings beside the stated one.
+    pub noise: MeasuredNoise,
+    /// The smallest sudden motions that are found within a time, nine times in ten.
+    pub detectable: Detectable,
+    /// The readings that this, and the reference, were learned from.
+    pub learned_from: Vec<Reading>,
+}
+
+/// What a session says.
+#[derive(Debug, Clone)]
+pub enum Event {
+    /// A frame was looked at, for one target.
+    Observed {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// What it said.
+        observation: Box<Observation>,
+    },
+    /// The state of a camera against a target changed (and once at the start).
+    StateChanged {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// Since when, seconds of capture.
+        t_s: f64,
+        /// What it is now.
+        state: State,
+    },
+    /// Which cameras or targets moved relative to the others.
+    Attributed {
+        /// Since when, seconds.
+        t_s: f64,
+        /// Nodes by name, with their motions.
+        moved: Vec<(String, MovedNode)>,
+        /// Other sets that would explain it as well, by name.
+        rivals: Vec<Vec<String>>,
+    },
+    /// A reference was learned.
+    Learned {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// The reference.
+        reference: Box<Reference>,
+        /// How noisy the readings were, and which motions are found with that; none where noise is taken for what it is stated to be.
+        promise: Option<Box<Promise>>,
+    },
+    /// The camera moved while its reference was being learned: learning goes on with the readings after the motion.
+    MovedWhileLearning {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// Other cameras of a rig, one of which may have moved instead.
+        rivals: Vec<usize>,
+        /// How it moved.
+        unsettled: Box<Unsettled>,
+    },
+    /// Frames dropped since the last such event, because the camera's queue was full. Told at once, then together every minute, and at
+    /// the end.
+    Dropped {
+        /// Index of the camera.
+        camera: usize,
+        /// How many.
+        frames: u64,
+    },
+    /// Frames left out since the last such event, told as those dropped: they could not be read, or came out of order.
+    LeftOut {
+        /// Index of the camera.
+        camera: usize,
+        /// How many.
+        frames: u64,
+        /// Why the last of them was.
+        reason: String,
+    },
+    /// The clock that stamps the frames was set. Times go on without the step.
+    Clock {
+        /// Index of the camera.
+        camera: usize,
+        /// The time that is gone on from, seconds.
+        t_s: f64,
+        /// By how much it was set, seconds; negative is back.
+        step_s: f64,
+    },
+    /// A source was lost or came back; said once each.
+    Source {
+        /// Index of the camera.
+        camera: usize,
+        /// Whether it gives frames.
+        is_there: bool,
+        /// Why not.
+        reason: Option<String>,
+    },
+    /// A source has ended.
+    Ended {
+        /// Index of the camera.
+        camera: usize,
+    },
+}

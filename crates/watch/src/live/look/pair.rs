@@ -1,0 +1,442 @@
+//! One camera and one target: detection, pose, pose through time, decision.
+
+use super::disagreement::{Disagreement, Expected};
+use super::expect::Expectation;
+use super::{LookError, Looked, micros, nothing};
+use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
+use crate::live::{Doubt, LiveConfig, Observation, Promise, State, Watched};
+use crate::source::{Content, Frame};
+use resight::GrayImage;
+use resight::detect::follow::Follower;
+use resight_core::consistency::Consistency;
+use resight_core::correspondence::Detection;
+use resight_core::locate::{Config, PoseEstimate};
+use resight_core::monitor::learn::{LEAST_READINGS, learn, unsettled};
+use resight_core::monitor::{Monitor, Reading, Reference, Unrest, Unsettled, Watch};
+use resight_core::tag_map::locate_target;
+use resight_core::track::{Candidate, Motion, Tracked, Tracker};
+use resight_core::{Camera, Correspondence, Target};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a camera watches one target with.
+pub(super) struct Pair {
+    camera: Camera,
+    target: Arc<Target>,
+    follower: Follower,
+    expectation: Expectation,
+    tracker: Tracker,
+    stage: Stage,
+    /// Capture time of the first frame, and whether it could be read.
+    began: Option<(f64, bool)>,
+    /// Whether points of the last views contradicted each other.
+    disagreement: Disagreement,
+    config: LiveConfig,
+    /// Its target's name, and what a state that it can go on from must agree with.
+    name: String,
+    settings: BTreeMap<String, String>,
+}
+
+/// Before and after the reference is known.
+enum Stage {
+    /// The reference is known, the clock of the frames is not.
+    Starting(Box<Reference>),
+    Learning(Vec<Reading>),
+    Watching(Box<Monitor>),
+    /// The camera moves, or the target is carried about: its pose is followed, drift of this pair alone is not watched.
+    Following {
+        last_s: Option<f64>,
+        is_seen: bool,
+    },
+}
+
+/// What a camera shows of a target.
+pub(super) enum Sight<'a> {
+    /// A picture, and the lens at its size.
+    Image(&'a GrayImage, &'a Camera),
+    /// Features found by another program.
+    Detections(&'a [Detection]),
+}
+
+impl<'a> Sight<'a> {
+    /// The lens at the size of the picture; features found by another program are those of the calibration's own size.
+    fn lens(&self) -> Option<&'a Camera> {
+        match self {
+            Sight::Image(_, lens) => Some(lens),
+            Sight::Detections(_) => None,
+        }
+    }
+}
+
+impl Pair {
+    /// # Errors
+    /// A target that no detector knows, or a setting that cannot be.
+    pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
+        // Said now: a monitor that cannot be would only show as learning that never ends.
+        config.monitor.check()?;
+        config.lasting.check()?;
+        let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
+        let stage = match &watched.reference {
+            _ if moves || config.rig.is_some() => Stage::Following { last_s: None, is_seen: false },
+            Some(reference) => {
+                Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
+                Stage::Starting(Box::new(*reference))
+            }
+            None => Stage::Learning(Vec::new()),
+        };
+        Ok(Pair {
+            camera: camera.clone(),
+            follower: Follower::new(&watched.target)?,
+            expectation: Expectation::new(&watched.target),
+            target: Arc::clone(&watched.target),
+            tracker: Tracker::new(&config.track)?,
+            stage,
+            began: None,
+            config: config.clone(),
+            name: watched.name.clone(),
+            disagreement: Disagreement::default(),
+            settings: settings(camera, watched, config),
+        })
+    }
+
+    /// What the pose is compared with, where that is known.
+    pub fn reference(&self) -> Option<Reference> {
+        match &self.stage {
+            Stage::Starting(reference) => Some(**reference),
+            Stage::Watching(monitor) => Some(*monitor.reference()),
+            Stage::Learning(_) | Stage::Following { .. } => None,
+        }
+    }
+
+    /// What watches it, where that has begun.
+    pub fn monitor(&self) -> Option<&Monitor> {
+        match &self.stage {
+            Stage::Watching(monitor) => Some(monitor),
+            _ => None,
+        }
+    }
+
+    /// Whether the target is not, or perhaps not, where it was; seen or not. The monitor says nothing of the first decision period.
+    pub fn may_have_moved(&self, t_s: f64) -> bool {
+        let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
+        let is_suspect = |monitor: &Monitor| {
+            let now = monitor.watch(monitor.last_usable_s());
+            monitor.drift().is_some() || matches!(now, Watch::Settling | Watch::Doubted)
+        };
+        self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
+    }
+
+    /// All that a restart needs.
+    pub fn record(&self) -> PairRecord {
+        let stage = match &self.stage {
+            Stage::Starting(_) => StageRecord::Starting,
+            Stage::Learning(readings) => {
+                StageRecord::Learning(readings.iter().map(ReadingRecord::from).collect())
+            }
+            Stage::Watching(monitor) => StageRecord::Watching(monitor.snapshot().into()),
+            Stage::Following { last_s, .. } => StageRecord::Following(*last_s),
+        };
+        let tracker = self.tracker.snapshot().into();
+        PairRecord { target: self.name.clone(), settings: self.settings.clone(), tracker, stage }
+    }
+
+    /// Goes on where another session stopped: false where that had nothing of this target.
+    ///
+    /// # Errors
+    /// Why the record is not one of this pair; nothing has changed then.
+    pub fn restore(&mut self, records: &[PairRecord]) -> Result<bool, String> {
+        let Some(record) = records.iter().find(|record| record.target == self.name) else { return Ok(false) };
+        if let Some(words) = changed(&record.settings, &self.settings) {
+            return Err(words);
+        }
+        let tracker = Tracker::restore(&record.tracker.snapshot()).map_err(|e| e.to_string())?;
+        let stage = match &record.stage {
+            StageRecord::Starting => return Ok(false),
+            StageRecord::Learning(readings) => {
+                let readings = readings.iter().map(ReadingRecord::reading).collect::<Option<_>>();
+                Stage::Learning(readings.ok_or("a reading learned so far is damaged")?)
+            }
+            StageRecord::Watching(monitor) => {
+                let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
+                // A state of a version that believed the stated noise.
+                if !monitor.measures_noise() {
+                    monitor.measure_noise(&[]);
+                }
+                Stage::Watching(Box::new(monitor))
+            }
+            StageRecord::Following(last_s) => Stage::Following { last_s: *last_s, is_seen: last_s.is_some() },
+        };
+        (self.tracker, self.stage) = (tracker, stage);
+        Ok(true)
+    }
+
+    /// The next frame, or why it shows nothing.
+    pub fn take(
+        &mut self,
+        frame: &Frame,
+        sight: Result<Sight<'_>, String>,
+        mut observation: Observation,
+    ) -> Looked {
+        self.start(frame.capture_s, !matches!(frame.content, Content::Unreadable(_)));
+        if let Err(reason) = sight.and_then(|sight| self.observe(frame, &sight, &mut observation)) {
+            observation.reason = Some(reason);
+        }
+        let started = Instant::now();
+        let decided = observation.reading.and_then(|reading| self.decide(&reading));
+        observation.times.decide_us += micros(started);
+        let (learned, promise, unsettled) = match decided {
+            Some(Learned::Reference(reference, from)) => (Some(reference), self.promise(from), None),
+            Some(Learned::Motion(unsettled)) => (None, None, Some(unsettled)),
+            None => (None, None, None),
+        };
+        let promise = promise.map(Box::new);
+        Looked { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
+    }
+
+    /// What its noise lets the monitor promise, where that is measured.
+    fn promise(&self, learned_from: Vec<Reading>) -> Option<Promise> {
+        let monitor = self.monitor()?;
+        let (noise, detectable) = (monitor.measured_noise()?, monitor.detectable(PROMISED_WITHIN_S)?);
+        Some(Promise { noise, detectable, learned_from })
+    }
+
+    /// How things stand at a time, also when no frame has come.
+    pub fn state(&self, t_s: f64) -> State {
+        match &self.stage {
+            Stage::Starting(_) => {
+                State::Unseen { for_s: self.began.map_or(0.0, |(began_s, _)| t_s - began_s) }
+            }
+            Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
+            Stage::Learning(readings) => self.learning(readings, t_s),
+            Stage::Watching(monitor) => monitor.watch(t_s).into(),
+            Stage::Following { last_s, is_seen } => {
+                let for_s = t_s - last_s.unwrap_or(t_s);
+                let is_seen = *is_seen && for_s <= self.config.monitor.unseen_after_s;
+                if is_seen { State::Followed } else { State::Unseen { for_s } }
+            }
+        }
+    }
+
+    /// Who sees nothing does not learn.
+    fn learning(&self, readings: &[Reading], t_s: f64) -> State {
+        let seen_s =
+            readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
+        if self.config.monitor.unseen_after_s < t_s - seen_s {
+            return State::Unseen { for_s: t_s - seen_s };
+        }
+        let needed = next_test(readings.len(), self.config.learn_readings);
+        State::Learning { readings: readings.len(), needed }
+    }
+
+    /// The first frame sets the clock: what is not seen from then on is unseen. One that cannot be read may have another clock's time,
+    /// so the first that can sets it for good.
+    fn start(&mut self, t_s: f64, is_readable: bool) {
+        if self.began.is_some_and(|(_, is_sure)| is_sure || !is_readable) {
+            return;
+        }
+        self.began = Some((t_s, is_readable));
+        match &mut self.stage {
+            Stage::Starting(reference) if is_readable => {
+                if let Ok(mut monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
+                    monitor.measure_noise(&[]);
+                    self.stage = Stage::Watching(Box::new(monitor));
+                }
+            }
+            Stage::Following { last_s, is_seen: false } => *last_s = Some(t_s),
+            _ => {}
+        }
+    }
+
+    fn observe(
+        &mut self,
+        frame: &Frame,
+        sight: &Sight<'_>,
+        observation: &mut Observation,
+    ) -> Result<(), String> {
+        let started = Instant::now();
+        let detections = self.detections(frame.capture_s, sight);
+        observation.times.detect_us = micros(started);
+        let detections = detections?;
+        let started = Instant::now();
+        let lens = sight.lens().unwrap_or(&self.camera);
+        let found = locate_target(&detections, &self.target, lens, &Config::default());
+        let points: Vec<Correspondence> = found.seen;
+        observation.n_points = points.len();
+        let estimate = found.estimate.map_err(|e| e.to_string())?;
+        observation.times.solve_us = micros(started);
+        let started = Instant::now();
+        observation.estimate = Some(estimate);
+        if let (Some(_), Stage::Following { last_s, is_seen }) = (&self.config.rig, &mut self.stage) {
+            (*last_s, *is_seen) = (Some(frame.capture_s), true);
+            (observation.seen, observation.lens) = (points, Some(Box::new(lens.clone())));
+            return Ok(());
+        }
+        let candidates = candidates(&estimate);
+        observation.tracked = self.tracker.push(frame.capture_s, &candidates);
+        let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
+        observation.reading = observation.tracked.as_ref().map(reading);
+        if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
+            reading.is_consistent &= !is_fault(&mut self.disagreement, monitor, reading, &points, lens);
+        }
+        observation.times.decide_us = micros(started);
+        Ok(())
+    }
+
+    fn detections<'a>(&mut self, t_s: f64, sight: &Sight<'a>) -> Result<Cow<'a, [Detection]>, String> {
+        let found = match sight {
+            Sight::Detections(detections) => Cow::Borrowed(*detections),
+            Sight::Image(image, camera) => {
+                let predicted = self.tracker.predicted(t_s);
+                let expected = self.expectation.of(predicted.as_ref(), camera);
+                let found = self.follower.detect(image, camera, t_s, expected);
+                Cow::Owned(found.map_err(|e| e.to_string())?)
+            }
+        };
+        if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
+    }
+
+    /// What this reading completed.
+    fn decide(&mut self, reading: &Reading) -> Option<Learned> {
+        let readings = match &mut self.stage {
+            Stage::Starting(_) => return None,
+            Stage::Following { last_s, is_seen } => {
+                (*last_s, *is_seen) = (Some(reading.t_s), true);
+                return None;
+            }
+            Stage::Watching(monitor) => {
+                monitor.push(reading);
+                return None;
+            }
+            Stage::Learning(readings) => readings,
+        };
+        readings.push(*reading);
+        let needed = self.config.learn_readings.max(LEAST_READINGS);
+        if readings.len() < next_test(readings.len(), needed) {
+            return None;
+        }
+        if let Some(unsettled) = unsettled(readings, &self.config.lasting) {
+            forget(readings, &unsettled, needed);
+            return Some(Learned::Motion(Box::new(unsettled)));
+        }
+        let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
+            let mut monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
+            monitor.measure_noise(readings);
+            Some((reference, monitor))
+        });
+        let Some((reference, monitor)) = reference else {
+            // They do not agree (yet): the older half is forgotten, and learning goes on.
+            readings.drain(..readings.len() / 2);
+            return None;
+        };
+        let from = std::mem::take(readings);
+        self.stage = Stage::Watching(Box::new(monitor));
+        Some(Learned::Reference(Box::new(reference), from))
+    }
+}
+
+/// The time within which a motion of the promised size is found, seconds; at least three readings.
+const PROMISED_WITHIN_S: f64 = 60.0;
+
+/// What learning came to.
+enum Learned {
+    /// With the readings that it comes from.
+    Reference(Box<Reference>, Vec<Reading>),
+    /// The camera moved, and learning goes on.
+    Motion(Box<Unsettled>),
+}
+
+/// Readings are tested at N, 2N, 4N and 8N: what wanders slowly needs a longer look, and tests at every reading would each have their
+/// own false alarms.
+const MOST_LOOKS: usize = 8;
+
+/// At which number of readings those of now are tested.
+fn next_test(readings: usize, needed: usize) -> usize {
+    (0..4).map(|doublings| needed << doublings).find(|test| readings <= *test).unwrap_or(readings)
+}
+
+/// What is from before a sudden motion; half of what moves on; of what wanders nothing until the look is long.
+fn forget(readings: &mut Vec<Reading>, unsettled: &Unsettled, needed: usize) {
+    let forgotten = match unsettled.unrest {
+        Unrest::Step => unsettled.reading,
+        Unrest::Wander if readings.len() < MOST_LOOKS * needed => 0,
+        Unrest::Ramp | Unrest::Wander => readings.len() / 2,
+    };
+    readings.drain(..forgotten);
+}
+
+/// Whether there will be no reference to learn: intrinsics or target are wrong.
+fn mostly_contradict(readings: &[Reading]) -> bool {
+    let contradict = readings.iter().filter(|reading| !reading.is_consistent).count();
+    LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
+}
+
+/// Whether the points contradict each other about where the camera went since all was well.
+fn is_fault(
+    disagreement: &mut Disagreement,
+    monitor: &Monitor,
+    reading: &Reading,
+    points: &[Correspondence],
+    lens: &Camera,
+) -> bool {
+    // What is true of the old pose says nothing of the new one.
+    let known = (monitor.drift().is_none()).then(|| monitor.expected(reading.t_s));
+    let weighed = known.and_then(|(pose, covariance)| {
+        let motion = (pose * reading.a_from_b.inverse()).log();
+        let factor = (covariance + reading.covariance).cholesky()?;
+        let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse() };
+        Some((motion.dot(&factor.solve(&motion)), expected))
+    });
+    match weighed {
+        Some((chi2, expected)) if disagreement.is_lasting() || UNLIKELY < chi2 => {
+            disagreement.is_in(points, &expected, &reading.a_from_b)
+        }
+        _ => {
+            disagreement.end();
+            false
+        }
+    }
+}
+
+/// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.
+const UNLIKELY: f64 = 16.8;
+
+/// All minima of a frame: time chooses among them.
+fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
+    let first = Candidate {
+        cam_from_target: estimate.cam_from_target,
+        covariance: estimate.covariance,
+        weight: estimate.weight,
+    };
+    let others = estimate.others.iter().flatten().map(|other| Candidate {
+        cam_from_target: other.minimum.cam_from_target,
+        covariance: other.minimum.covariance,
+        weight: other.weight,
+    });
+    std::iter::once(first).chain(others).collect()
+}
+
+/// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
+fn reading(frame: &Frame, estimate: &PoseEstimate, all: &[Candidate], tracked: &Tracked) -> Reading {
+    let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
+    Reading {
+        t_s: frame.capture_s,
+        a_from_b: chosen.cam_from_target,
+        covariance: chosen.covariance,
+        is_consistent: matches!(estimate.consistency, Consistency::Consistent),
+    }
+}
+
+impl From<Watch> for State {
+    fn from(watch: Watch) -> Self {
+        match watch {
+            Watch::Steady => State::Steady,
+            Watch::Unseen { for_s } => State::Unseen { for_s },
+            Watch::Settling => State::Settling(Doubt::Different),
+            Watch::Doubted => State::Settling(Doubt::ErrorsLast),
+            Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
+            Watch::Inconsistent => State::Inconsistent,
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! Frames of several cameras put together into moments: each camera reads at its own pace, and some run ahead.
+
+use crate::live::pace::Pace;
+use resight::rig::synchronise::{TimedFrame, by_time};
+use resight_core::locate::PoseEstimate;
+use resight_core::{Camera, Correspondence};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What one camera saw of one target.
+#[derive(Debug, Clone)]
+pub(super) struct Seen {
+    pub target: usize,
+    pub points: Vec<Correspondence>,
+    /// At the size of the picture.
+    pub lens: Camera,
+    pub estimate: PoseEstimate,
+}
+
+/// One frame of one camera.
+#[derive(Debug, Clone)]
+pub(super) struct Shown {
+    pub camera: usize,
+    pub t_s: f64,
+    pub seen: Vec<Seen>,
+}
+
+/// What all cameras saw at one time.
+#[derive(Debug, Clone)]
+pub(super) struct Together {
+    pub t_s: f64,
+    pub frames: Vec<Shown>,
+}
+
+/// A live camera that says nothing for this long is not waited for;
+const PATIENCE: Duration = Duration::from_secs(1);
+/// nor a recording that has had nothing to give for this long (a front end that hangs). While it is read it is waited for.
+const PATIENCE_RECORDED: Duration = Duration::from_secs(10);
+/// Frames of a camera that wait for the others. Then the others of a live camera are not waited for, and a recording is read no further.
+const WAITING: usize = 2000;
+/// The most that can come of a recording that is read no further, or whose frames all have one time.
+const WAITING_RECORDED: usize = 2 * WAITING;
+
+/// Frames that wait for those of other cameras.
+pub(super) struct Moments {
+    tolerance_s: f64,
+    cameras: Vec<Queue>,
+    pace: Arc<Pace>,
+    held: Vec<bool>,
+}
+
+struct Queue {
+    waiting: VecDeque<Shown>,
+    /// Capture time of the newest frame; none before the first.
+    newest_s: Option<f64>,
+    is_live: bool,
+    has_ended: bool,
+    spoke: Instant,
+}
+
+impl Moments {
+    pub fn new(is_live: &[bool], tolerance_s: f64, pace: &Arc<Pace>, now: Instant) -> Self {
+        let queue = |is_live: &bool| Queue {
+            waiting: VecDeque::new(),
+            newest_s: None,
+            is_live: *is_live,
+            has_ended: false,
+            spoke: now,
+        };
+        let cameras: Vec<Queue> = is_live.iter().map(queue).collect();
+        Moments { tolerance_s, held: vec![false; cameras.len()], cameras, pace: Arc::clone(pace) }
+    }
+
+    pub fn ended(&mut self, camera: usize) {
+        self.cameras[camera].has_ended = true;
+    }
+
+    /// A frame. One from before the camera's last is of a clock that stepped back, and left out.
+    pub fn push(&mut self, frame: Shown, now: Instant) {
+        let queue = &mut self.cameras[frame.camera];
+        queue.spoke = now;
+        if queue.newest_s.is_some_and(|newest_s| frame.t_s < newest_s) {
+            return;
+        }
+        queue.newest_s = Some(frame.t_s);
+        queue.waiting.push_back(frame);
+    }
+
+    /// Frames that wait for those of other cameras, those of each camera in order.
+    pub fn waiting(&self) -> impl Iterator<Item = &Shown> {
+        self.cameras.iter().flat_map(|queue| &queue.waiting)
+    }
+
+    /// Moments to which nothing can be added any more, in order of time.
+    pub fn complete(&mut self, now: Instant) -> Vec<Together> {
+        let horizon_s = self.horizon_s(now);
+        let until_s = horizon_s - self.tolerance_s;
+        let is_any = self.cameras.iter().any(|q| q.waiting.front().is_some_and(|first| first.t_s < until_s));
+        let complete = if is_any { self.taken(until_s) } else { Vec::new() };
+        self.hold(horizon_s);
+        complete
+    }
+
+    /// A recording that is far ahead of the others is read no further until they have come as far.
+    fn hold(&mut self, horizon_s: f64) {
+        let is_ahead = |queue: &Queue| queue.newest_s.is_some_and(|newest_s| horizon_s < newest_s);
+        let is_held = |queue: &Queue| !queue.is_live && WAITING <= queue.waiting.len() && is_ahead(queue);
+        let held: Vec<bool> = self.cameras.iter().map(is_held).collect();
+        if held != self.held {
+            self.pace.hold(&held);
+            self.held = held;
+        }
+    }
+
+    /// Up to when every camera that is waited for has shown its frames.
+    fn horizon_s(&self, now: Instant) -> f64 {
+        let is_full = self.cameras.iter().any(Queue::is_full);
+        let is_waited_for = |(camera, queue): &(usize, &Queue)| {
+            !queue.has_ended && !self.is_silent(*camera, queue, now) && !is_full
+        };
+        let waited_for = self.cameras.iter().enumerate().filter(is_waited_for);
+        let newest = waited_for.map(|(_, queue)| queue.newest_s.unwrap_or(f64::NEG_INFINITY));
+        newest.fold(f64::INFINITY, f64::min)
+    }
+
+    fn is_silent(&self, camera: usize, queue: &Queue, now: Instant) -> bool {
+        if queue.is_live {
+            return PATIENCE < now.saturating_duration_since(queue.spoke);
+        }
+        let since = self.pace.silent_since(camera).map(|since| since.max(queue.spoke));
+        since.is_some_and(|since| PATIENCE_RECORDED < now.saturating_duration_since(since))
+    }
+
+    fn taken(&mut self, until_s: f64) -> Vec<Together> {
+        // Frames a little later may belong to a moment that is not over: they are looked at, and stay.
+        let near = |frame: &&Shown| frame.t_s <= until_s + 2.0 * self.tolerance_s;
+        let frames = self.cameras.iter().flat_map(|queue| queue.waiting.iter().take_while(near));
+        let timed: Vec<TimedFrame> =
+            frames.map(|frame| TimedFrame { camera: frame.camera, t_s: frame.t_s }).collect();
+        let views = by_time(&timed, self.tolerance_s);
+        let n = views.iter().max().map_or(0, |last| last + 1);
+        let mut first_s = vec![f64::INFINITY; n];
+        timed.iter().zip(&views).for_each(|(frame, view)| first_s[*view] = first_s[*view].min(frame.t_s));
+        let mut together: Vec<Together> =
+            first_s.iter().map(|t_s| Together { t_s: *t_s, frames: Vec::new() }).collect();
+        for (frame, view) in timed.iter().zip(&views).filter(|(_, view)| first_s[**view] < until_s) {
+            together[*view].frames.extend(self.cameras[frame.camera].waiting.pop_front());
+        }
+        together.retain(|moment| !moment.frames.is_empty());
+        together
+    }
+}
+
+impl Queue {
+    fn is_full(&self) -> bool {
+        let most = if self.is_live { WAITING } else { WAITING_RECORDED };
+        most <= self.waiting.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(camera: usize, t_s: f64) -> Shown {
+        Shown { camera, t_s, seen: Vec::new() }
+    }
+
+    fn cameras(moments: &[Together]) -> Vec<Vec<usize>> {
+        moments.iter().map(|moment| moment.frames.iter().map(|frame| frame.camera).collect()).collect()
+    }
+
+    fn moments(is_live: &[bool], now: Instant) -> (Moments, Arc<Pace>) {
+        let pace = Arc::new(Pace::new(is_live.len()));
+        (Moments::new(is_live, 0.02, &pace, now), pace)
+    }
+
+    /// One camera is far ahead of the other; its frames wait.
+    #[test]
+    fn a_moment_is_told_when_nothing_can_join_it() {
+        let now = Instant::now();
+        let (mut moments, _) = moments(&[false, false], now);
+        (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
+        assert!(moments.complete(now).is_empty());
+        moments.push(frame(1, 0.01), now);
+        moments.push(frame(1, 1.01), now);
+        assert_eq!(cameras(&moments.complete(now)), [[0, 1]]);
+        moments.push(frame(1, 3.5), now);
+        assert_eq!(cameras(&moments.complete(now)), [vec![0, 1], vec![0], vec![0]]);
+        moments.ended(1);
+        assert_eq!(cameras(&moments.complete(now)), [vec![1]]);
+        moments.ended(0);
+        assert_eq!(cameras(&moments.complete(now)), [vec![0]]);
+    }
+
+    #[test]
+    fn a_live_camera_that_hangs_is_not_waited_for() {
+        let now = Instant::now();
+        let (mut moments, _) = moments(&[true, true], now);
+        (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
+        assert!(moments.complete(now).is_empty());
+        let later = now + PATIENCE + Duration::from_millis(1);
+        moments.push(frame(0, 5.0), later);
+        assert_eq!(moments.complete(later).len(), 5);
+    }
+
+    /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is reported without the
+    /// slow one. One that has nothing to give is not waited for.
+    #[test]
+    fn a_fast_recording_waits_for_a_slow_one() {
+        let now = Instant::now();
+        let (mut moments, pace) = moments(&[false, false], now);
+        (0..WAITING).for_each(|i| moments.push(frame(0, i as f64), now));
+        let later = now + 10 * PATIENCE_RECORDED;
+        assert!(moments.complete(later).is_empty());
+        assert!(!pace.may_read(0, Duration::ZERO) && pace.may_read(1, Duration::ZERO));
+        moments.push(frame(1, 5.5), later);
+        assert_eq!(moments.complete(later).len(), 6);
+        assert!(pace.may_read(0, Duration::ZERO), "it was caught up with");
+        pace.fell_silent(1, later);
+        assert!(moments.complete(later + PATIENCE_RECORDED / 2).is_empty());
+        assert_eq!(moments.complete(later + 2 * PATIENCE_RECORDED).len(), WAITING - 6);
+    }
+
+    /// Pictures without times of their own: nobody is ahead, and nobody waits for ever.
+    #[test]
+    fn recordings_of_one_time_do_not_wait_for_each_other() {
+        let now = Instant::now();
+        let (mut moments, pace) = moments(&[false, false], now);
+        for _ in 0..WAITING_RECORDED {
+            (0..2).for_each(|camera| moments.push(frame(camera, 7.0), now));
+            moments.complete(now);
+            assert!((0..2).all(|camera| pace.may_read(camera, Duration::ZERO)));
+        }
+        assert!(moments.cameras.iter().all(|queue| queue.waiting.len() < WAITING_RECORDED));
+    }
+}

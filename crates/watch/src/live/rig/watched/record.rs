@@ -1,0 +1,237 @@
+//! What is written of a rig whose targets are carried about: the sentry, or the moments learned from so far, and the frames that wait for
+//! those of other cameras. Poses of single frames are found again from their points.
+
+use super::super::moments::{Seen, Shown, Together};
+use super::Cameras;
+use crate::live::state::{SnapshotRecord, changed, unix_s};
+use resight_core::correspondence::PixelCovariance;
+use resight_core::locate::{Config, locate};
+use resight_core::monitor::rig::RigMonitor;
+use resight_core::{Camera, Correspondence};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// All that a restart needs.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(in crate::live) struct RigRecord {
+    /// What the state depends on, by name.
+    settings: BTreeMap<String, String>,
+    cameras: Vec<HeardRecord>,
+    /// Capture time of the first and the last moment, seconds.
+    first_s: Option<f64>,
+    last_s: f64,
+    stage: StageRecord,
+    /// Frames that wait for those of other cameras.
+    waiting: Vec<FrameRecord>,
+}
+
+/// How far a camera was heard.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct HeardRecord {
+    name: String,
+    /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
+    last: Option<(f64, f64)>,
+    /// When it last saw a target together with another, seconds.
+    seen_s: Option<f64>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum StageRecord {
+    Learning(Vec<MomentRecord>),
+    Watching(SnapshotRecord),
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct MomentRecord {
+    t_s: f64,
+    frames: Vec<FrameRecord>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct FrameRecord {
+    camera: usize,
+    t_s: f64,
+    seen: Vec<SeenRecord>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct SeenRecord {
+    target: usize,
+    /// Columns and rows of the picture, where the lens has a size.
+    size_px: Option<[u32; 2]>,
+    points: Vec<PointRecord>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct PointRecord {
+    x_in_target_m: [f64; 3],
+    pixel: [f64; 2],
+    sigma_px: f64,
+    /// uu, uv, vv.
+    covariance_px2: Option<[f64; 3]>,
+    sigma_m: f64,
+}
+
+impl RigRecord {
+    /// About how many numbers it holds.
+    pub fn size(&self) -> usize {
+        let points = |frame: &FrameRecord| frame.seen.iter().map(|seen| seen.points.len()).sum::<usize>();
+        let of = |frames: &[FrameRecord]| 10 * frames.iter().map(points).sum::<usize>();
+        let stage = match &self.stage {
+            StageRecord::Watching(snapshot) => snapshot.len(),
+            StageRecord::Learning(moments) => moments.iter().map(|moment| of(&moment.frames)).sum(),
+        };
+        stage + of(&self.waiting)
+    }
+
+    /// Whether JSON can hold the statistics; what is seen is made of numbers.
+    pub fn is_finite(&self) -> bool {
+        match &self.stage {
+            StageRecord::Watching(snapshot) => snapshot.is_finite(),
+            StageRecord::Learning(_) => true,
+        }
+    }
+}
+
+impl Cameras {
+    /// How things stand, after whole frames only: one that lacks a target's answer is looked at again.
+    pub(super) fn record(&self) -> RigRecord {
+        let heard = |camera: usize| HeardRecord {
+            name: self.nodes.cameras[camera].clone(),
+            last: self.whole[camera],
+            seen_s: self.seen_s[camera],
+        };
+        let stage = match &self.monitor {
+            Some(monitor) => StageRecord::Watching(monitor.snapshot().into()),
+            None => StageRecord::Learning(self.learning.iter().map(MomentRecord::from).collect()),
+        };
+        RigRecord {
+            settings: self.nodes.settings.clone(),
+            cameras: (0..self.nodes.cameras.len()).map(heard).collect(),
+            first_s: self.first_s,
+            last_s: self.last_s,
+            stage,
+            waiting: self.moments.waiting().map(FrameRecord::from).collect(),
+        }
+    }
+
+    /// Goes on where another session stopped.
+    ///
+    /// # Errors
+    /// Why the record is not one of this rig; nothing has changed then.
+    pub(super) fn restore(&mut self, record: &RigRecord) -> Result<(), String> {
+        if let Some(words) = changed(&record.settings, &self.nodes.settings) {
+            return Err(words);
+        }
+        let damaged = || "what was seen so far is damaged".to_string();
+        let waiting = all(&record.waiting, |frame| frame.shown(&self.nodes.lenses)).ok_or_else(damaged)?;
+        match &record.stage {
+            StageRecord::Watching(snapshot) => {
+                let monitor = RigMonitor::restore(&snapshot.snapshot()).map_err(|e| e.to_string())?;
+                if monitor.reference().cam_from_rig.len() != self.nodes.lenses.len() {
+                    return Err(damaged());
+                }
+                self.monitor = Some(monitor);
+            }
+            StageRecord::Learning(moments) => {
+                self.learning =
+                    all(moments, |moment| moment.together(&self.nodes.lenses)).ok_or_else(damaged)?;
+            }
+        }
+        (self.first_s, self.last_s) = (record.first_s, record.last_s);
+        let now = Instant::now();
+        waiting.into_iter().for_each(|frame| self.moments.push(frame, now));
+        for camera in 0..self.nodes.cameras.len() {
+            if let Some(heard) = record.cameras.iter().find(|heard| heard.name == self.nodes.cameras[camera])
+            {
+                self.resume(camera, heard);
+            }
+        }
+        Ok(())
+    }
+
+    /// The clock went on while nobody looked: how things stand is reported as of now until a frame comes.
+    fn resume(&mut self, camera: usize, heard: &HeardRecord) {
+        self.seen_s[camera] = heard.seen_s;
+        let Some((last_s, last_unix_s)) = heard.last else { return };
+        let ago_s = (unix_s() - last_unix_s).max(0.0);
+        self.resumed[camera] = Some((last_s, ago_s));
+        self.whole[camera] = heard.last;
+        let now_s = last_s + ago_s;
+        self.heard[camera] = Some((now_s, Instant::now()));
+        self.idle_s = Some(self.idle_s.map_or(now_s, |idle_s| idle_s.min(now_s)));
+    }
+}
+
+fn all<R, T>(records: &[R], of: impl Fn(&R) -> Option<T>) -> Option<Vec<T>> {
+    records.iter().map(of).collect()
+}
+
+impl From<&Together> for MomentRecord {
+    fn from(moment: &Together) -> Self {
+        MomentRecord { t_s: moment.t_s, frames: moment.frames.iter().map(FrameRecord::from).collect() }
+    }
+}
+
+impl MomentRecord {
+    fn together(&self, lenses: &[Camera]) -> Option<Together> {
+        Some(Together { t_s: self.t_s, frames: all(&self.frames, |frame| frame.shown(lenses))? })
+    }
+}
+
+impl From<&Shown> for FrameRecord {
+    fn from(frame: &Shown) -> Self {
+        let seen = |seen: &Seen| SeenRecord {
+            target: seen.target,
+            size_px: seen.lens.size.map(|size| [size.width_px, size.height_px]),
+            points: seen.points.iter().map(PointRecord::from).collect(),
+        };
+        FrameRecord { camera: frame.camera, t_s: frame.t_s, seen: frame.seen.iter().map(seen).collect() }
+    }
+}
+
+impl FrameRecord {
+    /// None where it is damaged: no such camera, or points that are seen nowhere.
+    fn shown(&self, lenses: &[Camera]) -> Option<Shown> {
+        let own = lenses.get(self.camera)?;
+        Some(Shown { camera: self.camera, t_s: self.t_s, seen: all(&self.seen, |seen| seen.seen(own))? })
+    }
+}
+
+impl SeenRecord {
+    fn seen(&self, own: &Camera) -> Option<Seen> {
+        let lens = match self.size_px {
+            Some([width_px, height_px]) => {
+                resight::formats::check_image_size(own, width_px, height_px).ok()?
+            }
+            None => own.clone(),
+        };
+        let points = all(&self.points, |point| point.correspondence(&lens))?;
+        let estimate = locate(&points, &lens, &Config::default()).ok()?;
+        Some(Seen { target: self.target, points, lens, estimate })
+    }
+}
+
+impl From<&Correspondence> for PointRecord {
+    fn from(point: &Correspondence) -> Self {
+        PointRecord {
+            x_in_target_m: point.x_in_target.into(),
+            pixel: point.pixel.into(),
+            sigma_px: point.sigma_px,
+            covariance_px2: point.covariance_px2.map(|c| [c.uu_px2, c.uv_px2, c.vv_px2]),
+            sigma_m: point.sigma_m,
+        }
+    }
+}
+
+impl PointRecord {
+    fn correspondence(&self, lens: &Camera) -> Option<Correspondence> {
+        let point =
+            Correspondence::new(lens, self.x_in_target_m.into(), self.pixel.into(), self.sigma_px).ok()?;
+        let covariance_px2 =
+            self.covariance_px2.map(|[uu_px2, uv_px2, vv_px2]| PixelCovariance { uu_px2, uv_px2, vv_px2 });
+        Some(Correspondence { covariance_px2, sigma_m: self.sigma_m, ..point })
+    }
+}

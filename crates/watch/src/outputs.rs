@@ -1,0 +1,64 @@
+//! Where the events of a session go. One file for each kind of output, with what it needs to know.
+
+mod outbox;
+mod output;
+mod measured;
+pub mod said;
+mod retry;
+pub mod secret;
+mod trust;
+mod notice;
+mod courier;
+pub mod history;
+pub mod tf;
+pub mod metrics;
+pub mod webhook;
+pub mod mqtt;
+pub mod tui;
+
+use anyhow::Result;
+use output::Common;
+pub(crate) use output::{Output, Session, tell};
+use std::path::PathBuf;
+
+/// The outputs of a session; none where nothing is said.
+#[derive(Clone, Default)]
+pub struct OutputsConfig {
+    /// Every frame and event into an SQLite file.
+    pub history: Option<history::HistoryConfig>,
+    /// Poses as a recording of ROS 2 messages.
+    pub tf: Option<tf::TfConfig>,
+    /// Metrics for Prometheus.
+    pub metrics: Option<metrics::MetricsConfig>,
+    /// Notices posted to a web address.
+    pub webhook: Option<webhook::WebhookConfig>,
+    /// States kept at an MQTT broker.
+    pub mqtt: Option<mqtt::MqttConfig>,
+    /// The session drawn in the terminal.
+    pub tui: Option<tui::TuiConfig>,
+    /// Certificates (PEM) to believe for https and mqtts; otherwise those of this machine.
+    pub ca_file: Option<PathBuf>,
+    /// How long webhook and MQTT each may take, at the end, for what still waits, seconds.
+    pub flush_s: f64,
+}
+
+/// Opens what was asked for.
+///
+/// # Errors
+/// An address, a file or a port that cannot be used; a view without a terminal.
+pub(crate) fn open(config: &OutputsConfig, session: &Session<'_>) -> Result<Vec<Box<dyn Output>>> {
+    let Session { names, log, .. } = session;
+    let ca = config.ca_file.as_deref().map(trust::read).transpose()?;
+    let mut common = Common { names, log, ca, flush_s: config.flush_s, counted: Vec::new() };
+    let webhook = config.webhook.as_ref().map(|config| webhook::open(config, &mut common)).transpose()?;
+    let mqtt = config.mqtt.as_ref().map(|config| mqtt::open(config, &mut common)).transpose()?;
+    let counted = common.counted; // After those whose deliveries it counts.
+    let metrics =
+        config.metrics.as_ref().map(|config| metrics::open(config, session, counted)).transpose()?;
+    let tui = config.tui.map(|config| tui::open(config, session)).transpose()?;
+    // Files are begun when all that may be refused was accepted.
+    let history = config.history.clone().map(|config| history::open(config, names, log)).transpose()?;
+    let tf = config.tf.as_ref().map(|config| tf::open(config, session)).transpose()?;
+    // The view is last: the others end while it is still there.
+    Ok([history, tf, webhook, mqtt, metrics, tui].into_iter().flatten().collect())
+}

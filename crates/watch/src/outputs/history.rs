@@ -1,0 +1,204 @@
+//! Every frame and event into a history file, by a thread of its own.
+
+use super::super::log::Log;
+use super::super::names::Names;
+use super::Output;
+use super::measured::measured;
+use super::said::{Said, word};
+use crate::history::{
+    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Retention, Store, Stored, Told, Turned,
+    recorder,
+};
+use crate::live::{Event, Observation};
+use anyhow::Result;
+use resight::landmarks::Sighting;
+use resight::report::turned::contradiction;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+
+/// The history of a session.
+#[derive(Clone)]
+pub struct HistoryConfig {
+    /// The SQLite file.
+    pub file: PathBuf,
+    /// What becomes of old rows.
+    pub retention: Retention,
+    /// Longest time until a frame is on the disk, seconds.
+    pub commit_s: f64,
+    /// Told, from the thread that writes, what is on the disk for good: an object `{"event": "stored", …}`.
+    pub on_stored: Option<OnStored>,
+}
+
+/// Takes an object that says what is stored.
+pub type OnStored = Arc<dyn Fn(&Value) + Send + Sync>;
+
+/// Frames waiting for the disk: some 20 MB, half a minute of 20 cameras at 30 frames a second.
+const WAITING: usize = 20_000;
+
+/// The output.
+///
+/// # Errors
+/// A file that somebody must do something about; a full disk is tried again.
+pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Box<dyn Output>> {
+    let pairs: Vec<(String, String)> = names
+        .cameras
+        .iter()
+        .flat_map(|camera| names.targets.iter().map(move |target| (camera.clone(), target.clone())))
+        .collect();
+    let recording = Recording {
+        path: config.file,
+        pairs: pairs.clone(),
+        commit_s: config.commit_s,
+        waiting: WAITING,
+        retry_s: 1.0,
+        retention: config.retention,
+    };
+    let told = Teller { pairs: names.pairs(), on_stored: config.on_stored, log: log.clone() };
+    let store = begin(&recording, &told)?;
+    let (recorder, writer) = recorder(recording, store);
+    let thread = thread::spawn(move || writer.run(|what| told.tell(what)));
+    let states = vec!["unseen"; pairs.len()];
+    let said = Said::new(names);
+    Ok(Box::new(Kept { names: names.clone(), said, states, recorder, thread: Some(thread) }))
+}
+
+/// What somebody must do something about ends the program here; a full disk does not: it is tried again.
+fn begin(recording: &Recording, told: &Teller) -> Result<Option<Store>, HistoryError> {
+    match Store::open(&recording.path, &recording.pairs) {
+        Ok(opened) => {
+            if let Some((path, reason)) = opened.put_aside {
+                told.tell(Told::PutAside(path, reason));
+            }
+            Ok(Some(opened.store))
+        }
+        Err(error) if error.may_pass() => {
+            told.tell(Told::Degraded(error));
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+struct Kept {
+    names: Names,
+    said: Said,
+    /// The state of each pair, as last told.
+    states: Vec<&'static str>,
+    recorder: Recorder,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Output for Kept {
+    fn take(&mut self, event: &Event) -> Result<()> {
+        if let Event::Observed { camera, target, observation } = event {
+            let pair = self.names.pair_index(*camera, *target);
+            self.recorder.frame(frame(pair, self.states[pair], observation));
+            return Ok(());
+        }
+        if let Event::StateChanged { camera, target, state, .. } = event {
+            let pair = self.names.pair_index(*camera, *target);
+            self.states[pair] = word(state);
+        }
+        let row = self.row(event);
+        self.recorder.event(row);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.recorder.close();
+        if let Some(thread) = self.thread.take() {
+            // A writer that panicked has said so itself.
+            let _ = thread.join();
+        }
+        Ok(())
+    }
+}
+
+impl Kept {
+    fn row(&self, event: &Event) -> EventRow {
+        let detail = self.said.object(event);
+        let text = |key: &str| detail[key].as_str().map(str::to_string);
+        let (state, pair) = match event {
+            Event::StateChanged { camera, target, state, .. } => {
+                (Some(word(state)), Some(self.names.pair_index(*camera, *target)))
+            }
+            _ => (None, None),
+        };
+        EventRow {
+            t_s: detail["t_s"].as_f64(),
+            camera: text("camera"),
+            target: text("target"),
+            kind: text("event").unwrap_or_default(),
+            state,
+            pair,
+            detail: detail.to_string(),
+        }
+    }
+}
+
+/// The frame's own pose: a filtered one could not be averaged any more. A turn of natural landmarks is no pose against the target: it has a
+/// place of its own.
+fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
+    let sighting = observation.landmarks.as_deref();
+    FrameRow {
+        pair,
+        t_s: observation.capture_s,
+        number: observation.number,
+        state,
+        n_points: observation.n_points,
+        measured: measured(observation),
+        turned: sighting.and_then(turned),
+        reason: observation.reason.clone().or_else(|| sighting.and_then(contradiction)),
+    }
+}
+
+/// A turn that most of what was found contradicts is no answer, and must not count in a mean.
+fn turned(sighting: &Sighting) -> Option<Turned> {
+    let (rotation_rad, covariance_rad2) = sighting.turn.old_from_new();
+    let n_landmarks = sighting.turn.used.len() as f64;
+    sighting.turn.is_consistent().then_some(Turned { rotation_rad, covariance_rad2, n_landmarks })
+}
+
+/// Says how it goes.
+struct Teller {
+    pairs: Vec<String>,
+    on_stored: Option<OnStored>,
+    log: Log,
+}
+
+impl Teller {
+    fn tell(&self, what: Told) {
+        let say = |text: &str| self.log.say("history", text);
+        match what {
+            Told::Stored(stored) => {
+                if let Some(on_stored) = &self.on_stored {
+                    on_stored(&self.object(&stored));
+                }
+            }
+            Told::Degraded(reason) => say(&format!(
+                "degraded: {reason}; frames go on, and what waits is stored as soon as it can be"
+            )),
+            Told::Recovered(lost) if lost == NotStored::default() => say("stored again; nothing was lost"),
+            Told::Recovered(lost) => say(&format!("stored again; {} were not stored", count(&lost))),
+            Told::PutAside(path, reason) => say(&format!(
+                "the file was damaged ({reason}); it is now {}, and a new one begun",
+                path.display()
+            )),
+            Told::Lost(lost) => say(&format!("the session ended; {} were not stored", count(&lost))),
+        }
+    }
+
+    fn object(&self, stored: &Stored) -> Value {
+        let through = self.pairs.iter().zip(&stored.through_s);
+        let through: serde_json::Map<_, _> =
+            through.filter_map(|(pair, t_s)| Some((pair.clone(), json!((*t_s)?)))).collect();
+        json!({"event": "stored", "session": stored.session, "frames": stored.frames, "events": stored.events,
+            "not_stored": {"frames": stored.not_stored.frames, "events": stored.not_stored.events}, "through_s": through})
+    }
+}
+
+fn count(lost: &NotStored) -> String {
+    format!("{} frames and {} events", lost.frames, lost.events)
+}

@@ -1,0 +1,117 @@
+//! States kept at an MQTT broker, one topic for each camera and target, and whether this session is there.
+
+mod broker;
+mod discovery;
+mod link;
+mod topics;
+
+use super::courier::Courier;
+use super::notice::Notices;
+use super::outbox::Weight;
+use super::{Common, Output};
+use crate::live::Event;
+use anyhow::{Result, bail};
+use broker::Broker;
+use link::{Link, Message};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use topics::Topics;
+
+/// Messages that may wait; alarms are kept longest.
+const WAITING: usize = 1000;
+
+/// The broker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MqttConfig {
+    /// `mqtt://HOST[:PORT][/PREFIX]`, `mqtts://` with TLS, `USER@` before HOST.
+    pub url: String,
+    /// The file whose first line is the password; otherwise the variable `RESIGHT_MQTT_PASSWORD` may hold it.
+    pub password_file: Option<PathBuf>,
+    /// Whether every frame is sent.
+    pub frames: bool,
+    /// The prefix below which Home Assistant listens, where the cameras are announced to it.
+    pub discovery: Option<String>,
+}
+
+/// The output.
+///
+/// # Errors
+/// An address that is none; two cameras that would share a topic.
+pub(super) fn open(config: &MqttConfig, common: &mut Common<'_>) -> Result<Box<dyn Output>> {
+    let broker = Broker::read(&config.url, config.password_file.as_deref())?;
+    let topics = Topics::new(&broker.prefix, common.names);
+    if let Some(topic) = topics.shared() {
+        bail!(
+            "--mqtt: two of the names give the topic {topic}; MQTT needs them to differ in more than / + #"
+        );
+    }
+    let mut greeting = vec![Message::kept(topics.availability(), "online".to_string())];
+    if let Some(prefix) = &config.discovery {
+        greeting.extend(discovery::messages(prefix, &topics, common.names));
+    }
+    let options = link::options(&broker, &topics, common.ca.as_deref())?;
+    let is_there = Arc::new(AtomicBool::new(false));
+    let link = Link::new(options, greeting, topics.availability(), Arc::clone(&is_there));
+    let courier =
+        Courier::start("mqtt", &broker.receiver(), WAITING, common, move |outbox, standing, runtime| {
+            runtime.block_on(link.run(&outbox, standing));
+        })?;
+    let notices = Notices::new(common.names);
+    let sources = vec![false; common.names.cameras.len()];
+    Ok(Box::new(Mqtt { notices, courier, topics, is_there, frames: config.frames, sources }))
+}
+
+struct Mqtt {
+    notices: Notices,
+    courier: Courier<Message>,
+    topics: Topics,
+    /// Whether the broker is; frames do not wait for it.
+    is_there: Arc<AtomicBool>,
+    frames: bool,
+    /// Of which cameras it was told whether the source is there: the broker may still hold what an earlier session said of it.
+    sources: Vec<bool>,
+}
+
+impl Output for Mqtt {
+    fn take(&mut self, event: &Event) -> Result<()> {
+        if let Event::Observed { camera, target, .. } = event {
+            if self.sources.get(*camera) == Some(&false) {
+                self.tell(&Event::Source { camera: *camera, is_there: true, reason: None });
+            }
+            if self.frames && self.is_there.load(Ordering::Relaxed) {
+                let payload = self.notices.frame(event).to_string();
+                self.courier
+                    .tell(Weight::Frame, Message::passing(self.topics.frame(*camera, *target), payload));
+            }
+            return Ok(());
+        }
+        self.tell(event);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.courier.finish();
+        Ok(())
+    }
+}
+
+impl Mqtt {
+    fn tell(&mut self, event: &Event) {
+        let Some(notice) = self.notices.of(event) else { return };
+        let payload = notice.body.to_string();
+        let message = match event {
+            Event::StateChanged { camera, target, .. } => {
+                Message::kept(self.topics.state(*camera, *target), payload)
+            }
+            Event::Source { camera, .. } => {
+                if let Some(is_told) = self.sources.get_mut(*camera) {
+                    *is_told = true;
+                }
+                Message::kept(self.topics.source(*camera), payload)
+            }
+            _ => Message::sure(self.topics.moved(), payload),
+        };
+        self.courier.tell(notice.weight, message);
+    }
+}

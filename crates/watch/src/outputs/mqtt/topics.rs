@@ -1,0 +1,88 @@
+//! What the topics are called.
+
+use crate::names::Names;
+
+/// Topics of a session.
+pub struct Topics {
+    prefix: String,
+    cameras: Vec<String>,
+    targets: Vec<String>,
+}
+
+impl Topics {
+    pub fn new(prefix: &str, names: &Names) -> Self {
+        let levels = |names: &[String]| names.iter().map(|name| level(name)).collect();
+        Topics {
+            prefix: prefix.to_string(),
+            cameras: levels(&names.cameras),
+            targets: levels(&names.targets),
+        }
+    }
+
+    /// Retained: `online` or `offline`.
+    pub fn availability(&self) -> String {
+        format!("{}/availability", self.prefix)
+    }
+
+    /// Retained: the last state.
+    pub fn state(&self, camera: usize, target: usize) -> String {
+        self.of_pair(camera, target, "state")
+    }
+
+    /// What a frame showed.
+    pub fn frame(&self, camera: usize, target: usize) -> String {
+        self.of_pair(camera, target, "frame")
+    }
+
+    /// Retained: whether the source is lost or back.
+    pub fn source(&self, camera: usize) -> String {
+        format!("{}/{}/source", self.prefix, of(&self.cameras, camera))
+    }
+
+    /// Who moved relative to the others.
+    pub fn moved(&self) -> String {
+        format!("{}/moved", self.prefix)
+    }
+
+    /// A topic that two names share.
+    pub fn shared(&self) -> Option<String> {
+        let twice = |levels: &[String]| {
+            levels.iter().enumerate().find(|(i, level)| levels[..*i].contains(level)).map(|(_, l)| l.clone())
+        };
+        twice(&self.cameras).or_else(|| twice(&self.targets)).map(|level| format!("{}/{level}", self.prefix))
+    }
+
+    fn of_pair(&self, camera: usize, target: usize, what: &str) -> String {
+        format!("{}/{}/{}/{what}", self.prefix, of(&self.cameras, camera), of(&self.targets, target))
+    }
+}
+
+fn of(levels: &[String], i: usize) -> &str {
+    levels.get(i).map_or("_", String::as_str)
+}
+
+/// One level of a topic: what would part or match levels is an underscore.
+fn level(name: &str) -> String {
+    name.chars().map(|c| if matches!(c, '/' | '+' | '#') || c.is_control() { '_' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stay_within_their_level() {
+        let names = |cameras: &[&str]| Names {
+            cameras: cameras.iter().map(|name| name.to_string()).collect(),
+            targets: vec!["do#or".to_string(), "Tür".to_string()],
+        };
+        let topics = Topics::new("site/a", &names(&["gate/1", "yard+"]));
+        assert_eq!(topics.state(0, 0), "site/a/gate_1/do_or/state");
+        assert_eq!(
+            (topics.frame(1, 1), topics.source(1)),
+            ("site/a/yard_/Tür/frame".to_string(), "site/a/yard_/source".to_string())
+        );
+        assert_eq!(topics.shared(), None);
+        assert_eq!(Topics::new("p", &names(&["a+", "a#"])).shared(), Some("p/a_".to_string()));
+    }
+}

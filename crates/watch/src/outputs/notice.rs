@@ -1,0 +1,72 @@
+//! What others are told: changes of state, who moved, sources lost and back. The same object as the JSON line, and where it comes from.
+
+use super::super::names::Names;
+use super::outbox::Weight;
+use super::retry::random;
+use super::said::Said;
+use crate::live::{Event, State};
+use serde_json::{Value, json};
+
+/// One of them.
+#[derive(Debug, Clone)]
+pub struct Notice {
+    /// Unique among all sessions: whoever gets a notice twice can tell.
+    pub id: String,
+    /// How much it matters.
+    pub weight: Weight,
+    /// The JSON line, with `id`, `host` and `text`.
+    pub body: Value,
+}
+
+/// Makes notices of events.
+pub struct Notices {
+    said: Said,
+    host: String,
+    session: u64,
+    made: u64,
+}
+
+impl Notices {
+    pub fn new(names: &Names) -> Self {
+        Notices { said: Said::new(names), host: host(), session: random(), made: 0 }
+    }
+
+    /// None for what others are not told: frames, counts, references, ends.
+    pub fn of(&mut self, event: &Event) -> Option<Notice> {
+        let weight = weight(event)?;
+        self.made += 1;
+        let id = format!("{:016x}-{}", self.session, self.made);
+        let mut body = self.said.object(event);
+        body["id"] = json!(id);
+        body["host"] = json!(self.host);
+        body["text"] = json!(self.said.words(event));
+        Some(Notice { id, weight, body })
+    }
+
+    /// The object of a frame.
+    pub fn frame(&self, event: &Event) -> Value {
+        self.said.object(event)
+    }
+}
+
+fn weight(event: &Event) -> Option<Weight> {
+    match event {
+        Event::StateChanged { state, .. } => Some(match state {
+            State::Drifted(_) | State::Inconsistent | State::Unseen { .. } => Weight::Alarm,
+            _ => Weight::Routine,
+        }),
+        Event::Attributed { .. }
+        | Event::MovedWhileLearning { .. }
+        | Event::Source { is_there: false, .. } => Some(Weight::Alarm),
+        Event::Source { .. } => Some(Weight::Routine),
+        _ => None,
+    }
+}
+
+/// What this machine is called.
+pub fn host() -> String {
+    let kernel = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
+    let named = ["HOSTNAME", "COMPUTERNAME"].into_iter().filter_map(|name| std::env::var(name).ok());
+    let name = kernel.into_iter().chain(named).map(|name| name.trim().to_string());
+    name.into_iter().find(|name| !name.is_empty()).unwrap_or_else(|| "unknown".to_string())
+}

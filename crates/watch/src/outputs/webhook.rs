@@ -1,0 +1,81 @@
+//! Notices posted to a web address: in order, each until it is acknowledged by a status of 2xx.
+
+mod post;
+mod retry_after;
+
+use super::courier::Courier;
+use super::notice::{Notice, Notices};
+use super::outbox::Outbox;
+use super::retry::{Backoff, Standing};
+use super::{Common, Output};
+use crate::live::Event;
+use anyhow::Result;
+use post::{Answer, Post};
+use tokio::runtime::Runtime;
+
+/// Notices that may wait; alarms are kept longest.
+const WAITING: usize = 1000;
+
+/// The webhook.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WebhookConfig {
+    /// The http or https address that notices are posted to.
+    pub url: String,
+    /// Headers, `Name: value`, or `@FILE` with one a line.
+    pub headers: Vec<String>,
+}
+
+/// The output.
+///
+/// # Errors
+/// An address or a header that is none.
+pub(super) fn open(config: &WebhookConfig, common: &mut Common<'_>) -> Result<Box<dyn Output>> {
+    let post = Post::new(&config.url, post::headers(&config.headers)?, common.ca.as_deref())?;
+    let receiver = post.receiver().to_string();
+    let notices = Notices::new(common.names);
+    let courier = Courier::start("webhook", &receiver, WAITING, common, move |outbox, standing, runtime| {
+        deliver(&post, &outbox, standing, &runtime);
+    })?;
+    Ok(Box::new(Webhook { notices, courier }))
+}
+
+struct Webhook {
+    notices: Notices,
+    courier: Courier<Notice>,
+}
+
+impl Output for Webhook {
+    fn take(&mut self, event: &Event) -> Result<()> {
+        if let Some(notice) = self.notices.of(event) {
+            self.courier.tell(notice.weight, notice);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.courier.finish();
+        Ok(())
+    }
+}
+
+/// Until the queue is closed and empty.
+fn deliver(post: &Post, outbox: &Outbox<Notice>, mut standing: Standing, runtime: &Runtime) {
+    let mut backoff = Backoff::new();
+    while let Some((_, notice)) = runtime.block_on(outbox.next()) {
+        loop {
+            match post.send(&notice) {
+                Answer::Acknowledged => standing.delivered(outbox.delivered()),
+                Answer::Refused(reason) => {
+                    standing.refused(outbox.refused(), &format!("{reason}: not tried again"));
+                }
+                Answer::Later { reason, asked } => {
+                    standing.failed(&reason);
+                    runtime.block_on(backoff.rest(outbox, asked));
+                    continue;
+                }
+            }
+            break;
+        }
+        backoff.reset();
+    }
+}

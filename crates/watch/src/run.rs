@@ -1,0 +1,137 @@
+//! A whole session: what it watches, where its events go, what it keeps, and how it ended.
+
+use crate::error::Error;
+use crate::live::{self, Event, LiveCamera, LiveConfig, State, StateFile};
+use crate::log::Log;
+use crate::names::Names;
+use crate::outputs::said::{Moved, Verdict, verdict};
+use crate::outputs::{self, OutputsConfig, Session};
+use crate::saved::Saved;
+use resight::FileError;
+use resight::core::monitor::Reference;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// What is asked of a session.
+pub struct Request {
+    /// What cameras and targets are called, in the order of `cameras`.
+    pub names: Names,
+    /// The cameras, with what they look at and where their frames come from.
+    pub cameras: Vec<LiveCamera>,
+    /// How poses are tracked and motion is tested.
+    pub config: LiveConfig,
+    /// The file that keeps the session's state, so that a restart loses nothing.
+    pub state: Option<PathBuf>,
+    /// Where learned references are written, by the places of `Names::pairs`; shorter means: not written.
+    pub save_references: Vec<Option<String>>,
+    /// Where reference pictures of landmarks are written, by camera.
+    pub save_landmarks: Vec<Option<String>>,
+    /// Where events go, besides to the listener.
+    pub outputs: OutputsConfig,
+    /// False alarms a day that are allowed; outputs state it.
+    pub false_alarms_per_day: f64,
+    /// The session ends with its sources, and outputs do not stay for anybody to look at them.
+    pub is_once: bool,
+}
+
+impl Request {
+    /// Watches these cameras, all of the same targets, with no output but the listener.
+    pub fn new(cameras: Vec<LiveCamera>, config: LiveConfig) -> Self {
+        let target = |first: &LiveCamera| first.targets.iter().map(|target| target.name.clone()).collect();
+        let targets: Vec<String> = cameras.first().map(target).unwrap_or_default();
+        let targets = if targets.is_empty() { vec!["landmarks".to_string()] } else { targets };
+        let names = Names { cameras: cameras.iter().map(|camera| camera.name.clone()).collect(), targets };
+        Request {
+            names,
+            cameras,
+            config,
+            state: None,
+            save_references: Vec::new(),
+            save_landmarks: Vec::new(),
+            outputs: OutputsConfig::default(),
+            false_alarms_per_day: 0.0,
+            is_once: true,
+        }
+    }
+}
+
+/// How a session ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// The last state of each pair, by the places of `Names::pairs`; none of those never seen.
+    pub states: Vec<Option<State>>,
+    /// What moved, as it was last told.
+    pub moved: Moved,
+    /// A reference or reference picture that could not be written to the last.
+    pub unsaved: Option<FileError>,
+}
+
+impl Ended {
+    /// In one word.
+    pub fn verdict(&self) -> Verdict {
+        verdict(&self.states, &self.moved)
+    }
+}
+
+/// Runs until every source has ended or `stop` is set. Each event goes to `listener` first, then to the outputs; an error of any of them
+/// ends the session, after all have had the event.
+///
+/// # Errors
+/// A camera that cannot be watched, an output that cannot be used, a state that is no file: before anything has started. What a listener
+/// or an output could not take.
+pub fn run(
+    request: Request,
+    log: &Log,
+    stop: &Arc<AtomicBool>,
+    mut listener: impl FnMut(&Event) -> std::io::Result<()>,
+) -> Result<Ended, Error> {
+    let Request { names, cameras, config, .. } = request;
+    let mut saved = Saved::new(&names, request.save_references, request.save_landmarks, log);
+    let state = request.state.map(|path| remembered(&path, log)).transpose()?;
+    let session = Session {
+        names: &names,
+        references: references(&cameras, &config, state.as_ref())?,
+        false_alarms_per_day: request.false_alarms_per_day,
+        log,
+        stop,
+        is_once: request.is_once,
+    };
+    let mut outputs = outputs::open(&request.outputs, &session)?;
+    let (mut states, mut moved) = (vec![None; names.pairs().len()], Moved::default());
+    let mut told = Ok(());
+    live::run_from(cameras, &config, stop, state.as_ref(), |event| {
+        moved.take(event);
+        if let Event::StateChanged { camera, target, state, .. } = event {
+            states[names.pair_index(*camera, *target)] = Some(state.clone());
+        }
+        saved.take(event);
+        let heard = listener(event).map_err(Error::from);
+        told = heard.and(outputs::tell(&mut outputs, |output| output.take(event)).map_err(Error::from));
+        told.is_ok()
+    })?;
+    let finished = outputs::tell(&mut outputs, |output| output.finish());
+    let unsaved = saved.finish().err();
+    told.and(finished.map_err(Error::from))?;
+    Ok(Ended { states, moved, unsaved })
+}
+
+/// What each pair is compared with, where that is known before the first frame. Also says now which camera cannot be watched.
+fn references(
+    cameras: &[LiveCamera],
+    config: &LiveConfig,
+    state: Option<&StateFile>,
+) -> Result<Vec<Option<Reference>>, Error> {
+    let mut all = Vec::new();
+    for (camera, watched) in cameras.iter().enumerate() {
+        let name = || watched.name.clone();
+        let known = live::references(watched, config, state);
+        all.extend(known.map_err(|source| Error::Camera { camera, name: name(), source })?);
+    }
+    Ok(all)
+}
+
+fn remembered(path: &std::path::Path, log: &Log) -> Result<StateFile, FileError> {
+    let log = log.clone();
+    StateFile::open(path, move |text| log.say("state", text))
+}

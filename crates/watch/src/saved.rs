@@ -1,0 +1,113 @@
+//! What a session learns and writes once: references, pictures of landmarks. A disk that fails does not end the session, which may be the only
+//! one of the night: what could not be written is kept, and tried again now and then and at the end.
+
+use super::log::Log;
+use super::names::Names;
+use crate::live::{Event, reference};
+use resight::FileError;
+use std::time::{Duration, Instant};
+
+/// Failed files are tried again this long after the last try.
+const AGAIN: Duration = Duration::from_secs(10);
+
+/// Where what is learned is written, by the places of pairs and of cameras.
+pub struct Saved {
+    names: Names,
+    references: Vec<Option<String>>,
+    pictures: Vec<Option<String>>,
+    waiting: Vec<(Unwritten, FileError)>,
+    tried: Instant,
+    log: Log,
+}
+
+/// A file that is not written yet.
+struct Unwritten {
+    /// Who speaks in the log.
+    part: &'static str,
+    file: String,
+    bytes: Vec<u8>,
+    /// What is said when it is written.
+    words: String,
+}
+
+impl Saved {
+    /// What is to be saved of these names.
+    pub fn new(
+        names: &Names,
+        references: Vec<Option<String>>,
+        pictures: Vec<Option<String>>,
+        log: &Log,
+    ) -> Self {
+        let (names, log) = (names.clone(), log.clone());
+        Saved { names, references, pictures, waiting: Vec::new(), tried: Instant::now(), log }
+    }
+
+    /// The next event; also when to try again.
+    pub fn take(&mut self, event: &Event) {
+        match event {
+            Event::Learned { camera, target, reference, .. } => {
+                let file = self.references.get(self.names.pair_index(*camera, *target)).cloned().flatten();
+                let words = format!("{} is saved", self.names.pair(*camera, *target));
+                self.save("reference", file, words, || reference::to_text(reference).map(String::into_bytes));
+            }
+            Event::Observed { camera, target: 0, observation } => {
+                if let Some(picture) = &observation.reference_picture {
+                    let file = self.pictures.get(*camera).cloned().flatten();
+                    let (name, of) = (self.names.camera(*camera), &observation.name);
+                    let words = format!("the reference picture of {name} is {of}, saved");
+                    self.save("landmarks", file, words, || picture.png());
+                }
+            }
+            _ => {}
+        }
+        if !self.waiting.is_empty() && AGAIN <= self.tried.elapsed() {
+            self.again();
+        }
+    }
+
+    fn save(
+        &mut self,
+        part: &'static str,
+        file: Option<String>,
+        words: String,
+        bytes: impl FnOnce() -> Result<Vec<u8>, String>,
+    ) {
+        let Some(file) = file else { return };
+        let bytes = match bytes() {
+            Ok(bytes) => bytes,
+            Err(reason) => return self.log.say(part, &format!("{file} cannot be written: {reason}")),
+        };
+        // A later reference takes the place of one that still waits.
+        self.waiting.retain(|(known, _)| known.file != file);
+        let unwritten = Unwritten { part, file, bytes, words };
+        if let Err(reason) = self.write(&unwritten) {
+            let again_s = AGAIN.as_secs();
+            let words = format!("{reason}; it is kept, and tried again every {again_s} s and at the end");
+            self.log.say(part, &words);
+            self.tried = Instant::now();
+            self.waiting.push((unwritten, reason));
+        }
+    }
+
+    fn write(&self, unwritten: &Unwritten) -> Result<(), FileError> {
+        resight::formats::write_atomically(unwritten.file.as_ref(), &unwritten.bytes)?;
+        self.log.say(unwritten.part, &format!("{} in {}", unwritten.words, unwritten.file));
+        Ok(())
+    }
+
+    fn again(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting).into_iter();
+        self.waiting =
+            waiting.filter_map(|(file, _)| self.write(&file).err().map(|reason| (file, reason))).collect();
+        self.tried = Instant::now();
+    }
+
+    /// The session is over.
+    ///
+    /// # Errors
+    /// A file that could not be written to the last.
+    pub fn finish(&mut self) -> Result<(), FileError> {
+        self.again();
+        self.waiting.pop().map_or(Ok(()), |(_, reason)| Err(reason))
+    }
+}

@@ -1,0 +1,210 @@
+//! Pictures in files: a list, or a folder that fills up.
+
+mod exif;
+
+use super::{Content, Frame, Next, Source};
+use resight::{FileError, GrayImage};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// What a folder's pictures end in.
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+/// A file that was changed within this time may still be being written.
+const SETTLED: Duration = Duration::from_millis(200);
+/// A slow upload may rest for longer: a picture that cannot be decoded is given up only when it has been left alone for this time.
+const RESTING: Duration = Duration::from_secs(2);
+
+/// When pictures were taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Clock {
+    /// When their files were last changed.
+    Modified,
+    /// As their EXIF says; where it says nothing, when their files were last changed.
+    Taken,
+    /// One after the other, seconds apart, the first at 0.
+    Every(f64),
+}
+
+/// Pictures in the order given.
+pub struct Pictures {
+    paths: VecDeque<PathBuf>,
+    clock: Clock,
+    number: u64,
+}
+
+impl Pictures {
+    /// A list; it is read as fast as it is looked at.
+    pub fn new(paths: impl IntoIterator<Item = PathBuf>, clock: Clock) -> Self {
+        Pictures { paths: paths.into_iter().collect(), clock, number: 0 }
+    }
+}
+
+impl Source for Pictures {
+    fn next(&mut self, _: Duration) -> Next {
+        let Some(path) = self.paths.pop_front() else { return Next::End };
+        self.number += 1;
+        Next::Frame(picture(&path, self.number - 1, self.clock))
+    }
+
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+/// A folder in which pictures appear, taken by name; those already there come first.
+pub struct Folder {
+    path: PathBuf,
+    clock: Clock,
+    /// Pictures of the last listing that were taken; what is deleted is forgotten, and its name may come again.
+    taken: BTreeMap<PathBuf, Taken>,
+    waiting: VecDeque<PathBuf>,
+    number: u64,
+    is_filling: bool,
+}
+
+/// What became of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Taken {
+    /// Given, or waiting.
+    Whole,
+    /// It could not be decoded at this size: looked at again when it has grown, and once more, for good, when nobody writes any more.
+    Torn { bytes: u64, is_told: bool },
+}
+
+impl Folder {
+    /// # Errors
+    /// No such folder.
+    pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
+        std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
+        let (taken, waiting) = (BTreeMap::new(), VecDeque::new());
+        Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0, is_filling: true })
+    }
+
+    /// Ends when all that is there has been given, instead of waiting for more.
+    pub fn as_it_is(self) -> Self {
+        Folder { is_filling: false, ..self }
+    }
+
+    /// Takes note of new pictures that nobody writes any more, by name; whether others are still being written.
+    fn look(&mut self) -> std::io::Result<bool> {
+        let (mut there, mut new, mut is_growing) = (BTreeSet::new(), Vec::new(), false);
+        for entry in std::fs::read_dir(&self.path)? {
+            let path = entry?.path();
+            if !is_picture(&path) {
+                continue;
+            }
+            match self.state(&path) {
+                Some(true) => new.push(path.clone()),
+                Some(false) => is_growing = true,
+                None => {}
+            }
+            there.insert(path);
+        }
+        new.sort();
+        self.taken.retain(|path, _| there.contains(path));
+        self.taken.extend(new.iter().map(|path| (path.clone(), Taken::Whole)));
+        self.waiting.extend(new);
+        Ok(is_growing)
+    }
+
+    /// Whether a picture is to be read now (or else later); none where it has been.
+    fn state(&self, path: &Path) -> Option<bool> {
+        let is_due = match self.taken.get(path) {
+            None => true,
+            Some(Taken::Whole) => return None,
+            Some(Taken::Torn { bytes, is_told }) => {
+                let has_grown = size(path) != *bytes;
+                if *is_told && !has_grown {
+                    return None;
+                }
+                has_grown || has_rested(path, RESTING)
+            }
+        };
+        Some(is_due && has_rested(path, SETTLED))
+    }
+
+    /// The picture, or none where it may be whole later.
+    fn read(&mut self, path: &Path) -> Option<Frame> {
+        let bytes = size(path); // Before it is read: what grows meanwhile has grown.
+        let frame = picture(path, self.number, self.clock);
+        if matches!(frame.content, Content::Unreadable(_)) {
+            let is_told = has_rested(path, RESTING);
+            self.taken.insert(path.to_path_buf(), Taken::Torn { bytes, is_told });
+            if !is_told {
+                return None;
+            }
+        }
+        self.number += 1;
+        Some(frame)
+    }
+}
+
+impl Source for Folder {
+    fn next(&mut self, patience: Duration) -> Next {
+        if self.waiting.is_empty() {
+            let is_growing = match self.look() {
+                Ok(is_growing) => is_growing,
+                Err(reason) => {
+                    return Next::Lost(FileError::new(&self.path, format!("cannot be read: {reason}")));
+                }
+            };
+            if self.waiting.is_empty() && !self.is_filling && !is_growing {
+                return Next::End;
+            }
+            if self.waiting.is_empty() {
+                std::thread::sleep(patience);
+            }
+        }
+        let Some(path) = self.waiting.pop_front() else { return Next::Nothing };
+        self.read(&path).map_or(Next::Nothing, Next::Frame)
+    }
+
+    /// Its files wait on the disk.
+    fn is_live(&self) -> bool {
+        false
+    }
+}
+
+fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
+    let bytes = resight::input::read(path, resight::input::Kind::Image).map_err(|fault| fault.reason);
+    let taken_s = || exif::taken_s(bytes.as_ref().ok()?);
+    let capture_s = match clock {
+        Clock::Every(period_s) => period_s * number as f64,
+        Clock::Modified => modified_s(path),
+        Clock::Taken => taken_s().unwrap_or_else(|| modified_s(path)),
+    };
+    let content = match bytes.as_ref().map_err(String::clone).and_then(|bytes| GrayImage::decode(bytes)) {
+        Ok(image) => Content::Image(image),
+        Err(reason) => Content::Unreadable(FileError::new(path, reason).to_string()),
+    };
+    Frame { number, capture_s, name: path.display().to_string(), content }
+}
+
+/// Seconds since 1970; 0 of a file that is gone, which then cannot be read either.
+fn modified_s(path: &Path) -> f64 {
+    let modified = std::fs::metadata(path).and_then(|data| data.modified());
+    modified
+        .ok()
+        .and_then(|at| at.duration_since(SystemTime::UNIX_EPOCH).ok())
+        .map_or(0.0, |d| d.as_secs_f64())
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    // Half-written files of careful writers begin with a dot.
+    let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    !is_hidden && ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+}
+
+/// Whether nobody has written a file for so long.
+fn has_rested(path: &Path, time: Duration) -> bool {
+    let age = std::fs::metadata(path).and_then(|data| data.modified()).map(|at| at.elapsed());
+    // A time in the future is another clock's: nothing to wait for.
+    !matches!(age, Ok(Ok(age)) if age < time)
+}
+
+/// 0 of a file that is gone.
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |data| data.len())
+}
