@@ -1,12 +1,13 @@
 //! The search for the pose that the most correspondences agree with: docs/math/robust.md sections 2–4.
 
 use super::Config;
-use super::chance::{Chance, shuffled};
 use super::evidence::{Evidence, confidence, ln_triples, samples_for};
+use super::order::shuffled;
 use super::sampling::{Groups, Sampler, chance_of_good};
 use super::sights::{Sights, Wald};
 use crate::least_squares::{PivotedPose, minimize};
 use crate::solve::p3p::p3p;
+use crate::statistics::SplitMix64;
 use crate::{Camera, Correspondence, Error, Pose};
 
 /// Three points with noise of their own predict the others worse than the final pose does: the search looks this many
@@ -99,7 +100,7 @@ fn evidence(seen: &[Correspondence], groups: Option<&Groups>, threshold_px: f64)
 impl Search<'_> {
     /// Draws samples until enough; returns how many.
     fn run(&mut self, seen: &[Correspondence], order: &[u32]) -> usize {
-        let mut chance = Chance::new(self.config.seed);
+        let mut chance = SplitMix64::scattered(self.config.seed);
         let mut sampler = Sampler::new(seen.len(), self.groups.as_ref());
         let mut test = self.test(1);
         // Few points make few triples, and those share their points' noise: none is spared before there is an answer.
