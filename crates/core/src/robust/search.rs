@@ -5,7 +5,7 @@ use super::evidence::{Evidence, confidence, ln_triples, samples_for};
 use super::order::shuffled;
 use super::sampling::{Groups, Sampler, chance_of_good};
 use super::sights::{Sights, Wald};
-use crate::least_squares::{PivotedPose, minimize};
+use crate::least_squares::{PivotedPose, minimize_pose};
 use crate::solve::p3p::p3p;
 use crate::statistics::SplitMix64;
 use crate::{Camera, Correspondence, Error, Pose};
@@ -204,11 +204,11 @@ impl Search<'_> {
     fn polished(&self, candidate: &Pose, about: &Correspondence) -> Option<(Pose, f64)> {
         let pivot = about.x_in_target;
         let descend = |start: PivotedPose, limit_squared: f64| {
-            minimize(start, None, |place| self.sights.normal_equations(place, &pivot, limit_squared))
+            minimize_pose(start, None, |place| self.sights.normal_equations(place, &pivot, limit_squared))
         };
         let wide = descend(PivotedPose::new(candidate, &pivot), self.wide_limit())?;
-        let narrow = descend(wide.place, self.config.threshold_px.powi(2))?;
-        Some((narrow.place.pose(&pivot), narrow.normal.chi2))
+        let narrow = descend(wide.state, self.config.threshold_px.powi(2))?;
+        Some((narrow.state.pose(&pivot), narrow.equations.chi2))
     }
 
     fn agreement(&self, cam_from_target: Pose, cost: f64) -> Agreement {
