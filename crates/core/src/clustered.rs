@@ -7,6 +7,7 @@
 //!
 //!   P  inverse information of all unknowns   ·   S, s  a cluster's information and score   ·   B = S P  its leverage
 
+use crate::statistics::chi_square::quick_quantile;
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
 /// Numbers of a block: a small motion.
@@ -207,7 +208,7 @@ impl Sums {
     /// Whether the clusters contradict each other by more than chance, docs/math/clustered.md eq. (8).
     fn contradict(&self, base: f64, quantile: f64) -> bool {
         let n = BLOCK * self.scatter.len();
-        n < self.rank && base * limit((self.rank - n) as f64, quantile) < self.chi2
+        n < self.rank && base * quick_quantile((self.rank - n) as f64, quantile) < self.chi2
     }
 
     fn scatters(&self, n_clusters: usize, base: f64) -> Vec<Scatter> {
@@ -269,11 +270,5 @@ impl Scatter {
 fn scatters_alone(own: (f64, f64), base: f64) -> bool {
     let degrees_of_freedom = BLOCK as f64 * own.1;
     ENOUGH_CLUSTERS <= own.1
-        && base * limit(degrees_of_freedom, ONE_BLOCK_QUANTILE) < own.0 * degrees_of_freedom
-}
-
-/// χ² that errors of one variance exceed with the chance of the quantile (Wilson and Hilferty 1931).
-fn limit(degrees_of_freedom: f64, quantile: f64) -> f64 {
-    let k = 2.0 / (9.0 * degrees_of_freedom);
-    degrees_of_freedom * (1.0 - k + quantile * k.sqrt()).powi(3)
+        && base * quick_quantile(degrees_of_freedom, ONE_BLOCK_QUANTILE) < own.0 * degrees_of_freedom
 }

@@ -5,7 +5,8 @@
 //! e_i = Log M_i, E the covariance of all e_i.
 
 use crate::covariance::is_covariance;
-use crate::frames::chi_square::{tail, tail_with_estimated_noise};
+use crate::statistics::chi_square::tail;
+use crate::statistics::variance_ratio::tail_with_estimated_noise;
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

@@ -3,7 +3,6 @@
 //! `check_intrinsics` tests without changing anything; `refine_intrinsics` estimates chosen intrinsics together with every pose.
 //! Derivation: docs/math/frames.md.
 
-pub mod chi_square;
 mod equations;
 mod check;
 mod refined;

@@ -7,6 +7,7 @@
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod error;
+pub mod statistics;
 pub mod covariance;
 pub mod pose;
 pub mod polynomial;

@@ -7,7 +7,7 @@
 
 use crate::choose::{Ambiguity, Minima, Minimum, choose, insert};
 use crate::known_rotation::{Known, KnownRotation, place};
-use crate::least_squares::{NormalEquations, PivotedPose, minimize};
+use crate::least_squares::{NormalEquations, PivotedPose, minimize_pose};
 use crate::line::LineCorrespondence;
 use crate::prior::Prior;
 use crate::problem::Problem;
@@ -113,19 +113,19 @@ pub fn refine_lines(start: &Pose, lines: &[LineCorrespondence], problem: &Proble
     let found = if problem.has_uncertain_points() {
         minimize_reweighted(start, &pivot, |place, at| evaluate(place, &problem.held_at(at)))
     } else {
-        minimize(start, None, |place| evaluate(place, problem))
+        minimize_pose(start, None, |place| evaluate(place, problem))
     };
     let solution = found.ok_or(Error::NoSolution { n_points })?;
-    if !solution.converged {
+    if !solution.is_minimum() {
         return Err(Error::NotConverged { steps: solution.steps });
     }
     let covariance =
-        solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(Error::DegenerateView {
+        solution.equations.covariance_at_camera(&solution.state.pivot_in_cam).ok_or(Error::DegenerateView {
             reason: "lines and points leave a direction of the pose open; add a line of another direction or a point",
             metric: 0.0,
             needed: f64::MIN_POSITIVE,
         })?;
-    let cam_from_target = solution.place.pose(&pivot);
+    let cam_from_target = solution.state.pose(&pivot);
     let (chi2, rms_px) = sums(&cam_from_target, lines, problem);
     let log_determinant = log_determinant(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant })

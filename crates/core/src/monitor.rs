@@ -354,7 +354,7 @@ fn is_numbers(reading: &Reading) -> bool {
 /// Whether a motion can be an error of this covariance.
 fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
     let chi2 = covariance.cholesky().map(|factor| motion.dot(&factor.solve(motion)));
-    chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::frames::chi_square::tail(6, chi2))
+    chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::statistics::chi_square::tail(6, chi2))
 }
 
 /// A level as far from the reference as one in a hundred of its own errors is taken for the reference.

@@ -8,7 +8,7 @@ pub(crate) use crate::accumulate::{
     residual_sums, weighed_residual, whitened_residual, whitening,
 };
 use crate::choose::Minimum;
-use crate::least_squares::{PivotedPose, Solution, minimize};
+use crate::least_squares::{PivotedPose, PoseMinimum, minimize_pose};
 use crate::loss::Loss;
 use crate::problem::Problem;
 use crate::reweight::minimize_reweighted;
@@ -65,7 +65,7 @@ pub(crate) fn refine_against(
     let found = match &problem.camera.lens {
         _ if problem.has_uncertain_points() => &minimize_uncertain(start, &pivot, problem),
         Lens::Pinhole(model) if problem.is_points_alone() => {
-            &minimize(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
+            &minimize_pose(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
         }
         _ => &minimize_any(start, rival_chi2, &pivot, problem),
     };
@@ -77,16 +77,16 @@ pub(crate) fn refine_against(
 
 /// The minimum where the loop ended, with its covariance. By reference: a solution is 400 bytes, and the loop ends here often.
 #[inline(always)]
-fn minimum_of(solution: &Solution, pivot: &Point, problem: &Problem) -> Result<Minimum, Error> {
-    if !solution.converged {
+fn minimum_of(solution: &PoseMinimum, pivot: &Point, problem: &Problem) -> Result<Minimum, Error> {
+    if !solution.is_minimum() {
         return Err(Error::NotConverged { steps: solution.steps });
     }
     let covariance = match problem.loss {
-        Loss::Squared => solution.normal.covariance_at_camera(&solution.place.pivot_in_cam),
-        _ => sandwich(&solution.place, pivot, &solution.normal, problem),
+        Loss::Squared => solution.equations.covariance_at_camera(&solution.state.pivot_in_cam),
+        _ => sandwich(&solution.state, pivot, &solution.equations, problem),
     };
     let covariance = covariance.ok_or(UNDETERMINED)?;
-    let cam_from_target = solution.place.pose(pivot);
+    let cam_from_target = solution.state.pose(pivot);
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     let log_determinant = log_determinant(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant })
@@ -100,13 +100,13 @@ fn minimize_any(
     rival_chi2: Option<f64>,
     pivot: &Point,
     problem: &Problem,
-) -> Option<Solution> {
+) -> Option<PoseMinimum> {
     let descend = |start: PivotedPose, rival_chi2: Option<f64>, problem: &Problem| {
-        minimize(start, rival_chi2, |place| normal_equations(place, pivot, problem))
+        minimize_pose(start, rival_chi2, |place| normal_equations(place, pivot, problem))
     };
     if let Loss::Truncated { sigmas } = problem.loss {
         // It sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
-        start = descend(start, None, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
+        start = descend(start, None, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.state;
     }
     // Every digit of a loss counts: its sandwich needs the minimum itself.
     descend(start, rival_chi2.filter(|_| problem.loss == Loss::Squared), problem)
@@ -114,12 +114,12 @@ fn minimize_any(
 
 /// As `minimize_any`, where the weights of points depend on the pose.
 #[inline(never)]
-fn minimize_uncertain(mut start: PivotedPose, pivot: &Point, problem: &Problem) -> Option<Solution> {
+fn minimize_uncertain(mut start: PivotedPose, pivot: &Point, problem: &Problem) -> Option<PoseMinimum> {
     let descend = |start: PivotedPose, problem: &Problem| {
         minimize_reweighted(start, pivot, |place, at| normal_equations(place, pivot, &problem.held_at(at)))
     };
     if let Loss::Truncated { sigmas } = problem.loss {
-        start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.place;
+        start = descend(start, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.state;
     }
     descend(start, problem)
 }

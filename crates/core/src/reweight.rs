@@ -5,7 +5,7 @@
 //! it. Here a descent holds the weights, takes them anew where it ends, and goes on until they hold still. Which minimum is the
 //! likelier is told with the log-determinant (`Minimum::log_determinant`). Derivation: docs/math/refine.md section 4.
 
-use crate::least_squares::{NormalEquations, PivotedPose, Solution, minimize};
+use crate::least_squares::{Ending, NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
 use crate::{Point, Pose};
 
 /// Descents with weights held; the weights change by the part that a step is of the distance, so that three are the rule.
@@ -14,26 +14,27 @@ const MAX_DESCENTS: usize = 30;
 const SETTLED_CHI2: f64 = 1e-6;
 
 /// The place where the gradient vanishes with the weights of that place; `evaluate` takes the place and the pose whose weights hold. None where a point leaves the field or no place is found;
-/// not `converged` where the weights do not come to rest.
+/// `NotConverged` where the weights do not come to rest.
 #[inline(never)]
 pub(crate) fn minimize_reweighted(
     start: PivotedPose,
     pivot: &Point,
     evaluate: impl Fn(&PivotedPose, &Pose) -> Option<NormalEquations>,
-) -> Option<Solution> {
+) -> Option<PoseMinimum> {
     let mut steps = 0;
     let mut place = start;
     for _ in 0..MAX_DESCENTS {
         let at = place.pose(pivot);
-        let found = minimize(place, None, |place| evaluate(place, &at))?;
+        let found = minimize_pose(place, None, |place| evaluate(place, &at))?;
         steps += found.steps;
-        place = found.place;
+        place = found.state;
         let at = place.pose(pivot);
-        let normal = evaluate(&place, &at)?;
-        let settled = normal.promised().is_some_and(|promised| promised < SETTLED_CHI2);
-        if settled || !found.converged {
-            return Some(Solution { place, normal, steps, converged: found.converged });
+        let equations = evaluate(&place, &at)?;
+        let settled = equations.promised().is_some_and(|promised| promised < SETTLED_CHI2);
+        if settled || !found.is_minimum() {
+            return Some(PoseMinimum { state: place, equations, steps, ending: found.ending });
         }
     }
-    Some(Solution { place, normal: NormalEquations::zero(), steps, converged: false })
+    let (equations, ending) = (NormalEquations::zero(), Ending::NotConverged);
+    Some(PoseMinimum { state: place, equations, steps, ending })
 }

@@ -13,7 +13,7 @@ mod linear;
 
 use crate::consistency::is_unlikely;
 use crate::correspondence::PixelCovariance;
-use crate::least_squares::point::{PointEquations, PointSolution, minimize_point};
+use crate::least_squares::point::{PointEquations, PointMinimum, minimize_point};
 use crate::{Bearing, Camera, Error, Matrix6, Pixel, Point, Pose};
 use nalgebra::{Matrix2, Matrix2x3, Matrix2x6, Matrix3, Vector2, Vector3};
 
@@ -107,7 +107,7 @@ fn starts(sights: &[Sight], of_pair: Option<Point>) -> impl Iterator<Item = Poin
 }
 
 /// The minimum over the exact pixels, weights following the point.
-fn refine(start: &Point, sights: &[Sight]) -> Option<PointSolution> {
+fn refine(start: &Point, sights: &[Sight]) -> Option<PointMinimum> {
     let mut place = *start;
     let mut found = None;
     for _ in 0..REWEIGHTINGS {
@@ -115,11 +115,11 @@ fn refine(start: &Point, sights: &[Sight]) -> Option<PointSolution> {
             sights.iter().map(|s| s.covariance_at(&place)?.try_inverse()).collect::<Option<_>>()?;
         let solution = minimize_point(&place, |x| equations(x, sights, &weights))?;
         let moved2 = {
-            let step = solution.place - place;
+            let step = solution.state - place;
             step.dot(&(solution.equations.information * step))
         };
-        place = solution.place;
-        found = Some(solution).filter(|s| s.converged);
+        place = solution.state;
+        found = Some(solution).filter(|s| s.is_minimum());
         if moved2 < 1e-8 {
             break;
         }
@@ -136,13 +136,9 @@ fn equations(x_in_world: &Point, sights: &[Sight], weights: &[Matrix2<f64>]) -> 
     Some(sum)
 }
 
-fn conclude(
-    found: &PointSolution,
-    sights: &[Sight],
-    parallax: &Parallax,
-) -> Result<TriangulatedPoint, Error> {
+fn conclude(found: &PointMinimum, sights: &[Sight], parallax: &Parallax) -> Result<TriangulatedPoint, Error> {
     let lost = Error::NoSolution { n_points: 1 };
-    let x_in_world = found.place;
+    let x_in_world = found.state;
     check_in_front(&x_in_world, sights)?;
     let (mut chi2, mut information) = (0.0, Matrix3::zeros());
     let mut seen = Vec::with_capacity(sights.len());

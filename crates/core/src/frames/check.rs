@@ -5,7 +5,6 @@
 //!
 //!   g  score of the intrinsics, poses eliminated   ·   S  its covariance, the reduced information   ·   T = gᵀ S⁻¹ g  ~  χ²ₖ
 
-use super::chi_square::tail;
 use super::equations::{equations, every_parameter, pivots};
 use super::{
     Group, MAX_RELATIVE_SIGMA, SkippedFrame, View, located, picked, redundancy, restricted, scales, weakest,
@@ -14,6 +13,7 @@ use crate::camera::Parameters;
 use crate::consistency::noise_scale;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::Reduced;
+use crate::statistics::chi_square::tail;
 use crate::{Camera, Correspondence, Error};
 use core::fmt;
 use nalgebra::DVector;

@@ -7,7 +7,7 @@ use super::equations::{Direction, equations, pivots};
 use super::{Group, MAX_RELATIVE_SIGMA, SkippedFrame, View, located, redundancy, scales, view, weakest};
 use crate::consistency::noise_scale;
 use crate::least_squares::PivotedPose;
-use crate::least_squares::shared::{SharedEquations, SharedSolution, minimize_shared};
+use crate::least_squares::shared::{SharedEquations, SharedMinimum, SharedState, minimize_shared};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::{DMatrix, DVector};
 
@@ -101,7 +101,7 @@ pub fn refine_intrinsics<F: AsRef<[Correspondence]>>(
     let pivots = pivots(&views);
     for _ in 0..MAX_ROUNDS {
         let solution = minimum(&views, &pivots, &camera, &directions)?;
-        camera = changed(&camera, &directions, &solution.change)?;
+        camera = changed(&camera, &directions, &solution.state.change)?;
         if !take_better_poses(&mut views, &pivots, &camera, &solution) {
             return answer(&views, &pivots, camera, &directions, &solution, skipped);
         }
@@ -153,20 +153,20 @@ fn minimum(
     pivots: &[Point],
     camera: &Camera,
     directions: &[Direction],
-) -> Result<SharedSolution, Error> {
+) -> Result<SharedMinimum, Error> {
     let placed = views.iter().zip(pivots);
     let start = placed.map(|(view, pivot)| PivotedPose::new(&view.minimum.cam_from_target, pivot)).collect();
-    let evaluate = |places: &[PivotedPose], change: &DVector<f64>| {
-        let camera = changed(camera, directions, change).ok()?;
-        equations(views, pivots, places, &camera, directions)
+    let evaluate = |state: &SharedState| {
+        let camera = changed(camera, directions, &state.change).ok()?;
+        equations(views, pivots, &state.places, &camera, directions)
     };
     let solution = minimize_shared(start, directions.len(), evaluate)
         .ok_or(Error::NoSolution { n_points: views.iter().map(|view| view.seen.len()).sum() })?;
-    if solution.converged {
+    if solution.is_minimum() {
         return Ok(solution);
     }
     // Along a direction that the frames leave open the loop wanders: then that is the reason.
-    let reached = changed(camera, directions, &solution.change)?;
+    let reached = changed(camera, directions, &solution.state.change)?;
     covariance_of_directions(&solution.equations, views, &reached, directions)?;
     Err(Error::NotConverged { steps: solution.steps })
 }
@@ -176,10 +176,10 @@ fn take_better_poses(
     views: &mut [View],
     pivots: &[Point],
     camera: &Camera,
-    solution: &SharedSolution,
+    solution: &SharedMinimum,
 ) -> bool {
     let mut any = false;
-    let refined = solution.places.iter().zip(pivots).zip(solution.equations.chi2_of_views());
+    let refined = solution.state.places.iter().zip(pivots).zip(solution.equations.chi2_of_views());
     for (old, ((place, pivot), chi2)) in views.iter_mut().zip(refined) {
         match view(old.frame, &old.seen, camera) {
             Ok(found) if found.minimum.chi2 < chi2 - SAME_CHI2 * (1.0 + chi2) => {
@@ -200,7 +200,7 @@ fn answer(
     pivots: &[Point],
     camera: Camera,
     directions: &[Direction],
-    solution: &SharedSolution,
+    solution: &SharedMinimum,
     skipped: Vec<SkippedFrame>,
 ) -> Result<RefinedIntrinsics, Error> {
     let SharedEquations { chi2, .. } = solution.equations;
@@ -215,7 +215,7 @@ fn answer(
         let (chi2, n_points) = (view.minimum.chi2, view.seen.len());
         RefinedFrame { frame: view.frame, cam_from_target, covariance: turned, chi2, n_points }
     };
-    let frames = views.iter().zip(pivots).zip(solution.places.iter().zip(&poses)).map(frame).collect();
+    let frames = views.iter().zip(pivots).zip(solution.state.places.iter().zip(&poses)).map(frame).collect();
     let covariance = covariance_of_parameters(&small, directions, camera.parameters().len());
     Ok(RefinedIntrinsics { camera, covariance, frames, skipped, chi2, degrees_of_freedom, noise_scale })
 }

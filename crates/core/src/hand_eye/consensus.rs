@@ -10,6 +10,7 @@ use super::noise::{Variances, assume, from_middle, is_open, nominal, reml, rows}
 use super::views::{Known, Poses, centre};
 use super::{HandEyeConfig, Height};
 use crate::Error;
+use crate::statistics::SplitMix64;
 use nalgebra::DMatrix;
 
 /// The views that agree, each with the candidate that does.
@@ -247,11 +248,11 @@ fn triples(known: &[Known]) -> Vec<[(usize, usize); 3]> {
         }
         return triples;
     }
-    let mut state = SEED;
+    let mut random = SplitMix64::new(SEED);
     while triples.len() < MAX_TRIPLES {
         let triple = [0; 3].map(|_| {
-            let view = below(&mut state, known.len());
-            (view, below(&mut state, known[view].candidates.len()))
+            let view = random.below(known.len());
+            (view, random.below(known[view].candidates.len()))
         });
         if are_different(&triple) {
             triples.push(triple);
@@ -263,13 +264,4 @@ fn triples(known: &[Known]) -> Vec<[(usize, usize); 3]> {
 fn are_different(triple: &[(usize, usize); 3]) -> bool {
     let [a, b, c] = triple.map(|(view, _)| view);
     a != b && b != c && a != c
-}
-
-/// Uniform on 0..n, by SplitMix64 (Steele, Lea and Flood 2014).
-fn below(state: &mut u64, n: usize) -> usize {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((u128::from(z ^ (z >> 31)) * n as u128) >> 64) as usize
 }

@@ -65,7 +65,7 @@ pub(super) fn fit(
                 holder_from_target: poses.holder_from_target.moved(&step.fixed_rows::<6>(6).into_owned()),
             })
         };
-        let solution = minimize_dense(&poses, evaluate, moved).filter(|s| s.converged);
+        let solution = minimize_dense(poses, evaluate, moved).filter(|s| s.is_minimum());
         let solution = solution.ok_or(Error::NotConverged { steps: round })?;
         poses = solution.state;
         let chi2 = solution.equations.chi2;

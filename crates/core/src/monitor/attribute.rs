@@ -7,8 +7,8 @@
 
 mod edges;
 
-use crate::frames::chi_square::tail;
 use crate::snapshot::numbers;
+use crate::statistics::chi_square::tail;
 use crate::{Matrix6, Pose, Vector6};
 use edges::Edges;
 use nalgebra::{DMatrix, DVector};

@@ -1,8 +1,8 @@
 //! How far it moved, whether that is a turn alone, and whether anybody should care.
 
 use super::{Course, MonitorConfig};
-use crate::frames::chi_square::tail;
 use crate::snapshot::{Numbers, Rest, numbers};
+use crate::statistics::chi_square::tail;
 use crate::{Matrix6, Vector6};
 use nalgebra::{Matrix3, Vector3};
 

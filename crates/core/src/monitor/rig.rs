@@ -24,7 +24,7 @@ use super::axis::DAY_S;
 use super::test::LEAST_EVIDENCE;
 use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
 use crate::consistency::Consistency;
-use crate::frames::chi_square::tail;
+use crate::statistics::chi_square::tail;
 use crate::{Error, Matrix6, Pose};
 use evidence::Evidence;
 use filter::{Carried, Innovation, RigFilter};

@@ -9,6 +9,7 @@
 
 use super::axis::{AXES, AxisNoise, Whitened};
 use crate::snapshot::numbers;
+use crate::statistics::chi_square::quick_quantile;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
 
@@ -181,10 +182,9 @@ fn lasting_difference(noise: &AxisNoise, apart_s: f64) -> f64 {
     noise.bias_sigma.powi(2) * shape + 2.0 * noise.daily_sigma.powi(2) * (1.0 - angle.cos())
 }
 
-/// What a variance of so many degrees of freedom is at least, as a share of what it seems: χ² by Wilson and Hilferty.
+/// What a variance of so many degrees of freedom is at least, as a share of what it seems.
 fn surely(degrees: f64) -> f64 {
-    let spread = 2.0 / (9.0 * degrees);
-    (1.0 - spread + ONE_IN_10_000 * spread.sqrt()).powi(-3)
+    degrees / quick_quantile(degrees, ONE_IN_10_000)
 }
 
 numbers!(Block { t_s, value, white });

@@ -62,7 +62,7 @@ pub(super) fn adjust(
         };
         Some(poses.iter().enumerate().map(one).collect())
     };
-    let solution = minimize_dense(&start, evaluate, moved).filter(|solution| solution.converged);
+    let solution = minimize_dense(start, evaluate, moved).filter(|solution| solution.is_minimum());
     let solution = solution.ok_or(Error::NotConverged { steps: 0 })?;
     let inverse =
         solution.equations.information.cholesky().ok_or(Error::NotConverged { steps: solution.steps })?;

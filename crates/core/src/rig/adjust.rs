@@ -92,7 +92,7 @@ impl<'a> Adjustment<'a> {
             let active: Active = self.layout.sightings.iter().map(|s| enough(&s.seen)).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
             // A valley too flat to end in is start enough.
-            self.move_to(found.places);
+            self.move_to(found.state);
         }
         Ok(())
     }
@@ -146,10 +146,10 @@ impl<'a> Adjustment<'a> {
             if self.drop_undetermined(&found.equations, &mut parts) {
                 continue;
             }
-            if !found.converged {
+            if !found.is_minimum() {
                 break;
             }
-            self.move_to(found.places);
+            self.move_to(found.state);
             let next = self.parts(variance);
             let is_settled = next.is_used == parts.is_used;
             parts = next;

@@ -6,6 +6,7 @@
 use super::lens_score::{LensScore, LensStep, Shared};
 use crate::Matrix6;
 use crate::least_squares::rig::Common;
+use crate::statistics::variance_ratio::as_normal;
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 
 /// One in ten thousand for each camera, as elsewhere: the covariance may grow a thousandfold. Standard normal quantile.
@@ -94,27 +95,9 @@ fn unlikely<const N: usize>(step: &LensStep<N>) -> f64 {
     let left = step.n_views.saturating_sub(N) as f64;
     let by_views = step.by_views.as_ref().and_then(chi2).filter(|c| 0.0 <= *c);
     match (chi2(&step.by_points), by_views) {
-        (Some(points), Some(views)) => normal(points / p, p, f64::INFINITY).min(normal(views / p, p, left)),
-        _ => 0.0,
-    }
-}
-
-/// The normal number as unlikely as a ratio of variances of n and m degrees of freedom (Paulson 1942; Wilson and Hilferty 1931).
-fn normal(ratio: f64, n: f64, m: f64) -> f64 {
-    let (a, b) = (2.0 / (9.0 * n), 2.0 / (9.0 * m));
-    let root = ratio.cbrt();
-    ((1.0 - b) * root - (1.0 - a)) / (b * root * root + a).sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Quantiles at 1 % of F(4, 43), F(3, 10) and χ²(4)/4, from tables.
-    #[test]
-    fn an_unlikely_ratio_is_an_unlikely_normal_number() {
-        for (ratio, n, m) in [(3.785, 4.0, 43.0), (6.552, 3.0, 10.0), (13.277 / 4.0, 4.0, f64::INFINITY)] {
-            assert!((normal(ratio, n, m) - 2.326).abs() < 0.03, "{}", normal(ratio, n, m));
+        (Some(points), Some(views)) => {
+            as_normal(points / p, p, f64::INFINITY).min(as_normal(views / p, p, left))
         }
+        _ => 0.0,
     }
 }

@@ -8,7 +8,7 @@
 use super::RigView;
 use crate::choose::Minimum;
 use crate::curvature::Cost;
-use crate::least_squares::{NormalEquations, PivotedPose, minimize};
+use crate::least_squares::{NormalEquations, PivotedPose, minimize_pose};
 use crate::problem::Problem;
 use crate::refine::{UNDETERMINED, held_jacobian, log_determinant, weighed_residual, whitening};
 use crate::reweight::minimize_reweighted;
@@ -90,12 +90,12 @@ impl<'a> RigCost<'a> {
         let found = if self.has_uncertain_points() {
             minimize_reweighted(start, &pivot, |place, at| self.held_at(at).normal_equations(place, &pivot))
         } else {
-            minimize(start, rival_chi2, |place| self.normal_equations(place, &pivot))
+            minimize_pose(start, rival_chi2, |place| self.normal_equations(place, &pivot))
         };
         let solution = found.ok_or(Error::NoSolution { n_points: self.n_points() })?;
         let covariance =
-            solution.normal.covariance_at_camera(&solution.place.pivot_in_cam).ok_or(UNDETERMINED)?;
-        let rig_from_target = solution.place.pose(&pivot);
+            solution.equations.covariance_at_camera(&solution.state.pivot_in_cam).ok_or(UNDETERMINED)?;
+        let rig_from_target = solution.state.pose(&pivot);
         let rms_px = self.residual_sums(&rig_from_target).1;
         Ok(Minimum {
             cam_from_target: rig_from_target,

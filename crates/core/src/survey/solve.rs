@@ -6,7 +6,7 @@ use super::state::{Layout, LensAt, State};
 use super::trilaterate::{Places, lengths, plane_of};
 use super::{Adjusted, Fact, Frame, Item, Survey, gauge, snoop};
 use crate::consistency::{is_unlikely, noise_scale};
-use crate::least_squares::dense::{DenseSolution, minimize_dense};
+use crate::least_squares::dense::{DenseMinimum, minimize_dense};
 use crate::{Error, Point};
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 
@@ -26,15 +26,18 @@ pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
             return Err(dropped.into_iter().next().map_or(Error::NoLength, |d| d.1));
         }
         let (layout, frame) = gauge::layout(survey, &state, &items, draft.marks);
-        let solved =
-            minimize_dense(&state, |s| equations(survey.facts, s, &layout), |s, by| s.moved(&layout, by));
+        let solved = minimize_dense(
+            state.clone(),
+            |s| equations(survey.facts, s, &layout),
+            |s, by| s.moved(&layout, by),
+        );
         let Some(solved) = solved else {
             let (item, reason) = out_of_field(survey, &state, &items)
                 .ok_or(Error::NoSolution { n_points: survey.n_points })?;
             dropped.push((item, reason));
             continue;
         };
-        if solved.converged
+        if solved.is_minimum()
             && !faces
             && let Some(turned) = gauge::facing_cameras(survey, &solved.state, &layout, frame)
         {
@@ -50,7 +53,7 @@ pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
         };
         let lost = lost.ok_or(Error::NotConverged { steps: solved.steps })?;
         dropped.push(lost);
-        if solved.converged {
+        if solved.is_minimum() {
             state = solved.state;
         }
     }
@@ -58,13 +61,13 @@ pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
 
 fn conclude(
     survey: &Survey,
-    solved: DenseSolution<State>,
+    solved: DenseMinimum<State>,
     layout: Layout,
     frame: Frame,
     covariance: DMatrix<f64>,
     mut undetermined: Vec<(Item, Error)>,
 ) -> Result<Adjusted, Error> {
-    if !solved.converged {
+    if !solved.is_minimum() {
         return Err(Error::NotConverged { steps: solved.steps });
     }
     undetermined.sort_by_key(|u| u.0);
@@ -143,7 +146,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
 /// The point known worst, if it is known too badly to have a place.
 fn weakest(
     survey: &Survey,
-    solved: &DenseSolution<State>,
+    solved: &DenseMinimum<State>,
     layout: &Layout,
     covariance: &DMatrix<f64>,
 ) -> Option<(Item, Error)> {
@@ -212,8 +215,8 @@ pub(super) fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Err
     let is_flat = planes[a].is_some() && [b, c].iter().all(|p| planes[*p] == planes[a]);
     held.extend((0..survey.n_points).filter(|p| is_flat && planes[*p] == planes[a]).map(|p| (p, 2)));
     let layout = Layout::new(&only, &state, &dropped, &held);
-    let solved = minimize_dense(&state, |s| equations(&facts, s, &layout), |s, by| s.moved(&layout, by));
-    let Some(solved) = solved.filter(|s| s.converged) else { return Ok(()) };
+    let solved = minimize_dense(state, |s| equations(&facts, s, &layout), |s, by| s.moved(&layout, by));
+    let Some(solved) = solved.filter(|s| s.is_minimum()) else { return Ok(()) };
     let degrees_of_freedom = facts.len().saturating_sub(layout.n);
     if !is_unlikely(solved.equations.chi2, degrees_of_freedom) {
         return Ok(());

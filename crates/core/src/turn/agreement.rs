@@ -3,8 +3,8 @@
 use super::TurnConfig;
 use super::fit::Prepared;
 use crate::Error;
-use crate::robust::chance::Chance;
 use crate::solve::pure_rotation::{DirectionPair, pure_rotation};
+use crate::statistics::SplitMix64;
 use nalgebra::Matrix3;
 
 /// Probability with which no better turn was missed.
@@ -30,7 +30,7 @@ pub(super) fn agreement(
 ) -> Result<Start, Error> {
     let count = |r: &Matrix3<f64>| all.iter().filter(|l| agrees(l, r, config.threshold_px)).count();
     let mut best = near.map(|r| (*r, count(r)));
-    let mut chance = Chance::new(config.seed);
+    let mut chance = SplitMix64::scattered(config.seed);
     let mut samples = 0;
     while samples < needed(best.map_or(0, |b| b.1), all.len(), near.is_some()).min(config.max_samples) {
         samples += 1;
@@ -49,7 +49,7 @@ fn agrees(landmark: &Prepared, r: &Matrix3<f64>, threshold_px: f64) -> bool {
     off.norm_squared() * landmark.px_per_rad.powi(2) <= threshold_px * threshold_px
 }
 
-fn through_pair(all: &[Prepared], chance: &mut Chance, threshold_px: f64) -> Option<Matrix3<f64>> {
+fn through_pair(all: &[Prepared], chance: &mut SplitMix64, threshold_px: f64) -> Option<Matrix3<f64>> {
     let (i, j) = (chance.below(all.len()), chance.below(all.len()));
     if i == j {
         return None;

@@ -6,8 +6,8 @@ use super::evidence::{Onset, Then};
 use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
 use super::which::{explained, which};
-use crate::frames::chi_square::tail;
 use crate::snapshot::numbers;
+use crate::statistics::chi_square::tail;
 use nalgebra::DVector;
 
 /// What the cameras saw at one time, a star for each target.

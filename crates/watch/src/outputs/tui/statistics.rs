@@ -157,12 +157,6 @@ mod tests {
         assert_eq!(rate.per_s(now_s + 1.0), Some(0.0));
     }
 
-    /// Uniform on [0, 1): PCG's multiplier, high bits.
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     /// Uniform errors of half-width w have the standard deviation w/√3. That of 4000 is known to about 1 %.
     #[test]
     fn the_spread_on_se3_is_the_one_that_went_in() {
