@@ -87,7 +87,7 @@ pub fn add_to(object: &mut Value, sighting: &Sighting) {
 mod tests {
     use super::*;
     use nalgebra::Matrix3;
-    use resight::core::turn::Turn;
+    use resight::core::temporal::relative_rotation::Turn;
 
     #[test]
     fn a_contradictory_turn_is_told_as_one() {

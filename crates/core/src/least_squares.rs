@@ -13,6 +13,8 @@
 pub mod pose;
 pub mod point;
 #[cfg(feature = "std")]
+pub(crate) mod clustered;
+#[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
 pub mod shared;

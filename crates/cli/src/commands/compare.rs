@@ -11,7 +11,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use input::Input;
 use resight::core::Matrix6;
-use resight::core::compare::Moved;
+use resight::core::temporal::compare::Moved;
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -4,7 +4,7 @@ use crate::output::{Outcome, print};
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use resight::GrayImage;
-use resight::core::survey::{Frame, Measured, SurveyStatus};
+use resight::core::multiview::network::{Frame, Measured, SurveyStatus};
 use resight::measure::{
     Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, Refusal, birdseye, measure, plan, read_scene,
     rig_scene, table, words,

@@ -1,10 +1,10 @@
 //! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
 
-use crate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
-use crate::curvature::with_curvature;
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
+use crate::locate::curvature::with_curvature;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{OVERFLOW, refine};
 use crate::locate::{Config, locate};
-use crate::problem::Problem;
-use crate::refine::{OVERFLOW, refine};
 use crate::solve::line_plus_one::Weakness;
 use crate::statistics::normal::upper_tail;
 use crate::target::KnownPoint;

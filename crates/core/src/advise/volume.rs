@@ -2,7 +2,7 @@
 //! docs/math/advise.md section 5.
 
 use super::expect::{ALLOWED_BEND, Expectation, View, expect, sight, worst_sigmas};
-use crate::choose::Ambiguity;
+use crate::locate::choose::Ambiguity;
 use crate::locate::{Config, locate};
 use crate::statistics::SplitMix64;
 use crate::target::{KnownPoint, Target};

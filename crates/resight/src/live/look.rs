@@ -13,7 +13,7 @@ use crate::landmarks::LandmarksError;
 use crate::source::{Content, Frame};
 use landmarks::LandmarkWatch;
 use pair::{Pair, Sight};
-use resight_core::monitor::{Monitor, Reference, Unsettled};
+use resight_core::temporal::monitor::{Monitor, Reference, Unsettled};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 

@@ -12,7 +12,7 @@ use super::state::StateFile;
 use super::{Event, LiveConfig};
 use attributed::Pairs;
 use nalgebra::DMatrix;
-use resight_core::monitor::{Monitor, Reference};
+use resight_core::temporal::monitor::{Monitor, Reference};
 use resight_core::{Camera, Pose};
 use std::collections::BTreeMap;
 use std::sync::Arc;

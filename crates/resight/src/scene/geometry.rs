@@ -262,7 +262,7 @@ pub(crate) fn magnification(largest: f64, wanted: f64) -> f64 {
 
 /// One magnification for all cameras: the longest half axis becomes a sixth of the reach.
 pub(crate) fn ellipse_magnification(run: &RigRun, extent: &Extent) -> f64 {
-    let longest = |c: &crate::core::rig::CameraInRig| {
+    let longest = |c: &crate::core::multiview::rig::CameraInRig| {
         half_axes(&place_covariance(&c.cam_from_rig, &c.covariance), CHI2_3_95.sqrt()).column(0).norm()
     };
     let largest = run.solution.cameras.iter().map(longest).fold(0.0, f64::max);

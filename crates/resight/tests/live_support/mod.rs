@@ -3,8 +3,8 @@
 use nalgebra::Vector6;
 use resight::GrayImage;
 use resight::core::camera::{ImageSize, Pinhole};
-use resight::core::monitor::learn::LearnConfig;
 use resight::core::target::{MapTag, Tag, TagMap};
+use resight::core::temporal::monitor::learn::LearnConfig;
 use resight::core::{Camera, CameraMatrix, Lens, Matrix6, Pose, Target};
 use resight::live::{LiveCamera, LiveConfig, Watched};
 use resight::render::{Finish, Scene, Style, clutter, render};

@@ -5,7 +5,7 @@ use super::{Compare, MotionObject, motion};
 use crate::output::Printer;
 use crate::text::line;
 use anyhow::{Context, Result, bail};
-use resight::core::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
+use resight::core::temporal::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
 use resight::report::verdict::{Status, figures};
 use resight::rig::names::natural;
 use resight::rig::places::PlacedRig;

@@ -6,7 +6,7 @@ use super::{Compare, MotionObject, motion};
 use crate::output::Printer;
 use crate::text::line;
 use anyhow::{Result, bail};
-use resight::core::compare::{Moved, compare_poses};
+use resight::core::temporal::compare::{Moved, compare_poses};
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! A motion in words: how far, which way, about which axis, and how sure.
 
-use resight::core::compare::Moved;
+use resight::core::temporal::compare::Moved;
 use resight::report::verdict::figures;
 use resight::report::words::{decimals, degrees, length};
 

@@ -21,7 +21,7 @@ use anyhow::Result;
 use clap::Args;
 use history::HistoryArgs;
 use outbox::Counted;
-use resight::core::monitor::Reference;
+use resight::core::temporal::monitor::Reference;
 use resight::live::Event;
 use said::Said;
 use std::path::PathBuf;

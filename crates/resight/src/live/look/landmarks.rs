@@ -7,7 +7,7 @@ use crate::live::state::{LandmarksRecord, changed, landmark_settings};
 use crate::live::{LiveConfig, Observation, State, WatchedLandmarks};
 use crate::source::{Content, Frame};
 use nalgebra::{Matrix3, Vector3};
-use resight_core::monitor::{DriftNoise, Monitor, Reading, Reference};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, Reading, Reference};
 use resight_core::{Camera, Matrix6, Pose};
 use std::collections::BTreeMap;
 use std::sync::Arc;

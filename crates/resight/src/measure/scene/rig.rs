@@ -3,7 +3,7 @@
 use super::build::Builder;
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
-use crate::core::survey::Fact;
+use crate::core::multiview::network::Fact;
 use crate::core::{Matrix6, Pose};
 use crate::formats;
 use crate::measure::clicks::read_clicks;

@@ -13,7 +13,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use frames::Frames;
 use recorder::{Item, Recorder};
-use resight::core::monitor::{Drift, Reference};
+use resight::core::temporal::monitor::{Drift, Reference};
 use resight::core::{Pose, Vector6};
 use resight::live::{Event, Observation, State};
 use resight::ros::write::{Level, Status, nanoseconds};

@@ -6,7 +6,7 @@ use super::Cameras;
 use crate::live::state::{SnapshotRecord, changed, unix_s};
 use resight_core::correspondence::PixelCovariance;
 use resight_core::locate::{Config, locate};
-use resight_core::monitor::rig::RigMonitor;
+use resight_core::temporal::monitor::rig::RigMonitor;
 use resight_core::{Camera, Correspondence};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -6,10 +6,10 @@ use crate::commands::watch::outputs::Session;
 use crate::commands::watch::outputs::measured::measured;
 use crate::commands::watch::outputs::outbox::Counted;
 use resight::core::Matrix6;
-use resight::core::choose::Ambiguity;
-use resight::core::consistency::Consistency;
-use resight::core::monitor::Reference;
-use resight::core::track::Tracked;
+use resight::core::locate::choose::Ambiguity;
+use resight::core::locate::consistency::Consistency;
+use resight::core::temporal::monitor::Reference;
+use resight::core::temporal::track::Tracked;
 use resight::live::{Event, Observation, State};
 use std::sync::Arc;
 use std::time::Instant;
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use crate::commands::watch::log::Log;
     use crate::commands::watch::names::Names;
-    use resight::core::monitor::DriftNoise;
+    use resight::core::temporal::monitor::DriftNoise;
     use resight::core::{Pose, Vector6};
 
     /// A session of one camera and one target.

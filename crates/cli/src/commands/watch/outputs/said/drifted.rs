@@ -2,7 +2,7 @@
 
 use crate::turned::parts;
 use resight::core::Vector6;
-use resight::core::monitor::{Alone, Course, Drift, Rate};
+use resight::core::temporal::monitor::{Alone, Course, Drift, Rate};
 use serde_json::{Value, json};
 
 const HOUR_S: f64 = 3600.0;

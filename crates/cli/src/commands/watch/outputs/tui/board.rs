@@ -7,7 +7,7 @@ use super::super::said::{Said, state_words};
 use super::statistics::{Rate, Rolling, Spread};
 use super::trail::Trail;
 use resight::core::Pose;
-use resight::core::monitor::{Reading, turn_alone};
+use resight::core::temporal::monitor::{Reading, turn_alone};
 use resight::live::{Event, Observation, State};
 use std::collections::VecDeque;
 

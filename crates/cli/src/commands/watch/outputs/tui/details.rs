@@ -10,10 +10,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Color;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use resight::core::choose::Ambiguity;
-use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
-use resight::core::track::Tracked;
+use resight::core::locate::choose::Ambiguity;
+use resight::core::locate::consistency::Consistency;
+use resight::core::temporal::track::Tracked;
 use resight::live::Observation;
 
 /// Draws it; what does not fit is cut.

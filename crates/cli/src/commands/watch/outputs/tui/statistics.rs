@@ -134,6 +134,7 @@ fn keep<T>(values: &mut VecDeque<T>, capacity: usize, value: T) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resight::core::statistics::SplitMix64;
 
     #[test]
     fn quantiles_lie_between_neighbours_and_old_numbers_are_forgotten() {
@@ -162,9 +163,9 @@ mod tests {
     fn the_spread_on_se3_is_the_one_that_went_in() {
         let widths = Vector6::new(0.01, 0.002, 0.03, 0.004, 0.05, 0.006);
         let a_from_b = Pose::exp(&Vector6::new(2.0, -0.9, 1.4, 3.0, -2.0, 5.0));
-        let (mut state, mut spread) = (7, Spread::new(4000));
+        let (mut random, mut spread) = (SplitMix64::new(7), Spread::new(4000));
         for _ in 0..5000 {
-            let error = widths.map(|w| w * (2.0 * uniform(&mut state) - 1.0));
+            let error = widths.map(|w| w * random.between(-1.0, 1.0));
             spread.push(Pose::exp(&error) * a_from_b);
         }
         let sigma = spread.sigma().expect("poses");
