@@ -5,6 +5,7 @@ use crate::commands::{
     measure, pose_graph, rig, schema, solve, watch, whisker,
 };
 use anyhow::anyhow;
+use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use resight::core::Target;
 use resight::detect::{CornerWindow, DetectError, Detector};
@@ -35,12 +36,14 @@ impl Arguments {
     pub fn read() -> anyhow::Result<Self> {
         let command = Arguments::command();
         let mut matches = command.clone().get_matches();
-        let mut printed = None;
+        let (mut printed, mut session) = (None, None);
         if let (Some(("watch", given)), Some(watch)) =
             (matches.subcommand(), command.find_subcommand("watch"))
         {
             let is_printed = given.get_flag("print_session");
             if let Some(path) = given.get_one::<PathBuf>("session") {
+                let is_argument = given.value_source("source") == Some(ValueSource::CommandLine);
+                session = (!is_argument).then(|| path.clone());
                 let words = watch::session::words(path, watch, given)?;
                 let own = ["resight", "watch"].map(String::from).into_iter();
                 let own = own.chain(is_printed.then(|| "--print-session".to_string()));
@@ -56,6 +59,7 @@ impl Arguments {
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         if let Command::Watch(watch) = &mut arguments.command {
             watch.printed = printed;
+            watch.sources.session = session;
         }
         Ok(arguments)
     }

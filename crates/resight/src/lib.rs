@@ -66,7 +66,7 @@ pub use answer::{
 pub use compare::compare;
 pub use convert::{convert, explain};
 pub use error::{Error, FileError};
-pub use locate::{locate_image, locate_points};
+pub use locate::{locate_image, locate_points, locate_table};
 pub use measure::measure;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 

@@ -18,8 +18,10 @@ use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use intrinsics::IntrinsicsSigma;
 pub use resight_core::locate::Method;
+pub use table::locate_table;
 
 mod intrinsics;
+pub mod table;
 
 /// The solvers by their names in flags and JSON; `Priors` is chosen by itself alone.
 pub const METHODS: [(&str, Method); 7] = [
@@ -148,7 +150,7 @@ impl<'a> ImageLocator<'a> {
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             left_out: found.left_out,
             contradicting: found.contradicting,
-            ..PoseAnswer::without_pose(view, Status::Error, "")
+            ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
         }
     }
 }
@@ -233,7 +235,7 @@ impl Default for PointsOptions {
 
 /// The pose of a camera from known points; `view` is their name in the answer.
 pub fn locate_points(
-    view: String,
+    view: &str,
     points: &[NamedPoint],
     camera: &Camera,
     options: &PointsOptions,
@@ -268,7 +270,7 @@ pub fn locate_points(
         intrinsics_sigma: options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
-        ..PoseAnswer::without_pose(view, Status::Error, "")
+        ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
 }
 

@@ -71,6 +71,9 @@ struct Story {
     page: Page,
     rows: Vec<Vec<String>>,
     surprises: Vec<String>,
+    /// Of the answers that are ok: metres off the truth, and error² in σ².
+    worst: Option<f64>,
+    worst_squared: Option<f64>,
 }
 
 /// Relative extrinsics as JSON.
@@ -96,6 +99,8 @@ impl Story {
             page: Page::new("Resight demo"),
             rows: Vec::new(),
             surprises: Vec::new(),
+            worst: None,
+            worst_squared: None,
         })
     }
 
@@ -159,12 +164,20 @@ impl Story {
             if answer.verdict.status == Status::Ok && check.is_none_or(|c| CHI2_6_99 < c.normalized_squared) {
                 self.surprises.push(format!("{number}: further from the truth than its error bar allows"));
             }
+            if let Some(c) = check.filter(|_| answer.verdict.status == Status::Ok) {
+                self.is_off(c.distance_m, c.normalized_squared);
+            }
             let off =
                 check.map(|c| (length(c.distance_m), degrees(c.angle_rad), figures(c.normalized_squared)));
             let (distance, angle, squared) = off.unwrap_or_default();
             cells.extend([figures(e.rms_px) + " px", distance, angle, squared]);
         }
         self.rows.push(cells);
+    }
+
+    fn is_off(&mut self, distance_m: f64, squared: f64) {
+        self.worst = Some(self.worst.map_or(distance_m, |worst| worst.max(distance_m)));
+        self.worst_squared = Some(self.worst_squared.map_or(squared, |worst| worst.max(squared)));
     }
 
     /// Eqs. (13), (14) of the paper: R12 = R1 R2ᵀ, p12 = p1 − R12 p2, in one product; no absolute place is needed.
@@ -182,6 +195,7 @@ impl Story {
         self.page.heading(&format!("{number}  {title}")).preformatted(&words);
         if let Some(c) = check {
             let off = (left_from_right.translation - truth.translation).norm();
+            self.is_off(off, c.normalized_squared);
             let squared = figures(c.normalized_squared);
             self.rows.push(vec![
                 format!("{number}  {title}"),
@@ -212,15 +226,35 @@ impl Story {
         );
         let head = ["", "status", "rms", "off by", "turned by", "error² in σ²"];
         self.page.table(&head, &self.rows);
+        let status = as_expected(self.surprises.is_empty());
+        let (sentence, figures) = self.verdict();
+        self.page.verdict(status, &sentence, &figures);
         let report = self.folder.join("report.html");
         resight::formats::write_atomically(&report, self.page.html().as_bytes())?;
         self.say(&closing(&self.folder, &report))?;
         for surprise in &self.surprises {
             error(&format!("error: {surprise}"));
         }
-        let surprised = !self.surprises.is_empty();
         let outcome = self.printer.finish()?;
-        Ok(outcome.and(Outcome::of([as_expected(!surprised)])))
+        Ok(outcome.and(Outcome::of([status])))
+    }
+
+    /// Whether every answer is what the truth demands, and how far off the worst `ok` one is.
+    fn verdict(&self) -> (String, [(&'static str, String); 4]) {
+        let sentence = match self.surprises.as_slice() {
+            [] => "Every answer agrees with the known truth to within its own error bar, and the two that must not be trusted say so.".into(),
+            several => format!("Not as the known truth demands: {}.", several.join("; ")),
+        };
+        let figures = [
+            ("answers", self.rows.len().to_string()),
+            (
+                "answers that are ok",
+                self.rows.iter().filter(|row| row[1] == Status::Ok.name()).count().to_string(),
+            ),
+            ("farthest of them from the truth", self.worst.map(length).unwrap_or_default()),
+            ("greatest error² in σ² (6 expected)", self.worst_squared.map(figures).unwrap_or_default()),
+        ];
+        (sentence, figures)
     }
 
     fn say(&self, text: &str) -> Result<()> {

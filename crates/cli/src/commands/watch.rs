@@ -74,7 +74,7 @@ pub struct Watch {
     #[command(flatten)]
     landmarks: LandmarkArgs,
     #[command(flatten)]
-    sources: SourceArgs,
+    pub sources: SourceArgs,
     /// What a camera is compared with, written by --save-reference [default: learned].
     ///
     /// NAME is a camera, or CAMERA/TARGET where there are several targets.

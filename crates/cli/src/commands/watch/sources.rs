@@ -35,6 +35,9 @@ pub struct SourceArgs {
     /// minute. NAME=OPTIONS for the stream of one camera.
     #[arg(long, hide_short_help = true, value_name = "[NAME=]OPTIONS", allow_hyphen_values = true)]
     ffmpeg_input_options: Vec<String>,
+    /// The session file that `source` comes from; none where it is an argument.
+    #[arg(skip)]
+    pub session: Option<PathBuf>,
 }
 
 /// A source for each camera. With `once` a folder ends with what it holds, and a stream where it ends.
@@ -50,13 +53,14 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(args, &address(&value, name)?, name, names, once)
+        one(args, &address(&value, name, args.session.as_deref())?, name, names, once)
     };
     given.into_iter().zip(names).map(source).collect()
 }
 
-/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody.
-fn address(value: &str, name: &str) -> Result<String> {
+/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody, and
+/// one in a session file that others can read.
+fn address(value: &str, name: &str, session: Option<&Path>) -> Result<String> {
     if let Some(file) = value.strip_prefix('@') {
         return secret::read("--source @FILE", Path::new(file));
     }
@@ -64,10 +68,12 @@ fn address(value: &str, name: &str) -> Result<String> {
         let found = std::env::var(variable).ok().filter(|address| !address.is_empty());
         return found.with_context(|| format!("--source {name}=env:{variable}: there is no such variable"));
     }
-    if has_password(value) {
+    if let (true, Some(file)) = (has_password(value), session) {
+        secret::must_be_private(&format!("source of camera {name}, which holds a password:"), file)?;
+    } else if has_password(value) {
         bail!(
             "--source of camera {name}: a password in an argument can be read by everybody on this machine; write the address \
-             into a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
+             into a session file or a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
              {name}=env:VARIABLE"
         );
     }
@@ -187,7 +193,7 @@ mod tests {
         for value in
             ["rtsp://me:secret@cam/x", "rtsp://me:se/cret@cam/x", "http://a:b@cam?x", "rtsp://me:1234@cam"]
         {
-            let told = address(value, "gate").expect_err("refused").to_string();
+            let told = address(value, "gate", None).expect_err("refused").to_string();
             assert!(
                 told.contains("gate=@FILE") && told.contains("env:VARIABLE") && !told.contains("cret"),
                 "{told}"
@@ -201,10 +207,28 @@ mod tests {
             "tcp://[::1]:5000",
             "film.mp4",
         ] {
-            assert_eq!(address(value, "gate").expect("an address"), value);
+            assert_eq!(address(value, "gate", None).expect("an address"), value);
         }
-        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate").is_err());
-        assert!(address("@no/such/file", "gate").is_err());
+        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate", None).is_err());
+        assert!(address("@no/such/file", "gate", None).is_err());
+    }
+
+    /// A session file is a place for a secret while nobody else can read it.
+    #[cfg(unix)]
+    #[test]
+    fn passwords_may_stand_in_a_private_session_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let file = std::env::temp_dir().join(format!("resight-session-{}.toml", std::process::id()));
+        std::fs::write(&file, "").expect("a file");
+        let mode = |mode| std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).expect("a mode");
+        let value = "rtsp://me:secret@cam/x";
+        mode(0o644);
+        let refused = address(value, "gate", Some(&file)).expect_err("refused").to_string();
+        mode(0o600);
+        let address = address(value, "gate", Some(&file)).expect("an address");
+        let _ = std::fs::remove_file(&file);
+        assert!(refused.contains("others can read it") && !refused.contains("secret@"), "{refused}");
+        assert_eq!(address, value);
     }
 
     /// Not even in what is said of a typing error.
@@ -215,6 +239,7 @@ mod tests {
             period_s: None,
             lost_after_s: 1.0,
             ffmpeg_input_options: vec![options.to_string()],
+            session: None,
         };
         let names = ["gate".to_string()];
         for (source, options, said) in [
