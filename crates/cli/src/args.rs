@@ -2,7 +2,7 @@
 
 use crate::commands::{
     advise, compare, completions, convert, demo, detect, explain, hand_eye, history, landmarks, locate,
-    measure, pose_graph, rig, solve, watch, whisker,
+    measure, pose_graph, rig, schema, solve, watch, whisker,
 };
 use anyhow::anyhow;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -22,6 +22,9 @@ pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// No progress and no remarks on stderr; errors are still reported.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
 }
 
 impl Arguments {
@@ -98,6 +101,8 @@ pub enum Command {
     Completions(completions::Completions),
     /// Writes manual pages.
     Man(completions::Man),
+    /// Prints the JSON schema of every answer.
+    Schema(schema::Schema),
 }
 
 /// How answers leave the program.
@@ -106,9 +111,6 @@ pub struct OutputArgs {
     /// JSON Lines on stdout, one object per result and nothing else.
     #[arg(long)]
     pub json: bool,
-    /// No progress bar and no remarks on stderr; errors are still told.
-    #[arg(long, short)]
-    pub quiet: bool,
     /// Also write the results to FILE, as JSON Lines; the file is replaced only when complete.
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,

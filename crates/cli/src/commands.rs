@@ -17,6 +17,7 @@ pub mod solve;
 pub mod whisker;
 pub mod watch;
 pub mod completions;
+pub mod schema;
 
 use crate::args::{Command, TagArgs};
 use crate::output::Outcome;
@@ -46,6 +47,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::History(args) => history::run(&args),
         Command::Completions(args) => completions::completions(&args),
         Command::Man(args) => completions::man(&args),
+        Command::Schema(args) => schema::run(&args),
     }
 }
 

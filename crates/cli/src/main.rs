@@ -15,10 +15,16 @@ mod commands;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match args::Arguments::read().and_then(|arguments| commands::run(arguments.command)) {
+    let run = |arguments: args::Arguments| {
+        if arguments.quiet {
+            output::be_quiet();
+        }
+        commands::run(arguments.command)
+    };
+    match args::Arguments::read().and_then(run) {
         Ok(outcome) => outcome.into(),
         Err(reason) => {
-            output::remark(&format!("error: {reason:#}"));
+            output::error(&format!("error: {reason:#}"));
             ExitCode::from(2)
         }
     }

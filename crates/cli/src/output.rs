@@ -1,12 +1,15 @@
 //! What reaches stdout, stderr and the results file.
 
 use crate::args::OutputArgs;
+use anstream::{AutoStream, ColorChoice};
+use anstyle::AnsiColor;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +52,18 @@ impl From<Outcome> for ExitCode {
     }
 }
 
+/// Whether remarks and progress are left out.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Leaves remarks and progress out from now on.
+pub fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
 /// Collects results in input order.
 pub struct Printer {
     args: OutputArgs,
@@ -60,7 +75,7 @@ pub struct Printer {
 impl Printer {
     /// For `n` inputs; the progress bar shows only on a terminal and for more than one input.
     pub fn new(args: &OutputArgs, n: usize) -> Self {
-        let shown = !args.quiet && 1 < n && std::io::stderr().is_terminal();
+        let shown = !is_quiet() && 1 < n && std::io::stderr().is_terminal();
         let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(n as u64), target);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {per_sec}  {eta} left") {
@@ -75,7 +90,7 @@ impl Printer {
         let separator = if self.statuses.is_empty() { "" } else { "\n" };
         match self.args.json {
             true => self.print(&format!("{line}\n"))?,
-            false => self.print(&format!("{separator}{words}"))?,
+            false => self.print(&format!("{separator}{}", coloured(words, status)))?,
         }
         if self.args.output.is_some() {
             self.lines.extend(line.as_bytes());
@@ -88,9 +103,7 @@ impl Printer {
 
     /// A remark on stderr, unless quiet.
     pub fn remark(&self, text: &str) {
-        if !self.args.quiet {
-            self.bar.suspend(|| remark(text));
-        }
+        self.bar.suspend(|| remark(text));
     }
 
     /// Writes the results file and says how it went.
@@ -107,9 +120,41 @@ impl Printer {
     }
 }
 
-/// Writes a line to stderr. Where that cannot be written (its reader is gone, the disk is full) there is nobody left to tell, and the work
-/// goes on.
+/// An answer, as one JSON object or in words.
+pub fn print_answer(as_json: bool, answer: &impl Serialize, words: &str, status: Status) -> Result<()> {
+    match as_json {
+        true => print(&format!("{}\n", serde_json::to_string(answer)?)),
+        false => print(&coloured(words, status)),
+    }
+}
+
+/// The words with their status in colour, where stdout is a terminal that wants it (`NO_COLOR` is respected).
+fn coloured(words: &str, status: Status) -> String {
+    let wants_colour = AutoStream::choice(&std::io::stdout()) != ColorChoice::Never;
+    if wants_colour { with_colour(words, status) } else { words.to_owned() }
+}
+
+fn with_colour(words: &str, status: Status) -> String {
+    let colour = match status {
+        Status::Ok => AnsiColor::Green,
+        Status::Ambiguous | Status::Undecided | Status::NotFound => AnsiColor::Yellow,
+        _ => AnsiColor::Red,
+    };
+    let style = colour.on_default().bold();
+    let name = status.name().to_uppercase().replace('_', " ");
+    words.replacen(&name, &format!("{style}{name}{style:#}"), 1)
+}
+
+/// Writes a remark or a warning to stderr, unless quiet.
 pub fn remark(text: &str) {
+    if !is_quiet() {
+        error(text);
+    }
+}
+
+/// Writes a line to stderr. Where that cannot be written (its reader is gone, the disk is full) there is nobody left to read it, and the
+/// work goes on.
+pub fn error(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -119,5 +164,20 @@ pub fn print(text: &str) -> Result<()> {
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
         result => Ok(result?),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_status_and_nothing_else_has_a_colour() {
+        let words = "left.png   AMBIGUOUS\n  camera at x 1 mm\n";
+        assert_eq!(
+            with_colour(words, Status::Ambiguous),
+            "left.png   \u{1b}[1m\u{1b}[33mAMBIGUOUS\u{1b}[0m\n  camera at x 1 mm\n"
+        );
+        assert_eq!(with_colour("no word of it", Status::Ok), "no word of it");
     }
 }

@@ -1,19 +1,29 @@
 //! What jobs answer: typed, with a status, and serialised to the JSON of the command line.
 
+pub mod compare;
 pub mod consensus;
+pub mod detection;
+pub mod files;
 pub mod hand_eye;
+pub mod measure;
 mod placed;
 pub mod pose;
 pub mod pose_graph;
 pub mod rig;
+pub mod schema;
 mod unsolved;
 
 pub use crate::report::verdict::{Status, Verdict};
+pub use compare::CompareAnswer;
 pub use consensus::Agreement;
+pub use detection::DetectionAnswer;
+pub use files::{ConvertAnswer, Explanation};
 pub use hand_eye::{HandEyeAnswer, SolvedHandEye};
+pub use measure::MeasureAnswer;
 pub use pose::{PoseAnswer, PoseObject, TransformObject};
 pub use pose_graph::{PoseGraphAnswer, SolvedPoseGraph};
 pub use rig::{RigAnswer, SolvedRig};
+pub use schema::{SCHEMA, SchemaNumber, json_schema};
 pub use unsolved::Unsolved;
 
 use pose::rows;

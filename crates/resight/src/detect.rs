@@ -24,6 +24,7 @@ mod tag_print;
 pub mod tags;
 mod template;
 mod tiles;
+pub mod job;
 
 use crate::GrayImage;
 use aprilgrid::AprilGridFinder;

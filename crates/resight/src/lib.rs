@@ -54,12 +54,19 @@ pub mod scene;
 pub mod report;
 pub mod advise;
 pub mod measure;
+pub mod compare;
+pub mod convert;
 pub mod landmarks;
 
 pub use self::image::GrayImage;
-pub use answer::{HandEyeAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status};
+pub use answer::{
+    CompareAnswer, HandEyeAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status,
+};
+pub use compare::compare;
+pub use convert::{convert, explain};
 pub use error::{Error, FileError};
 pub use locate::{locate_image, locate_points};
+pub use measure::measure;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.

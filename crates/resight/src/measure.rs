@@ -10,5 +10,5 @@ pub mod table;
 pub mod plan;
 pub mod birdseye;
 
-pub use answers::{Answers, QueryAnswer, Refusal, measure};
+pub use answers::{Answers, QueryAnswer, measure};
 pub use scene::{NamedQuery, NamedScene, QueryKind, ScenePhoto, read_scene, rig_scene};

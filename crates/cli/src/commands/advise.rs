@@ -84,9 +84,6 @@ pub struct Advise {
     /// JSON Lines on stdout, one object a suggestion, and nothing else.
     #[arg(long)]
     json: bool,
-    /// No remarks on stderr.
-    #[arg(long, short)]
-    quiet: bool,
     /// Folder for pictures (PNG).
     #[arg(long, short, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -151,9 +148,7 @@ impl Advise {
     }
 
     fn remark(&self, text: &str) {
-        if !self.quiet {
-            eprintln!("{text}");
-        }
+        crate::output::remark(text);
     }
 
     /// Writes a map; says where.

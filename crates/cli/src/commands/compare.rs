@@ -1,19 +1,15 @@
 //! `compare`: what moved between two rigs or poses.
 
-mod input;
-mod rigs;
-mod views;
-mod words;
-
 use crate::args::{OutputArgs, positive};
-use crate::output::{Outcome, Printer};
-use anyhow::{Result, bail};
+use crate::output::{Outcome, Printer, remark};
+use crate::text::line;
+use anyhow::Result;
 use clap::Args;
-use input::Input;
-use resight::core::Matrix6;
-use resight::core::compare::Moved;
-use serde::Serialize;
-use std::path::PathBuf;
+use resight::compare::{
+    self, CompareAnswer, CompareOptions, Compared, RigsCompared, ViewCompared, compare, evidence,
+};
+use resight::report::verdict::figures;
+use std::path::{Path, PathBuf};
 
 /// What moved between two calibrations, by how much, and how sure that is; exit status 3 when something did.
 ///
@@ -45,23 +41,6 @@ pub struct Compare {
     output: OutputArgs,
 }
 
-/// A motion as it is printed.
-#[derive(Serialize)]
-struct MotionObject {
-    /// Where it now is, in its own old frame.
-    old_from_new: resight::answer::TransformObject,
-    covariance: [[f64; 6]; 6],
-    moved_m: f64,
-    moved_sigma_m: f64,
-    turned_rad: f64,
-    turned_sigma_rad: f64,
-    /// About which it turned, in its own old frame; null where it hardly did.
-    turn_axis: Option<[f64; 3]>,
-    chi2: f64,
-    dof: usize,
-    p: f64,
-}
-
 fn chance(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if 0.0 < x && x < 1.0 => Ok(x),
@@ -72,44 +51,71 @@ fn chance(text: &str) -> Result<f64, String> {
 /// See `Compare`.
 pub fn run(args: &Compare) -> Result<Outcome> {
     args.output.check()?;
-    let (before, after) = (input::read(&args.before)?, input::read(&args.after)?);
-    let mut printer = Printer::new(&args.output, 1);
-    let has_moved = match (before, after) {
-        (Input::Rig(before), Input::Rig(after)) => rigs::compare(args, &before, &after, &mut printer)?,
-        (Input::Poses(before), Input::Poses(after)) => views::compare(args, &before, &after, &mut printer)?,
-        (Input::Rig(_), Input::Poses(_)) => bail!("{}", mixed(args, "a rig", "poses")),
-        (Input::Poses(_), Input::Rig(_)) => bail!("{}", mixed(args, "poses", "a rig")),
+    let (before, after) = (read(&args.before)?, read(&args.after)?);
+    let options = CompareOptions { alpha: args.alpha, ..CompareOptions::default() };
+    let options = match (args.sigma_mm, args.sigma_deg) {
+        (Some(mm), Some(degrees)) => options.with_sigmas(1e-3 * mm, degrees.to_radians()),
+        _ => options,
     };
-    let outcome = printer.finish()?;
-    Ok(if has_moved { Outcome::Moved } else { outcome })
-}
-
-fn mixed(args: &Compare, a: &str, b: &str) -> String {
-    let (before, after) = (args.before.display(), args.after.display());
-    format!("{before} holds {a} and {after} {b}; compare two of a kind")
-}
-
-impl Compare {
-    /// What --sigma-mm and --sigma-deg say about each pose of a file that says nothing.
-    fn stated(&self) -> Option<Matrix6> {
-        let (sigma_m, sigma_rad) = (1e-3 * self.sigma_mm?, self.sigma_deg?.to_radians());
-        let variance = |i: usize| if i < 3 { sigma_rad * sigma_rad } else { sigma_m * sigma_m };
-        Some(Matrix6::from_fn(|i, j| if i == j { variance(i) } else { 0.0 }))
+    let answer = compare(&before, &after, &options)?;
+    let mut printer = Printer::new(&args.output, 1);
+    match &answer {
+        CompareAnswer::Rigs(rigs) => printer.result(rigs, &rigs_in_words(rigs), rigs.status)?,
+        CompareAnswer::Views(views) => {
+            for view in views {
+                printer.result(view, &view_in_words(view), view.status)?;
+            }
+        }
     }
+    let outcome = printer.finish()?;
+    Ok(if answer.has_moved() { Outcome::Moved } else { outcome })
 }
 
-fn motion(moved: &Moved) -> MotionObject {
-    let figures = words::Figures::of(moved);
-    MotionObject {
-        old_from_new: moved.old_from_new.into(),
-        covariance: resight::answer::pose::rows(&moved.covariance),
-        moved_m: figures.moved_m,
-        moved_sigma_m: figures.moved_sigma_m,
-        turned_rad: figures.turned_rad,
-        turned_sigma_rad: figures.turned_sigma_rad,
-        turn_axis: figures.axis,
-        chi2: moved.chi2,
-        dof: 6,
-        p: moved.probability,
+fn read(path: &Path) -> Result<Compared> {
+    crate::files::must_exist(path)?;
+    let (compared, warnings) = compare::read(path)?;
+    warnings.iter().for_each(|warning| remark(&format!("warning: {}: {warning}", path.display())));
+    Ok(compared)
+}
+
+fn rigs_in_words(rigs: &RigsCompared) -> String {
+    let n_compared = rigs.unmoved.len() + rigs.moved.len();
+    let mut out = format!("{}   {n_compared} cameras compared\n", rigs.verdict.name().to_uppercase());
+    let evidence = evidence(rigs.chi2, rigs.dof, rigs.p);
+    line(&mut out, "verdict", &format!("{}; of all together {evidence}.", capital(&rigs.message)));
+    for moved in &rigs.moved {
+        line(&mut out, &moved.camera, &moved.message);
+    }
+    if !rigs.unmoved.is_empty() && !rigs.moved.is_empty() {
+        line(&mut out, "stayed", &rigs.unmoved.join(", "));
+    }
+    for (only, side) in [(&rigs.only_in_a, "A"), (&rigs.only_in_b, "B")] {
+        if !only.is_empty() {
+            line(&mut out, "left out", &format!("{}: only in {side}", only.join(", ")));
+        }
+    }
+    if let Some(degrees) = rigs.noise_dof {
+        let noise = format!(
+            "estimated from loops of pairs with {} degrees of freedom; the chances allow for that",
+            figures(degrees)
+        );
+        line(&mut out, "noise", &noise);
+    }
+    if let Some(assumed) = &rigs.assumed {
+        line(&mut out, "assumed", assumed);
+    }
+    out
+}
+
+fn view_in_words(view: &ViewCompared) -> String {
+    let mut out = format!("{}   {}\n", view.view, view.verdict.name().to_uppercase());
+    line(&mut out, "verdict", &format!("{}.", view.message));
+    out
+}
+
+fn capital(text: &str) -> String {
+    match text.starts_with("nothing") || text.starts_with("something") {
+        true => format!("{}{}", text[..1].to_uppercase(), &text[1..]),
+        false => text.to_string(), // A camera's name keeps its spelling.
     }
 }

@@ -1,14 +1,12 @@
 //! `convert`: camera files from one format to another, poses of other files merged in.
 
-mod layout;
-
-use crate::output::{Outcome, print};
+use crate::output::{Outcome, error, print, remark};
 use anyhow::{Result, bail};
 use clap::Args;
-use resight::core::Pose;
-use resight::formats::{self, CameraFile, Conversion, Format, Scene};
-use serde::Serialize;
-use std::collections::BTreeMap;
+use resight::answer::ConvertAnswer;
+use resight::convert::{ConvertRequest, ConvertTo, convert};
+use resight::formats::{self, Format};
+use resight::report::verdict::Status;
 use std::path::{Path, PathBuf};
 
 /// Writes cameras and their poses in another program's format, and says where each stands and what could not be kept.
@@ -23,7 +21,7 @@ pub struct Convert {
     files: Vec<PathBuf>,
     /// The format to write.
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
-    to: To,
+    to: ConvertTo,
     /// The file to write, or a folder where the format takes several files.
     #[arg(long, short, value_name = "OUT")]
     output: PathBuf,
@@ -34,39 +32,18 @@ pub struct Convert {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     image_size_px: Option<(u32, u32)>,
     /// Length and width of the field, for `--to wpilib` and `--to wpilib-2027` [default: those of the layout read]
-    #[arg(long, value_name = "LENGTHxWIDTH", value_parser = layout::parse_field_size)]
+    #[arg(long, value_name = "LENGTHxWIDTH", value_parser = parse_field_size)]
     field_size_m: Option<(f64, f64)>,
-    /// One JSON object on stdout: {"reference", "cameras", "files", "lost", "warnings", "checked"}.
+    /// One JSON object on stdout: {"status", "reference", "cameras", "files", "lost", "warnings", "checked", "message"}.
     #[arg(long)]
     json: bool,
-    /// No remarks on stderr; errors are still told.
-    #[arg(long, short)]
-    quiet: bool,
 }
 
-/// What is written.
-#[derive(Debug, Clone, Copy)]
-enum To {
-    /// Cameras and their poses.
-    Cameras(Format),
-    /// A map of tags as a WPILib field layout.
-    Layout { keys_of_2027: bool },
-}
-
-impl To {
-    fn name(self) -> &'static str {
-        match self {
-            To::Cameras(format) => format.name(),
-            To::Layout { .. } => Format::WpilibLayout.name(),
-        }
+fn parse_format(word: &str) -> Result<ConvertTo, String> {
+    if matches!(word, "wpilib" | "wpilib-2027") {
+        return Ok(ConvertTo::FieldLayout { keys_of_2027: word == "wpilib-2027", field_size_m: None });
     }
-}
-
-fn parse_format(word: &str) -> Result<To, String> {
-    if let Some(keys_of_2027) = layout::keys_of_2027(word) {
-        return Ok(To::Layout { keys_of_2027 });
-    }
-    Format::to_write(word).map(To::Cameras).ok_or_else(|| {
+    Format::to_write(word).map(ConvertTo::Cameras).ok_or_else(|| {
         let words = || Format::writable().flat_map(|(_, words)| words.iter().map(|w| (*w).to_owned()));
         let hint = resight::input::nearest(word, words())
             .map(|w| format!("did you mean `{w}`? "))
@@ -83,71 +60,66 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| "width and height are needed, e.g. 640x480".to_owned())
 }
 
+/// Length and width of the field, `16.541x8.069`.
+fn parse_field_size(text: &str) -> Result<(f64, f64), String> {
+    let side = |x: &str| x.parse::<f64>().ok().filter(|x| 0.0 < *x && x.is_finite());
+    let pair = text.split_once(['x', 'X']).and_then(|(length, width)| Some((side(length)?, side(width)?)));
+    pair.ok_or_else(|| "length and width of the field in metres are needed, e.g. 16.541x8.069".to_owned())
+}
+
 /// See `Convert`.
 pub fn run(args: &Convert) -> Result<Outcome> {
-    match args.to {
-        To::Cameras(format) => cameras(args, format),
-        To::Layout { keys_of_2027 } => layout::run(args, keys_of_2027),
-    }
-}
-
-fn cameras(args: &Convert, to: Format) -> Result<Outcome> {
-    let rig = read(args)?;
-    let reference = args.reference.as_deref();
-    let scene = formats::scene(&rig, reference)?;
-    let conversion = match formats::convert(&rig, to, reference) {
-        Ok(conversion) => conversion,
-        Err(reason) => return refused(args, &reason.to_string()),
-    };
-    let paths = paths(&args.output, &conversion)?;
-    spare_inputs(args, &paths)?;
-    for (path, file) in paths.iter().zip(&conversion.files) {
-        formats::write_atomically(path, file.text.as_bytes())?;
-    }
-    if !args.quiet {
-        rig.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-        conversion.lost.iter().for_each(|lost| eprintln!("warning: not kept: {lost}"));
-    }
-    print(&if args.json {
-        json(&rig, &scene, &conversion, &paths)?
-    } else {
-        words(args, &scene, &conversion, &paths)
-    })?;
-    Ok(Outcome::Answered)
-}
-
-/// The files were read, but the format cannot hold them.
-fn refused(args: &Convert, reason: &str) -> Result<Outcome> {
-    eprintln!("error: {} cannot hold this: {reason}", args.to.name());
-    if args.json {
-        print(&format!("{}\n", serde_json::json!({ "error": reason })))?;
-    }
-    Ok(Outcome::of([resight::report::verdict::Status::Error]))
-}
-
-fn read(args: &Convert) -> Result<CameraFile> {
     for file in args.files.iter().filter(|f| !f.is_dir()) {
         crate::files::camera_must_exist(&file.to_string_lossy())?;
     }
-    let mut rig = formats::read_rig(&args.files)?;
-    for camera in rig.cameras.iter_mut().filter(|c| c.camera.size.is_none() && c.camera.matrix().is_some()) {
-        if let Some((w, h)) = args.image_size_px {
-            camera.camera = formats::check_image_size(&camera.camera, w, h).map_err(anyhow::Error::msg)?;
+    let mut answer = convert(&args.request())?;
+    if answer.status == Status::Ok {
+        let paths = paths(&args.output, &answer.files)?;
+        spare_inputs(args, &paths)?;
+        for (path, text) in paths.iter().zip(&answer.contents) {
+            formats::write_atomically(path, text.as_bytes())?;
+        }
+        answer.files = paths.iter().map(|path| path.display().to_string()).collect();
+    } else {
+        error(&format!("error: {}", answer.message));
+    }
+    answer.warnings.iter().for_each(|warning| remark(&format!("warning: {warning}")));
+    answer.lost.iter().for_each(|lost| remark(&format!("warning: not kept: {lost}")));
+    match (args.json, answer.status) {
+        (true, _) => print(&format!("{}\n", serde_json::to_string(&answer)?))?,
+        (false, Status::Ok) => print(&words(args, &answer))?,
+        (false, _) => {}
+    }
+    Ok(Outcome::of([answer.status]))
+}
+
+impl Convert {
+    fn request(&self) -> ConvertRequest {
+        let to = match self.to {
+            ConvertTo::FieldLayout { keys_of_2027, .. } => {
+                ConvertTo::FieldLayout { keys_of_2027, field_size_m: self.field_size_m }
+            }
+            cameras => cameras,
+        };
+        ConvertRequest {
+            files: self.files.clone(),
+            to,
+            reference: self.reference.clone(),
+            image_size_px: self.image_size_px,
         }
     }
-    Ok(rig)
 }
 
 /// OUT itself for one file, unless it is a folder; below OUT for several. Folders are made.
-fn paths(out: &Path, conversion: &Conversion) -> Result<Vec<PathBuf>> {
-    let paths: Vec<PathBuf> = match conversion.files.as_slice() {
+fn paths(out: &Path, names: &[String]) -> Result<Vec<PathBuf>> {
+    let paths: Vec<PathBuf> = match names {
         [_] if !out.is_dir() && !out.as_os_str().to_string_lossy().ends_with('/') => {
             crate::files::must_be_writable(out)?;
             vec![out.to_path_buf()]
         }
-        files => {
+        names => {
             crate::files::make_folder("-o", out)?;
-            files.iter().map(|f| out.join(&f.name)).collect()
+            names.iter().map(|name| out.join(name)).collect()
         }
     };
     for folder in paths.iter().filter_map(|p| p.parent()).filter(|p| !p.as_os_str().is_empty()) {
@@ -170,51 +142,14 @@ fn spare_inputs(args: &Convert, paths: &[PathBuf]) -> Result<()> {
     }
 }
 
-fn words(args: &Convert, scene: &Scene, conversion: &Conversion, paths: &[PathBuf]) -> String {
-    let list: String = paths.iter().map(|p| format!("  {}\n", p.display())).collect();
-    let checked = match conversion.checked {
+fn words(args: &Convert, answer: &ConvertAnswer) -> String {
+    let list: String = answer.files.iter().map(|file| format!("  {file}\n")).collect();
+    if let ConvertTo::FieldLayout { .. } = args.to {
+        return format!("{}:\n{list}", answer.message);
+    }
+    let checked = match answer.checked {
         true => "read back and compared with what was meant",
         false => "Resight only writes this format, so the files were not read back",
     };
-    format!("{}\n{}, {checked}:\n{list}", scene.text(), args.to.name())
-}
-
-#[derive(Serialize)]
-struct Report {
-    reference: String,
-    cameras: BTreeMap<String, Option<Place>>,
-    files: Vec<String>,
-    lost: Vec<String>,
-    warnings: Vec<String>,
-    checked: bool,
-}
-
-#[derive(Serialize)]
-struct Place {
-    centre_m: [f64; 3],
-    looks_along: [f64; 3],
-    rotation_wxyz: [f64; 4],
-}
-
-impl From<&Pose> for Place {
-    fn from(reference_from_cam: &Pose) -> Self {
-        Place {
-            centre_m: reference_from_cam.translation.into(),
-            looks_along: reference_from_cam.rotation.column(2).into_owned().into(),
-            rotation_wxyz: reference_from_cam.quaternion_wxyz(),
-        }
-    }
-}
-
-fn json(rig: &CameraFile, scene: &Scene, conversion: &Conversion, paths: &[PathBuf]) -> Result<String> {
-    let place = |s: &formats::Station| (s.name.clone(), s.reference_from_cam.as_ref().map(Place::from));
-    let report = Report {
-        reference: scene.reference.clone(),
-        cameras: scene.stations.iter().map(place).collect(),
-        files: paths.iter().map(|p| p.display().to_string()).collect(),
-        lost: conversion.lost.clone(),
-        warnings: rig.warnings.clone(),
-        checked: conversion.checked,
-    };
-    Ok(serde_json::to_string(&report)? + "\n")
+    format!("{}\n{}, {checked}:\n{list}", answer.message, args.to.name())
 }

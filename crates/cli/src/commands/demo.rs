@@ -4,9 +4,10 @@ mod shipped;
 
 use super::locate::Seen;
 use crate::args::OutputArgs;
-use crate::output::{Outcome, Printer, print};
+use crate::output::{Outcome, Printer, error, print};
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use resight::answer::SchemaNumber;
 use resight::core::choose::{Ambiguity, Hypothesis};
 use resight::core::locate::PoseEstimate;
 use resight::core::{Matrix6, Pose};
@@ -75,6 +76,7 @@ struct Story {
 /// Relative extrinsics as JSON.
 #[derive(Serialize)]
 struct Pair {
+    schema: SchemaNumber,
     a: &'static str,
     b: &'static str,
     target: String,
@@ -85,8 +87,7 @@ struct Pair {
 
 impl Story {
     fn new(args: &Demo) -> Result<Self> {
-        let output =
-            OutputArgs { json: args.json, quiet: true, output: Some(args.output.join("results.jsonl")) };
+        let output = OutputArgs { json: args.json, output: Some(args.output.join("results.jsonl")) };
         Ok(Story {
             folder: args.output.clone(),
             json: args.json,
@@ -192,6 +193,7 @@ impl Story {
             ]);
         }
         let pair = Pair {
+            schema: SchemaNumber,
             a: "left",
             b: "right",
             target: title.rsplit(' ').next().unwrap_or_default().to_string(),
@@ -214,7 +216,7 @@ impl Story {
         resight::formats::write_atomically(&report, self.page.html().as_bytes())?;
         self.say(&closing(&self.folder, &report))?;
         for surprise in &self.surprises {
-            eprintln!("error: {surprise}");
+            error(&format!("error: {surprise}"));
         }
         let surprised = !self.surprises.is_empty();
         let outcome = self.printer.finish()?;

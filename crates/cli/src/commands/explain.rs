@@ -3,7 +3,6 @@
 use crate::output::{Outcome, print};
 use anyhow::Result;
 use clap::Args;
-use serde::Serialize;
 use std::path::PathBuf;
 
 /// Says in sentences what a camera or target file means: frames, directions, units, quaternion order, camera centre.
@@ -13,40 +12,21 @@ pub struct Explain {
     /// A file in any format that Resight reads.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// JSON Lines: {"file", "text", "remarks"}; remarks only where there are any.
+    /// JSON Lines on stdout: {"file", "text", "remarks"}; remarks only where there are any.
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Serialize)]
-struct Explanation {
-    file: String,
-    text: String,
-    /// What is unusual about the file, such as lengths that are hardly metres.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    remarks: Vec<String>,
 }
 
 /// See `Explain`.
 pub fn run(args: &Explain) -> Result<Outcome> {
     for (i, path) in args.files.iter().enumerate() {
         crate::files::must_exist(path)?;
-        let text = resight::formats::explain(path)?;
-        let text = text.trim_end();
-        let remarks = resight::formats::remarks(path);
-        remarks
-            .iter()
-            .for_each(|text| crate::output::remark(&format!("warning: {}: {text}", path.display())));
+        let found = resight::explain(path)?;
+        let warn = |text: &String| crate::output::remark(&format!("warning: {}: {text}", path.display()));
+        found.remarks.iter().for_each(warn);
         match args.json {
-            true => {
-                let line = serde_json::to_string(&Explanation {
-                    file: path.display().to_string(),
-                    text: text.to_string(),
-                    remarks,
-                })?;
-                print(&format!("{line}\n"))?;
-            }
-            false => print(&format!("{}{text}\n", if i == 0 { "" } else { "\n" }))?,
+            true => print(&format!("{}\n", serde_json::to_string(&found)?))?,
+            false => print(&format!("{}{}\n", if i == 0 { "" } else { "\n" }, found.text))?,
         }
     }
     Ok(Outcome::Answered)

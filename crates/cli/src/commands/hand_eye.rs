@@ -2,7 +2,7 @@
 
 use super::rig::{self, AnswerArgs, ObservationArgs, SolvingArgs, unanswered};
 use crate::args::{not_negative, positive};
-use crate::output::{Outcome, print};
+use crate::output::{Outcome, print_answer, remark};
 use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -77,7 +77,7 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
         }
         None => {
             let request = rig::request(&args.observed, &args.solving)?;
-            HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request, &args.output)?))
+            HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request)?))
         }
     };
     match resight::hand_eye(HandEyeRequest { robot, views, config: args.config()? })? {
@@ -110,16 +110,13 @@ impl HandEyeArgs {
 
 fn answer(solved: &SolvedHandEye, output: &AnswerArgs) -> Result<Outcome> {
     if let Some(sentence) = &solved.rig_contradiction {
-        eprintln!("warning: the rig is INCONSISTENT: {sentence}");
+        remark(&format!("warning: the rig is INCONSISTENT: {sentence}"));
     }
     let json = format!("{}\n", serde_json::to_string(solved)?);
     if let Some(path) = &output.output {
         write_atomically(path, json.as_bytes())?;
     }
-    match output.json {
-        true => print(&json)?,
-        false => print(&words(solved))?,
-    }
+    print_answer(output.json, solved, &words(solved), solved.status())?;
     Ok(Outcome::of([solved.status()]))
 }
 

@@ -5,6 +5,7 @@ mod when;
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
+use resight::answer::SCHEMA;
 use resight_watch::history::export::{Table, export};
 use resight_watch::history::{History as File, PairSummary, Selection, StoredEvent};
 use serde_json::{Value, json};
@@ -56,7 +57,7 @@ pub fn run(args: &History) -> Result<Outcome> {
         Some(path) => {
             let table = if args.events { Table::Events } else { Table::Frames };
             let rows = export(&history, table, &selection, path)?;
-            let said = json!({"event": "exported", "rows": rows, "file": path});
+            let said = json!({"schema": SCHEMA, "event": "exported", "rows": rows, "file": path});
             print(&if args.json {
                 format!("{said}\n")
             } else {
@@ -90,7 +91,7 @@ fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Se
     if args.json {
         let pairs: Vec<Value> = pairs.iter().map(|pair| object(pair)).collect();
         let drifts: Vec<Value> = drifts.iter().map(detail).collect();
-        let all = json!({"event": "history", "bytes": history.bytes(), "sessions": sessions, "sessions_ended": ended,
+        let all = json!({"schema": SCHEMA, "event": "history", "bytes": history.bytes(), "sessions": sessions, "sessions_ended": ended,
             "pairs": pairs, "events": events, "drifts": drifts});
         return print(&format!("{all}\n"));
     }

@@ -6,6 +6,7 @@ use crate::output::{Outcome, Printer};
 use anyhow::{Context, Result};
 use clap::Args;
 use resight::GrayImage;
+use resight::answer::SCHEMA;
 use resight::landmarks::{Landmarks as Reference, NotSighted, Sighting};
 use resight::report::turned;
 use resight::report::verdict::Status;
@@ -106,7 +107,7 @@ impl Compared {
     }
 
     fn object(&self) -> Value {
-        let mut object = json!({"view": self.view, "status": self.status().name()});
+        let mut object = json!({"schema": SCHEMA, "view": self.view, "status": self.status().name()});
         match &self.seen {
             Ok(sighting) => turned::add_to(&mut object, sighting),
             Err((_, reason)) => object["message"] = json!(reason),

@@ -1,15 +1,16 @@
 //! `measure`: lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
 
 use crate::output::{Outcome, print};
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use resight::GrayImage;
-use resight::core::survey::{Frame, Measured, SurveyStatus};
+use resight::answer::MeasureAnswer;
+use resight::answer::measure::SurveyAnswer;
+use resight::core::survey::SurveyStatus;
+use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
-    Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, Refusal, birdseye, measure, plan, read_scene,
-    rig_scene, table, words,
+    Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,
 };
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
@@ -49,41 +50,32 @@ pub fn run(args: &Measure) -> Result<Outcome> {
     if let Some(folder) = &args.output {
         crate::files::make_folder("-o", folder)?;
     }
-    let answers = match measure(&scene) {
-        Ok(answers) => answers,
-        Err(Refusal { status: None, reason }) => bail!("{title}: {reason}"),
-        Err(Refusal { status: Some(status), reason }) => {
-            print(&refused(&scene, status, &reason, args.json)?)?;
-            return Ok(Outcome::SomeUnanswered);
-        }
-    };
-    let text = if args.json { json(&scene, &answers)? } else { in_words(&scene, &answers) };
-    print(&text)?;
-    if let Some(folder) = &args.output {
-        let written = write_files(folder, &scene, &answers, &title)?;
+    let answer = measure(&scene).with_context(|| title.clone())?;
+    print(&if args.json { json(&answer)? } else { in_words(&scene, &answer) })?;
+    if let (Some(folder), Some(solved)) = (&args.output, &answer.solved) {
+        let written = write_files(folder, &scene, solved, &title)?;
         if !args.json {
             print(&format!("\nwritten: {}\n", written.join(", ")))?;
         }
     }
-    let is_ok = |status: SurveyStatus| status == SurveyStatus::Ok;
-    let all = is_ok(answers.status) && answers.answers.iter().all(|a| is_ok(a.status));
-    Ok(if all { Outcome::Answered } else { Outcome::SomeUnanswered })
+    Ok(if answer.is_ok() { Outcome::Answered } else { Outcome::SomeUnanswered })
 }
 
-/// A survey without any answer: the reason first, then each question without a value.
-fn refused(scene: &NamedScene, status: SurveyStatus, reason: &str, as_json: bool) -> Result<String> {
-    if !as_json {
-        let rows = scene.queries.iter().map(|q| format!("{}  {}  no value\n", q.name, q.kind.name()));
-        return Ok(format!("{}: {reason}\n\n{}", status.name(), rows.collect::<String>()));
+fn json(answer: &MeasureAnswer) -> Result<String> {
+    let answers = answer.answers.iter().map(serde_json::to_string);
+    let lines = answers.chain([serde_json::to_string(&answer.survey)]);
+    Ok(lines.collect::<Result<Vec<String>, _>>()?.join("\n") + "\n")
+}
+
+fn in_words(scene: &NamedScene, answer: &MeasureAnswer) -> String {
+    match (&answer.solved, &answer.survey) {
+        (Some(solved), _) => solved_in_words(scene, solved),
+        (None, SurveyAnswer::Refused(refused)) => {
+            let rows = scene.queries.iter().map(|q| format!("{}  {}  no value\n", q.name, q.kind.name()));
+            format!("{}: {}\n\n{}", refused.status.name(), refused.message, rows.collect::<String>())
+        }
+        (None, SurveyAnswer::Solved(_)) => String::new(), // It comes with the solution.
     }
-    let mut out = String::new();
-    for query in &scene.queries {
-        let object =
-            AnswerObject { status: status.name(), message: reason.to_string(), ..base(scene, query) };
-        out += &format!("{}\n", serde_json::to_string(&object)?);
-    }
-    let survey = RefusedObject { kind: "survey", status: status.name(), message: reason };
-    Ok(out + &format!("{}\n", serde_json::to_string(&survey)?))
 }
 
 fn scene(args: &Measure) -> Result<(NamedScene, String)> {
@@ -105,7 +97,7 @@ fn scene(args: &Measure) -> Result<(NamedScene, String)> {
 }
 
 /// A table: name, kind, value ± half of its 95 % interval; then how well everything fits.
-fn in_words(scene: &NamedScene, answers: &Answers) -> String {
+fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
     let width = |text: fn(&QueryAnswer) -> String| {
         answers.answers.iter().map(|a| text(a).chars().count()).max().unwrap_or(0)
     };
@@ -141,168 +133,6 @@ fn in_words(scene: &NamedScene, answers: &Answers) -> String {
     );
     answers.remarks.iter().for_each(|remark| out += &format!("{remark}\n"));
     out
-}
-
-fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
-    match values {
-        [x, y, z] => {
-            let axes = [("x", x), ("y", y), ("z", z)];
-            axes.map(|(axis, m)| format!("{axis} {}", words::value(kind, m))).join("   ")
-        }
-        _ => values.iter().map(|m| words::value(kind, m)).collect(),
-    }
-}
-
-fn frame_words(scene: &NamedScene, frame: Frame) -> String {
-    match frame {
-        Frame::Marks([a, b, c]) => {
-            let name = |p: usize| &scene.points[p];
-            format!("from {}, x towards {}, z up from the plane through {}", name(a), name(b), name(c))
-        }
-        Frame::Held => "relative to each other only".to_string(),
-        Frame::Given => "in the given frame".to_string(),
-    }
-}
-
-/// One answer. Keys without a value are null; the unit is in the key.
-#[derive(Debug, Default, Serialize)]
-struct AnswerObject {
-    query: String,
-    kind: &'static str,
-    points: Vec<String>,
-    status: &'static str,
-    #[serde(flatten)]
-    values: serde_json::Map<String, serde_json::Value>,
-    message: String,
-}
-
-#[derive(Debug, Serialize)]
-struct PhotoObject {
-    name: String,
-    cam_from_world: Option<resight::answer::TransformObject>,
-    covariance: Option<Vec<Vec<f64>>>,
-}
-
-#[derive(Debug, Serialize)]
-struct PointObject {
-    name: String,
-    is_mark: bool,
-    position_m: Option<[f64; 3]>,
-    covariance_m2: Option<Vec<Vec<f64>>>,
-}
-
-/// A survey without any answer.
-#[derive(Debug, Serialize)]
-struct RefusedObject<'a> {
-    kind: &'static str,
-    status: &'static str,
-    message: &'a str,
-}
-
-/// The survey behind the answers.
-#[derive(Debug, Serialize)]
-struct SurveyObject {
-    kind: &'static str,
-    status: &'static str,
-    /// What is wrong; empty where nothing is.
-    message: String,
-    frame: String,
-    chi2: f64,
-    degrees_of_freedom: usize,
-    noise_scale: f64,
-    rival_delta_chi2: Option<f64>,
-    photos: Vec<PhotoObject>,
-    points: Vec<PointObject>,
-    suspects: Vec<String>,
-    remarks: Vec<String>,
-}
-
-fn json(scene: &NamedScene, answers: &Answers) -> Result<String> {
-    let mut out = String::new();
-    for answer in &answers.answers {
-        out += &format!("{}\n", serde_json::to_string(&answer_object(scene, answer))?);
-    }
-    Ok(out + &format!("{}\n", serde_json::to_string(&survey_object(scene, answers))?))
-}
-
-fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> AnswerObject {
-    let suffix = match answer.query.kind {
-        QueryKind::Angle => "rad",
-        QueryKind::Area => "m2",
-        _ => "m",
-    };
-    let base = base(scene, &answer.query);
-    let status = answer.status.name();
-    match &answer.result {
-        Ok(values) => {
-            let mut entries = entries(values, suffix);
-            let mut message = values_in_words(answer.query.kind, values);
-            if let Some(other) = &answer.other {
-                message += &format!(" or {}", values_in_words(answer.query.kind, other));
-                entries.insert("other".to_string(), self::entries(other, suffix).into());
-            }
-            AnswerObject { status, values: entries, message, ..base }
-        }
-        Err(reason) => AnswerObject { status, message: reason.clone(), ..base },
-    }
-}
-
-/// What every answer begins with.
-fn base(scene: &NamedScene, query: &NamedQuery) -> AnswerObject {
-    AnswerObject {
-        query: query.name.clone(),
-        kind: query.kind.name(),
-        points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
-        ..AnswerObject::default()
-    }
-}
-
-/// Value, sigma and interval; one number each, or three for a position.
-fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_json::Value> {
-    let one_or_three = |of: fn(&Measured) -> f64| match values {
-        [one] => serde_json::Value::from(of(one)),
-        many => serde_json::Value::from(many.iter().map(of).collect::<Vec<f64>>()),
-    };
-    let entries = [
-        ("value", one_or_three(|m| m.value)),
-        ("sigma", one_or_three(|m| m.sigma)),
-        ("low_95", one_or_three(|m| m.low)),
-        ("high_95", one_or_three(|m| m.high)),
-    ];
-    entries.map(|(key, value)| (format!("{key}_{suffix}"), value)).into_iter().collect()
-}
-
-fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
-    let adjusted = &answers.adjusted;
-    let photo = |(i, photo): (usize, &resight::measure::ScenePhoto)| PhotoObject {
-        name: photo.name.clone(),
-        cam_from_world: adjusted.cam_from_world(i).map(resight::answer::TransformObject::from),
-        covariance: adjusted
-            .photo_covariance(i)
-            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
-    };
-    let point = |(i, name): (usize, &String)| PointObject {
-        name: name.clone(),
-        is_mark: scene.is_mark[i],
-        position_m: adjusted.point(i).map(|x| (x + scene.origin_m).into()),
-        covariance_m2: adjusted
-            .point_covariance_m2(i)
-            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
-    };
-    SurveyObject {
-        kind: "survey",
-        status: answers.status.name(),
-        message: answers.verdict.join("; "),
-        frame: frame_words(scene, adjusted.frame),
-        chi2: adjusted.chi2,
-        degrees_of_freedom: adjusted.degrees_of_freedom,
-        noise_scale: adjusted.noise_scale,
-        rival_delta_chi2: adjusted.rival_delta_chi2,
-        photos: scene.photos.iter().enumerate().map(photo).collect(),
-        points: scene.points.iter().enumerate().map(point).collect(),
-        suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
-        remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
-    }
 }
 
 /// Writes the table and the pictures; the names of the files.

@@ -2,7 +2,7 @@
 
 use super::rig::{AnswerArgs, named, unanswered};
 use crate::args::positive;
-use crate::output::{Outcome, print};
+use crate::output::{Outcome, print_answer, remark};
 use crate::text::line;
 use anyhow::Result;
 use clap::Args;
@@ -58,9 +58,7 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
     }
     crate::files::must_exist(&args.pairs)?;
     let lenses = named::request(&args.cameras, &[])?;
-    if !args.output.quiet {
-        lenses.remarks.iter().for_each(|text| eprintln!("{text}"));
-    }
+    lenses.remarks.iter().for_each(|text| remark(text));
     let sigma = args.pair_sigma_deg.zip(args.pair_sigma_mm);
     let request = PoseGraphRequest {
         reference: args.reference.clone(),
@@ -76,10 +74,7 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
     if let Some(path) = &args.output.output {
         write_atomically(path, solved.file(&lenses.cameras)?.as_bytes())?;
     }
-    match args.output.json {
-        true => print(&format!("{}\n", serde_json::to_string(&solved)?))?,
-        false => print(&words(&solved))?,
-    }
+    print_answer(args.output.json, &solved, &words(&solved), solved.status())?;
     Ok(Outcome::of([solved.status()]))
 }
 

@@ -4,7 +4,7 @@ pub(super) mod named;
 mod words;
 
 use crate::args::{CornerArgs, positive};
-use crate::output::{Outcome, print};
+use crate::output::{Outcome, error, print_answer, remark};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{RigAnswer, SolvedRig, Unsolved};
@@ -104,9 +104,6 @@ pub struct AnswerArgs {
     /// One JSON object on stdout and nothing else.
     #[arg(long)]
     pub json: bool,
-    /// No tables and no remarks on stderr; errors are still reported.
-    #[arg(long, short)]
-    pub quiet: bool,
     /// Writes the answer to FILE, which other commands read: the cameras with their poses and covariances (TOML), of hand-eye its JSON.
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -122,10 +119,8 @@ pub fn run(args: &Rig) -> Result<Outcome> {
         joint_covariance: args.joint_covariance,
         ..request(&args.observed, &args.solving)?
     };
-    let observed = observed(&args.observed, &request, &args.output)?;
-    if !args.output.quiet {
-        eprintln!("{}", words::shared_views(&observed.gathered).trim_end());
-    }
+    let observed = observed(&args.observed, &request)?;
+    remark(words::shared_views(&observed.gathered).trim_end());
     match observed.solve() {
         RigAnswer::Solved(solved) => answer(args, &solved),
         RigAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
@@ -167,11 +162,7 @@ fn known_distance(argument: &str) -> Result<CameraDistance> {
 }
 
 /// Reads detections, or finds the targets in images, and says what is unusual about them.
-pub(super) fn observed(
-    args: &ObservationArgs,
-    request: &RigRequest,
-    output: &AnswerArgs,
-) -> Result<ObservedRig> {
+pub(super) fn observed(args: &ObservationArgs, request: &RigRequest) -> Result<ObservedRig> {
     let observed = if !args.detections.is_empty() {
         args.detections.iter().try_for_each(|path| crate::files::must_exist(path))?;
         let detections = Detections { sigma_px: args.sigma_px, ..Detections::files(&args.detections) };
@@ -186,9 +177,7 @@ pub(super) fn observed(
     } else {
         bail!("nothing to look at: give --images NAME=GLOB for each camera, or --detections FILE.csv");
     };
-    if !output.quiet {
-        observed.remarks.iter().for_each(|text| eprintln!("{text}"));
-    }
+    observed.remarks.iter().for_each(|text| remark(text));
     Ok(observed)
 }
 
@@ -225,20 +214,14 @@ fn answer(args: &Rig, solved: &SolvedRig) -> Result<Outcome> {
     if let Some(path) = &args.scene {
         write_atomically(path, &rig_scene(&solved.run)?)?;
     }
-    match args.output.json {
-        true => print(&format!("{}\n", serde_json::to_string(solved)?))?,
-        false => print(&words::describe(solved))?,
-    }
+    print_answer(args.output.json, solved, &words::describe(solved), solved.status())?;
     Ok(Outcome::of([solved.status()]))
 }
 
 /// Says why there is no rig; nothing is written.
 pub(super) fn unanswered(args: &AnswerArgs, reason: &Unsolved) -> Result<Outcome> {
-    match args.json {
-        true => print(&format!("{}\n", serde_json::to_string(reason)?))?,
-        false => print(&format!("NO RIG   {}\n", reason.message))?,
-    }
-    eprintln!("error: {}", reason.message);
+    print_answer(args.json, reason, &format!("NO RIG   {}\n", reason.message), reason.status)?;
+    error(&format!("error: {}", reason.message));
     Ok(Outcome::of([reason.status]))
 }
 

@@ -2,6 +2,7 @@
 
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// What one run said.
 pub struct Run {
@@ -38,9 +39,44 @@ pub fn resight(arguments: &[&str]) -> Run {
     }
 }
 
-/// Every line of stdout as JSON.
+/// Every line of stdout as JSON, each an answer of the schema that `resight schema` prints.
 pub fn json_lines(run: &Run) -> Vec<serde_json::Value> {
-    run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    let lines: Vec<serde_json::Value> =
+        run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    lines.iter().for_each(follows_schema);
+    lines
+}
+
+/// Fails where an object has another number than that of the schema, lacks a key that the schema demands, or has one that it does not
+/// name.
+pub fn follows_schema(object: &serde_json::Value) {
+    static SCHEMA: OnceLock<jsonschema::Validator> = OnceLock::new();
+    let validator = SCHEMA.get_or_init(|| {
+        let mut schema: serde_json::Value = serde_json::from_str(&resight(&["schema"]).stdout).unwrap();
+        // Users must expect further keys; the program itself must not have any.
+        close(&mut schema["$defs"]);
+        close(&mut schema["answers"]);
+        jsonschema::validator_for(&schema).unwrap()
+    });
+    assert_eq!(object["schema"], 2, "{object}");
+    let faults: Vec<String> = validator.iter_errors(object).map(|fault| fault.to_string()).collect();
+    assert!(faults.is_empty(), "{object}\n{}", faults.join("\n"));
+}
+
+/// Every object with properties has no others.
+fn close(schema: &mut serde_json::Value) {
+    match schema {
+        serde_json::Value::Object(map) => {
+            map.values_mut().for_each(close);
+            if map.get("properties").is_some_and(|p| p.is_object())
+                && !map.contains_key("additionalProperties")
+            {
+                map.insert("unevaluatedProperties".into(), false.into());
+            }
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(close),
+        _ => {}
+    }
 }
 
 /// Words equal, numbers within 0.1 % or one unit of the last digit shown. `RESIGHT_BLESS=1` rewrites the golden file.

@@ -4,11 +4,12 @@ use crate::locate::NamedPoint;
 use resight_core::locate::{self, PoseEstimate};
 use resight_core::robust::{Config, Consensus, consensus};
 use resight_core::{Camera, Correspondence, Error};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::HashMap;
 
 /// What the search for the consensus came to.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Agreement {
     /// How far off a row may be, in the unit of u and v.
     threshold_px: f64,

@@ -1,15 +1,16 @@
 //! The answer of the job that finds where a camera is mounted on a robot, and the JSON object that it becomes.
 
 use super::placed::UncertainObject;
-use super::{Status, Unsolved};
+use super::{SchemaNumber, Status, Unsolved};
 use crate::core::hand_eye::{HandEye, HandEyeCause, HandViewResult, Mount, RejectedView as Rejection};
 use crate::report::verdict::figures;
 use crate::rig::relative::UncertainPose;
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// Where the camera is mounted, or why that is not known. Serialises to the JSON object of the command line.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum HandEyeAnswer {
     /// The poses; the status says whether they can be believed.
@@ -34,7 +35,7 @@ pub struct SolvedHandEye {
 }
 
 /// How well one view agrees with all.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ViewAgreement {
     /// Its name.
     pub view: String,
@@ -49,7 +50,7 @@ pub struct ViewAgreement {
 }
 
 /// A view that took no part.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct RejectedView {
     /// Its name.
     pub view: String,
@@ -152,7 +153,8 @@ impl SolvedHandEye {
             (holder.to_string(), pose(found.holder_from_target, found.holder_covariance)),
         ]);
         HandEyeObject {
-            status: self.status().name(),
+            schema: SchemaNumber,
+            status: self.status(),
             mount: if found.mount == Mount::CameraOnHand { "eye_in_hand" } else { "eye_to_hand" },
             poses,
             n_views: found.views.len(),
@@ -193,9 +195,10 @@ impl Serialize for SolvedHandEye {
     }
 }
 
-#[derive(Serialize)]
-struct HandEyeObject {
-    status: &'static str,
+#[derive(Serialize, JsonSchema)]
+pub(super) struct HandEyeObject {
+    schema: SchemaNumber,
+    status: Status,
     mount: &'static str,
     /// `cam_from_gripper` (or `rig_from_gripper`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `gripper_from_target`).
     #[serde(flatten)]
@@ -223,13 +226,13 @@ struct HandEyeObject {
 }
 
 /// Standard deviations per axis.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct RobotNoiseObject {
     sigma_rad: f64,
     sigma_m: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct TargetSizeObject {
     ratio: f64,
     sigma: f64,

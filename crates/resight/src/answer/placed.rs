@@ -5,10 +5,11 @@ use crate::core::{Matrix6, Pose};
 use crate::report::words::sigmas;
 use crate::rig::relative::UncertainPose;
 use nalgebra::DMatrix;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// `cam_from_rig` and its inverse; covariance and sigmas null where nothing is known.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct PlacedObject {
     cam_from_rig: TransformObject,
     rig_from_cam: TransformObject,
@@ -32,7 +33,7 @@ impl PlacedObject {
 }
 
 /// A pose under a name of its own, with its covariance.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct UncertainObject {
     #[serde(flatten)]
     pose: TransformObject,
@@ -49,7 +50,7 @@ impl UncertainObject {
 }
 
 /// The covariance of all cameras of a rig together.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct JointObject {
     /// Six rows each.
     cameras: Vec<String>,

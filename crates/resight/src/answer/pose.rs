@@ -1,6 +1,6 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
-use super::Agreement;
+use super::{Agreement, SchemaNumber};
 use crate::core::choose::{Ambiguity, Hypothesis, Minimum};
 use crate::core::consistency::Consistency;
 use crate::core::locate::PoseEstimate;
@@ -12,6 +12,7 @@ use crate::core::{Matrix6, Pose};
 use crate::report::truth::point_covariance;
 use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::sigmas;
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
@@ -53,7 +54,7 @@ pub struct PoseAnswer {
 }
 
 /// A rigid transform as JSON has it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct TransformObject {
     rotation_wxyz: [f64; 4],
     translation_m: [f64; 3],
@@ -70,7 +71,7 @@ impl From<Pose> for TransformObject {
     }
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct OtherObject {
     /// That it, and not the first, is the right one.
     probability: f64,
@@ -83,7 +84,7 @@ struct OtherObject {
     chi2: f64,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct AmbiguityObject {
     verdict: &'static str,
     ratio: Option<f64>,
@@ -92,7 +93,7 @@ struct AmbiguityObject {
 }
 
 /// One of the minima, the answer itself included.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct MinimumObject {
     cam_from_target: TransformObject,
     target_from_cam: TransformObject,
@@ -105,7 +106,7 @@ struct MinimumObject {
 }
 
 /// The motion that the points show least.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct ObservabilityObject {
     weakest: &'static str,
     /// `[turn_rad; shift_m]` about and of the target's centre, camera frame, one standard deviation.
@@ -119,14 +120,14 @@ struct ObservabilityObject {
     ratio: f64,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct MeasureObject {
     ratio: f64,
     threshold: f64,
 }
 
 /// What was measured on the points before anything was solved.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct GeometryObject {
     configuration: &'static str,
     length_m: f64,
@@ -135,7 +136,7 @@ struct GeometryObject {
     thickness_over_width: Option<MeasureObject>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct WorstPoint {
     index: usize,
     name: String,
@@ -143,7 +144,7 @@ struct WorstPoint {
 }
 
 /// What makes the view weak: the number seen and the number needed, in standard deviations of a pixel.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct WeaknessObject {
     kind: &'static str,
     metric_sigma: f64,
@@ -151,10 +152,10 @@ struct WeaknessObject {
 }
 
 /// The JSON object; keys without a value are null.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct PoseObject {
+    schema: SchemaNumber,
     view: String,
-    #[serde(serialize_with = "status_name")]
     status: Status,
     method: Option<&'static str>,
     n_points: usize,
@@ -205,7 +206,7 @@ pub struct PoseObject {
 }
 
 /// A tag that is not where the map says; numbers are null where the tag alone gives no pose.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct LeftOutTag {
     id: u32,
     distance_m: Option<f64>,
@@ -259,6 +260,7 @@ impl PoseAnswer {
         let e = self.estimate.as_ref();
         let sigma = e.map(|e| sigmas(&e.covariance));
         PoseObject {
+            schema: SchemaNumber,
             view: self.view.clone(),
             status: self.verdict.status,
             method: e.map(|e| crate::locate::method_name(e.method)),
@@ -400,11 +402,6 @@ fn geometry(g: &Geometry) -> GeometryObject {
         line_height: g.line_height.map(measure),
         thickness_over_width: g.thickness.map(measure),
     }
-}
-
-/// The word for a status.
-pub fn status_name<S: Serializer>(status: &Status, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(status.name())
 }
 
 /// A 6×6 matrix row by row.

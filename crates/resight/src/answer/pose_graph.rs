@@ -3,15 +3,16 @@
 mod file;
 
 use super::placed::{JointObject, PlacedObject};
-use super::{Status, Unsolved};
+use super::{SchemaNumber, Status, Unsolved};
 use crate::core::pose_graph::{GraphFault, PairResult, PoseGraphSolution, RelativePose};
 use crate::core::{Matrix6, Pose};
 use crate::report::words::{degrees, length};
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// The cameras in one frame, or why they cannot be placed. Serialises to the JSON object of the command line.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum PoseGraphAnswer {
     /// The cameras; the status says whether their poses can be believed.
@@ -40,7 +41,7 @@ pub struct SolvedPoseGraph {
 }
 
 /// How well one pair agrees with all.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PairAgreement {
     /// Name of the camera that the pair leads from.
     pub a: String,
@@ -170,7 +171,7 @@ impl SolvedPoseGraph {
         let verdict = self.solution.as_ref().map(|s| &s.verdict);
         let is_contradicted =
             verdict.is_some_and(|v| v.is_contradicted[i] || (v.fault.is_some() && v.worst_camera == Some(i)));
-        let status = if is_contradicted { Status::Inconsistent } else { Status::Ok }.name();
+        let status = if is_contradicted { Status::Inconsistent } else { Status::Ok };
         CameraObject { status, cam_from_rig: PlacedObject::of(cam_from_rig, covariance.as_ref()), path }
     }
 
@@ -180,7 +181,8 @@ impl SolvedPoseGraph {
         let joint = self.known().filter(|_| self.joint_covariance).map(|s| &s.joint_covariance);
         let cameras = self.cameras.iter().enumerate().map(|(i, name)| (name.clone(), self.camera(i)));
         GraphObject {
-            status: self.status().name(),
+            schema: SchemaNumber,
+            status: self.status(),
             contradiction: self.contradiction(),
             method: if s.is_some() { "joint" } else { "chain" },
             reference: self.cameras[self.reference].clone(),
@@ -205,9 +207,10 @@ impl Serialize for SolvedPoseGraph {
     }
 }
 
-#[derive(Serialize)]
-struct GraphObject {
-    status: &'static str,
+#[derive(Serialize, JsonSchema)]
+pub(super) struct GraphObject {
+    schema: SchemaNumber,
+    status: Status,
     /// What contradicts, and the likely cause; null where nothing does.
     contradiction: Option<String>,
     method: &'static str,
@@ -229,9 +232,9 @@ struct GraphObject {
     message: String,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CameraObject {
-    status: &'static str,
+    status: Status,
     #[serde(flatten)]
     cam_from_rig: PlacedObject,
     /// The cameras on the way from the reference, for a chain.

@@ -4,7 +4,7 @@ mod rejected;
 mod views;
 
 use super::placed::{JointObject, UncertainObject};
-use super::{Status, TransformObject, Unsolved, rows};
+use super::{SchemaNumber, Status, TransformObject, Unsolved, rows};
 use crate::core::Pose;
 use crate::core::rig::{CameraInRig, Cause, RigSolution, TargetOnBody, TargetScale};
 use crate::formats::{JointCovariance, WriteError, own_rig_file, status_keys};
@@ -15,12 +15,13 @@ use crate::report::words::sigmas;
 use crate::rig::relative::{InWorld, UncertainPose, between};
 use crate::rig::{InputFile, LeftOut, RigRun};
 use rejected::RejectedObject;
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use views::ViewObject;
 
 /// A rig, or why there is none. Serialises to the JSON object of the command line.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum RigAnswer {
     /// The rig; its status says whether it can be believed.
@@ -109,9 +110,10 @@ impl Serialize for SolvedRig {
 }
 
 /// One rig.
-#[derive(Serialize)]
-struct RigObject {
-    status: &'static str,
+#[derive(Serialize, JsonSchema)]
+pub(super) struct RigObject {
+    schema: SchemaNumber,
+    status: Status,
     /// What contradicts, and the likely cause; null where nothing does.
     contradiction: Option<String>,
     reference: String,
@@ -145,9 +147,9 @@ struct RigObject {
     message: String,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct CameraObject {
-    status: &'static str,
+    status: Status,
     /// Null where nothing is wrong with it.
     cause: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -169,7 +171,7 @@ struct CameraObject {
     world_from_cam: Option<UncertainObject>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct PairObject {
     a: String,
     b: String,
@@ -182,7 +184,7 @@ struct PairObject {
     distance_m: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct WeakestLinkObject {
     camera: String,
     with: String,
@@ -191,21 +193,21 @@ struct WeakestLinkObject {
     sigma_m: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct ScaleObject {
     message: String,
     targets: BTreeMap<String, TargetScaleObject>,
 }
 
 /// True size over stated size; null where nothing in the rig has a length to compare with.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct TargetScaleObject {
     ratio: Option<f64>,
     sigma: Option<f64>,
     extent_m: f64,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct TargetObject {
     body: usize,
     /// Of the first target of its body.
@@ -213,13 +215,13 @@ struct TargetObject {
     body_from_target: UncertainObject,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct WorldObject {
     target: String,
     world_from_rig: UncertainObject,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct InputObject {
     path: String,
     sha256: String,
@@ -228,7 +230,8 @@ struct InputObject {
 fn object(solved: &SolvedRig) -> RigObject {
     let s = &solved.run.solution;
     RigObject {
-        status: rig_status(s).name(),
+        schema: SchemaNumber,
+        status: rig_status(s),
         contradiction: rig_verdict_sentence(&solved.run),
         reference: camera_name(solved, s.reference),
         rms_px: s.rms_px,
@@ -283,7 +286,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
         let (losses, n_views_seen) =
             (&solved.run.solution.verdict.cameras[i], solved.run.solution.shared.counts[i][i]);
         let object = CameraObject {
-            status: camera_status(&solved.run.solution, i).name(),
+            status: camera_status(&solved.run.solution, i),
             cause: losses.cause.map(cause_word),
             message: rig_camera_sentence(&solved.run, i),
             cam_from_rig: c.cam_from_rig.into(),

@@ -1,14 +1,15 @@
 //! The answer of a job that found no solution.
 
-use super::Status;
-use super::pose::status_name;
+use super::{SchemaNumber, Status};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Why there is no rig, pose graph or hand–eye calibration. Serialises to the JSON object of the command line.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Unsolved {
+    /// The number of the JSON schema.
+    pub schema: SchemaNumber,
     /// Never `Ok`.
-    #[serde(serialize_with = "status_name")]
     pub status: Status,
     /// What is wrong and what would help.
     pub message: String,
@@ -18,6 +19,6 @@ pub struct Unsolved {
 
 impl Unsolved {
     pub(crate) fn new(status: Status, message: impl Into<String>) -> Self {
-        Unsolved { status, message: message.into(), groups: Vec::new() }
+        Unsolved { schema: SchemaNumber, status, message: message.into(), groups: Vec::new() }
     }
 }

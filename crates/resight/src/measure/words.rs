@@ -2,7 +2,7 @@
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::survey::{Fact, Item, Measured, OnLine, Suspect};
+use crate::core::survey::{Fact, Frame, Item, Measured, OnLine, Suspect};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -136,5 +136,28 @@ pub fn value(kind: QueryKind, measured: &Measured) -> String {
         format!("{:.places$} ± {half:.places$}{unit}", m.value)
     } else {
         format!("{:.places$}{unit} ({:.places$} … {:.places$})", m.value, m.low, m.high)
+    }
+}
+
+/// One value, or three with their axes.
+pub fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
+    match values {
+        [x, y, z] => {
+            let axes = [("x", x), ("y", y), ("z", z)];
+            axes.map(|(axis, m)| format!("{axis} {}", value(kind, m))).join("   ")
+        }
+        _ => values.iter().map(|m| value(kind, m)).collect(),
+    }
+}
+
+/// Which frame positions are in.
+pub fn frame_words(scene: &NamedScene, frame: Frame) -> String {
+    match frame {
+        Frame::Marks([a, b, c]) => {
+            let name = |p: usize| &scene.points[p];
+            format!("from {}, x towards {}, z up from the plane through {}", name(a), name(b), name(c))
+        }
+        Frame::Held => "relative to each other only".to_string(),
+        Frame::Given => "in the given frame".to_string(),
     }
 }

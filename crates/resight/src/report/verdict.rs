@@ -5,11 +5,15 @@ use crate::core::choose::Ambiguity;
 use crate::core::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
 use crate::core::solve::line_plus_one::Weakness;
+use crate::core::survey::SurveyStatus;
 use crate::core::tag_map::{DisplacedTag, TargetPose};
 use crate::report::words::percent;
+use schemars::JsonSchema;
+use serde::Serialize;
 
-/// The status words of the command line's contract.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Whether an answer may be relied on, and if not, why. Every answer has one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Status {
     /// One pose, and its residual agrees with the stated noise.
     Ok,
@@ -47,6 +51,17 @@ impl Status {
     /// Whether a pose comes with it.
     pub fn has_pose(self) -> bool {
         matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent)
+    }
+}
+
+impl From<SurveyStatus> for Status {
+    fn from(status: SurveyStatus) -> Self {
+        match status {
+            SurveyStatus::Ok => Status::Ok,
+            SurveyStatus::Ambiguous => Status::Ambiguous,
+            SurveyStatus::Inconsistent => Status::Inconsistent,
+            SurveyStatus::Degenerate => Status::Degenerate,
+        }
     }
 }
 

@@ -120,7 +120,7 @@ struct Answering<'a> {
 impl<'a> Answering<'a> {
     fn new(args: &'a Stream) -> Result<Self> {
         let file = args.whisker.read()?;
-        file.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        file.warnings.iter().for_each(|warning| crate::output::remark(&format!("warning: {warning}")));
         let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
         let rig = Rig::new(&file, tare.as_ref());
         if args.foresee && args.mode == StreamMode::Raw {

@@ -3,9 +3,10 @@
 use super::{SolvedRig, camera_name, target_name};
 use crate::core::rig::SightingResult;
 use crate::report::rig::rejection_sentence;
+use schemars::JsonSchema;
 use serde::Serialize;
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct RejectedObject {
     /// `frame`, `sighting` or `point`.
     kind: &'static str,

@@ -4,10 +4,11 @@ use super::{SolvedRig, camera_name, first_target};
 use crate::answer::TransformObject;
 use crate::core::rig::{BodyInView, SightingResult};
 use crate::report::words::sigmas;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub(super) struct ViewObject {
     view: String,
     n_seen: usize,
@@ -17,14 +18,14 @@ pub(super) struct ViewObject {
     bodies: Vec<BodyObject>,
 }
 
-#[derive(Serialize, Default)]
+#[derive(Serialize, JsonSchema, Default)]
 struct SeenObject {
     n_seen: usize,
     n_used: usize,
     rms_px: Option<f64>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct BodyObject {
     body: usize,
     /// Of the first target of the body.

@@ -1,26 +1,45 @@
-//! A motion in words: how far, which way, about which axis, and how sure.
+//! A motion in words: how far, which way, about which axis, and with which uncertainty.
 
-use resight::core::compare::Moved;
-use resight::report::verdict::figures;
-use resight::report::words::{decimals, degrees, length};
+use crate::answer::compare::Motion;
+use crate::answer::pose::rows;
+use crate::core::compare::Moved;
+use crate::report::verdict::figures;
+use crate::report::words::{decimals, degrees, length};
+
+/// A motion with its test.
+pub(super) fn motion(moved: &Moved) -> Motion {
+    let figures = Figures::of(moved);
+    Motion {
+        old_from_new: moved.old_from_new.into(),
+        covariance: rows(&moved.covariance),
+        moved_m: figures.moved_m,
+        moved_sigma_m: figures.moved_sigma_m,
+        turned_rad: figures.turned_rad,
+        turned_sigma_rad: figures.turned_sigma_rad,
+        turn_axis: figures.axis,
+        chi2: moved.chi2,
+        dof: 6,
+        p: moved.probability,
+    }
+}
 
 /// Lengths and angles of a motion with their standard deviations.
-pub struct Figures {
+struct Figures {
     /// How far, m.
-    pub moved_m: f64,
+    moved_m: f64,
     /// Along that way, m.
-    pub moved_sigma_m: f64,
+    moved_sigma_m: f64,
     /// By how much it turned, rad.
-    pub turned_rad: f64,
+    turned_rad: f64,
     /// About that axis, rad.
-    pub turned_sigma_rad: f64,
+    turned_sigma_rad: f64,
     /// About which, in its own old frame; none where it turned by less than twice its standard deviation.
-    pub axis: Option<[f64; 3]>,
+    axis: Option<[f64; 3]>,
 }
 
 impl Figures {
     /// Of a motion.
-    pub fn of(moved: &Moved) -> Self {
+    fn of(moved: &Moved) -> Self {
         let xi = moved.old_from_new.log();
         let turn = [xi[0], xi[1], xi[2]];
         let shift: [f64; 3] = moved.old_from_new.translation.into();
@@ -46,7 +65,8 @@ fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
 }
 
 /// `moved by 12.3 mm ± 200 µm (…), turned by 0.42° ± 0.01° (…); χ² 812 …`.
-pub fn motion_sentence(f: &Figures, moved: &Moved) -> String {
+pub(super) fn motion_sentence(moved: &Moved) -> String {
+    let f = Figures::of(moved);
     let [x, y, z]: [f64; 3] = moved.old_from_new.translation.into();
     let digits = decimals(1e3 * f.moved_sigma_m);
     // What rounds to nothing has no direction.
@@ -63,7 +83,7 @@ pub fn motion_sentence(f: &Figures, moved: &Moved) -> String {
         length(f.moved_sigma_m),
         degrees(f.turned_rad),
         degrees(f.turned_sigma_rad),
-        headline(moved.chi2, 6, moved.probability)
+        evidence(moved.chi2, 6, moved.probability)
     )
 }
 
@@ -79,7 +99,7 @@ fn turn_words(axis: [f64; 3]) -> String {
 }
 
 /// `χ² 20.1 for 18 degrees of freedom, chance 0.33 if nothing moved`.
-pub fn headline(chi2: f64, dof: usize, p: f64) -> String {
+pub fn evidence(chi2: f64, dof: usize, p: f64) -> String {
     let chance = match p {
         p if p < 1e-12 => "below 1e-12".to_string(),
         p if p < 1e-3 => format!("{p:.1e}"),

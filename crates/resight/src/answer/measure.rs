@@ -1,0 +1,197 @@
+//! The answer of the job that measures in photographs: one object a question, then one of the whole survey.
+
+use super::{SchemaNumber, Status, TransformObject};
+use crate::core::survey::{Measured, SurveyStatus};
+use crate::measure::words::{self, frame_words, values_in_words};
+use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// What a scene says of every question, and what the survey behind the answers is worth.
+#[derive(Debug, Clone)]
+pub struct MeasureAnswer {
+    /// The solution; none where there is none.
+    pub solved: Option<Answers>,
+    /// One a question, in order.
+    pub answers: Vec<QueryObject>,
+    /// The survey behind them.
+    pub survey: SurveyAnswer,
+}
+
+/// The survey behind the answers, or why there is none.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SurveyAnswer {
+    /// Where everything is.
+    Solved(Box<SurveyObject>),
+    /// Why there is no answer at all.
+    Refused(RefusedObject),
+}
+
+impl MeasureAnswer {
+    pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
+        MeasureAnswer {
+            answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
+            survey: SurveyAnswer::Solved(Box::new(survey_object(scene, &answers))),
+            solved: Some(answers),
+        }
+    }
+
+    pub(crate) fn refused(scene: &NamedScene, status: SurveyStatus, reason: &str) -> Self {
+        let message = reason.to_string();
+        let refused = RefusedObject { schema: SchemaNumber, kind: "survey", status: status.into(), message };
+        MeasureAnswer {
+            solved: None,
+            answers: scene.queries.iter().map(|query| base(scene, query, status, reason)).collect(),
+            survey: SurveyAnswer::Refused(refused),
+        }
+    }
+
+    /// Whether the survey and every answer may be relied on.
+    pub fn is_ok(&self) -> bool {
+        let is_ok = |status: SurveyStatus| status == SurveyStatus::Ok;
+        self.solved
+            .as_ref()
+            .is_some_and(|solved| is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status)))
+    }
+}
+
+/// One answer. Keys without a value are null; the unit is in the key.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct QueryObject {
+    schema: SchemaNumber,
+    query: String,
+    kind: &'static str,
+    points: Vec<String>,
+    status: Status,
+    #[serde(flatten)]
+    values: serde_json::Map<String, serde_json::Value>,
+    message: String,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct PhotoObject {
+    name: String,
+    cam_from_world: Option<TransformObject>,
+    covariance: Option<Vec<Vec<f64>>>,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct PointObject {
+    name: String,
+    is_mark: bool,
+    position_m: Option<[f64; 3]>,
+    covariance_m2: Option<Vec<Vec<f64>>>,
+}
+
+/// A survey without any answer.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct RefusedObject {
+    schema: SchemaNumber,
+    kind: &'static str,
+    /// Never `Ok`.
+    pub status: Status,
+    /// Why.
+    pub message: String,
+}
+
+/// The survey behind the answers.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct SurveyObject {
+    schema: SchemaNumber,
+    kind: &'static str,
+    status: Status,
+    /// What is wrong; empty where nothing is.
+    message: String,
+    frame: String,
+    chi2: f64,
+    degrees_of_freedom: usize,
+    noise_scale: f64,
+    rival_delta_chi2: Option<f64>,
+    photos: Vec<PhotoObject>,
+    points: Vec<PointObject>,
+    suspects: Vec<String>,
+    remarks: Vec<String>,
+}
+
+fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
+    let suffix = match answer.query.kind {
+        QueryKind::Angle => "rad",
+        QueryKind::Area => "m2",
+        _ => "m",
+    };
+    match &answer.result {
+        Ok(values) => {
+            let mut entries = entries(values, suffix);
+            let mut message = values_in_words(answer.query.kind, values);
+            if let Some(other) = &answer.other {
+                message += &format!(" or {}", values_in_words(answer.query.kind, other));
+                entries.insert("other".to_string(), self::entries(other, suffix).into());
+            }
+            QueryObject { values: entries, ..base(scene, &answer.query, answer.status, &message) }
+        }
+        Err(reason) => base(scene, &answer.query, answer.status, reason),
+    }
+}
+
+/// An answer without values.
+fn base(scene: &NamedScene, query: &NamedQuery, status: SurveyStatus, message: &str) -> QueryObject {
+    QueryObject {
+        schema: SchemaNumber,
+        query: query.name.clone(),
+        kind: query.kind.name(),
+        points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
+        status: status.into(),
+        values: serde_json::Map::new(),
+        message: message.to_string(),
+    }
+}
+
+/// Value, sigma and interval; one number each, or three for a position.
+fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_json::Value> {
+    let one_or_three = |of: fn(&Measured) -> f64| match values {
+        [one] => serde_json::Value::from(of(one)),
+        many => serde_json::Value::from(many.iter().map(of).collect::<Vec<f64>>()),
+    };
+    let entries = [
+        ("value", one_or_three(|m| m.value)),
+        ("sigma", one_or_three(|m| m.sigma)),
+        ("low_95", one_or_three(|m| m.low)),
+        ("high_95", one_or_three(|m| m.high)),
+    ];
+    entries.map(|(key, value)| (format!("{key}_{suffix}"), value)).into_iter().collect()
+}
+
+fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
+    let adjusted = &answers.adjusted;
+    let photo = |(i, photo): (usize, &ScenePhoto)| PhotoObject {
+        name: photo.name.clone(),
+        cam_from_world: adjusted.cam_from_world(i).map(TransformObject::from),
+        covariance: adjusted
+            .photo_covariance(i)
+            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+    };
+    let point = |(i, name): (usize, &String)| PointObject {
+        name: name.clone(),
+        is_mark: scene.is_mark[i],
+        position_m: adjusted.point(i).map(|x| (x + scene.origin_m).into()),
+        covariance_m2: adjusted
+            .point_covariance_m2(i)
+            .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+    };
+    SurveyObject {
+        schema: SchemaNumber,
+        kind: "survey",
+        status: answers.status.into(),
+        message: answers.verdict.join("; "),
+        frame: frame_words(scene, adjusted.frame),
+        chi2: adjusted.chi2,
+        degrees_of_freedom: adjusted.degrees_of_freedom,
+        noise_scale: adjusted.noise_scale,
+        rival_delta_chi2: adjusted.rival_delta_chi2,
+        photos: scene.photos.iter().enumerate().map(photo).collect(),
+        points: scene.points.iter().enumerate().map(point).collect(),
+        suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
+        remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
+    }
+}

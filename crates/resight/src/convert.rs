@@ -1,0 +1,163 @@
+//! The jobs on files of cameras and targets: into another program's format, and into sentences.
+
+use crate::answer::files::{CameraPosition, ConvertAnswer, Explanation};
+use crate::answer::{SchemaNumber, Status};
+use crate::formats::{self, CameraFile, Conversion, Field, Format, Scene, WriteError};
+use crate::{Error, FileError};
+use std::path::{Path, PathBuf};
+
+/// A file in sentences: which frame maps to which, directions, units, quaternion order, camera centre.
+///
+/// # Errors
+/// What is wrong with the file, and where.
+pub fn explain(file: impl AsRef<Path>) -> Result<Explanation, Error> {
+    let file = file.as_ref();
+    Ok(Explanation {
+        schema: SchemaNumber,
+        status: Status::Ok,
+        text: formats::explain(file)?.trim_end().to_owned(),
+        remarks: formats::remarks(file),
+        file: file.display().to_string(),
+    })
+}
+
+/// What to convert into what.
+#[derive(Debug, Clone)]
+pub struct ConvertRequest {
+    /// Camera files, or folders of them; `FILE#NAME` is one camera. Poses of one file join the cameras of another by name. A map of
+    /// tags for [`ConvertTo::FieldLayout`].
+    pub files: Vec<PathBuf>,
+    /// The format to write.
+    pub to: ConvertTo,
+    /// The frame that cameras are placed in; the one they share where none is given.
+    pub reference: Option<String>,
+    /// Width and height of the images of cameras whose files state none, pixels.
+    pub image_size_px: Option<(u32, u32)>,
+}
+
+/// What is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ConvertTo {
+    /// Cameras and their poses.
+    Cameras(Format),
+    /// A map of tags as a WPILib field layout.
+    FieldLayout {
+        /// Whether keys are spelled as since 2027.
+        keys_of_2027: bool,
+        /// Length and width of the field, metres; those of the layout read where none is given.
+        field_size_m: Option<(f64, f64)>,
+    },
+}
+
+impl ConvertTo {
+    /// The name of the format.
+    pub fn name(self) -> &'static str {
+        match self {
+            ConvertTo::Cameras(format) => format.name(),
+            ConvertTo::FieldLayout { .. } => Format::WpilibLayout.name(),
+        }
+    }
+}
+
+/// Cameras and their poses in another program's format, where each stands, and what could not be kept.
+///
+/// # Errors
+/// What is wrong with a file, or with the request. That the format cannot hold the cameras is in the answer's status.
+pub fn convert(request: &ConvertRequest) -> Result<ConvertAnswer, Error> {
+    match request.to {
+        ConvertTo::Cameras(format) => cameras(request, format),
+        ConvertTo::FieldLayout { keys_of_2027, field_size_m } => {
+            field_layout(request, keys_of_2027, field_size_m)
+        }
+    }
+}
+
+fn cameras(request: &ConvertRequest, to: Format) -> Result<ConvertAnswer, Error> {
+    let rig = read(request)?;
+    let reference = request.reference.as_deref();
+    let scene = formats::scene(&rig, reference)?;
+    Ok(match formats::convert(&rig, to, reference) {
+        Ok(conversion) => ConvertAnswer {
+            reference: Some(scene.reference.clone()),
+            cameras: positions(&scene),
+            warnings: rig.warnings,
+            message: scene.text(),
+            ..converted(conversion)
+        },
+        Err(reason) => refused(request.to, &reason),
+    })
+}
+
+fn positions(scene: &Scene) -> std::collections::BTreeMap<String, Option<CameraPosition>> {
+    let one =
+        |s: &formats::Station| (s.name.clone(), s.reference_from_cam.as_ref().map(CameraPosition::from));
+    scene.stations.iter().map(one).collect()
+}
+
+fn converted(conversion: Conversion) -> ConvertAnswer {
+    let Conversion { files, lost, checked } = conversion;
+    let (files, contents) = files.into_iter().map(|file| (file.name, file.text)).unzip();
+    ConvertAnswer {
+        schema: SchemaNumber,
+        status: Status::Ok,
+        reference: None,
+        cameras: Default::default(),
+        files,
+        lost,
+        warnings: Vec::new(),
+        checked,
+        message: String::new(),
+        contents,
+    }
+}
+
+/// The files were read, but the format cannot hold them.
+fn refused(to: ConvertTo, reason: &WriteError) -> ConvertAnswer {
+    ConvertAnswer {
+        status: Status::Error,
+        message: format!("{} cannot hold this: {reason}", to.name()),
+        ..converted(Conversion { files: Vec::new(), lost: Vec::new(), checked: false })
+    }
+}
+
+fn read(request: &ConvertRequest) -> Result<CameraFile, Error> {
+    let mut rig = formats::read_rig(&request.files)?;
+    for camera in rig.cameras.iter_mut().filter(|c| c.camera.size.is_none() && c.camera.matrix().is_some()) {
+        if let Some((w, h)) = request.image_size_px {
+            camera.camera = formats::check_image_size(&camera.camera, w, h).map_err(Error::request)?;
+        }
+    }
+    Ok(rig)
+}
+
+/// One tag map; the field's size comes from the request, else from the layout that was read.
+fn field_layout(
+    request: &ConvertRequest,
+    keys_of_2027: bool,
+    field_size_m: Option<(f64, f64)>,
+) -> Result<ConvertAnswer, Error> {
+    let [input] = request.files.as_slice() else {
+        return Err(Error::request(format!(
+            "--to wpilib takes one target file, a tag map; {} given",
+            request.files.len()
+        )));
+    };
+    let read = formats::read_target(input)?;
+    let (length_m, width_m) = match (field_size_m, formats::read_field(input)) {
+        (Some(size), _) => size,
+        (None, Ok(field)) => (field.length_m, field.width_m),
+        (None, Err(_)) => {
+            let reason = "states no field; give --field-size-m LENGTHxWIDTH, e.g. 16.541x8.069";
+            return Err(FileError::new(input, reason).into());
+        }
+    };
+    let field = Field { length_m, width_m, keys_of_2027 };
+    Ok(match formats::write_field_layout(&read.target, &field) {
+        Ok(file) => ConvertAnswer {
+            warnings: read.warnings,
+            message: format!("WPILib field layout, {length_m} m by {width_m} m"),
+            ..converted(Conversion { files: vec![file], lost: Vec::new(), checked: false })
+        },
+        Err(reason) => refused(request.to, &reason),
+    })
+}
