@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::core::locate::Method;
-use resight::core::prior::Prior;
+use resight::core::locate::prior::Prior;
 
 /// The flags, for every command that solves from points.
 #[derive(Debug, Clone, Args)]

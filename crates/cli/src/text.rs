@@ -1,8 +1,8 @@
 //! An answer in words, for a person with ten minutes.
 
 use resight::answer::PoseAnswer;
-use resight::core::choose::{Hypothesis, Minimum};
 use resight::core::locate::PoseEstimate;
+use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
     coordinate, degrees, distance_sigma_m, percent, place_sigma_m, sigmas, weakest, with_sigma,

@@ -254,7 +254,7 @@ fn the_page_shows_a_real_answer() {
 fn files_in_which_nothing_moved_raise_no_alarm() {
     use nalgebra::DMatrix;
     use resight::core::camera::ImageSize;
-    use resight::core::compare::{RigPlaces, compare_rigs};
+    use resight::core::temporal::compare::{RigPlaces, compare_rigs};
     use resight::core::{Camera, Matrix6};
     use resight::formats::{JointCovariance, NamedCamera, Placement, own_rig_file, read_cameras_from_bytes};
     use resight::rig::places::{PlacedRig, placed};

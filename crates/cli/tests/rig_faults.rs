@@ -5,8 +5,8 @@
 //! and exchanged names.
 
 use crate::recorded::recorded;
-use resight::core::pose_graph::{PoseGraph, PoseGraphConfig, solve_pose_graph};
-use resight::core::rig::{Cause, RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight::core::multiview::pose_graph::{PoseGraph, PoseGraphConfig, solve_pose_graph};
+use resight::core::multiview::rig::{Cause, RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;

@@ -3,8 +3,8 @@
 use crate::recorded::recorded;
 use crate::rig_support::pose_of;
 use crate::support::{folder, json_lines, resight, same};
-use resight::core::loss::Loss;
-use resight::core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight::core::locate::loss::Loss;
+use resight::core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 use serde_json::Value;
 use std::collections::HashMap;

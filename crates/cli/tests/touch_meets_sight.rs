@@ -2,6 +2,7 @@
 
 use crate::example::{Chance, HEADER, cam_from_hub, points_csv, simulated, wire};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
+use resight_core::statistics::SplitMix64;
 use serde_json::Value;
 use std::path::Path;
 
@@ -65,7 +66,7 @@ fn the_shipped_touches_give_the_camera() {
 fn two_hundred_calibrations_are_as_exact_as_they_say() {
     let (rod, cell) = wire();
     let mut text = HEADER.to_string();
-    let mut chance = Chance(7);
+    let mut chance = Chance(SplitMix64::new(7));
     for view in 0..200 {
         let touches = simulated(&mut chance);
         text += &points_csv(&view.to_string(), &rod, &cell, &touches).unwrap();

@@ -7,8 +7,8 @@ use common::Rng;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference};
-use resight_core::track::{Candidate, TrackConfig, Tracker};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference};
+use resight_core::temporal::track::{Candidate, TrackConfig, Tracker};
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -7,7 +7,7 @@ use common::rigs::{FAMILIES, views_of};
 use common::{Rng, views};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Unit, Vector3};
-use resight_core::rig_pose::locate_rig;
+use resight_core::multiview::rig_pose::locate_rig;
 use resight_core::solve::gp3p::{Ray, gp3p};
 use resight_core::solve::upright_gp2p::upright_gp2p;
 use resight_core::{Point, Pose};

@@ -6,7 +6,7 @@ mod common;
 use common::Rng;
 use common::rooms::{Room, arc, board, line_plus_one, pair_with, row};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use resight_core::rig::{RigConfig, Sighting};
+use resight_core::multiview::rig::{RigConfig, Sighting};
 use std::hint::black_box;
 
 fn solve(c: &mut Criterion, name: &str, room: &Room, sightings: &[Sighting]) {

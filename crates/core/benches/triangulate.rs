@@ -8,8 +8,8 @@ use common::{Rng, views};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector2;
 use resight_core::Point;
-use resight_core::survey::{Query, adjust};
-use resight_core::triangulate::{PointView, isotropic, triangulate};
+use resight_core::multiview::network::{Query, adjust};
+use resight_core::multiview::triangulate::{PointView, isotropic, triangulate};
 use std::hint::black_box;
 
 const POINTS: usize = 1_000;

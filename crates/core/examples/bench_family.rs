@@ -9,8 +9,8 @@
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::camera::{CameraMatrix, Pinhole};
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, locate};
-use resight_core::refine::refine;
 use resight_core::robust::{self, consensus};
 use resight_core::solve::gp3p::{Ray, gp3p};
 use resight_core::solve::p3p::p3p;

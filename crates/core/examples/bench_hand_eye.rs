@@ -6,8 +6,8 @@
 
 use nalgebra::{Vector2, Vector3};
 use resight_core::camera::{BrownConrady, CameraMatrix};
-use resight_core::hand_eye::{HandEye, HandEyeConfig, HandView, Mount, solve_hand_eye};
-use resight_core::rig_pose::RigView;
+use resight_core::multiview::hand_eye::{HandEye, HandEyeConfig, HandView, Mount, solve_hand_eye};
+use resight_core::multiview::rig_pose::RigView;
 use resight_core::{Camera, Correspondence, Lens, Point, Pose};
 use std::error::Error;
 use std::time::Instant;

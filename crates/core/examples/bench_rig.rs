@@ -7,8 +7,8 @@
 
 use nalgebra::Vector2;
 use resight_core::camera::{BrownConrady, CameraMatrix, ImageSize};
-use resight_core::loss::Loss;
-use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::locate::loss::Loss;
+use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight_core::{Camera, Correspondence, Lens, Point};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn as_json(seconds: f64, answer: &RigSolution) -> String {
-    let pose = |c: &resight_core::rig::CameraInRig| format!("{:?}", &c.cam_from_rig.matrix()[..3]);
+    let pose = |c: &resight_core::multiview::rig::CameraInRig| format!("{:?}", &c.cam_from_rig.matrix()[..3]);
     let poses: Vec<String> = answer.cameras.iter().map(pose).collect();
     format!(
         "{{\"seconds\": {seconds}, \"n_seen\": {}, \"n_used\": {}, \"steps\": {}, \"rms_px\": {}, \"cam_from_rig\": [{}]}}",

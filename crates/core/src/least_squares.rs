@@ -1,11 +1,19 @@
-//! The only loop that takes steps on a pose: Levenberg–Marquardt on small left motions.
+//! The one loop that takes steps on a residual: Levenberg–Marquardt over anything that can be evaluated, stepped and moved.
 //!
-//! The pose is held as rotation R and the place c of a pivot (the centroid of the points) in the camera frame, and moved by
-//! x ← x + ω × (x − c) + ν. Turning about the pivot nearly decouples rotation from translation, so the normal equations
-//! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
-//! Derivation: docs/math/refine.md eqs. (2)–(7).
+//! What it is asked to lower is a [`LeastSquares`]: one pose (`pose`), one point (`point`), a state of any kind with few hundred
+//! unknowns (`dense`), many poses and what they share (`shared`), the cameras, targets and bodies of a rig (`rig`). It ends by one rule:
+//!
+//! ```text
+//!   g  gradient Jᵀr   ·   H  JᵀJ   ·   λ  damping   ·   δ = (H + λD)⁻¹g  the step   ·   δᵀg  what it promises
+//! ```
+//!
+//! At λ = 0 the promise gᵀH⁻¹g is both tests at once: the gradient in the metric of the covariance, and the step's squared length in
+//! standard deviations. [`Ending`] says how the loop ended. Derivation: docs/math/refine.md section 2.
 
+pub mod pose;
 pub mod point;
+#[cfg(feature = "std")]
+pub(crate) mod clustered;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
@@ -13,83 +21,83 @@ pub mod shared;
 #[cfg(feature = "std")]
 pub mod rig;
 
-use crate::{Matrix6, Point, Pose, Vector6};
-use nalgebra::{Matrix3, Vector3};
+pub use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
+
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// A pose held by the place of a pivot instead of the origin of the target frame.
-#[derive(Debug, Clone, Copy)]
-pub struct PivotedPose {
-    /// Rotation target to camera.
-    pub rotation: Matrix3<f64>,
-    /// The pivot in the camera frame, metres.
-    pub pivot_in_cam: Point,
-}
+/// A cost that the loop lowers.
+pub trait LeastSquares {
+    /// Where the unknowns are.
+    type State;
+    /// Gauss–Newton's view of the cost at a state.
+    type Equations;
+    /// A change of the unknowns.
+    type Step;
+    /// Evaluations after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
+    const MAX_STEPS: usize = 200;
 
-impl PivotedPose {
-    /// The same pose, turned about `pivot_in_target`.
-    pub fn new(cam_from_target: &Pose, pivot_in_target: &Point) -> Self {
-        PivotedPose { rotation: cam_from_target.rotation, pivot_in_cam: cam_from_target * pivot_in_target }
-    }
+    /// The cost at a state and its derivatives; none where it has none, a point outside the camera's field, say.
+    fn evaluate(&self, state: &Self::State) -> Option<Self::Equations>;
 
-    /// Back to an ordinary pose, its rotation orthonormal to rounding.
+    /// Sum of squared whitened residuals, or of what they cost.
+    fn chi2(equations: &Self::Equations) -> f64;
+
+    /// The step at a damping (relative to the diagonal) and the decrease of χ² it promises; none where the matrix is not positive.
+    fn step(&self, equations: &Self::Equations, damping: f64) -> Option<(Self::Step, f64)>;
+
+    /// The state after a step; none where there is none.
+    fn apply(&self, state: &Self::State, step: &Self::Step) -> Option<Self::State>;
+
+    /// By how much the cost falls from one state to the next. A cost whose weights follow the state holds those of the first.
     #[inline(always)]
-    pub fn pose(&self, pivot_in_target: &Point) -> Pose {
-        let rotation = crate::pose::orthonormalized(&self.rotation);
-        Pose { rotation, translation: self.pivot_in_cam - rotation * pivot_in_target }
-    }
-
-    /// Moves by `[rotation_rad; translation_m]` about the pivot. The rotation is Cayley's, equal to the exponential to
-    /// second order and free of trigonometry: any retraction leads to the same minimum.
-    #[inline(always)]
-    pub(crate) fn moved(&self, motion: &Vector6) -> Self {
-        let a = Vector3::new(motion[0], motion[1], motion[2]) * 0.5;
-        let k = a.cross_matrix();
-        let turn = Matrix3::identity() + (k + k * k) * (2.0 / (1.0 + a.norm_squared()));
-        PivotedPose {
-            rotation: turn * self.rotation,
-            pivot_in_cam: self.pivot_in_cam + Vector3::new(motion[3], motion[4], motion[5]),
-        }
+    fn decrease(&self, from: &Self::Equations, to: &Self::Equations) -> f64 {
+        Self::chi2(from) - Self::chi2(to)
     }
 }
-
-/// Gauss–Newton's view of a cost at one pose, in blocks: rotation (ω), translation (ν) and their coupling.
-#[derive(Debug, Clone, Copy)]
-pub struct NormalEquations {
-    /// Sum of squared whitened residuals.
-    pub chi2: f64,
-    /// Jᵀr by rotation, r = observed − predicted.
-    gradient_rotation: Vector3<f64>,
-    /// Jᵀr by translation.
-    gradient_translation: Vector3<f64>,
-    /// JᵀJ, rotation with rotation.
-    rotation_rotation: Symmetric3,
-    /// JᵀJ, rotation (rows) with translation (columns).
-    rotation_translation: Matrix3<f64>,
-    /// JᵀJ, translation with translation.
-    translation_translation: Symmetric3,
-}
-
-/// Upper triangle of a symmetric 3×3 matrix: xx, xy, xz, yy, yz, zz.
-#[derive(Debug, Clone, Copy)]
-struct Symmetric3([f64; 6]);
 
 /// Where the loop ended.
 #[derive(Debug, Clone, Copy)]
-pub struct Solution {
-    /// The minimum.
-    pub place: PivotedPose,
-    /// Normal equations one vanishing step before it.
-    pub normal: NormalEquations,
-    /// Steps taken.
+pub struct Minimum<S, E> {
+    /// The lowest state found, or one vanishing step beyond it.
+    pub state: S,
+    /// The equations at the lowest state evaluated: at most one vanishing step before `state`.
+    pub equations: E,
+    /// Evaluations.
     pub steps: usize,
-    /// Whether the last step promised less than the tolerance.
-    pub converged: bool,
+    /// How it ended.
+    pub ending: Ending,
 }
 
-/// Steps after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
-const MAX_STEPS: usize = 200;
+impl<S, E> Minimum<S, E> {
+    /// Whether the state is an answer: there is no lower one nearby that the equations know of.
+    #[inline(always)]
+    pub fn is_minimum(&self) -> bool {
+        self.ending != Ending::NotConverged
+    }
+}
+
+/// How the loop ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The undamped step promises less than the tolerance: the gradient vanishes, and the step is a vanishing part of a standard deviation.
+    Converged,
+    /// The gradient does not vanish, but no step that the damping still allows lowers the cost: rounding, the edge of the camera's field,
+    /// or a cost with an edge of its own. The state is the lowest found.
+    NoProgress,
+    /// Out of steps, or no damping makes the matrix positive.
+    NotConverged,
+}
+
+/// When a step promises too little to go on.
+#[derive(Debug, Clone, Copy)]
+pub struct Tolerance {
+    /// Less than this fraction of χ²; at least rounding's share.
+    pub relative: f64,
+    /// χ² of a minimum already known: the loop may end early where it cannot come near it.
+    pub rival_chi2: Option<f64>,
+}
+
 /// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
 pub(crate) const TOLERANCE_CHI2: f64 = 1e-7;
 /// … or by less than this fraction of χ² itself: rounding has taken over.
@@ -112,52 +120,98 @@ pub(crate) const NEAR_CHI2: f64 = 1e-3;
 /// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
 pub(crate) const RIVAL_MARGIN_CHI2: f64 = 100.0;
 
-/// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field. With `rival_chi2`, the
-/// χ² of a minimum already known, the loop may end early where it cannot come near it.
-#[inline]
-pub fn minimize(
-    start: PivotedPose,
-    rival_chi2: Option<f64>,
-    evaluate: impl Fn(&PivotedPose) -> Option<NormalEquations>,
-) -> Option<Solution> {
-    let mut place = start;
-    // Infinitely bad, so that the start is accepted as any better trial is: one call of `evaluate`, compiled into the loop.
-    let mut normal = NormalEquations { chi2: f64::INFINITY, ..NormalEquations::zero() };
-    let (mut trial, mut damping, mut promised) = (start, Damping::NONE, 1.0);
-    for steps in 1..=MAX_STEPS {
-        // What the step before promised, where both are Gauss–Newton's.
-        let mut before = 0.0;
-        match evaluate(&trial).filter(|n| n.chi2 < normal.chi2) {
-            Some(better) => {
-                before = if damping.value == 0.0 && normal.chi2 < f64::INFINITY { promised } else { 0.0 };
-                damping.ease((normal.chi2 - better.chi2) / promised);
-                (place, normal) = (trial, better);
-            }
-            None if normal.chi2 == f64::INFINITY => return None,
-            None if damping.value < LAST_DAMPING => damping.raise(),
-            None => return Some(Solution { place, normal, steps, converged: true }),
-        }
-        let Some((motion, promise)) = positive_step(&normal, &mut damping) else { break };
-        (trial, promised) = (place.moved(&motion), promise);
-        // promised · (promised / before) is what the next step would promise, docs/math/refine.md section 2.
-        let foreseen = promised < NEAR_CHI2 && promised * promised <= FORESEEN_CHI2 * before;
-        if foreseen || promised <= tolerance(normal.chi2, rival_chi2) {
-            return Some(Solution { place: trial, normal, steps, converged: true });
-        }
+impl Tolerance {
+    /// Every digit that rounding leaves.
+    pub const FINE: Tolerance = Tolerance { relative: TOLERANCE_RELATIVE, rival_chi2: None };
+
+    /// The promised decrease of χ² at which to end.
+    #[inline(always)]
+    fn at(&self, chi2: f64) -> f64 {
+        let excess = self.rival_chi2.map_or(0.0, |rival| chi2 - rival - RIVAL_MARGIN_CHI2);
+        TOLERANCE_CHI2 + self.relative.max(TOLERANCE_RELATIVE) * chi2 + TOLERANCE_COMPARED * excess.max(0.0)
     }
-    Some(Solution { place, normal, steps: MAX_STEPS, converged: false })
 }
 
-/// The step and its promise at the least damping from `damping` on that makes the matrix positive; none when no damping does.
+/// Minimises a cost from `start`; none where the start has no cost.
 #[inline]
-fn positive_step(normal: &NormalEquations, damping: &mut Damping) -> Option<(Vector6, f64)> {
+pub fn minimize<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    tolerance: &Tolerance,
+) -> Option<Minimum<P::State, P::Equations>> {
+    let mut trial = start;
+    // Nothing yet, so that the start is accepted as any better trial is: one call of `evaluate`, compiled into the loop.
+    let mut lowest: Option<(P::State, P::Equations)> = None;
+    let (mut damping, mut promised) = (Damping::NONE, 1.0);
+    for steps in 1..=P::MAX_STEPS {
+        // What the step before promised, where both are Gauss–Newton's.
+        let mut before = 0.0;
+        let found = problem.evaluate(&trial);
+        let decrease = found.as_ref().map_or(f64::NAN, |to| match &lowest {
+            Some((_, from)) => problem.decrease(from, to),
+            None => f64::INFINITY - P::chi2(to),
+        });
+        match found {
+            Some(better) if 0.0 < decrease => {
+                before = if damping.value == 0.0 && decrease < f64::INFINITY { promised } else { 0.0 };
+                damping.ease(decrease / promised);
+                lowest = Some((trial, better));
+            }
+            _ if damping.value < LAST_DAMPING => damping.raise(),
+            _ => {
+                let (state, equations) = lowest?;
+                return Some(Minimum { state, equations, steps, ending: Ending::NoProgress });
+            }
+        }
+        let (state, equations) = lowest.as_ref()?;
+        let Some((next, promise)) = next_trial(problem, state, equations, &mut damping) else {
+            let (state, equations) = lowest?;
+            return Some(Minimum { state, equations, steps, ending: Ending::NotConverged });
+        };
+        (trial, promised) = (next, promise);
+        // promised · (promised / before) is what the next step would promise, docs/math/refine.md section 2.
+        let foreseen = promised < NEAR_CHI2 && promised * promised <= FORESEEN_CHI2 * before;
+        let tolerance = tolerance.at(P::chi2(equations));
+        if foreseen || promised <= tolerance {
+            let vanishes = damping.value == 0.0 || undamped_promise(problem, equations) <= tolerance;
+            let (state, equations) = lowest?;
+            return Some(if vanishes {
+                Minimum { state: trial, equations, steps, ending: Ending::Converged }
+            } else {
+                Minimum { state, equations, steps, ending: Ending::NoProgress }
+            });
+        }
+    }
+    let (state, equations) = lowest?;
+    Some(Minimum { state, equations, steps: P::MAX_STEPS, ending: Ending::NotConverged })
+}
+
+/// The next state and the promise of the step to it, at the least damping from `damping` on that makes the matrix positive; none when no
+/// damping does.
+#[inline(always)]
+fn next_trial<P: LeastSquares>(
+    problem: &P,
+    state: &P::State,
+    equations: &P::Equations,
+    damping: &mut Damping,
+) -> Option<(P::State, f64)> {
     loop {
-        let step = normal.step(damping.value);
-        if step.is_some() || !(damping.value < LAST_DAMPING) {
-            return step;
+        if let Some((step, promise)) = problem.step(equations, damping.value)
+            && let Some(next) = problem.apply(state, &step)
+        {
+            return Some((next, promise));
+        }
+        if !(damping.value < LAST_DAMPING) {
+            return None;
         }
         damping.raise();
     }
+}
+
+/// A damped step that promises little may only be short.
+#[cold]
+fn undamped_promise<P: LeastSquares>(problem: &P, equations: &P::Equations) -> f64 {
+    problem.step(equations, 0.0).map_or(f64::INFINITY, |(_, promise)| promise)
 }
 
 /// Gauss–Newton steps that gain less than this part of what they promise leap from side to side of a minimum that is flatter
@@ -192,221 +246,91 @@ impl Damping {
     }
 }
 
-/// The promised decrease of χ² at which to end.
-fn tolerance(chi2: f64, rival_chi2: Option<f64>) -> f64 {
-    let excess = rival_chi2.map_or(0.0, |rival| chi2 - rival - RIVAL_MARGIN_CHI2);
-    TOLERANCE_CHI2 + TOLERANCE_RELATIVE * chi2 + TOLERANCE_COMPARED * excess.max(0.0)
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl NormalEquations {
-    /// All zero.
-    #[inline]
-    pub fn zero() -> Self {
-        NormalEquations {
-            chi2: 0.0,
-            gradient_rotation: Vector3::zeros(),
-            gradient_translation: Vector3::zeros(),
-            rotation_rotation: Symmetric3([0.0; 6]),
-            rotation_translation: Matrix3::zeros(),
-            translation_translation: Symmetric3([0.0; 6]),
+    /// Residuals of two unknowns: Rosenbrock's valley, beyond an edge nothing.
+    struct Valley {
+        edge: f64,
+        bend: f64,
+    }
+
+    impl LeastSquares for Valley {
+        type State = [f64; 2];
+        /// χ², gradient, information.
+        type Equations = (f64, [f64; 2], [f64; 3]);
+        type Step = [f64; 2];
+
+        fn evaluate(&self, [x, y]: &[f64; 2]) -> Option<Self::Equations> {
+            let (a, b) = (1.0 - x, 10.0 * (y - self.bend * x * x));
+            let (ax, bx, by) = (-1.0, -20.0 * self.bend * x, 10.0);
+            let gradient = [-(ax * a + bx * b), -(by * b)];
+            (*x <= self.edge).then_some((a * a + b * b, gradient, [ax * ax + bx * bx, bx * by, by * by]))
+        }
+
+        fn chi2(equations: &Self::Equations) -> f64 {
+            equations.0
+        }
+
+        fn step(
+            &self,
+            (_, [gx, gy], [xx, xy, yy]): &Self::Equations,
+            damping: f64,
+        ) -> Option<([f64; 2], f64)> {
+            let (xx, yy) = (xx * (1.0 + damping), yy * (1.0 + damping));
+            let determinant = xx * yy - xy * xy;
+            let step = [(yy * gx - xy * gy) / determinant, (xx * gy - xy * gx) / determinant];
+            (0.0 < determinant).then_some((step, step[0] * gx + step[1] * gy))
+        }
+
+        fn apply(&self, state: &[f64; 2], step: &[f64; 2]) -> Option<[f64; 2]> {
+            Some([state[0] + step[0], state[1] + step[1]])
         }
     }
 
-    /// Adds one whitened residual and its derivative by the motion, `[by_rotation; by_translation]`.
-    #[inline(always)]
-    pub fn add(&mut self, residual: f64, by_rotation: &Vector3<f64>, by_translation: &Vector3<f64>) {
-        self.chi2 += residual * residual;
-        self.gradient_rotation += by_rotation * residual;
-        self.gradient_translation += by_translation * residual;
-        self.rotation_rotation.add_square(by_rotation);
-        self.rotation_translation += by_rotation * by_translation.transpose();
-        self.translation_translation.add_square(by_translation);
+    /// A bent valley is followed to its end.
+    #[test]
+    fn the_end_of_a_valley_is_converged() {
+        let found =
+            minimize(&Valley { edge: 9.0, bend: 1.0 }, [-1.2, 1.0], &Tolerance::FINE).expect("a cost");
+        assert_eq!(found.ending, Ending::Converged);
+        assert!((found.state[0] - 1.0).abs() < 1e-4 && (found.state[1] - 1.0).abs() < 2e-4, "{found:?}");
+        assert!(found.is_minimum() && found.steps < 60, "{found:?}");
     }
 
-    /// Adds both residuals of a point at `y` from the pivot seen by a pinhole camera, whose derivatives by the point are
-    /// (a, 0, s) and (0, b, t): `add` twice, without the multiplications by zero.
-    #[inline(always)]
-    pub(crate) fn add_pinhole(
-        &mut self,
-        [ru, rv]: [f64; 2],
-        y: &Vector3<f64>,
-        [a, s]: [f64; 2],
-        [b, t]: [f64; 2],
-    ) {
-        self.chi2 += ru * ru + rv * rv;
-        let u = Vector3::new(y.y * s, y.z * a - y.x * s, -y.y * a);
-        let v = Vector3::new(y.y * t - y.z * b, -y.x * t, y.x * b);
-        self.gradient_rotation += u * ru + v * rv;
-        self.gradient_translation += Vector3::new(a * ru, b * rv, s * ru + t * rv);
-        self.rotation_rotation.add_square(&u);
-        self.rotation_rotation.add_square(&v);
-        self.rotation_translation += Matrix3::from_columns(&[u * a, v * b, u * s + v * t]);
-        let tt = &mut self.translation_translation.0;
-        tt[0] += a * a;
-        tt[2] += a * s;
-        tt[3] += b * b;
-        tt[4] += b * t;
-        tt[5] += s * s + t * t;
+    /// Where the cost ends before the valley does, the edge is the answer, but no vanishing gradient is claimed.
+    #[test]
+    fn an_edge_is_no_progress() {
+        let found = minimize(&Valley { edge: 0.5, bend: 0.0 }, [0.5, 0.0], &Tolerance::FINE).expect("a cost");
+        assert_eq!(found.ending, Ending::NoProgress);
+        assert!(found.is_minimum() && (found.state[0] - 0.5).abs() < 1e-3, "{found:?}");
     }
 
-    /// Adds the residuals of another set.
-    pub(crate) fn merge(&mut self, other: &NormalEquations) {
-        let sum = |a: &Symmetric3, b: &Symmetric3| Symmetric3(core::array::from_fn(|i| a.0[i] + b.0[i]));
-        self.chi2 += other.chi2;
-        self.gradient_rotation += other.gradient_rotation;
-        self.gradient_translation += other.gradient_translation;
-        self.rotation_rotation = sum(&self.rotation_rotation, &other.rotation_rotation);
-        self.rotation_translation += other.rotation_translation;
-        self.translation_translation = sum(&self.translation_translation, &other.translation_translation);
-    }
-
-    /// The same residuals where the motion they see is the pose's plus an unknown one of covariance S, the best of which is
-    /// eliminated: docs/math/rig_pose.md eqs. (5)–(6). None where the inverse does not exist.
-    pub(crate) fn with_uncertain_motion(&self, covariance: &Matrix6) -> Option<Self> {
-        let (information, gradient) = (self.information(), self.gradient());
-        let share = (Matrix6::identity() + information * covariance).try_inverse()?;
-        let eliminated = share * gradient;
-        let information = share * information;
-        let symmetric = |at: usize| {
-            let entry =
-                |i: usize, j: usize| 0.5 * (information[(at + i, at + j)] + information[(at + j, at + i)]);
-            Symmetric3([entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)])
-        };
-        Some(NormalEquations {
-            chi2: self.chi2 - gradient.dot(&(covariance * eliminated)),
-            gradient_rotation: eliminated.fixed_rows::<3>(0).into(),
-            gradient_translation: eliminated.fixed_rows::<3>(3).into(),
-            rotation_rotation: symmetric(0),
-            rotation_translation: information.fixed_view::<3, 3>(0, 3).into(),
-            translation_translation: symmetric(3),
-        })
-    }
-
-    /// Jᵀr.
-    pub(crate) fn gradient(&self) -> Vector6 {
-        let (w, v) = (&self.gradient_rotation, &self.gradient_translation);
-        Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z)
-    }
-
-    /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
-    ///
-    /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.
-    #[inline(always)] // also where the loop is built for more than one cost
-    fn step(&self, damping: f64) -> Option<(Vector6, f64)> {
-        let tt = self.translation_translation.damped(damping).inverse()?;
-        let gain = self.rotation_translation * tt;
-        let ww = self
-            .rotation_rotation
-            .damped(damping)
-            .minus_product(&gain, &self.rotation_translation)
-            .inverse()?;
-        let w = ww * (self.gradient_rotation - gain * self.gradient_translation);
-        let v = tt * (self.gradient_translation - self.rotation_translation.tr_mul(&w));
-        // gᵀδ: exactly the decrease for no damping, a little more than promised otherwise.
-        let promised = w.dot(&self.gradient_rotation) + v.dot(&self.gradient_translation);
-        promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
-    }
-
-    /// The fall of χ² that an undamped step promises; none where the points do not determine the pose.
-    pub(crate) fn promised(&self) -> Option<f64> {
-        self.step(0.0).map(|(_, promised)| promised)
-    }
-
-    /// JᵀJ by the motion about the pivot, `[rotation; translation]`.
-    pub fn information(&self) -> Matrix6 {
-        let (rr, tt) = (&self.rotation_rotation, &self.translation_translation);
-        Matrix6::from_fn(|i, j| match (i < 3, j < 3) {
-            (true, true) => rr.at(i, j),
-            (true, false) => self.rotation_translation[(i, j - 3)],
-            (false, true) => self.rotation_translation[(j, i - 3)],
-            (false, false) => tt.at(i - 3, j - 3),
-        })
-    }
-
-    /// Jᵀr by the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
-    pub fn gradient_at_camera(&self, pivot_in_cam: &Point) -> Vector6 {
-        let f = &self.gradient_translation;
-        let t = self.gradient_rotation + pivot_in_cam.cross(f);
-        Vector6::new(t.x, t.y, t.z, f.x, f.y, f.z)
-    }
-
-    /// Covariance (JᵀJ)⁻¹ of the small left motion of the camera frame, from that about the pivot:
-    /// ν_left = ν + c × ω. None where the points do not determine the pose.
-    pub fn covariance_at_camera(&self, pivot_in_cam: &Point) -> Option<Matrix6> {
-        let tt = self.translation_translation.inverse()?;
-        let gain = self.rotation_translation * tt;
-        let ww = self.rotation_rotation.minus_product(&gain, &self.rotation_translation).inverse()?;
-        // With ν_left = ν + c × ω and ν = −gainᵀω + (what translation alone leaves free, tt): ν_left = M ω + …,
-        // M = [c]× − gainᵀ, so that the blocks are ww, ww Mᵀ and tt + M ww Mᵀ.
-        let m = pivot_in_cam.cross_matrix() - gain.transpose();
-        let cross = ww * m.transpose();
-        let place = m * cross;
-        let mut covariance = Matrix6::zeros();
-        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&ww);
-        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
-        covariance.fixed_view_mut::<3, 3>(3, 0).tr_copy_from(&cross);
-        for i in 0..3 {
-            for j in i..3 {
-                let entry = tt[(i, j)] + place[(i, j)];
-                covariance[(3 + i, 3 + j)] = entry;
-                covariance[(3 + j, 3 + i)] = entry;
+    /// Costs for which there is no start, no positive matrix, no number.
+    #[test]
+    fn what_cannot_be_lowered_is_not_called_a_minimum() {
+        assert!(minimize(&Valley { edge: 0.0, bend: 1.0 }, [1.0, 1.0], &Tolerance::FINE).is_none());
+        assert!(minimize(&Valley { edge: 9.0, bend: 1.0 }, [f64::NAN, 1.0], &Tolerance::FINE).is_none());
+        struct Flat;
+        impl LeastSquares for Flat {
+            type State = f64;
+            type Equations = f64;
+            type Step = f64;
+            fn evaluate(&self, x: &f64) -> Option<f64> {
+                Some(x * x)
+            }
+            fn chi2(cost: &f64) -> f64 {
+                *cost
+            }
+            fn step(&self, _: &f64, _: f64) -> Option<(f64, f64)> {
+                None
+            }
+            fn apply(&self, x: &f64, step: &f64) -> Option<f64> {
+                Some(x + step)
             }
         }
-        covariance.sum().is_finite().then_some(covariance)
-    }
-}
-
-impl Symmetric3 {
-    fn at(&self, i: usize, j: usize) -> f64 {
-        let (i, j) = (i.min(j), i.max(j));
-        self.0[i * (5 - i) / 2 + j]
-    }
-
-    #[inline(always)]
-    fn add_square(&mut self, v: &Vector3<f64>) {
-        let m = &mut self.0;
-        m[0] += v.x * v.x;
-        m[1] += v.x * v.y;
-        m[2] += v.x * v.z;
-        m[3] += v.y * v.y;
-        m[4] += v.y * v.z;
-        m[5] += v.z * v.z;
-    }
-
-    #[inline(always)]
-    fn damped(&self, damping: f64) -> Self {
-        let [a, b, c, d, e, f] = self.0;
-        let s = 1.0 + damping;
-        Symmetric3([a * s, b, c, d * s, e, f * s])
-    }
-
-    /// self − A Bᵀ, a product known to be symmetric.
-    #[inline(always)]
-    fn minus_product(&self, a: &Matrix3<f64>, b: &Matrix3<f64>) -> Self {
-        let p = |i: usize, j: usize| a[(i, 0)] * b[(j, 0)] + a[(i, 1)] * b[(j, 1)] + a[(i, 2)] * b[(j, 2)];
-        let m = self.0;
-        Symmetric3([
-            m[0] - p(0, 0),
-            m[1] - p(0, 1),
-            m[2] - p(0, 2),
-            m[3] - p(1, 1),
-            m[4] - p(1, 2),
-            m[5] - p(2, 2),
-        ])
-    }
-
-    /// Inverse by cofactors; none when the matrix is not positive definite or not finite.
-    #[inline(always)]
-    fn inverse(&self) -> Option<Matrix3<f64>> {
-        let [a, b, c, d, e, f] = self.0;
-        let (ca, cb, cc, minor) = (d * f - e * e, c * e - b * f, b * e - c * d, a * d - b * b);
-        let det = a * ca + b * cb + c * cc;
-        let positive = 0.0 < a && 0.0 < minor && 0.0 < det && det.is_finite();
-        if !positive {
-            return None;
-        }
-        let i = 1.0 / det;
-        let (cd, ce, cf) = (a * f - c * c, b * c - a * e, minor);
-        Some(Matrix3::new(ca * i, cb * i, cc * i, cb * i, cd * i, ce * i, cc * i, ce * i, cf * i))
+        let found = minimize(&Flat, 3.0, &Tolerance::FINE).expect("a cost");
+        assert_eq!((found.ending, found.is_minimum(), found.state), (Ending::NotConverged, false, 3.0));
     }
 }

@@ -1,12 +1,24 @@
 //! Where is the camera? Pose from a few known points, with its covariance and its ambiguity.
 //!
-//! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each
-//! may use those above it, never those below (tests/tidy.rs).
+//! ```text
+//! error statistics covariance pose polynomial camera target correspondence line
+//! solve          closed forms; `solve.rs` is the table
+//! least_squares  one Levenberg–Marquardt over one trait
+//! locate         one camera: points, lines and priors to a pose with covariance and ambiguity
+//! robust         consensus where correspondences may be wrong
+//! multiview      rigs, pose graphs, hand–eye, networks of photographs, points from several views
+//! temporal       tracks, change detection, comparison of calibrations
+//! batch          many views at once, in SIMD
+//! advise         what the next observation is worth
+//! ```
+//! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each may use those above it, never those below
+//! (tests/tidy.rs).
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod error;
+pub mod statistics;
 pub mod covariance;
 pub mod pose;
 pub mod polynomial;
@@ -16,71 +28,23 @@ pub mod target;
 pub mod correspondence;
 pub mod line;
 pub mod solve;
-pub mod choose;
-pub mod prior;
-mod factor;
-pub mod loss;
-#[cfg(feature = "std")]
-mod clustered;
 pub mod least_squares;
-pub mod group;
-pub mod problem;
-mod accumulate;
-mod reweight;
-mod sandwich;
-pub mod refine;
-mod curvature;
-mod posterior;
-pub mod consistency;
-pub mod known_rotation;
-pub mod locate_lines;
-mod method;
-mod search;
-mod held;
-mod upright;
-mod literal;
-mod intrinsics;
-mod shared_error;
-mod doubt;
 pub mod locate;
-pub mod observability;
 #[cfg(feature = "std")]
-pub mod tag_map;
+pub mod robust;
+pub mod multiview;
+#[cfg(feature = "std")]
+pub mod temporal;
 #[cfg(feature = "batch")]
 pub mod batch;
 #[cfg(feature = "std")]
-pub mod frames;
-pub mod rig_pose;
-#[cfg(feature = "std")]
-pub mod triangulate;
-#[cfg(feature = "std")]
-pub mod survey;
-#[cfg(feature = "std")]
-pub mod robust;
-#[cfg(feature = "std")]
-pub mod turn;
-#[cfg(feature = "std")]
-pub mod rig;
-#[cfg(feature = "std")]
-mod relative;
-#[cfg(feature = "std")]
-pub mod pose_graph;
-#[cfg(feature = "std")]
-pub mod hand_eye;
-#[cfg(feature = "std")]
-pub mod compare;
-#[cfg(feature = "std")]
 pub mod advise;
-#[cfg(feature = "std")]
-pub mod snapshot;
-#[cfg(feature = "std")]
-pub mod track;
-#[cfg(feature = "std")]
-pub mod monitor;
 
 pub use camera::{Camera, CameraMatrix, Lens};
 pub use correspondence::Correspondence;
 pub use error::Error;
+pub use locate::prior::Prior;
+pub use locate::{Method, PoseEstimate};
 pub use pose::Pose;
 #[cfg(feature = "std")]
 pub use target::Target;

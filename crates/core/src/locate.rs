@@ -2,25 +2,50 @@
 //!
 //! classify → closed form → refine each candidate → choose → consistency. Each line of `locate` is one file.
 
-use crate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
-use crate::consistency::{Consistency, consistency, noise_scale};
-use crate::curvature::Bends;
-use crate::doubt::{Doubts, Whole, allow_for_intrinsics, check_known};
-use crate::group::RigidGroup;
-use crate::held::{hold, may_hold, start_from_priors};
-use crate::literal::literal;
-use crate::loss::Loss;
-pub use crate::method::Method;
-use crate::method::resolve;
-use crate::posterior::{lead_with_the_most_probable, weights};
-use crate::prior::Prior;
-use crate::problem::Problem;
-use crate::refine::OVERFLOW;
-use crate::sandwich::evidence;
-use crate::search::{search, weakness_of_rivals};
+pub mod choose;
+pub mod prior;
+pub(crate) mod factor;
+pub mod loss;
+pub mod group;
+pub mod problem;
+pub(crate) mod accumulate;
+pub(crate) mod reweight;
+pub(crate) mod sandwich;
+pub mod refine;
+pub(crate) mod curvature;
+pub(crate) mod posterior;
+pub mod consistency;
+pub mod known_rotation;
+pub mod lines;
+pub(crate) mod method;
+pub(crate) mod multi_start;
+mod prior_start;
+mod upright;
+mod wang_covariance;
+mod intrinsics;
+mod shared_error;
+pub(crate) mod uncertainty;
+pub mod observability;
+
+use crate::locate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
+use crate::locate::consistency::{Consistency, consistency, noise_scale};
+use crate::locate::curvature::Bends;
+use crate::locate::group::RigidGroup;
+use crate::locate::loss::Loss;
+pub use crate::locate::method::Method;
+use crate::locate::method::resolve;
+use crate::locate::multi_start::{search, weakness_of_rivals};
+use crate::locate::posterior::{lead_with_the_most_probable, weights};
+use crate::locate::prior::Prior;
+use crate::locate::prior_start::{hold, may_hold, start_from_priors};
+use crate::locate::problem::Problem;
+use crate::locate::refine::OVERFLOW;
+use crate::locate::sandwich::evidence;
+use crate::locate::uncertainty::{Doubts, Whole, allow_for_intrinsics, check_known};
+use crate::locate::upright::upright;
+use crate::locate::wang_covariance::literal;
 use crate::solve::configuration::{Configuration, Geometry, survey};
 use crate::solve::line_plus_one::Weakness;
-use crate::upright::upright;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
 /// What to do beyond the defaults.

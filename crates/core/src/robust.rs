@@ -3,7 +3,7 @@
 //! sample three → P3P → count, given up early → polish the truncated cost → is it more than chance? → enough samples? →
 //! `locate` on those that agree. Derivation: docs/math/robust.md.
 
-pub(crate) mod chance;
+mod order;
 mod sights;
 mod evidence;
 mod sampling;

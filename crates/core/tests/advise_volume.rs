@@ -7,7 +7,7 @@ use resight_core::advise::change::{cost, tried};
 use resight_core::advise::expect::{View, expect, worst_sigmas};
 use resight_core::advise::volume::{Shape, Volume, outlook, poses};
 use resight_core::camera::{ImageSize, Pinhole};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
 use resight_core::target::{LinePlusOne, Tag, Target};
 use resight_core::{Camera, CameraMatrix, Point, Pose};

@@ -2,10 +2,10 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix2, Vector2, Vector3};
-use resight_core::choose::Ambiguity;
 use resight_core::correspondence::{Detection, PixelCovariance, correspond};
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
-use resight_core::refine::refine;
 use resight_core::target::{Feature, NamedPoint, Target};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose};
 

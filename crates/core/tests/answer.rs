@@ -3,11 +3,11 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Vector2, Vector3};
-use resight_core::choose::Hypothesis;
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::Hypothesis;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::observability::{Axis, Observability};
+use resight_core::locate::refine::residual_px;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::observability::{Axis, Observability};
-use resight_core::refine::residual_px;
 use resight_core::solve::configuration::Configuration;
 use resight_core::solve::p3p::p3p;
 use resight_core::{Camera, Correspondence, Matrix6, Point, Pose, Vector6};

@@ -4,7 +4,7 @@ use crate::common::Rng;
 use crate::common::sentry::{SIGMA, covariance, errors};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::attribute::{Attribution, Edge, attribute};
+use resight_core::temporal::monitor::attribute::{Attribution, Edge, attribute};
 
 /// Two cameras (0, 1) and two targets (2, 3), every pair seen.
 const ALL: [(usize, usize); 4] = [(0, 2), (0, 3), (1, 2), (1, 3)];

@@ -2,8 +2,10 @@
 
 use crate::common::Rng;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
-use resight_core::pose_graph::{PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph};
+use resight_core::multiview::pose_graph::{
+    PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph,
+};
+use resight_core::temporal::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
 use resight_core::{Error, Matrix6, Pose, Vector6};
 
 fn motion(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Vector6 {

@@ -8,18 +8,22 @@ use crate::common::views;
 use crate::common::wild::{covariance, feed, is_whole, number, pose, seen, spoil};
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
 use resight_core::covariance::is_covariance;
-use resight_core::hand_eye::{Candidate as HandCandidate, HandEyeConfig, HandView, Mount, solve_hand_eye};
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, locate};
-use resight_core::monitor::DriftNoise;
-use resight_core::monitor::{Monitor, MonitorConfig, Reading, Reference, Watch};
-use resight_core::pose_graph::{PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph};
-use resight_core::refine::refine;
-use resight_core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
-use resight_core::rig_pose::{RigView, locate_rig};
-use resight_core::track::{Candidate, TrackConfig, Tracker};
-use resight_core::triangulate::{PointView, isotropic, triangulate};
+use resight_core::multiview::hand_eye::{
+    Candidate as HandCandidate, HandEyeConfig, HandView, Mount, solve_hand_eye,
+};
+use resight_core::multiview::pose_graph::{
+    PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph,
+};
+use resight_core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight_core::multiview::rig_pose::{RigView, locate_rig};
+use resight_core::multiview::triangulate::{PointView, isotropic, triangulate};
+use resight_core::temporal::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
+use resight_core::temporal::monitor::DriftNoise;
+use resight_core::temporal::monitor::{Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::track::{Candidate, TrackConfig, Tracker};
 
 #[test]
 fn locate_answers_in_numbers() {

@@ -8,10 +8,10 @@ use resight_core::advise::expect::{View, expect};
 use resight_core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight_core::covariance::is_covariance;
 use resight_core::locate::PoseEstimate;
+use resight_core::multiview::network::{Fact, Survey, SurveyCamera, adjust};
 use resight_core::robust::{Config, consensus};
-use resight_core::survey::{Fact, Survey, SurveyCamera, adjust};
 use resight_core::target::KnownPoint;
-use resight_core::turn::{Landmark, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{Landmark, TurnConfig, turn};
 use resight_core::{Error, Pixel, Point, Pose, Vector6};
 
 fn pixels<const N: usize>(rng: &mut Rng, points: &[Point]) -> [Pixel; N] {

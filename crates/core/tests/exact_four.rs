@@ -2,10 +2,10 @@
 
 use crate::common::Rng;
 use nalgebra::Vector3;
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::refine::refine;
 use resight_core::solve::{p3p::p3p, planar::planar, sqpnp::sqpnp};
 use resight_core::{Correspondence, Point, Pose};
 

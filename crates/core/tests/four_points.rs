@@ -7,9 +7,9 @@
 use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
-use resight_core::choose::{Ambiguity, Hypothesis};
+use resight_core::locate::choose::{Ambiguity, Hypothesis};
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::refine::refine;
 use resight_core::solve::{p3p::p3p, planar::planar, sqpnp::sqpnp};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 

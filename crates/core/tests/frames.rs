@@ -7,7 +7,7 @@ use crate::common::Rng;
 use crate::common::views::looking_at;
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::camera::{BrownConrady, Pinhole};
-use resight_core::frames::{
+use resight_core::multiview::intrinsics_check::{
     FALSE_ALARM_RATE, Focal, Free, Group, MAX_RELATIVE_SIGMA, RefinedIntrinsics, check_intrinsics,
     refine_intrinsics,
 };

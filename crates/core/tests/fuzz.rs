@@ -2,8 +2,8 @@
 
 use crate::common::{Rng, views};
 use nalgebra::Unit;
-use resight_core::choose::{Ambiguity, Minimum};
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::{Ambiguity, Minimum};
+use resight_core::locate::consistency::Consistency;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
 use resight_core::solve::line_plus_one::Weakness;
 use resight_core::{Correspondence, Point};

@@ -5,7 +5,7 @@
 use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Point, Pose};
 

@@ -6,10 +6,10 @@ use crate::common::hands::{
 };
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector3, Vector6};
-use resight_core::hand_eye::{
+use resight_core::multiview::hand_eye::{
     Candidate, HandEyeConfig, HandView, Height, Mount, RejectedView, solve_hand_eye,
 };
-use resight_core::rig_pose::RigView;
+use resight_core::multiview::rig_pose::RigView;
 use resight_core::{Correspondence, Error, Point, Pose};
 
 const MOUNTS: [Mount; 2] = [Mount::CameraOnHand, Mount::TargetOnHand];

@@ -7,7 +7,7 @@ use crate::common::hands::{
 use crate::common::sessions::{Robot, Session, camera, solved};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::camera::BrownConrady;
-use resight_core::hand_eye::{Candidate, HandEye, HandEyeCause, HandView, Mount, solve_hand_eye};
+use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeCause, HandView, Mount, solve_hand_eye};
 use resight_core::{Camera, CameraMatrix, Lens, Pose};
 
 const MOUNTS: [Mount; 2] = [Mount::CameraOnHand, Mount::TargetOnHand];

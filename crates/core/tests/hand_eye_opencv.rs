@@ -3,7 +3,7 @@
 use crate::common::hands::squared;
 use nalgebra::{Matrix6, Vector3, Vector6};
 use resight_core::Pose;
-use resight_core::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, solve_hand_eye};
+use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, solve_hand_eye};
 
 /// A row of the table: what, of which problem, 3×4.
 fn table_rows() -> Vec<(&'static str, usize, Pose)> {

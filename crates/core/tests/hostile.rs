@@ -3,8 +3,8 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector2, Vector3};
-use resight_core::consistency::Consistency;
 use resight_core::correspondence::{Detection, correspond};
+use resight_core::locate::consistency::Consistency;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
 use resight_core::target::{Feature, LinePlusOne, NamedPoint};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose, Target, Vector6};

@@ -2,8 +2,8 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
-use resight_core::known_rotation::{Known, KnownRotation, Placed, place};
 use resight_core::line::{ImageLine, LineCorrespondence};
+use resight_core::locate::known_rotation::{Known, KnownRotation, Placed, place};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;

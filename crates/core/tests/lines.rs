@@ -2,12 +2,12 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::is_unlikely;
-use resight_core::known_rotation::{KnownRotation, place};
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate_lines::{LinesEstimate, locate_lines, refine_lines};
-use resight_core::problem::Problem;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::is_unlikely;
+use resight_core::locate::known_rotation::{KnownRotation, place};
+use resight_core::locate::lines::{LinesEstimate, locate_lines, refine_lines};
+use resight_core::locate::problem::Problem;
 use resight_core::solve::line_rotation::line_rotation;
 use resight_core::solve::vanishing::{rotations, vanishing_point};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose, Vector6};

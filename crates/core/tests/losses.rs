@@ -2,11 +2,11 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
-use resight_core::consistency::Consistency;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::loss::Loss;
+use resight_core::locate::problem::Problem;
+use resight_core::locate::refine::{refine, refine_problem};
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::loss::Loss;
-use resight_core::problem::Problem;
-use resight_core::refine::{refine, refine_problem};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;

@@ -6,8 +6,10 @@ use crate::common::sentry::{
 };
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Error;
-use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{Course, DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn};
+use resight_core::temporal::monitor::{
+    Course, DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch,
+};
 
 /// Times of the false alarms of thirty days at 1 Hz, started anew after each.
 fn false_alarms_s(rate: f64, seed: u64) -> Vec<f64> {

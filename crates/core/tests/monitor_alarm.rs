@@ -6,8 +6,8 @@
 use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::learn::{LearnConfig, learn, unsettled};
-use resight_core::monitor::{Alone, Course, Drift, Monitor, MonitorConfig, Reading, Watch};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn, unsettled};
+use resight_core::temporal::monitor::{Alone, Course, Drift, Monitor, MonitorConfig, Reading, Watch};
 
 const HOUR_S: f64 = 3600.0;
 

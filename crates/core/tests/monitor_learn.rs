@@ -3,8 +3,8 @@
 use crate::common::Rng;
 use crate::common::sentry::{REALISTIC, SIGMA, Scene, Stream, WHITE, covariance, pan};
 use nalgebra::{Matrix6, Vector6};
-use resight_core::monitor::learn::{LearnConfig, learn, unsettled};
-use resight_core::monitor::{Drift, FALSE_ALARM_PROBABILITY, Reading, Unrest, Unsettled};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn, unsettled};
+use resight_core::temporal::monitor::{Drift, FALSE_ALARM_PROBABILITY, Reading, Unrest, Unsettled};
 
 fn nothing_stated() -> LearnConfig {
     LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() }

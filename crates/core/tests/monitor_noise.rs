@@ -5,7 +5,7 @@
 
 use crate::common::conditions::{Condition, DAY_S, Scene, alarms};
 use nalgebra::Vector6;
-use resight_core::monitor::{Monitor, MonitorConfig, Watch};
+use resight_core::temporal::monitor::{Monitor, MonitorConfig, Watch};
 
 const fn correlated(share: f64, time_s: f64) -> Condition {
     Condition::Correlated { share, time_s }

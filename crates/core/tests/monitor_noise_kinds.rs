@@ -7,8 +7,8 @@ use crate::common::Rng;
 use crate::common::conditions::{Condition, DAY_S, alarms_among};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 const fn correlated(share: f64, time_s: f64) -> Condition {
     Condition::Correlated { share, time_s }

@@ -3,9 +3,9 @@
 use crate::common::carried::{Scene, Seen, lens, moment};
 use crate::common::conditions::{Condition, DAY_S};
 use nalgebra::{Matrix6, Vector6};
-use resight_core::monitor::MonitorConfig;
-use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::rig::{RigMoment, RigMonitor, learn_rig};
+use resight_core::temporal::monitor::MonitorConfig;
+use resight_core::temporal::monitor::learn::LearnConfig;
+use resight_core::temporal::monitor::rig::{RigMoment, RigMonitor, learn_rig};
 
 const fn correlated(share: f64, time_s: f64) -> Condition {
     Condition::Correlated { share, time_s }

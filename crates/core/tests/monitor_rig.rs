@@ -2,12 +2,12 @@
 
 use nalgebra::{DMatrix, Matrix6, Vector2, Vector6};
 use resight_core::Error;
-use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::rig::{
+use resight_core::temporal::monitor::learn::LearnConfig;
+use resight_core::temporal::monitor::rig::{
     RigMoment, RigMonitor, RigReference, RigUnsettled, SightNoise, learn_rig, unsettled_rig,
 };
-use resight_core::monitor::{MonitorConfig, Unrest, Watch};
-use resight_core::snapshot::Snapshot;
+use resight_core::temporal::monitor::{MonitorConfig, Unrest, Watch};
+use resight_core::temporal::snapshot::Snapshot;
 
 use crate::common::carried::{PERIOD_S, Scene, Seen, lens, moment, places};
 

@@ -6,9 +6,9 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, Method, locate};
-use resight_core::refine::refine;
 use resight_core::{Correspondence, Matrix6, Point, Pose};
 
 /// Which points.

@@ -2,7 +2,7 @@
 
 use crate::common::Rng;
 use nalgebra::{DMatrix, Matrix6, Vector6};
-use resight_core::pose_graph::{
+use resight_core::multiview::pose_graph::{
     PairNoise, PairSigma, PoseGraph, PoseGraphConfig, PoseGraphSolution, RelativePose, chain, groups,
     solve_pose_graph,
 };

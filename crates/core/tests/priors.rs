@@ -5,11 +5,11 @@
 use crate::common::Rng;
 use nalgebra::{Rotation3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::prior::Prior;
+use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
-use resight_core::prior::Prior;
-use resight_core::refine::refine;
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;

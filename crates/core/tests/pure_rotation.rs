@@ -2,7 +2,7 @@
 
 use crate::common::Rng;
 use nalgebra::{Matrix3, Unit, Vector3};
-use resight_core::consistency::is_unlikely;
+use resight_core::locate::consistency::is_unlikely;
 use resight_core::solve::pure_rotation::{DirectionPair, pure_rotation};
 use resight_core::{Error, Pose};
 

@@ -2,7 +2,7 @@
 
 use crate::common::{Rng, views};
 use nalgebra::Vector2;
-use resight_core::consistency::Consistency;
+use resight_core::locate::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::{Correspondence, Error, Pixel, Point};
 
@@ -72,7 +72,7 @@ fn many_rows_of_few_places_are_answered() {
                 "{name}"
             );
             let truth = views::oblique();
-            let nees = |h: resight_core::choose::Hypothesis| {
+            let nees = |h: resight_core::locate::choose::Hypothesis| {
                 let off = (truth * h.minimum.cam_from_target.inverse()).log();
                 let information = h.minimum.covariance.try_inverse().expect("a covariance");
                 (off.transpose() * information * off)[(0, 0)]
@@ -95,7 +95,7 @@ fn two_places_on_one_line_of_sight_are_answered() {
             let mut seen = views::seen_from(&truth, &points, SIGMA_PX);
             (seen[far].pixel, seen[far].bearing) = (seen[near].pixel, seen[near].bearing);
             let e = solve(&seen).unwrap_or_else(|reason| panic!("{name} {near} {far}: {reason}"));
-            let off = |h: resight_core::choose::Hypothesis| {
+            let off = |h: resight_core::locate::choose::Hypothesis| {
                 (truth * h.minimum.cam_from_target.inverse()).log().norm()
             };
             let nearest = e.minima().filter(|h| h.is_rival).map(off).fold(f64::INFINITY, f64::min);

@@ -3,7 +3,7 @@
 use crate::common::rooms::{self, Room};
 use crate::common::{Rng, views};
 use nalgebra::Vector2;
-use resight_core::rig::{
+use resight_core::multiview::rig::{
     KnownDistance, RejectedSighting, RigConfig, RigProblem, Sighting, shared_views, solve_rig,
 };
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
@@ -128,7 +128,7 @@ fn indices_and_numbers_that_cannot_be_are_named() {
                 .starts_with("known_distances is")
         );
     }
-    let loss = resight_core::loss::Loss::Huber { sigmas: f64::NAN };
+    let loss = resight_core::locate::loss::Loss::Huber { sigmas: f64::NAN };
     assert!(refused(&RigConfig { loss, ..RigConfig::default() }).contains("threshold"));
 }
 

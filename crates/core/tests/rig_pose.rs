@@ -6,9 +6,9 @@
 use crate::common::rigs::{FAMILIES, Family, Made, SIGMA_PX, chi2, head, solve, vehicle, views_of};
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
-use resight_core::rig_pose::{RigAmbiguity, RigConsistency, locate_rig};
+use resight_core::multiview::rig_pose::{RigAmbiguity, RigConsistency, locate_rig};
 use resight_core::{Correspondence, Error, Point, Pose};
 
 /// Also with three points in three cameras, where up to eight poses fit exactly: then one of the two returned need not be

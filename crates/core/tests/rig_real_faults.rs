@@ -6,7 +6,7 @@
 
 use crate::common::recordings::{Recording, chessboard, webcams};
 use crate::recorded::recorded;
-use resight_core::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
+use resight_core::multiview::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
 use resight_core::{Error, Vector6};
 
 /// Differences below these are nobody's concern.

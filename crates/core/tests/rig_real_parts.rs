@@ -5,7 +5,7 @@ use crate::common::recordings::{Recording, chessboard, webcams};
 use crate::common::{Rng, rooms};
 use crate::recorded::recorded;
 use resight_core::Matrix6;
-use resight_core::rig::{RigConfig, RigSolution};
+use resight_core::multiview::rig::{RigConfig, RigSolution};
 
 /// Squared differences of all pairs of parts and cameras in units of their covariances, as stated and by the inverse information
 /// times χ² per degree of freedom.

@@ -3,7 +3,7 @@
 use crate::common::rooms::Room;
 use crate::common::{Rng, outliers, rooms};
 use nalgebra::Vector2;
-use resight_core::rig::{GATE_SIGMAS, RejectedSighting, RigConfig, Sighting};
+use resight_core::multiview::rig::{GATE_SIGMAS, RejectedSighting, RigConfig, Sighting};
 use resight_core::{Correspondence, Point, Pose};
 
 /// A board and a tag of 8 cm in a ring of six cameras.
@@ -134,7 +134,7 @@ fn a_moved_target_is_said() {
 /// The most precise estimate is that of the square where nothing is wrong; the others cost what they are known to.
 #[test]
 fn losses_cost_what_they_are_known_to() {
-    use resight_core::loss::Loss;
+    use resight_core::locate::loss::Loss;
     let losses = [
         Loss::Squared,
         Loss::Huber { sigmas: 1.5 },

@@ -4,7 +4,7 @@
 use crate::common::rooms::Room;
 use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, Vector2};
-use resight_core::rig::{RigConfig, Sighting};
+use resight_core::multiview::rig::{RigConfig, Sighting};
 use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};
 
 /// What is wrong with every sighting, beyond the pixels.

@@ -4,7 +4,7 @@ use crate::common::rooms::Room;
 use crate::common::{Rng, rooms};
 use nalgebra::{Matrix3, Vector3};
 use resight_core::camera::{Photogrammetric, PhotogrammetricParameters};
-use resight_core::rig::{BodyInView, RigConfig, RigSolution, Sighting};
+use resight_core::multiview::rig::{BodyInView, RigConfig, RigSolution, Sighting};
 use resight_core::{Camera, Correspondence, Lens, Point, Pose, Vector6};
 
 /// Largest difference of any body's place from the truth.

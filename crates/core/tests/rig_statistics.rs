@@ -5,7 +5,7 @@ use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::camera::{DoubleSphere, KannalaBrandt};
 use resight_core::correspondence::PixelCovariance;
-use resight_core::rig::{RigConfig, Sighting};
+use resight_core::multiview::rig::{RigConfig, Sighting};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Pose, Vector6};
 
 /// The Cramér–Rao bound of all cameras but the first, by central differences of exact pixels over every unknown.

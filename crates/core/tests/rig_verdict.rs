@@ -4,7 +4,7 @@
 
 use crate::common::rooms::{self, Room};
 use crate::common::{Rng, views};
-use resight_core::rig::{Cause, RigConfig, RigSolution, Sighting};
+use resight_core::multiview::rig::{Cause, RigConfig, RigSolution, Sighting};
 use resight_core::{Camera, Correspondence, Error, Point, Pose, Vector6};
 
 const N_VIEWS: usize = 30;

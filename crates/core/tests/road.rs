@@ -2,11 +2,11 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector2, Vector3};
-use resight_core::choose::Ambiguity;
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate_lines::{LinesEstimate, locate_lines, refine_lines};
-use resight_core::prior::Prior;
-use resight_core::problem::Problem;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::lines::{LinesEstimate, locate_lines, refine_lines};
+use resight_core::locate::prior::Prior;
+use resight_core::locate::problem::Problem;
 use resight_core::{Error, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;

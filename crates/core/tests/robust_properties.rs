@@ -4,10 +4,10 @@
 use crate::common::outliers::{Scene, any_pixel, camera, scene};
 use crate::common::{Rng, views};
 use resight_core::camera::{BrownConrady, KannalaBrandt};
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::refine::residual_px;
 use resight_core::locate::{self, locate};
-use resight_core::refine::residual_px;
 use resight_core::robust::{Config, Consensus, consensus};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
 

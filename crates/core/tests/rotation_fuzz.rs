@@ -3,11 +3,11 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector3};
-use resight_core::known_rotation::{Known, KnownRotation, place};
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate_lines::locate_lines;
-use resight_core::prior::Prior;
-use resight_core::problem::Problem;
+use resight_core::locate::known_rotation::{Known, KnownRotation, place};
+use resight_core::locate::lines::locate_lines;
+use resight_core::locate::prior::Prior;
+use resight_core::locate::problem::Problem;
 use resight_core::solve::line_rotation::line_rotation;
 use resight_core::solve::pure_rotation::{DirectionPair, pure_rotation};
 use resight_core::solve::upright_p2p::upright_p2p;

@@ -5,7 +5,7 @@
 
 use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector2, Vector3};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
 use resight_core::{Camera, Correspondence, Pixel, Point, Pose};
 

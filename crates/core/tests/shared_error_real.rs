@@ -6,9 +6,9 @@
 use crate::common::rooms;
 use crate::recorded::recorded;
 use resight_core::camera::{BrownConrady, KannalaBrandt};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight_core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Pixel, Point};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -2,9 +2,9 @@
 
 use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
-use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
-use resight_core::snapshot::Snapshot;
-use resight_core::track::{Candidate, Motion, TrackConfig, Tracker};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::snapshot::Snapshot;
+use resight_core::temporal::track::{Candidate, Motion, TrackConfig, Tracker};
 use resight_core::{Error, Pose};
 
 const SIGMA: f64 = 1e-3;

@@ -5,7 +5,7 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, Method, locate};
 use resight_core::{Camera, Correspondence, Point, Pose};
 

@@ -3,7 +3,7 @@
 use crate::common::Rng;
 use crate::common::accident::{Scene, looking_at, photos};
 use nalgebra::Vector3;
-use resight_core::survey::{Adjusted, Fact, Frame, Item, Plane, Query, Survey, adjust};
+use resight_core::multiview::network::{Adjusted, Fact, Frame, Item, Plane, Query, Survey, adjust};
 use resight_core::{Error, Point};
 
 fn solve(scene: &Scene, facts: &[Fact]) -> Result<Adjusted, Error> {
@@ -281,7 +281,7 @@ fn impossible_facts_are_refused() {
                 photo: 9,
                 point: 0,
                 pixel: Default::default(),
-                covariance_px2: resight_core::triangulate::isotropic(1.0),
+                covariance_px2: resight_core::multiview::triangulate::isotropic(1.0),
             }
         },
         |f| {
@@ -289,7 +289,7 @@ fn impossible_facts_are_refused() {
                 photo: 0,
                 point: 99,
                 pixel: Default::default(),
-                covariance_px2: resight_core::triangulate::isotropic(1.0),
+                covariance_px2: resight_core::multiview::triangulate::isotropic(1.0),
             }
         },
         |f| f[0] = Fact::Distance { a: 0, b: 1, distance_m: f64::NAN, sigma_m: 0.1 },

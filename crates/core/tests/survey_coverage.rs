@@ -5,7 +5,7 @@ use crate::common::Rng;
 use crate::common::accident::{Scene, intrinsics, photos};
 use nalgebra::Vector3;
 use resight_core::Point;
-use resight_core::survey::{Fact, Plane, Query, adjust};
+use resight_core::multiview::network::{Fact, Plane, Query, adjust};
 
 /// How often each query's interval covered, by name.
 struct Count {

@@ -4,8 +4,8 @@ use crate::common::Rng;
 use crate::common::surveys::{Drawn, Known, ring, row};
 use nalgebra::Vector3;
 use resight_core::camera::Pinhole;
-use resight_core::survey::{Adjusted, Fact, Query, Survey, SurveyCamera, SurveyStatus, adjust};
-use resight_core::triangulate::isotropic;
+use resight_core::multiview::network::{Adjusted, Fact, Query, Survey, SurveyCamera, SurveyStatus, adjust};
+use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, CameraMatrix, Error, Lens, Pixel};
 
 fn scenes(count: usize) -> usize {

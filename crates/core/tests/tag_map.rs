@@ -4,14 +4,14 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::Consistency;
 use resight_core::correspondence::{Detection, correspond};
-use resight_core::group::RigidGroup;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::group::RigidGroup;
+use resight_core::locate::problem::Problem;
+use resight_core::locate::refine::refine_problem;
 use resight_core::locate::{Config, locate};
-use resight_core::problem::Problem;
-use resight_core::refine::refine_problem;
-use resight_core::tag_map::{TargetPose, locate_target};
+use resight_core::multiview::tag_map::{TargetPose, locate_target};
 use resight_core::target::{Feature, MapTag, TagMap};
 use resight_core::{Camera, Error, Pixel, Point, Pose, Target, Vector6};
 

@@ -2,7 +2,7 @@
 
 use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
-use resight_core::track::{Candidate, Motion, TrackConfig, Tracked, Tracker};
+use resight_core::temporal::track::{Candidate, Motion, TrackConfig, Tracked, Tracker};
 use resight_core::{Error, Pose};
 
 fn motion(chance: &mut Rng, sigma: &[f64; 6]) -> Vector6<f64> {

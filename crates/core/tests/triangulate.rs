@@ -5,7 +5,7 @@ use crate::common::{Rng, views};
 use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::correspondence::PixelCovariance;
-use resight_core::triangulate::{PointView, TriangulatedPoint, isotropic, triangulate};
+use resight_core::multiview::triangulate::{PointView, TriangulatedPoint, isotropic, triangulate};
 use resight_core::{Camera, CameraMatrix, Error, Lens, Pixel, Point, Pose};
 
 /// What a made-up view is made of.

@@ -3,7 +3,7 @@
 use crate::common::Rng;
 use crate::common::rooms::{barrel, pinhole};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
-use resight_core::turn::{Landmark, Turn, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{Landmark, Turn, TurnConfig, turn};
 use resight_core::{Bearing, Camera, Error};
 
 /// A grid of landmarks 20° to each side, each with an error ellipse of its own; `noise` scales what is drawn of it.

@@ -2,10 +2,10 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3, Vector6};
-use resight_core::choose::Ambiguity;
-use resight_core::consistency::Consistency;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::rig_pose::{RigAmbiguity, RigConsistency, RigView, locate_rig};
+use resight_core::multiview::rig_pose::{RigAmbiguity, RigConsistency, RigView, locate_rig};
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// The layouts, each made anew for every scene; 1 m wide.

@@ -2,9 +2,9 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Unit, Vector3};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
+use resight_core::locate::prior::Prior;
 use resight_core::locate::{Config, Method, locate};
-use resight_core::prior::Prior;
 use resight_core::solve::upright_p2p::upright_p2p;
 use resight_core::{Bearing, Error, Matrix6, Point, Pose};
 

@@ -4,7 +4,7 @@
 use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2};
 use resight_core::camera::Pinhole;
-use resight_core::choose::{Ambiguity, Hypothesis};
+use resight_core::locate::choose::{Ambiguity, Hypothesis};
 use resight_core::locate::{Config, locate};
 use resight_core::solve::line_plus_one::line_plus_one;
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};

@@ -1,6 +1,35 @@
-//! Advice in words and pictures: maps of what a further point, a target or a board would be worth over the image and over the ground.
+//! Where to put the next point, target or board, in figures, words and maps over the image and over the ground.
 
 mod contour;
 pub mod heat;
 pub mod maps;
 pub mod words;
+pub mod read;
+pub mod points;
+pub mod target;
+pub mod board;
+
+pub use board::{NextBoardRequest, advise_boards};
+pub use points::{AimFor, NextPointRequest, advise_points};
+pub use read::{SurveyPoint, read_points, read_poses};
+pub use target::{TargetRequest, advise_target};
+
+use crate::Error;
+use crate::answer::advise::Picture;
+use crate::core::Camera;
+use heat::HeatMap;
+
+/// The maps that there are.
+fn drawn(maps: impl IntoIterator<Item = (String, Option<HeatMap>)>) -> Vec<Picture> {
+    maps.into_iter().filter_map(|(name, map)| Some((name, map?))).collect()
+}
+
+/// Figures are of pixels, and of what the camera can see.
+fn must_have_image(camera: &Camera) -> Result<(), Error> {
+    match camera.size {
+        Some(_) => Ok(()),
+        None => Err(Error::request(
+            "the camera file has no image size; add width_px and height_px, or nobody knows what it can see",
+        )),
+    }
+}

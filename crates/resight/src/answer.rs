@@ -1,5 +1,6 @@
 //! What jobs answer: typed, with a status, and serialised to the JSON of the command line.
 
+pub mod advise;
 pub mod compare;
 pub mod consensus;
 pub mod detection;

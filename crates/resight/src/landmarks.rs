@@ -1,7 +1,7 @@
 //! Natural landmarks: how a camera turned since a reference picture, when no target is there.
 //!
 //! Corners of the reference (FAST) are found again by their BRIEF descriptors, or where the last turn puts them, and then aligned
-//! to a fraction of a pixel; `resight_core::turn` weighs them. The scene is taken to be far off, or the camera to turn
+//! to a fraction of a pixel; `resight_core::temporal::relative_rotation` weighs them. The scene is taken to be far off, or the camera to turn
 //! about its own centre: a translation is not seen.
 //!
 //! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `turn` ─► rotation, shift, covariance
@@ -18,7 +18,7 @@ use features::{Features, Pattern};
 use nalgebra::{Matrix2, Matrix3, Vector2};
 use patch::Aligned;
 use pyramid::Reduced;
-use resight_core::turn::{Landmark, Turn, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{Landmark, Turn, TurnConfig, turn};
 use resight_core::{Bearing, Camera, Error as CoreError};
 use select::{Mark, select};
 use thiserror::Error;

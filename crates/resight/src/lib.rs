@@ -59,6 +59,7 @@ pub mod convert;
 pub mod landmarks;
 
 pub use self::image::GrayImage;
+pub use advise::{advise_boards, advise_points, advise_target};
 pub use answer::{
     CompareAnswer, HandEyeAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status,
 };

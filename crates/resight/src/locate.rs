@@ -7,12 +7,12 @@ use crate::detect::{CornerWindow, Detector, absent};
 use crate::error::Error;
 use crate::overlay::{self, Tone};
 use crate::report::verdict::{self, Verdict};
-use resight_core::consistency::Consistency;
 use resight_core::correspondence::{Detection, Skipped};
+use resight_core::locate::consistency::Consistency;
+use resight_core::locate::observability::Observability;
+use resight_core::locate::prior::Prior;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::observability::Observability;
-use resight_core::prior::Prior;
-use resight_core::tag_map::locate_target;
+use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 

@@ -1,4 +1,4 @@
-//! Measuring in photographs: a scene file in, a table, a plan and rectified grounds out. The mathematics is `core::survey`'s.
+//! Measuring in photographs: a scene file in, a table, a plan and rectified grounds out. The mathematics is `core::multiview::network`'s.
 //!
 //! scene file → named scene → survey → answers → table, drawing, bird's-eye pictures. Each arrow is one file.
 

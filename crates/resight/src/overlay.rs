@@ -10,9 +10,9 @@ pub(crate) mod geometry;
 mod tests;
 
 use crate::GrayImage;
-use crate::core::choose::{Ambiguity, Hypothesis};
 use crate::core::correspondence::Detection;
 use crate::core::locate::PoseEstimate;
+use crate::core::locate::choose::{Ambiguity, Hypothesis};
 use crate::core::{Camera, Point, Pose, Target};
 use crate::report::verdict::figures;
 use crate::report::words::{distance_sigma_m, distance_with_sigma_m, length, percent, with_sigma};

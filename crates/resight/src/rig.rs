@@ -26,7 +26,7 @@ pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
 pub use request::{CameraDistance, RigRequest, not_among};
 pub use robot_poses::{RobotPose, ViewPoses, read_robot_poses, read_view_poses};
 
-use crate::core::rig::{RigProblem, RigSolution, Sighting};
+use crate::core::multiview::rig::{RigProblem, RigSolution, Sighting};
 use crate::core::{Camera, Target};
 use crate::formats::{NamedCamera, Placement};
 
@@ -104,7 +104,7 @@ impl RigRun {
     /// The cameras with their places, as `formats::write_cameras` takes them: `cam_from_rig` with its covariance, frame b named
     /// after the camera, frame a [`RIG_FRAME`].
     pub fn placed_cameras(&self) -> Vec<NamedCamera> {
-        let placed = |(camera, found): (&NamedCamera, &crate::core::rig::CameraInRig)| {
+        let placed = |(camera, found): (&NamedCamera, &crate::core::multiview::rig::CameraInRig)| {
             let placement = Placement {
                 b: camera.name.clone(),
                 a: RIG_FRAME.to_string(),

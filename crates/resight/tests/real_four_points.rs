@@ -7,10 +7,10 @@
 use crate::real_support::*;
 use crate::recorded::recorded;
 use nalgebra::Vector3;
-use resight::core::choose::{AMBIGUITY_GATE_CHI2, Hypothesis};
 use resight::core::correspondence::Correspondence;
+use resight::core::locate::choose::{AMBIGUITY_GATE_CHI2, Hypothesis};
+use resight::core::locate::refine::{refine, residual_px};
 use resight::core::locate::{Config, Method, locate};
-use resight::core::refine::{refine, residual_px};
 use resight::core::{Camera, Pixel, Pose};
 use std::collections::HashSet;
 

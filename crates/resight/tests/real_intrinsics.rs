@@ -2,7 +2,7 @@
 
 use crate::real_support::*;
 use crate::recorded::recorded;
-use resight::core::frames::{Focal, Free, Group, check_intrinsics, refine_intrinsics};
+use resight::core::multiview::intrinsics_check::{Focal, Free, Group, check_intrinsics, refine_intrinsics};
 use resight::core::{Camera, Correspondence};
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 use crate::real_support::{apart, json, largest, median};
 use crate::recorded::recorded;
 use nalgebra::{Matrix3, Vector3};
-use resight::core::pose_graph::{PoseGraph, PoseGraphConfig, chain, solve_pose_graph};
+use resight::core::multiview::pose_graph::{PoseGraph, PoseGraphConfig, chain, solve_pose_graph};
 use resight::core::{Pose, Vector6};
 use resight::rig::pairs::{PairFile, read_pairs};
 use serde_json::Value;
@@ -106,7 +106,7 @@ fn the_joint_answer_has_one_shape_whatever_the_anchor() {
     }
     for other in [0, 5, 10] {
         let second = solve(other);
-        let named = |s: &resight::core::pose_graph::PoseGraphSolution| {
+        let named = |s: &resight::core::multiview::pose_graph::PoseGraphSolution| {
             s.pairs.iter().map(|pair| pair.is_suspicious).collect::<Vec<_>>()
         };
         assert_eq!(named(&found), named(&second));

@@ -8,7 +8,7 @@ use crate::recorded::recorded;
 use resight::GrayImage;
 use resight::core::correspondence::Detection;
 use resight::core::locate::{Config, locate};
-use resight::core::tag_map::{TargetPose, locate_target};
+use resight::core::multiview::tag_map::{TargetPose, locate_target};
 use resight::core::target::{MapTag, Tag, TagMap};
 use resight::core::{Camera, CameraMatrix, Correspondence, Point, Pose, Target};
 use resight::detect::tags::TagFinder;

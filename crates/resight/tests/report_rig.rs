@@ -2,7 +2,7 @@
 
 use crate::report_support::page::{Parsed, parse};
 use crate::report_support::simulated;
-use resight::core::rig::{RigConfig, solve_rig};
+use resight::core::multiview::rig::{RigConfig, solve_rig};
 use resight::report::rig_page;
 use resight::rig::RigRun;
 use std::path::PathBuf;

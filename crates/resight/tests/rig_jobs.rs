@@ -1,7 +1,7 @@
 //! The jobs that solve rigs, pose graphs and hand–eye calibrations, called as other programs call them. How exact their answers are is
 //! tested in core; what the command line makes of them in cli.
 
-use resight::core::pose_graph::{PairNoise, PairSigma, RelativePose};
+use resight::core::multiview::pose_graph::{PairNoise, PairSigma, RelativePose};
 use resight::core::{Point, Pose, Vector6};
 use resight::rig::pairs::PairFile;
 use resight::rig::{

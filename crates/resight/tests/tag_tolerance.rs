@@ -4,9 +4,9 @@
 
 use resight::GrayImage;
 use resight::core::camera::{CameraMatrix, ImageSize, Pinhole};
-use resight::core::consistency::Consistency;
 use resight::core::locate::Config;
-use resight::core::tag_map::{TargetPose, locate_target};
+use resight::core::locate::consistency::Consistency;
+use resight::core::multiview::tag_map::{TargetPose, locate_target};
 use resight::core::target::{MapTag, TagMap};
 use resight::core::{Camera, Lens, Point, Pose, Target, Vector6};
 use resight::detect::Detector;

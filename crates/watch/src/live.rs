@@ -28,10 +28,12 @@ use crate::source::Source;
 use resight::GrayImage;
 use resight::landmarks::Sighting;
 use resight_core::locate::PoseEstimate;
-use resight_core::monitor::attribute::MovedNode;
-use resight_core::monitor::learn::LearnConfig;
-use resight_core::monitor::{Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled};
-use resight_core::track::{TrackConfig, Tracked};
+use resight_core::temporal::monitor::attribute::MovedNode;
+use resight_core::temporal::monitor::learn::LearnConfig;
+use resight_core::temporal::monitor::{
+    Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled,
+};
+use resight_core::temporal::track::{TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Target};
 use std::sync::Arc;
 

@@ -8,7 +8,7 @@ use crate::outputs::said::{Moved, Verdict, verdict};
 use crate::outputs::{self, OutputsConfig, Session};
 use crate::saved::Saved;
 use resight::FileError;
-use resight::core::monitor::Reference;
+use resight::core::temporal::monitor::Reference;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;

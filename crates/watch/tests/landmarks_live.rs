@@ -3,8 +3,8 @@
 use crate::landmarks_support::{camera, exposed, picture, turned};
 use nalgebra::Matrix3;
 use resight::GrayImage;
-use resight::core::monitor::{Drift, MonitorConfig};
 use resight::core::target::Tag;
+use resight::core::temporal::monitor::{Drift, MonitorConfig};
 use resight::core::{Camera, Pose, Target, Vector6};
 use resight::render::{Finish, Pcg, Scene, Style, render};
 use resight_watch::live::{LiveCamera, LiveConfig, Look, State, Watched, WatchedLandmarks};

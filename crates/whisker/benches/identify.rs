@@ -6,11 +6,12 @@ mod identify_support;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use identify_support::{Chance, How, felt, object, readings};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, identify};
 
 fn classes(c: &mut Criterion) {
-    let mut chance = Chance(3);
+    let mut chance = Chance(SplitMix64::new(3));
     for class in [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon] {
         let samples = readings(&object(class, &mut chance), 0.3).expect("sweeps").concat();
         let touches = felt(&samples, How::Constrained(Mu::Auto), 1);

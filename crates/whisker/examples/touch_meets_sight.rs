@@ -9,6 +9,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use resight_core::Pose;
+use resight_core::statistics::SplitMix64;
 use resight_whisker::rod::{IntrinsicCurvature, Stiffness};
 use resight_whisker::spatial::{SpatialContact, SpatialLoad, Verdict, estimate, load_covariance};
 use resight_whisker::{Cell, Rod};
@@ -103,7 +104,7 @@ fn touch([fx, fy, fz, mx, my, mz, u, v]: [f64; 8]) -> Touch {
 fn write_folder(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let mut text = String::from("fx_n,fy_n,fz_n,mx_n_m,my_n_m,mz_n_m,u_px,v_px\n");
-    let mut chance = Chance(20041);
+    let mut chance = Chance(SplitMix64::new(20041));
     let mut touches = simulated(&mut chance);
     // One touch of two objects at once: half a newton more, across the rest. It must not be believed.
     touches[7].load.force_n += Vector3::new(0.0, 0.0, 0.5);
@@ -193,15 +194,11 @@ fn exact_load(chance: &mut Chance) -> SpatialLoad {
 }
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
-pub struct Chance(pub u64);
+pub struct Chance(pub SplitMix64);
 
 impl Chance {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.uniform()
     }
 
     fn normal(&mut self) -> f64 {

@@ -16,7 +16,6 @@ mod fit;
 mod stretches;
 mod tare;
 mod roles;
-mod chi_square;
 mod undetermined;
 mod job;
 mod classes;

@@ -3,6 +3,7 @@
 use crate::noise::Chance;
 use crate::real_support::{Set, Truth, sets};
 use nalgebra::Vector2;
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Contact, Mode, Status};
 use resight_whisker::friction::{Constraint, FrictionAngle, Mu, Online, Record, project, solve_record};
@@ -159,7 +160,7 @@ fn automatic_modes_reach_the_constrained_bound() {
 fn monte_carlo_over_the_clean_loads() {
     const DRAWS: usize = 100;
     let sets = sets();
-    let (mut pooled, mut chance) = (Sums::default(), Chance(4));
+    let (mut pooled, mut chance) = (Sums::default(), Chance(SplitMix64::new(4)));
     for set in &sets {
         let bounds = bounds(set);
         let (mut of_set, mut mu, mut z2) = (Sums::default(), 0.0, 0.0);

@@ -4,6 +4,7 @@ use crate::noise::Chance;
 use crate::real_support::{SETS, Set, sets};
 use crate::recorded::recorded;
 use nalgebra::Vector2;
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Status;
 use resight_whisker::events::consistency::{mark, widen};
@@ -31,7 +32,7 @@ fn cell() -> Cell {
 /// A million free samples: fewer than one touch in ten thousand, by two orders; also counting runs, for a touch takes two samples.
 #[test]
 fn free_samples_raise_no_alarm() {
-    let (cell, mut chance) = (cell(), Chance(11));
+    let (cell, mut chance) = (cell(), Chance(SplitMix64::new(11)));
     let mut detector = TouchDetector::new(&cell);
     let (mut touches, mut touching) = (0, 0);
     for _ in 0..1_000_000 {
@@ -47,7 +48,7 @@ fn free_samples_raise_no_alarm() {
 /// A light touch of just over 4 σ of force, at a fifth of the whisker: found at once or by the second sample.
 #[test]
 fn a_touch_is_found_within_two_samples() {
-    let (cell, mut chance) = (cell(), Chance(12));
+    let (cell, mut chance) = (cell(), Chance(SplitMix64::new(12)));
     let force = 4.0 * cell.load_covariance()[(0, 0)].sqrt();
     for torque_arm_m in [0.0, 0.05] {
         let truth = HubLoad { fy_n: force, mz_n_m: force * torque_arm_m, ..HubLoad::default() };
@@ -247,7 +248,7 @@ fn faults_are_found_or_carried() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn right_records_are_consistent() {
     let sets = sets();
-    let (mut alarms, mut chance) = (0, Chance(13));
+    let (mut alarms, mut chance) = (0, Chance(SplitMix64::new(13)));
     let (mut hub_chi2, mut hub_tests) = (0.0, 0.0);
     for set in &sets {
         for _ in 0..10 {

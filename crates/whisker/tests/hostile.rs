@@ -5,6 +5,7 @@
 //! its draw, which `RESIGHT_FUZZ_SEED` and the count reproduce.
 
 use nalgebra::{Matrix3, Vector2};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::{
     Method, branch_with_derivatives, contact_in_hub, contact_with_derivatives, later_zeros,
 };
@@ -16,15 +17,11 @@ use resight_whisker::{Cell, HubLoad, PlanarPose, Rod, Sample, Shape, calibrate, 
 use std::time::{Duration, Instant};
 
 /// SplitMix64: all 64 bits random, any seed good.
-struct Draw(u64);
+struct Draw(SplitMix64);
 
 impl Draw {
     fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     fn below(&mut self, n: u64) -> u64 {
@@ -170,7 +167,8 @@ fn many(what: &str, deadline: Duration, mut one: impl FnMut(&mut Draw)) {
     while began.elapsed().as_secs_f64() < seconds || count < 20 {
         let state = seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ count << 8;
         let call = Instant::now();
-        let finished = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| one(&mut Draw(state))));
+        let finished =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| one(&mut Draw(SplitMix64::new(state)))));
         let took = call.elapsed();
         assert!(finished.is_ok(), "{what}: draw {count} of seed {seed} panics");
         assert!(took < deadline, "{what}: draw {count} of seed {seed} takes {took:?}");

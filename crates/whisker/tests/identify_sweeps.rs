@@ -3,6 +3,7 @@
 
 use crate::identify_support::{Chance, How, felt, object, readings, touches};
 use crate::real_support::{Set, sets};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Touch, Verdict, identify};
 use resight_whisker::{Sample, Shape};
@@ -102,7 +103,7 @@ impl Fate {
 }
 
 fn fate(how: How, classes: &[(Class, u64)], seed: u64) -> Fate {
-    let (mut fate, mut chance) = (Fate::default(), Chance(seed));
+    let (mut fate, mut chance) = (Fate::default(), Chance(SplitMix64::new(seed)));
     for (class, n) in classes {
         for trial in 0..*n {
             let truth = object(*class, &mut chance);

@@ -3,6 +3,7 @@
 //! readings are rounded; friction estimated from the same contacts unless said otherwise.
 
 use crate::identify_support::{Chance, How, felt, object, readings};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::friction::Mu;
 use resight_whisker::identify::{Class, Config, Identification, Verdict, identify};
 use resight_whisker::{Sample, Shape};
@@ -84,7 +85,7 @@ fn true_value(truth: &Shape, name: &str) -> Option<f64> {
 
 /// Objects of a class, every other one with friction.
 fn trials(class: Class, n: u32, seed: u64, mut each: impl FnMut(u64, &Shape, f64, &[Vec<Sample>])) {
-    let mut chance = Chance(seed);
+    let mut chance = Chance(SplitMix64::new(seed));
     for trial in 0..n {
         let truth = object(class, &mut chance);
         let mu = if trial % 2 == 0 { 0.0 } else { 0.3 };

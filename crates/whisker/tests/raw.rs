@@ -2,6 +2,7 @@
 
 use crate::real_support::{Set, Truth, sets};
 use nalgebra::{Matrix2, Matrix3, Vector2};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::{Method, contact_with_derivatives};
 use resight_whisker::estimate::{Contact, Status, estimate};
 use resight_whisker::{Cell, HubLoad, PlanarPose, Sample};
@@ -95,7 +96,7 @@ fn recorded_noise_is_borne_as_the_bound_says() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn noise_drawn_anew_is_borne_as_the_bound_says() {
     let sets = sets();
-    let mut dice = Dice(0x5EED_2004);
+    let mut dice = Dice(SplitMix64::new(0x5EED_2004));
     let mut pooled = Sums::default();
     for set in &sets {
         let mut sums = Sums::default();
@@ -122,7 +123,7 @@ fn noise_drawn_anew_is_borne_as_the_bound_says() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn what_is_called_ok_is_as_near_as_it_says() {
     let sets = sets();
-    let mut dice = Dice(0x0C0DE);
+    let mut dice = Dice(SplitMix64::new(0x0C0DE));
     let bounds_n = [0.06, 0.1, 0.2, f64::INFINITY];
     let mut bins = [(0.0, 0.0, 0.0); 4];
     for set in &sets {
@@ -153,15 +154,11 @@ fn nees(contact: &Contact, truth: &Truth) -> f64 {
 }
 
 /// A seeded generator, splitmix64, and normal numbers from it.
-struct Dice(u64);
+struct Dice(SplitMix64);
 
 impl Dice {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.uniform()
     }
 
     fn normal(&mut self) -> f64 {
@@ -199,7 +196,7 @@ impl Dice {
 fn free_whiskers_are_called_free() {
     let sets = sets();
     let set = &sets[0];
-    let mut dice = Dice(0xF4EE);
+    let mut dice = Dice(SplitMix64::new(0xF4EE));
     let free = Sample::default();
     let alarms = (0..1_000_000)
         .filter(|_| {

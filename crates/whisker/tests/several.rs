@@ -1,6 +1,7 @@
 //! Two contacts at once: the load of a whisker that leans on two pegs, integrated here independently of the library, is told from one.
 
 use crate::noise::Chance;
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::events::{EventKind, events, has_several_contacts};
@@ -93,7 +94,7 @@ fn second_contact(loads: impl Fn(usize) -> HubLoad, mu: Mu, chance: &mut Chance)
 /// A second peg takes a share of the load: the contact leaps at that sample, and at no other.
 #[test]
 fn a_second_contact_without_friction_is_a_leap() {
-    let mut chance = Chance(21);
+    let mut chance = Chance(SplitMix64::new(21));
     for (share, inner_m) in [(0.5, 0.1), (1.0, 0.1), (1.0, 0.15)] {
         let (mut found, mut other) = (0, 0);
         for _ in 0..50 {
@@ -116,7 +117,7 @@ fn a_second_contact_without_friction_is_a_leap() {
 /// the coefficient of friction is unknown too, a whisker that sticks explains the load as well.)
 #[test]
 fn a_second_contact_before_the_tip_is_flagged() {
-    let mut chance = Chance(23);
+    let mut chance = Chance(SplitMix64::new(23));
     let (mut single, mut double) = (0, 0);
     for _ in 0..10 {
         let force = |i: usize| 0.3 + 0.01 * i as f64;
@@ -185,7 +186,7 @@ fn hostile_rows_keep_their_place() {
 #[test]
 fn both_directions_of_slip_are_found() {
     let rod = Rod::uniform(LENGTH_M, EI_N_M2).expect("a rod");
-    let mut chance = Chance(22);
+    let mut chance = Chance(SplitMix64::new(22));
     let angle = 0.3_f64.atan();
     let samples: Vec<Sample> = (0..90)
         .map(|i| {
@@ -223,7 +224,7 @@ fn leaning(s_m: f64, force_n: f64, lean_rad: f64) -> HubLoad {
 fn mode_probabilities_are_frequencies() {
     const DRAWS: u32 = 20_000;
     let rod = Rod::uniform(LENGTH_M, EI_N_M2).expect("a rod");
-    let mut chance = Chance(24);
+    let mut chance = Chance(SplitMix64::new(24));
     // Prior masses: mid 0.9 × a tenth of the length, tip 0.1 × 0.2 rad of the half turn.
     let (mid, tip) = (0.9 * 0.1, 0.1 * 0.2 / std::f64::consts::PI);
     let mut is_tip = Vec::new();

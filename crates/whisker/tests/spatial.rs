@@ -1,6 +1,7 @@
 //! Contacts in space against an independent Kirchhoff rod: integrated in three dimensions with torsion, from the contact back to the hub.
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::rod::{IntrinsicCurvature, Stiffness};
 use resight_whisker::spatial::{self, FALSE_ALARM, SpatialLoad, Verdict};
 use resight_whisker::{Cell, Rod};
@@ -83,15 +84,11 @@ impl Touch {
 }
 
 /// Uniform numbers of [0, 1) and normal ones, from a literal seed.
-struct Chance(u64);
+struct Chance(SplitMix64);
 
 impl Chance {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.0.uniform()
     }
 
     fn normal(&mut self) -> f64 {
@@ -123,7 +120,7 @@ fn touch(chance: &mut Chance, rod: Rod, size_n: f64) -> Touch {
 /// Whatever the direction of the force, friction included: one plane, no torsion, the planar contact.
 #[test]
 fn one_force_bends_a_straight_round_whisker_in_one_plane() {
-    let mut chance = Chance(1);
+    let mut chance = Chance(SplitMix64::new(1));
     let taper = Stiffness::Taper { ei_base_n_m2: EI_N_M2, taper: 0.5 };
     for i in 0..60 {
         let rod = if i % 2 == 0 { straight() } else { rod(taper.clone(), 0.0) };
@@ -147,7 +144,7 @@ fn chance_share(i: i32) -> f64 {
 /// NEES of 3 degrees of freedom and the rate of false alarms over 20000 noisy readings.
 #[test]
 fn covariance_and_false_alarms_are_as_stated() {
-    let mut chance = Chance(2);
+    let mut chance = Chance(SplitMix64::new(2));
     // Unequal and correlated noise: nothing of the estimate relies on equal axes.
     let turn = Rotation3::from_euler_angles(0.3, -0.5, 0.8);
     let mut covariance = noise();
@@ -180,7 +177,7 @@ fn covariance_and_false_alarms_are_as_stated() {
 /// for a straight one.
 #[test]
 fn wrong_reductions_are_found() {
-    let mut chance = Chance(3);
+    let mut chance = Chance(SplitMix64::new(3));
     let share_found = |chance: &mut Chance, load: &SpatialLoad| {
         let found = (0..500).filter(|_| {
             let seen = chance.noisy(load, &noise());

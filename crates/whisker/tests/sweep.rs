@@ -2,6 +2,7 @@
 
 use crate::real_support::{Set, Truth, sets};
 use nalgebra::{Matrix2, Vector2};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::estimate::{ContactEstimate, Mode, Status};
 use resight_whisker::rod::Stiffness;
 use resight_whisker::sweep::fixed_lag::FixedLag;
@@ -87,15 +88,11 @@ fn median(values: &[f64]) -> f64 {
 }
 
 /// SplitMix64 and the sum of twelve uniforms: tails end at 6σ, which no test here reaches.
-struct Chance(u64);
+struct Chance(SplitMix64);
 
 impl Chance {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.0.uniform()
     }
 
     fn normal(&mut self) -> f64 {
@@ -109,7 +106,7 @@ fn rounded(value: f64, step: f64) -> f64 {
 
 /// The readings without noise, read again by the instruments of `cell`.
 fn noised(clean: &[Sample], cell: &Cell, seed: u64) -> Vec<Sample> {
-    let mut chance = Chance(seed);
+    let mut chance = Chance(SplitMix64::new(seed));
     let mut read = |value: f64, sigma: f64, step: f64| rounded(value + sigma * chance.normal(), step);
     clean
         .iter()

@@ -1,6 +1,7 @@
 //! Sweeps smoothed on simulated objects none of the recorded sets has: no data needed.
 
 use nalgebra::{Matrix2, Vector2};
+use resight_core::statistics::SplitMix64;
 use resight_whisker::estimate::ContactEstimate;
 use resight_whisker::simulate::{Record, record};
 use resight_whisker::sweep::fixed_lag::FixedLag;
@@ -22,15 +23,11 @@ fn rod() -> Rod {
 }
 
 /// SplitMix64 and the sum of twelve uniforms.
-struct Chance(u64);
+struct Chance(SplitMix64);
 
 impl Chance {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.0.uniform()
     }
 
     fn normal(&mut self) -> f64 {
@@ -97,7 +94,7 @@ fn smoothed(samples: &[Sample]) -> Sweep {
 /// rms and the share of honest covariances. No object class, orientation or friction was tuned for.
 #[test]
 fn objects_never_seen_before_are_within_the_bar() {
-    let mut chance = Chance(11);
+    let mut chance = Chance(SplitMix64::new(11));
     let (mut squares, mut nees, mut records, mut mu_worst) = (Vec::new(), Vec::new(), 0, 0.0_f64);
     for trial in 0..24 {
         let mut within = |low: f64, high: f64| low + (high - low) * chance.uniform();
@@ -159,7 +156,7 @@ fn a_hub_that_turns_back_under_friction() {
     assert!(truth.samples.iter().any(|s| s.truth.as_ref().is_some_and(|t| t.sticks)), "nothing to tell");
     let (mut squares, mut nees, mut streamed) = (Vec::new(), Vec::new(), Vec::new());
     for seed in 1..=6 {
-        let samples = read(&truth, &mut Chance(seed));
+        let samples = read(&truth, &mut Chance(SplitMix64::new(seed)));
         let sweep = smoothed(&samples);
         let own = errors(&sweep.estimates, &truth);
         squares.extend(own.0);

@@ -219,7 +219,7 @@ assert least_eigenvalue(v - difference_of * sigma * difference_of.T) > 0
 print("ok  (9) no statistic is larger than with the true covariance")
 
 
-# (10) against the incomplete beta function, and the table of chi_square.rs.
+# (10) against the incomplete beta function, and the table of variance_ratio.rs.
 def tail_of_f(k, nu, q):
     term, total = mp.mpf(1), mp.mpf(0)
     for j in range(k // 2):

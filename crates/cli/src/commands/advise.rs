@@ -1,18 +1,23 @@
 //! `advise`: where to put the next point, target or board, and how sure it will make the answer.
 
-mod board;
-mod points;
-mod read;
-mod say;
-mod target;
+mod words;
 
 use crate::args::{TagArgs, positive};
-use crate::output::Outcome;
-use anyhow::{Result, bail};
+use crate::output::{Outcome, print, remark};
+use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use resight::advise::heat::{HeatMap, draw};
-use resight::core::Camera;
+use resight::advise::heat::draw;
+use resight::advise::{
+    AimFor, NextBoardRequest, NextPointRequest, SurveyPoint, TargetRequest, advise_boards, advise_points,
+    advise_target, read_points, read_poses,
+};
+use resight::answer::advise::Picture;
+use resight::core::advise::board::Criterion;
+use resight::core::advise::volume::Volume;
+use resight::core::{Camera, Pose};
 use resight::formats::{self, NamedCamera};
+use resight::report::verdict::Status;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Where to put the next point, target or board for the smallest uncertainty. Nothing has to be photographed yet.
@@ -111,6 +116,26 @@ enum CriterionName {
     Determinant,
 }
 
+impl From<AimName> for AimFor {
+    fn from(name: AimName) -> Self {
+        match name {
+            AimName::Place => AimFor::Place,
+            AimName::Rotation => AimFor::Rotation,
+            AimName::Length => AimFor::Length,
+        }
+    }
+}
+
+impl From<CriterionName> for Criterion {
+    fn from(name: CriterionName) -> Self {
+        match name {
+            CriterionName::Worst => Criterion::Worst,
+            CriterionName::Trace => Criterion::Trace,
+            CriterionName::Determinant => Criterion::Determinant,
+        }
+    }
+}
+
 /// See `Advise`.
 pub fn run(args: &Advise) -> Result<Outcome> {
     if let Some(folder) = &args.output {
@@ -118,7 +143,7 @@ pub fn run(args: &Advise) -> Result<Outcome> {
     }
     let cameras = cameras(&args.camera)?;
     match (&args.points, cameras.as_slice()) {
-        (Some(file), [one]) => points::run(args, &one.camera, file),
+        (Some(file), [one]) => points(args, &one.camera, file),
         (Some(_), several) => bail!(
             "{}: holds {} cameras; marks are seen by one, pick it: {}#{}",
             args.camera,
@@ -126,9 +151,97 @@ pub fn run(args: &Advise) -> Result<Outcome> {
             args.camera,
             several[0].name
         ),
-        (None, [one]) => target::run(args, &one.camera),
-        (None, several) => board::run(args, several),
+        (None, [one]) => target(args, &one.camera),
+        (None, several) => boards(args, several),
     }
+}
+
+fn points(args: &Advise, camera: &Camera, file: &Path) -> Result<Outcome> {
+    let points = survey_points(file)?;
+    let candidates = args.candidates.as_deref().map(survey_points).transpose()?;
+    let pose = args.pose.as_deref().map(|path| poses(path, &["cam_from_target"])).transpose()?;
+    let advice = advise_points(&NextPointRequest {
+        camera,
+        points: &points,
+        sigma_px: args.sigma_px,
+        pose: pose.and_then(|poses| poses.first().copied()),
+        candidates: candidates.as_deref(),
+        ground_z_m: args.ground_z_m,
+        region_m: args.region_m,
+        length_m: args.length_m,
+        aim: args.minimise.map(AimFor::from),
+        pictures: args.output.is_some(),
+    })
+    .with_context(|| args.camera.clone())?;
+    advice.remarks.iter().for_each(|text| remark(text));
+    print(&match args.json {
+        true => json([&advice.now])? + &json(&advice.suggestions)?,
+        false => words::points(&advice),
+    })?;
+    args.pictures(&advice.pictures)?;
+    Ok(Outcome::of([advice.now.status]))
+}
+
+fn target(args: &Advise, camera: &Camera) -> Result<Outcome> {
+    let target = args.target()?;
+    let distance_m =
+        args.distance_m.context("--distance-m A..B is needed: how far the camera is from the target")?;
+    let radians = |range: [f64; 2]| range.map(f64::to_radians);
+    let volume =
+        Volume { distance_m, tilt_rad: radians(args.tilt_deg), direction_rad: radians(args.direction_deg) };
+    let pictures = args.output.is_some();
+    let request = TargetRequest { camera, target: &target, sigma_px: args.sigma_px, volume, pictures };
+    let advice = advise_target(&request).with_context(|| args.camera.clone())?;
+    print(&match args.json {
+        true => json(&advice.outlooks)? + &json(&advice.changes)?,
+        false => words::target(&advice, args.sigma_px),
+    })?;
+    args.pictures(&advice.pictures)?;
+    Ok(Outcome::of(advice.outlooks.first().map(|whole| whole.status)))
+}
+
+fn boards(args: &Advise, cameras: &[NamedCamera]) -> Result<Outcome> {
+    let target = args.target()?;
+    let distance_m =
+        args.distance_m.context("--distance-m A..B is needed: how far from the cameras boards are held")?;
+    let keys = ["rig_from_target", "rig_from_body", "rig_from_board"];
+    let views = args.views.as_deref().map(|path| poses(path, &keys)).transpose()?.unwrap_or_default();
+    let advice = advise_boards(&NextBoardRequest {
+        cameras,
+        target: &target,
+        sigma_px: args.sigma_px,
+        views: &views,
+        distance_m,
+        reference: args.reference.as_deref(),
+        criterion: args.criterion.into(),
+        n_boards: usize::from(args.next),
+        pictures: args.output.is_some(),
+    })
+    .with_context(|| args.camera.clone())?;
+    advice.remarks.iter().for_each(|text| remark(text));
+    print(&match args.json {
+        true => json([&advice.now])? + &json(&advice.suggestions)?,
+        false => words::boards(&advice, args.sigma_px),
+    })?;
+    args.pictures(&advice.pictures)?;
+    // What is known before the boards are shown may well determine nothing.
+    Ok(Outcome::of(advice.suggestions.is_empty().then_some(Status::Degenerate)))
+}
+
+/// One object a line.
+fn json<T: Serialize>(objects: impl IntoIterator<Item = T>) -> Result<String> {
+    let line = |object| Ok(serde_json::to_string(&object)? + "\n");
+    objects.into_iter().map(line).collect()
+}
+
+fn survey_points(path: &Path) -> Result<Vec<SurveyPoint>> {
+    crate::files::must_exist(path)?;
+    Ok(read_points(path)?)
+}
+
+fn poses(path: &Path, keys: &[&str]) -> Result<Vec<Pose>> {
+    crate::files::must_exist(path)?;
+    Ok(read_poses(path, keys)?)
 }
 
 /// All cameras of a file, or the one named.
@@ -141,35 +254,23 @@ fn cameras(argument: &str) -> Result<Vec<NamedCamera>> {
 }
 
 impl Advise {
-    /// The target file, its warnings told.
+    /// The target file; its warnings are printed.
     fn target(&self) -> Result<resight::core::Target> {
         let Some(path) = &self.target else { bail!("--target FILE is needed") };
-        Ok(super::target(path, &TagArgs::default(), |text| self.remark(text))?.0)
+        Ok(super::target(path, &TagArgs::default(), remark)?.0)
     }
 
-    fn remark(&self, text: &str) {
-        crate::output::remark(text);
-    }
-
-    /// Writes a map; says where.
-    fn picture(&self, name: &str, map: Option<HeatMap>) -> Result<()> {
-        let (Some(folder), Some(map)) = (&self.output, map) else { return Ok(()) };
-        let png = draw(&map).png().map_err(|reason| anyhow::anyhow!("{name}: {reason}"))?;
-        let path = folder.join(name);
-        formats::write_atomically(&path, &png)?;
-        self.remark(&format!("written: {}", path.display()));
+    /// Writes maps; says where.
+    fn pictures(&self, pictures: &[Picture]) -> Result<()> {
+        let Some(folder) = &self.output else { return Ok(()) };
+        for (name, map) in pictures {
+            let png = draw(map).png().map_err(|reason| anyhow::anyhow!("{name}: {reason}"))?;
+            let path = folder.join(name);
+            formats::write_atomically(&path, &png)?;
+            remark(&format!("written: {}", path.display()));
+        }
         Ok(())
     }
-}
-
-/// Unit of image coordinates matters here: the figures are of pixels.
-fn must_have_image(camera: &Camera, argument: &str) -> Result<()> {
-    if camera.size.is_none() {
-        bail!(
-            "{argument}: the camera file has no image size; add width_px and height_px, or nobody knows what it can see"
-        );
-    }
-    Ok(())
 }
 
 fn numbers<const N: usize>(text: &str, separator: &str, needed: &str) -> Result<[f64; N], String> {

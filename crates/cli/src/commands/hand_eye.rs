@@ -7,7 +7,7 @@ use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{HandEyeAnswer, SolvedHandEye};
-use resight::core::hand_eye::{HandEyeConfig, HandNoise, Height, Mount};
+use resight::core::multiview::hand_eye::{HandEyeConfig, HandNoise, Height, Mount};
 use resight::core::{Matrix6, Point, Pose};
 use resight::formats::write_atomically;
 use resight::report::words::{degrees, length, sigmas};

@@ -6,7 +6,7 @@ use clap::Args;
 use resight::GrayImage;
 use resight::answer::MeasureAnswer;
 use resight::answer::measure::SurveyAnswer;
-use resight::core::survey::SurveyStatus;
+use resight::core::multiview::network::SurveyStatus;
 use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
     Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,

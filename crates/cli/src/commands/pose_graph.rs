@@ -8,7 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use resight::answer::pose_graph::PairAgreement;
 use resight::answer::{PoseGraphAnswer, SolvedPoseGraph};
-use resight::core::pose_graph::PairSigma;
+use resight::core::multiview::pose_graph::PairSigma;
 use resight::formats::write_atomically;
 use resight::report::words::{degrees, length};
 use resight::rig::pairs::read_pairs;

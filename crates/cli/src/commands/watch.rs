@@ -17,7 +17,7 @@ use landmarks::LandmarkArgs;
 use motion::MotionArgs;
 use outputs::OutputArgs;
 use resight::core::Camera;
-use resight::core::monitor::learn::LEAST_READINGS;
+use resight::core::temporal::monitor::learn::LEAST_READINGS;
 use resight::formats::NamedCamera;
 use resight_watch::live::{LiveCamera, LiveConfig, LookError, Watched, reference};
 use resight_watch::names::{Names, by_name, split};

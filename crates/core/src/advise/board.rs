@@ -4,8 +4,8 @@
 use super::expect::{Doubt, View, expect, sight_of};
 use super::volume::{Shape, image_place};
 use crate::least_squares::PivotedPose;
-use crate::problem::Problem;
-use crate::refine::{centroid, normal_equations};
+use crate::locate::problem::Problem;
+use crate::locate::refine::{centroid, normal_equations};
 use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::DMatrix;

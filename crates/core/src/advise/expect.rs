@@ -1,12 +1,12 @@
 //! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
 
-use crate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
-use crate::curvature::with_curvature;
-use crate::frames::chi_square::erfc;
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
+use crate::locate::curvature::with_curvature;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{OVERFLOW, refine};
 use crate::locate::{Config, locate};
-use crate::problem::Problem;
-use crate::refine::{OVERFLOW, refine};
 use crate::solve::line_plus_one::Weakness;
+use crate::statistics::normal::upper_tail;
 use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
@@ -94,11 +94,7 @@ pub(crate) fn chance_below(separation_sigma: f64, gate: f64) -> f64 {
     if d == 0.0 {
         return if 0.0 < gate { 1.0 } else { 0.5 };
     }
-    0.5 * erfc_any((d * d - gate) / (2.0 * d) * core::f64::consts::FRAC_1_SQRT_2)
-}
-
-fn erfc_any(z: f64) -> f64 {
-    if z < 0.0 { 2.0 - erfc(-z) } else { erfc(z) }
+    upper_tail((d * d - gate) / (2.0 * d))
 }
 
 /// The exact pixels of a view; none where a point falls outside the image or the lens's field.

@@ -77,7 +77,7 @@ fn spread_ratio(seen: &[Correspondence]) -> f64 {
 }
 
 fn principal(seen: &[Correspondence]) -> SymmetricEigen<f64, nalgebra::U3> {
-    let centre = crate::refine::centroid(seen);
+    let centre = crate::locate::refine::centroid(seen);
     let scatter: Matrix3<f64> = seen
         .iter()
         .map(|c| c.x_in_target - centre)
@@ -137,6 +137,6 @@ fn tilt_rad(view: &View, seen: &[Correspondence]) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let is_flat = values[0].max(0.0).sqrt() <= FLAT * values[1].max(0.0).sqrt();
     let normal: Vector3<f64> = view.cam_from_target.rotation * axes.eigenvectors.column(thin);
-    let sight = (view.cam_from_target * crate::refine::centroid(seen)).try_normalize(0.0)?;
+    let sight = (view.cam_from_target * crate::locate::refine::centroid(seen)).try_normalize(0.0)?;
     is_flat.then(|| normal.dot(&sight).abs().min(1.0).acos())
 }

@@ -2,11 +2,11 @@
 
 use super::expect::{NEEDED_SEPARATION_SIGMA, View, sight, sight_of, worst_sigmas};
 use super::ground::GroundLength;
-use crate::choose::{Minimum, TWIN_SIGMAS};
 use crate::least_squares::PivotedPose;
+use crate::locate::choose::{Minimum, TWIN_SIGMAS};
+use crate::locate::problem::Problem;
+use crate::locate::refine::{centroid, normal_equations};
 use crate::locate::{Config, locate};
-use crate::problem::Problem;
-use crate::refine::{centroid, normal_equations};
 use crate::target::KnownPoint;
 use crate::{Error, Matrix6, Point};
 use nalgebra::{Matrix2, Matrix2x6, Vector2};

@@ -2,9 +2,9 @@
 //! docs/math/advise.md section 5.
 
 use super::expect::{ALLOWED_BEND, Expectation, View, expect, sight, worst_sigmas};
-use crate::choose::Ambiguity;
+use crate::locate::choose::Ambiguity;
 use crate::locate::{Config, locate};
-use crate::robust::chance::Chance;
+use crate::statistics::SplitMix64;
 use crate::target::{KnownPoint, Target};
 use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 use nalgebra::{Unit, UnitQuaternion, Vector2, Vector3};
@@ -142,7 +142,7 @@ const DRAWS: usize = 12;
 
 /// What a target is worth over views of it; none stands for a view in which it cannot be seen.
 pub fn outlook(shape: &Shape, camera: &Camera, sigma_px: f64, views: &[Option<Pose>]) -> Outlook {
-    let mut chance = Chance::new(0x5EED);
+    let mut chance = SplitMix64::scattered(0x5EED);
     let (mut tally, mut n_out_of_sight, mut n_undetermined) = (Tally::default(), 0, 0);
     for pose in views {
         let view =
@@ -182,7 +182,7 @@ impl Tally {
     }
 
     /// A view whose likelihood is bent, by pictures drawn of it.
-    fn tried(&mut self, view: &View, exact: &[Correspondence], chance: &mut Chance) {
+    fn tried(&mut self, view: &View, exact: &[Correspondence], chance: &mut SplitMix64) {
         const PART: f64 = 1.0 / DRAWS as f64;
         self.doubtful += 1.0;
         self.n += 1.0;
@@ -229,7 +229,7 @@ fn spread(mut values: Vec<(f64, f64)>) -> Option<Spread> {
 }
 
 /// One picture of a view, with the noise it will have.
-fn disturbed(view: &View, exact: &[Correspondence], chance: &mut Chance) -> Option<Vec<Correspondence>> {
+fn disturbed(view: &View, exact: &[Correspondence], chance: &mut SplitMix64) -> Option<Vec<Correspondence>> {
     let one = |c: &Correspondence| {
         let pixel = c.pixel + Vector2::new(chance.normal(), chance.normal()) * c.sigma_px;
         let moved = Correspondence::new(view.camera, c.x_in_target, pixel, c.sigma_px).ok()?;

@@ -2,7 +2,7 @@
 
 use super::lanes::{Lanes, Mask, Matrix, Vector};
 use super::refine::{Minimum, Place, Seen};
-use crate::curvature::{PROBE, STRAIGHT};
+use crate::locate::curvature::{PROBE, STRAIGHT};
 use pulp::Simd;
 
 /// Squared angle up to which the series below are exact to rounding: the next term is (0.25)⁷/15! of the first.

@@ -3,7 +3,7 @@
 use super::lanes::{Column, Lanes, Matrix, Symmetric, Vector};
 use super::refine::{Minimum, Place, Seen};
 use crate::camera::CameraMatrix;
-use crate::{Matrix6, Pixel, Point, Pose, choose};
+use crate::{Matrix6, Pixel, Point, Pose, locate::choose};
 use nalgebra::{Matrix3, Vector3};
 use pulp::Simd;
 

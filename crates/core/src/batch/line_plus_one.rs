@@ -8,12 +8,14 @@ use super::lanes::{Column, Mask, Vector, WIDTH};
 use super::refine::{Minimum, Place, Seen};
 use super::{Given, Views, alone, geometry_of};
 use crate::camera::{CameraMatrix, pinhole::R2_MAX};
-use crate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minima, Others, ROUNDING_PX, TWIN_SIGMAS};
-use crate::consistency::Consistency;
 use crate::least_squares::RIVAL_MARGIN_CHI2;
+use crate::locate::choose::{
+    AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minima, Others, ROUNDING_PX, TWIN_SIGMAS,
+};
+use crate::locate::consistency::Consistency;
+use crate::locate::multi_start::HOPELESS_CHI2;
+use crate::locate::posterior::weights;
 use crate::locate::{Method, PoseEstimate};
-use crate::posterior::weights;
-use crate::search::HOPELESS_CHI2;
 use crate::solve::configuration::{Configuration, Geometry};
 use crate::{Error, Point};
 use arrayvec::ArrayVec;

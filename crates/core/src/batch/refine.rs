@@ -153,7 +153,7 @@ impl<S: Simd, const N: usize> Seen<S, N> {
         Minimum { place, covariance, chi2, sum, found: reached & determined & chi2.is_finite() }
     }
 
-    /// As `least_squares::minimize`. Without a rival `rival_chi2` is infinite.
+    /// As `least_squares::minimize_pose`. Without a rival `rival_chi2` is infinite.
     #[inline(always)]
     fn minimize(
         &self,

@@ -6,12 +6,12 @@
 use super::starts::{End, Start, refine_all};
 use super::{Given, Views, alone, correspondences, geometry_of};
 use crate::camera::CameraMatrix;
-use crate::choose::{Minima, Minimum, insert};
-use crate::curvature::Bends;
+use crate::locate::choose::{Minima, Minimum, insert};
+use crate::locate::curvature::Bends;
+use crate::locate::multi_start::three_of;
+use crate::locate::problem::Problem;
+use crate::locate::refine::refine_against;
 use crate::locate::{Allowed, Method, PoseEstimate, conclude};
-use crate::problem::Problem;
-use crate::refine::refine_against;
-use crate::search::three_of;
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
 use crate::{Correspondence, Error, Point};

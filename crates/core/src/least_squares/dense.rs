@@ -1,11 +1,12 @@
-//! Levenberg–Marquardt on a state of any kind with few hundred unknowns, and the same on a level surface of a function of it.
+//! The one loop on a state of any kind with few hundred unknowns, and the same on a level surface of a function of it.
 //!
 //! ```text
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
 //!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/survey.md eq. (12)
 //! ```
 
-use super::{Damping, LAST_DAMPING, MAX_STEPS, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use super::{Ending, LeastSquares, Minimum, Tolerance, minimize};
+use core::marker::PhantomData;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Gauss–Newton's view of the cost.
@@ -19,18 +20,8 @@ pub struct DenseEquations {
     pub information: DMatrix<f64>,
 }
 
-/// Where the loop ended.
-#[derive(Debug, Clone)]
-pub struct DenseSolution<S> {
-    /// The minimum.
-    pub state: S,
-    /// The equations at it, or one vanishing step before it.
-    pub equations: DenseEquations,
-    /// Steps taken.
-    pub steps: usize,
-    /// Whether the last step promised less than the tolerance.
-    pub converged: bool,
-}
+/// A minimum over states of a kind.
+pub type DenseMinimum<S> = Minimum<S, DenseEquations>;
 
 impl DenseEquations {
     /// No row yet.
@@ -59,41 +50,53 @@ impl DenseEquations {
         damped.cholesky()
     }
 
-    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
+    /// The damped step and what it promises.
+    pub fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
         let step = self.factor(damping)?.solve(&self.gradient);
         let promised = step.dot(&self.gradient);
         promised.is_finite().then_some((step, promised))
     }
 }
 
+struct DenseCost<F, G, S> {
+    evaluate: F,
+    moved: G,
+    state: PhantomData<S>,
+}
+
+impl<F, G, S> LeastSquares for DenseCost<F, G, S>
+where
+    F: Fn(&S) -> Option<DenseEquations>,
+    G: Fn(&S, &DVector<f64>) -> Option<S>,
+{
+    type State = S;
+    type Equations = DenseEquations;
+    type Step = DVector<f64>;
+
+    fn evaluate(&self, state: &S) -> Option<DenseEquations> {
+        (self.evaluate)(state)
+    }
+
+    fn chi2(equations: &DenseEquations) -> f64 {
+        equations.chi2
+    }
+
+    fn step(&self, equations: &DenseEquations, damping: f64) -> Option<(DVector<f64>, f64)> {
+        equations.step(damping)
+    }
+
+    fn apply(&self, state: &S, step: &DVector<f64>) -> Option<S> {
+        (self.moved)(state, step)
+    }
+}
+
 /// Minimises a cost. `evaluate` returns none where a point leaves a camera's field, `moved` where no state is left.
-pub fn minimize_dense<S: Clone>(
-    start: &S,
+pub fn minimize_dense<S>(
+    start: S,
     evaluate: impl Fn(&S) -> Option<DenseEquations>,
     moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
-) -> Option<DenseSolution<S>> {
-    let (mut state, mut equations, mut damping) = (start.clone(), evaluate(start)?, Damping::NONE);
-    for steps in 1..=MAX_STEPS {
-        if let Some((step, promised)) = equations.step(damping.value) {
-            let trial = moved(&state, &step).and_then(|trial| Some((evaluate(&trial)?, trial)));
-            let is_last = promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2;
-            match trial {
-                Some((better, trial)) if better.chi2 < equations.chi2 => {
-                    damping.ease((equations.chi2 - better.chi2) / promised);
-                    (state, equations) = (trial, better);
-                }
-                _ => damping.raise(),
-            }
-            if is_last || LAST_DAMPING <= damping.value {
-                return Some(DenseSolution { state, equations, steps, converged: true });
-            }
-        } else if LAST_DAMPING <= damping.value {
-            return Some(DenseSolution { state, equations, steps, converged: false });
-        } else {
-            damping.raise();
-        }
-    }
-    Some(DenseSolution { state, equations, steps: MAX_STEPS, converged: false })
+) -> Option<DenseMinimum<S>> {
+    minimize(&DenseCost { evaluate, moved, state: PhantomData }, start, &Tolerance::FINE)
 }
 
 /// Steps on a level: near a minimum each squares the error.
@@ -108,7 +111,7 @@ pub fn minimize_on_level<S: Clone>(
     level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
     evaluate: impl Fn(&S) -> Option<DenseEquations>,
     moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
-) -> Option<DenseSolution<S>> {
+) -> Option<DenseMinimum<S>> {
     let mut state = start.clone();
     let mut before = f64::INFINITY;
     let mut shortened = 1.0;
@@ -123,7 +126,7 @@ pub fn minimize_on_level<S: Clone>(
             return None;
         }
         if length2 <= LEVEL_TOLERANCE_CHI2 {
-            return Some(DenseSolution { state, equations, steps, converged: true });
+            return Some(Minimum { state, equations, steps, ending: Ending::Converged });
         }
         // Steps that do not shrink circle around: half of each settles them.
         shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };

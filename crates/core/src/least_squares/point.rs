@@ -1,6 +1,6 @@
-//! Levenberg–Marquardt on the place of one point.
+//! The one loop on the place of one point.
 
-use super::{Damping, LAST_DAMPING, MAX_STEPS, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use super::{LeastSquares, Minimum, Tolerance, minimize};
 use crate::Point;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
@@ -15,16 +15,8 @@ pub struct PointEquations {
     pub information: Matrix3<f64>,
 }
 
-/// Where the loop ended.
-#[derive(Debug, Clone, Copy)]
-pub struct PointSolution {
-    /// The minimum.
-    pub place: Point,
-    /// The equations one vanishing step before it.
-    pub equations: PointEquations,
-    /// Whether the last step promised less than the tolerance.
-    pub converged: bool,
-}
+/// A minimum over the places of a point.
+pub type PointMinimum = Minimum<Point, PointEquations>;
 
 impl PointEquations {
     /// No view yet.
@@ -52,33 +44,34 @@ impl PointEquations {
     }
 }
 
+struct PointCost<F>(F);
+
+impl<F: Fn(&Point) -> Option<PointEquations>> LeastSquares for PointCost<F> {
+    type State = Point;
+    type Equations = PointEquations;
+    type Step = Vector3<f64>;
+
+    fn evaluate(&self, place: &Point) -> Option<PointEquations> {
+        self.0(place)
+    }
+
+    fn chi2(equations: &PointEquations) -> f64 {
+        equations.chi2
+    }
+
+    fn step(&self, equations: &PointEquations, damping: f64) -> Option<(Vector3<f64>, f64)> {
+        equations.step(damping)
+    }
+
+    fn apply(&self, place: &Point, step: &Vector3<f64>) -> Option<Point> {
+        Some(place + step)
+    }
+}
+
 /// Minimises a cost over the place of a point. `evaluate` returns none where it leaves a camera's field.
 pub fn minimize_point(
     start: &Point,
     evaluate: impl Fn(&Point) -> Option<PointEquations>,
-) -> Option<PointSolution> {
-    let (mut place, mut equations, mut damping) = (*start, evaluate(start)?, Damping::NONE);
-    for _ in 0..MAX_STEPS {
-        let Some((step, promised)) = equations.step(damping.value) else {
-            if LAST_DAMPING <= damping.value {
-                break;
-            }
-            damping.raise();
-            continue;
-        };
-        if promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2 {
-            return Some(PointSolution { place: place + step, equations, converged: true });
-        }
-        match evaluate(&(place + step)).filter(|e| e.chi2 < equations.chi2) {
-            Some(better) => {
-                damping.ease((equations.chi2 - better.chi2) / promised);
-                (place, equations) = (place + step, better);
-            }
-            None if LAST_DAMPING <= damping.value => {
-                return Some(PointSolution { place, equations, converged: true });
-            }
-            None => damping.raise(),
-        }
-    }
-    Some(PointSolution { place, equations, converged: false })
+) -> Option<PointMinimum> {
+    minimize(&PointCost(evaluate), *start, &Tolerance::FINE)
 }

@@ -1,4 +1,4 @@
-//! Levenberg–Marquardt on the places of cameras, of targets on their bodies, and of every body in every view.
+//! The one loop on the places of cameras, of targets on their bodies, and of every body in every view.
 //!
 //! A sighting feels all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
 //! sum is carried to each of the three by a motion matrix. A body's place in a view touches the sightings of that view only: its block
@@ -9,9 +9,7 @@
 mod places;
 mod views;
 
-use super::{
-    Damping, LAST_DAMPING, MAX_STEPS, NormalEquations, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE,
-};
+use super::{LeastSquares, Minimum, NormalEquations, PivotedPose, Tolerance, minimize};
 use crate::{Matrix6, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix};
 use places::Chain;
@@ -47,58 +45,53 @@ struct Coupling {
     shared_body: Matrix6,
 }
 
-/// Where the loop ended.
-#[derive(Debug, Clone)]
-pub struct RigMinimum {
-    /// The minimum.
-    pub places: RigPlaces,
-    /// The equations one vanishing step before it.
-    pub equations: RigEquations,
-    /// Steps taken.
-    pub steps: usize,
-    /// Whether the last step promised less than the tolerance.
-    pub converged: bool,
+/// A minimum over all places.
+pub type RigMinimum = Minimum<RigPlaces, RigEquations>;
+
+/// A motion for each body in a view, and a change of all shared blocks.
+#[derive(Debug)]
+pub struct RigStep {
+    motions: Vec<Vector6>,
+    change: DVector<f64>,
+}
+
+struct RigCost<'a, F> {
+    graph: &'a RigGraph,
+    evaluate: F,
+}
+
+impl<F: Fn(&RigPlaces) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> {
+    type State = RigPlaces;
+    type Equations = RigEquations;
+    type Step = RigStep;
+
+    fn evaluate(&self, places: &RigPlaces) -> Option<RigEquations> {
+        (self.evaluate)(places)
+    }
+
+    fn chi2(equations: &RigEquations) -> f64 {
+        equations.chi2
+    }
+
+    fn step(&self, equations: &RigEquations, damping: f64) -> Option<(RigStep, f64)> {
+        equations.step(damping)
+    }
+
+    fn apply(&self, places: &RigPlaces, step: &RigStep) -> Option<RigPlaces> {
+        Some(places.moved(&step.motions, &step.change, self.graph))
+    }
 }
 
 /// Minimises a cost over all places. `evaluate` returns none where a point leaves its camera's field. The loop also ends where a step
-/// promises less than `tolerance_relative` of the cost, at least rounding's share.
+/// promises less than `tolerance_relative` of the cost.
 pub fn minimize_rig(
     start: RigPlaces,
     graph: &RigGraph,
     tolerance_relative: f64,
     evaluate: impl Fn(&RigPlaces) -> Option<RigEquations>,
 ) -> Option<RigMinimum> {
-    let mut places = start;
-    let mut equations = evaluate(&places)?;
-    let mut damping = Damping::NONE;
-    for steps in 1..=MAX_STEPS {
-        if let Some(step) = equations.step(damping.value) {
-            let trial = places.moved(&step.motions, &step.change, graph);
-            let tolerance = TOLERANCE_CHI2 + tolerance_relative.max(TOLERANCE_RELATIVE) * equations.chi2;
-            if step.promised <= tolerance {
-                return Some(RigMinimum { places: trial, equations, steps, converged: true });
-            }
-            if let Some(better) = evaluate(&trial).filter(|e| e.chi2 < equations.chi2) {
-                damping.ease((equations.chi2 - better.chi2) / step.promised);
-                (places, equations) = (trial, better);
-                continue;
-            }
-        }
-        if LAST_DAMPING <= damping.value {
-            let converged = equations.step(0.0).is_some();
-            return Some(RigMinimum { places, equations, steps, converged });
-        }
-        damping.raise();
-    }
-    Some(RigMinimum { places, equations, steps: MAX_STEPS, converged: false })
-}
-
-/// A motion for each body in a view, a change of all shared blocks, and the decrease of χ² they promise.
-#[derive(Debug)]
-pub struct RigStep {
-    motions: Vec<Vector6>,
-    change: DVector<f64>,
-    promised: f64,
+    let tolerance = Tolerance { relative: tolerance_relative, rival_chi2: None };
+    minimize(&RigCost { graph, evaluate }, start, &tolerance)
 }
 
 impl RigEquations {
@@ -204,7 +197,7 @@ impl RigEquations {
     }
 
     /// The step and its promise; none where the damped equations are not positive.
-    fn step(&self, damping: f64) -> Option<RigStep> {
+    fn step(&self, damping: f64) -> Option<(RigStep, f64)> {
         let eliminated = self.eliminated(damping)?;
         let change = eliminated.reduced.solve(&eliminated.gradient);
         let motion = |(body, inverse): (usize, &Matrix6)| {
@@ -216,7 +209,7 @@ impl RigEquations {
         let motions: Vec<Vector6> = eliminated.inverses.iter().enumerate().map(motion).collect();
         let of_bodies: f64 = self.bodies.iter().zip(&motions).map(|(body, m)| body.gradient.dot(m)).sum();
         let promised = of_bodies + self.gradient.dot(&change);
-        promised.is_finite().then_some(RigStep { motions, change, promised })
+        promised.is_finite().then_some((RigStep { motions, change }, promised))
     }
 
     /// The equations of the shared blocks alone; none where they or a body that takes part are undetermined.

@@ -1,11 +1,11 @@
-//! Levenberg–Marquardt on many poses together with parameters that all of them share (the camera's intrinsics).
+//! The one loop on many poses together with parameters that all of them share (the camera's intrinsics).
 //!
 //! A view touches its own pose and the shared parameters only. Each pose is therefore eliminated by its own 6×6 block (Schur
 //! complement), and what is left to solve is as large as the shared parameters. Derivation: docs/math/frames.md eqs. (2)–(6).
 //!
 //!   A  JᵀWJ of one pose, 6×6   ·   B  JᵀWK, 6×k   ·   C  Σ KᵀWK, k×k   ·   a, c  the gradients JᵀWr, Σ KᵀWr
 
-use super::{Damping, LAST_DAMPING, MAX_STEPS, PivotedPose, TOLERANCE_CHI2, TOLERANCE_RELATIVE};
+use super::{LeastSquares, Minimum, PivotedPose, Tolerance, minimize};
 use crate::camera::MAX_PARAMETERS;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
@@ -41,63 +41,58 @@ pub struct Reduced {
     pub gradient: DVector<f64>,
 }
 
-/// Where the loop ended.
+/// Many poses, and what they share.
 #[derive(Debug, Clone)]
-pub struct SharedSolution {
+pub struct SharedState {
     /// The poses, one a view.
     pub places: Vec<PivotedPose>,
     /// The shared parameters, as changes from the start.
     pub change: DVector<f64>,
-    /// The equations one vanishing step before it.
-    pub equations: SharedEquations,
-    /// Steps taken.
-    pub steps: usize,
-    /// Whether the last step promised less than the tolerance.
-    pub converged: bool,
 }
 
-/// A step: a motion for each view, a change of the shared parameters, the decrease of χ² it promises.
+/// A minimum over poses and what they share.
+pub type SharedMinimum = Minimum<SharedState, SharedEquations>;
+
+/// A motion for each view and a change of the shared parameters.
 struct Step {
     motions: Vec<Vector6>,
     change: DVector<f64>,
-    promised: f64,
+}
+
+struct SharedCost<F>(F);
+
+impl<F: Fn(&SharedState) -> Option<SharedEquations>> LeastSquares for SharedCost<F> {
+    type State = SharedState;
+    type Equations = SharedEquations;
+    type Step = Step;
+
+    fn evaluate(&self, state: &SharedState) -> Option<SharedEquations> {
+        self.0(state)
+    }
+
+    fn chi2(equations: &SharedEquations) -> f64 {
+        equations.chi2
+    }
+
+    fn step(&self, equations: &SharedEquations, damping: f64) -> Option<(Step, f64)> {
+        equations.step(damping)
+    }
+
+    fn apply(&self, state: &SharedState, step: &Step) -> Option<SharedState> {
+        let places = state.places.iter().zip(&step.motions).map(|(place, motion)| place.moved(motion));
+        Some(SharedState { places: places.collect(), change: &state.change + &step.change })
+    }
 }
 
 /// Minimises a cost over all poses and `n_shared` parameters that start at zero change. `evaluate` returns none where a point
 /// leaves the camera's field or the parameters make no camera.
 pub fn minimize_shared(
-    start: Vec<PivotedPose>,
+    places: Vec<PivotedPose>,
     n_shared: usize,
-    evaluate: impl Fn(&[PivotedPose], &DVector<f64>) -> Option<SharedEquations>,
-) -> Option<SharedSolution> {
-    let (mut places, mut change) = (start, DVector::zeros(n_shared));
-    let mut equations = evaluate(&places, &change)?;
-    let mut damping = Damping::NONE;
-    for steps in 1..=MAX_STEPS {
-        let step = equations.step(damping.value);
-        let trial = step.map(|step| (moved(&places, &step.motions), &change + step.change, step.promised));
-        if let Some((trial_places, trial_change, promised)) = trial {
-            if promised <= TOLERANCE_CHI2 + TOLERANCE_RELATIVE * equations.chi2 {
-                let (places, change) = (trial_places, trial_change);
-                return Some(SharedSolution { places, change, equations, steps, converged: true });
-            }
-            let better = evaluate(&trial_places, &trial_change).filter(|e| e.chi2 < equations.chi2);
-            if let Some(better) = better {
-                damping.ease((equations.chi2 - better.chi2) / promised);
-                (places, change, equations) = (trial_places, trial_change, better);
-                continue;
-            }
-            if LAST_DAMPING <= damping.value {
-                return Some(SharedSolution { places, change, equations, steps, converged: true });
-            }
-        }
-        damping.raise();
-    }
-    Some(SharedSolution { places, change, equations, steps: MAX_STEPS, converged: false })
-}
-
-fn moved(places: &[PivotedPose], motions: &[Vector6]) -> Vec<PivotedPose> {
-    places.iter().zip(motions).map(|(place, motion)| place.moved(motion)).collect()
+    evaluate: impl Fn(&SharedState) -> Option<SharedEquations>,
+) -> Option<SharedMinimum> {
+    let start = SharedState { places, change: DVector::zeros(n_shared) };
+    minimize(&SharedCost(evaluate), start, &Tolerance::FINE)
 }
 
 impl SharedEquations {
@@ -195,7 +190,7 @@ impl SharedEquations {
         Some((reduced, inverses))
     }
 
-    fn step(&self, damping: f64) -> Option<Step> {
+    fn step(&self, damping: f64) -> Option<(Step, f64)> {
         let (reduced, inverses) = self.eliminated(damping)?;
         let change = reduced.information.cholesky()?.solve(&reduced.gradient);
         let motion = |(view, inverse): (&ViewBlocks, &Matrix6)| {
@@ -208,6 +203,6 @@ impl SharedEquations {
         let motions: Vec<Vector6> = self.views.iter().zip(&inverses).map(motion).collect();
         let of_poses: f64 = self.views.iter().zip(&motions).map(|(view, m)| view.gradient.dot(m)).sum();
         let promised = of_poses + self.gradient.dot(&change);
-        promised.is_finite().then_some(Step { motions, change, promised })
+        promised.is_finite().then_some((Step { motions, change }, promised))
     }
 }

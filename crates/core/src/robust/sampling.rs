@@ -1,6 +1,6 @@
 //! Which three points next, and how likely three good ones are: docs/math/robust.md section 3.
 
-use super::chance::Chance;
+use crate::statistics::SplitMix64;
 
 /// Up to this many points every triple is listed (2,024 of them) and drawn without repetition; listing more takes longer than using a few.
 const MAX_LISTED: usize = 24;
@@ -67,7 +67,7 @@ impl Sampler {
 
     /// The next three points; none when every triple has been drawn.
     #[inline]
-    pub(super) fn next(&mut self, chance: &mut Chance, groups: Option<&Groups>) -> Option<[usize; 3]> {
+    pub(super) fn next(&mut self, chance: &mut SplitMix64, groups: Option<&Groups>) -> Option<[usize; 3]> {
         match (self, groups) {
             (Sampler::Listed { triples, drawn }, _) => {
                 let left = triples.len() - *drawn;
@@ -85,7 +85,7 @@ impl Sampler {
 
 /// Three different numbers below n.
 #[inline]
-fn distinct(chance: &mut Chance, n: usize) -> [usize; 3] {
+fn distinct(chance: &mut SplitMix64, n: usize) -> [usize; 3] {
     let i = chance.below(n);
     let (j, k) = (chance.below(n - 1), chance.below(n - 2));
     let j = if j < i { j } else { j + 1 };
@@ -96,9 +96,10 @@ fn distinct(chance: &mut Chance, n: usize) -> [usize; 3] {
 }
 
 /// Two points of one group and one of another, where either has two; else of three groups. A single group gives three of its own.
-fn from_groups(chance: &mut Chance, groups: &Groups) -> [usize; 3] {
+fn from_groups(chance: &mut SplitMix64, groups: &Groups) -> [usize; 3] {
     let members = |group: usize| &groups.members[group];
-    let any = |chance: &mut Chance, group: usize| members(group)[chance.below(members(group).len())] as usize;
+    let any =
+        |chance: &mut SplitMix64, group: usize| members(group)[chance.below(members(group).len())] as usize;
     let n = groups.members.len();
     if n < 3 {
         let all = distinct(chance, groups.of.len());
@@ -134,7 +135,7 @@ mod tests {
 
     #[test]
     fn every_triple_is_listed_once() {
-        let (mut chance, mut sampler) = (Chance::new(3), Sampler::new(9, None));
+        let (mut chance, mut sampler) = (SplitMix64::scattered(3), Sampler::new(9, None));
         let mut seen = std::collections::HashSet::new();
         while let Some(triple) = sampler.next(&mut chance, None) {
             assert!(triple[0] < triple[1] && triple[1] < triple[2] && triple[2] < 9);
@@ -146,7 +147,7 @@ mod tests {
     /// Drawn triples have three different members, each point a third of 3/n as often (five standard deviations).
     #[test]
     fn free_triples_are_distinct_and_even() {
-        let (mut chance, mut counts) = (Chance::new(4), [0usize; 5]);
+        let (mut chance, mut counts) = (SplitMix64::scattered(4), [0usize; 5]);
         for _ in 0..50_000 {
             let [i, j, k] = distinct(&mut chance, 5);
             assert!(i != j && j != k && i != k);
@@ -167,7 +168,7 @@ mod tests {
             let is_good = |p: usize| good[labels[p] as usize];
             let singles = [2, 3, 4, 6, 7].iter().filter(|g| good[**g]).count();
             let expected = chance_of_good(good.iter().filter(|g| **g).count(), 8, singles);
-            let mut chance = Chance::new(5);
+            let mut chance = SplitMix64::scattered(5);
             let hits = (0..100_000)
                 .filter(|_| from_groups(&mut chance, &groups).iter().all(|p| is_good(*p)))
                 .count();

@@ -1,12 +1,13 @@
 //! The search for the pose that the most correspondences agree with: docs/math/robust.md sections 2–4.
 
 use super::Config;
-use super::chance::{Chance, shuffled};
 use super::evidence::{Evidence, confidence, ln_triples, samples_for};
+use super::order::shuffled;
 use super::sampling::{Groups, Sampler, chance_of_good};
 use super::sights::{Sights, Wald};
-use crate::least_squares::{PivotedPose, minimize};
+use crate::least_squares::{PivotedPose, minimize_pose};
 use crate::solve::p3p::p3p;
+use crate::statistics::SplitMix64;
 use crate::{Camera, Correspondence, Error, Pose};
 
 /// Three points with noise of their own predict the others worse than the final pose does: the search looks this many
@@ -99,7 +100,7 @@ fn evidence(seen: &[Correspondence], groups: Option<&Groups>, threshold_px: f64)
 impl Search<'_> {
     /// Draws samples until enough; returns how many.
     fn run(&mut self, seen: &[Correspondence], order: &[u32]) -> usize {
-        let mut chance = Chance::new(self.config.seed);
+        let mut chance = SplitMix64::scattered(self.config.seed);
         let mut sampler = Sampler::new(seen.len(), self.groups.as_ref());
         let mut test = self.test(1);
         // Few points make few triples, and those share their points' noise: none is spared before there is an answer.
@@ -203,11 +204,11 @@ impl Search<'_> {
     fn polished(&self, candidate: &Pose, about: &Correspondence) -> Option<(Pose, f64)> {
         let pivot = about.x_in_target;
         let descend = |start: PivotedPose, limit_squared: f64| {
-            minimize(start, None, |place| self.sights.normal_equations(place, &pivot, limit_squared))
+            minimize_pose(start, None, |place| self.sights.normal_equations(place, &pivot, limit_squared))
         };
         let wide = descend(PivotedPose::new(candidate, &pivot), self.wide_limit())?;
-        let narrow = descend(wide.place, self.config.threshold_px.powi(2))?;
-        Some((narrow.place.pose(&pivot), narrow.normal.chi2))
+        let narrow = descend(wide.state, self.config.threshold_px.powi(2))?;
+        Some((narrow.state.pose(&pivot), narrow.equations.chi2))
     }
 
     fn agreement(&self, cam_from_target: Pose, cost: f64) -> Agreement {

@@ -2,11 +2,11 @@
 
 use super::search::{Found, what};
 use super::{Config, Consensus};
-use crate::choose::Ambiguity;
-use crate::consistency::Consistency;
+use crate::locate::choose::Ambiguity;
+use crate::locate::consistency::Consistency;
+use crate::locate::loss::Loss;
+use crate::locate::refine::residual_px;
 use crate::locate::{PoseEstimate, locate};
-use crate::loss::Loss;
-use crate::refine::residual_px;
 use crate::{Camera, Correspondence, Error, Pose};
 
 /// Rounds of "locate, then see who agrees". Each lowers the truncated cost, so that they end; two are the rule.

@@ -266,7 +266,7 @@ impl Block {
 mod tests {
     use super::*;
     use crate::camera::{KannalaBrandt, Pinhole};
-    use crate::refine::residual_px;
+    use crate::locate::refine::residual_px;
     use crate::{CameraMatrix, Pixel, Vector6};
 
     const MATRIX: CameraMatrix = CameraMatrix { fx_px: 500.0, fy_px: 510.0, cx_px: 320.0, cy_px: 240.0 };

@@ -3,7 +3,7 @@
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector6};
 use resight_core::advise::expect::{View, sight};
-use resight_core::choose::Ambiguity;
+use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
 use resight_core::target::KnownPoint;
 use resight_core::{Correspondence, Point, Pose};

@@ -3,8 +3,8 @@
 use super::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
-use resight_core::survey::{Fact, Plane, Survey, SurveyCamera};
-use resight_core::triangulate::isotropic;
+use resight_core::multiview::network::{Fact, Plane, Survey, SurveyCamera};
+use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, CameraMatrix, Lens, Point, Pose};
 
 /// 1920×1280, f = 1500 px.

@@ -5,7 +5,7 @@ use super::conditions::Condition;
 use nalgebra::{Vector2, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::monitor::rig::{Glance, RigMoment};
+use resight_core::temporal::monitor::rig::{Glance, RigMoment};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 
 /// Of the board.

@@ -3,8 +3,8 @@
 use super::Rng;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 pub const DAY_S: f64 = 86_400.0;
 /// Stated noise of a corner, pixels.

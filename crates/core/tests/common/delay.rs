@@ -4,7 +4,7 @@ use super::conditions::{Condition, Scene as Tag};
 use super::rivals::{alarms, cusum_delays, cusum_threshold, lorden, three_in_a_row};
 use super::sentry::{DAY_S, REALISTIC, SIGMA, Scene, Stream, WHITE, delays_s, pan};
 use nalgebra::Vector6;
-use resight_core::monitor::{Monitor, MonitorConfig, Watch};
+use resight_core::temporal::monitor::{Monitor, MonitorConfig, Watch};
 
 /// A row: what changed, at which rate of false alarms, which test, and how late it was.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 use super::{Rng, views};
 use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
 use resight_core::Pose;
-use resight_core::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, Mount};
+use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, Mount};
 
 pub type Vector12 = SMatrix<f64, 12, 1>;
 pub type Matrix12 = SMatrix<f64, 12, 12>;

@@ -1,7 +1,7 @@
 //! Real recordings of rigs: lenses as their files say, and the corners that came with them. Needs the folder named by RESIGHT_DATA.
 
 use resight_core::camera::BrownConrady;
-use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
-use resight_core::rig_pose::{RigPoseEstimate, RigView, locate_rig};
+use resight_core::multiview::rig_pose::{RigPoseEstimate, RigView, locate_rig};
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// Of every pixel coordinate.

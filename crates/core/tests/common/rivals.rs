@@ -6,7 +6,7 @@
 //! ```
 
 use super::Rng;
-use resight_core::frames::chi_square;
+use resight_core::statistics::normal::upper_tail;
 
 /// Six coordinates, two sides.
 const SIDES: f64 = 12.0;
@@ -105,12 +105,6 @@ pub fn alarms(
 /// Mean readings until three in a row of probability q each.
 fn mean_run(q: f64) -> f64 {
     (1.0 - q.powi(3)) / ((1.0 - q) * q.powi(3))
-}
-
-/// P(x < Z), Z standard normal.
-fn upper_tail(x: f64) -> f64 {
-    let half = 0.5 * chi_square::tail(1, x * x);
-    if x < 0.0 { 1.0 - half } else { half }
 }
 
 /// Where a condition that holds at `low` and not at `high` ends.

@@ -3,7 +3,7 @@
 use super::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3};
 use resight_core::camera::{BrownConrady, Pinhole};
-use resight_core::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point, Pose, Vector6};
 
 /// A rig with its truth.

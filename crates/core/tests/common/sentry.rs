@@ -3,7 +3,7 @@
 use super::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
-use resight_core::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 pub const DAY_S: f64 = 86_400.0;
 /// σ of a reading: 0.05° and 2 mm.

@@ -2,8 +2,8 @@
 
 use super::{Rng, hands::World, views};
 use nalgebra::{Vector2, Vector3, Vector6};
-use resight_core::hand_eye::{HandEye, HandEyeConfig, HandView, Mount, solve_hand_eye};
-use resight_core::rig_pose::RigView;
+use resight_core::multiview::hand_eye::{HandEye, HandEyeConfig, HandView, Mount, solve_hand_eye};
+use resight_core::multiview::rig_pose::RigView;
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// How the robot's poses are wrong.

@@ -3,8 +3,8 @@
 use super::Rng;
 use super::accident::{camera, looking_at};
 use nalgebra::{Vector2, Vector3};
-use resight_core::survey::{Fact, Plane, Query, Survey, SurveyCamera};
-use resight_core::triangulate::isotropic;
+use resight_core::multiview::network::{Fact, Plane, Query, Survey, SurveyCamera};
+use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, Pixel, Point, Pose};
 
 pub const SIGMA_PX: f64 = 1.0;

@@ -2,7 +2,9 @@
 
 use super::placed::UncertainObject;
 use super::{SchemaNumber, Status, Unsolved};
-use crate::core::hand_eye::{HandEye, HandEyeCause, HandViewResult, Mount, RejectedView as Rejection};
+use crate::core::multiview::hand_eye::{
+    HandEye, HandEyeCause, HandViewResult, Mount, RejectedView as Rejection,
+};
 use crate::report::verdict::figures;
 use crate::rig::relative::UncertainPose;
 use schemars::JsonSchema;

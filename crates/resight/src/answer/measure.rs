@@ -1,7 +1,7 @@
 //! The answer of the job that measures in photographs: one object a question, then one of the whole survey.
 
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::survey::{Measured, SurveyStatus};
+use crate::core::multiview::network::{Measured, SurveyStatus};
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;

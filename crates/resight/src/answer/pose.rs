@@ -1,13 +1,13 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
 use super::{Agreement, SchemaNumber};
-use crate::core::choose::{Ambiguity, Hypothesis, Minimum};
-use crate::core::consistency::Consistency;
 use crate::core::locate::PoseEstimate;
-use crate::core::observability::{Axis, Observability};
+use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
+use crate::core::locate::consistency::Consistency;
+use crate::core::locate::observability::{Axis, Observability};
+use crate::core::multiview::tag_map::DisplacedTag;
 use crate::core::solve::configuration::{Configuration, Geometry, Measure};
 use crate::core::solve::line_plus_one::Weakness;
-use crate::core::tag_map::DisplacedTag;
 use crate::core::{Matrix6, Pose};
 use crate::report::truth::point_covariance;
 use crate::report::verdict::{Status, Verdict, weakness_figures};

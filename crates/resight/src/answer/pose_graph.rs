@@ -4,7 +4,7 @@ mod file;
 
 use super::placed::{JointObject, PlacedObject};
 use super::{SchemaNumber, Status, Unsolved};
-use crate::core::pose_graph::{GraphFault, PairResult, PoseGraphSolution, RelativePose};
+use crate::core::multiview::pose_graph::{GraphFault, PairResult, PoseGraphSolution, RelativePose};
 use crate::core::{Matrix6, Pose};
 use crate::report::words::{degrees, length};
 use schemars::JsonSchema;

@@ -6,7 +6,7 @@ mod views;
 use super::placed::{JointObject, UncertainObject};
 use super::{SchemaNumber, Status, TransformObject, Unsolved, rows};
 use crate::core::Pose;
-use crate::core::rig::{CameraInRig, Cause, RigSolution, TargetOnBody, TargetScale};
+use crate::core::multiview::rig::{CameraInRig, Cause, RigSolution, TargetOnBody, TargetScale};
 use crate::formats::{JointCovariance, WriteError, own_rig_file, status_keys};
 use crate::report::rig::{
     camera_status, rig_camera_sentence, rig_headline, rig_status, rig_verdict_sentence, scale_sentences,

@@ -5,7 +5,7 @@ use super::words::{motion, motion_sentence};
 use crate::Error;
 use crate::answer::SchemaNumber;
 use crate::answer::compare::{CameraMotion, RigsCompared, Verdict};
-use crate::core::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
+use crate::core::temporal::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
 use crate::rig::names::natural;
 use crate::rig::places::PlacedRig;
 

@@ -6,7 +6,7 @@ use super::words::{evidence, motion, motion_sentence};
 use crate::Error;
 use crate::answer::SchemaNumber;
 use crate::answer::compare::{Verdict, ViewCompared};
-use crate::core::compare::{Moved, compare_poses};
+use crate::core::temporal::compare::{Moved, compare_poses};
 use std::path::Path;
 
 /// View by view. The probability of a false alarm is shared among the views.

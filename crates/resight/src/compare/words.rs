@@ -2,7 +2,7 @@
 
 use crate::answer::compare::Motion;
 use crate::answer::pose::rows;
-use crate::core::compare::Moved;
+use crate::core::temporal::compare::Moved;
 use crate::report::verdict::figures;
 use crate::report::words::{decimals, degrees, length};
 

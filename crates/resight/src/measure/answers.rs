@@ -3,7 +3,9 @@
 use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
-use crate::core::survey::{Adjusted, Fact, Frame, Measured, RIVAL_GATE_CHI2, SurveyStatus, adjust};
+use crate::core::multiview::network::{
+    Adjusted, Fact, Frame, Measured, RIVAL_GATE_CHI2, SurveyStatus, adjust,
+};
 use crate::formats::plausible;
 
 /// One question answered.
@@ -93,7 +95,7 @@ fn differ(values: &[Measured], others: &[Measured]) -> bool {
 }
 
 fn values(scene: &NamedScene, adjusted: &Adjusted, query: &NamedQuery) -> Result<Vec<Measured>, String> {
-    let value = |(axis, q): (usize, crate::core::survey::Query)| {
+    let value = |(axis, q): (usize, crate::core::multiview::network::Query)| {
         let shift = if query.kind == QueryKind::Position { scene.origin_m[axis] } else { 0.0 };
         let moved =
             |m: Measured| Measured { value: m.value + shift, low: m.low + shift, high: m.high + shift, ..m };
@@ -115,7 +117,7 @@ fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
             "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single fact explains it; the sigmas are too small, or the intrinsics wrong"
         ));
     };
-    let is_tied = |s: &&crate::core::survey::Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
+    let is_tied = |s: &&crate::core::multiview::network::Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
     let tied = rest.iter().take(MOST_SUSPECTS - 1).take_while(is_tied);
     let which: Vec<String> = std::iter::once(first).chain(tied).map(|s| words::suspect(scene, s)).collect();
     let without = match adjusted.left_out.is_empty() {

@@ -7,7 +7,7 @@
 use super::answers::Answers;
 use super::scene::NamedScene;
 use crate::GrayImage;
-use crate::core::survey::{Adjusted, Fact};
+use crate::core::multiview::network::{Adjusted, Fact};
 use crate::core::{Camera, Pixel, Pose};
 use crate::drawing::{Anchor, strokes};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};

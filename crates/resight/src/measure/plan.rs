@@ -3,7 +3,7 @@
 use super::answers::{Answers, QueryAnswer};
 use super::scene::{NamedScene, QueryKind};
 use super::words;
-use crate::core::survey::Adjusted;
+use crate::core::multiview::network::Adjusted;
 use crate::drawing::{Anchor, Drawing};
 use crate::overlay::canvas::{Color, Path};
 use crate::overlay::font;

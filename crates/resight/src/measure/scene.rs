@@ -7,7 +7,7 @@ mod rig;
 mod build;
 
 use crate::FileError;
-use crate::core::survey::{Fact, Plane, Query, Survey, SurveyCamera};
+use crate::core::multiview::network::{Fact, Plane, Query, Survey, SurveyCamera};
 use crate::core::{Camera, Point};
 use build::Builder;
 use file::SceneFile;

@@ -2,7 +2,7 @@
 
 use super::answers::Answers;
 use super::words;
-use crate::core::survey::SurveyStatus;
+use crate::core::multiview::network::SurveyStatus;
 
 /// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark, status; one line a value. The remark of an answer that is not
 /// `ok` says why.

@@ -2,7 +2,7 @@
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::survey::{Fact, Frame, Item, Measured, OnLine, Suspect};
+use crate::core::multiview::network::{Fact, Frame, Item, Measured, OnLine, Suspect};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {

@@ -86,7 +86,7 @@ pub fn add_to(object: &mut Value, sighting: &Sighting) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::turn::Turn;
+    use crate::core::temporal::relative_rotation::Turn;
     use nalgebra::Matrix3;
 
     #[test]

@@ -1,12 +1,12 @@
 //! What an estimate, or the lack of one, means to the person who asked: a status word and a sentence with the way out.
 
 use crate::core::Error;
-use crate::core::choose::Ambiguity;
-use crate::core::consistency::Consistency;
+use crate::core::locate::choose::Ambiguity;
+use crate::core::locate::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
+use crate::core::multiview::network::SurveyStatus;
+use crate::core::multiview::tag_map::{DisplacedTag, TargetPose};
 use crate::core::solve::line_plus_one::Weakness;
-use crate::core::survey::SurveyStatus;
-use crate::core::tag_map::{DisplacedTag, TargetPose};
 use crate::report::words::percent;
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -3,7 +3,7 @@
 //! Degrees and millimetres appear here and nowhere else in the library.
 
 use crate::core::locate::PoseEstimate;
-use crate::core::observability::{Axis, Observability};
+use crate::core::locate::observability::{Axis, Observability};
 use crate::core::{Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 

@@ -3,7 +3,7 @@
 use super::names::natural;
 use super::{NamedRig, NamedTarget};
 use crate::core::Correspondence;
-use crate::core::rig::Sighting;
+use crate::core::multiview::rig::Sighting;
 use crate::formats::NamedCamera;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;

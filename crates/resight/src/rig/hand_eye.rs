@@ -3,8 +3,8 @@
 use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
-use crate::core::hand_eye::{HandEyeConfig, HandView, solve_hand_eye};
-use crate::core::rig_pose::RigView;
+use crate::core::multiview::hand_eye::{HandEyeConfig, HandView, solve_hand_eye};
+use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Error as MathError, Pose};
 use crate::error::Error;
 use crate::report::rig::rig_verdict_sentence;

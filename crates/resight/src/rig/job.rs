@@ -10,7 +10,7 @@ use super::request::RigRequest;
 use super::{InputFile, NamedRig, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::Error as MathError;
-use crate::core::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
+use crate::core::multiview::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
 use crate::error::Error;
 use std::path::{Path, PathBuf};
 

@@ -9,7 +9,7 @@
 
 use super::names::natural;
 use crate::FileError;
-use crate::core::pose_graph::{PairNoise, RelativePose};
+use crate::core::multiview::pose_graph::{PairNoise, RelativePose};
 use crate::core::{Matrix6, Pose};
 use nalgebra::{Matrix3, Vector3, Vector6};
 use serde::Deserialize;

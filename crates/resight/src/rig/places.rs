@@ -1,6 +1,6 @@
 //! Where a file's cameras are, all in one frame, however the file chains their poses.
 
-use crate::core::compare::{Correlation, RigPlaces};
+use crate::core::temporal::compare::{Correlation, RigPlaces};
 use crate::core::{Matrix6, Pose};
 use crate::formats::{NamedCamera, Placement};
 use nalgebra::DMatrix;

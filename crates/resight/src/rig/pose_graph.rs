@@ -4,7 +4,7 @@ use super::pairs::PairFile;
 use super::request::number_of;
 use crate::answer::{PoseGraphAnswer, SolvedPoseGraph, Status, Unsolved};
 use crate::core::Error as MathError;
-use crate::core::pose_graph::{
+use crate::core::multiview::pose_graph::{
     Chain, PairSigma, PoseGraph, PoseGraphConfig, chain, groups, solve_pose_graph,
 };
 use crate::error::Error;
@@ -71,7 +71,7 @@ impl PoseGraphRequest {
 /// The poses of several cameras in one frame, from relative poses of pairs of them.
 ///
 /// ```
-/// use resight::core::pose_graph::{PairNoise, RelativePose};
+/// use resight::core::multiview::pose_graph::{PairNoise, RelativePose};
 /// use resight::core::{Point, Pose};
 /// use resight::rig::{PoseGraphRequest, pairs::PairFile};
 /// let cameras = ["left", "middle", "right"].map(String::from).to_vec();
@@ -131,7 +131,8 @@ fn solved(
             let solution = solve_pose_graph(graph, &config)?;
             // Without a loop nothing says how well the pairs are known.
             let is_known = solution.noise_degrees_of_freedom != Some(0);
-            let covariance = |c: &crate::core::pose_graph::CameraInGraph| is_known.then_some(c.covariance);
+            let covariance =
+                |c: &crate::core::multiview::pose_graph::CameraInGraph| is_known.then_some(c.covariance);
             let cam_from_rig = solution.cameras.iter().map(|c| (c.cam_from_rig, covariance(c))).collect();
             (cam_from_rig, None, Some(solution))
         }

@@ -1,6 +1,6 @@
 //! What a solved rig says about other frames than its own: between two cameras, and in a surveyed world.
 
-use crate::core::rig::{RigConfig, RigProblem, RigSolution, solve_rig};
+use crate::core::multiview::rig::{RigConfig, RigProblem, RigSolution, solve_rig};
 use crate::core::{Error, Matrix6, Pose};
 
 /// A pose with the 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, frame b.

@@ -2,7 +2,7 @@
 
 use super::NamedTarget;
 use crate::core::Target;
-use crate::core::rig::KnownDistance;
+use crate::core::multiview::rig::KnownDistance;
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
 use std::path::{Path, PathBuf};

@@ -2,8 +2,8 @@
 
 use super::pairs::{isotropic, pose_from_numbers};
 use crate::FileError;
-use crate::core::hand_eye::{Candidate, HandNoise, HandView};
-use crate::core::rig_pose::RigView;
+use crate::core::multiview::hand_eye::{Candidate, HandNoise, HandView};
+use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Matrix6, Pose};
 use crate::input::table::Table;
 use serde::Deserialize;

@@ -262,7 +262,7 @@ pub(crate) fn magnification(largest: f64, wanted: f64) -> f64 {
 
 /// One magnification for all cameras: the longest half axis becomes a sixth of the reach.
 pub(crate) fn ellipse_magnification(run: &RigRun, extent: &Extent) -> f64 {
-    let longest = |c: &crate::core::rig::CameraInRig| {
+    let longest = |c: &crate::core::multiview::rig::CameraInRig| {
         half_axes(&place_covariance(&c.cam_from_rig, &c.covariance), CHI2_3_95.sqrt()).column(0).norm()
     };
     let largest = run.solution.cameras.iter().map(longest).fold(0.0, f64::max);
@@ -320,7 +320,7 @@ mod tests {
         let expected = place_covariance(&pose, &covariance);
         let plane = expected.fixed_view::<2, 2>(0, 0).into_owned();
         let (long, short, direction) = ellipse(&plane, CHI2_2_95.sqrt());
-        let mut chance = Chance(7);
+        let mut chance = resight_core::statistics::SplitMix64::new(7);
         let (mut sum, mut inside, n) = (Matrix3::zeros(), 0, 100_000);
         for _ in 0..n {
             let xi = Vector6::from_fn(|i, _| sigma[i] * chance.normal());
@@ -361,20 +361,6 @@ mod tests {
             (f64::NAN, 1.0, 1.0),
         ] {
             assert!((magnification(largest, wanted) / factor - 1.0).abs() < 1e-12, "{largest} {wanted}");
-        }
-    }
-
-    /// A small generator with a literal seed: numerical recipes' 64-bit congruence, twelve uniforms to a normal.
-    struct Chance(u64);
-
-    impl Chance {
-        fn uniform(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.0 >> 11) as f64 / (1u64 << 53) as f64
-        }
-
-        fn normal(&mut self) -> f64 {
-            (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
         }
     }
 }

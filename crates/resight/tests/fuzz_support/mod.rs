@@ -1,25 +1,22 @@
 //! Spoilt copies of shipped files: bytes, words, numbers, structure and sizes, from a seed that is printed and given again.
 
+use resight_core::statistics::SplitMix64;
 use std::path::{Path, PathBuf};
 
 /// SplitMix64.
 #[derive(Debug, Clone)]
-pub struct Draw(pub u64);
+pub struct Draw(pub SplitMix64);
 
 impl Draw {
     /// Of one case of a run.
     pub fn of(seed: u64, case: u64) -> Self {
-        let mut draw = Draw(seed ^ case.wrapping_mul(0x2545_f491_4f6c_dd1d));
+        let mut draw = Draw(SplitMix64::new(seed ^ case.wrapping_mul(0x2545_f491_4f6c_dd1d)));
         draw.bits();
         draw
     }
 
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     pub fn below(&mut self, n: usize) -> usize {

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 use resight::core::camera::{BrownConrady, KannalaBrandt, Pinhole};
-use resight::core::choose::Ambiguity;
-use resight::core::consistency::Consistency;
 use resight::core::correspondence::{Correspondence, Detection, correspond};
+use resight::core::locate::choose::Ambiguity;
+use resight::core::locate::consistency::Consistency;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera, CameraMatrix, Lens, Pixel, Point, Pose, Target, Vector6};
 use serde_json::Value;

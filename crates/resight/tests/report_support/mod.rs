@@ -7,7 +7,7 @@ pub mod page;
 
 use nalgebra::{DMatrix, Vector2};
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize};
-use resight::core::rig::{
+use resight::core::multiview::rig::{
     BodyInView, CameraInRig, RejectedSighting, RigSolution, RigVerdict, SharedViews, Sighting,
     SightingResult, TargetOnBody, TargetScale, WeakestLink,
 };

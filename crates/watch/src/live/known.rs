@@ -2,7 +2,7 @@
 
 use super::look::{Look, LookError};
 use super::{LiveCamera, LiveConfig, StateFile};
-use resight_core::monitor::Reference;
+use resight_core::temporal::monitor::Reference;
 
 /// What a camera is compared with, target by target, where that is known when its session begins: what it brings with it, or what an earlier
 /// session learned and left in a state that it goes on from.

@@ -13,7 +13,7 @@ use pair::{Pair, Sight};
 use resight::GrayImage;
 use resight::detect::DetectError;
 use resight::landmarks::LandmarksError;
-use resight_core::monitor::{Monitor, Reference, Unsettled};
+use resight_core::temporal::monitor::{Monitor, Reference, Unsettled};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! The file of a reference: the pose that a camera is compared with, and the noise that is no drift.
 
 use resight::FileError;
-use resight_core::monitor::{DriftNoise, Reference};
+use resight_core::temporal::monitor::{DriftNoise, Reference};
 use resight_core::{Matrix6, Pose};
 use serde::{Deserialize, Serialize};
 use std::path::Path;

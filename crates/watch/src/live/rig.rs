@@ -14,7 +14,7 @@ use super::{Event, LiveConfig};
 use attributed::Pairs;
 pub use config::RigConfig;
 use resight_core::Camera;
-use resight_core::monitor::{Monitor, Reference};
+use resight_core::temporal::monitor::{Monitor, Reference};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;

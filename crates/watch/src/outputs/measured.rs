@@ -26,7 +26,7 @@ mod tests {
     use super::*;
     use resight::core::camera::Pinhole;
     use resight::core::locate::{Config, PoseEstimate, locate};
-    use resight::core::monitor::Reading;
+    use resight::core::temporal::monitor::Reading;
     use resight::core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 
     /// A small far square, tilted: its flipped pose is a second minimum.

@@ -5,7 +5,7 @@ use crate::live::Event;
 use crate::log::Log;
 use crate::names::Names;
 use anyhow::Result;
-use resight::core::monitor::Reference;
+use resight::core::temporal::monitor::Reference;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

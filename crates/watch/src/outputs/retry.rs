@@ -2,6 +2,7 @@
 
 use super::super::log::Log;
 use super::outbox::Outbox;
+use resight::core::statistics::SplitMix64;
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
 use std::time::{Duration, Instant};
@@ -17,23 +18,19 @@ const LONGEST_ASKED_S: f64 = 3600.0;
 /// receiver do not all come back in the same moment.
 pub struct Backoff {
     next_s: f64,
-    chance: u64,
+    chance: SplitMix64,
     /// Whether the end of the session has been noticed.
     is_hurried: bool,
 }
 
 impl Backoff {
     pub fn new() -> Self {
-        Backoff { next_s: FIRST_S, chance: random() | 1, is_hurried: false }
+        Backoff { next_s: FIRST_S, chance: SplitMix64::new(random()), is_hurried: false }
     }
 
     /// The next pause; at least what the receiver asked for.
     pub fn pause(&mut self, asked: Option<Duration>) -> Duration {
-        // Marsaglia's xorshift, 2003: good enough to spread pauses.
-        self.chance ^= self.chance << 13;
-        self.chance ^= self.chance >> 7;
-        self.chance ^= self.chance << 17;
-        let share = (self.chance >> 11) as f64 / (1_u64 << 53) as f64;
+        let share = self.chance.uniform();
         let own_s = self.next_s * (0.5 + 0.5 * share);
         self.next_s = (2.0 * self.next_s).min(LONGEST_S);
         let asked_s = asked.map_or(0.0, |asked| asked.as_secs_f64().min(LONGEST_ASKED_S));

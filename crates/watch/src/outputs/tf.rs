@@ -14,7 +14,7 @@ use crate::ros::write::{Level, Status, nanoseconds};
 use anyhow::Result;
 use frames::Frames;
 use recorder::{Item, Recorder};
-use resight::core::monitor::{Drift, Reference};
+use resight::core::temporal::monitor::{Drift, Reference};
 use resight::core::{Pose, Vector6};
 use std::path::PathBuf;
 

@@ -2,21 +2,18 @@
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use resight::core::Pose;
+use resight_core::statistics::SplitMix64;
 use resight_watch::history::{FrameRow, History, Measured, Retention, Selection, Store, StoredRow, Turned};
 use std::path::{Path, PathBuf};
 
 pub const SIGMA: [f64; 6] = [1e-3, 2e-3, 5e-4, 1e-3, 1e-3, 4e-3];
 
 /// SplitMix64, and Box–Muller on it.
-pub struct Chance(pub u64);
+pub struct Chance(pub SplitMix64);
 
 impl Chance {
     pub fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 0.5_f64.powi(53)
+        self.0.uniform()
     }
 
     pub fn normal(&mut self) -> f64 {
@@ -42,7 +39,7 @@ pub fn open(path: &Path) -> Store {
 
 /// Frames of `gate` at these times, the pose scattered by SIGMA; every tenth sees nothing.
 pub fn frames(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64) -> Vec<FrameRow> {
-    let mut chance = Chance(seed);
+    let mut chance = Chance(SplitMix64::new(seed));
     let start = Pose::exp(&Vector6::new(0.2, -0.7, 0.1, 0.3, -0.2, 2.5));
     let frame = |(i, t_s): (usize, f64)| {
         let motion = Vector6::from_fn(|axis, _| SIGMA[axis] * chance.normal());
@@ -73,7 +70,7 @@ pub const TURN_SIGMA: [f64; 3] = [3e-4, 1e-3, 5e-4];
 /// Frames of `gate` without a target at these times, turned far from the reference picture and scattered by TURN_SIGMA; every tenth sees
 /// nothing.
 pub fn turns(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64) -> Vec<FrameRow> {
-    let mut chance = Chance(seed);
+    let mut chance = Chance(SplitMix64::new(seed));
     let start = turn(Vector3::new(0.1, -0.6, 0.2));
     let frame = |(i, t_s): (usize, f64)| {
         let motion = Vector3::from_fn(|axis, _| TURN_SIGMA[axis] * chance.normal());

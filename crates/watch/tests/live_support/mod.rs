@@ -6,7 +6,7 @@ mod film_support;
 
 pub use film_support::*;
 use resight::GrayImage;
-use resight::core::monitor::learn::LearnConfig;
+use resight::core::temporal::monitor::learn::LearnConfig;
 use resight::core::{Matrix6, Target};
 use resight_watch::live::{LiveCamera, LiveConfig, Watched};
 use resight_watch::source::{Content, Frame, Next, Source};

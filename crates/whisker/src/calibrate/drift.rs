@@ -15,7 +15,7 @@ use super::{Calibrated, roles};
 use crate::contact::Method;
 use crate::{Cell, Error, Sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use resight_core::frames::chi_square::tail;
+use resight_core::statistics::chi_square::tail;
 
 /// What one parameter would have had to do, to explain the change by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -75,7 +75,7 @@ impl Problem<'_> {
     pub fn solve(&self, start: &State) -> Option<Fitted> {
         let layout = Layout::of(self, start);
         let solution = minimize_dense(
-            start,
+            start.clone(),
             |state| self.equations(state, &layout),
             |state, step| Some(layout.moved(state, step)),
         )?;

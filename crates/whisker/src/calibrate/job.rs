@@ -6,10 +6,10 @@ use super::fit::{self, Fitted, Noise, Problem};
 use super::outline::Outline;
 use super::parameters::{Covariance, Parameter, Priors, Values};
 use super::stretches::{observed_noise, stretches};
-use super::{Calibrated, Calibration, Object, Options, chi_square, roles, tare, undetermined};
+use super::{Calibrated, Calibration, Object, Options, roles, tare, undetermined};
 use crate::{Cell, Error, Rod, Sample};
 use nalgebra::DVector;
-use resight_core::frames::chi_square::tail;
+use resight_core::statistics::chi_square::{quantile, tail};
 
 /// Rounds of assigning roles and fitting; roles stay after two or three.
 const ROUNDS: usize = 8;
@@ -201,7 +201,7 @@ impl<'a> Job<'a> {
         let posed = Posed::new(self.setting(Some(outline)), &fitted.state);
         let plans = self.plans(Some(outline), roles, &fitted.state);
         let probability = tail(1, roles::GATE);
-        let gates = [1, 2, 3].map(|equations| chi_square::quantile(equations, probability));
+        let gates = [1, 2, 3].map(|equations| quantile(equations, probability));
         let keeps = |sample: &Sample, plan: &Plan| {
             let rows = fit::projected(&posed, sample, plan, &self.noise).filter(|rows| !rows.is_empty());
             let chi2 = |rows: &[Constraint]| rows.iter().map(|row| row.value * row.value).sum::<f64>();

@@ -14,7 +14,7 @@ use crate::estimate::{Contact, Mode, Status};
 use crate::friction::{Constraint, Mu, Record, project, solve_record, sound};
 use crate::{Cell, Rod, Sample};
 use nalgebra::{DVector, SMatrix, Vector3};
-use resight_core::frames::chi_square;
+use resight_core::statistics::chi_square;
 use rows::Rows;
 
 /// Chance that a right record is called inconsistent: of all its tests together.

@@ -10,7 +10,7 @@ use crate::estimate::Mode;
 use crate::friction::Projection;
 use crate::{Cell, HubLoad, PlanarPose, Sample};
 use nalgebra::{Matrix2, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector4};
-use resight_core::frames::chi_square;
+use resight_core::statistics::chi_square;
 
 /// A contact as the outline sees it.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,7 +6,7 @@ use crate::contact::Method;
 use crate::estimate::{ContactEstimate, Mode, Status};
 use crate::friction::{Constraint, Record, Tests, project, sound};
 use crate::{Cell, Rod, Sample};
-use resight_core::frames::chi_square;
+use resight_core::statistics::chi_square;
 
 /// What happened at a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,11 +1,11 @@
-//! Fits a hypothesis to the rows by robust Levenberg–Marquardt.
+//! Fits a hypothesis to the rows under a robust loss.
 
 use super::outline::Place;
 use super::row::{Loss, OUTLIER_COST, Row};
 use super::state::State;
 use nalgebra::{DMatrix, DVector};
-use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
-use std::cell::Cell;
+use resight_core::least_squares::dense::DenseEquations;
+use resight_core::least_squares::{LeastSquares, Tolerance, minimize};
 
 /// A hypothesis at its best parameters.
 #[derive(Debug, Clone)]
@@ -113,15 +113,39 @@ impl<'a> Search<'a> {
     }
 }
 
+/// The rows' cost under a loss.
+struct Cost<'a> {
+    rows: &'a [Row],
+    loss: Loss,
+}
+
+impl LeastSquares for Cost<'_> {
+    type State = State;
+    type Equations = DenseEquations;
+    type Step = DVector<f64>;
+    const MAX_STEPS: usize = BUDGET;
+
+    fn evaluate(&self, state: &State) -> Option<DenseEquations> {
+        equations(self.rows, state, self.loss)
+    }
+
+    fn chi2(equations: &DenseEquations) -> f64 {
+        equations.chi2
+    }
+
+    fn step(&self, equations: &DenseEquations, damping: f64) -> Option<(DVector<f64>, f64)> {
+        equations.step(damping)
+    }
+
+    fn apply(&self, state: &State, step: &DVector<f64>) -> Option<State> {
+        state.moved(step)
+    }
+}
+
 fn minimum(rows: &[Row], start: &State, loss: Loss) -> Option<Fit> {
-    let spent = Cell::new(0);
-    let evaluate = |state: &State| {
-        spent.set(spent.get() + 1);
-        if BUDGET < spent.get() { None } else { equations(rows, state, loss) }
-    };
-    let solution = minimize_dense(start, evaluate, |state: &State, by: &DVector<f64>| state.moved(by))?;
-    let cost = solution.equations.chi2;
-    cost.is_finite().then_some(Fit { cost, state: solution.state })
+    let found = minimize(&Cost { rows, loss }, start.clone(), &Tolerance::FINE)?;
+    let cost = found.equations.chi2;
+    cost.is_finite().then_some(Fit { cost, state: found.state })
 }
 
 /// Covariance of the parameters at a fit; none where something is undetermined.

@@ -8,18 +8,15 @@ use super::state::State;
 use super::{Config, Touch};
 use crate::estimate::{Mode, Status};
 use nalgebra::{DVector, Matrix2, Matrix3, Vector2, Vector3};
+use resight_core::statistics::SplitMix64;
 use std::f64::consts::FRAC_PI_2;
 
 /// SplitMix64.
-struct Chance(u64);
+struct Chance(SplitMix64);
 
 impl Chance {
     fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        low + (high - low) * (((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64)
+        self.0.between(low, high)
     }
 }
 
@@ -68,7 +65,7 @@ fn states() -> Vec<State> {
 /// by the step's square; where a contact changes its piece on the way the cost has a kink, so a step is short.
 #[test]
 fn gradient_matches_central_difference() {
-    let rows = rows(&mut Chance(1), 60);
+    let rows = rows(&mut Chance(SplitMix64::new(1)), 60);
     for state in states() {
         for loss in [Loss::Leading, Loss::Final] {
             let at = equations(&rows, &state, loss).expect("an outline");
@@ -90,7 +87,7 @@ fn gradient_matches_central_difference() {
 /// Nothing on the outline is nearer than the nearest contact; and what is named is on it.
 #[test]
 fn no_contact_of_the_outline_is_nearer() {
-    let rows = rows(&mut Chance(2), 40);
+    let rows = rows(&mut Chance(SplitMix64::new(2)), 40);
     for state in states() {
         let outline = state.outline().expect("an outline");
         for row in rows.iter().filter(|row| !row.tip) {
@@ -140,7 +137,7 @@ fn contacts(outline: &Outline) -> Box<dyn Iterator<Item = (Vector2<f64>, f64)> +
 fn a_tip_does_not_reach_the_far_face() {
     let state = State::Rectangle { centre: Vector2::zeros(), sides: [0.04, 0.002], angle: 0.0 };
     let outline = state.outline().expect("an outline");
-    let touch = touch(Vector2::new(0.0, 0.0009), -FRAC_PI_2, Mode::Tip, &mut Chance(3));
+    let touch = touch(Vector2::new(0.0, 0.0009), -FRAC_PI_2, Mode::Tip, &mut Chance(SplitMix64::new(3)));
     let row = Row::new(0, &[touch], &Config::default()).expect("a row");
     let Outline::Corners(polygon) = &outline else { panic!("corners") };
     let Place::Face(k, _) = outline.distance(&row).place else { panic!("a face") };
@@ -159,7 +156,7 @@ fn remembering(phi: f64, chance: &mut Chance) -> Vec<Row> {
             let x = (0.03 + 2e-4 * e[0]) * Vector2::new(beta.cos(), beta.sin());
             Touch {
                 covariance: Matrix3::from_diagonal(&Vector3::new(4e-8, 4e-8, 1e-4)),
-                ..touch(x, beta + 1e-2 * e[1], Mode::Mid, &mut Chance(0))
+                ..touch(x, beta + 1e-2 * e[1], Mode::Mid, &mut Chance(SplitMix64::new(0)))
             }
         })
         .collect();
@@ -171,8 +168,9 @@ fn remembering(phi: f64, chance: &mut Chance) -> Vec<Row> {
 fn errors_that_last_are_noticed() {
     let circle = State::Circle { centre: Vector2::zeros(), radius: 0.03 };
     for (phi, expected) in [(0.0, 1.0), (0.5, 3.0), (0.8, 9.0)] {
-        let found: Vec<f64> =
-            (1..=20).map(|seed| correlation(&remembering(phi, &mut Chance(seed)), &circle)).collect();
+        let found: Vec<f64> = (1..=20)
+            .map(|seed| correlation(&remembering(phi, &mut Chance(SplitMix64::new(seed))), &circle))
+            .collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
         assert!((mean / expected - 1.0).abs() < 0.2, "{phi}: {mean}, expected {expected}");
     }

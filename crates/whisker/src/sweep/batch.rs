@@ -1,22 +1,15 @@
-//! All nodes at once: Levenberg–Marquardt on the chain, then the covariances.
+//! All nodes at once: the loop of `least_squares` on the chain, then the covariances.
 
 use super::chain::{Chain, Eliminated, Local, Solution};
 use super::envelope::{self, Pair};
 use super::node::{Instrument, Linear, Node, Role};
 use nalgebra::{Matrix4, Vector4};
+use resight_core::least_squares::{LeastSquares, Tolerance, minimize};
+use std::cell::RefCell;
 
-/// Steps at most; a record needs five to ten.
-const STEPS: usize = 40;
-/// Done when no unknown moves by more than this share of its standard deviation of measurement.
-const SMALL_STEP: f64 = 1e-4;
 /// How far the contact may move along the tangent between touch and first contact, as a share of the length: generous, an
 /// outline of radius L/5 turning by 3°.
 pub const TOUCH_SLIDE: f64 = 0.01;
-
-/// Damping of the first step, as a share of the measurements' own weight.
-const FIRST_DAMPING: f64 = 1e-2;
-/// Dampings tried per step.
-const TRIES: usize = 10;
 
 /// What is known of the friction angle beforehand.
 #[derive(Debug, Clone, Copy)]
@@ -57,18 +50,88 @@ pub struct Smoothed {
     pub iterations: usize,
 }
 
+/// The unknowns of all nodes and the friction angle that they share, radians.
+#[derive(Debug, Clone)]
+struct State {
+    nodes: Vec<Local>,
+    shared_rad: f64,
+}
+
+/// The chain at a state.
+#[derive(Debug, Clone)]
+struct Linearised {
+    state: State,
+    linear: Vec<Linear>,
+    /// Standard deviations of the envelope's residuals there.
+    sigmas: Vec<f64>,
+    /// By those.
+    chi2: f64,
+}
+
+/// A step of every node and of the shared unknown.
+struct Step {
+    nodes: Vec<Local>,
+    shared_rad: f64,
+}
+
 /// Memory of a minimisation.
 #[derive(Debug, Default)]
 struct Work {
     chain: Chain,
     factors: Vec<Eliminated>,
-    sigmas: Vec<f64>,
-    damping: f64,
+    solution: Solution,
+}
+
+struct Cost<'p, 'a> {
+    problem: &'p Problem<'a>,
+    work: RefCell<Work>,
+}
+
+impl LeastSquares for Cost<'_, '_> {
+    type State = State;
+    type Equations = Linearised;
+    type Step = Step;
+    /// A record needs five to ten.
+    const MAX_STEPS: usize = 40;
+
+    fn evaluate(&self, state: &State) -> Option<Linearised> {
+        self.problem.linearised(state)
+    }
+
+    fn chi2(at: &Linearised) -> f64 {
+        at.chi2
+    }
+
+    /// The envelope's standard deviations are held while a step is judged.
+    fn decrease(&self, from: &Linearised, to: &Linearised) -> f64 {
+        from.chi2 - self.problem.chi2(to, &from.sigmas)
+    }
+
+    fn step(&self, at: &Linearised, damping: f64) -> Option<(Step, f64)> {
+        let Work { chain, factors, solution } = &mut *self.work.borrow_mut();
+        self.problem.fill(chain, at);
+        chain.damp(damping);
+        let gradient = chain.gradient();
+        chain.solve(factors, solution)?;
+        let promised = -gradient.dot(solution);
+        let step = Step { nodes: solution.steps.clone(), shared_rad: solution.shared_step };
+        promised.is_finite().then_some((step, promised))
+    }
+
+    fn apply(&self, state: &State, step: &Step) -> Option<State> {
+        let nodes = state.nodes.iter().zip(&step.nodes).map(|(z, step)| z + step);
+        Some(State { nodes: nodes.collect(), shared_rad: state.shared_rad + step.shared_rad })
+    }
 }
 
 impl Problem<'_> {
-    fn linearise(&self, states: &[Local], shared_rad: f64) -> Option<Vec<Linear>> {
-        self.nodes.iter().zip(states).map(|(node, z)| node.linear(self.with, z, shared_rad)).collect()
+    fn linearised(&self, state: &State) -> Option<Linearised> {
+        let of_node = |(node, z): (&Node, &Local)| node.linear(self.with, z, state.shared_rad);
+        let linear: Vec<Linear> = self.nodes.iter().zip(&state.nodes).map(of_node).collect::<Option<_>>()?;
+        let sigmas = self.envelope_sigmas(&linear);
+        let mut at = Linearised { state: state.clone(), linear, sigmas, chi2: 0.0 };
+        at.chi2 = self.chi2(&at, &at.sigmas);
+        Some(at)
     }
 
     /// Standard deviations of the envelope's residuals.
@@ -76,17 +139,19 @@ impl Problem<'_> {
         linear.windows(2).map(|pair| envelope::sigma_m(&pair[0], &pair[1])).collect()
     }
 
-    fn chi2(&self, work: &Work, linear: &[Linear], states: &[Local], shared_rad: f64) -> f64 {
-        let own: f64 = self.nodes.iter().zip(states).map(|(node, z)| node.deviation(z).norm_squared()).sum();
+    fn chi2(&self, at: &Linearised, sigmas: &[f64]) -> f64 {
+        let Linearised { state, linear, .. } = at;
+        let all = self.nodes.iter().zip(&state.nodes);
+        let own: f64 = all.map(|(node, z)| node.deviation(z).norm_squared()).sum();
         let constraints: f64 = linear.iter().filter_map(|l| l.constraint).map(|(r, ..)| r * r).sum();
         let mut pairs = 0.0;
-        for i in (0..work.sigmas.len()).filter(|&i| self.linked[i]) {
-            pairs += (Pair::envelope(&linear[i], &linear[i + 1]).residual_m / work.sigmas[i]).powi(2);
+        for i in (0..sigmas.len()).filter(|&i| self.linked[i]) {
+            pairs += (Pair::envelope(&linear[i], &linear[i + 1]).residual_m / sigmas[i]).powi(2);
             if let Some((slide, sigma)) = self.touch_slide(i, linear) {
                 pairs += (slide.residual_m / sigma).powi(2);
             }
         }
-        let prior = (shared_rad - self.prior.angle_rad) / self.prior.sigma_rad;
+        let prior = (state.shared_rad - self.prior.angle_rad) / self.prior.sigma_rad;
         own + constraints + pairs + prior * prior
     }
 
@@ -95,11 +160,11 @@ impl Problem<'_> {
             .then(|| (Pair::slide(&linear[i], &linear[i + 1]), TOUCH_SLIDE * self.with.rod.length_m))
     }
 
-    fn fill(&self, work: &mut Work, linear: &[Linear]) {
-        let Work { chain, sigmas, .. } = work;
+    fn fill(&self, chain: &mut Chain, at: &Linearised) {
+        let Linearised { state, linear, sigmas, .. } = at;
         chain.reset(self.nodes.len());
         for (i, node) in self.nodes.iter().enumerate() {
-            let deviation = node.deviation(&self.states[i]);
+            let deviation = node.deviation(&state.nodes[i]);
             chain.add_block(i, &Matrix4::identity(), &Vector4::zeros(), &deviation);
             if let Some((residual, by, by_shared)) = &linear[i].constraint {
                 chain.add_single(i, *residual, by, *by_shared);
@@ -112,55 +177,22 @@ impl Problem<'_> {
             }
         }
         let weight = self.prior.sigma_rad.powi(-2);
-        chain.add_shared(weight, weight * (self.shared_rad - self.prior.angle_rad));
+        chain.add_shared(weight, weight * (state.shared_rad - self.prior.angle_rad));
     }
 
     /// Minimises from the states as they stand and leaves them at the minimum; none where the start has no contact.
     pub fn minimise(&mut self) -> Option<Smoothed> {
-        let linear = self.linearise(&self.states, self.shared_rad)?;
-        let (mut work, mut out) = (Work::default(), Smoothed { linear, ..Default::default() });
-        work.damping = FIRST_DAMPING;
-        self.descend(&mut work, &mut out);
-        work.sigmas = self.envelope_sigmas(&out.linear);
-        out.chi2 = self.chi2(&work, &out.linear, &self.states, self.shared_rad);
-        self.fill(&mut work, &out.linear);
-        work.chain.solve(&mut work.factors, &mut out.solution)?;
-        Some(out)
-    }
-
-    /// Steps until none helps or all are small.
-    fn descend(&mut self, work: &mut Work, out: &mut Smoothed) {
-        for _ in 0..STEPS {
-            out.iterations += 1;
-            // Held while a step is judged.
-            work.sigmas = self.envelope_sigmas(&out.linear);
-            match self.step(work, out) {
-                Some(moved) if SMALL_STEP <= moved => {}
-                _ => break,
-            }
-        }
-    }
-
-    /// One step that does not raise the sum of squares; the largest move of an unknown, none where no step helps.
-    fn step(&mut self, work: &mut Work, out: &mut Smoothed) -> Option<f64> {
-        let before = self.chi2(work, &out.linear, &self.states, self.shared_rad);
-        for _ in 0..TRIES {
-            self.fill(work, &out.linear);
-            work.chain.damp(work.damping);
-            work.chain.solve(&mut work.factors, &mut out.solution)?;
-            let states: Vec<Local> =
-                self.states.iter().zip(&out.solution.steps).map(|(z, step)| z + step).collect();
-            let shared_rad = self.shared_rad + out.solution.shared_step;
-            if let Some(linear) = self.linearise(&states, shared_rad)
-                && self.chi2(work, &linear, &states, shared_rad) <= before * (1.0 + 1e-9)
-            {
-                (self.states, self.shared_rad, out.linear) = (states, shared_rad, linear);
-                work.damping *= 0.1;
-                return Some(out.solution.steps.iter().map(|s| s.amax()).fold(0.0, f64::max));
-            }
-            work.damping = work.damping * 10.0 + 1e-6;
-        }
-        None
+        let start = State { nodes: self.states.clone(), shared_rad: self.shared_rad };
+        let cost = Cost { problem: self, work: RefCell::default() };
+        let found = minimize(&cost, start, &Tolerance::FINE)?;
+        // Where the last step leads out of what can be solved, the state before it is as good.
+        let at = self.linearised(&found.state).unwrap_or(found.equations);
+        let Work { mut chain, mut factors, mut solution } = cost.work.into_inner();
+        self.fill(&mut chain, &at);
+        chain.solve(&mut factors, &mut solution)?;
+        let Linearised { state, linear, chi2, .. } = at;
+        (self.states, self.shared_rad) = (state.nodes, state.shared_rad);
+        Some(Smoothed { linear, solution, chi2, iterations: found.steps })
     }
 
     /// Conditions less unknowns: every reading brings its own unknown, so what is left are the constraints, the links and

@@ -40,6 +40,21 @@ pub struct Solution {
     pub shared_variance: f64,
 }
 
+/// Of the form, by all unknowns.
+#[derive(Debug, Clone)]
+pub struct Gradient {
+    nodes: Vec<Local>,
+    shared: f64,
+}
+
+impl Gradient {
+    /// Its product with a solution's steps.
+    pub fn dot(&self, solution: &Solution) -> f64 {
+        let of_nodes: f64 = self.nodes.iter().zip(&solution.steps).map(|(g, step)| g.dot(step)).sum();
+        of_nodes + self.shared * solution.shared_step
+    }
+}
+
 impl Chain {
     /// Empties the form and gives it `nodes` nodes; keeps its memory.
     pub fn reset(&mut self, nodes: usize) {
@@ -77,6 +92,11 @@ impl Chain {
         self.diagonal[node] += hessian;
         self.border[node] += border;
         self.gradient[node] += gradient;
+    }
+
+    /// The form's gradient, which solving consumes.
+    pub fn gradient(&self) -> Gradient {
+        Gradient { nodes: self.gradient.clone(), shared: self.corner_gradient }
     }
 
     /// Adds ½ h φ² + g φ.

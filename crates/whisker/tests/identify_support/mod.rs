@@ -1,6 +1,7 @@
 //! Simulated trials: an object of a class, swept as the recorded sets are, felt by a load cell of their class.
 
 use nalgebra::Vector2;
+use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{ContactEstimate, estimate};
 use resight_whisker::friction::{Mu, solve_record};
@@ -29,16 +30,11 @@ pub fn cell() -> Cell {
 }
 
 /// SplitMix64.
-pub struct Chance(pub u64);
+pub struct Chance(pub SplitMix64);
 
 impl Chance {
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
-        low + (high - low) * unit
+        self.0.between(low, high)
     }
 }
 

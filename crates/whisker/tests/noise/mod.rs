@@ -1,17 +1,14 @@
 //! Readings as instruments give them, from a seed.
 
+use resight_core::statistics::SplitMix64;
 use resight_whisker::{Cell, HubLoad, Sample};
 
 /// SplitMix64, and normal numbers by Box and Muller.
-pub struct Chance(pub u64);
+pub struct Chance(pub SplitMix64);
 
 impl Chance {
     pub fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        self.0.uniform()
     }
 
     pub fn normal(&mut self) -> f64 {

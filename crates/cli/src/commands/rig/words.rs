@@ -2,7 +2,7 @@
 
 use crate::text::line;
 use resight::answer::SolvedRig;
-use resight::core::rig::shared_views as shared;
+use resight::core::multiview::rig::shared_views as shared;
 use resight::report::rig::{
     camera_status, rejection_sentence, rig_camera_sentence, rig_headline, rig_verdict_sentence,
     scale_sentences, weakest_link_sentence,

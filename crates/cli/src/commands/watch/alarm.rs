@@ -2,8 +2,8 @@
 
 use clap::Args;
 use nalgebra::{Matrix6, Vector6};
-use resight::core::monitor::MonitorConfig;
-use resight::core::monitor::learn::LearnConfig;
+use resight::core::temporal::monitor::MonitorConfig;
+use resight::core::temporal::monitor::learn::LearnConfig;
 
 /// The alarm.
 #[derive(Debug, Args)]

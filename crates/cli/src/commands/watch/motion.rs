@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use resight::core::track::{Motion, TrackConfig};
+use resight::core::temporal::track::{Motion, TrackConfig};
 
 /// Mounted, or on something that moves.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]

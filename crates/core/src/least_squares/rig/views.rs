@@ -1,7 +1,7 @@
 //! What each view says about the shared blocks, its bodies' places eliminated: docs/math/clustered.md eq. (1).
 
 use super::{Eliminated, RigEquations, RigGraph, RigPlaces};
-use crate::clustered::Cluster;
+use crate::least_squares::clustered::Cluster;
 use crate::{Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector};
 

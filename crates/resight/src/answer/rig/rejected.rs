@@ -1,7 +1,7 @@
 //! What took no part in a rig, and why.
 
 use super::{SolvedRig, camera_name, target_name};
-use crate::core::rig::SightingResult;
+use crate::core::multiview::rig::SightingResult;
 use crate::report::rig::rejection_sentence;
 use schemars::JsonSchema;
 use serde::Serialize;

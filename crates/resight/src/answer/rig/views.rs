@@ -2,7 +2,7 @@
 
 use super::{SolvedRig, camera_name, first_target};
 use crate::answer::TransformObject;
-use crate::core::rig::{BodyInView, SightingResult};
+use crate::core::multiview::rig::{BodyInView, SightingResult};
 use crate::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -4,7 +4,7 @@ use super::build::{Builder, with_floor};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
 use crate::core::Pose;
-use crate::core::survey::Fact;
+use crate::core::multiview::network::Fact;
 use crate::formats;
 use crate::measure::clicks::read_clicks;
 use std::path::{Path, PathBuf};

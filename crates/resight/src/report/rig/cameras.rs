@@ -2,7 +2,7 @@
 
 use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
-use crate::core::rig::CameraInRig;
+use crate::core::multiview::rig::CameraInRig;
 use crate::report::html::escaped;
 use crate::report::words;
 use crate::rig::RigRun;

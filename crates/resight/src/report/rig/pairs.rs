@@ -98,7 +98,7 @@ pub(super) fn relative(run: &RigRun, a: usize, b: usize) -> (Pose, Option<Matrix
 mod tests {
     use super::*;
     use crate::core::Vector6;
-    use crate::core::rig::{CameraInRig, RigSolution, RigVerdict, SharedViews};
+    use crate::core::multiview::rig::{CameraInRig, RigSolution, RigVerdict, SharedViews};
     use crate::rig::NamedRig;
     use nalgebra::{DMatrix, Matrix6x3};
 

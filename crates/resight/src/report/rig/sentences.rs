@@ -1,7 +1,7 @@
 //! What the rig hangs on, and what is known about its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::rig::{RejectedSighting, TargetScale};
+use crate::core::multiview::rig::{RejectedSighting, TargetScale};
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;

@@ -1,6 +1,6 @@
 //! Whether a rig can be believed, in words: what the program, its files and the page say first.
 
-use crate::core::rig::{Cause, LensOffset, Losses, RigSolution};
+use crate::core::multiview::rig::{Cause, LensOffset, Losses, RigSolution};
 use crate::report::verdict::{Status, figures};
 use crate::rig::RigRun;
 

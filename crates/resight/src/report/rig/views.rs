@@ -1,7 +1,7 @@
 //! Views × cameras: how much of what was seen was used; and what was left out whole.
 
 use super::pieces::{fixed, row, tabular};
-use crate::core::rig::RejectedSighting;
+use crate::core::multiview::rig::RejectedSighting;
 use crate::report::html::escaped;
 use crate::rig::RigRun;
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! Where the features of a target would be in the next picture, by what is known of the pose.
 
 use resight_core::target::Feature;
-use resight_core::track::Tracked;
+use resight_core::temporal::track::Tracked;
 use resight_core::{Camera, Matrix6, Pixel, Point, Target};
 
 /// The points of a target by name, looked up once.

@@ -7,7 +7,7 @@ use crate::source::{Content, Frame};
 use nalgebra::{Matrix3, Vector3};
 use resight::GrayImage;
 use resight::landmarks::{Landmarks, Sighting};
-use resight_core::monitor::{DriftNoise, Monitor, Reading, Reference};
+use resight_core::temporal::monitor::{DriftNoise, Monitor, Reading, Reference};
 use resight_core::{Camera, Matrix6, Pose};
 use std::collections::BTreeMap;
 use std::sync::Arc;

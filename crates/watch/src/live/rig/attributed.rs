@@ -3,8 +3,8 @@
 use super::Nodes;
 use crate::live::{Doubt, Event, LiveConfig, Observation, State};
 use resight_core::Pose;
-use resight_core::monitor::attribute::{Attribution, Edge, attribute};
-use resight_core::monitor::{Drift, Monitor, MonitorConfig, Reading, Reference, Watch};
+use resight_core::temporal::monitor::attribute::{Attribution, Edge, attribute};
+use resight_core::temporal::monitor::{Drift, Monitor, MonitorConfig, Reading, Reference, Watch};
 
 /// Every pair of a camera and a target, watched as its own camera watches it.
 pub(in crate::live) struct Pairs {

@@ -7,9 +7,9 @@ use super::{Nodes, RigConfig};
 use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
 use nalgebra::DMatrix;
-use resight_core::monitor::Unrest;
-use resight_core::monitor::learn::LEAST_READINGS;
-use resight_core::monitor::rig::{
+use resight_core::temporal::monitor::Unrest;
+use resight_core::temporal::monitor::learn::LEAST_READINGS;
+use resight_core::temporal::monitor::rig::{
     Glance, RigMoment, RigMonitor, RigReference, RigUnsettled, learn_rig, learn_sight_noise, unsettled_rig,
 };
 use resight_core::{Camera, Error, Pose};

@@ -7,10 +7,10 @@ use crate::outputs::Session;
 use crate::outputs::measured::measured;
 use crate::outputs::outbox::Counted;
 use resight::core::Matrix6;
-use resight::core::choose::Ambiguity;
-use resight::core::consistency::Consistency;
-use resight::core::monitor::Reference;
-use resight::core::track::Tracked;
+use resight::core::locate::choose::Ambiguity;
+use resight::core::locate::consistency::Consistency;
+use resight::core::temporal::monitor::Reference;
+use resight::core::temporal::track::Tracked;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use crate::log::Log;
     use crate::names::Names;
-    use resight::core::monitor::DriftNoise;
+    use resight::core::temporal::monitor::DriftNoise;
     use resight::core::{Pose, Vector6};
 
     /// A session of one camera and one target.

@@ -1,7 +1,7 @@
 //! A drift in words and as JSON: since when, at once or at which rate, about or along which axis, and how to put it back.
 
 use resight::core::Vector6;
-use resight::core::monitor::{Alone, Course, Drift, Rate};
+use resight::core::temporal::monitor::{Alone, Course, Drift, Rate};
 use resight::report::turned::parts;
 use serde_json::{Value, json};
 

@@ -8,7 +8,7 @@ use super::statistics::{Rate, Rolling, Spread};
 use super::trail::Trail;
 use crate::live::{Event, Observation, State};
 use resight::core::Pose;
-use resight::core::monitor::{Reading, turn_alone};
+use resight::core::temporal::monitor::{Reading, turn_alone};
 use std::collections::VecDeque;
 
 /// Lines about events that are kept.

@@ -11,10 +11,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Color;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use resight::core::choose::Ambiguity;
-use resight::core::consistency::Consistency;
 use resight::core::locate::PoseEstimate;
-use resight::core::track::Tracked;
+use resight::core::locate::choose::Ambiguity;
+use resight::core::locate::consistency::Consistency;
+use resight::core::temporal::track::Tracked;
 
 /// Draws it; what does not fit is cut.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {

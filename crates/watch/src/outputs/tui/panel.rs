@@ -10,7 +10,7 @@ use ratatui::style::Color;
 use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::Paragraph;
 use resight::core::Vector6;
-use resight::core::monitor::{Reading, turn_alone};
+use resight::core::temporal::monitor::{Reading, turn_alone};
 
 /// A turn below this is drawn small even where nothing is known of the noise.
 const LEAST_SCALE_RAD: f64 = 1e-5;

@@ -134,6 +134,7 @@ fn keep<T>(values: &mut VecDeque<T>, capacity: usize, value: T) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resight::core::statistics::SplitMix64;
 
     #[test]
     fn quantiles_lie_between_neighbours_and_old_numbers_are_forgotten() {
@@ -157,20 +158,14 @@ mod tests {
         assert_eq!(rate.per_s(now_s + 1.0), Some(0.0));
     }
 
-    /// Uniform on [0, 1): PCG's multiplier, high bits.
-    fn uniform(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     /// Uniform errors of half-width w have the standard deviation w/√3. That of 4000 is known to about 1 %.
     #[test]
     fn the_spread_on_se3_is_the_one_that_went_in() {
         let widths = Vector6::new(0.01, 0.002, 0.03, 0.004, 0.05, 0.006);
         let a_from_b = Pose::exp(&Vector6::new(2.0, -0.9, 1.4, 3.0, -2.0, 5.0));
-        let (mut state, mut spread) = (7, Spread::new(4000));
+        let (mut random, mut spread) = (SplitMix64::new(7), Spread::new(4000));
         for _ in 0..5000 {
-            let error = widths.map(|w| w * (2.0 * uniform(&mut state) - 1.0));
+            let error = widths.map(|w| w * (2.0 * random.uniform() - 1.0));
             spread.push(Pose::exp(&error) * a_from_b);
         }
         let sigma = spread.sigma().expect("poses");

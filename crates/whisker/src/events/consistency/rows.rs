@@ -8,7 +8,7 @@ use crate::friction::projection::bend;
 use crate::friction::{Constraint, FrictionAngle, Projection, Record, project};
 use crate::{Cell, Rod, Sample};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RowVector4, Vector2};
-use resight_core::frames::chi_square;
+use resight_core::statistics::chi_square;
 use std::ops::Range;
 
 /// Contacts tested, at most: more are thinned evenly.

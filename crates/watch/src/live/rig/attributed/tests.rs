@@ -3,8 +3,8 @@
 use super::*;
 use crate::live::pace::Pace;
 use resight::render::Pcg;
-use resight_core::monitor::learn::{LearnConfig, learn};
-use resight_core::monitor::{DriftNoise, Reading};
+use resight_core::temporal::monitor::learn::{LearnConfig, learn};
+use resight_core::temporal::monitor::{DriftNoise, Reading};
 use resight_core::{Matrix6, Vector6};
 use std::sync::Arc;
 

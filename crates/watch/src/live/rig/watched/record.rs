@@ -9,7 +9,7 @@ use crate::live::state::rig_record::{
 use crate::live::state::{changed, unix_s};
 use resight_core::correspondence::PixelCovariance;
 use resight_core::locate::{Config, locate};
-use resight_core::monitor::rig::RigMonitor;
+use resight_core::temporal::monitor::rig::RigMonitor;
 use resight_core::{Camera, Correspondence};
 use std::time::Instant;
 

@@ -12,7 +12,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use resight::core::correspondence::{Detection, correspond};
 use resight::core::locate::{Config, PoseEstimate, locate};
-use resight::core::monitor::{Course, Drift, DriftNoise, Reading, Reference};
+use resight::core::temporal::monitor::{Course, Drift, DriftNoise, Reading, Reference};
 use resight::core::{Camera, Pose, Target};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,0 +1,204 @@
+//! Widens a covariance where the likelihood is curved, not only quadratic.
+//!
+//! A nearly frontal target shows its tilt to second order only: its likelihood is a bent ridge, and the inverse of the
+//! information matrix, the ridge's tangent ellipsoid, is too thin across the bend and too short along it. In the two weakest
+//! turns w₁, w₂ the ridge runs as ξ(s) = s₁d₁ + s₂d₂ + s₁²b₁ + s₂²b₂ + s₁s₂b₁₂, s in standard deviations; for normal s
+//!   Σ' = Σ + 3b₁b₁ᵀ + 3b₂b₂ᵀ + b₁b₂ᵀ + b₂b₁ᵀ + b₁₂b₁₂ᵀ + Σₖ (4/Δχ²ₖ − 1) dₖdₖᵀ,
+//! Δχ²ₖ the rise of χ² along the ridge at two standard deviations (4 where it is straight).
+//! Derivation and measurements: docs/math/refine.md eqs. (10)–(14).
+
+use crate::least_squares::{NormalEquations, PivotedPose};
+use crate::locate::choose::Minimum;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{centroid, normal_equations, residual_sums};
+use crate::{Matrix6, Point, Pose, Vector6};
+use nalgebra::{Matrix3, Vector3};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
+
+/// Whether the likelihood is bent at each of the first four minima; none where that is not known yet.
+pub(crate) type Bends = [Option<bool>; 4];
+
+/// Where the ridge is tried, standard deviations: far enough to feel the bend, near enough to stay on it.
+pub(crate) const PROBE: f64 = 2.0;
+/// Off a straight ridge χ² rises by PROBE² = 4; within this factor nothing is bent that matters.
+pub(crate) const STRAIGHT: f64 = 1.25;
+/// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
+const LEAST_RISE: f64 = 0.4;
+
+/// What is needed of a cost to walk along its ridge: that of one camera, or of a rig.
+pub(crate) trait Cost {
+    /// The point about which small motions turn, target frame.
+    fn pivot(&self) -> Point;
+    /// Gauss–Newton's view of the cost; none where a point leaves a camera's field.
+    fn normal_equations(&self, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations>;
+    /// The cost; infinite where a point leaves a camera's field.
+    fn chi2(&self, cam_from_target: &Pose) -> f64;
+}
+
+impl Cost for Problem<'_> {
+    fn pivot(&self) -> Point {
+        centroid(self.seen)
+    }
+
+    fn normal_equations(&self, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
+        normal_equations(place, pivot, self)
+    }
+
+    fn chi2(&self, cam_from_target: &Pose) -> f64 {
+        residual_sums(cam_from_target, self).0
+    }
+}
+
+/// Whether χ² rises otherwise than quadratically along the weakest turn, so that the covariance needs the bend's share and
+/// another minimum may lie along the ridge.
+pub(crate) fn is_bent(m: &Minimum, cost: &impl Cost) -> bool {
+    let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
+    let straight = |side: f64| {
+        let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
+        let rise = cost.chi2(&probe) - m.chi2;
+        rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
+    };
+    !(straight(PROBE) && straight(-PROBE))
+}
+
+/// The covariance of a minimum, with the share of the bend added.
+pub(crate) fn with_curvature(m: &Minimum, cost: &impl Cost) -> Matrix6 {
+    let rotation = rotation_block(&m.covariance);
+    let first = Turn::weakest(&m.covariance, &rotation);
+    let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
+    let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
+    let ridge = Ridge { m, turns: [first, second], pivot: cost.pivot(), cost };
+    ridge.share().map_or(m.covariance, |share| m.covariance + share)
+}
+
+fn rotation_block(covariance: &Matrix6) -> Matrix3<f64> {
+    covariance.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+/// A weak turn: its axis w and the motion d that goes with one standard deviation of it.
+struct Turn {
+    axis: Vector3<f64>,
+    motion: Vector6,
+}
+
+impl Turn {
+    /// The largest eigenvector of the rotation block, or of its part `within` a plane: a column of the eighth power.
+    fn weakest(covariance: &Matrix6, within: &Matrix3<f64>) -> Self {
+        let scaled = within / within.trace();
+        let squared = scaled * scaled;
+        let fourth = squared * squared;
+        let eighth = fourth * fourth;
+        let axis = eighth.column(eighth.diagonal().imax()).normalize();
+        let sigma = axis.dot(&(within * axis)).sqrt();
+        Turn { axis, motion: covariance.fixed_view::<6, 3>(0, 0) * axis / sigma }
+    }
+
+    fn component(&self, motion: &Vector6) -> f64 {
+        self.axis.x * motion[0] + self.axis.y * motion[1] + self.axis.z * motion[2]
+    }
+}
+
+struct Ridge<'a, C: Cost> {
+    m: &'a Minimum,
+    turns: [Turn; 2],
+    pivot: Point,
+    cost: &'a C,
+}
+
+impl<C: Cost> Ridge<'_, C> {
+    fn share(&self) -> Option<Matrix6> {
+        let [d1, d2] = [self.turns[0].motion, self.turns[1].motion];
+        let q = PROBE / 2f64.sqrt();
+        let even = |s1: f64, s2: f64| Some((self.shift(s1, s2)?, self.shift(-s1, -s2)?));
+        let (along1, along2) = (even(PROBE, 0.0)?, even(0.0, PROBE)?);
+        let (same, opposite) = (even(q, q)?, even(q, -q)?);
+        let mean = |pair: &((Vector6, f64), (Vector6, f64))| (pair.0.0 + pair.1.0) / (2.0 * PROBE * PROBE);
+        let (b1, b2) = (mean(&along1), mean(&along2));
+        // The diagonals hold s₁s₂ = ±q², q² = PROBE²/2, so their difference is b₁₂ when divided as the means are.
+        let b12 = mean(&same) - mean(&opposite);
+        let longer = |pair: &((Vector6, f64), (Vector6, f64))| {
+            let rise = pair.0.1.min(pair.1.1).clamp(LEAST_RISE, PROBE * PROBE);
+            PROBE * PROBE / rise - 1.0
+        };
+        let square = |a: &Vector6, b: &Vector6| a * b.transpose();
+        let bend = square(&b1, &b1) * 3.0 + square(&b2, &b2) * 3.0 + square(&b1, &b2) + square(&b2, &b1);
+        let length = square(&d1, &d1) * longer(&along1) + square(&d2, &d2) * longer(&along2);
+        Some(bend + square(&b12, &b12) + length)
+    }
+
+    /// From the tangent point s₁d₁ + s₂d₂ back onto the ridge: one Gauss–Newton step with both turns held. Returns the
+    /// step, in left motions, and the rise of χ² on the ridge.
+    fn shift(&self, s1: f64, s2: f64) -> Option<(Vector6, f64)> {
+        let [t1, t2] = &self.turns;
+        let probe = Pose::exp(&(t1.motion * s1 + t2.motion * s2)) * self.m.cam_from_target;
+        let place = PivotedPose::new(&probe, &self.pivot);
+        let normal = self.cost.normal_equations(&place, &self.pivot)?;
+        let covariance = normal.covariance_at_camera(&place.pivot_in_cam)?;
+        let gradient = normal.gradient_at_camera(&place.pivot_in_cam);
+        let step = covariance * gradient;
+        let by_turn = covariance.fixed_view::<6, 3>(0, 0);
+        let (c1, c2): (Vector6, Vector6) = (by_turn * t1.axis, by_turn * t2.axis);
+        let (m11, m12, m22) = (t1.component(&c1), t1.component(&c2), t2.component(&c2));
+        let (r1, r2) = (t1.component(&step), t2.component(&step));
+        let det = m11 * m22 - m12 * m12;
+        let shift = step - c1 * ((m22 * r1 - m12 * r2) / det) - c2 * ((m11 * r2 - m12 * r1) / det);
+        let rise = normal.chi2 - gradient.dot(&shift) - self.m.chi2;
+        (shift.iter().all(|x| x.is_finite()) && rise.is_finite()).then_some((shift, rise))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+    use crate::Correspondence;
+    use crate::camera::{CameraMatrix, Pinhole};
+    use crate::locate::refine::refine;
+    use crate::{Lens, Pixel};
+
+    /// E ξξᵀ of the bends by Gauss–Hermite quadrature (three nodes each way: exact to the fifth power) from the ridge itself
+    /// equals the stated sum. Both tilts of a frontal target shorten its range, so the cross terms add.
+    #[test]
+    fn bend_is_the_second_moment_of_the_ridge() {
+        let matrix = CameraMatrix { fx_px: 800.0, fy_px: 800.0, cx_px: 0.0, cy_px: 0.0 };
+        let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
+        let truth = Pose::new(Matrix3::identity(), Vector3::new(0.05, -0.02, 3.0));
+        let seen: Vec<_> = [[-0.5, -0.5], [0.5, -0.4], [0.5, 0.5], [-0.4, 0.5], [0.1, 0.0]]
+            .iter()
+            .filter_map(|[x, y]| {
+                let x = Point::new(*x, *y, 0.0);
+                let pixel: Pixel = camera.project(&(truth * x))?;
+                Correspondence::new(&camera, x, pixel, 0.01).ok()
+            })
+            .collect();
+        let m = refine(&truth, &seen, &camera).unwrap();
+        let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        let first = Turn::weakest(&m.covariance, &rotation);
+        let across = Matrix3::identity() - first.axis * first.axis.transpose();
+        let second = Turn::weakest(&m.covariance, &(across * rotation * across));
+        let ridge = Ridge {
+            m: &m,
+            turns: [first, second],
+            pivot: centroid(&seen),
+            cost: &Problem::new(&seen, &camera),
+        };
+        let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
+        let mut moment = Matrix6::zeros();
+        for (s1, w1) in nodes {
+            for (s2, w2) in nodes {
+                let (shift, _) = ridge.shift(s1, s2).unwrap();
+                moment += shift * shift.transpose() * (w1 * w2);
+            }
+        }
+        // Seen across both turns: along them the ridge's lengthening adds, which is not its bend.
+        let [d1, d2] = [ridge.turns[0].motion, ridge.turns[1].motion];
+        let d1 = d1.normalize();
+        let d2 = (d2 - d1 * d1.dot(&d2)).normalize();
+        let depth = Vector6::ith(5, 1.0);
+        let across = depth - d1 * d1.dot(&depth) - d2 * d2.dot(&depth);
+        let seen_across = |m: &Matrix6| across.dot(&(m * across));
+        let ratio = seen_across(&ridge.share().unwrap()) / seen_across(&moment);
+        assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    }
+}

@@ -1,0 +1,173 @@
+//! What uncertain intrinsics do to an answer: they widen its covariance, and they explain a part of its residual.
+//!
+//! ```text
+//!   K  derivative of the predicted pixels by the parameters θ, whitened  ·  J  the same by the pose  ·  r  whitened residual
+//!   G = JᵀK,  M = Kᵀ(1 − JΣJᵀ)K = KᵀK − GᵀΣG,  h = Kᵀr,  C = Cov(θ)
+//! ```
+//! Derivation: docs/math/refine.md eq. (9), docs/math/posterior.md eqs. (7)–(10).
+
+use crate::camera::MAX_PARAMETERS;
+use crate::covariance::is_covariance;
+use crate::least_squares::PivotedPose;
+use crate::locate::choose::Minimum;
+use crate::locate::group::RigidGroup;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{information, normal_equations};
+use crate::{Correspondence, Error, Matrix6, Point, Vector6};
+use nalgebra::{SMatrix, SVector};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
+
+type Square = SMatrix<f64, MAX_PARAMETERS, MAX_PARAMETERS>;
+type Vector = SVector<f64, MAX_PARAMETERS>;
+
+/// How the residual depends on the intrinsics at one minimum. Rows and columns beyond the camera's parameters are zero.
+pub(crate) struct Dependence {
+    /// Columns of G.
+    by_parameter: [Vector6; MAX_PARAMETERS],
+    /// KᵀK.
+    information: Square,
+    /// h.
+    gradient: Vector,
+    /// C.
+    covariance: Square,
+    n_parameters: usize,
+}
+
+impl Dependence {
+    /// At a minimum. `covariance` is that of the parameters, row by row.
+    pub(crate) fn at(m: &Minimum, problem: &Problem, covariance: &[f64]) -> Result<Self, Error> {
+        let mut dependence = Dependence::none();
+        dependence.add_all(m, problem).ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+        let n = dependence.n_parameters;
+        check_intrinsics_covariance(covariance, n)?;
+        for (index, entry) in covariance.iter().enumerate() {
+            dependence.covariance[(index / n, index % n)] = *entry;
+        }
+        if !is_covariance(&dependence.covariance) {
+            let seen = dependence.covariance.symmetric_eigenvalues().min();
+            let needed = "it must be symmetric, and its least eigenvalue not negative";
+            return Err(Error::InvalidCamera { parameter: "intrinsics covariance", seen, needed });
+        }
+        Ok(dependence)
+    }
+
+    fn none() -> Self {
+        Dependence {
+            by_parameter: [Vector6::zeros(); MAX_PARAMETERS],
+            information: Square::zeros(),
+            gradient: Vector::zeros(),
+            covariance: Square::zeros(),
+            n_parameters: 0,
+        }
+    }
+
+    fn add_all(&mut self, m: &Minimum, problem: &Problem) -> Option<()> {
+        let mut next = 0;
+        for group in problem.groups {
+            self.add_each(m, problem.seen.get(next..group.first)?, problem)?;
+            self.add_group(m, group, problem)?;
+            next = group.end();
+        }
+        self.add_each(m, problem.seen.get(next..)?, problem)
+    }
+
+    fn add_each(&mut self, m: &Minimum, seen: &[Correspondence], problem: &Problem) -> Option<()> {
+        seen.iter().try_for_each(|c| self.add(m, c, problem))
+    }
+
+    /// Points displaced together: with E = S (I + N S)⁻¹ of the group, its G becomes (I + N S)⁻¹ G, KᵀK loses GᵀEG and h loses GᵀEg,
+    /// docs/math/tag_map.md eq. (6).
+    fn add_group(&mut self, m: &Minimum, group: &RigidGroup, problem: &Problem) -> Option<()> {
+        let seen = problem.seen.get(group.first..group.end())?;
+        let mut own = Dependence::none();
+        own.add_each(m, seen, problem)?;
+        let left = Problem { seen, priors: &[], groups: &[], ..*problem };
+        let origin =
+            PivotedPose { rotation: m.cam_from_target.rotation, pivot_in_cam: m.cam_from_target.translation };
+        let normal = normal_equations(&origin, &Point::zeros(), &left)?;
+        let normal_gradient = normal.gradient_at_camera(&origin.pivot_in_cam);
+        let mut to_camera = Matrix6::identity();
+        to_camera.fixed_view_mut::<3, 3>(0, 3).copy_from(&origin.pivot_in_cam.cross_matrix());
+        let information = to_camera * normal.information() * to_camera.transpose();
+        let motion = group.motion_covariance(&(m.cam_from_target * group.centre_in_target));
+        let share = (Matrix6::identity() + information * motion).try_inverse()?;
+        let explained = motion * share;
+        for i in 0..own.n_parameters {
+            let pulled = explained.tr_mul(&own.by_parameter[i]);
+            self.gradient[i] += own.gradient[i] - pulled.dot(&normal_gradient);
+            for j in 0..own.n_parameters {
+                self.information[(i, j)] += own.information[(i, j)] - pulled.dot(&own.by_parameter[j]);
+            }
+            self.by_parameter[i] += share * own.by_parameter[i];
+        }
+        self.n_parameters = own.n_parameters;
+        Some(())
+    }
+
+    fn add(&mut self, m: &Minimum, c: &Correspondence, problem: &Problem) -> Option<()> {
+        let x = m.cam_from_target * c.x_in_target;
+        let (pixel, jacobian) = problem.camera.project_with_jacobian(&x)?;
+        let columns = problem.camera.intrinsics_jacobian(&x)?;
+        let weight = information(c, &jacobian);
+        self.n_parameters = columns.len();
+        for (i, column) in columns.iter().enumerate() {
+            let pull = weight * column;
+            let force = jacobian.tr_mul(&pull);
+            let torque = x.cross(&force);
+            self.by_parameter[i] += Vector6::new(torque.x, torque.y, torque.z, force.x, force.y, force.z);
+            self.gradient[i] += pull.dot(&(c.pixel - pixel));
+            for (j, other) in columns.iter().enumerate() {
+                self.information[(i, j)] += pull.dot(other);
+            }
+        }
+        Some(())
+    }
+
+    /// What the parameters add to a pose's covariance: Σ G C Gᵀ Σ, docs/math/refine.md eq. (9).
+    pub(crate) fn share(&self, covariance: &Matrix6) -> Matrix6 {
+        let mut share = Matrix6::zeros();
+        for i in 0..self.n_parameters {
+            for j in 0..self.n_parameters {
+                share += self.by_parameter[i] * self.by_parameter[j].transpose() * self.covariance[(i, j)];
+            }
+        }
+        covariance * share * covariance
+    }
+
+    /// The part of χ² that the parameters explain, hᵀ C (1 + M C)⁻¹ h, docs/math/posterior.md eq. (10), and how much larger they make
+    /// the residual's covariance, log det(1 + M C), eq. (10a). `covariance` is that of the pose by the pixels.
+    pub(crate) fn explained(&self, covariance: &Matrix6) -> (f64, f64) {
+        let mut left = self.information;
+        for i in 0..self.n_parameters {
+            let pulled = covariance * self.by_parameter[i];
+            for j in 0..self.n_parameters {
+                left[(i, j)] -= pulled.dot(&self.by_parameter[j]);
+            }
+        }
+        let system = Square::identity() + left * self.covariance;
+        let system = system.lu();
+        let solved = system.solve(&self.gradient);
+        let explained = solved.map_or(0.0, |x| self.gradient.dot(&(self.covariance * x)));
+        let log_determinant = system.determinant().ln();
+        let number = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
+        (number(explained), number(log_determinant))
+    }
+}
+
+/// Refuses a matrix that is no covariance: another size, not finite, a negative variance.
+fn check_intrinsics_covariance(covariance: &[f64], n_parameters: usize) -> Result<(), Error> {
+    let invalid = |parameter, seen, needed| Err(Error::InvalidCamera { parameter, seen, needed });
+    if covariance.len() != n_parameters * n_parameters {
+        let needed = "give its n × n covariance, n the number of parameters";
+        return invalid("intrinsics covariance size", covariance.len() as f64, needed);
+    }
+    if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
+        return invalid("intrinsics covariance", seen, "every entry must be finite");
+    }
+    let variances = (0..n_parameters).map(|i| covariance[i * n_parameters + i]);
+    match variances.into_iter().find(|x| *x < 0.0) {
+        Some(seen) => invalid("intrinsics covariance", seen, "no variance can be negative"),
+        None => Ok(()),
+    }
+}

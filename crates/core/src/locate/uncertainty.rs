@@ -1,0 +1,136 @@
+//! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics explain of their residuals.
+
+use crate::least_squares::RIVAL_MARGIN_CHI2;
+use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
+use crate::locate::curvature::{self, Bends, with_curvature};
+use crate::locate::intrinsics::Dependence;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{refine_against, residual_sums};
+use crate::locate::shared_error::SharedError;
+use crate::pose::symmetric;
+use crate::{Error, Matrix6, Pose};
+#[cfg(not(feature = "std"))]
+use num_traits::Float as _;
+
+/// From each χ² the part that uncertain intrinsics explain is taken, and the minima are put in order again.
+pub(crate) fn allow_for_intrinsics(
+    minima: &mut Minima,
+    problem: &Problem,
+    intrinsics: Option<&[f64]>,
+) -> Result<(), Error> {
+    let Some(given) = intrinsics else { return Ok(()) };
+    let found = core::mem::take(minima);
+    let lowest = found.first().map_or(0.0, |m| m.chi2);
+    for m in &found {
+        // Farther off the search ends early, for by the pixels' sigmas alone it cannot come near; here it may.
+        let is_exact = m.chi2 - lowest < RIVAL_MARGIN_CHI2;
+        let end = if is_exact { Ok(*m) } else { refine_against(&m.cam_from_target, None, problem) };
+        insert(minima, end.unwrap_or(*m));
+    }
+    for m in minima.iter_mut() {
+        let (explained, log_determinant) = Dependence::at(m, problem, given)?.explained(&m.covariance);
+        m.chi2 -= explained.min(m.chi2);
+        m.log_determinant += log_determinant;
+    }
+    sort(minima);
+    Ok(())
+}
+
+/// A rotation with a larger standard deviation, radians, is not known: the covariance of small motions says nothing about it.
+const MAX_ROTATION_SIGMA_RAD: f64 = 1.0;
+/// Distance from the camera in standard deviations of a point, nearer than which its spread in the image is not even roughly that of
+/// the first order.
+const MIN_DISTANCE_SIGMAS: f64 = 5.0;
+
+/// Refuses a pose, the only one, of which the covariance is no description.
+///
+/// # Errors
+/// `DegenerateView` where the rotation is known to a radian only, or a point is as near to the camera as it is uncertain.
+pub(crate) fn check_known(
+    cam_from_target: &Pose,
+    covariance: &Matrix6,
+    problem: &Problem,
+) -> Result<(), Error> {
+    let metric = (0..3).map(|i| covariance[(i, i)]).sum::<f64>().sqrt();
+    if MAX_ROTATION_SIGMA_RAD < metric {
+        let reason = "the standard deviation of the rotation is more than a radian; add points away from the others or move closer";
+        return Err(Error::DegenerateView { reason, metric, needed: MAX_ROTATION_SIGMA_RAD });
+    }
+    for c in problem.seen.iter().filter(|c| c.sigma_m != 0.0) {
+        let metric = (*cam_from_target * c.x_in_target).norm() / c.sigma_m;
+        if metric < MIN_DISTANCE_SIGMAS {
+            let reason = "a point is nearer to the camera than five of its own standard deviations; survey it better or move away";
+            return Err(Error::DegenerateView { reason, metric, needed: MIN_DISTANCE_SIGMAS });
+        }
+    }
+    Ok(())
+}
+
+/// What widens the covariance of a minimum beyond the pixels' share.
+pub(crate) struct Doubts<'a> {
+    pub(crate) problem: &'a Problem<'a>,
+    pub(crate) intrinsics: Option<&'a [f64]>,
+    pub(crate) noise_scale: f64,
+    /// The lowest of the minima, which need not be the first.
+    pub(crate) lowest: Minimum,
+    /// Whether errors that all points share are looked for.
+    pub(crate) shared_errors: bool,
+}
+
+/// A covariance, whole.
+pub(crate) struct Whole {
+    pub(crate) covariance: Matrix6,
+    /// What the points share along one axis of the image, root mean square, pixels; 0 where nothing shows.
+    pub(crate) shared_error_px: f64,
+}
+
+impl Doubts<'_> {
+    /// The covariance of a minimum, whole. Whether its likelihood is bent is found out where it is not known yet.
+    pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Whole, Error> {
+        let problem = self.problem;
+        // The bend is that of the pixels' χ², without what intrinsics explain.
+        let chi2 =
+            if self.intrinsics.is_some() { residual_sums(&m.cam_from_target, problem).0 } else { m.chi2 };
+        let m = &Minimum { chi2, ..*m };
+        let cost = &problem.held_at(&m.cam_from_target);
+        let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, cost));
+        let covariance = if is_bent { with_curvature(m, cost) } else { m.covariance };
+        let share = match self.intrinsics {
+            Some(given) => Dependence::at(m, problem, given)?.share(&covariance),
+            None => Matrix6::zeros(),
+        };
+        let independent = symmetric(&((covariance + share) * self.noise_scale));
+        Ok(match self.shared_errors.then(|| SharedError::at(m, problem)).flatten() {
+            Some(shared) => Whole {
+                covariance: shared.widen(&independent, &covariance, &share),
+                shared_error_px: shared.amplitude_px,
+            },
+            None => Whole { covariance: independent, shared_error_px: 0.0 },
+        })
+    }
+
+    /// The minima after the first, those within the gate with their whole covariance.
+    pub(crate) fn others(&self, minima: &Minima, weights: &[f64], bends: &Bends) -> Result<Others, Error> {
+        let mut others = Others::default();
+        let Some((_, rest)) = minima.split_first() else { return Ok(others) };
+        let known = weights[1..].iter().zip(&bends[1..]);
+        for (i, ((place, m), (weight, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
+            let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
+            let is_rival = is_within_gate(m, &self.lowest, self.noise_scale);
+            let covariance = if is_rival {
+                self.covariance(m, *is_bent)?.covariance
+            } else {
+                m.covariance * self.noise_scale
+            };
+            let minimum = Minimum { covariance, ..*m };
+            let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + weight;
+            // A pose of which nothing is known is no alternative; the next to the answer decides whether that is the only one.
+            let is_needed = is_rival && i == 0;
+            if !is_needed && !numbers.is_finite() {
+                continue;
+            }
+            *place = Some(Hypothesis { minimum, delta_chi2, weight: *weight, is_rival });
+        }
+        Ok(others)
+    }
+}

@@ -1,0 +1,277 @@
+//! Where a camera (or a rig) sits on the robot arm or vehicle that carries it, and where the target stands.
+//!
+//! check → closed forms from three views each → the views that agree → how exact the hand is → maximum likelihood over both unknown poses →
+//! is it to be believed?
+//! Derivation: docs/math/hand_eye.md.
+//!
+//! ```text
+//!   T = X H Z   ·   T cam_from_target, measured   ·   H carrier_from_holder, known   ·   X cam_from_carrier, Z holder_from_target, wanted
+//!   carrier: what the camera is fixed to   ·   holder: what the target is fixed to   ·   one is the hand, the other the base
+//! ```
+
+mod views;
+mod motions;
+mod closed_form;
+mod noise;
+mod cost;
+mod consensus;
+mod settle;
+mod causes;
+mod alternatives;
+mod verdict;
+
+use crate::locate::consistency::noise_scale;
+use crate::multiview::rig_pose::RigView;
+use crate::{Error, Matrix6, Pose, Vector6};
+use cost::{Fit, Level, fit};
+use nalgebra::{DMatrix, Vector3};
+use settle::{Settled, settled};
+use verdict::{Residuals, Verdict, judged, pixels};
+
+pub use causes::HandEyeCause;
+pub use motions::MIN_TURN_RAD;
+pub use verdict::MAX_SIZE_ERROR;
+
+/// An orientation less exact than this is no robot's and no vehicle's, rad (2 degrees).
+pub const MAX_HAND_SIGMA_RAD: f64 = 0.035;
+/// Nor is a position, by the larger of its travel and the target's distance.
+pub const MAX_HAND_SIGMA_BY_REACH: f64 = 0.02;
+
+/// Which of the two is on the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mount {
+    /// The camera moves with the hand, the target stands still ("eye in hand"): carrier = hand, holder = base.
+    #[default]
+    CameraOnHand,
+    /// The target moves with the hand, the camera stands still ("eye to hand"): carrier = base, holder = hand.
+    TargetOnHand,
+}
+
+/// A pose of the target that fits what a view shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// x_in_cam = cam_from_target · x_in_target (x_in_rig for a rig).
+    pub cam_from_target: Pose,
+    /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    pub covariance: Matrix6,
+    /// χ² above that of the view's best pose.
+    pub delta_chi2: f64,
+}
+
+/// One station of the hand.
+#[derive(Debug, Clone)]
+pub struct HandView<'a> {
+    /// Where the hand was: x_in_base = base_from_hand · x_in_hand.
+    pub base_from_hand: Pose,
+    /// 6×6 covariance of its small left motion, base frame; zero when exact. None: the views themselves say how exact the hand is, orientation
+    /// and position each with one standard deviation for all such views.
+    pub hand_covariance: Option<Matrix6>,
+    /// The poses of the target that fit this view, the best first; may be empty where `seen` is given.
+    pub candidates: Vec<Candidate>,
+    /// The points behind them, for each camera of the rig (one camera: a rig of one, at the identity). Where given, the answer minimises
+    /// their reprojection error; where empty, the candidates stand for them.
+    pub seen: &'a [RigView<'a>],
+}
+
+/// The camera's place along one direction of its carrier, where it is known: what turns about parallel axes leave open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Height {
+    /// Direction in the carrier frame, of any length: for a vehicle usually its vertical axis.
+    pub direction_in_carrier: Vector3<f64>,
+    /// Coordinate of the camera's centre along it, from the carrier's origin, m.
+    pub height_m: f64,
+    /// Its standard deviation, m.
+    pub sigma_m: f64,
+}
+
+/// Settings of `solve_hand_eye`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HandEyeConfig {
+    /// What is on the hand.
+    pub mount: Mount,
+    /// A known coordinate of the camera's place.
+    pub height: Option<Height>,
+}
+
+/// What became of a view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandViewResult {
+    /// Log(measured · solved⁻¹) of the view's pose, `[rotation_rad; translation_m]`, camera frame; none without a pose.
+    pub residual: Option<Vector6>,
+    /// Which of its candidates agrees best with the other views.
+    pub candidate: Option<usize>,
+    /// Sum of squared residuals over their variances, of the pose (6 numbers), motion noise included.
+    pub chi2: Option<f64>,
+    /// Why it took no part.
+    pub rejected: Option<RejectedView>,
+}
+
+/// Why a view took no part.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum RejectedView {
+    /// The target's pose could not be found.
+    Unlocated(Error),
+    /// It contradicts the others: a flipped pose, a hand pose of another view, a target that moved.
+    Contradicts,
+}
+
+/// How inexact the hand's poses are, as the views show it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandNoise {
+    /// Standard deviation of the orientation, rad per axis.
+    pub sigma_rad: f64,
+    /// Standard deviation of the position of the hand's origin, m per axis.
+    pub sigma_m: f64,
+}
+
+/// The target's size as the hand's motions measure it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetSize {
+    /// Measured over stated.
+    pub ratio: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// Both unknown poses, how sure, and how well the views agree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandEye {
+    /// What was on the hand.
+    pub mount: Mount,
+    /// `cam_from_hand` for a camera on the hand, `cam_from_base` for a target on the hand.
+    pub cam_from_carrier: Pose,
+    /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    pub carrier_covariance: Matrix6,
+    /// `base_from_target` for a camera on the hand, `hand_from_target` for a target on the hand.
+    pub holder_from_target: Pose,
+    /// 6×6 covariance of its small left motion, base or hand frame.
+    pub holder_covariance: Matrix6,
+    /// Covariance of both motions together, 12×12, `cam_from_carrier` first.
+    pub joint_covariance: DMatrix<f64>,
+    /// One entry a view, in the order given.
+    pub views: Vec<HandViewResult>,
+    /// Views that took part.
+    pub n_used: usize,
+    /// Sum of squared residuals over their variances: of pixels where views came with points, else of poses.
+    pub chi2: f64,
+    /// Numbers used beyond the 12 unknowns.
+    pub degrees_of_freedom: usize,
+    /// Sum of squared residuals of the poses over their variances, the hand's noise (stated or estimated) included.
+    pub pose_chi2: f64,
+    /// Numbers of the poses beyond the 12 unknowns.
+    pub pose_degrees_of_freedom: usize,
+    /// Factor by which every covariance was widened because the poses disagree more than stated; 1 where they agree.
+    pub noise_scale: f64,
+    /// The hand's noise as estimated; none where every view states its own.
+    pub hand_noise: Option<HandNoise>,
+    /// The target's size by the hand's motions; none where they do not say.
+    pub target_size: Option<TargetSize>,
+    /// Whether the answer is not to be believed.
+    pub is_inconsistent: bool,
+    /// Why it is not, the likely cause first; empty where it is.
+    pub causes: Vec<HandEyeCause>,
+    /// Root mean square turns between used views about the three principal axes of their turning, rad, the largest first: the second decides
+    /// what is known.
+    pub turns_rad: [f64; 3],
+}
+
+/// The carrier and the holder from at least three stations.
+///
+/// # Errors
+/// `InvalidPose`, `InvalidSetting` and the errors of `locate_rig` about numbers name what is wrong; `TooFewMotions` with fewer than three
+/// views; `DegenerateMotion` when the hand did not turn, or only about parallel axes with no `height` given; `ViewsDisagree` names what would bring
+/// views together that agree in no way.
+pub fn solve_hand_eye(views: &[HandView], config: &HandEyeConfig) -> Result<HandEye, Error> {
+    let settled = settled(views, config).map_err(|reason| explained(reason, views, config))?;
+    let own = pixels(&settled);
+    let level = Level::Points { pixel_scale: noise_scale(own.0, own.1) };
+    // Where the pixels cannot be followed, as with points beyond a lens's field, the poses stand for them.
+    let on_pixels = fit(&settled.fit.poses, &settled.known, &settled.used(), config, level).ok();
+    let best = on_pixels.as_ref().unwrap_or(&settled.fit);
+    let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
+    let verdict = judged(views, &settled, &residuals, config);
+    Ok(answer(&settled, best, verdict, config))
+}
+
+/// Views that no X and Z bring together, with the likely cause.
+fn explained(reason: Error, views: &[HandView], config: &HandEyeConfig) -> Error {
+    if !matches!(reason, Error::NotConverged { .. }) {
+        return reason;
+    }
+    let likely = match alternatives::of_unsettled(views, config) {
+        Some(HandEyeCause::Size { .. }) => "the target's size or the unit of the hand's positions is wrong",
+        Some(HandEyeCause::InvertedHand) => {
+            "they agree once every pose of the hand is inverted: hand_from_base was given for base_from_hand, or the camera's mounting is the other one"
+        }
+        Some(HandEyeCause::QuaternionOrder) => {
+            "they agree once the quaternion's numbers are read in another order"
+        }
+        Some(HandEyeCause::ShiftedRows(_)) => {
+            "they agree once each view takes the hand pose of its neighbour"
+        }
+        _ => "check that hand poses and images belong together",
+    };
+    Error::ViewsDisagree { likely }
+}
+
+/// What became of each view.
+fn described(settled: &Settled, best: &Fit) -> Vec<HandViewResult> {
+    let mut results = settled.results.clone();
+    for (view, known) in settled.known.iter().enumerate() {
+        let (candidate, chi2) = cost::nearest(known, &best.poses);
+        let measured = &known.candidates[candidate].cam_from_target;
+        let (residual, _) =
+            crate::multiview::relative::residual(measured, &best.poses.cam_from_target(known));
+        let rejected = settled.agreed.candidate[view].is_none().then_some(RejectedView::Contradicts);
+        results[known.index] = HandViewResult {
+            residual: Some(residual),
+            candidate: Some(candidate),
+            chi2: Some(chi2),
+            rejected,
+        };
+    }
+    results
+}
+
+/// The covariance of X and Z: the inverse information, what the uncertain noise and a small error of size add, widened where the poses
+/// disagree more than stated.
+fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64) -> DMatrix<f64> {
+    let mut covariance = &best.covariance + &settled.widening;
+    if let Some(larger) = &verdict.small {
+        covariance += larger.shift * larger.shift.transpose();
+    }
+    covariance * noise_scale
+}
+
+fn answer(settled: &Settled, best: &Fit, verdict: Verdict, config: &HandEyeConfig) -> HandEye {
+    let (pose_chi2, pose_degrees_of_freedom) = (settled.fit.chi2, settled.fit.degrees_of_freedom);
+    let noise_scale = noise_scale(pose_chi2, pose_degrees_of_freedom);
+    let covariance = covariance(settled, best, &verdict, noise_scale);
+    let centre = views::centre(&settled.known);
+    let (poses, covariance) = centre.undone(&best.poses, &covariance);
+    let block = |at: usize| -> Matrix6 {
+        crate::pose::symmetric(&covariance.fixed_view::<6, 6>(at, at).into_owned())
+    };
+    let views = described(settled, best);
+    HandEye {
+        mount: config.mount,
+        cam_from_carrier: poses.cam_from_carrier,
+        carrier_covariance: block(0),
+        holder_from_target: poses.holder_from_target,
+        holder_covariance: block(6),
+        n_used: views.iter().filter(|view| view.rejected.is_none()).count(),
+        views,
+        chi2: best.chi2,
+        degrees_of_freedom: best.degrees_of_freedom,
+        pose_chi2,
+        pose_degrees_of_freedom,
+        noise_scale,
+        hand_noise: settled.sigmas().map(|[sigma_rad, sigma_m]| HandNoise { sigma_rad, sigma_m }),
+        target_size: verdict.size,
+        is_inconsistent: !verdict.causes.is_empty(),
+        causes: verdict.causes,
+        turns_rad: settled.turns_rad,
+        joint_covariance: covariance,
+    }
+}

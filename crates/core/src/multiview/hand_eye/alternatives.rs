@@ -1,0 +1,153 @@
+//! What would make the views agree: other sizes, hands inverted, quaternions in another order, rows out of step.
+//!
+//! Asked only where the answer is not to be believed: each alternative is solved whole, and named where it brings the noise down.
+
+use super::causes::{HandEyeCause, large_noise};
+use super::settle::{Larger, Settled, settled};
+use super::views::{Known, located};
+use super::{Candidate, HandEyeConfig, HandView, MAX_HAND_SIGMA_BY_REACH, MAX_HAND_SIGMA_RAD};
+use crate::Pose;
+use crate::locate::consistency::loses_too_many;
+
+/// An alternative must bring the noise down to this part.
+const MAX_PART: f64 = 0.5;
+/// Rounds of correcting a size: each squares the error.
+const SIZE_ROUNDS: usize = 6;
+/// Ratios to start from: as given, and millimetres for metres on either side.
+const UNIT_STARTS: [f64; 3] = [1.0, 1e-3, 1e3];
+/// The size has settled.
+const SETTLED_SIZE: f64 = 1e-4;
+
+/// The likely cause: the alternative with the least noise, where one is far better than what was given.
+pub(super) fn alternatives(
+    views: &[HandView],
+    found: &Settled,
+    config: &HandEyeConfig,
+) -> Option<HandEyeCause> {
+    of_known(views, &found.known, config)
+}
+
+/// The same for views that lead nowhere as given.
+pub(super) fn of_unsettled(views: &[HandView], config: &HandEyeConfig) -> Option<HandEyeCause> {
+    of_known(views, &located(views, config).ok()?.0, config)
+}
+
+fn of_known(views: &[HandView], known: &[Known], config: &HandEyeConfig) -> Option<HandEyeCause> {
+    let plain = plain(views, known);
+    let given = settled(&plain, config).ok().map_or(f64::INFINITY, |settled| badness(&settled));
+    let mut all: Vec<(HandEyeCause, Vec<HandView>)> = vec![
+        (HandEyeCause::InvertedHand, with_hands(&plain, |i| plain[i].base_from_hand.inverse())),
+        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_hand, 1))),
+        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_hand, 3))),
+    ];
+    for by in [-1isize, 1] {
+        all.push((HandEyeCause::ShiftedRows(by), shifted(&plain, by)));
+    }
+    let solved =
+        all.into_iter().filter_map(|(cause, views)| Some((badness_of_alternative(&views, config)?, cause)));
+    let sized = UNIT_STARTS.into_iter().find_map(|start| size_from(&plain, start, config));
+    let best = solved.chain(sized).min_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|(noise, _)| *noise < f64::min(1.0, MAX_PART * given)).map(|(_, cause)| cause)
+}
+
+/// The size with which the views agree, starting from a proven error; as it is where that leads nowhere.
+pub(super) fn resized(
+    views: &[HandView],
+    found: &Settled,
+    larger: &Larger,
+    config: &HandEyeConfig,
+) -> HandEyeCause {
+    let plain = plain(views, &found.known);
+    let cause = size_from(&plain, 1.0, config).map(|(_, cause)| cause);
+    cause.unwrap_or(HandEyeCause::Size { ratio: 1.0 + larger.part, sigma: larger.sigma })
+}
+
+/// Views with poses only, their noise open.
+fn plain(views: &[HandView], known: &[Known]) -> Vec<HandView<'static>> {
+    let view = |known: &Known| HandView {
+        base_from_hand: views[known.index].base_from_hand,
+        hand_covariance: None,
+        candidates: known.candidates.clone(),
+        seen: &[],
+    };
+    known.iter().map(view).collect()
+}
+
+fn with_hands(plain: &[HandView<'static>], hand: impl Fn(usize) -> Pose) -> Vec<HandView<'static>> {
+    let view = |(i, view): (usize, &HandView<'static>)| HandView { base_from_hand: hand(i), ..view.clone() };
+    plain.iter().enumerate().map(view).collect()
+}
+
+/// The quaternion's numbers moved around by so many places.
+fn reordered(pose: &Pose, by: usize) -> Pose {
+    let mut numbers = pose.quaternion_wxyz();
+    numbers.rotate_left(by);
+    Pose::from_quaternion_wxyz(numbers, pose.translation)
+}
+
+/// Each view with the hand pose so many rows on; the ends have none.
+fn shifted(plain: &[HandView<'static>], by: isize) -> Vec<HandView<'static>> {
+    let of = |i: usize| i.checked_add_signed(by).and_then(|at| plain.get(at)).map(|view| view.base_from_hand);
+    let pair =
+        |(i, view): (usize, &HandView<'static>)| Some(HandView { base_from_hand: of(i)?, ..view.clone() });
+    plain.iter().enumerate().filter_map(pair).collect()
+}
+
+/// An alternative may leave out this part of the views: among seven rows in disorder four may be in step by chance, and with two of six left
+/// out the four would stand for all.
+const MAX_LEFT_OUT: f64 = 0.2;
+
+fn brings_together(settled: &Settled) -> bool {
+    let n_views = settled.known.len() as f64;
+    n_views - settled.used().len() as f64 <= MAX_LEFT_OUT * n_views
+}
+
+fn badness_of_alternative(views: &[HandView], config: &HandEyeConfig) -> Option<f64> {
+    settled(views, config).ok().filter(brings_together).map(|settled| badness(&settled))
+}
+
+/// One number for how badly views agree: the noise in units of what no robot exceeds, infinite where many views contradict.
+fn badness(settled: &Settled) -> f64 {
+    let (n_views, n_used) = (settled.known.len(), settled.used().len());
+    let Some([sigma_rad, sigma_m]) = settled.sigmas() else { return f64::INFINITY };
+    if loses_too_many(n_views - n_used, n_views) {
+        return f64::INFINITY;
+    }
+    (sigma_rad / MAX_HAND_SIGMA_RAD).hypot(sigma_m / (MAX_HAND_SIGMA_BY_REACH * settled.reach_m()))
+}
+
+/// A ratio of sizes with which the views agree, and how well they then do.
+fn size_from(plain: &[HandView<'static>], start: f64, config: &HandEyeConfig) -> Option<(f64, HandEyeCause)> {
+    let mut ratio = start;
+    for _ in 0..SIZE_ROUNDS {
+        let views = scaled(plain, ratio);
+        let found = settled(&views, config).ok()?;
+        let larger = found.larger(config)?;
+        ratio *= 1.0 + larger.part;
+        if !(0.0 < ratio && ratio.is_finite()) {
+            return None;
+        }
+        if larger.part.abs() < SETTLED_SIZE + 0.1 * larger.sigma {
+            let is_good = large_noise(&found).is_none() && brings_together(&found);
+            let cause = HandEyeCause::Size { ratio, sigma: ratio * larger.sigma };
+            return is_good.then(|| (badness(&found), cause));
+        }
+    }
+    None
+}
+
+/// The target so many times as large.
+fn scaled(plain: &[HandView<'static>], ratio: f64) -> Vec<HandView<'static>> {
+    let candidate = |candidate: &Candidate| {
+        let mut scaled = *candidate;
+        scaled.cam_from_target.translation *= ratio;
+        let by = crate::Vector6::new(1.0, 1.0, 1.0, ratio, ratio, ratio);
+        scaled.covariance = crate::Matrix6::from_fn(|i, j| candidate.covariance[(i, j)] * by[i] * by[j]);
+        scaled
+    };
+    let view = |view: &HandView<'static>| HandView {
+        candidates: view.candidates.iter().map(candidate).collect(),
+        ..view.clone()
+    };
+    plain.iter().map(view).collect()
+}

@@ -1,0 +1,141 @@
+//! What can make a hand–eye wrong, in words.
+
+use super::settle::Settled;
+use super::{MAX_HAND_SIGMA_BY_REACH, MAX_HAND_SIGMA_RAD};
+use crate::multiview::intrinsics_check::Group;
+use core::fmt;
+
+/// What is, or may be, wrong.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum HandEyeCause {
+    /// The target is `ratio` times as large as stated, or the hand's positions are in another unit, or the focal length is off by as much:
+    /// with this ratio the views agree.
+    Size {
+        /// True over stated.
+        ratio: f64,
+        /// Its standard deviation.
+        sigma: f64,
+    },
+    /// The pixels contradict the intrinsics given.
+    Intrinsics {
+        /// Which of them, the most telling first.
+        groups: Vec<Group>,
+        /// Corrected over given focal length, where it is among them.
+        focal_ratio: Option<f64>,
+    },
+    /// With every pose of the hand inverted the views agree.
+    InvertedHand,
+    /// With the numbers of the quaternion in another order the views agree.
+    QuaternionOrder,
+    /// With every view given the hand pose of its neighbour (so many rows on) the views agree.
+    ShiftedRows(isize),
+    /// The hand's noise would have to be larger than any robot's.
+    LargeNoise {
+        /// Of its orientation, rad.
+        sigma_rad: f64,
+        /// Of its position, m.
+        sigma_m: f64,
+        /// How far it went, or how far the target is away, m.
+        reach_m: f64,
+    },
+    /// The hand's noise as stated does not explain how the views disagree: they disagree `ratio` times as much.
+    StatedNoise {
+        /// Root of χ² of the poses per degree of freedom.
+        ratio: f64,
+    },
+    /// In the views themselves the pixels do not fit the target: `ratio` times the stated sigma.
+    Pixels {
+        /// Root of χ² of the pixels per degree of freedom.
+        ratio: f64,
+    },
+    /// More views contradict than a few spoilt ones explain.
+    ManyContradict {
+        /// Views that contradict.
+        n_rejected: usize,
+        /// Of so many with a pose.
+        n_views: usize,
+    },
+}
+
+/// Noise beyond any robot's.
+pub(super) fn large_noise(settled: &Settled) -> Option<HandEyeCause> {
+    let ([sigma_rad, sigma_m], reach_m) = (settled.sigmas()?, settled.reach_m());
+    let is_large = MAX_HAND_SIGMA_RAD < sigma_rad || MAX_HAND_SIGMA_BY_REACH * reach_m < sigma_m;
+    is_large.then_some(HandEyeCause::LargeNoise { sigma_rad, sigma_m, reach_m })
+}
+
+impl fmt::Display for HandEyeCause {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            HandEyeCause::Size { ratio, sigma } => size(f, *ratio, *sigma),
+            HandEyeCause::Intrinsics { groups, focal_ratio } => {
+                let names: Vec<&str> = groups.iter().map(|group| group.name()).collect();
+                write!(f, "the intrinsics do not fit the pixels: {}", names.join(" and "))?;
+                match focal_ratio {
+                    Some(ratio) => write!(f, " (the focal length should be about {ratio:.3} times the one given)"),
+                    None => Ok(()),
+                }
+            }
+            HandEyeCause::InvertedHand => f.write_str(
+                "the views agree once every pose of the hand is inverted: hand_from_base was given for base_from_hand, or the target is on the hand and not the camera (or the other way round)",
+            ),
+            HandEyeCause::QuaternionOrder => f.write_str(
+                "the views agree once the quaternion's numbers are read in another order: its scalar is first in one convention and last in the other",
+            ),
+            HandEyeCause::ShiftedRows(by) => write!(
+                f,
+                "the views agree once each takes the hand pose {} row{} {}: rows and images are out of step",
+                by.unsigned_abs(),
+                if by.unsigned_abs() == 1 { "" } else { "s" },
+                if *by < 0 { "before" } else { "after" }
+            ),
+            HandEyeCause::LargeNoise { sigma_rad, sigma_m, reach_m } => write!(
+                f,
+                "the hand's poses would have to be wrong by {:.2} degrees and {:.1} mm (1 sigma, over {:.2} m): more than 2 degrees or 2 % of the way is no robot's; state the noise if yours is as inexact",
+                sigma_rad.to_degrees(),
+                1e3 * sigma_m,
+                reach_m
+            ),
+            HandEyeCause::StatedNoise { ratio } => write!(
+                f,
+                "the views disagree {ratio:.1} times as much as the stated sigmas explain; without stated sigmas the hand's noise is estimated"
+            ),
+            HandEyeCause::Pixels { ratio } => write!(
+                f,
+                "the pixels of the single views do not fit the target: {ratio:.1} times their sigma; wrong intrinsics or a wrong target are likely"
+            ),
+            HandEyeCause::ManyContradict { n_rejected, n_views } => write!(
+                f,
+                "{n_rejected} of {n_views} views contradict the others, more than a few spoilt ones explain: hand poses and images may not belong together"
+            ),
+        }
+    }
+}
+
+/// Ratios that units make.
+const UNITS: [(f64, &str); 5] = [
+    (1e-3, "the target (or the hand) is given in millimetres where metres are needed"),
+    (1e-2, "the target (or the hand) is given in centimetres where metres are needed"),
+    (0.0254, "the target (or the hand) is given in inches where metres are needed"),
+    (1e3, "the hand's positions are given in millimetres where metres are needed"),
+    (1e2, "the hand's positions are given in centimetres where metres are needed"),
+];
+/// A ratio this near to that of two units is theirs.
+const UNIT_TOLERANCE: f64 = 0.05;
+
+fn size(f: &mut fmt::Formatter, ratio: f64, sigma: f64) -> fmt::Result {
+    let unit = UNITS.iter().find(|(factor, _)| (ratio / factor - 1.0).abs() < UNIT_TOLERANCE);
+    if let Some((_, meaning)) = unit {
+        return write!(
+            f,
+            "measured by the hand the target is {ratio:.4} times as large as stated: {meaning}"
+        );
+    }
+    let (percent, word) = (100.0 * (ratio - 1.0).abs(), if 1.0 < ratio { "larger" } else { "smaller" });
+    write!(
+        f,
+        "measured by the hand the target is {percent:.1} % ± {:.1} % {word} than stated: its size, the unit of the hand's positions or the focal length is wrong",
+        100.0 * sigma
+    )
+}

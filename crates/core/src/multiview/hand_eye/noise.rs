@@ -1,0 +1,370 @@
+//! How exact the hand's motions are, from the data: variance components by restricted maximum likelihood.
+//!
+//! Paper: D. A. Harville, "Maximum likelihood approaches to variance component estimation and to related problems", 1977; small samples:
+//! M. G. Kenward and J. H. Roger, "Small sample inference for fixed effects from restricted maximum likelihood", 1997.
+//! docs/math/hand_eye.md section 6.
+//!
+//! ```text
+//!   r  residuals of the poses   ·   D  their derivatives by X, Z (and one more effect)   ·   V = Σ + Σₖ θₖ Vₖ   ·   W = V⁻¹
+//!   M = DᵀWD, Φ = M⁻¹   ·   Mₖ = DᵀWVₖWD   ·   Qₖₗ = DᵀWVₖWVₗWD   ·   F  information of θ, C = F⁻¹
+//! ```
+
+use super::motions::half_turn;
+use super::views::{KINDS, Known, Poses};
+use crate::multiview::relative::residual;
+use crate::{Matrix6, Pose, Vector6};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+/// X, Z and one effect more.
+pub(super) const EFFECTS: usize = 13;
+
+pub(super) type Effects = SVector<f64, EFFECTS>;
+pub(super) type Normal = SMatrix<f64, EFFECTS, EFFECTS>;
+type Design = SMatrix<f64, 6, EFFECTS>;
+/// θ.
+pub(super) type Variances = [f64; KINDS];
+
+/// One residual of six numbers.
+pub(super) struct Row {
+    /// r.
+    pub residual: Vector6,
+    /// D.
+    pub design: Design,
+    /// Σ, and the hand's noise where it is stated.
+    pub known: Matrix6,
+    /// Vₖ; none where the hand's noise is stated.
+    pub parts: Option<[Matrix6; KINDS]>,
+}
+
+/// What is known of the effects besides the rows: a height.
+#[derive(Clone)]
+pub(super) struct Besides {
+    pub information: Normal,
+    pub gradient: Effects,
+    pub chi2: f64,
+}
+
+/// The maximum of the restricted likelihood.
+pub(super) struct Reml {
+    /// θ.
+    pub variances: Variances,
+    /// The best effects.
+    pub effects: Effects,
+    /// Φ.
+    pub phi: Normal,
+    /// What the uncertain θ adds to Φ, eq. (24).
+    pub widening: Normal,
+}
+
+/// Scoring steps: each squares the distance; a variance that goes to zero takes a few more.
+const MAX_STEPS: usize = 40;
+/// A step that promises less in the log-likelihood is the last.
+const TOLERANCE: f64 = 1e-8;
+/// Halvings of a step.
+const MAX_HALVINGS: usize = 12;
+
+/// The likelihood at one θ.
+struct At {
+    log_likelihood: f64,
+    /// W of every row.
+    weights: Vec<Matrix6>,
+    phi: Normal,
+    effects: Effects,
+}
+
+/// Its derivatives.
+struct Slope {
+    score: Vector3<f64>,
+    /// F.
+    information: Matrix3<f64>,
+    m: [Normal; KINDS],
+}
+
+/// Restricted maximum likelihood of θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). None where V or M is singular.
+///
+/// Turns about the base take part only where the data ask for them: where they are not needed they would only widen the answer.
+pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
+    let without = maximum(rows, besides, &[start[0], 0.0, start[2]], &[0, 2])?;
+    let start = if 0.0 < start[1] { *start } else { without.reml.variances };
+    let with = maximum(rows, besides, &start, &[0, 1, 2]);
+    let is_needed = |with: &Maximum| without.log_likelihood + NEEDED_GAIN < with.log_likelihood;
+    let best = with.filter(is_needed).unwrap_or(without);
+    let none = maximum(rows, besides, &[0.0; KINDS], &[])?;
+    let gain = best.log_likelihood - none.log_likelihood;
+    Some(match () {
+        () if gain <= NEEDED_GAIN_OF_ANY => none.reml,
+        () if gain <= NEEDED_GAIN_OF_WEIGHTS => exact_but_doubted(rows, besides, none.reml, &best.reml)?,
+        () => best.reml,
+    })
+}
+
+/// … and any noise at all, in the covariance: half of all exact hands would otherwise seem noisy.
+const NEEDED_GAIN_OF_ANY: f64 = 1.0;
+/// … and in the weights: an exact hand weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
+const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
+
+/// The weights of an exact hand with the covariance that these have if the noise is what it seems to be, eq. (27).
+fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
+    let at = evaluate(rows, besides, &exact.variances)?;
+    let m = slope(rows, &at).m;
+    let sum: Normal = m.iter().zip(&seeming.variances).map(|(m, variance)| m * *variance).sum();
+    let widening = at.phi * sum * at.phi;
+    Some(Reml { widening: (widening + widening.transpose()) * 0.5, ..exact })
+}
+
+/// A maximum and the likelihood there.
+struct Maximum {
+    reml: Reml,
+    log_likelihood: f64,
+}
+
+/// The gain in the log-likelihood that one more kind of noise must bring: chance gives it once in forty.
+const NEEDED_GAIN: f64 = 2.0;
+
+/// The maximum over some kinds, the others as they are at the start.
+fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) -> Option<Maximum> {
+    let mut variances = *start;
+    let mut at = evaluate(rows, besides, &variances)?;
+    let mut slope = slope(rows, &at);
+    for _ in 0..MAX_STEPS {
+        let (step, promised) = scoring_step(&slope, &variances, kinds);
+        if promised < TOLERANCE {
+            break;
+        }
+        let mut length = 1.0;
+        let trial = (0..MAX_HALVINGS).find_map(|_| {
+            let trial = core::array::from_fn(|k| f64::max(0.0, variances[k] + length * step[k]));
+            length *= 0.5;
+            let better = evaluate(rows, besides, &trial)?;
+            (at.log_likelihood < better.log_likelihood).then_some((trial, better))
+        });
+        let Some((trial, better)) = trial else { break };
+        let gain = better.log_likelihood - at.log_likelihood;
+        (variances, at) = (trial, better);
+        slope = self::slope(rows, &at);
+        if gain < TOLERANCE {
+            break;
+        }
+    }
+    let log_likelihood = at.log_likelihood;
+    Some(Maximum { reml: concluded(rows, &at, &slope, &variances, kinds), log_likelihood })
+}
+
+/// Variances that may move: those above zero, and those that the likelihood draws away from it.
+fn free(slope: &Slope, variances: &Variances, kinds: &[usize]) -> Vec<usize> {
+    let moves =
+        |k: &usize| 0.0 < slope.information[(*k, *k)] && (0.0 < variances[*k] || 0.0 < slope.score[*k]);
+    kinds.iter().copied().filter(moves).collect()
+}
+
+/// Inverse of F among some variances, zero elsewhere; scaled, as rad² and m² differ by orders.
+fn inverse_of(information: &Matrix3<f64>, free: &[usize]) -> Matrix3<f64> {
+    let scale = |k: usize| information[(k, k)].sqrt().recip();
+    let mut scaled = Matrix3::identity();
+    for i in free {
+        for j in free {
+            scaled[(*i, *j)] = information[(*i, *j)] * scale(*i) * scale(*j);
+        }
+    }
+    let inverse = scaled.cholesky().map_or_else(Matrix3::identity, |c| c.inverse());
+    let entry = |i: usize, j: usize| match free.contains(&i) && free.contains(&j) {
+        true => inverse[(i, j)] * scale(i) * scale(j),
+        false => 0.0,
+    };
+    Matrix3::from_fn(entry)
+}
+
+/// F⁻¹ times the score, and what it promises. A variance that the step takes below zero ends there, and the others are asked again.
+fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector3<f64>, f64) {
+    let mut free = free(slope, variances, kinds);
+    loop {
+        let step = inverse_of(&slope.information, &free) * slope.score;
+        match free.iter().position(|k| variances[*k] == 0.0 && step[*k] < 0.0) {
+            Some(below) => drop(free.remove(below)),
+            None => return (step, step.dot(&slope.score)),
+        }
+    }
+}
+
+/// What the uncertain θ adds to Φ, eq. (24): Qₖₗ needs the rows once more.
+fn concluded(rows: &[Row], at: &At, slope: &Slope, variances: &Variances, kinds: &[usize]) -> Reml {
+    let is_inside = |k: &usize| 0.0 < variances[*k] && 0.0 < slope.information[(*k, *k)];
+    let inside: Vec<usize> = kinds.iter().copied().filter(is_inside).collect();
+    let all = inverse_of(&slope.information, &inside);
+    // Nearer to zero than its own standard deviation the expansion about a variance says nothing.
+    let free: Vec<usize> =
+        inside.into_iter().filter(|k| all[(*k, *k)] < variances[*k] * variances[*k]).collect();
+    let covariance = inverse_of(&slope.information, &free);
+    let mut sum = Normal::zeros();
+    for (row, w) in rows.iter().zip(&at.weights) {
+        let (Some(parts), wd) = (&row.parts, w * row.design) else { continue };
+        let mut between = Matrix6::zeros();
+        for (k, l) in free.iter().flat_map(|k| free.iter().map(move |l| (*k, *l))) {
+            between += parts[k] * w * parts[l] * (2.0 * covariance[(k, l)]);
+        }
+        sum += wd.tr_mul(&(between * wd));
+    }
+    for (k, l) in free.iter().flat_map(|k| free.iter().map(move |l| (*k, *l))) {
+        sum -= slope.m[k] * at.phi * slope.m[l] * covariance[(k, l)];
+    }
+    let widening = at.phi * sum * at.phi;
+    let widening = (widening + widening.transpose()) * 0.5;
+    Reml { variances: *variances, effects: at.effects, phi: at.phi, widening }
+}
+
+/// Eqs. (19), (20).
+fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At> {
+    let mut weights = Vec::with_capacity(rows.len());
+    let (mut m, mut b, mut log_det, mut rr) = (besides.information, besides.gradient, 0.0, besides.chi2);
+    for row in rows {
+        let v = total(row, variances).cholesky()?;
+        log_det += 2.0 * v.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let w = v.inverse();
+        m += row.design.tr_mul(&(w * row.design));
+        b += row.design.tr_mul(&(w * row.residual));
+        rr += row.residual.dot(&(w * row.residual));
+        weights.push(w);
+    }
+    // An effect that nothing depends on stays zero.
+    if m[(EFFECTS - 1, EFFECTS - 1)] == 0.0 {
+        m[(EFFECTS - 1, EFFECTS - 1)] = 1.0;
+    }
+    let factor = m.cholesky()?;
+    log_det += 2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+    let (phi, effects) = (factor.inverse(), factor.solve(&b));
+    let log_likelihood = -0.5 * (log_det + rr - b.dot(&effects));
+    log_likelihood.is_finite().then_some(At { log_likelihood, weights, phi, effects })
+}
+
+/// Eqs. (21), (22).
+fn slope(rows: &[Row], at: &At) -> Slope {
+    let mut slope =
+        Slope { score: Vector3::zeros(), information: Matrix3::zeros(), m: [Normal::zeros(); KINDS] };
+    for (row, w) in rows.iter().zip(&at.weights) {
+        let Some(parts) = &row.parts else { continue };
+        let we = w * (row.residual - row.design * at.effects);
+        let wd = w * row.design;
+        let by_effects = wd * at.phi * wd.transpose();
+        let wv = parts.map(|part| w * part);
+        for k in 0..KINDS {
+            slope.score[k] += 0.5 * (we.dot(&(parts[k] * we)) - wv[k].trace());
+            slope.m[k] += wd.tr_mul(&(parts[k] * wd));
+            for l in 0..KINDS {
+                let shared = (parts[k] * wv[l] * by_effects).trace();
+                slope.information[(k, l)] += 0.5 * (wv[k] * wv[l]).trace() - shared;
+            }
+        }
+    }
+    let phi_m = slope.m.map(|m| at.phi * m);
+    for k in 0..KINDS {
+        slope.score[k] += 0.5 * phi_m[k].trace();
+        for l in 0..KINDS {
+            slope.information[(k, l)] += 0.5 * (phi_m[k] * phi_m[l]).trace();
+        }
+    }
+    slope
+}
+
+/// V.
+fn total(row: &Row, variances: &Variances) -> Matrix6 {
+    let Some(parts) = &row.parts else { return row.known };
+    parts.iter().zip(variances).fold(row.known, |sum, (part, variance)| sum + part * *variance)
+}
+
+/// Sets the hand's noise of every view that does not state it.
+pub(super) fn assume(known: &mut [Known], variances: &Variances) {
+    for view in known {
+        if let Some(parts) = &view.parts {
+            view.covariance =
+                Some(parts.iter().zip(variances).fold(Matrix6::zeros(), |sum, (part, x)| sum + part * *x));
+        }
+    }
+}
+
+/// Whether any view leaves its noise open.
+pub(super) fn is_open(known: &[Known]) -> bool {
+    known.iter().any(|view| view.parts.is_some())
+}
+
+/// A tenth of a degree, in rad.
+const NOMINAL_RAD: f64 = 1.7e-3;
+
+/// To begin with: a tenth of a degree, and as much of the target's distance or of the hand's way, whichever is larger.
+pub(super) fn nominal(known: &[Known]) -> Variances {
+    let distance2 =
+        |view: &Known| view.candidates.first().map_or(0.0, |c| c.cam_from_target.translation.norm_squared());
+    let sum = |f: &dyn Fn(&Known) -> f64| known.iter().map(f).sum::<f64>() / known.len().max(1) as f64;
+    let reach2 = f64::max(sum(&distance2), sum(&|view| view.hand_in_base().norm_squared()));
+    let turn = NOMINAL_RAD * NOMINAL_RAD;
+    [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE)]
+}
+
+/// Median of χ² with three degrees of freedom.
+const MEDIAN_CHI2: f64 = 2.366;
+
+/// Orientation and position from the middle residuals: right with up to half of the views wrong, exact to a third with ten.
+/// `candidate` names a view's pose, `place` which of the ascending residuals counts.
+pub(super) fn from_middle(
+    known: &[Known],
+    poses: &Poses,
+    candidate: impl Fn(&Known) -> usize,
+    place: usize,
+) -> Variances {
+    let (mut turns, mut shifts) = (Vec::new(), Vec::new());
+    for view in known.iter().filter(|view| view.parts.is_some()) {
+        let [turn, shift] = of_one(view, candidate(view), poses);
+        turns.push(turn);
+        shifts.push(shift);
+    }
+    let middle = |mut all: Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        let at = all.len().min(place + 1).saturating_sub(1);
+        all.get(at).map_or(0.0, |x| f64::max(0.0, *x))
+    };
+    [middle(turns), 0.0, middle(shifts)]
+}
+
+/// Variance of orientation and position as one view has it, were its residual in the middle; what the camera's noise explains is taken off.
+fn of_one(view: &Known, candidate: usize, poses: &Poses) -> [f64; 2] {
+    let candidate = &view.candidates[candidate];
+    let back = poses.cam_from_carrier.inverse();
+    let by_camera = back * candidate.cam_from_target * poses.holder_from_target.inverse();
+    let ad = back.adjoint();
+    let carried = ad * candidate.covariance * ad.transpose();
+    let (by_camera, covariance, by_hand) = view.in_base(&by_camera, &carried);
+    let mut about_hand = Matrix6::identity();
+    let cross: Matrix3<f64> = -by_camera.translation.cross_matrix();
+    about_hand.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross);
+    let own = about_hand * covariance * about_hand.transpose();
+    let share = |at: usize| own.fixed_view::<3, 3>(at, at).trace() / 3.0;
+    let turn =
+        half_turn(&Pose::new(by_camera.rotation * by_hand.rotation.transpose(), Vector3::zeros())) * 2.0;
+    let shift = by_camera.translation - by_hand.translation;
+    [turn.norm_squared() / MEDIAN_CHI2 - share(0), shift.norm_squared() / MEDIAN_CHI2 - share(3)]
+}
+
+/// Rows of the views used, linear in small motions of X and Z; the thirteenth effect is a larger target, eq. (25), where `with_size`.
+pub(super) fn rows(poses: &Poses, known: &[Known], used: &[(usize, usize)], with_size: bool) -> Vec<Row> {
+    let ad = poses.cam_from_carrier.adjoint();
+    let row = |&(view, candidate): &(usize, usize)| {
+        let (view, candidate) = (&known[view], &known[view].candidates[candidate]);
+        let (r, jacobian) = residual(&candidate.cam_from_target, &poses.cam_from_target(view));
+        let mut design = Design::zeros();
+        design.fixed_view_mut::<6, 6>(0, 0).copy_from(&jacobian);
+        let by_holder = (poses.cam_from_carrier * view.carrier_from_holder).adjoint();
+        design.fixed_view_mut::<6, 6>(0, 6).copy_from(&(jacobian * by_holder));
+        if with_size {
+            let larger = -candidate.cam_from_target.translation;
+            design.fixed_view_mut::<3, 1>(3, EFFECTS - 1).copy_from(&larger);
+        }
+        let carried = |part: &Matrix6| ad * part * ad.transpose();
+        let stated = if view.parts.is_none() { view.covariance.as_ref().map(carried) } else { None };
+        Row {
+            residual: r,
+            design,
+            known: stated.map_or(candidate.covariance, |stated| candidate.covariance + stated),
+            parts: view.parts.as_ref().map(|parts| parts.map(|part| carried(&part))),
+        }
+    };
+    used.iter().map(row).collect()
+}

@@ -1,0 +1,275 @@
+//! What is known of each view, in one form for both mounts, with coordinates of moderate size.
+//!
+//! A vehicle's base may be a map with coordinates of millions of metres: the moving side's origin is put in the middle of the stations, so that
+//! no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
+
+use super::{Candidate, HandEyeConfig, HandView, HandViewResult, Mount, RejectedView};
+use crate::covariance::is_covariance;
+use crate::multiview::relative::{check_pose, information_of};
+use crate::multiview::rig_pose::{RigAmbiguity, RigView, check_views, locate_rig};
+use crate::{Error, Matrix6, Pose, Vector6};
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+
+/// Kinds of noise: the hand's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
+/// of an arm, and its position (m²), each the variance per axis.
+pub(super) const KINDS: usize = 3;
+
+/// A view with at least one candidate.
+#[derive(Clone)]
+pub(super) struct Known<'a> {
+    /// Its place in the list given.
+    pub index: usize,
+    /// H, shifted.
+    pub carrier_from_holder: Pose,
+    /// Of its left motion, carrier frame, shifted: stated, or what is assumed so far.
+    pub covariance: Option<Matrix6>,
+    /// Where no noise is stated: what each kind adds to the covariance at a variance of one.
+    pub parts: Option<[Matrix6; KINDS]>,
+    pub candidates: Vec<Candidate>,
+    pub seen: &'a [RigView<'a>],
+    centre: Centre,
+}
+
+impl Known<'_> {
+    /// A pose of the carrier as `base_from_hand` (shifted), the covariance of its left motion there, and `base_from_hand` as reported.
+    pub fn in_base(&self, carrier_from_holder: &Pose, covariance: &Matrix6) -> (Pose, Matrix6, Pose) {
+        match self.centre.mount {
+            Mount::TargetOnHand => (*carrier_from_holder, *covariance, self.carrier_from_holder),
+            Mount::CameraOnHand => {
+                let inverse = carrier_from_holder.inverse();
+                (
+                    inverse,
+                    carrier_from_holder.inverse_covariance(covariance),
+                    self.carrier_from_holder.inverse(),
+                )
+            }
+        }
+    }
+
+    /// Variance of the hand's position, per axis, by a variance of one of turns about the base's origin, m².
+    pub fn base_lever2(&self) -> f64 {
+        2.0 / 3.0 * (self.hand_in_base() + self.centre.centre_in_base).norm_squared()
+    }
+
+    /// The hand's origin in the shifted base.
+    pub fn hand_in_base(&self) -> Vector3<f64> {
+        match self.centre.mount {
+            Mount::TargetOnHand => self.carrier_from_holder.translation,
+            Mount::CameraOnHand => self.carrier_from_holder.origin(),
+        }
+    }
+}
+
+/// X and Z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Poses {
+    pub cam_from_carrier: Pose,
+    pub holder_from_target: Pose,
+}
+
+impl Poses {
+    /// T = X H Z.
+    pub fn cam_from_target(&self, view: &Known) -> Pose {
+        self.cam_from_carrier * view.carrier_from_holder * self.holder_from_target
+    }
+}
+
+/// The shift of the base's origin, metres, and which frame it belongs to.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Centre {
+    centre_in_base: Vector3<f64>,
+    mount: Mount,
+}
+
+impl Centre {
+    fn carrier_from_holder(&self, base_from_hand: &Pose) -> Pose {
+        let shifted = shift(-self.centre_in_base) * *base_from_hand;
+        if self.mount == Mount::CameraOnHand { shifted.inverse() } else { shifted }
+    }
+
+    /// Covariance of the left motion of the shifted H from that of `base_from_hand`.
+    fn carried(&self, base_from_hand: &Pose, covariance: &Matrix6) -> Matrix6 {
+        let ad = shift(-self.centre_in_base).adjoint();
+        self.carried_from_shifted(base_from_hand, &(ad * covariance * ad.transpose()))
+    }
+
+    /// The same from that in the shifted base.
+    fn carried_from_shifted(&self, base_from_hand: &Pose, shifted: &Matrix6) -> Matrix6 {
+        match self.mount {
+            Mount::TargetOnHand => *shifted,
+            Mount::CameraOnHand => {
+                (shift(-self.centre_in_base) * *base_from_hand).inverse_covariance(shifted)
+            }
+        }
+    }
+
+    /// What each kind of noise adds to the covariance of a hand that states none.
+    fn parts(&self, base_from_hand: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
+        let hand = base_from_hand.translation - self.centre_in_base;
+        parts_in_base(&hand, &-self.centre_in_base, spread_m)
+            .map(|part| self.carried_from_shifted(base_from_hand, &part))
+    }
+
+    /// Poses and covariance for the base as it was given.
+    pub fn undone(&self, poses: &Poses, covariance: &DMatrix<f64>) -> (Poses, DMatrix<f64>) {
+        let back = shift(self.centre_in_base);
+        if self.mount == Mount::TargetOnHand {
+            let cam_from_carrier = poses.cam_from_carrier * back.inverse();
+            return (Poses { cam_from_carrier, ..*poses }, covariance.clone());
+        }
+        let mut ad = DMatrix::identity(12, 12);
+        ad.fixed_view_mut::<6, 6>(6, 6).copy_from(&back.adjoint());
+        let holder_from_target = back * poses.holder_from_target;
+        (Poses { holder_from_target, ..*poses }, &ad * covariance * ad.transpose())
+    }
+
+    /// The height as the shifted carrier has it.
+    pub fn height_m(&self, direction: &Vector3<f64>, height_m: f64) -> f64 {
+        match self.mount {
+            Mount::CameraOnHand => height_m,
+            Mount::TargetOnHand => height_m - direction.dot(&self.centre_in_base),
+        }
+    }
+}
+
+/// That of all views.
+pub(super) fn centre(known: &[Known]) -> Centre {
+    let nowhere = Centre { centre_in_base: Vector3::zeros(), mount: Mount::CameraOnHand };
+    known.first().map_or(nowhere, |view| view.centre)
+}
+
+fn shift(by: Vector3<f64>) -> Pose {
+    Pose::new(Matrix3::identity(), by)
+}
+
+/// Views with a pose, and an entry for every view that says why where there is none.
+pub(super) fn located<'a>(
+    views: &'a [HandView<'a>],
+    config: &HandEyeConfig,
+) -> Result<(Vec<Known<'a>>, Vec<HandViewResult>), Error> {
+    check(views, config)?;
+    let sum: Vector3<f64> = views.iter().map(|view| view.base_from_hand.translation).sum();
+    let centre = Centre { centre_in_base: sum / views.len().max(1) as f64, mount: config.mount };
+    let from_centre =
+        |view: &HandView| (view.base_from_hand.translation - centre.centre_in_base).norm_squared();
+    let spread_m = (views.iter().map(from_centre).sum::<f64>() / views.len().max(1) as f64).sqrt();
+    let (mut known, mut results) = (Vec::new(), Vec::new());
+    for (index, view) in views.iter().enumerate() {
+        let mut result = HandViewResult { residual: None, candidate: None, chi2: None, rejected: None };
+        match candidates(view) {
+            Ok(candidates) => known.push(Known {
+                index,
+                carrier_from_holder: centre.carrier_from_holder(&view.base_from_hand),
+                covariance: view.hand_covariance.map(|c| centre.carried(&view.base_from_hand, &c)),
+                parts: match view.hand_covariance {
+                    Some(_) => None,
+                    None => Some(centre.parts(&view.base_from_hand, spread_m)),
+                },
+                candidates,
+                seen: view.seen,
+                centre,
+            }),
+            Err(reason) => result.rejected = Some(RejectedView::Unlocated(reason)),
+        }
+        results.push(result);
+    }
+    Ok((known, results))
+}
+
+/// As given, or as the points say.
+fn candidates(view: &HandView) -> Result<Vec<Candidate>, Error> {
+    if !view.candidates.is_empty() {
+        return Ok(view.candidates.clone());
+    }
+    let found = locate_rig(view.seen)?;
+    let candidate =
+        |cam_from_target, covariance, chi2: f64| Candidate { cam_from_target, covariance, delta_chi2: chi2 };
+    let best = candidate(found.rig_from_target, found.covariance, found.chi2);
+    let other = match found.ambiguity {
+        RigAmbiguity::Ambiguous { other: o, .. } => Some(candidate(o.rig_from_target, o.covariance, o.chi2)),
+        RigAmbiguity::Unique { .. } => None,
+    };
+    // The answer of one camera is the more probable pose, whose χ² need not be the lower one.
+    let lowest = other.as_ref().map_or(best.delta_chi2, |o| o.delta_chi2.min(best.delta_chi2));
+    let above = |c: Candidate| Candidate { delta_chi2: c.delta_chi2 - lowest, ..c };
+    Ok([Some(best), other].into_iter().flatten().map(above).collect())
+}
+
+/// Every number of every view.
+fn check(views: &[HandView], config: &HandEyeConfig) -> Result<(), Error> {
+    for (index, view) in views.iter().enumerate() {
+        check_pose("view", index, &view.base_from_hand)?;
+        if let Some(covariance) = &view.hand_covariance {
+            check_hand_covariance(index, covariance)?;
+        }
+        for candidate in &view.candidates {
+            check_pose("view", index, &candidate.cam_from_target)?;
+            information_of("view", index, &candidate.covariance)?;
+            if !(0.0 <= candidate.delta_chi2 && candidate.delta_chi2.is_finite()) {
+                let (what, seen) = ("delta_chi2 of a candidate", candidate.delta_chi2);
+                return Err(Error::InvalidPose {
+                    item: "view",
+                    index,
+                    what,
+                    seen,
+                    needed: "it must be 0 or more",
+                });
+            }
+        }
+        if !view.seen.is_empty() {
+            check_views(view.seen)?;
+        }
+    }
+    let Some(height) = config.height else { return Ok(()) };
+    let numbers = [
+        ("the length of the height's direction", height.direction_in_carrier.norm(), true),
+        ("height_m", height.height_m, false),
+        ("sigma_m of the height", height.sigma_m, true),
+    ];
+    for (setting, seen, positive) in numbers {
+        if !seen.is_finite() || positive && seen <= 0.0 {
+            let needed =
+                if positive { "it must be positive and finite" } else { "it must be a finite number" };
+            return Err(Error::InvalidSetting { setting, seen, needed });
+        }
+    }
+    Ok(())
+}
+
+/// A motion may be exact in some directions: no negative eigenvalue beyond rounding is all that is asked.
+fn check_hand_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error> {
+    let invalid = |what, seen, needed| Err(Error::InvalidPose { item: "view", index, what, seen, needed });
+    if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
+        return invalid("an entry of the hand's covariance", seen, "it must be a finite number");
+    }
+    let skew = (covariance - covariance.transpose()).amax();
+    if 1e-9 * covariance.amax() < skew {
+        return invalid("the asymmetry of the hand's covariance", skew, "it must be symmetric");
+    }
+    let least = covariance.symmetric_eigenvalues().min();
+    if !is_covariance(covariance) {
+        return invalid(
+            "the least eigenvalue of the hand's covariance",
+            least,
+            "no variance can be negative",
+        );
+    }
+    Ok(())
+}
+
+/// A base farther from the stations than this many times their spread is the origin of a map: nothing turns about it.
+const MAX_BASE_DISTANCE: f64 = 30.0;
+
+/// Vₖ for left motions of `base_from_hand`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).
+fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; KINDS] {
+    let turning_about = |p: &Vector3<f64>| {
+        let mut g = SMatrix::<f64, 6, 3>::zeros();
+        g.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        g.fixed_view_mut::<3, 3>(3, 0).copy_from(&p.cross_matrix());
+        g * g.transpose()
+    };
+    let is_near = origin.norm() <= MAX_BASE_DISTANCE * spread_m;
+    let position = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, 1.0, 1.0, 1.0));
+    let about_base = if is_near { turning_about(origin) } else { Matrix6::zeros() };
+    [turning_about(hand), about_base, position]
+}

@@ -1,0 +1,232 @@
+//! Do the given intrinsics fit? A score (Lagrange multiplier) test over many frames, docs/math/frames.md section 3.
+//!
+//! Each frame is solved with the intrinsics as given. What its residual then says about them, free of what the pose could explain, is
+//! summed over the frames: no parameter is changed, so the test also holds where the true intrinsics are far away.
+//!
+//!   g  score of the intrinsics, poses eliminated   ·   S  its covariance, the reduced information   ·   T = gᵀ S⁻¹ g  ~  χ²ₖ
+
+use super::equations::{equations, every_parameter, pivots};
+use super::{
+    Group, MAX_RELATIVE_SIGMA, SkippedFrame, View, located, picked, redundancy, restricted, scales, weakest,
+};
+use crate::camera::Parameters;
+use crate::least_squares::PivotedPose;
+use crate::least_squares::shared::Reduced;
+use crate::locate::consistency::noise_scale;
+use crate::statistics::chi_square::tail;
+use crate::{Camera, Correspondence, Error};
+use core::fmt;
+use nalgebra::DVector;
+
+/// Chance of blaming good intrinsics.
+pub const FALSE_ALARM_RATE: f64 = 1e-3;
+
+/// What the frames say about the given intrinsics.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IntrinsicsCheck {
+    /// The score statistic, divided by `noise_scale`; χ² with `degrees_of_freedom` for right intrinsics.
+    pub statistic: f64,
+    /// How many parameters the frames determine, hence could be tested.
+    pub degrees_of_freedom: usize,
+    /// Chance of such a statistic if the intrinsics are right.
+    pub p_value: f64,
+    /// What is wrong, most telling first; empty when `p_value` ≥ `FALSE_ALARM_RATE`.
+    pub blamed: Vec<Blame>,
+    /// Every tested parameter with all others free: the offsets that the frames cannot exclude.
+    pub tested: Vec<Doubt>,
+    /// Names of the parameters that the frames leave undetermined; they were taken as given.
+    pub undetermined: Vec<&'static str>,
+    /// Variance of the residuals over the stated one, where they prove it larger (else 1), the intrinsics' part taken out.
+    pub noise_scale: f64,
+    /// Frames that took part.
+    pub n_frames: usize,
+    /// Frames that did not.
+    pub skipped: Vec<SkippedFrame>,
+}
+
+/// A kind of parameter that is off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Blame {
+    /// Which kind.
+    pub group: Group,
+    /// Its parameters, with only those of the blamed kinds free.
+    pub parameters: Vec<Doubt>,
+}
+
+/// How far a parameter seems to be off: one Gauss–Newton step, right to first order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Doubt {
+    /// Name, as in camera.toml.
+    pub name: &'static str,
+    /// Value given.
+    pub given: f64,
+    /// What to add to it.
+    pub offset: f64,
+    /// Standard deviation of the offset.
+    pub sigma: f64,
+}
+
+impl IntrinsicsCheck {
+    /// Whether the frames have nothing against the given intrinsics.
+    pub fn fits(&self) -> bool {
+        self.blamed.is_empty()
+    }
+}
+
+/// Tests the intrinsics of `camera` against many frames, each the correspondences of one view.
+///
+/// Bearings are derived anew from the pixels. Frames without a pose are skipped and named.
+///
+/// # Errors
+/// `TooFewFrames` when no frame has a pose with redundancy; `UndeterminedIntrinsics` when the frames determine no parameter at all.
+pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
+    frames: &[F],
+    camera: &Camera,
+) -> Result<IntrinsicsCheck, Error> {
+    let (views, skipped) = located(frames, camera);
+    let too_few = Error::TooFewFrames { seen: views.len(), needed: 1 };
+    let (reduced, chi2) = reduced(&views, camera).ok_or(too_few)?;
+    let parameters = camera.parameters();
+    let (keep, undetermined) = determined(&reduced, &scales(&views, camera), &parameters)?;
+    let raw = statistic(&reduced, &keep);
+    let noise_scale = noise_scale(chi2 - raw, redundancy(&views).saturating_sub(keep.len()));
+    let test = Test { reduced: &reduced, parameters: &parameters, noise_scale };
+    let p_value = test.p_value(raw, keep.len());
+    let blamed = if p_value < FALSE_ALARM_RATE { test.blame(&keep) } else { Vec::new() };
+    Ok(IntrinsicsCheck {
+        statistic: raw / noise_scale,
+        degrees_of_freedom: keep.len(),
+        p_value,
+        blamed,
+        tested: test.doubts(&keep),
+        undetermined,
+        noise_scale,
+        n_frames: views.len(),
+        skipped,
+    })
+}
+
+/// Score and information of all intrinsics at the poses found, and χ² there.
+fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
+    if views.is_empty() {
+        return None;
+    }
+    let pivots = pivots(views);
+    let placed = views.iter().zip(&pivots);
+    let places: Vec<PivotedPose> =
+        placed.map(|(view, pivot)| PivotedPose::new(&view.minimum.cam_from_target, pivot)).collect();
+    let equations = equations(views, &pivots, &places, camera, &every_parameter(camera))?;
+    Some((equations.reduced()?, equations.chi2))
+}
+
+/// The parameters the frames determine, and the names of the others: the worst is held until the rest is determined.
+fn determined(
+    reduced: &Reduced,
+    scales: &[f64],
+    parameters: &Parameters,
+) -> Result<(Vec<usize>, Vec<&'static str>), Error> {
+    let (mut keep, mut held): (Vec<usize>, Vec<&'static str>) = ((0..scales.len()).collect(), Vec::new());
+    loop {
+        let of_kept: Vec<f64> = keep.iter().map(|i| scales[*i]).collect();
+        let (worst, seen) = weakest(&restricted(&reduced.information, &keep), &of_kept).unwrap_or((0, 0.0));
+        if seen <= MAX_RELATIVE_SIGMA {
+            return Ok((keep, held));
+        }
+        let parameter = parameters[keep.remove(worst)].0;
+        if keep.is_empty() {
+            return Err(Error::UndeterminedIntrinsics { parameter, seen, needed: MAX_RELATIVE_SIGMA });
+        }
+        held.push(parameter);
+    }
+}
+
+/// T of some parameters, the others held, docs/math/frames.md eq. (8).
+fn statistic(reduced: &Reduced, keep: &[usize]) -> f64 {
+    let score = picked(&reduced.gradient, keep);
+    let solved = restricted(&reduced.information, keep).cholesky().map(|c| c.solve(&score));
+    solved.map_or(0.0, |solved| score.dot(&solved).max(0.0))
+}
+
+/// What every question to the score needs.
+struct Test<'a> {
+    reduced: &'a Reduced,
+    parameters: &'a Parameters,
+    noise_scale: f64,
+}
+
+impl Test<'_> {
+    fn p_value(&self, raw: f64, degrees_of_freedom: usize) -> f64 {
+        tail(degrees_of_freedom, raw / self.noise_scale)
+    }
+
+    /// Adds the group that explains most until the rest explains no more than chance would, docs/math/frames.md eq. (11).
+    fn blame(&self, keep: &[usize]) -> Vec<Blame> {
+        let whole = statistic(self.reduced, keep);
+        let of = |groups: &[Group]| -> Vec<usize> {
+            keep.iter().copied().filter(|i| groups.contains(&Group::of(self.parameters[*i].0))).collect()
+        };
+        let with = |groups: &[Group], one: Group| of(&[groups, &[one]].concat());
+        let mut groups: Vec<Group> = Vec::new();
+        loop {
+            let explained = of(&groups);
+            let rest = whole - statistic(self.reduced, &explained);
+            if FALSE_ALARM_RATE <= self.p_value(rest, keep.len() - explained.len()) {
+                break;
+            }
+            // Akaike's penalty: a kind with many parameters explains more by chance.
+            let gain = |one: Group| {
+                let more = with(&groups, one);
+                statistic(self.reduced, &more) / self.noise_scale - 2.0 * more.len() as f64
+            };
+            let candidates = Group::ALL.into_iter().filter(|one| explained.len() < with(&groups, *one).len());
+            let best =
+                candidates.map(|one| (one, gain(one))).fold(None, |best: Option<(Group, f64)>, next| {
+                    best.filter(|best| next.1 <= best.1).or(Some(next))
+                });
+            let Some((best, _)) = best else { break };
+            groups.push(best);
+        }
+        let doubts = self.doubts(&of(&groups));
+        let belongs = |group: Group| doubts.iter().copied().filter(move |d| Group::of(d.name) == group);
+        groups.iter().map(|&group| Blame { group, parameters: belongs(group).collect() }).collect()
+    }
+
+    /// One Gauss–Newton step of some parameters, the others held, docs/math/frames.md eq. (10).
+    fn doubts(&self, keep: &[usize]) -> Vec<Doubt> {
+        let Some(cholesky) = restricted(&self.reduced.information, keep).cholesky() else {
+            return Vec::new();
+        };
+        let step: DVector<f64> = cholesky.solve(&picked(&self.reduced.gradient, keep));
+        let covariance = cholesky.inverse() * self.noise_scale;
+        let doubt = |(at, i): (usize, &usize)| {
+            let (name, given) = self.parameters[*i];
+            Doubt { name, given, offset: step[at], sigma: covariance[(at, at)].sqrt() }
+        };
+        keep.iter().enumerate().map(doubt).collect()
+    }
+}
+
+impl fmt::Display for IntrinsicsCheck {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let IntrinsicsCheck { statistic, degrees_of_freedom, p_value, n_frames, .. } = self;
+        let evidence = format!(
+            "χ² {statistic:.1} at {degrees_of_freedom} degrees of freedom over {n_frames} frames, p = {p_value:.1e}"
+        );
+        if self.fits() {
+            write!(f, "the intrinsics fit ({evidence})")?;
+        } else {
+            write!(f, "the intrinsics do not fit ({evidence})")?;
+        }
+        for blame in &self.blamed {
+            write!(f, "; the {} is off:", blame.group.name())?;
+            for (i, Doubt { name, given, offset, sigma }) in blame.parameters.iter().enumerate() {
+                let comma = if i == 0 { "" } else { "," };
+                write!(f, "{comma} {name} {given} by {offset:+.3} ± {sigma:.3}")?;
+            }
+        }
+        match self.undetermined.as_slice() {
+            [] => Ok(()),
+            held => write!(f, "; not tested, since the frames leave it open: {}", held.join(", ")),
+        }
+    }
+}

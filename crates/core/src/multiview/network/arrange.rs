@@ -1,0 +1,107 @@
+//! The best of all arrangements of the marks and of the photographs' poses, and the second best.
+
+use super::solve::{check_distances, settle};
+use super::starts::{draft, undetermined};
+use super::trilaterate::Places;
+use super::{Adjusted, Survey};
+use crate::locate::consistency::is_unlikely;
+use crate::{Error, Pose};
+
+/// Other poses of photographs tried.
+const MOST_ALTERNATIVES: usize = 12;
+/// Arrangements tried in all, where none fits.
+const MOST_DRAFTS: usize = 60;
+/// An arrangement that places one thing more may fit worse by this: a mirrored photograph gives points without parallax a place, but a
+/// wrong one.
+const COST_OF_LOSS_CHI2: f64 = 25.0;
+/// Two arrangements are one when their χ² and the photographs' places agree to this.
+const SAME: f64 = 1e-3;
+
+/// How thoroughly to look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Depth {
+    /// Other poses of one photograph at a time.
+    Single,
+    /// Where that fits badly, other poses of several photographs together.
+    Together,
+}
+
+/// Poses that stand in for those of `locate`.
+type Forced = Vec<(usize, Pose)>;
+
+struct Search<'a> {
+    survey: &'a Survey<'a>,
+    found: Vec<Adjusted>,
+    refusal: Option<Error>,
+    drafts: usize,
+}
+
+/// χ², and what it costs to leave things without a place.
+pub(super) fn cost(a: &Adjusted) -> f64 {
+    a.chi2 + COST_OF_LOSS_CHI2 * a.undetermined.len() as f64
+}
+
+/// The best of all arrangements.
+pub(super) fn best_of(survey: &Survey, arrangements: &[Places], depth: Depth) -> Result<Adjusted, Error> {
+    let mut search = Search { survey, found: Vec::new(), refusal: None, drafts: 0 };
+    let mut open: Vec<(usize, Forced)> = (0..arrangements.len()).map(|k| (k, Vec::new())).collect();
+    for marks in arrangements {
+        // Where photographs join in, the whole network says better which distance is wrong.
+        search.refusal = search.refusal.or(check_distances(survey, marks).err());
+    }
+    let deepest = if depth == Depth::Single { 1 } else { survey.camera_of_photo.len() };
+    for level in 0..=deepest {
+        if open.is_empty() || (1 < level && search.fits()) {
+            break;
+        }
+        let mut next = Vec::new();
+        for (k, forced) in &open {
+            if level <= 1 || search.drafts < MOST_DRAFTS {
+                next.extend(search.follow(&arrangements[*k], forced).into_iter().map(|f| (*k, f)));
+            }
+        }
+        open = next;
+    }
+    search.conclude()
+}
+
+impl Search<'_> {
+    /// Adjusts one arrangement; the forced poses to try after it.
+    fn follow(&mut self, marks: &Places, forced: &Forced) -> Vec<Forced> {
+        self.drafts += 1;
+        let first = draft(self.survey, marks, forced);
+        let last = forced.iter().map(|f| f.0 + 1).max().unwrap_or(0);
+        let more = first.alternatives.iter().filter(|(photo, _)| last <= *photo).take(MOST_ALTERNATIVES);
+        let with = |alternative: &(usize, Pose)| forced.iter().chain([alternative]).copied().collect();
+        let next = more.map(with).collect();
+        match settle(self.survey, first) {
+            Ok(adjusted) => self.found.push(adjusted),
+            Err(reason) if forced.is_empty() => self.refusal = self.refusal.take().or(Some(reason)),
+            Err(_) => {}
+        }
+        next
+    }
+
+    fn fits(&self) -> bool {
+        self.found.iter().any(|a| a.undetermined.is_empty() && !is_unlikely(a.chi2, a.degrees_of_freedom))
+    }
+
+    fn conclude(self) -> Result<Adjusted, Error> {
+        let mut found = self.found;
+        found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+        let mut found = found.into_iter();
+        let Some(mut best) = found.next() else {
+            let reason = "no photograph has a place; click at least four marks in each";
+            return Err(self.refusal.unwrap_or(undetermined("photo", 0, reason, 0.0, 3.0)));
+        };
+        let rival = found.find(|a| a.undetermined.len() == best.undetermined.len() && !is_same(a, &best));
+        best.rival_delta_chi2 = rival.as_ref().map(|a| (a.chi2 - best.chi2) / best.noise_scale);
+        best.rival = rival.map(Box::new);
+        Ok(best)
+    }
+}
+
+fn is_same(a: &Adjusted, b: &Adjusted) -> bool {
+    let near = |(p, q): (&Pose, &Pose)| p.angle_to_rad(q) < SAME;
+    (a.chi2 - b.chi2).abs() < SAME * (1.0 + b.chi2) && a.state.photos.iter().zip(&b.state.photos).all(near)
+}

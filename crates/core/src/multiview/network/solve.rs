@@ -1,0 +1,242 @@
+//! From first places to the joint minimum, its covariance, and what is left out of both.
+
+use super::rows::{equations, n_rows};
+use super::starts::{Draft, undetermined};
+use super::state::{Layout, LensAt, State};
+use super::trilaterate::{Places, lengths, plane_of};
+use super::{Adjusted, Fact, Frame, Item, Survey, gauge, snoop};
+use crate::least_squares::dense::{DenseMinimum, minimize_dense};
+use crate::locate::consistency::{is_unlikely, noise_scale};
+use crate::{Error, Point};
+use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
+
+/// A point whose largest standard deviation exceeds this part of its distance from the camera has no place.
+const LARGEST_SIGMA: f64 = 1.0 / 3.0;
+/// Scaled information below which a direction counts as unknown: rounding of a few hundred unknowns.
+const LEAST_INFORMATION: f64 = 1e-12;
+
+/// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again.
+pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
+    let mut dropped = draft.dropped;
+    let (mut state, mut faces) = (draft.state, false);
+    loop {
+        let items: Vec<Item> = dropped.iter().map(|d| d.0).collect();
+        let anything = (0..survey.camera_of_photo.len()).any(|p| !items.contains(&Item::Photo(p)));
+        if !anything {
+            return Err(dropped.into_iter().next().map_or(Error::NoLength, |d| d.1));
+        }
+        let (layout, frame) = gauge::layout(survey, &state, &items, draft.marks);
+        let solved = minimize_dense(
+            state.clone(),
+            |s| equations(survey.facts, s, &layout),
+            |s, by| s.moved(&layout, by),
+        );
+        let Some(solved) = solved else {
+            let (item, reason) = out_of_field(survey, &state, &items)
+                .ok_or(Error::NoSolution { n_points: survey.n_points })?;
+            dropped.push((item, reason));
+            continue;
+        };
+        if solved.is_minimum()
+            && !faces
+            && let Some(turned) = gauge::facing_cameras(survey, &solved.state, &layout, frame)
+        {
+            (state, faces) = (turned, true);
+            continue;
+        }
+        let lost = match inverse(&solved.equations.information) {
+            Err(direction) => blamed(&direction, &layout),
+            Ok(covariance) => match weakest(survey, &solved, &layout, &covariance) {
+                None => return conclude(survey, solved, layout, frame, covariance, dropped),
+                lost => lost,
+            },
+        };
+        let lost = lost.ok_or(Error::NotConverged { steps: solved.steps })?;
+        dropped.push(lost);
+        if solved.is_minimum() {
+            state = solved.state;
+        }
+    }
+}
+
+fn conclude(
+    survey: &Survey,
+    solved: DenseMinimum<State>,
+    layout: Layout,
+    frame: Frame,
+    covariance: DMatrix<f64>,
+    mut undetermined: Vec<(Item, Error)>,
+) -> Result<Adjusted, Error> {
+    if !solved.is_minimum() {
+        return Err(Error::NotConverged { steps: solved.steps });
+    }
+    undetermined.sort_by_key(|u| u.0);
+    let degrees_of_freedom = n_rows(survey.facts, &solved.state, &layout).saturating_sub(layout.n);
+    let chi2 = solved.equations.chi2;
+    let suspects = snoop::suspects(survey.facts, &solved.state, &layout, &covariance);
+    let scale = noise_scale(chi2, degrees_of_freedom);
+    Ok(Adjusted {
+        state: solved.state,
+        layout,
+        facts: survey.facts.to_vec(),
+        left_out: Vec::new(),
+        on_line: None,
+        has_lost_marks: false,
+        covariance: covariance * scale,
+        chi2,
+        degrees_of_freedom,
+        noise_scale: scale,
+        is_inconsistent: is_unlikely(chi2, degrees_of_freedom),
+        suspects,
+        undetermined,
+        rival_delta_chi2: None,
+        rival: None,
+        frame,
+        steps: solved.steps,
+    })
+}
+
+/// H⁻¹; where there is none, the direction that nothing determines, each unknown over its own scale.
+fn inverse(information: &DMatrix<f64>) -> Result<DMatrix<f64>, DVector<f64>> {
+    let n = information.nrows();
+    let scale: Vec<f64> = (0..n).map(|i| information[(i, i)].sqrt()).collect();
+    if let Some(none) = scale.iter().position(|s| !(0.0 < *s)) {
+        return Err(DVector::from_fn(n, |i, _| f64::from(u8::from(i == none))));
+    }
+    let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] / (scale[i] * scale[j]));
+    let factor = scaled.clone().cholesky().filter(|c| {
+        let pivots = c.l_dirty().diagonal();
+        LEAST_INFORMATION < pivots.min().powi(2)
+    });
+    match factor {
+        Some(factor) => {
+            let inverse = factor.inverse();
+            Ok(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
+        }
+        None => {
+            let eigen = SymmetricEigen::new(scaled);
+            Err(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned())
+        }
+    }
+}
+
+/// The point that an undetermined direction moves most; a photograph where no point moves.
+fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
+    let part = |at: &[Option<usize>]| at.iter().flatten().map(|i| direction[*i].powi(2)).sum::<f64>();
+    let points = layout.point.iter().enumerate().map(|(i, at)| (part(at), Item::Point(i)));
+    let photos = layout.photo.iter().enumerate().map(|(i, at)| {
+        let all: Vec<Option<usize>> = (0..6).map(|k| at.map(|at| at + k)).collect();
+        (part(&all), Item::Photo(i))
+    });
+    let tilts = layout
+        .tilt
+        .iter()
+        .enumerate()
+        .map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
+    let (share, item) = points.chain(photos).chain(tilts).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let reason = "the facts leave a direction of it free; click it in another photograph, or add a distance or coordinates";
+    let why = match item {
+        Item::Point(i) => undetermined("point", i, reason, 0.0, 1.0),
+        Item::Photo(i) => undetermined("photo", i, reason, 0.0, 1.0),
+        Item::Plane(i) => undetermined("plane", i, reason, 0.0, 1.0),
+    };
+    (0.0 < share).then_some((item, why))
+}
+
+/// The point known worst, if it is known too badly to have a place.
+fn weakest(
+    survey: &Survey,
+    solved: &DenseMinimum<State>,
+    layout: &Layout,
+    covariance: &DMatrix<f64>,
+) -> Option<(Item, Error)> {
+    let relative = |point: usize| {
+        let at = layout.point[point];
+        let block = Matrix3::from_fn(|i, j| match (at[i], at[j]) {
+            (Some(i), Some(j)) => covariance[(i, j)],
+            _ => 0.0,
+        });
+        let sigma = block.symmetric_eigenvalues().max().max(0.0).sqrt();
+        let nearest = survey.facts.iter().filter_map(|f| match f {
+            Fact::Click { photo, point: p, .. } if *p == point && layout.has_photo(*photo) => {
+                Some((solved.state.points[point] - solved.state.photos[*photo].origin()).norm())
+            }
+            _ => None,
+        });
+        nearest.reduce(f64::min).map(|distance| (sigma / distance, point))
+    };
+    let all = (0..survey.n_points).filter(|p| layout.has_point(*p));
+    let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let reason = "its standard deviation is too large a part of its distance from the camera; click it in a photograph from farther aside";
+    (LARGEST_SIGMA < worst)
+        .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
+}
+
+/// A point outside the field of a photograph that shows it.
+fn out_of_field(survey: &Survey, state: &State, dropped: &[Item]) -> Option<(Item, Error)> {
+    survey.facts.iter().find_map(|f| {
+        let Fact::Click { photo, point, .. } = f else { return None };
+        if dropped.contains(&Item::Photo(*photo)) || dropped.contains(&Item::Point(*point)) {
+            return None;
+        }
+        let x = state.photos[*photo] * state.points[*point];
+        let camera = &state.lenses[state.camera_of_photo[*photo]].camera;
+        let reason =
+            "its place lies behind a photograph that shows it, or outside its lens; check its clicks";
+        camera
+            .project(&x)
+            .is_none()
+            .then(|| (Item::Point(*point), undetermined("point", *point, reason, x.z, 0.0)))
+    })
+}
+
+/// Whether the mutual distances alone agree, before any photograph is looked at.
+pub(super) fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
+    let is_laid = |p: usize| marks[p].is_some();
+    let used: Vec<usize> =
+        lengths(survey).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();
+    if gauge::is_given(survey) || used.is_empty() {
+        return Ok(());
+    }
+    let facts: Vec<Fact> = used.iter().map(|i| survey.facts[*i]).collect();
+    let Some(frame) = gauge::frame_marks(marks) else { return Ok(()) };
+    let planes = plane_of(survey);
+    let state = State {
+        photos: Vec::new(),
+        points: in_frame(marks, frame),
+        planes: Vec::new(),
+        lenses: Vec::<LensAt>::new(),
+        camera_of_photo: Vec::new(),
+    };
+    let only = Survey { cameras: &[], camera_of_photo: &[], planes: &[], facts: &facts, ..*survey };
+    let dropped: Vec<Item> = (0..survey.n_points).filter(|p| !is_laid(*p)).map(Item::Point).collect();
+    let [a, b, c] = frame;
+    let mut held = vec![(a, 0), (a, 1), (a, 2), (b, 1), (b, 2), (c, 2)];
+    let is_flat = planes[a].is_some() && [b, c].iter().all(|p| planes[*p] == planes[a]);
+    held.extend((0..survey.n_points).filter(|p| is_flat && planes[*p] == planes[a]).map(|p| (p, 2)));
+    let layout = Layout::new(&only, &state, &dropped, &held);
+    let solved = minimize_dense(state, |s| equations(&facts, s, &layout), |s, by| s.moved(&layout, by));
+    let Some(solved) = solved.filter(|s| s.is_minimum()) else { return Ok(()) };
+    let degrees_of_freedom = facts.len().saturating_sub(layout.n);
+    if !is_unlikely(solved.equations.chi2, degrees_of_freedom) {
+        return Ok(());
+    }
+    let Ok(covariance) = inverse(&solved.equations.information) else { return Ok(()) };
+    match snoop::suspects(&facts, &solved.state, &layout, &covariance).first() {
+        Some(worst) => Err(Error::InconsistentDistances {
+            fact: used[worst.fact],
+            off_m: worst.off,
+            sigmas: worst.sigmas,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Places in the frame of three marks.
+fn in_frame(marks: &Places, [a, b, c]: [usize; 3]) -> Vec<Point> {
+    let at = |p: usize| marks[p].unwrap_or_default();
+    let x: Vector3<f64> = (at(b) - at(a)).normalize();
+    let z = x.cross(&(at(c) - at(a))).normalize();
+    let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    (0..marks.len()).map(|p| rotation * (at(p) - at(a))).collect()
+}

@@ -1,0 +1,240 @@
+//! Where the cameras of a rig sit, from the relative poses of pairs of them: no picture, no point.
+//!
+//! `chain` follows the best chain of pairs from an anchor, `solve_pose_graph` weighs all pairs together: maximum likelihood, with the pairs
+//! that contradict the rest named and left out. Derivation: docs/math/pose_graph.md.
+
+mod chain;
+mod equations;
+mod noise;
+mod snooping;
+mod verdict;
+
+pub use chain::{Chain, chain};
+pub use verdict::{GraphFault, GraphVerdict};
+
+use crate::locate::consistency::noise_scale;
+use crate::multiview::relative::{check_pose, information_of};
+use crate::{Error, Matrix6, Pose, Vector6};
+use equations::Adjustment;
+use nalgebra::DMatrix;
+
+/// The relative pose of two cameras, as something else measured it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RelativePose {
+    /// The camera mapped from, index.
+    pub a: usize,
+    /// The camera mapped into, index.
+    pub b: usize,
+    /// x_in_b = b_from_a · x_in_a, metres.
+    pub b_from_a: Pose,
+    /// How sure.
+    pub noise: PairNoise,
+}
+
+/// How sure a pair is; one kind for all pairs of a graph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A few hundred pairs: copying is simpler than a box each.
+pub enum PairNoise {
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]` of `b_from_a`, frame b.
+    Covariance(Matrix6),
+    /// Only which pair is surer than another: any error measure that grows in proportion to the standard deviations, such as the root mean
+    /// square residual of the calibration of that pair; 1 for all where nothing is known. The standard deviations themselves then come from
+    /// how well the pairs agree.
+    Error(f64),
+}
+
+/// Pairs of cameras.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseGraph<'a> {
+    /// Number of cameras.
+    pub n_cameras: usize,
+    /// In any order; two cameras may be joined by several.
+    pub pairs: &'a [RelativePose],
+}
+
+/// Settings of `solve_pose_graph`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseGraphConfig {
+    /// The camera whose frame is the rig's.
+    pub anchor: usize,
+    /// For pairs with `PairNoise::Error`: standard deviations of a pair whose error is the median; none to estimate both.
+    pub median_sigma: Option<PairSigma>,
+}
+
+/// Standard deviations of a relative pose, the same about and along every axis of its frame b.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairSigma {
+    /// Of each turn, rad.
+    pub sigma_rad: f64,
+    /// Of each shift, m.
+    pub sigma_m: f64,
+}
+
+/// A camera's place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraInGraph {
+    /// x_in_cam = cam_from_rig · x_in_rig; identity for the anchor.
+    pub cam_from_rig: Pose,
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame; zero for the anchor.
+    pub covariance: Matrix6,
+}
+
+/// What became of a pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairResult {
+    /// Log(measured · solved⁻¹), `[rotation_rad; translation_m]`, frame b.
+    pub residual: Vector6,
+    /// How much of the pair the others check: 0 (a bridge: nothing does) to 6.
+    pub redundancy: f64,
+    /// How far it is from what the *other* pairs say, as a standard normal number: beyond `SUSPICIOUS` once in ten thousand by chance.
+    /// None where the others cannot tell.
+    pub disagreement_sigma: Option<f64>,
+    /// Whether it took part.
+    pub is_used: bool,
+    /// Whether it contradicts the others. One that took part nevertheless shares its loops with other suspicious pairs, and any of them may be
+    /// the wrong one.
+    pub is_suspicious: bool,
+}
+
+/// Every camera's place, how sure, and which pairs disagree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseGraphSolution {
+    /// The camera whose frame is the rig's.
+    pub anchor: usize,
+    /// One entry a camera.
+    pub cameras: Vec<CameraInGraph>,
+    /// One entry a pair, in the order given.
+    pub pairs: Vec<PairResult>,
+    /// Sum of squared residuals of the pairs used over their variances.
+    pub chi2: f64,
+    /// 6 (pairs used − cameras + 1).
+    pub degrees_of_freedom: usize,
+    /// Factor by which every covariance was widened: χ² per degree of freedom, where stated sigmas prove too small; 1 where they agree or
+    /// were estimated.
+    pub noise_scale: f64,
+    /// Standard deviations of a pair of median error, where pairs state errors only: as estimated, or as given (not widened).
+    pub median_sigma: Option<PairSigma>,
+    /// Where those were estimated: from how many redundant numbers each, 3 (pairs used − cameras + 1). With 0 nothing was redundant, and the
+    /// covariances say nothing. None where the noise was given.
+    pub noise_degrees_of_freedom: Option<usize>,
+    /// Covariance of all cameras together, 6 rows a camera, zero for the anchor.
+    pub joint_covariance: DMatrix<f64>,
+    /// Steps of the last adjustment.
+    pub steps: usize,
+    /// Whether all this can be believed.
+    pub verdict: GraphVerdict,
+}
+
+impl PoseGraphSolution {
+    /// The pose from camera a to camera b and its covariance (left, frame b), what they share taken into account; none for an index that is
+    /// no camera. docs/math/pose_graph.md eq. (12).
+    pub fn b_from_a(&self, a: usize, b: usize) -> Option<(Pose, Matrix6)> {
+        let (pose_a, pose_b) = (self.cameras.get(a)?.cam_from_rig, self.cameras.get(b)?.cam_from_rig);
+        let b_from_a = pose_b * pose_a.inverse();
+        let ad = b_from_a.adjoint();
+        let block = |i: usize, j: usize| -> Matrix6 {
+            self.joint_covariance.fixed_view::<6, 6>(6 * i, 6 * j).into_owned()
+        };
+        let cross = ad * block(a, b);
+        let covariance = block(b, b) + ad * block(a, a) * ad.transpose() - cross - cross.transpose();
+        Some((b_from_a, crate::pose::symmetric(&covariance)))
+    }
+}
+
+/// From this disagreement on a pair is called suspicious: once in ten thousand by chance (standard normal quantile).
+pub const SUSPICIOUS: f64 = 3.719;
+
+/// Groups of cameras joined by chains of pairs, the largest first, then by the first camera; cameras in order.
+pub fn groups(graph: &PoseGraph) -> Vec<Vec<usize>> {
+    let mut group_of: Vec<usize> = (0..graph.n_cameras).collect();
+    for pair in graph.pairs.iter().filter(|p| p.a < graph.n_cameras && p.b < graph.n_cameras) {
+        let (from, to) = (group_of[pair.a], group_of[pair.b]);
+        for group in group_of.iter_mut().filter(|group| **group == from.max(to)) {
+            *group = from.min(to);
+        }
+    }
+    let members = |group: usize| (0..graph.n_cameras).filter(|i| group_of[*i] == group).collect::<Vec<_>>();
+    let mut groups: Vec<_> = (0..graph.n_cameras).map(members).filter(|g| !g.is_empty()).collect();
+    groups.sort_by_key(|group| (usize::MAX - group.len(), group[0]));
+    groups
+}
+
+/// All pairs weighed together, by maximum likelihood for independent Gaussian errors of the pairs.
+///
+/// # Errors
+/// `InvalidPose` and `InvalidSetting` name a number that cannot be right; `Disconnected` when no chain of pairs joins all cameras;
+/// `NotConverged` when no minimum is reached.
+pub fn solve_pose_graph(graph: &PoseGraph, config: &PoseGraphConfig) -> Result<PoseGraphSolution, Error> {
+    check(graph, config.anchor)?;
+    let start = chain(graph, config.anchor)?;
+    let poses: Vec<Pose> = start.cameras.iter().map(|camera| camera.cam_from_rig).collect();
+    let noise = noise::Noise::of(graph, config.median_sigma, &poses)?;
+    let settled = snooping::settle(graph, config.anchor, poses, noise)?;
+    Ok(answer(graph, config.anchor, settled))
+}
+
+fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseGraphSolution {
+    let snooping::Settled { adjustment, noise, pairs } = settled;
+    let Adjustment { poses, covariance, chi2, steps } = adjustment;
+    let used = pairs.iter().filter(|pair| pair.is_used).count();
+    let degrees_of_freedom = 6 * (used + 1).saturating_sub(graph.n_cameras);
+    let noise_degrees_of_freedom = noise.is_estimated().then_some(degrees_of_freedom / 2);
+    let noise_scale = if noise.is_estimated() { 1.0 } else { noise_scale(chi2, degrees_of_freedom) };
+    let joint_covariance = covariance * noise_scale;
+    let camera = |(i, cam_from_rig): (usize, Pose)| {
+        let block: Matrix6 = joint_covariance.fixed_view::<6, 6>(6 * i, 6 * i).into();
+        CameraInGraph { cam_from_rig, covariance: crate::pose::symmetric(&block) }
+    };
+    let cameras = poses.into_iter().enumerate().map(camera).collect();
+    let median_sigma = noise.median_sigma();
+    let verdict = verdict::verdict(graph, &pairs, &noise, (chi2, degrees_of_freedom));
+    PoseGraphSolution {
+        anchor,
+        cameras,
+        pairs,
+        chi2,
+        degrees_of_freedom,
+        noise_scale,
+        median_sigma,
+        noise_degrees_of_freedom,
+        joint_covariance,
+        steps,
+        verdict,
+    }
+}
+
+/// Every number of the graph.
+fn check(graph: &PoseGraph, anchor: usize) -> Result<(), Error> {
+    if graph.n_cameras <= anchor {
+        let needed = "it must be one of the cameras, counted from 0";
+        return Err(Error::InvalidSetting { setting: "the anchor camera", seen: anchor as f64, needed });
+    }
+    for (index, pair) in graph.pairs.iter().enumerate() {
+        let invalid =
+            |what, seen, needed| Err(Error::InvalidPose { item: "pair", index, what, seen, needed });
+        if graph.n_cameras <= pair.a.max(pair.b) {
+            return invalid("camera", pair.a.max(pair.b) as f64, "it must be one of the cameras");
+        }
+        if pair.a == pair.b {
+            return invalid("camera", pair.a as f64, "a pair joins two different cameras");
+        }
+        check_pose("pair", index, &pair.b_from_a)?;
+        match pair.noise {
+            PairNoise::Covariance(covariance) => information_of("pair", index, &covariance).map(|_| ())?,
+            PairNoise::Error(error) if 0.0 < error && error.is_finite() => {}
+            PairNoise::Error(error) => return invalid("the error", error, "it must be positive and finite"),
+        }
+        let is_covariance = |pair: &RelativePose| matches!(pair.noise, PairNoise::Covariance(_));
+        if is_covariance(pair) != is_covariance(&graph.pairs[0]) {
+            let needed = "state a covariance for every pair, or an error for every pair";
+            return invalid("the kind of noise", f64::from(u8::from(is_covariance(pair))), needed);
+        }
+    }
+    match &groups(graph)[..] {
+        [_] => Ok(()),
+        [first, second, ..] => {
+            Err(Error::Disconnected { groups: groups(graph).len(), a: first[0], b: second[0] })
+        }
+        [] => Ok(()),
+    }
+}

@@ -1,0 +1,263 @@
+//! Where the cameras of a rig sit relative to each other, from targets that they see through time; nothing surveyed is needed.
+//!
+//! canonical order → poses of each sighting → a start that the most sightings agree with → joint adjustment, wrong points left out →
+//! covariances, weakest link, scales, verdict. Derivation: docs/math/rig.md.
+
+mod views;
+mod layout;
+mod sighted;
+mod votes;
+mod start;
+mod distance;
+mod classify;
+mod adjust;
+mod scale;
+mod lens;
+mod lens_score;
+mod lens_doubt;
+mod verdict;
+mod answer;
+
+use crate::locate::loss::Loss;
+use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+use nalgebra::DMatrix;
+
+pub use lens::LensOffset;
+pub use verdict::{Cause, Losses, RigVerdict};
+pub use views::shared_views;
+
+/// What one camera saw of one target in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    /// Which camera, index into `RigProblem::cameras`.
+    pub camera: usize,
+    /// Which view: sightings of one view were taken at the same time.
+    pub view: usize,
+    /// Which target, index into `RigProblem::body_of_target`.
+    pub target: usize,
+    /// Known points of that target and where they were seen.
+    pub seen: Vec<Correspondence>,
+}
+
+/// Cameras, views and what was seen.
+#[derive(Debug, Clone, Copy)]
+pub struct RigProblem<'a> {
+    /// Intrinsics, held fixed.
+    pub cameras: &'a [Camera],
+    /// The rigid body that each target is fixed to: targets of one body keep their places relative to each other, which need not be
+    /// known; different bodies move on their own. One entry a target.
+    pub body_of_target: &'a [usize],
+    /// Number of views (moments).
+    pub n_views: usize,
+    /// In any order: the answer does not depend on it.
+    pub sightings: &'a [Sighting],
+}
+
+/// Settings of `solve_rig`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigConfig<'a> {
+    /// The camera whose frame is the rig's. One frame must be held: moving rig and bodies together changes no pixel.
+    pub reference: usize,
+    /// What a residual costs. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every
+    /// point that can be seen.
+    pub loss: Loss,
+    /// Whether the covariance of all cameras together is asked for.
+    pub joint_covariance: bool,
+    /// Distances between cameras that were measured otherwise: they join the cost, and with them a target's size can be checked.
+    pub known_distances: &'a [KnownDistance],
+    /// Whether errors that a whole sighting shares are estimated from how far views contradict each other, and put into every covariance.
+    /// Without, the points' errors are taken as independent.
+    pub shared_errors: bool,
+    /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
+    /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
+    /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_sigma_m` says what they would make of it either way.
+    pub lens_errors: bool,
+}
+
+/// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
+pub const GATE_SIGMAS: f64 = 4.291_932_052_578_694;
+
+impl Default for RigConfig<'_> {
+    fn default() -> Self {
+        let loss = Loss::Truncated { sigmas: GATE_SIGMAS };
+        RigConfig {
+            reference: 0,
+            loss,
+            joint_covariance: false,
+            known_distances: &[],
+            shared_errors: true,
+            lens_errors: false,
+        }
+    }
+}
+
+/// A measured distance between the centres of two cameras.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownDistance {
+    /// One camera.
+    pub a: usize,
+    /// The other.
+    pub b: usize,
+    /// The distance, m.
+    pub distance_m: f64,
+    /// Its standard deviation, m.
+    pub sigma_m: f64,
+}
+
+/// How many views each pair of cameras shares, and which cameras are joined.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SharedViews {
+    /// `counts[a][b]`: views in which both cameras see the same body; the diagonal holds the views of each.
+    pub counts: Vec<Vec<usize>>,
+    /// Groups of cameras joined by chains of shared views, the largest first; one group where a rig can be solved.
+    pub groups: Vec<Vec<usize>>,
+}
+
+/// A camera's place in the rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraInRig {
+    /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference.
+    pub cam_from_rig: Pose,
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame; zero for the reference.
+    pub covariance: Matrix6,
+    /// Views in which it took part.
+    pub n_views: usize,
+    /// Points it saw.
+    pub n_seen: usize,
+    /// Points that took part.
+    pub n_used: usize,
+    /// Root mean square reprojection error over the points used, px.
+    pub rms_px: f64,
+}
+
+/// A target's place on its body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetOnBody {
+    /// x_in_body = body_from_target · x_in_target; identity for the first target of each body.
+    pub body_from_target: Pose,
+    /// 6×6 covariance, body frame; zero for the first.
+    pub covariance: Matrix6,
+}
+
+/// A body's place in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyInView {
+    /// Which view.
+    pub view: usize,
+    /// Which body.
+    pub body: usize,
+    /// x_in_rig = rig_from_body · x_in_body.
+    pub rig_from_body: Pose,
+    /// 6×6 covariance, rig frame, the cameras' uncertainty included.
+    pub covariance: Matrix6,
+    /// Points that took part.
+    pub n_used: usize,
+    /// Root mean square reprojection error over them, px.
+    pub rms_px: f64,
+}
+
+/// What became of a sighting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SightingResult {
+    /// For each of its points: the residual (observed − predicted, px) and whether it took part. None where it projects nowhere.
+    pub residuals_px: Vec<Option<(nalgebra::Vector2<f64>, bool)>>,
+    /// Why none of it took part.
+    pub rejected: Option<RejectedSighting>,
+}
+
+/// Why a whole sighting took no part.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum RejectedSighting {
+    /// Its points do not determine a pose and nothing else in the view does.
+    Undetermined(Error),
+    /// It contradicts the other sightings: wrong labels, a moved target, a wrong view.
+    Contradicts {
+        /// Root mean square of its residuals, px.
+        rms_px: f64,
+    },
+}
+
+/// The cameras of a rig, how sure, and how well everything fits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigSolution {
+    /// The camera whose frame is the rig's.
+    pub reference: usize,
+    /// One entry a camera, in the order given.
+    pub cameras: Vec<CameraInRig>,
+    /// One entry a target, in the order given.
+    pub targets: Vec<TargetOnBody>,
+    /// By view, then body.
+    pub bodies: Vec<BodyInView>,
+    /// One entry a sighting, in the order given.
+    pub sightings: Vec<SightingResult>,
+    /// Shared views before anything was rejected.
+    pub shared: SharedViews,
+    /// The link that the rig hangs on: two groups of cameras joined by the least information. None for one camera.
+    pub weakest_link: Option<WeakestLink>,
+    /// What the sightings say about each target's stated size.
+    pub scales: Vec<TargetScale>,
+    /// Root mean square reprojection error over the points used, px.
+    pub rms_px: f64,
+    /// Sum of squared residuals of the points used over their variances.
+    pub chi2: f64,
+    /// Numbers used beyond the unknowns.
+    pub degrees_of_freedom: usize,
+    /// Points seen, over all sightings.
+    pub n_seen: usize,
+    /// Points that took part.
+    pub n_used: usize,
+    /// Covariance of all cameras together, 6 rows a camera in the order given (zero for the reference), where asked for.
+    pub joint_covariance: Option<DMatrix<f64>>,
+    /// Factor by which every covariance was widened because the residuals are larger than the sigmas say; 1 where they agree.
+    pub noise_scale: f64,
+    /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
+    /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
+    pub view_scale: f64,
+    /// The largest standard deviation of a camera's place along an axis, m, with intrinsics as uncertain as views agree that they are off;
+    /// none where nothing contradicts them. The covariances hold this with `RigConfig::lens_errors`.
+    pub lens_sigma_m: Option<f64>,
+    /// Steps of the joint adjustment.
+    pub steps: usize,
+    /// Whether all this can be believed; no pose is to be used where it is inconsistent.
+    pub verdict: RigVerdict,
+}
+
+/// The weakest joint of the camera graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeakestLink {
+    /// Its end in the smaller of the two groups that hang on it.
+    pub camera: usize,
+    /// Its other end.
+    pub with: usize,
+    /// How many views they share in which both have points that took part.
+    pub n_shared_views: usize,
+    /// Largest standard deviation of the rotation between them, rad.
+    pub sigma_rad: f64,
+    /// Largest standard deviation of the place of one seen from the other, m.
+    pub sigma_m: f64,
+}
+
+/// How a target's stated size agrees with everything else.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetScale {
+    /// True size over stated size; 1 where nothing else in the rig has a length to compare with.
+    pub ratio: f64,
+    /// Its standard deviation; infinite where nothing compares.
+    pub sigma: f64,
+    /// Extent of the target as stated, m, to say the difference in mm.
+    pub extent_m: f64,
+}
+
+/// Every camera's place in the rig.
+///
+/// # Errors
+/// `NoSuchIndex`, `InvalidSighting`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraUnseen`, `CamerasUnconnected`,
+/// `TargetUnconnected` name what is missing; `NotConverged`.
+pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
+    let layout = layout::Layout::new(problem, config)?;
+    let sighted = sighted::poses_of_sightings(&layout);
+    let start = start::start(&layout, &sighted)?;
+    let adjusted = adjust::adjust(&layout, &sighted, start, config)?;
+    answer::answer(&layout, &sighted, adjusted, config)
+}

@@ -1,0 +1,238 @@
+//! The joint adjustment: under a loss that wrong points hardly pull at, then by maximum likelihood from those that fit.
+//!
+//! docs/math/rig.md section 5.
+
+use super::RigConfig;
+use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
+use super::distance::add_distances;
+use super::layout::Layout;
+use super::sighted::{CAUCHY_SIGMAS, Sighted, enough};
+use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
+use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
+use crate::least_squares::{NormalEquations, PivotedPose};
+use crate::locate::accumulate::normal_equations;
+use crate::locate::loss::Loss;
+use crate::locate::problem::Problem;
+use crate::{Camera, Correspondence, Error, Point, Pose};
+use std::borrow::Cow;
+
+/// The minimum, and what took part in it.
+pub(super) struct Adjusted {
+    pub(super) places: RigPlaces,
+    pub(super) equations: RigEquations,
+    pub(super) graph: RigGraph,
+    pub(super) parts: Parts,
+    pub(super) residuals: Vec<Residuals>,
+    /// Variance of the inner half of the points, in units of the stated one, at least 1: the gate is as much wider.
+    pub(super) variance: f64,
+    pub(super) steps: usize,
+}
+
+/// Rounds of taking points in and out; each lowers the truncated cost, two or three are usual.
+const MAX_ROUNDS: usize = 20;
+/// A rough minimum will do before the points are judged.
+const ROUGH: f64 = 1e-4;
+
+/// The points that take part, by sighting.
+type Active<'a> = Vec<Cow<'a, [Correspondence]>>;
+
+struct Adjustment<'a> {
+    layout: &'a Layout<'a>,
+    sighted: &'a Sighted,
+    config: &'a RigConfig<'a>,
+    graph: RigGraph,
+    places: RigPlaces,
+    /// At `places`.
+    residuals: Vec<Residuals>,
+    steps: usize,
+}
+
+/// # Errors
+/// `NotConverged`; `CamerasUnconnected` when what contradicts was all that joined them.
+pub(super) fn adjust(
+    layout: &Layout,
+    sighted: &Sighted,
+    places: RigPlaces,
+    config: &RigConfig,
+) -> Result<Adjusted, Error> {
+    let mut graph = layout.graph.clone();
+    for (body, range) in layout.ranges().into_iter().enumerate() {
+        graph.is_active[body] = range.into_iter().any(|i| sighted[i].is_ok());
+    }
+    let residuals = residuals(layout, &places, &graph.is_active);
+    let mut adjustment = Adjustment { layout, sighted, config, graph, places, residuals, steps: 0 };
+    adjustment.approach()?;
+    adjustment.look_around();
+    adjustment.settle()
+}
+
+impl<'a> Adjustment<'a> {
+    fn move_to(&mut self, places: RigPlaces) {
+        self.places = places;
+        self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
+    }
+
+    /// Of the inner half of the points, in units of the stated one; never less than that.
+    fn variance(&self) -> f64 {
+        let n_active = self.graph.is_active.iter().filter(|a| **a).count();
+        let unknown = 6 * (self.graph.n_blocks + n_active);
+        robust_variance(&self.residuals, unknown).max(1.0)
+    }
+
+    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows. Some points of a large sighting do:
+    /// what they leave open the rest closes in a step.
+    fn approach(&mut self) -> Result<(), Error> {
+        let mut sigmas = f64::INFINITY;
+        for _ in 0..MAX_ROUNDS {
+            let next = CAUCHY_SIGMAS * self.variance().sqrt();
+            if 0.8 * sigmas < next {
+                break;
+            }
+            sigmas = next;
+            let active: Active = self.layout.sightings.iter().map(|s| enough(&s.seen)).collect();
+            let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
+            // A valley too flat to end in is start enough.
+            self.move_to(found.state);
+        }
+        Ok(())
+    }
+
+    /// Bodies whose pose in a view another one suggested by a sighting fits better, now that the cameras are known.
+    fn look_around(&mut self) {
+        let layout = self.layout;
+        let targets = self.places.body_from_target.iter().zip(&layout.pivot_in_target);
+        let body_from_target: Vec<Pose> = targets.map(|(place, pivot)| place.pose(pivot)).collect();
+        let judged = self.parts(self.variance());
+        let mut places = self.places.clone();
+        let mut is_moved = false;
+        for (body, range) in layout.ranges().into_iter().enumerate() {
+            let pivot = &layout.graph.pivot_in_body[body];
+            if !range.clone().any(|i| judged.rejected[i].is_some()) || !self.graph.is_active[body] {
+                continue;
+            }
+            let present = self.places.rig_from_body[body].pose(pivot);
+            let cam_from_rig = &self.places.cam_from_rig;
+            let best =
+                best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
+            if let Some(best) = best.filter(|b| *b != present) {
+                places.rig_from_body[body] = PivotedPose::new(&best, pivot);
+                is_moved = true;
+            }
+        }
+        if is_moved {
+            self.move_to(places);
+        }
+    }
+
+    /// What the configured loss lets take part.
+    fn parts(&self, variance: f64) -> Parts {
+        let gate_chi2 = match self.config.loss {
+            Loss::Truncated { sigmas } => sigmas * sigmas * variance,
+            _ => f64::INFINITY,
+        };
+        parts(&self.residuals, gate_chi2, self.layout, self.sighted, &self.graph.is_active)
+    }
+
+    /// The minimum over the points that take part, until those that fit it are the same.
+    fn settle(mut self) -> Result<Adjusted, Error> {
+        let loss =
+            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let variance = self.variance();
+        let mut parts = self.parts(variance);
+        for _ in 0..MAX_ROUNDS {
+            self.graph.is_active.clone_from(&parts.is_active);
+            check_joined(self.layout, |i| 0 < parts.n_used(i))?;
+            let found = self.minimize(&active(self.layout, &parts), loss, 0.0)?;
+            if self.drop_undetermined(&found.equations, &mut parts) {
+                continue;
+            }
+            if !found.is_minimum() {
+                break;
+            }
+            self.move_to(found.state);
+            let next = self.parts(variance);
+            let is_settled = next.is_used == parts.is_used;
+            parts = next;
+            if is_settled {
+                return Ok(self.adjusted(found.equations, parts, variance));
+            }
+        }
+        Err(Error::NotConverged { steps: self.steps })
+    }
+
+    /// Takes out bodies in views whose place the points left do not determine: three on a line, say. Whether there were any.
+    fn drop_undetermined(&self, equations: &RigEquations, parts: &mut Parts) -> bool {
+        let undetermined = |body: &usize| parts.is_active[*body] && !equations.determines(*body);
+        let bodies: Vec<usize> = (0..parts.is_active.len()).filter(undetermined).collect();
+        if bodies.is_empty() {
+            return false;
+        }
+        let ranges = self.layout.ranges();
+        for body in bodies {
+            parts.is_active[body] = false;
+            parts.drop_body(ranges[body].clone(), self.sighted);
+        }
+        true
+    }
+
+    fn adjusted(self, equations: RigEquations, parts: Parts, variance: f64) -> Adjusted {
+        let Adjustment { graph, places, residuals, steps, .. } = self;
+        Adjusted { places, equations, graph, parts, residuals, variance, steps }
+    }
+
+    fn minimize(&mut self, active: &Active, loss: Loss, tolerance: f64) -> Result<RigMinimum, Error> {
+        let (layout, graph, config) = (self.layout, &self.graph, self.config);
+        let normal = |i: usize, place: &PivotedPose| {
+            let problem = Problem { loss, ..Problem::new(&active[i], layout.camera(i)) };
+            sums(place, &layout.pivot_in_target[layout.sightings[i].target], &problem)
+        };
+        let evaluate = |places: &RigPlaces| {
+            let mut equations = RigEquations::new(places, graph, normal)?;
+            add_distances(&mut equations, config.known_distances, places, graph);
+            Some(equations)
+        };
+        let found = minimize_rig(self.places.clone(), graph, tolerance, evaluate);
+        let found = found.ok_or(Error::NoSolution { n_points: active.iter().map(|a| a.len()).sum() })?;
+        self.steps += found.steps;
+        Ok(found)
+    }
+}
+
+/// Borrowed where all of a sighting's points take part.
+fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
+    let of_sighting = |(s, used): (&&'a super::Sighting, &Vec<bool>)| {
+        if used.iter().all(|u| *u) {
+            return Cow::Borrowed(&s.seen[..]);
+        }
+        Cow::Owned(s.seen.iter().zip(used).filter(|(_, u)| **u).map(|(c, _)| *c).collect())
+    };
+    layout.sightings.iter().zip(&parts.is_used).map(of_sighting).collect()
+}
+
+/// The sums of one sighting. Under a robust loss a point that projects nowhere costs what one far off would and pulls at nothing; under
+/// the square there is no such point but for a step that went too far.
+fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalEquations> {
+    let whole = normal_equations(place, pivot, problem);
+    if whole.is_some() || problem.loss == Loss::Squared {
+        return whole;
+    }
+    let mut sums = NormalEquations::zero();
+    for c in problem.seen {
+        match alone(c, problem.camera, problem.loss, place, pivot) {
+            Some(one) => sums.merge(&one),
+            None => sums.chi2 += problem.loss.at(UNSEEN_CHI2).0,
+        }
+    }
+    Some(sums)
+}
+
+fn alone(
+    c: &Correspondence,
+    camera: &Camera,
+    loss: Loss,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<NormalEquations> {
+    let problem = Problem { loss, ..Problem::new(core::slice::from_ref(c), camera) };
+    normal_equations(place, pivot, &problem)
+}

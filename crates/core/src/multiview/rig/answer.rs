@@ -1,0 +1,379 @@
+//! From the minimum to what the caller gets: covariances, counts, the weakest link.
+
+use super::adjust::Adjusted;
+use super::classify::rms_px;
+use super::layout::Layout;
+use super::lens_doubt::LensDoubts;
+use super::lens_score::{Shared, scores};
+use super::scale::scales;
+use super::sighted::Sighted;
+use super::verdict::Evidence;
+use super::views::{Groups, shared_views};
+use super::{BodyInView, CameraInRig, RigConfig, RigSolution, SightingResult, TargetOnBody, WeakestLink};
+use crate::covariance::is_covariance;
+use crate::least_squares::PivotedPose;
+use crate::least_squares::clustered::{Cluster, clustered};
+use crate::least_squares::rig::Eliminated;
+use crate::locate::consistency::noise_scale;
+use crate::locate::loss::Loss;
+use crate::locate::refine::OVERFLOW;
+use crate::locate::sandwich::widening;
+use crate::pose::symmetric;
+use crate::{Error, Matrix6, Point, Pose};
+use nalgebra::{DMatrix, Matrix3};
+
+/// Sums over points that took part.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    n_used: usize,
+    squared_px2: f64,
+    chi2: f64,
+}
+
+pub(super) fn answer(
+    layout: &Layout,
+    sighted: &Sighted,
+    adjusted: Adjusted,
+    config: &RigConfig,
+) -> Result<RigSolution, Error> {
+    let undetermined = || Error::NotConverged { steps: adjusted.steps };
+    let eliminated = adjusted.equations.eliminated(0.0).ok_or_else(undetermined)?;
+    let tallies = tallies(&adjusted);
+    let total = sum(tallies.iter());
+    let degrees_of_freedom = degrees_of_freedom(layout, &adjusted, &total, config);
+    let (chi2, noise_scale) = noise(&adjusted, &total, degrees_of_freedom, config);
+    let widened = noise_scale * loss_widening(config.loss);
+    let inverse = eliminated.reduced.inverse();
+    let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
+    let held = clustered(&inverse, &clusters, widened);
+    let lenses = scores(layout, &adjusted, &eliminated, config.lens_errors);
+    let doubts = match keeps_minimum(config.loss) {
+        true => LensDoubts::new(&lenses, noise_scale, &Shared { inverse: &inverse, clusters: &clusters }),
+        false => LensDoubts::none(),
+    };
+    let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
+    for (body, covariance) in of_bodies.iter_mut().enumerate() {
+        *covariance *= held.within;
+        if config.lens_errors {
+            doubts.add_to_body(covariance, body);
+        }
+    }
+    let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
+    let mut with_lenses = held.covariance.clone();
+    doubts.add_to_shared(&mut with_lenses);
+    let lens_sigma_m =
+        (!doubts.is_empty()).then(|| largest_sigma_m(&cameras(layout, &adjusted, &tallies, &with_lenses)));
+    let shared = if config.lens_errors { with_lenses } else { held.covariance };
+    let cameras = cameras(layout, &adjusted, &tallies, &shared);
+    let shared_views = shared_views(layout.problem);
+    let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
+    let evidence = Evidence {
+        layout,
+        sighted,
+        adjusted: &adjusted,
+        lenses: &lenses,
+        config,
+        scales: &scales,
+        chi2,
+        degrees_of_freedom,
+        noise_scale,
+        view_scale: held.within / widened,
+    };
+    let verdict = evidence.verdict();
+    let solution = RigSolution {
+        reference: layout.reference,
+        weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),
+        cameras,
+        targets: targets(layout, &adjusted, &shared),
+        bodies,
+        sightings: sightings(layout, &adjusted),
+        shared: shared_views,
+        scales,
+        rms_px: total.rms_px(),
+        chi2,
+        degrees_of_freedom,
+        n_seen: layout.sightings.iter().map(|s| s.seen.len()).sum(),
+        n_used: total.n_used,
+        joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
+        noise_scale,
+        view_scale: held.within / widened,
+        lens_sigma_m,
+        steps: adjusted.steps,
+        verdict,
+    };
+    let covariances = solution.cameras.iter().map(|camera| &camera.covariance);
+    let is_finite = (solution.rms_px + solution.chi2 + solution.noise_scale).is_finite();
+    if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
+}
+
+/// Whether the answer is the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.
+pub(super) fn keeps_minimum(loss: Loss) -> bool {
+    matches!(loss, Loss::Squared | Loss::Truncated { .. })
+}
+
+/// The largest standard deviation of a camera's place along an axis of the rig.
+fn largest_sigma_m(cameras: &[CameraInRig]) -> f64 {
+    let of_camera = |c: &CameraInRig| {
+        // A small motion of the left moves the centre by −Rᵀv.
+        let (r, moved) = (&c.cam_from_rig.rotation, c.covariance.fixed_view::<3, 3>(3, 3));
+        (r.transpose() * moved * r).diagonal().max()
+    };
+    cameras.iter().map(of_camera).fold(0.0, f64::max).sqrt()
+}
+
+impl Tally {
+    fn rms_px(&self) -> f64 {
+        (self.squared_px2 / self.n_used.max(1) as f64).sqrt()
+    }
+}
+
+fn sum<'a>(tallies: impl Iterator<Item = &'a Tally>) -> Tally {
+    tallies.fold(Tally::default(), |s, t| Tally {
+        n_used: s.n_used + t.n_used,
+        squared_px2: s.squared_px2 + t.squared_px2,
+        chi2: s.chi2 + t.chi2,
+    })
+}
+
+/// One a view.
+fn clusters(layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated) -> Vec<Cluster> {
+    let views: Vec<usize> = layout.bodies.iter().map(|(view, _)| *view).collect();
+    adjusted.equations.clusters(eliminated, &adjusted.places, &adjusted.graph, &views)
+}
+
+/// One a sighting.
+fn tallies(adjusted: &Adjusted) -> Vec<Tally> {
+    let of_sighting = |(r, used): (&super::classify::Residuals, &Vec<bool>)| {
+        let points = r.points.iter().zip(used).filter(|(_, u)| **u).filter_map(|(p, _)| p.as_ref());
+        points.fold(Tally::default(), |t, (e, squared)| Tally {
+            n_used: t.n_used + 1,
+            squared_px2: t.squared_px2 + e.norm_squared(),
+            chi2: t.chi2 + squared,
+        })
+    };
+    adjusted.residuals.iter().zip(&adjusted.parts.is_used).map(of_sighting).collect()
+}
+
+fn degrees_of_freedom(layout: &Layout, adjusted: &Adjusted, total: &Tally, config: &RigConfig) -> usize {
+    let n_bodies = adjusted.graph.is_active.iter().filter(|a| **a).count();
+    let unknown = 6 * (layout.graph.n_blocks + n_bodies);
+    (2 * total.n_used + config.known_distances.len()).saturating_sub(unknown)
+}
+
+/// χ² of the points that took part, and the variance by which it proves the sigmas too small. Beyond a robust loss's reach wrong points
+/// are expected: those past the gate are set apart.
+fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: &RigConfig) -> (f64, f64) {
+    let scale_of = |chi2: f64, dof: usize| noise_scale(chi2 / truncation(config.loss), dof);
+    if let Loss::Squared | Loss::Truncated { .. } = config.loss {
+        return (total.chi2, scale_of(total.chi2, degrees_of_freedom));
+    }
+    let gate_chi2 = super::GATE_SIGMAS * super::GATE_SIGMAS * adjusted.variance;
+    let (good, n_wrong) = adjusted
+        .residuals
+        .iter()
+        .flat_map(|r| r.points.iter().flatten())
+        .fold((0.0, 0), |s, p| if p.1 <= gate_chi2 { (s.0 + p.1, s.1) } else { (s.0, s.1 + 1) });
+    (total.chi2, noise_scale(good, degrees_of_freedom.saturating_sub(2 * n_wrong)))
+}
+
+/// The share of the good points' χ² below the gate, relative to their number: docs/math/rig.md eq. (13).
+fn truncation(loss: Loss) -> f64 {
+    let Loss::Truncated { sigmas } = loss else { return 1.0 };
+    let half = 0.5 * sigmas * sigmas;
+    let beyond = (-half).exp();
+    (1.0 - beyond * (1.0 + half)) / (1.0 - beyond)
+}
+
+/// What taking part only up to a gate, or a robust loss, makes of the inverse information.
+fn loss_widening(loss: Loss) -> f64 {
+    match loss {
+        Loss::Truncated { .. } => 1.0 / truncation(loss),
+        _ => widening(loss),
+    }
+}
+
+fn block(shared: &DMatrix<f64>, row: usize, column: usize) -> Matrix6 {
+    shared.fixed_view::<6, 6>(6 * row, 6 * column).into()
+}
+
+/// From a motion about a pivot to the left motion about the frame's origin: ν_left = ν + c × ω.
+fn about_origin(covariance: &Matrix6, pivot_in_b: &Point) -> Matrix6 {
+    let mut transport = Matrix6::identity();
+    transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_b.cross_matrix());
+    symmetric(&(transport * covariance * transport.transpose()))
+}
+
+fn cameras(
+    layout: &Layout,
+    adjusted: &Adjusted,
+    tallies: &[Tally],
+    shared: &DMatrix<f64>,
+) -> Vec<CameraInRig> {
+    let camera = |c: usize| {
+        let own = || (0..tallies.len()).filter(move |i| layout.sightings[*i].camera == c);
+        let total = sum(own().map(|i| &tallies[i]));
+        let mut views: Vec<usize> =
+            own().filter(|i| 0 < tallies[*i].n_used).map(|i| layout.sightings[i].view).collect();
+        views.dedup();
+        let covariance =
+            layout.graph.block_of_camera[c].map_or(Matrix6::zeros(), |b| symmetric(&block(shared, b, b)));
+        CameraInRig {
+            cam_from_rig: adjusted.places.cam_from_rig[c],
+            covariance,
+            n_views: views.len(),
+            n_seen: own().map(|i| layout.sightings[i].seen.len()).sum(),
+            n_used: total.n_used,
+            rms_px: total.rms_px(),
+        }
+    };
+    (0..layout.problem.cameras.len()).map(camera).collect()
+}
+
+fn targets(layout: &Layout, adjusted: &Adjusted, shared: &DMatrix<f64>) -> Vec<TargetOnBody> {
+    let target = |t: usize| {
+        let place = &adjusted.places.body_from_target[t];
+        let Some(b) = layout.graph.block_of_target[t] else {
+            return TargetOnBody { body_from_target: Pose::identity(), covariance: Matrix6::zeros() };
+        };
+        let covariance = about_origin(&block(shared, b, b), &place.pivot_in_cam);
+        TargetOnBody { body_from_target: place.pose(&layout.pivot_in_target[t]), covariance }
+    };
+    (0..layout.first_target.len()).map(target).collect()
+}
+
+fn bodies(
+    layout: &Layout,
+    adjusted: &Adjusted,
+    tallies: &[Tally],
+    covariances: &[Matrix6],
+) -> Vec<BodyInView> {
+    let mut bodies = Vec::with_capacity(layout.bodies.len());
+    for (i, range) in layout.ranges().into_iter().enumerate() {
+        if !adjusted.graph.is_active[i] {
+            continue;
+        }
+        let (view, body) = layout.bodies[i];
+        let total = sum(tallies[range].iter());
+        let place: &PivotedPose = &adjusted.places.rig_from_body[i];
+        bodies.push(BodyInView {
+            view,
+            body,
+            rig_from_body: place.pose(&layout.graph.pivot_in_body[i]),
+            covariance: about_origin(&covariances[i], &place.pivot_in_cam),
+            n_used: total.n_used,
+            rms_px: total.rms_px(),
+        });
+    }
+    bodies
+}
+
+/// In the order given; sightings without points have nothing to say.
+fn sightings(layout: &Layout, adjusted: &Adjusted) -> Vec<SightingResult> {
+    let empty = SightingResult { residuals_px: Vec::new(), rejected: None };
+    let mut results = vec![empty; layout.problem.sightings.len()];
+    for (i, r) in adjusted.residuals.iter().enumerate() {
+        let used = &adjusted.parts.is_used[i];
+        let residuals_px = r.points.iter().zip(used).map(|(p, u)| p.as_ref().map(|p| (p.0, *u))).collect();
+        let rejected = adjusted.parts.rejected[i].clone();
+        results[layout.given_at[i]] = SightingResult { residuals_px, rejected };
+    }
+    results
+}
+
+fn joint(layout: &Layout, shared: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = layout.problem.cameras.len();
+    let mut joint = DMatrix::zeros(6 * n, 6 * n);
+    for a in 0..n {
+        for b in 0..n {
+            if let (Some(i), Some(j)) = (layout.graph.block_of_camera[a], layout.graph.block_of_camera[b]) {
+                let both = (block(shared, i, j) + block(shared, j, i).transpose()) * 0.5;
+                joint.fixed_view_mut::<6, 6>(6 * a, 6 * b).copy_from(&both);
+            }
+        }
+    }
+    joint
+}
+
+/// cam_b_from_cam_a and the covariance of its small left motion, from the covariance of all cameras together (6 rows a camera).
+pub(super) fn relative(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, b: usize) -> (Pose, Matrix6) {
+    let cam_b_from_cam_a = cameras[b].cam_from_rig * cameras[a].cam_from_rig.inverse();
+    let ad = cam_b_from_cam_a.adjoint();
+    let cross = block(joint, b, a) * ad.transpose();
+    let covariance =
+        block(joint, b, b) - cross - cross.transpose() + ad * block(joint, a, a) * ad.transpose();
+    (cam_b_from_cam_a, symmetric(&covariance))
+}
+
+/// Joins cameras by their best known relative poses first: the last join needed is the weakest.
+fn weakest_link(
+    layout: &Layout,
+    cameras: &[CameraInRig],
+    used_views: &[Vec<usize>],
+    shared: &DMatrix<f64>,
+) -> Option<WeakestLink> {
+    let n = cameras.len();
+    let joint = joint(layout, shared);
+    let mut links: Vec<(f64, WeakestLink)> = Vec::new();
+    for a in 0..n {
+        for b in a + 1..n {
+            if 0 < used_views[a][b] {
+                links.push(link(cameras, &joint, a, b, used_views[a][b]));
+            }
+        }
+    }
+    links.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut groups = Groups::new(n);
+    let mut weakest = None;
+    for (_, link) in links {
+        let (a, b) = (groups.root(link.camera), groups.root(link.with));
+        if a != b {
+            let size = |root: usize, groups: &mut Groups| (0..n).filter(|c| groups.root(*c) == root).count();
+            // The smaller side is the one that hangs; of equal ones that without the reference.
+            let key = |root: usize, groups: &mut Groups| {
+                (size(root, groups), groups.root(layout.reference) == root)
+            };
+            let first_hangs = key(a, &mut groups) < key(b, &mut groups);
+            let (camera, with) =
+                if first_hangs { (link.camera, link.with) } else { (link.with, link.camera) };
+            weakest = Some(WeakestLink { camera, with, ..link });
+            groups.join(a, b);
+        }
+    }
+    weakest
+}
+
+/// The link of two cameras, ranked by how far a point as far off as they are apart (or 1 m) is in doubt.
+fn link(
+    cameras: &[CameraInRig],
+    joint: &DMatrix<f64>,
+    a: usize,
+    b: usize,
+    n_shared_views: usize,
+) -> (f64, WeakestLink) {
+    let (cam_b_from_cam_a, covariance) = relative(cameras, joint, a, b);
+    let largest = |at: usize| {
+        let part: Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into();
+        part.symmetric_eigenvalues().max().max(0.0).sqrt()
+    };
+    let (sigma_rad, sigma_m) = (largest(0), largest(3));
+    let reach_m = cam_b_from_cam_a.translation.norm();
+    let rank = sigma_m.hypot(sigma_rad * reach_m);
+    (rank, WeakestLink { camera: b, with: a, n_shared_views, sigma_rad, sigma_m })
+}
+
+impl RigSolution {
+    /// cam_b_from_cam_a, the pose of camera b relative to camera a, with the covariance of its small left motion (frame of camera b); none
+    /// without the joint covariance.
+    pub fn cam_b_from_cam_a(&self, b: usize, a: usize) -> Option<(Pose, Matrix6)> {
+        let n = self.cameras.len();
+        let joint = self.joint_covariance.as_ref().filter(|_| a < n && b < n)?;
+        Some(relative(&self.cameras, joint, a, b))
+    }
+
+    /// Root mean square of all residuals of a sighting that project, used or not, px.
+    pub fn sighting_rms_px(&self, sighting: usize) -> Option<f64> {
+        let points = self.sightings.get(sighting)?.residuals_px.iter();
+        let points = points.map(|p| p.map(|p| (p.0, 0.0))).collect();
+        Some(rms_px(&super::classify::Residuals { points }))
+    }
+}

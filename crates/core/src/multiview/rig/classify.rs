@@ -1,0 +1,113 @@
+//! Which points and sightings take part: the only place that decides.
+//!
+//! A point takes part when its squared residual, in units of the variance that the inner half of all points shows, is below the gate; a
+//! sighting when most of its points do. docs/math/rig.md section 5.
+
+use super::RejectedSighting;
+use super::layout::Layout;
+use super::sighted::{MEDIAN_CHI2, Sighted, median};
+use crate::least_squares::rig::RigPlaces;
+use crate::locate::refine::whitened_residual;
+use nalgebra::Vector2;
+
+/// The residuals of one sighting.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Residuals {
+    /// Observed − predicted, px, and the squared whitened length; none where a point projects nowhere.
+    pub(super) points: Vec<Option<(Vector2<f64>, f64)>>,
+}
+
+/// What takes part.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Parts {
+    /// By sighting and point.
+    pub(super) is_used: Vec<Vec<bool>>,
+    pub(super) rejected: Vec<Option<RejectedSighting>>,
+    /// By body in view.
+    pub(super) is_active: Vec<bool>,
+}
+
+/// Residuals of every point at `places`; of none where the body takes no part.
+pub(super) fn residuals(layout: &Layout, places: &RigPlaces, is_active: &[bool]) -> Vec<Residuals> {
+    let of_link = |(i, link): (usize, &crate::least_squares::rig::RigLink)| {
+        let pivot = &layout.pivot_in_target[link.target];
+        let cam_from_target = places.of_link(link, &layout.graph).pose(pivot);
+        let seen = &layout.sightings[i].seen;
+        let point = |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map(|(_, e, s)| (e, s));
+        let points =
+            if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
+        Residuals { points }
+    };
+    layout.graph.links.iter().enumerate().map(of_link).collect()
+}
+
+/// Variance in units of the stated one, from the median over all points that project, of whose numbers the unknowns take some.
+pub(super) fn robust_variance(residuals: &[Residuals], unknown: usize) -> f64 {
+    let mut all: Vec<f64> = residuals.iter().flat_map(|r| r.points.iter().flatten().map(|p| p.1)).collect();
+    let rows = 2.0 * all.len() as f64;
+    let free = rows / (rows - unknown as f64).max(0.25 * rows);
+    median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2 * free)
+}
+
+/// What lies within the gate, a squared residual.
+pub(super) fn parts(
+    residuals: &[Residuals],
+    gate_chi2: f64,
+    layout: &Layout,
+    sighted: &Sighted,
+    is_active: &[bool],
+) -> Parts {
+    let mut parts = Parts {
+        is_used: Vec::with_capacity(residuals.len()),
+        rejected: vec![None; residuals.len()],
+        is_active: is_active.to_vec(),
+    };
+    for (i, r) in residuals.iter().enumerate() {
+        let used: Vec<bool> = r.points.iter().map(|p| p.is_some_and(|p| p.1 <= gate_chi2)).collect();
+        let n_used = used.iter().filter(|u| **u).count();
+        let is_judged = gate_chi2 < f64::INFINITY && is_active[layout.graph.links[i].body];
+        if is_judged && 2 * n_used <= used.len() {
+            parts.rejected[i] = Some(RejectedSighting::Contradicts { rms_px: rms_px(r) });
+            parts.is_used.push(vec![false; used.len()]);
+        } else {
+            parts.is_used.push(used);
+        }
+    }
+    parts.drop_undetermined(layout, sighted);
+    parts
+}
+
+/// Over the points that project.
+pub(super) fn rms_px(residuals: &Residuals) -> f64 {
+    let (sum, n) =
+        residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
+    (sum / f64::max(n, 1.0)).sqrt()
+}
+
+impl Parts {
+    /// A body in a view needs three points.
+    fn drop_undetermined(&mut self, layout: &Layout, sighted: &Sighted) {
+        for (body, range) in layout.ranges().into_iter().enumerate() {
+            let n: usize = range.clone().map(|i| self.is_used[i].iter().filter(|u| **u).count()).sum();
+            if self.is_active[body] && n < 3 {
+                self.is_active[body] = false;
+            }
+            if !self.is_active[body] {
+                self.drop_body(range, sighted);
+            }
+        }
+    }
+
+    /// Takes a body out of a view, and all its sightings.
+    pub(super) fn drop_body(&mut self, range: core::ops::Range<usize>, sighted: &Sighted) {
+        for i in range {
+            self.is_used[i].iter_mut().for_each(|u| *u = false);
+            let why = || sighted[i].as_ref().err().cloned().unwrap_or(crate::locate::refine::UNDETERMINED);
+            self.rejected[i].get_or_insert_with(|| RejectedSighting::Undetermined(why()));
+        }
+    }
+
+    pub(super) fn n_used(&self, sighting: usize) -> usize {
+        self.is_used[sighting].iter().filter(|u| **u).count()
+    }
+}

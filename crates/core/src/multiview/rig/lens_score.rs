@@ -1,0 +1,334 @@
+//! Do the intrinsics of each camera agree with everything that the rig saw? A score test at the minimum, nothing is solved again.
+//!
+//! Alone a camera hardly shows its focal length on small boards: the distance of the board takes it up. In a rig the other cameras know
+//! that distance. docs/math/rig.md eqs. (14)–(18).
+//!
+//!   d  a pixel from the principal point, in focal lengths   ·   columns: d (focal length), 1 0, 0 1 (principal point), d |d|² (distortion)
+
+use super::adjust::Adjusted;
+use super::layout::Layout;
+use super::lens::LensOffset;
+use crate::least_squares::clustered::{Cluster, restricted};
+use crate::least_squares::rig::{Common, Eliminated};
+use crate::locate::refine::whitening;
+use crate::{Camera, Correspondence, Point, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector, Vector2, Vector4};
+
+/// Of its information, what nothing shows keeps only rounding.
+const NOTHING_LEFT: f64 = 1e-10;
+/// A view's leverage above this is not told from one.
+const RIDGE: f64 = 1e-6;
+
+/// JᵀWP, PᵀWP and PᵀWr of a camera's four columns P, in one sighting.
+struct Sums {
+    by_motion: SMatrix<f64, 6, 4>,
+    own: Matrix4<f64>,
+    pull: Vector4<f64>,
+    /// Σ |d|⁶ and the number of points.
+    sixth: f64,
+    n: f64,
+}
+
+/// What one view says about a camera's parameters, as the places follow them, docs/math/rig.md eq. (17).
+struct OfView {
+    view: usize,
+    left: Matrix4<f64>,
+    pull: Vector4<f64>,
+    /// What they have in common with cameras and targets.
+    common: Vec<(usize, SMatrix<f64, 6, 4>)>,
+}
+
+/// What the residuals of a camera's points say about its four parameters, every place free.
+pub(super) struct LensScore {
+    /// Information of the parameters by themselves, and with all places free, eq. (15).
+    own: Matrix4<f64>,
+    left: Matrix4<f64>,
+    pull: Vector4<f64>,
+    of_views: Vec<OfView>,
+    /// By parameter: H⁻¹K; of bodies only where they were asked for.
+    pub(super) following: [Common; 4],
+    /// Root mean square of |d|³.
+    reach: f64,
+}
+
+/// One entry a camera; none where its optical axis projects nowhere. `with_bodies`: what bodies do is kept, in every view, for every camera.
+pub(super) fn scores(
+    layout: &Layout,
+    adjusted: &Adjusted,
+    eliminated: &Eliminated,
+    with_bodies: bool,
+) -> Vec<Option<LensScore>> {
+    let n = layout.problem.cameras.len();
+    (0..n).map(|camera| score(camera, layout, adjusted, eliminated, with_bodies)).collect()
+}
+
+fn score(
+    camera: usize,
+    layout: &Layout,
+    adjusted: &Adjusted,
+    eliminated: &Eliminated,
+    with_bodies: bool,
+) -> Option<LensScore> {
+    let (places, graph) = (&adjusted.places, &adjusted.graph);
+    let sightings = sightings(camera, layout, adjusted)?;
+    let mut commons = [(); 4].map(|()| Common::new(graph));
+    let mut total = Sums::zero();
+    for (i, sums) in &sightings {
+        for (common, by_motion) in commons.iter_mut().zip(sums.by_motion.column_iter()) {
+            common.add(places, graph, &graph.links[*i], &by_motion.into_owned());
+        }
+        total.merge(sums);
+    }
+    let mut following =
+        commons.each_ref().map(|common| adjusted.equations.following(eliminated, common, with_bodies));
+    let lost = Matrix4::from_fn(|i, j| commons[i].dot(&following[j]));
+    let of_views = sightings.chunk_by(|a, b| layout.sightings[a.0].view == layout.sightings[b.0].view);
+    let of_views = of_views.map(|own| of_view(own, layout, adjusted, &following)).collect();
+    if !with_bodies {
+        following.iter_mut().for_each(|f| f.bodies = Vec::new());
+    }
+    let reach = (total.sixth / total.n.max(1.0)).sqrt();
+    Some(LensScore { own: total.own, left: total.own - lost, pull: total.pull, of_views, following, reach })
+}
+
+/// A camera's sightings that take part.
+fn sightings(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<(usize, Sums)>> {
+    let (places, graph) = (&adjusted.places, &adjusted.graph);
+    let lens = &layout.problem.cameras[camera];
+    let axis = lens.project_with_jacobian(&Point::new(0.0, 0.0, 1.0))?;
+    let (centre, focal_px) = (axis.0, axis.1[(0, 0)].abs());
+    let of_link = |i: usize| {
+        let link = &graph.links[i];
+        let place = places.of_link(link, graph);
+        let pivot = &layout.pivot_in_target[link.target];
+        let mut sums = Sums::zero();
+        for (c, _) in layout.sightings[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, u)| **u) {
+            let arm = place.rotation * (c.x_in_target - pivot);
+            sums.add_point(c, lens, &arm, &place.pivot_in_cam, (&centre, focal_px));
+        }
+        (i, sums)
+    };
+    let own = graph.links.iter().enumerate().filter(|(_, l)| l.camera == camera && graph.is_active[l.body]);
+    Some(own.map(|(i, _)| of_link(i)).filter(|(_, sums)| 0.0 < sums.n).collect())
+}
+
+fn of_view(
+    sightings: &[(usize, Sums)],
+    layout: &Layout,
+    adjusted: &Adjusted,
+    following: &[Common; 4],
+) -> OfView {
+    let view = sightings.first().map_or(0, |(i, _)| layout.sightings[*i].view);
+    let mut sum = OfView { view, left: Matrix4::zeros(), pull: Vector4::zeros(), common: Vec::new() };
+    for (i, sums) in sightings {
+        let link = &adjusted.graph.links[*i];
+        let (moved, by_shared) = adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, following);
+        let (information, gradient) = adjusted.equations.of_sighting(*i);
+        let rest = sums.by_motion - information * moved;
+        sum.left += sums.own - moved.tr_mul(&sums.by_motion) - rest.tr_mul(&moved);
+        sum.pull += sums.pull - moved.tr_mul(gradient);
+        sum.common.extend(by_shared.into_iter().flatten().map(|(block, by)| (block, by.tr_mul(&rest))));
+    }
+    sum
+}
+
+/// What every view says about cameras and targets, and their inverse information: what a camera's parameters share leverage with.
+pub(super) struct Shared<'a> {
+    pub(super) inverse: &'a DMatrix<f64>,
+    pub(super) clusters: &'a [Cluster],
+}
+
+/// A step of some of the parameters, all places free.
+pub(super) struct LensStep<const N: usize> {
+    pub(super) x: SVector<f64, N>,
+    /// By single points, and by the scatter of views; none where those are too few.
+    pub(super) by_points: SMatrix<f64, N, N>,
+    pub(super) by_views: Option<SMatrix<f64, N, N>>,
+    /// How many views say something.
+    pub(super) n_views: usize,
+    chi2: f64,
+}
+
+impl LensScore {
+    /// The first three alone, then all four: distortion trades with the principal point where few points lie far out.
+    pub(super) fn offset(&self, variance: f64) -> Option<LensOffset> {
+        let three = self.three(variance)?;
+        let (sigma, four) = (three.sigma(), self.four(variance));
+        let (distortion, sigma_distortion) = match &four {
+            Some(four) => (self.reach * four.x[3], self.reach * four.sigma()[3]),
+            None => (0.0, f64::INFINITY),
+        };
+        Some(LensOffset {
+            focal: three.x[0],
+            sigma_focal: sigma[0],
+            centre: [three.x[1], three.x[2]],
+            sigma_centre: [sigma[1], sigma[2]],
+            distortion,
+            sigma_distortion,
+            explained_chi2: four.map_or(three.chi2, |four| four.chi2),
+        })
+    }
+
+    /// Focal length and principal point, distortion held.
+    pub(super) fn three(&self, variance: f64) -> Option<LensStep<3>> {
+        self.step(variance)
+    }
+
+    /// All four parameters.
+    pub(super) fn four(&self, variance: f64) -> Option<LensStep<4>> {
+        self.step(variance)
+    }
+
+    /// The first N parameters, docs/math/rig.md eqs. (16), (18); none where the equations leave some open.
+    fn step<const N: usize>(&self, variance: f64) -> Option<LensStep<N>> {
+        let left: SMatrix<f64, N, N> = self.left.fixed_view::<N, N>(0, 0).into();
+        let pull: SVector<f64, N> = self.pull.fixed_rows::<N>(0).into();
+        let inverse = inverse_of_known(&left, &self.own)?;
+        let (x, by_points) = (inverse * pull, inverse * variance);
+        let chi2 = x.dot(&pull);
+        let n_views = self.of_views.len();
+        let by_views = (2 * N <= n_views).then(|| self.scatter(&x, &inverse));
+        let numbers = x.iter().chain(by_points.iter()).chain(by_views.iter().flatten());
+        let is_right = numbers.into_iter().all(|v| v.is_finite()) && 0.0 <= chi2;
+        is_right.then_some(LensStep { x, by_points, by_views, n_views, chi2 })
+    }
+
+    /// Σ of the squares by which the step changes without one view: the view's pull beyond what the step explains, its leverage on the
+    /// parameters taken off. Views have leverage on cameras too: it is too small, if not by much.
+    fn scatter<const N: usize>(
+        &self,
+        x: &SVector<f64, N>,
+        inverse: &SMatrix<f64, N, N>,
+    ) -> SMatrix<f64, N, N> {
+        let one = SMatrix::<f64, N, N>::identity();
+        self.of_views.iter().fold(SMatrix::zeros(), |sum, view| {
+            let rest = (one - view.left_of::<N>() * inverse).try_inverse().unwrap_or(one);
+            let change = inverse * rest * (view.pull.fixed_rows::<N>(0) - view.left_of::<N>() * x);
+            sum + change * change.transpose()
+        })
+    }
+
+    /// The same with all of the view's leverage taken off, docs/math/rig.md eq. (18).
+    pub(super) fn whole_scatter<const N: usize>(
+        &self,
+        step: &LensStep<N>,
+        variance: f64,
+        shared: &Shared,
+    ) -> SMatrix<f64, N, N> {
+        let inverse = step.by_points / variance;
+        let change = |own: &OfView| {
+            let at = shared.clusters.binary_search_by_key(&own.view, |cluster| cluster.number).ok()?;
+            let change = own.without(&shared.clusters[at], shared.inverse, &inverse, &step.x)?;
+            Some(inverse * change)
+        };
+        self.of_views.iter().filter_map(change).fold(SMatrix::zeros(), |sum, c| sum + c * c.transpose())
+    }
+}
+
+impl OfView {
+    fn left_of<const N: usize>(&self) -> SMatrix<f64, N, N> {
+        self.left.fixed_view::<N, N>(0, 0).into()
+    }
+
+    /// The parameters' part of (1 − B)⁻¹ s, B and s of cameras, targets and parameters together as in docs/math/clustered.md eq. (3).
+    fn without<const N: usize>(
+        &self,
+        cluster: &Cluster,
+        inverse: &DMatrix<f64>,
+        inverse_of_lens: &SMatrix<f64, N, N>,
+        x: &SVector<f64, N>,
+    ) -> Option<SVector<f64, N>> {
+        let n = cluster.score.len();
+        let mut common = DMatrix::zeros(n, N);
+        for (block, by) in &self.common {
+            let i = cluster.blocks.binary_search(block).ok()?;
+            let mut rows = common.view_mut((6 * i, 0), (6, N));
+            rows += by.columns(0, N);
+        }
+        let by_lens = DMatrix::from_fn(N, N, |i, j| inverse_of_lens[(i, j)]);
+        let left = self.left_of::<N>();
+        let mut leverage = DMatrix::identity(n + N, n + N) * (1.0 + RIDGE);
+        let inverse = restricted(inverse, &cluster.blocks);
+        let mut view = leverage.view_mut((0, 0), (n, n));
+        view -= &cluster.information * &inverse;
+        let mut view = leverage.view_mut((0, n), (n, N));
+        view -= &common * &by_lens;
+        let mut view = leverage.view_mut((n, 0), (N, n));
+        view -= common.transpose() * &inverse;
+        let mut view = leverage.view_mut((n, n), (N, N));
+        view -= left * inverse_of_lens;
+        let mut score = DVector::zeros(n + N);
+        score.rows_mut(0, n).copy_from(&(&cluster.score - &common * x));
+        score.rows_mut(n, N).copy_from(&(self.pull.fixed_rows::<N>(0) - left * x));
+        let solved = leverage.lu().solve(&score)?;
+        Some(solved.fixed_rows::<N>(n).into())
+    }
+}
+
+/// The inverse of the information that places leave; none where a parameter keeps only rounding once those before it are free.
+fn inverse_of_known<const N: usize>(
+    left: &SMatrix<f64, N, N>,
+    own: &Matrix4<f64>,
+) -> Option<SMatrix<f64, N, N>> {
+    // Row by row, N ≤ 4: the squared diagonal of Cholesky's factor.
+    let mut reduced = *left;
+    for k in 0..N {
+        if !(NOTHING_LEFT * own[(k, k)] < reduced[(k, k)]) {
+            return None;
+        }
+        let (column, pivot) = (reduced.column(k).into_owned(), reduced[(k, k)]);
+        reduced -= column * column.transpose() / pivot;
+    }
+    left.try_inverse()
+}
+
+impl<const N: usize> LensStep<N> {
+    /// The larger of the two of each.
+    fn sigma(&self) -> SVector<f64, N> {
+        let by_views = self.by_views.unwrap_or_else(SMatrix::zeros);
+        SVector::from_fn(|i, _| self.by_points[(i, i)].max(by_views[(i, i)]).max(0.0).sqrt())
+    }
+}
+
+impl Sums {
+    fn zero() -> Self {
+        let by_motion = SMatrix::zeros();
+        Sums { by_motion, own: Matrix4::zeros(), pull: Vector4::zeros(), sixth: 0.0, n: 0.0 }
+    }
+
+    fn merge(&mut self, other: &Sums) {
+        self.own += other.own;
+        self.pull += other.pull;
+        self.sixth += other.sixth;
+        self.n += other.n;
+    }
+
+    fn add_point(
+        &mut self,
+        c: &Correspondence,
+        lens: &Camera,
+        arm: &Point,
+        pivot_in_cam: &Point,
+        (centre, focal_px): (&Vector2<f64>, f64),
+    ) {
+        let Some((pixel, jacobian)) = lens.project_with_jacobian(&(arm + pivot_in_cam)) else { return };
+        let (from_centre, e) = (pixel - centre, c.pixel - pixel);
+        let square = from_centre.norm_squared() / (focal_px * focal_px);
+        let u = Vector4::new(from_centre.x, focal_px, 0.0, from_centre.x * square);
+        let v = Vector4::new(from_centre.y, 0.0, focal_px, from_centre.y * square);
+        let (a, b, d) = whitening(c, &jacobian);
+        let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
+        self.add(a * e.x + b * e.y, &(u * a + v * b), arm, &(ju * a + jv * b));
+        self.add(d * e.y, &(v * d), arm, &(jv * d));
+        self.sixth += square * square * square;
+        self.n += 1.0;
+    }
+
+    fn add(&mut self, residual: f64, p: &Vector4<f64>, arm: &Point, j: &Point) {
+        let turn = arm.cross(j);
+        let by = Vector6::new(turn.x, turn.y, turn.z, j.x, j.y, j.z);
+        self.by_motion += by * p.transpose();
+        self.own += p * p.transpose();
+        self.pull += p * residual;
+    }
+}

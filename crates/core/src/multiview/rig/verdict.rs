@@ -1,0 +1,338 @@
+//! Can the rig be believed? The rule is that of `consistency`; this file counts what it is asked about, and looks for the cause.
+//!
+//! Noise stated and seen · sightings and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
+//! targets against each other (`scale`). docs/math/rig.md section 5.
+
+use super::adjust::Adjusted;
+use super::layout::Layout;
+use super::lens::LensOffset;
+use super::lens_score::LensScore;
+use super::sighted::{Sighted, fits_alone};
+use super::views::counts;
+use super::{RejectedSighting, RigConfig, Sighting, TargetScale};
+use crate::locate::consistency::{is_inconsistent, loses_too_many};
+use crate::locate::loss::Loss;
+use crate::{Camera, Point};
+
+/// Whether the answer contradicts what was seen, and who is to blame. The default contradicts nothing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RigVerdict {
+    /// Whether anything below contradicts: then no pose is to be used before the cause is found.
+    pub is_inconsistent: bool,
+    /// Whether the residuals of the points used are far above their stated sigmas.
+    pub is_noisy: bool,
+    /// One entry a camera.
+    pub cameras: Vec<Losses>,
+    /// One entry a target.
+    pub targets: Vec<Losses>,
+    /// Views that lose more of their sightings than a few spoilt images explain.
+    pub contradicting_views: Vec<usize>,
+    /// One entry a camera: how far its intrinsics seem to be off; none where that was not determined.
+    pub lens_offsets: Vec<Option<LensOffset>>,
+    /// The camera to look at first.
+    pub worst_camera: Option<usize>,
+    /// `counts[a][b]`: views in which both cameras have points that took part; the diagonal holds the views of each.
+    pub used_views: Vec<Vec<usize>>,
+}
+
+/// What a camera or target lost, and why.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Losses {
+    /// Sightings whose points determine anything.
+    pub n_sightings: usize,
+    /// Of these, those that took no part because they contradict.
+    pub n_lost: usize,
+    /// Points of the sightings counted.
+    pub n_points: usize,
+    /// Points of them that took no part.
+    pub n_points_lost: usize,
+    /// The likely cause; none where nothing is wrong with it.
+    pub cause: Option<Cause>,
+}
+
+/// Why a camera or target does not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Cause {
+    /// The camera's intrinsics: focal length, principal point, distortion or image size.
+    Intrinsics,
+    /// Its sightings fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
+    /// target that moved.
+    Contradiction,
+    /// The target's points are not where it says (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit
+    /// by themselves in no camera.
+    Target,
+    /// The target's size contradicts the other lengths.
+    Size,
+    /// The stated sigmas of its points are too small, or everything is a little wrong.
+    Noise,
+    /// The camera itself fits, but the reference camera does not, in whose frame it is placed.
+    Reference,
+}
+
+impl Losses {
+    /// Nothing is wrong with it.
+    pub fn is_ok(&self) -> bool {
+        self.cause.is_none()
+    }
+
+    /// Of the points counted, those that took no part.
+    pub fn share_lost(&self) -> f64 {
+        self.n_points_lost as f64 / self.n_points.max(1) as f64
+    }
+
+    /// Whole sightings first; the points of those kept by themselves, since a spoilt image loses all of its own.
+    fn is_too_much(&self, n_points_kept: usize) -> bool {
+        let n_single = n_points_kept.saturating_sub(self.n_points - self.n_points_lost);
+        // Points of either kind, in sightings' worth of them.
+        let n_worth = (self.share_lost() * self.n_sightings as f64) as usize;
+        loses_too_many(self.n_lost, self.n_sightings)
+            || loses_too_many(n_single, n_points_kept)
+            || loses_too_many(n_worth, self.n_sightings)
+    }
+}
+
+/// What the judge looks at.
+pub(super) struct Evidence<'a> {
+    pub(super) layout: &'a Layout<'a>,
+    pub(super) sighted: &'a Sighted,
+    pub(super) adjusted: &'a Adjusted,
+    pub(super) lenses: &'a [Option<LensScore>],
+    pub(super) config: &'a RigConfig<'a>,
+    pub(super) scales: &'a [TargetScale],
+    pub(super) chi2: f64,
+    pub(super) degrees_of_freedom: usize,
+    pub(super) noise_scale: f64,
+    pub(super) view_scale: f64,
+}
+
+/// A camera whose intrinsics explain less than this share of what the worst explains suffers from the worst.
+const OWN_FAULT: f64 = 0.4;
+/// Sizes of targets that differ by less are a matter of printing, in shares of the size.
+const SIZE_OFF: f64 = 0.005;
+/// Where residuals prove the sigmas too small, variances that views show to be this much larger are no longer noise: errors four times as
+/// large as stated. On recordings with right files 5.9 at the most where sigmas are those of fair corners (31 with sigmas of 0.16 px, which
+/// show that the webcams were not synchronised), with the images of one webcam under the names of the next view 24 to 42.
+const APART: f64 = 16.0;
+/// And as large as this over the focal length: right files 0.0018 at the most, views under the names of the next one 0.0022 to 0.0053.
+const APART_FOCAL: f64 = 0.002;
+
+impl Evidence<'_> {
+    pub(super) fn verdict(&self) -> RigVerdict {
+        let is_noisy = self.is_noisy();
+        let lens_offsets = self.lens_offsets();
+        let mut targets = self.targets(is_noisy);
+        let mut cameras = self.cameras(&lens_offsets, &targets);
+        let is_apart = self.views_are_apart();
+        let worst_camera = self.worst(&cameras, &lens_offsets, is_noisy || is_apart);
+        if let Some(worst) = worst_camera.filter(|_| is_noisy || is_apart) {
+            cameras[worst].cause.get_or_insert(if is_noisy { Cause::Noise } else { Cause::Contradiction });
+        }
+        if !cameras[self.layout.reference].is_ok() {
+            cameras.iter_mut().for_each(|c| _ = c.cause.get_or_insert(Cause::Reference));
+        }
+        let blames_cameras = cameras.iter().any(|c| c.cause == Some(Cause::Intrinsics));
+        targets
+            .iter_mut()
+            .filter(|t| blames_cameras && t.cause == Some(Cause::Target))
+            .for_each(|t| t.cause = None);
+        let (contradicting_views, n_views) = self.views();
+        let is_inconsistent = is_noisy
+            || cameras.iter().chain(&targets).any(|l| !l.is_ok())
+            || loses_too_many(contradicting_views.len(), n_views);
+        RigVerdict {
+            is_inconsistent,
+            is_noisy,
+            cameras,
+            targets,
+            contradicting_views,
+            lens_offsets,
+            worst_camera,
+            used_views: self.used_views(),
+        }
+    }
+
+    /// Under a loss that keeps wrong points, their χ² says nothing: the good ones' variance does.
+    fn is_noisy(&self) -> bool {
+        let dof = self.degrees_of_freedom;
+        match self.config.loss {
+            Loss::Squared | Loss::Truncated { .. } => is_inconsistent(self.chi2, dof),
+            _ => is_inconsistent(self.noise_scale * dof as f64, dof),
+        }
+    }
+
+    /// Views contradict each other by far more than points that are noisier than stated explain.
+    fn views_are_apart(&self) -> bool {
+        let apart = self.noise_scale * self.view_scale;
+        1.0 < self.noise_scale
+            && APART <= apart
+            && APART_FOCAL * APART_FOCAL <= apart * self.mean_variance_over_focal()
+    }
+
+    /// Mean stated variance of the points used, along one axis of the image, over the square of the focal length.
+    fn mean_variance_over_focal(&self) -> f64 {
+        let cameras = &self.layout.problem.cameras;
+        let focal_px = |camera: &Camera| camera.project_with_jacobian(&Point::z()).map(|p| p.1[(0, 0)].abs());
+        let (mut sum, mut n) = (0.0, 0.0);
+        for (i, sighting) in self.layout.sightings.iter().enumerate() {
+            let Some(focal_px) = focal_px(&cameras[sighting.camera]) else { continue };
+            let used = sighting.seen.iter().zip(&self.adjusted.parts.is_used[i]).filter(|(_, used)| **used);
+            for (c, _) in used {
+                let [uu, _, vv] = c.pixel_covariance();
+                sum += 0.5 * (uu + vv) / (focal_px * focal_px);
+                n += 1.0;
+            }
+        }
+        sum / f64::max(n, 1.0)
+    }
+
+    /// Of cameras in the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.
+    fn lens_offsets(&self) -> Vec<Option<LensOffset>> {
+        match self.config.loss {
+            Loss::Squared | Loss::Truncated { .. } => {
+                self.lenses.iter().map(|lens| lens.as_ref()?.offset(self.noise_scale)).collect()
+            }
+            _ => vec![None; self.layout.problem.cameras.len()],
+        }
+    }
+
+    fn cameras(&self, lens_offsets: &[Option<LensOffset>], targets: &[Losses]) -> Vec<Losses> {
+        let explained = |o: &Option<LensOffset>| o.map_or(0.0, |o| o.explained_chi2);
+        let most = lens_offsets.iter().map(explained).fold(0.0, f64::max);
+        let camera = |(c, offset): (usize, &Option<LensOffset>)| {
+            let (mut losses, n_kept) = self.losses(self.of(|s| s.camera == c));
+            let is_own = OWN_FAULT * most <= explained(offset);
+            let is_off = is_own && offset.is_some_and(|o| o.is_off());
+            losses.cause = match (is_off, losses.is_too_much(n_kept)) {
+                (true, _) => Some(Cause::Intrinsics),
+                (false, true) => Some(self.cause_of_loss(c, targets)),
+                (false, false) => None,
+            };
+            losses
+        };
+        lens_offsets.iter().enumerate().map(camera).collect()
+    }
+
+    /// Sightings that fit no pose of their own camera are the lens's fault, or the target's where several cameras see it so.
+    fn cause_of_loss(&self, camera: usize, targets: &[Losses]) -> Cause {
+        let lost = self.of(|s| s.camera == camera).filter(|i| 0 < self.n_lost_points(*i));
+        let (fit, unfit): (Vec<usize>, Vec<usize>) = lost.partition(|i| self.fits_alone(*i));
+        if unfit.len() <= fit.len() {
+            return Cause::Contradiction;
+        }
+        let is_target = |i: &usize| targets[self.layout.sightings[*i].target].cause == Some(Cause::Target);
+        if unfit.iter().all(is_target) { Cause::Target } else { Cause::Intrinsics }
+    }
+
+    fn fits_alone(&self, sighting: usize) -> bool {
+        let seen = &self.layout.sightings[sighting].seen;
+        fits_alone(&self.sighted[sighting], seen, self.layout.camera(sighting))
+    }
+
+    fn targets(&self, is_noisy: bool) -> Vec<Losses> {
+        let target = |t: usize| {
+            let (mut losses, n_kept) = self.losses(self.of(|s| s.target == t));
+            let scale = &self.scales[t];
+            let is_wrong_size = SIZE_OFF < (scale.ratio - 1.0).abs() - 4.0 * scale.sigma;
+            losses.cause =
+                match ((is_noisy || losses.is_too_much(n_kept)) && self.fits_no_camera(t), is_wrong_size) {
+                    (true, _) => Some(Cause::Target),
+                    (false, true) => Some(Cause::Size),
+                    (false, false) => None,
+                };
+            losses
+        };
+        (0..self.layout.first_target.len()).map(target).collect()
+    }
+
+    /// Most of the sightings of two cameras and more fit by themselves nowhere.
+    fn fits_no_camera(&self, target: usize) -> bool {
+        let of_camera = |camera: usize| {
+            let own: Vec<usize> = self.of(|s| s.camera == camera && s.target == target).collect();
+            let unfit = own.iter().filter(|i| !self.fits_alone(**i)).count();
+            (!own.is_empty()).then_some(own.len() < 2 * unfit)
+        };
+        let cameras: Vec<bool> = (0..self.layout.problem.cameras.len()).filter_map(of_camera).collect();
+        1 < cameras.len() && cameras.iter().all(|unfit| *unfit)
+    }
+
+    /// Sightings of a kind, in canonical order.
+    fn of(&self, is_one: impl Fn(&Sighting) -> bool) -> impl Iterator<Item = usize> {
+        let sightings = self.layout.sightings.iter().enumerate();
+        sightings.filter(move |(_, s)| is_one(s)).map(|(i, _)| i)
+    }
+
+    fn n_lost_points(&self, sighting: usize) -> usize {
+        self.layout.sightings[sighting].seen.len() - self.adjusted.parts.n_used(sighting)
+    }
+
+    /// Over some sightings; also the points of those that were kept. One that nothing determines is not lost: it says nothing.
+    fn losses(&self, among: impl Iterator<Item = usize>) -> (Losses, usize) {
+        let (mut losses, mut n_points_kept) = (Losses::default(), 0);
+        for i in among {
+            let n_points = self.layout.sightings[i].seen.len();
+            match self.adjusted.parts.rejected[i] {
+                Some(RejectedSighting::Undetermined(_)) => continue,
+                Some(_) => losses.n_lost += 1,
+                None => n_points_kept += n_points,
+            }
+            losses.n_sightings += 1;
+            losses.n_points += n_points;
+            losses.n_points_lost += self.n_lost_points(i);
+        }
+        (losses, n_points_kept)
+    }
+
+    /// Views that lose too many of their sightings, and how many views there are.
+    fn views(&self) -> (Vec<usize>, usize) {
+        let (mut contradicting, mut n_views) = (Vec::new(), 0);
+        let mut at = 0;
+        for together in self.layout.sightings.chunk_by(|a, b| a.view == b.view) {
+            let (losses, _) = self.losses(at..at + together.len());
+            at += together.len();
+            n_views += usize::from(0 < losses.n_sightings);
+            if loses_too_many(losses.n_lost, losses.n_sightings) {
+                contradicting.push(together[0].view);
+            }
+        }
+        (contradicting, n_views)
+    }
+
+    /// Of the cameras blamed, that whose intrinsics explain most, else that which lost most; of noise, that with the largest χ² a point.
+    fn worst(&self, cameras: &[Losses], lens: &[Option<LensOffset>], is_noisy: bool) -> Option<usize> {
+        let of_lens = |c: usize| match cameras[c].cause {
+            Some(Cause::Intrinsics) => lens[c].filter(LensOffset::is_off).map_or(0.0, |o| o.explained_chi2),
+            _ => 0.0,
+        };
+        let by = |a: &usize, b: &usize| {
+            let key = |c: usize| (of_lens(c), cameras[c].share_lost());
+            key(*a).partial_cmp(&key(*b)).unwrap_or(core::cmp::Ordering::Equal)
+        };
+        let blamed = (0..cameras.len()).filter(|c| !cameras[*c].is_ok()).max_by(by);
+        let noisiest = || (0..cameras.len()).max_by(|a, b| self.chi2_of(*a).total_cmp(&self.chi2_of(*b)));
+        blamed.or_else(|| noisiest().filter(|_| is_noisy))
+    }
+
+    /// χ² a point used, of a camera.
+    fn chi2_of(&self, camera: usize) -> f64 {
+        let (mut sum, mut n) = (0.0, 0.0);
+        for i in self.of(|s| s.camera == camera) {
+            let used = self.adjusted.residuals[i].points.iter().zip(&self.adjusted.parts.is_used[i]);
+            for (_, squared) in used.filter(|(_, u)| **u).filter_map(|(p, _)| p.as_ref()) {
+                sum += squared;
+                n += 1.0;
+            }
+        }
+        sum / f64::max(n, 1.0)
+    }
+
+    fn used_views(&self) -> Vec<Vec<usize>> {
+        let body_of = &self.layout.problem.body_of_target;
+        let sightings = self.layout.sightings.iter().enumerate();
+        let used = sightings.filter(|(i, _)| 0 < self.adjusted.parts.n_used(*i));
+        let mut used: Vec<_> = used.map(|(_, s)| (s.view, body_of[s.target], s.camera)).collect();
+        used.sort_unstable();
+        used.dedup();
+        counts(&used, self.layout.problem.cameras.len())
+    }
+}

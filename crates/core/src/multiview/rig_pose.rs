@@ -1,0 +1,296 @@
+//! The pose of a rig of cameras from known points, each seen by any of them: as few as three points in three cameras.
+//!
+//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance,
+//! other minima, verdict.
+//! Derivation: docs/math/rig_pose.md.
+
+mod cost;
+mod starts;
+mod check;
+
+use crate::covariance::is_covariance;
+use crate::locate::choose::{Choice, Minima, Minimum, choose, insert};
+use crate::locate::consistency::{is_inconsistent, is_unlikely, noise_scale};
+use crate::locate::curvature::{Cost, is_bent, with_curvature};
+use crate::locate::problem::Problem;
+use crate::locate::refine::{OVERFLOW, whitened_residual};
+use crate::locate::uncertainty::check_known;
+use crate::locate::{Config, PoseEstimate, locate};
+use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+pub(crate) use check::check_views;
+pub(crate) use cost::RigCost;
+
+use check::check_points;
+use starts::{Extents, Starts, push_single_cameras, push_triples};
+
+/// One camera of a rig and what it sees.
+#[derive(Debug, Clone, Copy)]
+pub struct RigView<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Where it sits: x_in_cam = cam_from_rig · x_in_rig.
+    pub cam_from_rig: Pose,
+    /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as
+    /// independent of the other cameras'; none when exact.
+    /// Its share enters the weights, the covariance and the consistency verdict.
+    pub cam_from_rig_covariance: Option<Matrix6>,
+    /// Known points and where this camera sees them; may be empty.
+    pub seen: &'a [Correspondence],
+}
+
+/// A minimum of the rig's reprojection error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigMinimum {
+    /// The pose: x_in_rig = rig_from_target · x_in_target.
+    pub rig_from_target: Pose,
+    /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, rig frame.
+    pub covariance: Matrix6,
+    /// Sum of squared residuals over their variances.
+    pub chi2: f64,
+    /// Root mean square reprojection error over points, px.
+    pub rms_px: f64,
+}
+
+/// Whether another pose of the rig explains the pixels as well.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
+pub enum RigAmbiguity {
+    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
+    /// none when no other exists.
+    Unique {
+        /// See above.
+        ratio: Option<f64>,
+    },
+    /// Two poses fit: χ² of the other is less than the gate above this one's.
+    Ambiguous {
+        /// Residual sum of squares of the other over the first.
+        ratio: f64,
+        /// The other pose.
+        other: RigMinimum,
+    },
+}
+
+/// Does the residual of all cameras agree with the stated sigmas?
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RigConsistency {
+    /// As large as the sigmas say, or no redundancy to tell.
+    Consistent,
+    /// Far larger: a camera that moved, wrong intrinsics, target or labels. The covariance is widened by `chi2_per_dof`.
+    Inconsistent {
+        /// χ² over degrees of freedom.
+        chi2_per_dof: f64,
+        /// Index of the view with the largest mean squared normalised residual.
+        worst_camera: usize,
+        /// Index, in that view, of the point with the largest normalised residual.
+        worst_point: usize,
+        /// Its residual, px.
+        worst_px: f64,
+    },
+}
+
+/// The pose of a rig, how sure, and whether another one fits as well.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigPoseEstimate {
+    /// The pose: x_in_rig = rig_from_target · x_in_target.
+    pub rig_from_target: Pose,
+    /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, rig frame.
+    pub covariance: Matrix6,
+    /// Root mean square reprojection error over points, px.
+    pub rms_px: f64,
+    /// Sum of squared residuals over their variances.
+    pub chi2: f64,
+    /// 2 n − 6.
+    pub degrees_of_freedom: usize,
+    /// How many correspondences took part.
+    pub n_points: usize,
+    /// How many cameras see any.
+    pub n_cameras: usize,
+    /// Does another pose fit as well?
+    pub ambiguity: RigAmbiguity,
+    /// Do the residuals fit the sigmas?
+    pub consistency: RigConsistency,
+}
+
+/// Rounds of triples where the first leave a doubt.
+const MORE_ROUNDS: usize = 6;
+/// A start this far above the best minimum fits nothing near it and is not refined: as in `search`.
+const HOPELESS_CHI2: f64 = 1e4;
+
+/// The pose of a rig of cameras with known places in it. No heap is touched.
+///
+/// # Errors
+/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all
+/// cameras), `Collinear`; the rest as `locate`.
+pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
+    check_views(views)?;
+    let cost = &RigCost::new(views);
+    let n_cameras = views.iter().filter(|view| !view.seen.is_empty()).count();
+    if let (1, Some(view)) = (n_cameras, views.iter().find(|view| !view.seen.is_empty())) {
+        let camera = views.iter().position(|v| core::ptr::eq(v, view)).unwrap_or(0);
+        let found = locate(view.seen, view.camera, &Config::default())?;
+        return checked(seen_by_one(&found, view, camera));
+    }
+    let extents = check_points(cost)?;
+    let minima = minima(cost, &extents)?;
+    let degrees_of_freedom = 2 * cost.n_points() - 6;
+    let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
+    let Choice { best, ratio, rival } = choose(&minima, cost.n_points(), noise_scale)?;
+    let ambiguity = match (rival, ratio) {
+        (Some(rival), Some(ratio)) => {
+            RigAmbiguity::Ambiguous { ratio, other: widened(rival, noise_scale, cost)? }
+        }
+        (_, ratio) => RigAmbiguity::Unique { ratio },
+    };
+    let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
+    let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
+    if let (RigAmbiguity::Unique { .. }, RigConsistency::Consistent) = (ambiguity, consistency) {
+        for view in views {
+            let problem = Problem::new(view.seen, view.camera);
+            check_known(&(view.cam_from_rig * rig_from_target), &covariance, &problem)?;
+        }
+    }
+    let n_points = cost.n_points();
+    checked(RigPoseEstimate {
+        rig_from_target,
+        covariance,
+        rms_px,
+        chi2,
+        degrees_of_freedom,
+        n_points,
+        n_cameras,
+        ambiguity,
+        consistency,
+    })
+}
+
+/// An answer that holds no number, or a covariance that is none, is no answer.
+fn checked(estimate: RigPoseEstimate) -> Result<RigPoseEstimate, Error> {
+    let pose = &estimate.rig_from_target;
+    let sum = pose.rotation.sum() + pose.translation.sum() + estimate.chi2 + estimate.rms_px;
+    if sum.is_finite() && is_covariance(&estimate.covariance) { Ok(estimate) } else { Err(OVERFLOW) }
+}
+
+/// Every minimum reached, lowest first.
+fn minima(cost: &RigCost, extents: &Extents) -> Result<Minima, Error> {
+    let (mut minima, mut starts) = (Minima::new(), Starts::new());
+    push_triples(&mut starts, cost, 0);
+    push_single_cameras(&mut starts, cost);
+    let mut failure = refine_each(&starts, cost, &mut minima);
+    if let Some(best) = minima.first().copied() {
+        starts.clear();
+        extents.push_mirrored(&mut starts, cost, &best.cam_from_target, &cost.pivot());
+        refine_each(&starts, cost, &mut minima);
+    }
+    let degrees_of_freedom = 2 * cost.n_points() - 6;
+    for round in 1..=MORE_ROUNDS {
+        if 0 < degrees_of_freedom && minima.first().is_none_or(|m| is_unlikely(m.chi2, degrees_of_freedom)) {
+            starts.clear();
+            push_triples(&mut starts, cost, round);
+            failure = refine_each(&starts, cost, &mut minima).or(failure);
+        }
+    }
+    match failure {
+        Some(error) if minima.is_empty() => Err(error),
+        _ => Ok(minima),
+    }
+}
+
+/// Refines the starts, best first; returns why the best of them failed, if it did.
+fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<Error> {
+    let mut failure = None;
+    for (chi2, start) in starts {
+        let rival = minima.first().map(|m| m.chi2);
+        if rival.is_some_and(|rival| rival + HOPELESS_CHI2 < *chi2) {
+            break;
+        }
+        match cost.refine(start, rival) {
+            Ok(minimum) if minimum.is_finite() => insert(minima, minimum),
+            Ok(_) => {}
+            Err(error) => failure = failure.or(Some(error)),
+        }
+    }
+    failure
+}
+
+/// With the covariance as wide as the bend of the likelihood and the residual make it.
+fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
+    let cost = &cost.held_at(&m.cam_from_target);
+    let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
+    let widened = Minimum { covariance: covariance * noise_scale, ..*m };
+    if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }
+}
+
+fn rig_minimum(m: &Minimum) -> RigMinimum {
+    RigMinimum {
+        rig_from_target: m.cam_from_target,
+        covariance: m.covariance,
+        chi2: m.chi2,
+        rms_px: m.rms_px,
+    }
+}
+
+/// The verdict, with the camera and the point that fit worst.
+fn consistency(
+    rig_from_target: &Pose,
+    chi2: f64,
+    degrees_of_freedom: usize,
+    cost: &RigCost,
+) -> RigConsistency {
+    if !is_inconsistent(chi2, degrees_of_freedom) {
+        return RigConsistency::Consistent;
+    }
+    let (mut worst_camera, mut worst_point, mut worst_px, mut largest_mean) = (0, 0, 0.0, -1.0);
+    for (camera, view) in cost.views.iter().enumerate() {
+        let cam_from_target = view.cam_from_rig * *rig_from_target;
+        let (mut sum, mut worst) = (0.0, (0, 0.0, -1.0));
+        for (point, c) in view.seen.iter().enumerate() {
+            if let Some((_, e, whitened)) = whitened_residual(&cam_from_target, c, view.camera) {
+                sum += whitened;
+                if worst.2 < whitened {
+                    worst = (point, e.norm(), whitened);
+                }
+            }
+        }
+        let mean = sum / view.seen.len().max(1) as f64;
+        if largest_mean < mean {
+            (worst_camera, worst_point, worst_px, largest_mean) = (camera, worst.0, worst.1, mean);
+        }
+    }
+    let chi2_per_dof = chi2 / degrees_of_freedom as f64;
+    RigConsistency::Inconsistent { chi2_per_dof, worst_camera, worst_point, worst_px }
+}
+
+/// What `locate` says, carried into the rig frame, docs/math/rig_pose.md eq. (7).
+fn seen_by_one(e: &PoseEstimate, view: &RigView, camera: usize) -> RigPoseEstimate {
+    use crate::locate::choose::Ambiguity;
+    use crate::locate::consistency::Consistency;
+    let rig_from_cam = view.cam_from_rig.inverse();
+    let own = view.cam_from_rig_covariance.unwrap_or_else(Matrix6::zeros);
+    let own_in_rig = view.cam_from_rig.inverse_covariance(&own);
+    let carried = |covariance: &Matrix6| rig_from_cam.product_covariance(&own_in_rig, covariance);
+    let ambiguity = match e.ambiguity {
+        Ambiguity::Unique { ratio } => RigAmbiguity::Unique { ratio },
+        Ambiguity::Ambiguous { ratio, other: m } => {
+            let cam_from_target = rig_from_cam * m.cam_from_target;
+            let other = rig_minimum(&Minimum { cam_from_target, covariance: carried(&m.covariance), ..m });
+            RigAmbiguity::Ambiguous { ratio, other }
+        }
+    };
+    let consistency = match e.consistency {
+        Consistency::Consistent => RigConsistency::Consistent,
+        Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, .. } => {
+            RigConsistency::Inconsistent { chi2_per_dof, worst_camera: camera, worst_point, worst_px }
+        }
+    };
+    RigPoseEstimate {
+        rig_from_target: rig_from_cam * e.cam_from_target,
+        covariance: carried(&e.covariance),
+        rms_px: e.rms_px,
+        chi2: e.chi2,
+        degrees_of_freedom: e.degrees_of_freedom,
+        n_points: e.n_points,
+        n_cameras: 1,
+        ambiguity,
+        consistency,
+    }
+}

@@ -1,0 +1,147 @@
+//! Where the search for a rig's pose starts: three-ray solutions over triples far apart, and what a camera finds alone.
+
+use super::RigView;
+use super::cost::RigCost;
+use crate::locate::method::{Method, resolve};
+use crate::locate::multi_start::{closed_form, mirrored};
+use crate::locate::problem::Problem;
+use crate::solve::configuration::{MAX_PLANE_THICKNESS, classify};
+use crate::solve::gp3p::{Ray, gp3p};
+use crate::{Correspondence, Point, Pose};
+use arrayvec::ArrayVec;
+use nalgebra::{Unit, Vector3};
+
+/// Starts kept, best first. Three rays have up to eight poses, and the true one may be any of them.
+const MAX_STARTS: usize = 12;
+/// Starts nearer to each other than this (chord of the rotation; translation over distance) lead to one minimum.
+const TWINS: f64 = 0.03;
+
+/// Where noise has made two roots complex their minimum still exists: a triangle larger or smaller by this gives them back.
+const SCALES: [f64; 7] = [1.0, 1.01, 0.99, 1.04, 0.96, 1.15, 0.85];
+/// With so few points the minima of χ² are those of a triple, or nearly.
+const FEW: usize = 5;
+
+/// Poses to refine, ordered by their cost.
+pub(crate) type Starts = ArrayVec<(f64, Pose), MAX_STARTS>;
+
+/// A point and who sees it.
+type Seen<'a> = (&'a RigView<'a>, &'a Correspondence);
+
+/// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one
+/// across cameras.
+pub(crate) fn push_triples(starts: &mut Starts, cost: &RigCost, round: usize) {
+    for across in [false, true] {
+        let Some(triple) = triple(cost, round, across) else { continue };
+        let (rays, places) = (triple.map(ray), triple.map(|(_, c)| c.x_in_target));
+        let scales = if cost.n_points() <= FEW || 0 < round { &SCALES[..] } else { &SCALES[..1] };
+        for scale in scales {
+            let scaled = places.map(|x| places[0] + (x - places[0]) * *scale);
+            for pose in gp3p(&rays, &scaled) {
+                push(starts, cost, pose);
+            }
+        }
+    }
+}
+
+/// What each camera with at least three points, not on a line, finds alone.
+pub(crate) fn push_single_cameras(starts: &mut Starts, cost: &RigCost) {
+    for view in cost.views {
+        let Ok(configuration) = classify(view.seen) else { continue };
+        let Ok(method) = resolve(Method::Auto, &configuration) else { continue };
+        let problem = Problem::new(view.seen, view.camera);
+        let rig_from_cam = view.cam_from_rig.inverse();
+        for cam_from_target in closed_form(method, &configuration, &problem).0 {
+            push(starts, cost, rig_from_cam * cam_from_target);
+        }
+    }
+}
+
+/// Keeps the list ordered, without twins; the worst falls off when it is full.
+fn push(starts: &mut Starts, cost: &RigCost, rig_from_target: Pose) {
+    let chi2 = cost.residual_sums(&rig_from_target).0;
+    if !chi2.is_finite() {
+        return;
+    }
+    let is_twin = |other: &Pose| {
+        let shift = (other.translation - rig_from_target.translation).norm();
+        let turn = (other.rotation - rig_from_target.rotation).norm();
+        turn < TWINS && shift < TWINS * rig_from_target.translation.norm()
+    };
+    if let Some(twin) = starts.iter().position(|(_, other)| is_twin(other)) {
+        if starts[twin].0 <= chi2 {
+            return;
+        }
+        starts.remove(twin);
+    }
+    if starts.is_full() {
+        starts.pop();
+    }
+    let place = starts.iter().position(|(other, _)| chi2 < *other).unwrap_or(starts.len());
+    starts.insert(place, (chi2, rig_from_target));
+}
+
+fn ray((view, c): Seen) -> Ray {
+    Ray {
+        origin_in_rig: view.cam_from_rig.origin(),
+        bearing_in_rig: Unit::new_unchecked(view.cam_from_rig.rotation.tr_mul(&c.bearing)),
+    }
+}
+
+/// Three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list.
+/// `across`: the second by another camera
+/// than the first, the third by a third one, where there are such.
+fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Seen<'a>; 3]> {
+    let n = cost.n_points();
+    let any = cost.points().nth(round * 7 % n)?;
+    let first =
+        if round == 0 { farthest(cost.points(), |x| (x - any.1.x_in_target).norm_squared())? } else { any };
+    let from_first = |x: &Point| (x - first.1.x_in_target).norm_squared();
+    let is_other = |a: &Seen, b: &Seen| !core::ptr::eq(a.0, b.0);
+    let others = cost.points().filter(|p| !across || is_other(p, &first));
+    let second = farthest(others, from_first)?;
+    let along = second.1.x_in_target - first.1.x_in_target;
+    let off_line = |x: &Point| (x - first.1.x_in_target).cross(&along).norm_squared();
+    let best = farthest(cost.points(), off_line)?;
+    let third = cost.points().filter(|p| is_other(p, &first) && is_other(p, &second));
+    // A third camera is worth half the distance off the line.
+    let third = farthest(third, off_line)
+        .filter(|third| across && 0.25 * off_line(&best.1.x_in_target) < off_line(&third.1.x_in_target));
+    Some([first, second, third.unwrap_or(best)])
+}
+
+fn farthest<'a>(points: impl Iterator<Item = Seen<'a>>, measure: impl Fn(&Point) -> f64) -> Option<Seen<'a>> {
+    let measured = points.map(|p| (measure(&p.1.x_in_target), p));
+    measured.reduce(|best, next| if best.0 < next.0 { next } else { best }).map(|(_, p)| p)
+}
+
+/// Extents of all points: length, width across it, thickness across both; the directions of length and width, and the normal.
+pub(crate) struct Extents {
+    pub length: f64,
+    pub width: f64,
+    normal: Vector3<f64>,
+    thickness: f64,
+}
+
+impl Extents {
+    pub fn new(cost: &RigCost) -> Option<Self> {
+        let [a, b, c] = triple(cost, 0, false)?.map(|p| p.1.x_in_target);
+        let length = (b - a).norm();
+        let normal = (b - a).cross(&(c - a));
+        let width = normal.norm() / length;
+        let normal = normal / normal.norm();
+        let off_plane = |x: &Point| (x - a).dot(&normal).abs();
+        let thickness = cost.points().map(|p| off_plane(&p.1.x_in_target)).fold(0.0, f64::max);
+        Some(Extents { length, width, normal, thickness })
+    }
+
+    /// For a flat target the start for the other minimum, as seen from the middle of the cameras.
+    pub fn push_mirrored(&self, starts: &mut Starts, cost: &RigCost, rig_from_target: &Pose, centre: &Point) {
+        let is_flat = self.thickness <= MAX_PLANE_THICKNESS * self.width;
+        if !is_flat {
+            return;
+        }
+        let cameras = cost.views.iter().map(|view| view.cam_from_rig.origin()).sum::<Point>();
+        let eye_in_rig = cameras / cost.views.len() as f64;
+        push(starts, cost, mirrored(rig_from_target, &self.normal, centre, &eye_in_rig));
+    }
+}

@@ -1,0 +1,7 @@
+//! What changes over time: a pose followed, a change detected, two calibrations compared, a rotation since a reference image.
+
+pub mod compare;
+pub mod snapshot;
+pub mod relative_rotation;
+pub mod track;
+pub mod monitor;

@@ -1,0 +1,429 @@
+//! Did it move? The drift sentry of one relative pose: a camera and a target, or two cameras that see the same target.
+//!
+//! A sequential test with a stated rate of false alarms compares the stream with its reference; correlated errors and the daily wobble are
+//! part of what it expects. It never says "steady" while it sees nothing. Which of several cameras and targets moved, `attribute` says.
+//! Time enters as data. Derivation: docs/math/monitor.md.
+//!
+//! ```text
+//!   y = Log(a_from_b of the reference · (a_from_b now)⁻¹)    small motion of frame a: where it is now, in its own old frame
+//! ```
+
+mod log_sum;
+mod axis;
+mod transients;
+mod models;
+mod bank;
+mod promise;
+mod measured;
+mod onsets;
+mod test;
+mod gate;
+mod drift;
+mod milestones;
+mod scatter;
+mod trace;
+mod aftermath;
+mod earlier;
+mod unsettled;
+pub mod learn;
+pub mod attribute;
+pub mod rig;
+
+pub use drift::{Alone, Drift, Rate, turn_alone};
+pub use onsets::Course;
+pub use promise::{Detectable, LastingError, MeasuredNoise};
+pub use test::DriftNoise;
+pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
+
+use crate::covariance::is_covariance;
+use crate::temporal::snapshot::{Snapshot, numbers};
+use crate::{Error, Matrix6, Pose, Vector6};
+use aftermath::Aftermath;
+use earlier::Version2;
+use gate::Gate;
+use log_sum::{LogSum, Scaled};
+use milestones::Milestone;
+use test::DriftTest;
+use transients::Transients;
+
+/// What counts as an alarm, and as seeing nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MonitorConfig {
+    /// Alarms a day, at most and on average, while nothing moves.
+    pub false_alarms_per_day: f64,
+    /// Readings within this time are joined to one decision, seconds.
+    pub decision_period_s: f64,
+    /// Without a usable reading for this long the monitor is blind, seconds.
+    pub unseen_after_s: f64,
+    /// Rotations up to this are nobody's concern, radians.
+    pub tolerance_rotation_rad: f64,
+    /// Translations up to this are nobody's concern, metres; one that chance explains is none.
+    pub tolerance_translation_m: f64,
+}
+
+impl Default for MonitorConfig {
+    fn default() -> Self {
+        MonitorConfig {
+            false_alarms_per_day: 1.0 / 30.0,
+            decision_period_s: 0.2,
+            unseen_after_s: 5.0,
+            tolerance_rotation_rad: 0.0,
+            tolerance_translation_m: 0.0,
+        }
+    }
+}
+
+impl MonitorConfig {
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, or a tolerance below zero.
+    pub fn check(&self) -> Result<(), Error> {
+        check(self)
+    }
+}
+
+/// What is compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    /// x_in_a = a_from_b · x_in_b when all was well.
+    pub a_from_b: Pose,
+    /// What is no drift; `noise.reference` is this pose's own covariance.
+    pub noise: DriftNoise,
+}
+
+/// One estimate of the pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// When the picture was taken, seconds.
+    pub t_s: f64,
+    /// The pose.
+    pub a_from_b: Pose,
+    /// Its 6×6 covariance, left motion in frame a.
+    pub covariance: Matrix6,
+    /// Whether residuals agree with the stated noise; a reading that contradicts itself says nothing of drift.
+    pub is_consistent: bool,
+}
+
+/// What the monitor says.
+#[allow(clippy::large_enum_variant)] // handed out one at a time, never stored in numbers
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Watch {
+    /// Seen, and where it was.
+    Steady,
+    /// No usable reading.
+    Unseen {
+        /// Since when, seconds.
+        for_s: f64,
+    },
+    /// Something is different, but not yet often enough to be more than a wrong reading.
+    Settling,
+    /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
+    Doubted,
+    /// It moved.
+    Drifted(Drift),
+    /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
+    Inconsistent,
+}
+
+/// The sentry of one relative pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Monitor {
+    reference: Reference,
+    config: MonitorConfig,
+    /// Where frame a has been since the last change, in its frame of the reference.
+    old_from_level: Pose,
+    test: DriftTest,
+    gate: Gate,
+    drift: Option<Drift>,
+    /// Until then a drift is not reported: it may come back as others did.
+    held_until_s: Option<f64>,
+    transients: Transients,
+    aftermath: Aftermath,
+    last_s: f64,
+    last_usable_s: f64,
+    /// Share of contradictory readings, forgotten over some twenty.
+    inconsistent_share: f64,
+    /// Readings left out: outliers that nothing confirmed.
+    pub outliers: u64,
+    /// Readings that came with a time before the last one's; they are left out.
+    pub out_of_order: u64,
+}
+
+/// Of `snapshot`: raised when a field, or the meaning of one, changes.
+const SNAPSHOT_VERSION: u32 = 3;
+/// Before noise was measured.
+const VERSION_2: u32 = 2;
+/// A share of contradictory readings beyond which the monitor says so.
+const MOSTLY: f64 = 0.5;
+/// Readings over which that share is taken.
+const SHARE_OVER: f64 = 20.0;
+
+impl Monitor {
+    /// Starts at `t_s`, seconds, of the same clock as the readings.
+    ///
+    /// # Errors
+    /// `InvalidSetting` for a rate, period or time that is not positive, a tolerance below zero, or noise that is none.
+    pub fn new(reference: &Reference, config: &MonitorConfig, t_s: f64) -> Result<Self, Error> {
+        check(config)?;
+        reference.check()?;
+        let test = DriftTest::new(&reference.noise).ok_or(NOT_POSITIVE)?;
+        Ok(Monitor {
+            reference: *reference,
+            config: *config,
+            old_from_level: Pose::identity(),
+            gate: Gate::new(config.decision_period_s),
+            test,
+            drift: None,
+            held_until_s: None,
+            transients: Transients::default(),
+            aftermath: Aftermath::new(Milestone {
+                t_s,
+                motion: Vector6::zeros(),
+                covariance: reference.noise.reference,
+            }),
+            last_s: t_s,
+            last_usable_s: t_s,
+            inconsistent_share: 0.0,
+            outliers: 0,
+            out_of_order: 0,
+        })
+    }
+
+    /// Takes in a reading and says how things stand.
+    pub fn push(&mut self, reading: &Reading) -> Watch {
+        if !self.accepts(reading) {
+            return self.watch(self.last_s);
+        }
+        self.last_s = reading.t_s;
+        let contradicts = f64::from(u8::from(!reading.is_consistent));
+        self.inconsistent_share += (contradicts - self.inconsistent_share) / SHARE_OVER;
+        if reading.is_consistent {
+            self.last_usable_s = reading.t_s;
+            let whitened = self.test.whitened(&self.motion(reading), &reading.covariance);
+            let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
+            self.outliers += dropped;
+            self.decide(&passed);
+        }
+        self.watch(reading.t_s)
+    }
+
+    /// How things stand at `t_s` without a new reading.
+    pub fn watch(&self, t_s: f64) -> Watch {
+        let for_s = t_s - self.last_usable_s;
+        match self.drift {
+            // Contradictions of long ago say nothing of now.
+            _ if self.config.unseen_after_s < t_s - self.last_s => Watch::Unseen { for_s },
+            _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
+            _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
+            Some(_) if self.is_held(t_s) => Watch::Settling,
+            Some(drift) => Watch::Drifted(self.refined(&drift)),
+            None if self.gate.is_waiting() => Watch::Settling,
+            None if self.aftermath.is_doubted(t_s) => Watch::Doubted,
+            None => Watch::Steady,
+        }
+    }
+
+    /// The drift last decided, also while nothing is seen.
+    pub fn drift(&self) -> Option<Drift> {
+        self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
+    }
+
+    fn is_held(&self, t_s: f64) -> bool {
+        self.held_until_s.is_some_and(|until_s| t_s < until_s)
+    }
+
+    /// When there last was a usable reading, seconds.
+    pub fn last_usable_s(&self) -> f64 {
+        self.last_usable_s
+    }
+
+    /// The drift is accepted: where it is now becomes the reference.
+    pub fn accept(&mut self) -> Result<(), Error> {
+        let (motion, covariance) = self.test.level();
+        let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
+        let reference =
+            Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
+        let test = self.test.accepted(&reference.noise).ok_or(NOT_POSITIVE)?;
+        *self = Monitor {
+            last_usable_s: self.last_usable_s,
+            transients: self.transients,
+            test,
+            ..Monitor::new(&reference, &self.config, self.last_s)?
+        };
+        Ok(())
+    }
+
+    /// The pose that a reading at `t_s` is expected to show, and its covariance: where it is known to be, with the part of its errors that
+    /// lasts. A reading's own noise comes on top.
+    pub fn expected(&self, t_s: f64) -> (Pose, Matrix6) {
+        let (motion, covariance) = self.test.expected(t_s);
+        let old_from_new = self.old_from_level * Pose::exp(&motion);
+        (old_from_new.inverse() * self.reference.a_from_b, covariance)
+    }
+
+    /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera
+    /// that stayed (those that the reference was learned from, in order of time; none where there are none) and from all that follow. What
+    /// the reference says of its noise is where the estimate begins, and an error that it states stays possible. Until the readings exclude
+    /// an error, it is possible too: docs/math/monitor.md section 9.
+    pub fn measure_noise(&mut self, readings: &[Reading]) {
+        let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
+        let whitened =
+            |reading: &Reading| (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance));
+        let learned: Vec<_> = usable.map(whitened).collect();
+        self.test.measure(&learned);
+    }
+
+    /// Whether noise is measured.
+    pub fn measures_noise(&self) -> bool {
+        self.test.measured().is_some()
+    }
+
+    /// All of its state: what `restore` makes of it goes on as this one would.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot::of(self, SNAPSHOT_VERSION)
+    }
+
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    ///
+    /// # Errors
+    /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
+    pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
+        let monitor = match snapshot.version {
+            VERSION_2 => snapshot.state::<Version2>(VERSION_2)?.0,
+            _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
+        };
+        check(&monitor.config)?;
+        monitor.reference.check()?;
+        if !(monitor.test.is_sound() && monitor.aftermath.is_sound()) {
+            return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
+        }
+        Ok(monitor)
+    }
+
+    /// What it compares with.
+    pub fn reference(&self) -> &Reference {
+        &self.reference
+    }
+
+    /// Time of the last reading, or of the start, seconds.
+    pub fn last_s(&self) -> f64 {
+        self.last_s
+    }
+
+    /// Alarm at this ln R: R is the decisions between two false alarms.
+    fn log_threshold(&self) -> f64 {
+        (axis::DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)).ln()
+    }
+
+    fn accepts(&mut self, reading: &Reading) -> bool {
+        let is_late = reading.t_s < self.last_s;
+        self.out_of_order += u64::from(is_late);
+        is_numbers(reading) && !is_late
+    }
+
+    /// y, from where it has been since the last change.
+    fn motion(&self, reading: &Reading) -> Vector6 {
+        let old_from_new = self.reference.a_from_b * reading.a_from_b.inverse();
+        (self.old_from_level.inverse() * old_from_new).log()
+    }
+}
+
+impl Monitor {
+    /// What the readings say of their own noise; none where it is taken for what it is stated to be.
+    pub fn measured_noise(&self) -> Option<MeasuredNoise> {
+        self.test.measured().map(|measured| measured.noise())
+    }
+
+    /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while errors that last are
+    /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
+    pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
+        let (threshold, period_s) =
+            (self.log_threshold() + onsets::log_cost(), self.config.decision_period_s);
+        let measured = self.test.measured()?;
+        Some(measured.detectable(self.test.whitened_from_motion(), within_s, threshold, period_s))
+    }
+}
+
+/// Whether a reading has a time, a pose and a covariance that is one.
+fn is_numbers(reading: &Reading) -> bool {
+    let pose = &reading.a_from_b;
+    let numbers = pose.rotation.iter().chain(pose.translation.iter()).chain(reading.covariance.iter());
+    let is_finite = reading.t_s.is_finite() && numbers.into_iter().all(|x| x.is_finite());
+    is_finite && reading.covariance.amax() <= test::MOST_VARIANCE && is_covariance(&reading.covariance)
+}
+
+/// Whether a motion can be an error of this covariance.
+fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
+    let chi2 = covariance.cholesky().map(|factor| motion.dot(&factor.solve(motion)));
+    chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::statistics::chi_square::tail(6, chi2))
+}
+
+/// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
+const RETURN_PROBABILITY: f64 = 0.01;
+
+const NOT_POSITIVE: Error = Error::InvalidSetting {
+    setting: "covariance of a reading and its bias",
+    seen: 0.0,
+    needed: "it must be positive definite; state how well a single reading is known",
+};
+
+impl Reference {
+    /// # Errors
+    /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
+    pub fn check(&self) -> Result<(), Error> {
+        let pose = self.a_from_b.rotation.iter().chain(self.a_from_b.translation.iter());
+        if let Some(seen) = pose.copied().find(|x| !x.is_finite()) {
+            let (setting, needed) = ("pose of a reference", "it must hold finite numbers");
+            return Err(Error::InvalidSetting { setting, seen, needed });
+        }
+        self.noise.check()
+    }
+}
+
+fn check(config: &MonitorConfig) -> Result<(), Error> {
+    let positive = [
+        ("false_alarms_per_day", config.false_alarms_per_day),
+        ("decision_period_s", config.decision_period_s),
+        ("unseen_after_s", config.unseen_after_s),
+    ];
+    for (setting, seen) in positive {
+        if !(seen.is_finite() && 0.0 < seen) {
+            return Err(Error::InvalidSetting { setting, seen, needed: "it must be a positive number" });
+        }
+    }
+    let tolerances = [
+        ("tolerance_rotation_rad", config.tolerance_rotation_rad),
+        ("tolerance_translation_m", config.tolerance_translation_m),
+    ];
+    for (setting, seen) in tolerances {
+        if !(seen.is_finite() && 0.0 <= seen) {
+            let needed = "it must be a number, and not below zero";
+            return Err(Error::InvalidSetting { setting, seen, needed });
+        }
+    }
+    Ok(())
+}
+
+numbers!(Monitor {
+    reference,
+    config,
+    old_from_level,
+    test,
+    gate,
+    drift,
+    held_until_s,
+    transients,
+    aftermath,
+    last_s,
+    last_usable_s,
+    inconsistent_share,
+    outliers,
+    out_of_order,
+});
+numbers!(MonitorConfig {
+    false_alarms_per_day,
+    decision_period_s,
+    unseen_after_s,
+    tolerance_rotation_rad,
+    tolerance_translation_m,
+});
+numbers!(Reference { a_from_b, noise });

@@ -1,0 +1,396 @@
+//! What is made of an alarm: whether errors explain it, how it went, and when the camera is back.
+//!
+//! ```text
+//!   R ≥ A ──► errors scatter more than the model says, and that explains R ──► noise as it was seen, test anew, `Watch::Doubted`
+//!        └──► moved: measured from where it was known to be before (`base`); course and rate from the means of readings since
+//!               └──► back: where it was before is a thousand times likelier than where the alarm found it
+//! ```
+//! Derivation: docs/math/monitor.md sections 4 and 10.
+
+use super::drift::Rate;
+use super::gate::{Gate, Passed};
+use super::milestones::{Milestone, Milestones};
+use super::onsets::Course;
+use super::scatter::{Excess, Scatter};
+use super::test::{self, SURPRISE, whitening};
+use super::trace::Trace;
+use super::{Drift, DriftNoise, Monitor, is_likely, transients};
+use crate::temporal::snapshot::numbers;
+use crate::{Matrix6, Pose, Vector6};
+
+/// All that is known besides the test itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Aftermath {
+    milestones: Milestones,
+    scatter: Scatter,
+    trace: Trace,
+    /// Where it was before the drift, and where the alarm found it.
+    base: Milestone,
+    found: Milestone,
+    /// Whether that was a further alarm: it may have been the way back.
+    is_further: bool,
+    /// ln R of the alarm.
+    log_r: f64,
+    /// Of a slow drift.
+    rate: Option<Rate>,
+    /// When the course was last looked at, seconds.
+    named_s: f64,
+    /// When the errors were last found larger than the model, seconds, and decisions since.
+    doubted_s: Option<f64>,
+    decisions: u32,
+}
+
+/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
+const CHOSEN: f64 = 4.0;
+/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: eq. (47).
+const SIZE: f64 = 8.0;
+/// Odds of another course at which the name is changed, as Δχ²: 400 to 1.
+const RENAMED: f64 = 12.0;
+/// The same at the alarm, when the name has not been reported yet.
+const NAMED: f64 = 4.0;
+/// The course is looked at again when it has gone on by this share.
+const AGAIN: f64 = 0.1;
+/// The beginning of a slow drift is reported again when it is known so much better.
+const SHARPER: f64 = 0.5;
+/// ln of the odds at which a camera is back: 1000 to 1.
+const BACK: f64 = 7.0;
+/// And it must be as near as half of all cameras that are: χ² of six degrees of freedom.
+const MEDIAN: f64 = 5.348;
+/// Errors found larger than the model are reported for this long, seconds, and so many decisions, at least.
+const DOUBT_S: f64 = 60.0;
+const DOUBT_DECISIONS: u32 = 30;
+/// The difference of two neighbouring means over the time in which a lasting error is forgotten, in units of that error: eq. (46).
+const OVER_ONE_TIME: f64 = 0.672;
+/// A slow drift's end is the mean of this share of it.
+const END: f64 = 0.05;
+
+impl Aftermath {
+    pub fn new(start: Milestone) -> Self {
+        Aftermath {
+            milestones: Milestones::from(start),
+            scatter: Scatter::new(),
+            trace: Trace::new(),
+            base: start,
+            found: start,
+            is_further: false,
+            log_r: 0.0,
+            rate: None,
+            named_s: start.t_s,
+            doubted_s: None,
+            decisions: 0,
+        }
+    }
+
+    pub fn is_sound(&self) -> bool {
+        self.milestones.is_sound() && self.trace.is_sound()
+    }
+
+    /// Of an alarm that nothing else is known of.
+    pub fn was_found(&mut self, drift: &Drift) {
+        self.found = Milestone { motion: drift.old_from_new, covariance: drift.covariance, ..self.found };
+        (self.log_r, self.named_s) = (f64::MAX, drift.began_s);
+    }
+
+    /// Whether errors have lately been found larger than the model.
+    pub fn is_doubted(&self, t_s: f64) -> bool {
+        let is_recent = |doubted_s| t_s < doubted_s + DOUBT_S || self.decisions < DOUBT_DECISIONS;
+        self.doubted_s.is_some_and(is_recent)
+    }
+
+    /// The camera is where it was: what comes is compared with `home`.
+    fn begin_at(&mut self, home: Milestone) {
+        (self.milestones, self.base, self.found) = (Milestones::from(home), home, home);
+        (self.trace, self.rate) = (Trace::new(), None);
+        self.scatter.interrupt();
+    }
+}
+
+impl Monitor {
+    /// All that comes through at once is read before anything is decided: what waited together says the same.
+    pub(super) fn decide(&mut self, passed: &[Passed]) {
+        let (period_s, threshold) = (self.config.decision_period_s, self.log_threshold());
+        let most = (threshold - test::LEAST_EVIDENCE.ln()).exp();
+        let mut log_r = None;
+        for joined in passed {
+            log_r = Some(self.test.push(joined.t_s, &joined.reading, period_s, most));
+            self.note(joined);
+        }
+        let (Some(log_r), Some(last)) = (log_r, passed.last()) else { return };
+        // What the noise in use does not explain, other noise may.
+        if self.test.passes(log_r, threshold) {
+            // What waited together may be of one motion, whichever of it the onset is put at.
+            let first_s = passed.first().map_or(last.t_s, |first| first.t_s);
+            self.alarmed(last.t_s, log_r, first_s);
+        }
+        self.rename(last.t_s);
+        if self.drift.is_some() {
+            self.come_back(last.t_s);
+        }
+    }
+
+    fn note(&mut self, joined: &Passed) {
+        let motion = self.seen_from_reference(&self.test.motion(&joined.reading.value));
+        let level = self.drift.is_none().then(|| self.level(joined.t_s));
+        let aftermath = &mut self.aftermath;
+        // Where noise is measured the models of the test know of errors that last.
+        if self.test.measured().is_none() {
+            aftermath.scatter.push(joined.t_s, &joined.reading, self.test.noise());
+        }
+        aftermath.trace.push(joined.t_s, &motion, self.drift.map(|drift| drift.began_s));
+        aftermath.decisions = aftermath.decisions.saturating_add(1);
+        if let Some(level) = level {
+            aftermath.milestones.push(level);
+        }
+    }
+
+    /// A small motion from the level of the test, as one from the reference.
+    fn seen_from_reference(&self, motion: &Vector6) -> Vector6 {
+        (self.old_from_level * Pose::exp(motion)).log()
+    }
+
+    /// Where it is now.
+    fn level(&self, t_s: f64) -> Milestone {
+        let (motion, covariance) = self.test.level();
+        Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }
+    }
+
+    /// Where the change that raised the alarm put it, from when on, and how.
+    fn changed(&self, t_s: f64) -> Option<(Milestone, Drift)> {
+        let change = self.test.change()?;
+        let (motion, covariance) = self.test.level_after(&change);
+        let now = Milestone { t_s, motion: self.seen_from_reference(&motion), covariance };
+        let first = self.drift.unwrap_or(Drift {
+            old_from_new: Vector6::zeros(),
+            covariance: Matrix6::zeros(),
+            began_s: change.onset_s,
+            began_sigma_s: change.onset_sigma_s,
+            course: change.course,
+            course_probability: change.course_probability,
+            rate: None,
+        });
+        Some((now, first))
+    }
+
+    fn alarmed(&mut self, t_s: f64, log_r: f64, first_s: f64) {
+        let Some((now, drift)) = self.changed(t_s) else { return };
+        let is_first = self.drift.is_none();
+        if is_first {
+            self.aftermath.base = self.aftermath.milestones.before(drift.began_s.min(first_s));
+            self.aftermath.log_r = log_r;
+            if let Some(excess) = self.explanation(t_s - drift.began_s) {
+                return self.doubt(t_s, &excess);
+            }
+        }
+        let base = self.aftermath.base;
+        let (own, motion) = (self.reference.noise, between(&base.motion, &now.motion));
+        let covariance = now.covariance + base.covariance;
+        let told = Drift { old_from_new: motion, covariance, ..drift };
+        if is_first && !told.matters(&self.config) {
+            return;
+        }
+        let at_home = now.covariance * CHOSEN + base.covariance + own.bias + own.daily;
+        if !is_first && is_likely(&motion, &at_home) {
+            let onset_s = self.test.change().map_or(t_s, |change| change.onset_s);
+            return self.is_home(t_s, onset_s, &now.covariance);
+        }
+        self.hold(&told, is_first);
+        self.drift = Some(told);
+        (self.aftermath.found, self.aftermath.is_further) = (now, !is_first);
+        self.aftermath.decisions = 0;
+        if is_first {
+            self.aftermath.named_s = drift.began_s;
+        }
+        // The estimate serves as the start of the next stage only: where it is now is learned anew.
+        let doubt = now.covariance + own.reading + own.bias + own.reference;
+        let onset_s = self.test.change().map_or(drift.began_s, |change| change.onset_s);
+        self.test_from(&now.motion, doubt, onset_s, false);
+    }
+
+    /// Errors that scatter more than the model says, over times like that of the change, where they explain the alarm.
+    fn explanation(&self, duration_s: f64) -> Option<Excess> {
+        let excess = self.aftermath.scatter.excess(2.0 * duration_s)?;
+        let log_r = (self.aftermath.log_r + SIZE) / excess.factor - SIZE;
+        (log_r < self.log_threshold()).then_some(excess)
+    }
+
+    /// Errors may prove to be larger than the model only after the alarm; a motion that they explain then is taken back.
+    fn take_back(&mut self, drift: &Drift, t_s: f64) -> bool {
+        let Some(excess) = self.explanation(t_s - drift.began_s) else { return false };
+        let told = self.refined(drift);
+        let chi2 =
+            told.covariance.cholesky().map(|factor| told.old_from_new.dot(&factor.solve(&told.old_from_new)));
+        let is_explained = chi2.is_some_and(|chi2| chi2 < SURPRISE * excess.factor);
+        if is_explained {
+            self.drift = None;
+            self.doubt(t_s, &excess);
+        }
+        is_explained
+    }
+
+    /// From here on the test asks whether it moves away from this motion, known so well; what it has read since `onset_s` is noise only
+    /// where it `came_back`.
+    fn test_from(&mut self, motion: &Vector6, covariance: Matrix6, onset_s: f64, came_back: bool) {
+        let noise = DriftNoise { reference: covariance, ..self.reference.noise };
+        let Some(test) = self.test.restarted(&noise, onset_s, came_back) else { return };
+        (self.test, self.old_from_level) = (test, Pose::exp(motion));
+        self.gate = Gate::new(self.config.decision_period_s);
+        self.aftermath.scatter.interrupt();
+    }
+
+    /// It is back where it was; how well that is known again, `covariance` says.
+    fn is_home(&mut self, t_s: f64, onset_s: f64, covariance: &Matrix6) {
+        let base = self.aftermath.base;
+        let home = Milestone { t_s, covariance: base.covariance + covariance, ..base };
+        if let Some(was) = self.drift.take().filter(|_| self.test.measured().is_some()) {
+            let size = transients::size(&was.old_from_new, &self.reference.noise.reading);
+            self.transients.add(was.began_s, onset_s, size);
+        }
+        self.held_until_s = None;
+        self.test_from(&home.motion, home.covariance, onset_s, true);
+        self.aftermath.begin_at(home);
+    }
+
+    /// Errors explain the alarm: they are from now on expected to be as large as they were seen, and to last as long.
+    fn doubt(&mut self, t_s: f64, excess: &Excess) {
+        let own = &mut self.reference.noise;
+        let Some((_, back)) = whitening(&(own.reading + own.bias)) else { return };
+        let variance = excess.variance / OVER_ONE_TIME;
+        let lasting = back * Matrix6::from_diagonal(&variance) * back.transpose();
+        own.bias += 0.5 * (lasting + lasting.transpose());
+        own.bias_time_s = own.bias_time_s.max(excess.over_s);
+        let base = self.aftermath.base;
+        let independent = (0.5 * (base.t_s - self.aftermath.began_s()) / own.bias_time_s).max(1.0);
+        let home = Milestone { t_s, covariance: base.covariance + own.bias / independent, ..base };
+        self.test_from(&home.motion, home.covariance, t_s, true);
+        self.aftermath.begin_at(home);
+        self.aftermath.scatter = Scatter::new();
+        (self.aftermath.doubted_s, self.aftermath.decisions) = (Some(t_s), 0);
+    }
+
+    /// At once or slowly, and at which rate: looked at again whenever it has gone on by a tenth.
+    fn rename(&mut self, t_s: f64) {
+        let Some(drift) = self.drift else { return };
+        let gone_s = (self.aftermath.named_s - drift.began_s).max(0.0);
+        if t_s < self.aftermath.named_s + AGAIN * gone_s {
+            return;
+        }
+        self.aftermath.named_s = t_s;
+        if self.take_back(&drift, t_s) {
+            return;
+        }
+        let own = &self.reference.noise;
+        let typical = own.reading + own.bias;
+        let lasting = (own.bias.trace() / typical.trace()).clamp(0.0, 1.0);
+        let Some(fitted) = self.aftermath.trace.fitted(&typical, lasting) else { return };
+        let needed = if gone_s == 0.0 { NAMED } else { RENAMED };
+        let is_renamed = fitted.course != drift.course && needed < fitted.lead;
+        let is_same = fitted.course == drift.course;
+        if is_renamed || is_same {
+            let rate = Rate { per_s: fitted.rate, covariance: fitted.rate_covariance };
+            self.aftermath.rate = (fitted.course == Course::Slow).then_some(rate);
+        }
+        let is_sharper =
+            fitted.course == Course::Slow && fitted.onset_sigma_s < SHARPER * drift.began_sigma_s;
+        if is_renamed || (is_same && is_sharper) {
+            self.drift = Some(Drift {
+                began_s: fitted.onset_s,
+                began_sigma_s: fitted.onset_sigma_s,
+                course: fitted.course,
+                course_probability: 1.0 / (1.0 + (-0.5 * fitted.lead).exp()),
+                ..drift
+            });
+        }
+    }
+
+    /// A camera that came back while nothing was decided, or never moved: its level says so by itself.
+    fn come_back(&mut self, t_s: f64) {
+        let (now, Aftermath { base, found, .. }) = (self.level(t_s), &self.aftermath);
+        let at_home = now.covariance + base.covariance;
+        let from = |place: &Milestone, covariance: &Matrix6| {
+            let away = between(&place.motion, &now.motion);
+            covariance.cholesky().map(|factor| away.dot(&factor.solve(&away)))
+        };
+        let odds = from(found, &now.covariance).zip(from(base, &at_home)).map(|(found, base)| found - base);
+        let is_near = from(base, &at_home).is_some_and(|chi2| chi2 < MEDIAN);
+        // Where a further alarm put it near its old place, the two are hardly distinguished: that it stays there must do.
+        let stays = self.aftermath.is_further && DOUBT_DECISIONS <= self.aftermath.decisions;
+        if is_near && (stays || odds.is_some_and(|odds| 2.0 * BACK < odds)) {
+            self.is_home(t_s, t_s, &now.covariance);
+        }
+    }
+
+    /// A motion like others that came back by themselves is not reported yet.
+    fn hold(&mut self, moved: &Drift, is_first: bool) {
+        if self.test.measured().is_none() {
+            return;
+        }
+        let size = transients::size(&moved.old_from_new, &self.reference.noise.reading);
+        let may_be = self.transients.may_last_until(moved.began_s, size);
+        self.held_until_s = if is_first { may_be } else { self.held_until_s.and(may_be) };
+    }
+
+    /// How far, with all that has been read since the alarm.
+    pub(super) fn refined(&self, drift: &Drift) -> Drift {
+        let Aftermath { base, found, .. } = &self.aftermath;
+        let now = self.level(self.last_s);
+        let typical = self.reference.noise.reading.diagonal();
+        let size = |covariance: &Matrix6| covariance.diagonal().component_div(&typical).sum();
+        // Right after the alarm its own estimate is the better one.
+        let chosen = Milestone { covariance: found.covariance * CHOSEN, ..*found };
+        let now = if size(&chosen.covariance) < size(&now.covariance) { chosen } else { now };
+        let now = self.end_of(drift).unwrap_or(now);
+        Drift {
+            old_from_new: between(&base.motion, &now.motion),
+            covariance: now.covariance + base.covariance,
+            rate: self.aftermath.rate,
+            ..*drift
+        }
+    }
+
+    /// Where a slow drift has come to: the test's level is the mean since its last alarm, and behind.
+    fn end_of(&self, drift: &Drift) -> Option<Milestone> {
+        let rate = self.aftermath.rate.filter(|_| drift.course == Course::Slow)?;
+        let own = &self.reference.noise;
+        let over_s = END * (self.last_s - drift.began_s).max(0.0);
+        let (t_s, motion, readings) = self.aftermath.trace.end(over_s)?;
+        let since_s = self.last_s - t_s;
+        let covariance = own.reading / readings + own.bias + rate.covariance * since_s.powi(2);
+        Some(Milestone { t_s: self.last_s, motion: motion + rate.per_s * since_s, covariance })
+    }
+
+    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
+    pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
+        if let Some(drift) = self.drift.map(|drift| self.refined(&drift)) {
+            return Some((drift.old_from_new, drift.covariance));
+        }
+        let before = self.aftermath.milestones.before(onset_s);
+        let (motion, covariance) = self.test.level_after_jump(onset_s)?;
+        let now = self.seen_from_reference(&motion);
+        Some((between(&before.motion, &now), covariance + before.covariance))
+    }
+}
+
+impl Aftermath {
+    fn began_s(&self) -> f64 {
+        self.milestones.before(f64::NEG_INFINITY).t_s
+    }
+}
+
+/// From one small motion to another.
+fn between(from: &Vector6, to: &Vector6) -> Vector6 {
+    (Pose::exp(from).inverse() * Pose::exp(to)).log()
+}
+
+numbers!(Aftermath {
+    milestones,
+    scatter,
+    trace,
+    base,
+    found,
+    is_further,
+    log_r,
+    rate,
+    named_s,
+    doubted_s,
+    decisions
+});

@@ -1,0 +1,168 @@
+//! How far it moved, whether that is a turn alone, and whether anybody should care.
+
+use super::{Course, MonitorConfig};
+use crate::statistics::chi_square::tail;
+use crate::temporal::snapshot::{Numbers, Rest, numbers};
+use crate::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Vector3};
+
+/// How far it moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drift {
+    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward.
+    pub old_from_new: Vector6,
+    /// Its covariance.
+    pub covariance: Matrix6,
+    /// When it began, seconds.
+    pub began_s: f64,
+    /// How sure that is, seconds.
+    pub began_sigma_s: f64,
+    /// At once or slowly.
+    pub course: Course,
+    /// Probability of that course.
+    pub course_probability: f64,
+    /// Of a slow drift, when enough is known of it.
+    pub rate: Option<Rate>,
+}
+
+/// A motion about or along one axis of the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alone {
+    /// Of `[rotation_rad; translation_m]`.
+    pub axis: usize,
+    /// Radians or metres.
+    pub size: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// How fast it drifts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rate {
+    /// `[rotation_rad; translation_m]` a second, in its own old frame.
+    pub per_s: Vector6,
+    /// Its covariance.
+    pub covariance: Matrix6,
+}
+
+impl Drift {
+    /// The turn alone, radians about x, y, z, and its covariance, if the camera only turned about its own centre; none where its
+    /// translation is larger than that allows (one in twenty). A turn and a shift look much alike from a small target: where a
+    /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
+    pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let is_likely = PURE_ROTATION_PROBABILITY < self.chance_of(3)?;
+        if is_likely { turn_alone(&self.old_from_new, &self.covariance) } else { None }
+    }
+
+    /// The one axis whose motion alone explains all of it; none where chance leaves more than that so seldom, where another axis explains it
+    /// about as well, or where it does not stand out of its own error. Of all six known together none may stand out though the motion
+    /// is beyond doubt; given that the others are zero this one is known far better: docs/math/monitor.md eq. (49).
+    pub fn alone(&self) -> Option<Alone> {
+        let weight = self.covariance.cholesky()?.inverse();
+        let score = weight * self.old_from_new;
+        let explained = |axis: usize| score[axis] * score[axis] / weight[(axis, axis)];
+        let all = self.old_from_new.dot(&score);
+        let axis = (0..6).max_by(|a, b| explained(*a).total_cmp(&explained(*b)))?;
+        let is_rivalled = (0..6).any(|other| other != axis && explained(axis) < explained(other) + RIVALLED);
+        let is_left = tail(5, all - explained(axis)) < PURE_ROTATION_PROBABILITY;
+        if is_rivalled || is_left || explained(axis) < RIVALLED {
+            return None;
+        }
+        Some(Alone {
+            axis,
+            size: score[axis] / weight[(axis, axis)],
+            sigma: weight[(axis, axis)].sqrt().recip(),
+        })
+    }
+
+    /// Whether it goes beyond what the configuration tolerates. A turn and a shift look much alike, and neither estimate is ever zero:
+    /// a shift that chance explains counts for none, and the turn is then judged alone; as is a shift beside a turn that chance explains.
+    pub(super) fn matters(&self, config: &MonitorConfig) -> bool {
+        let (turn, shift) = (self.part(0), self.part(3));
+        let is_chance = |at| self.chance_of(at).is_some_and(|chance| CHANCE < chance);
+        let turns = |turn: &Vector3<f64>| config.tolerance_rotation_rad < turn.norm();
+        let shifts = |shift: &Vector3<f64>| config.tolerance_translation_m < shift.norm();
+        if is_chance(3) {
+            let turn = turn_alone(&self.old_from_new, &self.covariance).map_or(turn, |(turn, _)| turn);
+            return turns(&turn);
+        }
+        if is_chance(0) {
+            let shift = alone(&self.old_from_new, &self.covariance, 3).map_or(shift, |(shift, _)| shift);
+            return shifts(&shift);
+        }
+        turns(&turn) || shifts(&shift)
+    }
+
+    /// The three coordinates from `at` on.
+    fn part(&self, at: usize) -> Vector3<f64> {
+        self.old_from_new.fixed_rows::<3>(at).into()
+    }
+
+    /// Chance of three coordinates as large as these where they are zero.
+    fn chance_of(&self, at: usize) -> Option<f64> {
+        let covariance: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(at, at).into();
+        Some(tail(3, self.part(at).dot(&covariance.cholesky()?.solve(&self.part(at)))))
+    }
+}
+
+/// A translation that chance makes larger this often speaks against a pure rotation.
+const PURE_ROTATION_PROBABILITY: f64 = 0.05;
+/// Another axis explains a motion about as well within this Δχ²: odds of 90 to 1, three standard deviations.
+const RIVALLED: f64 = 9.0;
+/// What chance makes larger this seldom is no chance when a tolerance is applied: a tolerated turn is looked at for days, and the alarm
+/// chose its moment.
+const CHANCE: f64 = 1e-6;
+
+impl Rate {
+    /// The turn alone, radians a second about x, y, z, and its covariance, if it only turns: none where it shifts more than chance allows.
+    pub fn turn_alone(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let shift: Vector3<f64> = self.per_s.fixed_rows::<3>(3).into();
+        let own: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();
+        let chance = tail(3, shift.dot(&own.cholesky()?.solve(&shift)));
+        let is_likely = PURE_ROTATION_PROBABILITY < chance;
+        if is_likely { turn_alone(&self.per_s, &self.covariance) } else { None }
+    }
+}
+
+/// The turn of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
+/// docs/math/monitor.md eq. (17). None where the covariance of the shift is not positive definite.
+pub fn turn_alone(motion: &Vector6, covariance: &Matrix6) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    alone(motion, covariance, 0)
+}
+
+/// The three coordinates from `at` on, were the other three zero.
+fn alone(motion: &Vector6, covariance: &Matrix6, at: usize) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let other = 3 - at;
+    let part = |i: usize| -> Vector3<f64> { motion.fixed_rows::<3>(i).into() };
+    let block = |i, j| -> Matrix3<f64> { covariance.fixed_view::<3, 3>(i, j).into() };
+    let gain = block(other, other).cholesky()?.solve(&block(other, at)).transpose();
+    Some((part(at) - gain * part(other), block(at, at) - gain * block(other, at)))
+}
+
+numbers!(Rate { per_s, covariance });
+
+/// Without the rate: the monitor knows that from the readings.
+impl Numbers for Drift {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        let Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability, rate: _ } =
+            self;
+        old_from_new.put(numbers);
+        covariance.put(numbers);
+        began_s.put(numbers);
+        began_sigma_s.put(numbers);
+        course.put(numbers);
+        course_probability.put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        Some(Drift {
+            old_from_new: Numbers::take(rest)?,
+            covariance: Numbers::take(rest)?,
+            began_s: Numbers::take(rest)?,
+            began_sigma_s: Numbers::take(rest)?,
+            course: Numbers::take(rest)?,
+            course_probability: Numbers::take(rest)?,
+            rate: None,
+        })
+    }
+}

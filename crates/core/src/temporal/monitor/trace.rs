@@ -1,0 +1,178 @@
+//! The course of a motion, from means of readings: at once, or slowly and at which rate.
+//!
+//! ```text
+//!   ȳ_i  mean of the readings of block i at t_i     step: ȳ = m + δ [t ≥ k]      ramp: ȳ = m + ρ (t − k)⁺
+//!   both have the unknowns m, δ or ρ, and k: what explains the blocks better is what happened, whatever the scale of the errors
+//! ```
+//! The alarm weighs the same two, but it must be early; this goes on as readings come. docs/math/monitor.md eq. (48).
+
+use super::onsets::Course;
+use crate::temporal::snapshot::numbers;
+use crate::{Matrix6, Vector6};
+use arrayvec::ArrayVec;
+
+/// Blocks kept; older ones are longer.
+const BLOCKS: usize = 40;
+/// Blocks after the onset of a ramp: fewer are a line in any case.
+const LEAST_AFTER: usize = 8;
+
+/// Mean of neighbouring readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Block {
+    t_s: f64,
+    /// From the pose of the reference.
+    motion: Vector6,
+    readings: f64,
+    /// Of its first and last reading, seconds.
+    from_s: f64,
+    to_s: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Trace {
+    blocks: ArrayVec<Block, { BLOCKS + 1 }>,
+}
+
+/// What explains the blocks, and by how much better than the other course.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fitted {
+    pub course: Course,
+    /// χ² by which the other course fits worse, in units of what this one leaves per degree of freedom.
+    pub lead: f64,
+    pub onset_s: f64,
+    pub onset_sigma_s: f64,
+    /// ρ, a second, and its covariance; zero of a step.
+    pub rate: Vector6,
+    pub rate_covariance: Matrix6,
+}
+
+impl Trace {
+    pub fn new() -> Self {
+        Trace { blocks: ArrayVec::new() }
+    }
+
+    /// `onset_s`: a change that must not be lost within a block.
+    pub fn push(&mut self, t_s: f64, motion: &Vector6, onset_s: Option<f64>) {
+        if self.blocks.len() == BLOCKS {
+            self.merge(t_s, onset_s.unwrap_or(f64::INFINITY));
+        }
+        self.blocks.push(Block { t_s, motion: *motion, readings: 1.0, from_s: t_s, to_s: t_s });
+    }
+
+    /// Whether its means are of readings: numbers of a file may be any.
+    pub fn is_sound(&self) -> bool {
+        self.blocks.iter().all(|block| 1.0 <= block.readings)
+    }
+
+    /// Joins the neighbours that lie closest for their age.
+    fn merge(&mut self, now_s: f64, onset_s: f64) {
+        let closeness = |i: &usize| {
+            let (a, b) = (&self.blocks[*i], &self.blocks[i + 1]);
+            let is_apart = a.from_s < onset_s && onset_s <= b.to_s;
+            let closeness = (b.to_s - a.from_s) / (now_s - a.from_s).max(f64::MIN_POSITIVE);
+            if is_apart { f64::INFINITY } else { closeness }
+        };
+        let first = (0..self.blocks.len() - 2).min_by(|a, b| closeness(a).total_cmp(&closeness(b)));
+        let Some(first) = first else { return };
+        let later = self.blocks.remove(first + 1);
+        let block = &mut self.blocks[first];
+        let readings = block.readings + later.readings;
+        let share = later.readings / readings;
+        block.motion += share * (later.motion - block.motion);
+        block.t_s += share * (later.t_s - block.t_s);
+        (block.readings, block.to_s) = (readings, later.to_s);
+    }
+
+    /// The better of both courses; `covariance` of one reading gives the coordinates their weights, `lasting` is the share of it that no mean
+    /// takes away. None where there are too few blocks.
+    pub fn fitted(&self, covariance: &Matrix6, lasting: f64) -> Option<Fitted> {
+        let weight = covariance.cholesky()?.inverse();
+        let own = |block: &Block| 1.0 / ((1.0 - lasting) / block.readings + lasting);
+        let weights: ArrayVec<f64, { BLOCKS + 1 }> = self.blocks.iter().map(own).collect();
+        let fits = |course| {
+            let after = if course == Course::Slow { LEAST_AFTER } else { 1 };
+            let last = self.blocks.len().saturating_sub(after);
+            (1..=last).filter_map(move |first| self.blocks.get(first).map(|_| (course, first)))
+        };
+        let fit = |(course, first): (Course, usize)| self.fit(course, first, &weights, &weight);
+        let best = |course| -> Option<(Fit, f64)> {
+            let all: Vec<Fit> = fits(course).filter_map(fit).collect();
+            let best = *all.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2))?;
+            let scale = (best.chi2 / self.degrees()).max(1e-12);
+            let odds = |fit: &Fit| (-0.5 * (fit.chi2 - best.chi2) / scale).exp();
+            let total: f64 = all.iter().map(odds).sum();
+            let away = |fit: &Fit| odds(fit) * (fit.onset_s - best.onset_s).powi(2);
+            Some((best, (all.iter().map(away).sum::<f64>() / total).sqrt()))
+        };
+        let (step, ramp) = (best(Course::Step)?, best(Course::Slow)?);
+        let is_ramp = ramp.0.chi2 < step.0.chi2;
+        let ((fit, onset_sigma_s), other) = if is_ramp { (ramp, step.0) } else { (step, ramp.0) };
+        let scale = (fit.chi2 / self.degrees()).max(1e-12);
+        Some(Fitted {
+            course: if is_ramp { Course::Slow } else { Course::Step },
+            lead: (other.chi2 - fit.chi2) / scale,
+            onset_s: fit.onset_s,
+            onset_sigma_s,
+            rate: if is_ramp { fit.size } else { Vector6::zeros() },
+            rate_covariance: if is_ramp { covariance * (scale * fit.variance) } else { Matrix6::zeros() },
+        })
+    }
+
+    /// Mean of what was read within `over_s` of the last reading, one block at least: time, motion and readings.
+    pub fn end(&self, over_s: f64) -> Option<(f64, Vector6, f64)> {
+        let last_s = self.blocks.last()?.to_s;
+        let mut readings = 0.0;
+        let (mut t_s, mut motion) = (0.0, Vector6::zeros());
+        for block in self.blocks.iter().rev().take_while(|block| last_s - over_s <= block.from_s) {
+            readings += block.readings;
+            t_s += block.readings * block.t_s;
+            motion += block.readings * block.motion;
+        }
+        (0.0 < readings).then(|| (t_s / readings, motion / readings, readings))
+    }
+
+    fn degrees(&self) -> f64 {
+        (6.0 * (self.blocks.len() as f64 - 2.0) - 1.0).max(1.0)
+    }
+
+    /// With the onset before block `first`: weighted least squares of the mean and the size.
+    fn fit(&self, course: Course, first: usize, weights: &[f64], weight: &Matrix6) -> Option<Fit> {
+        let onset_s = 0.5 * (self.blocks[first - 1].to_s + self.blocks[first].from_s);
+        let shape = |block: &Block| match course {
+            Course::Step => f64::from(u8::from(onset_s < block.t_s)),
+            Course::Slow => (block.t_s - onset_s).max(0.0),
+        };
+        let (mut w, mut wx, mut wxx) = (0.0, 0.0, 0.0);
+        let (mut wy, mut wxy) = (Vector6::zeros(), Vector6::zeros());
+        for (block, own) in self.blocks.iter().zip(weights) {
+            let x = shape(block);
+            (w, wx, wxx) = (w + own, wx + own * x, wxx + own * x * x);
+            wy += *own * block.motion;
+            wxy += *own * x * block.motion;
+        }
+        let information = wxx - wx * wx / w;
+        if !(1e-12 * wxx < information) {
+            return None;
+        }
+        let size = (wxy - wy * (wx / w)) / information;
+        let mean = (wy - size * wx) / w;
+        let left = |(block, own): (&Block, &f64)| {
+            let residual = block.motion - mean - size * shape(block);
+            own * residual.dot(&(weight * residual))
+        };
+        let chi2 = self.blocks.iter().zip(weights).map(left).sum();
+        Some(Fit { onset_s, size, variance: 1.0 / information, chi2 })
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    onset_s: f64,
+    size: Vector6,
+    /// Of the size, in units of a reading's.
+    variance: f64,
+    chi2: f64,
+}
+
+numbers!(Block { t_s, motion, readings, from_s, to_s });
+numbers!(Trace { blocks });

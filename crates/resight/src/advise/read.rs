@@ -1,0 +1,127 @@
+//! What advice is asked with besides cameras and targets: points and poses.
+
+use crate::core::target::KnownPoint;
+use crate::core::{Point, Pose};
+use crate::{Error, FileError};
+use std::path::Path;
+
+/// A point of a CSV file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SurveyPoint {
+    /// Column `id`, or its number.
+    pub name: String,
+    /// Where, and how well that is known.
+    pub known: KnownPoint,
+    /// Columns u_px, v_px, where both are there.
+    pub pixel: Option<[f64; 2]>,
+}
+
+/// Rows beyond any survey.
+const MOST: usize = 100_000;
+
+/// Where the columns are.
+struct Columns<'a> {
+    path: &'a Path,
+    names: Vec<&'a str>,
+    space: [usize; 3],
+    id: Option<usize>,
+    sigma: Option<usize>,
+    image: Option<(usize, usize)>,
+}
+
+/// Points of a CSV file: columns x_m,y_m,z_m; optionally id, sigma_m, u_px and v_px.
+///
+/// # Errors
+/// What is wrong with the file, and in which line.
+pub fn read_points(path: &Path) -> Result<Vec<SurveyPoint>, Error> {
+    let file = crate::input::open_table(path)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+    let unreadable = |reason: csv::Error| FileError::new(path, reason.to_string());
+    let header = reader.headers().map_err(unreadable)?.clone();
+    let columns = Columns::of(path, &header)?;
+    let mut found = Vec::new();
+    for record in reader.records() {
+        if MOST <= found.len() {
+            return Err(FileError::new(path, format!("more than {MOST} rows")).into());
+        }
+        found.push(columns.point(&record.map_err(unreadable)?, found.len() + 1)?);
+    }
+    if found.is_empty() {
+        return Err(FileError::new(path, "no rows below the header").into());
+    }
+    Ok(found)
+}
+
+impl<'a> Columns<'a> {
+    fn of(path: &'a Path, header: &'a csv::StringRecord) -> Result<Self, FileError> {
+        let names: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
+        let find = |wanted: &str| names.iter().position(|name| *name == wanted);
+        let need = |wanted: &str| {
+            let lacking = || format!("no column `{wanted}`; the columns are {}", names.join(","));
+            find(wanted).ok_or_else(|| FileError::at_line(path, 1, lacking()))
+        };
+        let space = [need("x_m")?, need("y_m")?, need("z_m")?];
+        let (id, sigma, image) = (find("id"), find("sigma_m"), find("u_px").zip(find("v_px")));
+        Ok(Columns { path, names, space, id, sigma, image })
+    }
+
+    fn point(&self, record: &csv::StringRecord, n: usize) -> Result<SurveyPoint, FileError> {
+        let line = record.position().map_or(0, |p| p.line() as usize);
+        let wrong = |reason: String| FileError::at_line(self.path, line, reason);
+        let number = |i: usize| -> Result<f64, FileError> {
+            let text = record.get(i).unwrap_or("");
+            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
+            value.ok_or_else(|| wrong(format!("column `{}` is `{text}`; a number is needed", self.names[i])))
+        };
+        let filled = |i: usize| record.get(i).is_some_and(|text| !text.is_empty());
+        let sigma_m = self.sigma.filter(|i| filled(*i)).map(number).transpose()?.unwrap_or(0.0);
+        if sigma_m < 0.0 {
+            return Err(wrong(format!("sigma_m is {sigma_m}; it must be 0 or more")));
+        }
+        let [x, y, z] = self.space;
+        let position = Point::new(number(x)?, number(y)?, number(z)?);
+        let pixel = match self.image.filter(|(u, v)| filled(*u) && filled(*v)) {
+            Some((u, v)) => Some([number(u)?, number(v)?]),
+            None => None,
+        };
+        let name = self.id.filter(|i| filled(*i)).and_then(|i| record.get(i));
+        let name = name.map_or_else(|| n.to_string(), str::to_string);
+        Ok(SurveyPoint { name, known: KnownPoint { position, sigma_m }, pixel })
+    }
+}
+
+/// The poses under `key` (or its other names) of a file of JSON objects, one a line; a single object may take several lines.
+///
+/// # Errors
+/// What is wrong with the file, and in which object.
+pub fn read_poses(path: &Path, keys: &[&str]) -> Result<Vec<Pose>, Error> {
+    let text = crate::input::read_text(path, crate::input::Kind::Results)?;
+    let mut found = Vec::new();
+    for (n, object) in serde_json::Deserializer::from_str(&text).into_iter::<serde_json::Value>().enumerate()
+    {
+        let wrong = |reason: String| FileError::new(path, format!("object {}: {reason}", n + 1));
+        let object = object.map_err(|reason| wrong(reason.to_string()))?;
+        let pose = keys.iter().find_map(|key| object.get(key)).filter(|v| !v.is_null());
+        let Some(pose) = pose else { continue };
+        found.push(pose_of(pose).map_err(|reason| wrong(format!("`{}`: {reason}", keys[0])))?);
+    }
+    if found.is_empty() {
+        return Err(FileError::new(path, format!("no object with `{}`", keys[0])).into());
+    }
+    Ok(found)
+}
+
+fn pose_of(value: &serde_json::Value) -> Result<Pose, String> {
+    fn list<const N: usize>(value: &serde_json::Value, key: &str) -> Result<[f64; N], String> {
+        let numbers: Option<Vec<f64>> =
+            value.get(key).and_then(|v| v.as_array()).and_then(|v| v.iter().map(|x| x.as_f64()).collect());
+        let all = numbers.and_then(|v| <[f64; N]>::try_from(v).ok());
+        all.ok_or_else(|| format!("{N} numbers `{key}` are needed"))
+    }
+    let (wxyz, translation) = (list::<4>(value, "rotation_wxyz")?, list::<3>(value, "translation_m")?);
+    let length: f64 = wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if !((length - 1.0).abs() < 1e-3) {
+        return Err(format!("rotation_wxyz has length {length:.4}; a unit quaternion w,x,y,z is needed"));
+    }
+    Ok(Pose::from_quaternion_wxyz(wxyz, translation.into()))
+}
