@@ -1,6 +1,6 @@
 //! Finding the files the user meant.
 
-use crate::output;
+use crate::stdio;
 use anyhow::{Context, Result, bail};
 use resight::input::nearest;
 use std::path::{Path, PathBuf};
@@ -29,8 +29,8 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
             match entry {
                 // A pipe or a device among the files that a pattern meets is not meant; whoever reads it may wait for ever.
                 Ok(path) if path.is_file() || path.is_dir() => paths.push(path),
-                Ok(path) => output::remark(&format!("{}: no file, left out", path.display())),
-                Err(fault) => output::remark(&format!(
+                Ok(path) => stdio::remark(&format!("{}: no file, left out", path.display())),
+                Err(fault) => stdio::remark(&format!(
                     "{}: cannot be looked into ({}), left out",
                     fault.path().display(),
                     fault.error()

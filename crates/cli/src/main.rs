@@ -8,19 +8,21 @@ mod gravity;
 mod intrinsics;
 mod output;
 mod robust;
+mod stdio;
 mod text;
 mod commands;
+mod program;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let run = |arguments: args::Arguments| {
+    let run = |arguments: program::Arguments| {
         if arguments.quiet {
             output::be_quiet();
         }
-        commands::run(arguments.command)
+        program::run(arguments.command)
     };
-    match args::Arguments::read().and_then(run) {
+    match program::Arguments::read().and_then(run) {
         Ok(outcome) => outcome.into(),
         Err(reason) => {
             output::error(&format!("error: {reason:#}"));

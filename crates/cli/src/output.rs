@@ -1,15 +1,16 @@
-//! What reaches stdout, stderr and the results file.
+//! Answers on stdout and in the results file, and how a command ended.
 
 use crate::args::OutputArgs;
+use crate::stdio::is_quiet;
+pub use crate::stdio::{be_quiet, error, print, remark};
 use anstream::{AutoStream, ColorChoice};
 use anstyle::AnsiColor;
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use resight::report::verdict::Status;
 use serde::Serialize;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,18 +51,6 @@ impl From<Outcome> for ExitCode {
             Outcome::Moved => ExitCode::from(3),
         }
     }
-}
-
-/// Whether remarks and progress are left out.
-static QUIET: AtomicBool = AtomicBool::new(false);
-
-/// Leaves remarks and progress out from now on.
-pub fn be_quiet() {
-    QUIET.store(true, Ordering::Relaxed);
-}
-
-fn is_quiet() -> bool {
-    QUIET.load(Ordering::Relaxed)
 }
 
 /// Collects results in input order.
@@ -143,28 +132,6 @@ fn with_colour(words: &str, status: Status) -> String {
     let style = colour.on_default().bold();
     let name = status.name().to_uppercase().replace('_', " ");
     words.replacen(&name, &format!("{style}{name}{style:#}"), 1)
-}
-
-/// Writes a remark or a warning to stderr, unless quiet.
-pub fn remark(text: &str) {
-    if !is_quiet() {
-        error(text);
-    }
-}
-
-/// Writes a line to stderr. Where that cannot be written (its reader is gone, the disk is full) there is nobody left to read it, and the
-/// work goes on.
-pub fn error(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
-}
-
-/// Writes to stdout. A reader that has gone away (`| head`) ends the program quietly.
-pub fn print(text: &str) -> Result<()> {
-    let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
-        result => Ok(result?),
-    }
 }
 
 #[cfg(test)]

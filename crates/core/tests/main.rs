@@ -3,6 +3,7 @@
 mod advise_support;
 mod camera_zoo;
 mod common;
+mod crates_support;
 mod recorded;
 mod tidy_rules;
 
@@ -20,6 +21,7 @@ mod camera_field;
 mod camera_golden;
 mod camera_models;
 mod compare;
+mod crates;
 mod entry_points;
 mod entry_points_jobs;
 mod exact_four;

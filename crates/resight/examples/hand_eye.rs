@@ -4,8 +4,8 @@ use resight::rig::{Detections, HandEyeRequest, HandEyeViews, ObservedRig, RigReq
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut request = RigRequest::default();
     request.read_camera(Some("cam"), "examples/robot/camera.toml")?;
-    let corners = Detections::files(&["examples/robot/corners.csv".into()]);
-    let observed = ObservedRig::from_detections(&corners, &request)?;
+    let files = ["examples/robot/corners.csv".into()];
+    let observed = ObservedRig::from_detections(&Detections::files(&files), &request)?;
     let robot = read_robot_poses("examples/robot/motions.csv".as_ref(), None)?;
     let views = HandEyeViews::Points(Box::new(observed));
     let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default() })?;

@@ -12,19 +12,21 @@ pub mod pose;
 pub mod pose_graph;
 pub mod rig;
 pub mod schema;
+mod every;
 mod unsolved;
 
 pub use crate::report::verdict::{Status, Verdict};
 pub use compare::CompareAnswer;
 pub use consensus::Agreement;
 pub use detection::DetectionAnswer;
+pub use every::json_schema;
 pub use files::{ConvertAnswer, Explanation};
 pub use hand_eye::{HandEyeAnswer, SolvedHandEye};
 pub use measure::MeasureAnswer;
 pub use pose::{PoseAnswer, PoseObject, TransformObject};
 pub use pose_graph::{PoseGraphAnswer, SolvedPoseGraph};
 pub use rig::{RigAnswer, SolvedRig};
-pub use schema::{SCHEMA, SchemaNumber, json_schema};
+pub use schema::{SCHEMA, SchemaNumber};
 pub use unsolved::Unsolved;
 
 use pose::rows;

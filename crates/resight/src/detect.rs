@@ -12,6 +12,7 @@ mod chessboard;
 pub mod corner;
 pub mod dots;
 pub mod every_tag;
+mod family;
 pub mod families;
 pub mod follow;
 mod homography;

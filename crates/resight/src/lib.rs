@@ -45,6 +45,7 @@ pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
+pub mod points;
 pub mod overlay;
 pub mod drawing;
 pub mod render;
@@ -66,8 +67,9 @@ pub use answer::{
 pub use compare::compare;
 pub use convert::{convert, explain};
 pub use error::{Error, FileError};
-pub use locate::{locate_image, locate_points, locate_table};
+pub use locate::{locate_image, locate_points};
 pub use measure::measure;
+pub use points::locate_table;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.

@@ -17,28 +17,13 @@ use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use intrinsics::IntrinsicsSigma;
+pub use method::{METHODS, method_name};
+pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
-pub use table::locate_table;
 
 mod intrinsics;
-pub mod table;
-
-/// The solvers by their names in flags and JSON; `Priors` is chosen by itself alone.
-pub const METHODS: [(&str, Method); 7] = [
-    ("auto", Method::Auto),
-    ("wang2004", Method::Wang2004),
-    ("line_plus_one", Method::LinePlusOne),
-    ("p3p", Method::P3p),
-    ("planar", Method::Planar),
-    ("sqpnp", Method::Sqpnp),
-    ("upright", Method::Upright),
-];
-
-/// The name of a solver in flags and JSON.
-pub fn method_name(method: Method) -> &'static str {
-    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
-    METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
-}
+mod method;
+mod named_point;
 
 /// What to do beyond the defaults.
 #[derive(Debug, Clone, Default)]
@@ -183,26 +168,6 @@ impl Located {
             },
         };
         overlay::draw(&scene).png()
-    }
-}
-
-/// A known point and where it was seen, as a person calls it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NamedPoint {
-    /// Its name: an id, or a number.
-    pub name: String,
-    /// The line of the file that it stands in, where it comes from one.
-    pub line: Option<u64>,
-    /// Point, pixel and their standard deviations.
-    pub seen: Correspondence,
-}
-
-impl NamedPoint {
-    fn label(&self) -> String {
-        match self.line {
-            Some(line) => format!("{} (line {line})", self.name),
-            None => self.name.clone(),
-        }
     }
 }
 

@@ -5,10 +5,12 @@
 pub mod scene;
 pub mod clicks;
 pub mod answers;
+mod job;
 pub mod words;
 pub mod table;
 pub mod plan;
 pub mod birdseye;
 
-pub use answers::{Answers, QueryAnswer, measure};
+pub use answers::{Answers, QueryAnswer};
+pub use job::measure;
 pub use scene::{NamedQuery, NamedScene, QueryKind, ScenePhoto, read_scene, rig_scene};

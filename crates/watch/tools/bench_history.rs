@@ -1,6 +1,6 @@
 //! What a history costs: on the thread of the session, on the disk, and in bytes.
 //!
-//! `cargo run --release -p resight --example bench_history [FOLDER]`
+//! `cargo run --release -p resight-watch --example bench_history [FOLDER]`
 
 use nalgebra::{Matrix6, Vector6};
 use resight::core::Pose;

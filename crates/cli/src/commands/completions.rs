@@ -1,9 +1,8 @@
 //! `completions` and `man`: what a shell and a reader of manuals want to know of the program.
 
-use crate::args::Arguments;
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result};
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 use resight::formats::write_atomically;
 use std::path::PathBuf;
@@ -31,17 +30,16 @@ pub struct Man {
 }
 
 /// See `Completions`.
-pub fn completions(args: &Completions) -> Result<Outcome> {
+pub fn completions(args: &Completions, mut program: Command) -> Result<Outcome> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Arguments::command(), "resight", &mut script);
+    clap_complete::generate(args.shell, &mut program, "resight", &mut script);
     print(&String::from_utf8(script)?)?;
     Ok(Outcome::Answered)
 }
 
 /// See `Man`.
-pub fn man(args: &Man) -> Result<Outcome> {
+pub fn man(args: &Man, mut program: Command) -> Result<Outcome> {
     std::fs::create_dir_all(&args.output).with_context(|| args.output.display().to_string())?;
-    let mut program = Arguments::command();
     program.build();
     let commands = program.get_subcommands().filter(|command| command.get_name() != "help");
     let pages = commands.map(|command| {

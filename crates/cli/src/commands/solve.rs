@@ -9,8 +9,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use resight::PoseAnswer;
 use resight::core::Camera;
-use resight::locate::table::{TableLocator, read_views, repeated_names, unit_remarks};
 use resight::locate::{Method, PointsOptions};
+use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
 use std::path::PathBuf;
 
 /// The pose of the camera from points you already have.

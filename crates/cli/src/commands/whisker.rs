@@ -7,6 +7,7 @@ mod foresight;
 mod identify;
 mod input;
 mod picture;
+mod rig;
 mod record;
 mod simulate;
 mod solve;

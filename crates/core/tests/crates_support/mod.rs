@@ -1,5 +1,6 @@
 //! The crates of the workspace as their sources have them: which files use which, and which crates.
 
+pub mod drawing;
 pub mod source;
 pub mod tree;
 
@@ -25,7 +26,8 @@ pub struct Package {
 /// All crates, by folder.
 pub fn packages() -> Vec<Package> {
     let manifests = fs::read_dir(root().join("crates")).expect("crates/");
-    let mut all: Vec<Package> = manifests.filter_map(|entry| package(&entry.expect("a crate").path())).collect();
+    let mut all: Vec<Package> =
+        manifests.filter_map(|entry| package(&entry.expect("a crate").path())).collect();
     let names: BTreeSet<String> = all.iter().map(|one| one.name.clone()).collect();
     for one in &mut all {
         one.dependencies.retain(|name| names.contains(name));

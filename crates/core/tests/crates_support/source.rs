@@ -94,11 +94,15 @@ pub fn imports(code: &str) -> (Vec<Import>, String) {
 
 /// Without `mod name;`, which names a file but does not use it.
 fn without_modules(code: &str) -> String {
-    code.split_inclusive(';').map(|part| part.rfind("mod ").map_or(part, |at| {
-        let name = part[at + 4..].trim_end_matches(';').trim();
-        let is_name = name.chars().all(|c| c.is_alphanumeric() || c == '_');
-        if is_name && part.ends_with(';') { &part[..at] } else { part }
-    })).collect()
+    code.split_inclusive(';')
+        .map(|part| {
+            part.rfind("mod ").map_or(part, |at| {
+                let name = part[at + 4..].trim_end_matches(';').trim();
+                let is_name = name.chars().all(|c| c.is_alphanumeric() || c == '_');
+                if is_name && part.ends_with(';') { &part[..at] } else { part }
+            })
+        })
+        .collect()
 }
 
 fn next_use(code: &str) -> Option<usize> {
@@ -120,7 +124,8 @@ fn expand(tree: &str, before: &[String], is_export: bool, imports: &mut Vec<Impo
             expand(rest.trim(), &path, is_export, imports);
         }
         _ => {
-            let (last, name) = tree.split_once(" as ").map_or((tree, None), |(last, name)| (last, Some(name)));
+            let (last, name) =
+                tree.split_once(" as ").map_or((tree, None), |(last, name)| (last, Some(name)));
             let (last, mut path) = (last.trim(), before.to_vec());
             if last.is_empty() {
                 return;
@@ -128,7 +133,8 @@ fn expand(tree: &str, before: &[String], is_export: bool, imports: &mut Vec<Impo
             if last != "self" || path.is_empty() {
                 path.push(last.to_string());
             }
-            let name = name.map_or_else(|| path.last().cloned().unwrap_or_default(), |n| n.trim().to_string());
+            let name =
+                name.map_or_else(|| path.last().cloned().unwrap_or_default(), |n| n.trim().to_string());
             imports.push(Import { name, path, is_export });
         }
     }

@@ -24,25 +24,29 @@ pub struct Tree {
 impl Tree {
     /// Of the sources below a folder, without files that only tests use.
     pub fn read(source: &Path) -> Self {
-        let (mut files, mut folders) = (BTreeMap::new(), vec![source.to_path_buf()]);
+        let (mut files, mut folders) = (Vec::new(), vec![source.to_path_buf()]);
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(&folder).expect("a source folder") {
                 let path = entry.expect("an entry").path();
                 if path.is_dir() {
                     folders.push(path);
                 } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
-                    let name = path.strip_prefix(source).expect("below it").to_string_lossy().replace('\\', "/");
-                    let (imports, code) = imports(&code(&fs::read_to_string(&path).expect("a source")));
-                    files.insert(module(&name), File { name, imports, code });
+                    let name =
+                        path.strip_prefix(source).expect("below it").to_string_lossy().replace('\\', "/");
+                    files.push((name, fs::read_to_string(&path).expect("a source")));
                 }
             }
         }
-        Tree { files }
+        Tree::of(files.into_iter())
     }
 
-    /// How many files there are.
-    pub fn len(&self) -> usize {
-        self.files.len()
+    /// Of files by their names below the source folder.
+    pub fn of(files: impl Iterator<Item = (String, String)>) -> Self {
+        let file = |(name, text): (String, String)| {
+            let (imports, code) = imports(&code(&text));
+            (module(&name), File { name, imports, code })
+        };
+        Tree { files: files.map(file).collect() }
     }
 
     /// For every file those that it uses: by an import, or by a path in its code. What a file only passes on (`pub use`) it does not use;
@@ -101,7 +105,12 @@ impl Tree {
     }
 
     /// What a module passes on under the first name of `rest`; none inside where that is of another crate.
-    fn exported(&self, module: &Module, rest: &[String], steps: usize) -> Option<Option<(Module, Vec<String>)>> {
+    fn exported(
+        &self,
+        module: &Module,
+        rest: &[String],
+        steps: usize,
+    ) -> Option<Option<(Module, Vec<String>)>> {
         let file = self.files.get(module)?;
         if let Some(import) = file.imports.iter().find(|import| import.name == rest[0]) {
             return Some(self.walk(module, &[&import.path, &rest[1..]].concat(), steps));

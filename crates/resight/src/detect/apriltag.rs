@@ -9,7 +9,7 @@
 //!   else: pixel (0, 0) is a centre, corners run 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left.
 #![allow(unsafe_code)]
 
-use super::families::Family;
+use super::family::Family;
 use crate::GrayImage;
 use apriltag_sys as c;
 use resight_core::Pixel;

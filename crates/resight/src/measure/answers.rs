@@ -2,7 +2,6 @@
 
 use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
-use crate::answer::MeasureAnswer;
 use crate::core::Error;
 use crate::core::multiview::network::{
     Adjusted, Fact, Frame, Measured, RIVAL_GATE_CHI2, SurveyStatus, adjust,
@@ -39,26 +38,15 @@ pub struct Answers {
 
 /// Why a scene has no answer at all.
 #[derive(Debug, Clone, PartialEq)]
-struct Refusal {
+pub(super) struct Refusal {
     /// The word for the survey and all its answers; none where the scene file itself is wrong.
-    status: Option<SurveyStatus>,
+    pub status: Option<SurveyStatus>,
     /// A sentence, with the scene's names.
-    reason: String,
+    pub reason: String,
 }
 
-/// Every question of a scene with its answer. What cannot be solved is in the answer's status.
-///
-/// # Errors
-/// A scene that is wrong in itself: no length, an impossible camera or statement.
-pub fn measure(scene: &NamedScene) -> Result<MeasureAnswer, crate::Error> {
-    match solve(scene) {
-        Ok(answers) => Ok(MeasureAnswer::solved(scene, answers)),
-        Err(Refusal { status: Some(status), reason }) => Ok(MeasureAnswer::refused(scene, status, &reason)),
-        Err(Refusal { status: None, reason }) => Err(crate::Error::request(reason)),
-    }
-}
-
-fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
+/// Solves a scene.
+pub(super) fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
     let cameras = scene.survey_cameras();
     let adjusted = adjust(&scene.survey(&cameras)).map_err(|e| refusal(scene, &e))?;
     let status = adjusted.status();

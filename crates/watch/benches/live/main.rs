@@ -1,8 +1,8 @@
 //! Real time: four cameras of 1280 × 960 pixels at 30 frames a second on two cores, none dropped, each pose within milliseconds.
 //!
 //! ```sh
-//! cargo bench -p resight --bench live                                  # a minute of each part
-//! cargo bench -p resight --bench live -- --part memory --seconds 3600  # memory over an hour
+//! cargo bench -p resight-watch --bench live                                  # a minute of each part
+//! cargo bench -p resight-watch --bench live -- --part memory --seconds 3600  # memory over an hour
 //! ```
 //! `search`: one picture. `memory`: rendered pictures held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
 //! Exit status 1 when a bar is missed.

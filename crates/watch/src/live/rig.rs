@@ -3,6 +3,7 @@
 //! Where targets stand still every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms
 //! moved. Where a target is carried about only the relations among the cameras are watched, moment by moment.
 
+mod config;
 mod attributed;
 mod moments;
 mod watched;
@@ -11,23 +12,13 @@ use super::pace::Pace;
 use super::state::StateFile;
 use super::{Event, LiveConfig};
 use attributed::Pairs;
-use nalgebra::DMatrix;
+pub use config::RigConfig;
+use resight_core::Camera;
 use resight_core::temporal::monitor::{Monitor, Reference};
-use resight_core::{Camera, Pose};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use watched::Cameras;
-pub(super) use watched::RigRecord;
-
-/// How the relations among the cameras of a rig are watched.
-#[derive(Debug, Clone)]
-pub struct RigConfig {
-    /// Where the cameras are, in the order of the session, and the covariance of all of them together, 6 rows a camera; none: learned.
-    pub reference: Option<(Vec<Pose>, DMatrix<f64>)>,
-    /// Frames of this time belong to one moment, seconds.
-    pub sync_tolerance_s: f64,
-}
 
 /// What a session is made of, by name.
 pub(super) struct Nodes {

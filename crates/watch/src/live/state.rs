@@ -3,12 +3,13 @@
 //! Two lines of JSON: what the file is with the SHA-256 of the second line, and the state. It is replaced as a whole, at most half a second
 //! after something new. Only a state of the same camera, target, reference and settings is taken up; a damaged one is put aside.
 
-mod keep;
 mod record;
+pub(super) mod rig_record;
+mod keep;
 
 pub use keep::StateFile;
 pub(super) use keep::{EVERY, unix_s};
 pub(super) use record::{
-    CameraRecord, LandmarksRecord, PairRecord, ReadingRecord, SnapshotRecord, StageRecord, changed,
-    landmark_settings, rig_settings, settings,
+    CameraRecord, LandmarksRecord, PairRecord, ReadingRecord, StageRecord, changed, landmark_settings,
+    rig_settings, settings,
 };

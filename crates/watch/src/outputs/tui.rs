@@ -4,6 +4,7 @@
 mod board;
 mod details;
 mod keys;
+mod picture;
 mod panel;
 mod statistics;
 mod table;
@@ -17,13 +18,13 @@ use crate::live::Event;
 use anyhow::{Context, Result, anyhow};
 use board::{Board, Moment};
 use keys::{Pressed, View};
+use picture::Picture;
 use ratatui::crossterm::event;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use terminal::Screen;
-use view::Picture;
 
 /// Pictures are at least so far apart.
 const PERIOD: Duration = Duration::from_millis(100);

@@ -220,7 +220,8 @@ mod tests {
         use std::os::unix::fs::PermissionsExt;
         let file = std::env::temp_dir().join(format!("resight-session-{}.toml", std::process::id()));
         std::fs::write(&file, "").expect("a file");
-        let mode = |mode| std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).expect("a mode");
+        let mode =
+            |mode| std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).expect("a mode");
         let value = "rtsp://me:secret@cam/x";
         mode(0o644);
         let refused = address(value, "gate", Some(&file)).expect_err("refused").to_string();

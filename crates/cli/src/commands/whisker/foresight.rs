@@ -1,6 +1,6 @@
 //! What lies ahead of a contact: where its phase began, and its slip-off in words.
 
-use super::record::Rig;
+use super::rig::Rig;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Status;
 use resight_whisker::events::slip::HORIZON;

@@ -1,15 +1,16 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
 use super::foresight::{self, At, Forecast};
+use super::rig::{Rig, SIX_AXES};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use resight_whisker::calibrate::{Calibration, Parameter, Tare};
+use resight_whisker::calibrate::Tare;
 use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Mode, Status, estimate};
+use resight_whisker::estimate::{Status, estimate};
 use resight_whisker::events::consistency::{mark, widen};
 use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
 use resight_whisker::files::contacts::RowStatus;
-use resight_whisker::files::{ContactRow, HubRow, WhiskerFile, six_axis};
+use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
 use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::sweep;
 use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
@@ -116,84 +117,6 @@ struct Answers {
     is_consistent: bool,
 }
 
-/// The whisker and its cell as the calibration has them.
-pub struct Rig {
-    /// None where nothing is to be corrected.
-    calibration: Option<Calibration>,
-    /// The whisker.
-    pub rod: Rod,
-    /// The noise of loads as they are meant.
-    pub cell: Cell,
-}
-
-impl Rig {
-    /// As the file has it, with the zeros of a tare in place of its own.
-    pub fn new(file: &WhiskerFile, tare: Option<&Tare>) -> Self {
-        match calibration(file, tare) {
-            Some(calibration) => Rig {
-                rod: calibration.rod(),
-                cell: calibration.apply_to_cell(&file.cell),
-                calibration: Some(calibration),
-            },
-            None => Rig { calibration: None, rod: file.rod.clone(), cell: file.cell },
-        }
-    }
-
-    /// A reading as it is meant.
-    pub fn meant(&self, read: &Sample) -> Sample {
-        self.calibration.as_ref().map_or(*read, |calibration| calibration.apply(read))
-    }
-
-    /// A calibration or a tare says nothing of fz, mx and my.
-    pub fn must_know_six_axes(&self) -> Result<()> {
-        if self.calibration.is_some() {
-            bail!("a calibration or a tare corrects fx, fy and mz, not fz, mx and my; {SIX_AXES}");
-        }
-        Ok(())
-    }
-
-    /// The row of a six-axis reading.
-    pub fn row_in_space(&self, reading: &HubRow) -> Result<ContactRow> {
-        Ok(match (&reading.reading, reading.out_of_plane) {
-            (Ok(sample), Some(rest)) => six_axis::row(&self.rod, &self.cell, sample, rest)?,
-            (Ok(_), None) => {
-                bail!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line)
-            }
-            (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),
-        })
-    }
-
-    /// What is not known of the rig makes every contact less certain.
-    pub fn widen(&self, estimate: &mut ContactEstimate, read: &Sample, is_raw: bool) {
-        let mode = if is_raw { Mode::Free } else { estimate.mode };
-        if let Some(contact) = &mut estimate.contact
-            && let Some(calibration) = &self.calibration
-            && let Some(added) = calibration.systematic_covariance(&self.cell, read, mode)
-            && added.iter().all(|x| x.is_finite())
-        {
-            contact.covariance += added;
-        }
-    }
-}
-
-/// That of the file, with the zeros of the tare in place of its own.
-fn calibration(file: &WhiskerFile, tare: Option<&Tare>) -> Option<Calibration> {
-    let Some(tare) = tare else { return file.calibration.clone() };
-    let mut calibration = file.calibration.clone().unwrap_or_else(|| Calibration::ideal(&file.rod));
-    let zeros = [Parameter::ForceXZero, Parameter::ForceYZero, Parameter::TorqueZero].map(Parameter::index);
-    for (i, place) in zeros.into_iter().enumerate() {
-        calibration.values[place] = tare.zeros[i];
-        calibration.covariance.row_mut(place).fill(0.0);
-        calibration.covariance.column_mut(place).fill(0.0);
-    }
-    for (i, a) in zeros.into_iter().enumerate() {
-        for (j, b) in zeros.into_iter().enumerate() {
-            calibration.covariance[(a, b)] = tare.covariance[(i, j)];
-        }
-    }
-    Some(calibration)
-}
-
 /// Solves a record.
 pub fn solve(
     file: &WhiskerFile,
@@ -260,10 +183,6 @@ fn in_space(file: &WhiskerFile, rig: Rig, readings: &[HubRow], args: &SolvingArg
 
 /// Ten times the share of sound contacts that the test of the plane fails.
 const MOST_OUT_OF_PLANE: f64 = 0.01;
-
-/// The way out of what only the plane allows.
-pub const SIX_AXES: &str = "readings of a six-axis cell (fz, mx, my) are each solved for themselves; leave those columns out to solve \
-                            fx, fy, mz in the plane";
 
 fn raw(rig: &Rig, samples: &[Sample], method: Method) -> Answers {
     let estimates = samples.iter().map(|sample| estimate(&rig.rod, &rig.cell, sample, method)).collect();

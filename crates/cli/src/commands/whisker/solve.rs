@@ -1,7 +1,8 @@
 //! `whisker solve`: the contact of every reading of a record.
 
 use super::input::{self, WhiskerArgs};
-use super::record::{self, SIX_AXES, Solved, SolvingArgs};
+use super::record::{self, Solved, SolvingArgs};
+use super::rig::SIX_AXES;
 use super::{picture, summary};
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};

@@ -2,7 +2,8 @@
 
 use super::foresight::{self, LOOKED_BACK};
 use super::input::{self, WhiskerArgs};
-use super::record::{MethodArg, Rig, SIX_AXES, parse_mu};
+use super::record::{MethodArg, parse_mu};
+use super::rig::{Rig, SIX_AXES};
 use super::summary;
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};

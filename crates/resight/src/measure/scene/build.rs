@@ -1,7 +1,6 @@
 //! From the scene file's tables to a survey: names to indices, defaults filled in, every number checked.
 
 use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
-use super::rig::with_floor;
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
 use crate::core::camera::Parameters;
@@ -374,4 +373,12 @@ impl Builder {
 fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
     ::image::image_dimensions(path)
         .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
+}
+
+/// A covariance that knows a direction exactly (a hinge) has no inverse: 1e-6 of its largest variances, and (1 µrad)² and (1 µm)²,
+/// change no number that anyone sees.
+pub(super) fn with_floor(covariance: &Matrix6) -> Matrix6 {
+    let most = |first: usize| covariance.diagonal().rows(first, 3).max().max(0.0);
+    let (turn, shift) = (1e-6 * most(0) + 1e-12, 1e-6 * most(3) + 1e-12);
+    covariance + Matrix6::from_diagonal(&crate::core::Vector6::new(turn, turn, turn, shift, shift, shift))
 }

@@ -1,10 +1,10 @@
 //! A scene of the cameras of a rig file with their places.
 
-use super::build::Builder;
+use super::build::{Builder, with_floor};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
+use crate::core::Pose;
 use crate::core::multiview::network::Fact;
-use crate::core::{Matrix6, Pose};
 use crate::formats;
 use crate::measure::clicks::read_clicks;
 use std::path::{Path, PathBuf};
@@ -83,12 +83,4 @@ fn check_one_frame(rig: &Path, cameras: &[formats::NamedCamera]) -> Result<(), F
         )),
         None => Ok(()),
     }
-}
-
-/// A covariance that knows a direction exactly (a hinge) has no inverse: 1e-6 of its largest variances, and (1 µrad)² and (1 µm)²,
-/// change no number that anyone sees.
-pub(super) fn with_floor(covariance: &Matrix6) -> Matrix6 {
-    let most = |first: usize| covariance.diagonal().rows(first, 3).max().max(0.0);
-    let (turn, shift) = (1e-6 * most(0) + 1e-12, 1e-6 * most(3) + 1e-12);
-    covariance + Matrix6::from_diagonal(&crate::core::Vector6::new(turn, turn, turn, shift, shift, shift))
 }

@@ -7,7 +7,6 @@ use super::{Nodes, RigConfig};
 use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
 use nalgebra::DMatrix;
-pub(in crate::live) use record::RigRecord;
 use resight_core::temporal::monitor::Unrest;
 use resight_core::temporal::monitor::learn::LEAST_READINGS;
 use resight_core::temporal::monitor::rig::{

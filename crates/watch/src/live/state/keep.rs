@@ -1,7 +1,7 @@
 //! The file itself: read once, written by a thread that never makes a camera wait.
 
 use super::record::CameraRecord;
-use crate::live::rig::RigRecord;
+use super::rig_record::RigRecord;
 use resight::FileError;
 use resight::formats::write_atomically;
 use resight::rig::digest::sha256;

@@ -2,8 +2,8 @@
 
 use super::board::PairBoard;
 use super::panel;
+use super::picture::Picture;
 use super::table::ms;
-use super::view::Picture;
 use crate::live::Observation;
 use nalgebra::{Matrix6, Vector3};
 use ratatui::Frame;

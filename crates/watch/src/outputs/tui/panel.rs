@@ -1,9 +1,9 @@
 //! The chosen camera: its state in words, times, scatter, and the turn through time.
 
 use super::board::PairBoard;
+use super::picture::{Picture, duration};
 use super::statistics::Rolling;
 use super::trail::bars;
-use super::view::{Picture, duration};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;

@@ -3,97 +3,15 @@
 
 use super::super::moments::{Seen, Shown, Together};
 use super::Cameras;
-use crate::live::state::{SnapshotRecord, changed, unix_s};
+use crate::live::state::rig_record::{
+    FrameRecord, HeardRecord, MomentRecord, PointRecord, RigRecord, SeenRecord, StageRecord,
+};
+use crate::live::state::{changed, unix_s};
 use resight_core::correspondence::PixelCovariance;
 use resight_core::locate::{Config, locate};
 use resight_core::temporal::monitor::rig::RigMonitor;
 use resight_core::{Camera, Correspondence};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::time::Instant;
-
-/// All that a restart needs.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(in crate::live) struct RigRecord {
-    /// What the state depends on, by name.
-    settings: BTreeMap<String, String>,
-    cameras: Vec<HeardRecord>,
-    /// Capture time of the first and the last moment, seconds.
-    first_s: Option<f64>,
-    last_s: f64,
-    stage: StageRecord,
-    /// Frames that wait for those of other cameras.
-    waiting: Vec<FrameRecord>,
-}
-
-/// How far a camera was heard.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct HeardRecord {
-    name: String,
-    /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
-    last: Option<(f64, f64)>,
-    /// When it last saw a target together with another, seconds.
-    seen_s: Option<f64>,
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum StageRecord {
-    Learning(Vec<MomentRecord>),
-    Watching(SnapshotRecord),
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct MomentRecord {
-    t_s: f64,
-    frames: Vec<FrameRecord>,
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct FrameRecord {
-    camera: usize,
-    t_s: f64,
-    seen: Vec<SeenRecord>,
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct SeenRecord {
-    target: usize,
-    /// Columns and rows of the picture, where the lens has a size.
-    size_px: Option<[u32; 2]>,
-    points: Vec<PointRecord>,
-}
-
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct PointRecord {
-    x_in_target_m: [f64; 3],
-    pixel: [f64; 2],
-    sigma_px: f64,
-    /// uu, uv, vv.
-    covariance_px2: Option<[f64; 3]>,
-    sigma_m: f64,
-}
-
-impl RigRecord {
-    /// About how many numbers it holds.
-    pub fn size(&self) -> usize {
-        let points = |frame: &FrameRecord| frame.seen.iter().map(|seen| seen.points.len()).sum::<usize>();
-        let of = |frames: &[FrameRecord]| 10 * frames.iter().map(points).sum::<usize>();
-        let stage = match &self.stage {
-            StageRecord::Watching(snapshot) => snapshot.len(),
-            StageRecord::Learning(moments) => moments.iter().map(|moment| of(&moment.frames)).sum(),
-        };
-        stage + of(&self.waiting)
-    }
-
-    /// Whether JSON can hold the statistics; what is seen is made of numbers.
-    pub fn is_finite(&self) -> bool {
-        match &self.stage {
-            StageRecord::Watching(snapshot) => snapshot.is_finite(),
-            StageRecord::Learning(_) => true,
-        }
-    }
-}
 
 impl Cameras {
     /// How things stand, after whole frames only: one that lacks a target's answer is looked at again.

@@ -1,10 +1,12 @@
 //! Pictures of a session whose events are made up, beside golden ones. `RESIGHT_BLESS=1` writes those anew; read the difference.
 
 use super::*;
-use crate::live::{Doubt, Event, Observation, StageTimes};
+use crate::live::{Doubt, Event, Observation, StageTimes, State};
 use crate::log::Log;
 use crate::names::Names;
 use crate::outputs::Session;
+use crate::outputs::tui::board::{Board, Moment};
+use crate::outputs::tui::keys::View;
 use nalgebra::{Matrix6, Vector6};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;

@@ -1,10 +1,10 @@
 //! Known correspondences from a CSV file to poses: one for each of its views.
 
-use super::{NamedPoint, PointsOptions, is_contradicted_by_priors, locate_points};
 use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
 use crate::input::table::{Table, TableRow};
+use crate::locate::{NamedPoint, PointsOptions, is_contradicted_by_priors, locate_points};
 use crate::{Error, FileError};
 use std::collections::HashMap;
 use std::path::Path;

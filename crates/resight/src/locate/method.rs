@@ -1,0 +1,20 @@
+//! What the solvers are called in flags and JSON.
+
+use resight_core::locate::Method;
+
+/// The solvers by their names in flags and JSON; `Priors` is chosen by itself alone.
+pub const METHODS: [(&str, Method); 7] = [
+    ("auto", Method::Auto),
+    ("wang2004", Method::Wang2004),
+    ("line_plus_one", Method::LinePlusOne),
+    ("p3p", Method::P3p),
+    ("planar", Method::Planar),
+    ("sqpnp", Method::Sqpnp),
+    ("upright", Method::Upright),
+];
+
+/// The name of a solver in flags and JSON.
+pub fn method_name(method: Method) -> &'static str {
+    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
+    METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
+}
