@@ -10,18 +10,19 @@
 //! At λ = 0 the promise gᵀH⁻¹g is both tests at once: the gradient in the metric of the covariance, and the step's squared length in
 //! standard deviations. [`Ending`] says how the loop ended. Derivation: docs/math/refine.md section 2.
 
-pub mod pose;
-pub mod point;
+pub(crate) mod pose;
+#[cfg(feature = "std")]
+pub(crate) mod point;
 #[cfg(feature = "std")]
 pub(crate) mod clustered;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
-pub mod shared;
+pub(crate) mod shared;
 #[cfg(feature = "std")]
-pub mod rig;
+pub(crate) mod rig;
 
-pub use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
+pub(crate) use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
 
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
