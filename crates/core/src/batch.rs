@@ -2,7 +2,7 @@
 //!
 //! Four points, three of them on a line, seen by a pinhole camera: the lanes find both minima of the closed form's candidates. Where
 //! nothing is doubtful then (a strong view, two minima far apart, a straight likelihood, a residual that fits) that is the answer.
-//! Where something is, `doubtful` goes on as `search` does, the starts of many views side by side, and `locate::conclude` decides.
+//! Where something is, `doubtful` goes on as `search` does, the starts of many views side by side, and `locate::answer::conclude` decides.
 //! Three points: P3P view by view, the poses of many views refined side by side. Every other view, whatever is wrong with it, goes to
 //! `locate` itself, so that there is one place for each decision; the lanes only prove that it need not be taken.
 //!

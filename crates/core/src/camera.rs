@@ -50,7 +50,7 @@ pub use photogrammetric::{Photogrammetric, PhotogrammetricParameters};
 pub use pinhole::Pinhole;
 
 /// Most intrinsic parameters a model has (Brown–Conrady: 4 + 14).
-pub const MAX_PARAMETERS: usize = 18;
+pub(crate) const MAX_PARAMETERS: usize = 18;
 
 /// Names (as in camera.toml) and values of the intrinsic parameters.
 pub type Parameters = ArrayVec<(&'static str, f64), MAX_PARAMETERS>;

@@ -10,18 +10,19 @@
 //! At λ = 0 the promise gᵀH⁻¹g is both tests at once: the gradient in the metric of the covariance, and the step's squared length in
 //! standard deviations. [`Ending`] says how the loop ended. Derivation: docs/math/refine.md section 2.
 
-pub mod pose;
-pub mod point;
+pub(crate) mod pose;
+#[cfg(feature = "std")]
+pub(crate) mod point;
 #[cfg(feature = "std")]
 pub(crate) mod clustered;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
-pub mod shared;
+pub(crate) mod shared;
 #[cfg(feature = "std")]
-pub mod rig;
+pub(crate) mod rig;
 
-pub use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
+pub(crate) use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
 
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -83,7 +84,8 @@ pub enum Ending {
     /// The undamped step promises less than the tolerance: the gradient vanishes, and the step is a vanishing part of a standard deviation.
     Converged,
     /// The gradient does not vanish, but no step that the damping still allows lowers the cost: rounding, the edge of the camera's field,
-    /// or a cost with an edge of its own. The state is the lowest found.
+    /// or a cost with an edge of its own; or a minimum that cannot come near its rival. The state is the lowest found or a vanishing step
+    /// beyond it.
     NoProgress,
     /// Out of steps, or no damping makes the matrix positive.
     NotConverged,
@@ -174,12 +176,9 @@ pub fn minimize<P: LeastSquares>(
         let tolerance = tolerance.at(P::chi2(equations));
         if foreseen || promised <= tolerance {
             let vanishes = damping.value == 0.0 || undamped_promise(problem, equations) <= tolerance;
-            let (state, equations) = lowest?;
-            return Some(if vanishes {
-                Minimum { state: trial, equations, steps, ending: Ending::Converged }
-            } else {
-                Minimum { state, equations, steps, ending: Ending::NoProgress }
-            });
+            let ending = if vanishes { Ending::Converged } else { Ending::NoProgress };
+            let (_, equations) = lowest?;
+            return Some(Minimum { state: trial, equations, steps, ending });
         }
     }
     let (state, equations) = lowest?;

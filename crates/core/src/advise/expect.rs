@@ -45,7 +45,7 @@ pub enum Doubt {
 }
 
 /// A bend that adds this much to the worst standard deviation spoils it by 5 %: docs/math/advise.md section 2.
-pub const ALLOWED_BEND: f64 = 1.05;
+pub(crate) const ALLOWED_BEND: f64 = 1.05;
 /// Two poses this many standard deviations apart leave a doubt in 1.2 % of pictures: docs/math/advise.md eq. (5).
 pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 

@@ -43,7 +43,7 @@ pub enum Concern {
 }
 
 /// Below this ratio the turn about the line is known five times worse than the others.
-pub const NEEDED_WIDTH: f64 = 0.2;
+pub(crate) const NEEDED_WIDTH: f64 = 0.2;
 /// Three points span a plane; more are taken as flat up to this thickness over width.
 const FLAT: f64 = 0.05;
 
@@ -59,7 +59,7 @@ pub fn concerns(view: &View, expectation: &Expectation) -> Vec<Concern> {
 }
 
 /// Whether points lie near one line.
-pub fn near_collinear(seen: &[Correspondence]) -> Option<Concern> {
+pub(crate) fn near_collinear(seen: &[Correspondence]) -> Option<Concern> {
     let geometry = survey(seen).ok()?;
     // Three of four on a line, and one well off it, is a layout of its own; its width is that of the whole.
     let width_ratio = match geometry.configuration {

@@ -8,8 +8,6 @@
 use super::{LeastSquares, Minimum, Tolerance, minimize};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
-#[cfg(not(feature = "std"))]
-use num_traits::Float as _;
 
 /// A pose held by the place of a pivot instead of the origin of the target frame.
 #[derive(Debug, Clone, Copy)]

@@ -29,13 +29,11 @@ use settle::{Settled, settled};
 use verdict::{Residuals, Verdict, judged, pixels};
 
 pub use causes::HandEyeCause;
-pub use motions::MIN_TURN_RAD;
-pub use verdict::MAX_SIZE_ERROR;
 
 /// An orientation less exact than this is no robot's and no vehicle's, rad (2 degrees).
-pub const MAX_HAND_SIGMA_RAD: f64 = 0.035;
+pub(crate) const MAX_HAND_SIGMA_RAD: f64 = 0.035;
 /// Nor is a position, by the larger of its travel and the target's distance.
-pub const MAX_HAND_SIGMA_BY_REACH: f64 = 0.02;
+pub(crate) const MAX_HAND_SIGMA_BY_REACH: f64 = 0.02;
 
 /// Which of the two is on the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

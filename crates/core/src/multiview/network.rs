@@ -272,13 +272,6 @@ impl Adjusted {
     pub fn camera(&self, camera: usize) -> Option<&Camera> {
         self.state.lenses.get(camera).map(|lens| &lens.camera)
     }
-
-    /// The 2 px residual (observed − predicted) of a click; none for other facts and where it took no part.
-    pub fn click_residual_px(&self, fact: usize) -> Option<nalgebra::Vector2<f64>> {
-        let Fact::Click { photo, point, pixel, .. } = self.facts.get(fact)? else { return None };
-        let x_in_cam = self.cam_from_world(*photo)? * self.point(*point)?;
-        Some(pixel - self.state.lenses[self.state.camera_of_photo[*photo]].camera.project(&x_in_cam)?)
-    }
 }
 
 impl Fact {

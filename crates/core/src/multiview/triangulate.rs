@@ -62,7 +62,7 @@ pub struct TriangulatedPoint {
 }
 
 /// Standard deviations that the parallax must differ from zero by: a point at infinity passes once in 740 times.
-pub const LEAST_PARALLAX_SIGMAS: f64 = 3.0;
+pub(crate) const LEAST_PARALLAX_SIGMAS: f64 = 3.0;
 /// Rounds of new weights: V depends on the point, by a part in 10⁴ once the start is good.
 const REWEIGHTINGS: usize = 4;
 /// Variance of a pixel below which it is no measurement (1e-12 px).

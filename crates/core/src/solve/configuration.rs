@@ -15,14 +15,14 @@ use num_traits::Float as _;
 
 /// Width over length at which the points are one line: survey coordinates given to 1e-9 of their extent are no straighter,
 /// and the rotation about such a line would need 1e-9 of the image's width to be seen.
-pub const MIN_WIDTH: f64 = 1e-9;
+pub(crate) const MIN_WIDTH: f64 = 1e-9;
 /// Height over base up to which three of four points are three points on a line. Up to here four points fix a homography so badly
 /// that noise of a thousandth of the image's width spoils it; the start from the line is off by no more than this angle, and
 /// refinement uses the true coordinates. Evidence: docs/math/configuration.md, table 1.
-pub const MAX_LINE_HEIGHT: f64 = 0.03;
+pub(crate) const MAX_LINE_HEIGHT: f64 = 0.03;
 /// Thickness over width up to which the points are one plane: up to here the planar solver misses no pose and the mirrored minimum, which it
 /// returns by construction, exists in nearly every view. Evidence: docs/math/configuration.md, table 2.
-pub const MAX_PLANE_THICKNESS: f64 = 0.05;
+pub(crate) const MAX_PLANE_THICKNESS: f64 = 0.05;
 /// Points closer than this part of the extent are one place.
 const MIN_DISTANCE: f64 = 1e-12;
 /// Coordinates carry a relative rounding: below this multiple of their size a length is noise.

@@ -79,7 +79,7 @@ impl<const N: usize> Scene<N> {
     }
 
     /// Polishes a candidate in the scene's units, and keeps it if it fits, is in front and is new.
-    pub fn admit(&self, candidate: Fit, found: &mut ArrayVec<Fit, 4>) {
+    pub(crate) fn admit(&self, candidate: Fit, found: &mut ArrayVec<Fit, 4>) {
         let Some(fit) = self.polished(candidate) else { return };
         let is_twin = |other: &Fit| {
             (other.rotation - fit.rotation).norm() < SAME && (other.focal / fit.focal - 1.0).abs() < SAME

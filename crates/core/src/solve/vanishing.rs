@@ -34,7 +34,7 @@ const MAX_SIGMA_RAD: f64 = 0.1;
 /// Gauss–Newton's steps; three are usual.
 const MAX_STEPS: usize = 20;
 /// Most line directions taken; vanishing points are few.
-pub const MAX_DIRECTIONS: usize = 8;
+pub(crate) const MAX_DIRECTIONS: usize = 8;
 /// Sign choices whose χ² is within this of the best explain the directions as well: five standard deviations.
 const SIGN_GATE_CHI2: f64 = 25.0;
 

@@ -86,7 +86,8 @@ pub fn least_residual(solutions: &Solutions) -> Option<&Solution> {
 /// `cam1_from_cam2` by (13), (14): needs no absolute position, any target frame and any G₀ give the same.
 ///
 /// R12 = R1 R2ᵀ, p12 = p1 − R12 p2.
-pub fn cam1_from_cam2(cam1_from_target: &Pose, cam2_from_target: &Pose) -> Pose {
+#[cfg(test)]
+fn cam1_from_cam2(cam1_from_target: &Pose, cam2_from_target: &Pose) -> Pose {
     let r12 = cam1_from_target.rotation * cam2_from_target.rotation.transpose();
     Pose::new(r12, cam1_from_target.translation - r12 * cam2_from_target.translation)
 }

@@ -63,7 +63,7 @@ pub fn quantile(degrees_of_freedom: usize, probability: f64) -> f64 {
 
 /// The statistic that χ² exceeds as rarely as a standard normal number exceeds `normal`: Wilson and Hilferty (1931), within 5 % from
 /// two degrees of freedom on where that is once in ten thousand, docs/math/refine.md eq. (17). Fast, and for any real number of degrees.
-pub fn quick_quantile(degrees_of_freedom: f64, normal: f64) -> f64 {
+pub(crate) fn quick_quantile(degrees_of_freedom: f64, normal: f64) -> f64 {
     let k = 2.0 / (9.0 * degrees_of_freedom);
     degrees_of_freedom * (1.0 - k + normal * k.sqrt()).powi(3)
 }

@@ -10,6 +10,7 @@
 
 mod log_sum;
 mod axis;
+mod priors;
 mod transients;
 mod models;
 mod bank;
@@ -30,7 +31,7 @@ pub mod attribute;
 pub mod rig;
 
 pub use drift::{Alone, Drift, Rate, turn_alone};
-pub use onsets::Course;
+pub use priors::Course;
 pub use promise::{Detectable, LastingError, MeasuredNoise};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};

@@ -8,7 +8,7 @@ use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Turns below this say nothing useful: at 0.01 rad a place is known a hundred times worse than the target's pose.
-pub const MIN_TURN_RAD: f64 = 0.01;
+pub(crate) const MIN_TURN_RAD: f64 = 0.01;
 /// … and turns that the noise of the motions could have made.
 const NOISE_FACTOR: f64 = 5.0;
 /// Views beyond this number are compared with a part of the others only.

@@ -11,7 +11,7 @@ use crate::multiview::rig_pose::RigCost;
 use crate::{Camera, Correspondence, Lens};
 
 /// A size that is off by less does not make the answer wrong: its share enters the covariance.
-pub const MAX_SIZE_ERROR: f64 = 0.005;
+pub(crate) const MAX_SIZE_ERROR: f64 = 0.005;
 /// χ² with one degree of freedom, 4.5 standard deviations: chance 7e-6.
 const SIZE_CHI2: f64 = 20.25;
 /// Intrinsics whose correction moves the rays by less (root mean square, of the focal length) do not make the answer wrong.

@@ -25,7 +25,7 @@ pub struct Measured {
 }
 
 /// Two-sided 95 % point of the standard normal distribution.
-pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// The end of an interval is found when √Δχ² is this near to its aim.
 const NEAR: f64 = 2e-3;
 /// Secant steps towards an end.

@@ -3,7 +3,7 @@
 use super::RigView;
 use super::cost::RigCost;
 use crate::locate::method::{Method, resolve};
-use crate::locate::multi_start::{closed_form, mirrored};
+use crate::locate::multi_start::{mirrored, of_method};
 use crate::locate::problem::Problem;
 use crate::solve::configuration::{MAX_PLANE_THICKNESS, classify};
 use crate::solve::gp3p::{Ray, gp3p};
@@ -50,7 +50,7 @@ pub(crate) fn push_single_cameras(starts: &mut Starts, cost: &RigCost) {
         let Ok(method) = resolve(Method::Auto, &configuration) else { continue };
         let problem = Problem::new(view.seen, view.camera);
         let rig_from_cam = view.cam_from_rig.inverse();
-        for cam_from_target in closed_form(method, &configuration, &problem).0 {
+        for cam_from_target in of_method(method, &configuration, &problem).0 {
             push(starts, cost, rig_from_cam * cam_from_target);
         }
     }

@@ -10,7 +10,7 @@
 use super::drift::Rate;
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
-use super::onsets::Course;
+use super::priors::{CHOSEN, Course, MEDIAN, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::Trace;
@@ -40,10 +40,6 @@ pub(super) struct Aftermath {
     decisions: u32,
 }
 
-/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
-const CHOSEN: f64 = 4.0;
-/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: eq. (47).
-const SIZE: f64 = 8.0;
 /// Odds of another course at which the name is changed, as Δχ²: 400 to 1.
 const RENAMED: f64 = 12.0;
 /// The same at the alarm, when the name has not been reported yet.
@@ -54,8 +50,6 @@ const AGAIN: f64 = 0.1;
 const SHARPER: f64 = 0.5;
 /// ln of the odds at which a camera is back: 1000 to 1.
 const BACK: f64 = 7.0;
-/// And it must be as near as half of all cameras that are: χ² of six degrees of freedom.
-const MEDIAN: f64 = 5.348;
 /// Errors found larger than the model are reported for this long, seconds, and so many decisions, at least.
 const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
@@ -209,7 +203,7 @@ impl Monitor {
     /// Errors that scatter more than the model says, over times like that of the change, where they explain the alarm.
     fn explanation(&self, duration_s: f64) -> Option<Excess> {
         let excess = self.aftermath.scatter.excess(2.0 * duration_s)?;
-        let log_r = (self.aftermath.log_r + SIZE) / excess.factor - SIZE;
+        let log_r = deflated(self.aftermath.log_r, excess.factor);
         (log_r < self.log_threshold()).then_some(excess)
     }
 

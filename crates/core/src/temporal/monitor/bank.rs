@@ -11,6 +11,7 @@ use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
 use super::models::{
     DAILY_SHARES, DAYS, DIRECTIONS, EXCLUDED, GRID, GRID_MODELS, MODELS, Model, STATED, WHITE, best, between,
 };
+use super::priors::SCALE_OVER;
 use crate::temporal::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector4;
@@ -31,8 +32,7 @@ const AHEAD: f64 = 2.0;
 /// Errors that last are presumed up to this share while there is no reading; ln of how improbable larger ones are.
 const PRESUMED: f64 = 1.2;
 const UNPRESUMED: f64 = -12.0;
-/// Readings over which the scale is measured, and how many the stated scale counts for.
-const SCALE_OVER: f64 = 200.0;
+/// How many readings the stated scale counts for.
 const STATED_COUNTS: f64 = 10.0;
 /// A square of a standardised innovation counts up to this: nine in ten thousand are larger by chance, outliers and steps are.
 const LARGEST_SQUARE: f64 = 11.0;

@@ -5,13 +5,11 @@
 //! ones are where they were.
 
 use super::axis::Whitened;
+use super::priors::CONFIRM;
 use super::test::{DriftTest, SURPRISE};
 use crate::temporal::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
-
-/// Outliers in a row that agree: a pose estimate flips once or twice, seldom three times to the same place.
-const CONFIRM: usize = 3;
 
 /// Of a period: times are rounded.
 const ROUNDING: f64 = 1.0 - 1e-6;

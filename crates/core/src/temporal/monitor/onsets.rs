@@ -13,6 +13,7 @@
 
 use super::axis::{AXES, Innovation, Transition, read};
 use super::measured::Measured;
+use super::priors::{COURSES, Course, SIZES, WIDER};
 use super::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -21,11 +22,6 @@ use std::sync::LazyLock;
 
 /// Onsets kept; older ones lie further apart.
 const ONSETS: usize = 24;
-/// Size looked for of each course, in standard deviations of a reading, of a drift per day. A change five times larger or smaller costs
-/// about ln 5 of evidence.
-const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
-/// Sizes looked for beside noise that may follow a jump, in units of those, and their prior weights.
-pub(super) const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
 /// Estimates of a change expect it below this many of that size: any that can be seen.
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
@@ -44,18 +40,6 @@ static LOG_WEIGHTS: LazyLock<[[f64; CHANGES]; COURSES.len()]> =
 pub(super) fn log_cost() -> f64 {
     2.0 - (COURSE_WEIGHTS[0] * CHANGE_WEIGHTS[3]).ln()
 }
-
-/// How a change goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Course {
-    /// A jump that stays.
-    Step,
-    /// A drift that goes on; its size is per day.
-    Slow,
-}
-
-/// In this order everywhere below.
-const COURSES: [Course; 2] = [Course::Step, Course::Slow];
 
 /// What the readings since an onset say of a change of one coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -236,7 +220,7 @@ impl Onsets {
 
     /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
     /// that.
-    pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
+    pub(crate) fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
         let masses: ArrayVec<f64, { ONSETS + 1 }> = self
             .onsets
             .iter()
@@ -354,7 +338,7 @@ impl Onsets {
 
 impl Onsets {
     /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
-    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
         self.onsets.len().put(numbers);
         for onset in &self.onsets {
             onset.t_s.put(numbers);
@@ -365,7 +349,7 @@ impl Onsets {
     }
 
     /// Reads what that wrote.
-    pub fn take_version_2(rest: &mut Rest) -> Option<Self> {
+    pub(crate) fn take_version_2(rest: &mut Rest) -> Option<Self> {
         let mut onsets = ArrayVec::new();
         for _ in 0..usize::take(rest)? {
             let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);

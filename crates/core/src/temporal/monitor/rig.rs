@@ -21,6 +21,7 @@ pub use star::Glance;
 
 use super::attribute::{Attribution, MovedNode};
 use super::axis::DAY_S;
+use super::priors::CHOSEN;
 use super::test::LEAST_EVIDENCE;
 use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
 use crate::locate::consistency::Consistency;
@@ -90,8 +91,6 @@ struct Open {
     drifts: Vec<Drift>,
 }
 
-/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
-const CHOSEN: f64 = 4.0;
 /// Chance of a moment as far from what was expected as this, or farther: it waits for others.
 const SURPRISE: f64 = 1e-6;
 

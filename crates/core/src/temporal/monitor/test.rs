@@ -107,7 +107,7 @@ impl DriftTest {
 
     /// The same test from here on, around a constant part as widely known as `noise` says; what was learned of the noise before `onset_s`
     /// stays; what came after says something of it only if the motion `came_back`. None where a covariance is not positive definite.
-    pub fn restarted(&self, noise: &DriftNoise, onset_s: f64, came_back: bool) -> Option<Self> {
+    pub(crate) fn restarted(&self, noise: &DriftNoise, onset_s: f64, came_back: bool) -> Option<Self> {
         let mut test = DriftTest::new(noise)?;
         test.measured = self.measured.clone();
         if let Some(measured) = &mut test.measured {
@@ -164,7 +164,7 @@ impl DriftTest {
     }
 
     /// Whitened coordinates of the motion's.
-    pub fn whitened_from_motion(&self) -> &Matrix6<f64> {
+    pub(crate) fn whitened_from_motion(&self) -> &Matrix6<f64> {
         &self.whitened_from_motion
     }
 
@@ -310,12 +310,12 @@ impl DriftTest {
     }
 
     /// The same after a change.
-    pub fn level_after(&self, change: &Change) -> (Vector6<f64>, Matrix6<f64>) {
+    pub(crate) fn level_after(&self, change: &Change) -> (Vector6<f64>, Matrix6<f64>) {
         self.shifted_level(&change.shift, &change.variance)
     }
 
     /// The same if it jumped at the onset nearest to `onset_s`; none before the first reading.
-    pub fn level_after_jump(&self, onset_s: f64) -> Option<(Vector6<f64>, Matrix6<f64>)> {
+    pub(crate) fn level_after_jump(&self, onset_s: f64) -> Option<(Vector6<f64>, Matrix6<f64>)> {
         self.onsets.jump_since(onset_s).map(|(shift, variance)| self.shifted_level(&shift, &variance))
     }
 
@@ -366,7 +366,7 @@ fn scales(readings: &[(f64, Whitened)]) -> Vector6<f64> {
 
 impl DriftTest {
     /// As version 2 of a snapshot has it.
-    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
         self.whitened_from_motion.put(numbers);
         self.motion_from_whitened.put(numbers);
         self.noise.put(numbers);
@@ -376,7 +376,7 @@ impl DriftTest {
     }
 
     /// Reads what that wrote.
-    pub fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
+    pub(crate) fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
         let whitened_from_motion = Matrix6::take(rest)?;
         Some(DriftTest {
             typical: variances(&whitened_from_motion, &noise.reading),

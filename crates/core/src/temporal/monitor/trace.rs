@@ -6,7 +6,7 @@
 //! ```
 //! The alarm weighs the same two, but it must be early; this goes on as readings come. docs/math/monitor.md eq. (48).
 
-use super::onsets::Course;
+use super::priors::Course;
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;

@@ -6,6 +6,7 @@
 
 mod series;
 
+use super::priors::{MEDIAN, OUTLIER};
 use super::test::{DriftNoise, whitening};
 use super::{Course, Drift, LogSum};
 use crate::Error;
@@ -74,11 +75,6 @@ const FEWEST: usize = 12;
 /// A scatter from reading to reading beyond this many standard deviations of one, which lasts longer than half of the span, is no
 /// noise: there is no pose that it is about.
 const WANDER: f64 = 5.0;
-/// χ² of six degrees of freedom that one in 10⁴ exceeds: two such readings do not agree.
-const OUTLIER: f64 = 27.9;
-/// The 50 % quantile of the same.
-const MEDIAN: f64 = 5.348;
-
 /// What samples, in order of time, say of a change: its kind, the first sample after it, and its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Found {

@@ -10,9 +10,7 @@
 
 use super::filter::{Carried, Innovation, STATES};
 use crate::temporal::monitor::axis::DAY_S;
-use crate::temporal::monitor::measured::GROWN;
-use crate::temporal::monitor::onsets::Course;
-use crate::temporal::monitor::onsets::WIDER;
+use crate::temporal::monitor::priors::{COURSES, Course, GROWN, SIZES, WIDER};
 use crate::temporal::monitor::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
@@ -20,9 +18,6 @@ use nalgebra::{DMatrix, DVector};
 
 /// Onsets kept.
 const ONSETS: usize = 16;
-/// Sizes looked for of each course, in standard deviations of a sight, of a drift per day.
-const SIZES: [f64; 2] = [2.0, 30.0];
-const COURSES: [Course; 2] = [Course::Step, Course::Slow];
 /// Coordinates of one camera that change together: each of six alone, the rotation, all.
 const KINDS: usize = 8;
 

@@ -99,7 +99,7 @@ impl Innovation {
     }
 
     /// ln |S|.
-    pub fn log_volume(&self) -> f64 {
+    pub(crate) fn log_volume(&self) -> f64 {
         self.spread.l_dirty().diagonal().iter().map(|root| 2.0 * root.ln()).sum()
     }
 

@@ -7,6 +7,7 @@ use super::filter::{Innovation, RigFilter};
 use super::star::Sight;
 use super::which::{explained, which};
 use crate::statistics::chi_square::tail;
+use crate::temporal::monitor::priors::CONFIRM;
 use crate::temporal::snapshot::numbers;
 use nalgebra::DVector;
 
@@ -23,8 +24,6 @@ impl Moment {
     }
 }
 
-/// Surprising moments that agree.
-const CONFIRM: usize = 3;
 /// Share of χ² that one motion may leave of moments that agree: they differ by less than a third of it, as frames do that were not taken at
 /// quite one time. Of three outliers that have nothing to do with each other their mean leaves two thirds.
 const SCATTER: f64 = 0.1;

@@ -10,6 +10,7 @@ use super::filter::SightNoise;
 use super::star::{Glance, Sight, inverse, star};
 use crate::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
 use crate::temporal::monitor::learn::{LEAST_READINGS, LearnConfig};
+use crate::temporal::monitor::priors::{MEDIAN, OUTLIER};
 use crate::temporal::monitor::unsettled::{self, Found, Sample, Unrest, Unsettled};
 use crate::{Camera, Error, Matrix6, Pose, Vector6};
 use nalgebra::DMatrix;
@@ -23,10 +24,6 @@ pub struct RigMoment<'a> {
     pub glances: Vec<Glance<'a>>,
 }
 
-/// χ² of six degrees of freedom that one in 10⁴ exceeds: such sights do not take part.
-const OUTLIER: f64 = 27.9;
-/// The 50 % quantile of the same.
-const MEDIAN: f64 = 5.348;
 /// Rounds of weighting.
 const ROUNDS: usize = 8;
 /// Sights of a camera below which its noise is taken to be that of all cameras.

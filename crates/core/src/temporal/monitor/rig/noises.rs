@@ -10,12 +10,11 @@
 use super::RigReference;
 use super::evidence::{Gathered, Then};
 use super::filter::{Carried, Innovation, RigFilter};
-use crate::temporal::monitor::measured::{BETWEEN, GROWN, GROWS};
+use crate::temporal::monitor::priors::{self, BETWEEN, GROWN, SCALE_OVER, most_grown, read_grown};
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 
-/// Moments over which the scale is measured, and how many the learned one counts for.
-const SCALE_OVER: f64 = 200.0;
+/// How many moments the learned scale counts for.
 const LEARNED_COUNTS: f64 = 20.0;
 /// νᵀS⁻¹ν counts up to so many standard deviations beyond its mean.
 const LARGEST: f64 = 6.0;
@@ -30,9 +29,6 @@ const LARGEST_BLOCK: f64 = 5.0;
 const BY_CHANCE: f64 = 1.25;
 /// Errors that do not change at all within a block of a length grow by this from it to the next.
 const FASTEST: f64 = 4.0;
-/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: as eq. (47).
-const SIZE: f64 = 8.0;
-
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Noises {
     filter: RigFilter,
@@ -110,9 +106,7 @@ impl Noises {
         let (n, chi2) = (innovation.degrees_of_freedom() as f64, innovation.chi2());
         let log_volume = innovation.log_volume();
         self.own -= 0.5 * (chi2 + log_volume);
-        for (grown, factor) in self.grown.iter_mut().zip(GROWN) {
-            *grown -= 0.5 * (chi2 / factor + log_volume + n * factor.ln());
-        }
+        read_grown(&mut self.grown, chi2, log_volume, n);
         // S is of the scale as it is used.
         let cut = (chi2 * self.scale.max(1.0) / self.scale).min(n + LARGEST * (2.0 * n).sqrt());
         self.scale = (self.scale * (1.0 + forgets * (cut / n - 1.0))).max(1e-9);
@@ -135,14 +129,13 @@ impl Noises {
     /// ln ρ of an onset.
     pub fn log_against(&self, then: &Then) -> f64 {
         let own = self.own - then.own;
-        let grown = self.grown.iter().zip(then.grown).zip(GROWS).map(|((now, then), log)| now - then + log);
-        own - grown.fold(own, f64::max) - BETWEEN * (self.moments - then.moments)
+        own - most_grown(&self.grown, &then.grown).max(own) - BETWEEN * (self.moments - then.moments)
     }
 
     /// ln R as far as errors like those so far do not explain it, of a change since `then`.
     pub fn deflated(&self, log_r: f64, then: &Then) -> f64 {
         let since = self.moments - then.moments;
-        (log_r + SIZE) / self.factor(since) - SIZE
+        priors::deflated(log_r, self.factor(since))
     }
 
     /// The largest f² of blocks that are no longer than a few times so many moments.
