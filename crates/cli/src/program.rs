@@ -10,7 +10,7 @@ use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::path::PathBuf;
 
-/// Where is the camera, and how sure is that?
+/// Where is the camera, and how uncertain is that?
 ///
 /// Known intrinsics and a few known points in, the camera's pose with its error bar and an honest verdict out.
 /// Start with `resight demo`.
@@ -66,7 +66,7 @@ impl Arguments {
 #[derive(Debug, Subcommand)]
 #[allow(clippy::large_enum_variant)] // One command a run.
 pub enum Command {
-    /// The whole path on shipped pictures with known truth: detection, poses, relative extrinsics, a report.
+    /// The whole path on shipped images with known truth: detection, poses, relative extrinsics, a report.
     Demo(demo::Demo),
     /// Finds the target in images and says where each was taken from.
     Locate(locate::Locate),
@@ -80,7 +80,7 @@ pub enum Command {
     PoseGraph(pose_graph::PoseGraphArgs),
     /// Where a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
     HandEye(hand_eye::HandEyeArgs),
-    /// What moved between two rigs or poses, by how much, and how sure that is.
+    /// What moved between two rigs or poses, by how much, and how uncertain that is.
     Compare(compare::Compare),
     /// Writes camera files in another program's format, with the poses of other files merged in.
     Convert(convert::Convert),
@@ -94,7 +94,7 @@ pub enum Command {
     Whisker(whisker::Whisker),
     /// Watches cameras over time and raises an alarm when one moved.
     Watch(watch::Watch),
-    /// How a camera turned since a reference picture, without any target.
+    /// How a camera rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
     /// What `watch --history` wrote: a summary, or a table as CSV or Parquet.
     History(history::History),

@@ -63,14 +63,14 @@ fn a_project_of_ones_own_builds_and_answers_as_the_program_does() {
          serde_json = \"1\"\n\n[workspace]\n\n{profiles}",
         library.display().to_string()
     );
-    let program = r#"use resight::{GrayImage, locate_image, read_camera, read_target, report::words::place_sigma_m};
+    let program = r#"use resight::{GrayImage, locate_image, read_camera, read_target, report::words::position_sigma_m};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (camera, target) = (read_camera("examples/photo/left.yml")?, read_target("examples/photo/board.toml")?);
     let image = GrayImage::read("examples/photo/left03.jpg".as_ref())?;
     let answer = locate_image(&image, &camera, &target, &Default::default())?;
     let pose = answer.estimate.as_ref().ok_or("no pose")?;
-    let (x, sigma) = (pose.cam_from_target.origin(), place_sigma_m(&pose.cam_from_target, &pose.covariance));
+    let (x, sigma) = (pose.cam_from_target.origin(), position_sigma_m(&pose.cam_from_target, &pose.covariance));
     println!("{:.4} m ± {:.4} m\n{}", x.transpose(), sigma.transpose(), serde_json::to_string(&answer)?);
     Ok(())
 }

@@ -49,9 +49,9 @@ fn minima_observability_and_geometry_are_in_the_pose_object() {
             assert!(weak[key].as_f64().is_some_and(|x| 0.0 <= x), "{key}: {weak}");
         }
         assert!(
-            weak["turn_axis"].is_string()
+            weak["rotation_axis"].is_string()
                 && weak["shift_axis"].is_string()
-                && weak["go_together"].is_boolean()
+                && weak["correlated"].is_boolean()
         );
         let geometry = &answer["geometry"];
         assert_eq!(geometry["configuration"], configuration);

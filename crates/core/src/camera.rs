@@ -86,7 +86,7 @@ pub enum Lens {
     Eucm(Eucm),
     /// Double sphere.
     DoubleSphere(DoubleSphere),
-    /// The seed paper's own, eq. (1).
+    /// The paper of Wang (2004)'s own, eq. (1).
     Photogrammetric(Photogrammetric),
 }
 

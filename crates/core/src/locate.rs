@@ -76,7 +76,7 @@ impl Default for Config<'_> {
     }
 }
 
-/// A pose, how sure, and whether another one fits as well.
+/// A pose, how uncertain, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEstimate {
     /// The pose: x_in_cam = cam_from_target · x_in_target. Where several fit, the most probable of them.
@@ -107,8 +107,8 @@ pub struct PoseEstimate {
     pub consistency: Consistency,
     /// Probability of this pose among all minima found, no pose expected beforehand: docs/math/posterior.md. With more points
     /// than unknowns it says which of them, not whether any is right: that is `consistency`.
-    pub weight: f64,
-    /// The other minima: those within the gate rival this one and come first, the more probable before the less; then lowest χ² first.
+    pub probability: f64,
+    /// The other minima: those within the gate second solution this one and come first, the more probable before the less; then lowest χ² first.
     pub others: Others,
     /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
@@ -119,7 +119,7 @@ pub struct PoseEstimate {
 
 /// The pose of a camera from known points.
 ///
-/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
+/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one second solutions is
 /// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let view = classify(seen, camera, config)?;
@@ -133,13 +133,13 @@ impl PoseEstimate {
     pub fn minima(&self) -> impl Iterator<Item = Hypothesis> + '_ {
         let Self { cam_from_target, covariance, chi2, rms_px, log_determinant, .. } = *self;
         let minimum = Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant };
-        let Self { delta_chi2, weight, .. } = *self;
-        let first = Hypothesis { minimum, delta_chi2, weight, is_rival: true };
+        let Self { delta_chi2, probability, .. } = *self;
+        let first = Hypothesis { minimum, delta_chi2, probability, is_alternative: true };
         core::iter::once(first).chain(self.others.iter().flatten().copied())
     }
 
     /// How many minima lie within the gate, this pose included: 1 where it is unique.
-    pub fn n_rivals(&self) -> usize {
-        self.minima().filter(|h| h.is_rival).count()
+    pub fn n_alternatives(&self) -> usize {
+        self.minima().filter(|h| h.is_alternative).count()
     }
 }

@@ -13,7 +13,7 @@
 //! assert_eq!(answer.status(), resight::Status::Ok);
 //! if let Some(pose) = &answer.estimate {
 //!     let camera_m = pose.cam_from_target.origin(); // In the target's frame.
-//!     let sigma_m = resight::report::words::place_sigma_m(&pose.cam_from_target, &pose.covariance);
+//!     let sigma_m = resight::report::words::position_sigma_m(&pose.cam_from_target, &pose.covariance);
 //!     println!("camera at {:.3} m ± {:.4} m of the target", camera_m.transpose(), sigma_m.transpose());
 //! }
 //! println!("{}", answer.verdict.message);

@@ -150,7 +150,7 @@ impl Located {
     /// The answer drawn over its image, as PNG; `title` stands in the caption.
     ///
     /// # Errors
-    /// Why the picture could not be encoded.
+    /// Why the image could not be encoded.
     pub fn overlay_png(&self, image: &GrayImage, target: &Target, title: &str) -> Result<Vec<u8>, String> {
         let status = self.answer.status();
         let scene = overlay::Scene {

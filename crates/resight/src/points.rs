@@ -218,8 +218,9 @@ fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileErr
 pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     for view in views {
         let mut seen = std::collections::HashMap::new();
-        let twins = view.rows.iter().find_map(|row| seen.insert(&row.name, row.line).map(|line| (row, line)));
-        if let Some((row, line)) = twins {
+        let duplicates =
+            view.rows.iter().find_map(|row| seen.insert(&row.name, row.line).map(|line| (row, line)));
+        if let Some((row, line)) = duplicates {
             let (view, name, second) = (&view.name, &row.name, row.line);
             return Some(format!(
                 "view {view}: lines {line} and {second} both have id `{name}`; right for the corners of one tag, else one is mislabelled"

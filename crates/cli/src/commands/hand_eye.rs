@@ -7,7 +7,7 @@ use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{HandEyeAnswer, SolvedHandEye};
-use resight::core::multiview::hand_eye::{HandEyeConfig, HandNoise, Height, Mount};
+use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
 use resight::formats::write_atomically;
 use resight::report::words::{degrees, length, sigmas};
@@ -87,14 +87,14 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
 }
 
 impl HandEyeArgs {
-    fn robot_noise(&self) -> Option<HandNoise> {
+    fn robot_noise(&self) -> Option<GripperNoise> {
         let sigmas = self.robot_sigma_deg.zip(self.robot_sigma_mm);
-        sigmas.map(|(deg, mm)| HandNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
+        sigmas.map(|(deg, mm)| GripperNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
     }
 
     fn config(&self) -> Result<HandEyeConfig> {
-        let mount = if self.eye_to_hand { Mount::TargetOnHand } else { Mount::CameraOnHand };
-        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mount, height: None }) };
+        let mounting = if self.eye_to_hand { Mounting::TargetOnGripper } else { Mounting::CameraOnGripper };
+        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mounting, height: None }) };
         let numbers: Vec<f64> = self.height_axis.split(',').filter_map(|x| x.trim().parse().ok()).collect();
         let [x, y, z] = numbers[..] else {
             bail!("--height-axis {}: three numbers separated by commas are needed", self.height_axis);
@@ -104,7 +104,7 @@ impl HandEyeArgs {
             height_m,
             sigma_m: 1e-3 * self.height_sigma_mm,
         };
-        Ok(HandEyeConfig { mount, height: Some(height) })
+        Ok(HandEyeConfig { mounting, height: Some(height) })
     }
 }
 
@@ -129,7 +129,7 @@ fn words(solved: &SolvedHandEye) -> String {
     let (carrier, holder) = solved.pose_names();
     line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
     line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
-    let [first, second, third] = found.turns_rad.map(degrees);
+    let [first, second, third] = found.rotations_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "rotations", &text);
     line(
@@ -137,7 +137,7 @@ fn words(solved: &SolvedHandEye) -> String {
         "fit",
         &format!("χ² {:.1} for {} degrees of freedom", found.chi2, found.degrees_of_freedom),
     );
-    if let Some(noise) = &found.hand_noise {
+    if let Some(noise) = &found.gripper_noise {
         let text = format!(
             "{} and {} (1σ per axis), estimated from the views",
             degrees(noise.sigma_rad),

@@ -70,7 +70,7 @@ pub fn run(args: &History) -> Result<Outcome> {
 }
 
 /// Drifts told in words; a history may have many more.
-const TOLD: usize = 20;
+const REPORTED: usize = 20;
 
 fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Selection) -> Result<()> {
     let is_asked = |pair: &&PairSummary| args.camera.is_empty() || args.camera.contains(&pair.camera);
@@ -106,10 +106,10 @@ fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Se
     }
     let events: Vec<String> = events.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
     print(&format!("events: {}\n", if events.is_empty() { "none".to_string() } else { events.join(", ") }))?;
-    for drift in drifts.iter().rev().take(TOLD).rev() {
+    for drift in drifts.iter().rev().take(REPORTED).rev() {
         print(&drift_words(drift))?;
     }
-    let earlier = drifts.len().saturating_sub(TOLD);
+    let earlier = drifts.len().saturating_sub(REPORTED);
     if 0 < earlier {
         print(&format!("and {earlier} earlier drifts; --export events.csv --events has all\n"))
     } else {
@@ -121,17 +121,17 @@ fn words(pair: &PairSummary) -> String {
     let [frames, minutes, hours] = pair.rows;
     let total: u64 = pair.states.iter().map(|share| share.frames).sum();
     let seen: u64 = pair.states.iter().map(|share| share.readings).sum();
-    let turns: u64 = pair.states.iter().map(|share| share.turns).sum();
+    let rotations: u64 = pair.states.iter().map(|share| share.rotations).sum();
     let share = |n: u64| 100.0 * n as f64 / total.max(1) as f64;
     let states: Vec<String> =
         pair.states.iter().map(|s| format!("{} {:.1} %", s.state, share(s.frames))).collect();
     let rms = pair.rms_px.map_or(String::new(), |rms_px| format!(", rms {rms_px:.3} px"));
-    let turned = match turns {
+    let rotated = match rotations {
         0 => String::new(),
-        _ => format!(", a turn of landmarks in {:.1} %", share(turns)),
+        _ => format!(", a rotation of landmarks in {:.1} %", share(rotations)),
     };
     format!(
-        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}{turned}\n    {}\n",
+        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}{rotated}\n    {}\n",
         pair.camera,
         pair.target,
         when::words(pair.span_s.0),
@@ -145,7 +145,7 @@ fn object(pair: &PairSummary) -> Value {
     let states: serde_json::Map<String, Value> = pair
         .states
         .iter()
-        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "turns": s.turns})))
+        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "turns": s.rotations})))
         .collect();
     let [frames, minutes, hours] = pair.rows;
     json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// Where several cameras sit relative to each other, from targets that they see through time.
 ///
 /// Intrinsics stay as they are given. Needed: one or more targets, moved about so that cameras see them together, two at a time
-/// is enough; nothing surveyed. Prints every camera's place in the rig (the reference camera's frame) with its covariance.
+/// is enough; nothing surveyed. Prints every camera's position in the rig (the reference camera's frame) with its covariance.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\

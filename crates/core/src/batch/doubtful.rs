@@ -1,4 +1,4 @@
-//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` goes on
+//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` continues
 //! from there, with the start left over and those of P3P, here of many views side by side.
 
 use super::starts::{End, Start, refine_all};
@@ -100,7 +100,7 @@ impl<'a> Case<'a> {
         self.starts.iter().map(|start| Start {
             seen: &self.seen,
             cam_from_target: *start,
-            rival_chi2: self.lowest_chi2(),
+            alternative_chi2: self.lowest_chi2(),
         })
     }
 
@@ -133,10 +133,10 @@ impl<'a> Case<'a> {
     /// As `multi_start::refine_each`, the refinements being done.
     fn follow(&self, starts: &[Pose], ends: &[End], problem: &Problem, minima: &mut Minima) {
         for (start, end) in starts.iter().zip(ends) {
-            let rival_chi2 = minima.first().map(|m| m.chi2);
+            let alternative_chi2 = minima.first().map(|m| m.chi2);
             // Once a start has led below the minima known before, the next are measured by that one.
-            let known = end.minimum.filter(|_| rival_chi2 == Some(self.lowest_chi2()));
-            if let Some(minimum) = known.or_else(|| refine_against(start, rival_chi2, problem).ok()) {
+            let known = end.minimum.filter(|_| alternative_chi2 == Some(self.lowest_chi2()));
+            if let Some(minimum) = known.or_else(|| refine_against(start, alternative_chi2, problem).ok()) {
                 insert(minima, minimum);
             }
         }

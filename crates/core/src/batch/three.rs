@@ -86,8 +86,12 @@ impl Case {
     }
 
     fn starts(&self) -> impl Iterator<Item = Start<'_, 3>> {
-        let rival_chi2 = f64::INFINITY; // they fit exactly: none ends early
-        self.starts.iter().map(move |start| Start { seen: &self.seen, cam_from_target: *start, rival_chi2 })
+        let alternative_chi2 = f64::INFINITY; // they fit exactly: none ends early
+        self.starts.iter().map(move |start| Start {
+            seen: &self.seen,
+            cam_from_target: *start,
+            alternative_chi2,
+        })
     }
 
     /// As `multi_start::refine_each`, the refinements being done. Returns whether any start led to a minimum.
@@ -96,9 +100,9 @@ impl Case {
             match end.minimum {
                 Some(minimum) => insert(minima, minimum),
                 None => {
-                    let rival_chi2 = minima.first().map(|m| m.chi2);
+                    let alternative_chi2 = minima.first().map(|m| m.chi2);
                     let problem = &Problem::new(&self.seen, views.camera);
-                    if let Ok(minimum) = refine_against(start, rival_chi2, problem) {
+                    if let Ok(minimum) = refine_against(start, alternative_chi2, problem) {
                         insert(minima, minimum);
                     }
                 }

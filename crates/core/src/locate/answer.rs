@@ -1,4 +1,4 @@
-//! The last line of `locate`: which minimum is the pose, how sure, and whether it agrees with the stated noise.
+//! The last line of `locate`: which minimum is the pose, how uncertain, and whether it agrees with the stated noise.
 
 use super::PoseEstimate;
 use super::choose::{Ambiguity, Choice, Minimum, Others, choose as of_minima};
@@ -6,7 +6,7 @@ use super::classify::{Allowed, View};
 use super::consistency::{Consistency, consistency, noise_scale};
 use super::method::Method;
 use super::minima::Found;
-use super::multi_start::weakness_of_rivals;
+use super::multi_start::weakness_of_alternatives;
 use super::posterior::{lead_with_the_most_probable, weights};
 use super::problem::Problem;
 use super::refine::OVERFLOW;
@@ -14,7 +14,7 @@ use super::sandwich::evidence;
 use super::uncertainty::{Doubts, Whole, allow_for_intrinsics, check_known};
 use crate::Error;
 
-/// The most probable of the minima, and whether another one rivals it.
+/// The most probable of the minima, and whether another one second solutions it.
 pub(crate) fn choose(view: &View, mut found: Found) -> Result<PoseEstimate, Error> {
     conclude(view, &mut found)
 }
@@ -61,10 +61,10 @@ pub(crate) fn conclude(view: &View, found: &mut Found) -> Result<PoseEstimate, E
         n_points: problem.seen.len(),
         method,
         ambiguity,
-        weight: weights.first().copied().unwrap_or(1.0),
+        probability: weights.first().copied().unwrap_or(1.0),
         others,
         consistency,
-        weakness: weakness.or_else(|| weakness_of_rivals(&view.configuration(), &choice, problem)),
+        weakness: weakness.or_else(|| weakness_of_alternatives(&view.configuration(), &choice, problem)),
         geometry,
     })
 }
@@ -76,7 +76,7 @@ fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
 }
 
 fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {
-    match (choice.rival, choice.ratio, &others[0]) {
+    match (choice.alternative, choice.ratio, &others[0]) {
         (Some(_), Some(ratio), Some(other)) => Ambiguity::Ambiguous { ratio, other: other.minimum },
         (_, ratio, _) => Ambiguity::Unique { ratio },
     }

@@ -4,7 +4,7 @@ use super::Config;
 use super::method::{Method, resolve};
 use super::prior_start::may_hold;
 use super::problem::Problem;
-use crate::solve::configuration::{Configuration, Geometry, survey};
+use crate::solve::configuration::{Configuration, Geometry, describe_geometry};
 use crate::{Camera, Correspondence, Error};
 
 /// A view and how its pose is found.
@@ -51,7 +51,7 @@ pub(crate) fn classify<'a>(
 
 /// What the points allow, and the method for it. Too few points, or points on a line, are left to the priors, if there are any.
 fn layout(problem: &Problem, method: Method) -> Result<(Option<Geometry>, Method), Error> {
-    match survey(problem.seen) {
+    match describe_geometry(problem.seen) {
         Ok(geometry) => Ok((Some(geometry), resolve(method, &geometry.configuration)?)),
         Err(Error::TooFewPoints { .. } | Error::Collinear { .. }) if method == Method::Upright => {
             Ok((None, Method::Upright))

@@ -75,8 +75,8 @@ pub(crate) fn is_in_doubt(minima: &Minima) -> bool {
 
 fn refine_each(candidates: &[Pose], problem: &Problem, minima: &mut Minima) {
     for candidate in candidates {
-        let rival = minima.first().map(|m| m.chi2);
-        if let Ok(minimum) = refine_against(candidate, rival, problem) {
+        let alternative = minima.first().map(|m| m.chi2);
+        if let Ok(minimum) = refine_against(candidate, alternative, problem) {
             insert(minima, minimum);
         }
     }
@@ -112,20 +112,26 @@ fn better_first(mut candidates: Candidates, problem: &Problem) -> Candidates {
 }
 
 /// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
-pub(crate) fn weakness_of_rivals(
+pub(crate) fn weakness_of_alternatives(
     configuration: &Configuration,
     choice: &Choice,
     problem: &Problem,
 ) -> Option<Weakness> {
-    let (Configuration::LinePlusOne { order }, Some(rival)) = (configuration, choice.rival) else {
+    let (Configuration::LinePlusOne { order }, Some(alternative)) = (configuration, choice.alternative)
+    else {
         return None;
     };
     // By the one that fits best, whichever is the more probable: a flat minimum is not known well enough to measure by.
-    let is_first = choice.best.chi2 <= rival.chi2;
-    let (first, second) = if is_first { (choice.best, rival) } else { (rival, choice.best) };
-    let rivals: Candidates = [first.cam_from_target, second.cam_from_target].into_iter().collect();
+    let is_first = choice.best.chi2 <= alternative.chi2;
+    let (first, second) = if is_first { (choice.best, alternative) } else { (alternative, choice.best) };
+    let alternatives: Candidates = [first.cam_from_target, second.cam_from_target].into_iter().collect();
     let (bearings, points) = four_of(problem.seen, order);
-    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&problem.seen[order[3]], problem.camera))
+    line_plus_one::weakness(
+        &alternatives,
+        &bearings,
+        &points,
+        sigma_rad(&problem.seen[order[3]], problem.camera),
+    )
 }
 
 /// The four points of a line-plus-one layout, in order along the line, the one off it last.

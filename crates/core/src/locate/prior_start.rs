@@ -1,7 +1,7 @@
 //! Starts that priors give, and poses that only points and priors together determine.
 //!
 //! A pose prior is a start as it stands. Fewer than three points, or points on one line, have no closed form of their own: a
-//! direction known in both frames leaves one turn, which is tried all around; the translation then follows from the rays by
+//! direction known in both frames leaves one rotation, which is tried all around; the translation then follows from the rays by
 //! linear least squares. Whether a pose is determined is read off the information matrix, docs/math/priors.md eqs. (10), (11).
 
 use crate::least_squares::PivotedPose;

@@ -63,7 +63,7 @@ impl Upright {
         }
         match (minima.is_empty(), problem.seen) {
             (true, _) => Err(refusal),
-            (false, [a, b]) => minima.iter().try_for_each(|m| check_turn([a, b], m, &self.vertical)),
+            (false, [a, b]) => minima.iter().try_for_each(|m| check_rotation([a, b], m, &self.vertical)),
             (false, _) => Ok(()),
         }
     }
@@ -71,7 +71,7 @@ impl Upright {
 
 /// Two points have nothing to spare: near their double root, or level with the camera, no covariance describes the answer.
 /// docs/math/upright_p2p.md eqs. (7), (8).
-fn check_turn(
+fn check_rotation(
     [a, b]: [&Correspondence; 2],
     minimum: &Minimum,
     [_, down_in_cam]: &Vertical,
@@ -97,7 +97,7 @@ fn check_turn(
     Ok(())
 }
 
-/// Half the angle between the two turns, in standard deviations of the turn.
+/// Half the angle between the two turns, in standard deviations of the rotation.
 const MIN_TURN_SIGMA: f64 = 5.0;
 /// Distance of the nearer point, in standard deviations of the place.
 const MIN_DISTANCE_SIGMA: f64 = 5.0;
@@ -133,7 +133,7 @@ fn starts(problem: &Problem, [i, j]: [usize; 2], vertical: &Vertical) -> Result<
     upright_p2p(&[a.bearing, b.bearing], &[a.x_in_target, b.x_in_target], in_target, in_cam).map_err(renamed)
 }
 
-/// The pairs that see the turn about the vertical best: far apart across it.
+/// The pairs that see the rotation about the vertical best: far apart across it.
 fn wide_pairs(problem: &Problem, vertical: &Unit<Vector3<f64>>) -> ArrayVec<[usize; 2], MAX_PAIRS> {
     let n = problem.seen.len();
     let stride = n.div_ceil(MAX_PAIRED);

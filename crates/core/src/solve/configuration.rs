@@ -35,9 +35,9 @@ const MIN_PIXELS: usize = 3;
 /// Which configuration the points are in, from their places in the target.
 ///
 /// # Errors
-/// As `survey`.
+/// As `describe_geometry`.
 pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
-    Ok(survey(points)?.configuration)
+    Ok(describe_geometry(points)?.configuration)
 }
 
 /// Which configuration the points are in, from their places in the target, and the measures that decided it.
@@ -47,7 +47,7 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
 /// # Errors
 /// `TooFewPoints` (different places), `NotFinite`, `NotPositive` (sigma), `Coincident` (all pixels, to the last bit, at two places of the
 /// image or one), `Collinear`.
-pub fn survey(points: &[Correspondence]) -> Result<Geometry, Error> {
+pub fn describe_geometry(points: &[Correspondence]) -> Result<Geometry, Error> {
     check_numbers(points)?;
     if points.len() < 3 {
         return Err(Error::TooFewPoints { seen: points.len(), needed: 3 });
@@ -81,17 +81,17 @@ pub(crate) fn are_four_places(points: &[Correspondence]) -> bool {
 /// one line of sight; if a label slipped, the residual says so.
 fn check_pixels(points: &[Correspondence]) -> Result<(), Error> {
     let mut different = ArrayVec::<usize, MIN_PIXELS>::new();
-    let mut twins = None;
+    let mut duplicates = None;
     for (second, point) in points.iter().enumerate() {
         match different.iter().find(|first| points[**first].pixel == point.pixel) {
-            Some(first) => twins = twins.or(Some((*first, second))),
+            Some(first) => duplicates = duplicates.or(Some((*first, second))),
             None => different.push(second),
         }
         if different.is_full() {
             return Ok(());
         }
     }
-    let (first, second) = twins.unwrap_or((0, 0));
+    let (first, second) = duplicates.unwrap_or((0, 0));
     Err(Error::Coincident { first, second, where_: "in the image" })
 }
 

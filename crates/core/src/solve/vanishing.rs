@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Unit, Vector2, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The common direction of parallel lines, as a picture shows it.
+/// The common direction of parallel lines, as an image shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VanishingPoint {
     /// Unit vector along the lines, camera frame; lines have no arrow, so its opposite is as good. At right angles to the optical axis

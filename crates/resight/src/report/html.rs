@@ -1,4 +1,4 @@
-//! A page that needs no network: text, tables and pictures in one file.
+//! A page that needs no network: text, tables and images in one file.
 
 use super::verdict::Status;
 use base64::Engine;
@@ -76,7 +76,7 @@ impl Page {
         self.push(format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// Pictures side by side: PNG bytes and a caption each; they become part of the page.
+    /// Images side by side: PNG bytes and a caption each; they become part of the page.
     pub fn pictures(&mut self, pictures: &[(&[u8], &str)]) -> &mut Self {
         let figure = |(png, caption): &(&[u8], &str)| {
             let (data, caption) = (base64(png), escaped(caption));

@@ -1,6 +1,6 @@
-//! A rig's page: one file that shows where the cameras are, how sure that is, and what it rests on, without a network.
+//! A rig's page: one file that shows where the cameras are, how uncertain that is, and what it rests on, without a network.
 //!
-//! Everything on it is there without scripts too: tables, drawings and a picture in space. With scripts the picture turns and every
+//! Everything on it is there without scripts too: tables, drawings and an image in space. With scripts the image turns and every
 //! single residual can be looked at. Same run, same bytes.
 
 mod cameras;
@@ -96,7 +96,7 @@ fn summary(run: &RigRun) -> [(&'static str, String); 6] {
     ]
 }
 
-/// One choice of view for picture and residuals alike; shown once scripts run.
+/// One choice of view for image and residuals alike; shown once scripts run.
 fn controls() -> &'static str {
     "<div class=\"bar\" id=\"bar\" hidden><label>View <select id=\"view\"></select></label>\
      <button type=\"button\" id=\"before\" aria-label=\"view before\">◀</button>\

@@ -1,4 +1,4 @@
-//! What the demo ships: pictures, cameras, targets and where the cameras truly were. All of it is drawn by
+//! What the demo ships: images, cameras, targets and where the cameras truly were. All of it is drawn by
 //! `crates/resight/tools/make_demo.rs`.
 
 use anyhow::{Context, Result};

@@ -6,7 +6,7 @@ use resight::recording::is_recording;
 use resight_watch::names::{by_name, split};
 use resight_watch::outputs::secret;
 use resight_watch::source::mcap::McapTopic;
-use resight_watch::source::pictures::{Clock, Folder, Pictures};
+use resight_watch::source::pictures::{Clock, Folder, ImageFiles};
 use resight_watch::source::stream::{Stream, StreamConfig, is_stream};
 use resight_watch::source::{Source, lines, video};
 use std::io::BufReader;
@@ -25,7 +25,7 @@ pub struct SourceArgs {
     /// read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
-    /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
+    /// Images are this far apart [default: as they say themselves (EXIF), else as their files' times say].
     #[arg(long, hide_short_help = true, value_name = "SECONDS", value_parser = crate::args::seconds)]
     period_s: Option<f64>,
     /// A stream without a frame for this long is lost, and opened again.
@@ -117,7 +117,7 @@ fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool)
         return Ok(Box::new(if once { topic.as_it_is() } else { topic }));
     }
     let pictures: Vec<PathBuf> = crate::files::expand(&[value.to_string()])?;
-    Ok(Box::new(Pictures::new(pictures, clock)))
+    Ok(Box::new(ImageFiles::new(pictures, clock)))
 }
 
 /// A recording and its topic; a `#` belongs to the file's name where there is a file of that whole name.
@@ -193,10 +193,12 @@ mod tests {
         for value in
             ["rtsp://me:secret@cam/x", "rtsp://me:se/cret@cam/x", "http://a:b@cam?x", "rtsp://me:1234@cam"]
         {
-            let told = address(value, "gate", None).expect_err("refused").to_string();
+            let reported = address(value, "gate", None).expect_err("refused").to_string();
             assert!(
-                told.contains("gate=@FILE") && told.contains("env:VARIABLE") && !told.contains("cret"),
-                "{told}"
+                reported.contains("gate=@FILE")
+                    && reported.contains("env:VARIABLE")
+                    && !reported.contains("cret"),
+                "{reported}"
             );
         }
         for value in [
@@ -253,12 +255,12 @@ mod tests {
             ("gate=rtsp://cam/x", "gate=-headers 'X: secret", "--ffmpeg-input-options gate=…: a ' is not"),
             ("gate=rtsp://cam/x", "-headers 'X: secret", "--ffmpeg-input-options …: a ' is not closed"),
         ] {
-            let told = open(&args(source, options), &names, true).err().expect("refused");
-            let told = format!("{told:#}");
-            assert!(told.starts_with(said) && !told.contains("secret"), "{told}");
+            let reported = open(&args(source, options), &names, true).err().expect("refused");
+            let reported = format!("{reported:#}");
+            assert!(reported.starts_with(said) && !reported.contains("secret"), "{reported}");
         }
         let more = ["rtsp://cam/x".to_string(), "rtsp://me:secret@cam/x".to_string()];
-        let told = by_name("--source", &more, &names).expect_err("refused").to_string();
-        assert_eq!(told, "--source …: there is no such name; there are gate");
+        let reported = by_name("--source", &more, &names).expect_err("refused").to_string();
+        assert_eq!(reported, "--source …: there is no such name; there are gate");
     }
 }

@@ -114,14 +114,14 @@ fn reference(mean: &Pose, kept: &[&Reading], config: &LearnConfig) -> Reference 
     let bias = significant(&lagged(1), &total, y.len()) + config.bias;
     let span_s = kept[kept.len() - 1].t_s - kept[0].t_s;
     let bias_time_s = memory_s(&lagged, &stated, y.len(), span_s).max(config.bias_time_s);
-    // The mean of errors that last τ over a span T errs like one of T/2τ independent ones.
+    // The mean of correlated errors τ over a span T errs like one of T/2τ independent ones.
     let independent = (0.5 * span_s / bias_time_s).max(1.0);
     let noise = DriftNoise {
         reference: total.map(|v| v / n) + stated / n + bias / independent,
         reading: stated,
         bias,
         bias_time_s,
-        daily: config.daily,
+        diurnal: config.diurnal,
     };
     Reference { a_from_b: *mean, noise }
 }

@@ -89,7 +89,7 @@ impl Measured {
     }
 
     /// A reading after a time beside what is expected of it; the banks stay.
-    pub fn foreseen(
+    pub fn predicted(
         &self,
         elapsed_s: f64,
         stated: &[Transition; AXES],
@@ -98,14 +98,14 @@ impl Measured {
         let passed = Passed::new(elapsed_s, self.unit_s);
         std::array::from_fn(|axis| {
             let (value, variance) = (reading.value[axis], reading.variance[axis]);
-            self.banks[axis].foreseen(&passed, &stated[axis], value, variance)
+            self.banks[axis].predicted(&passed, &stated[axis], value, variance)
         })
     }
 
     /// Σ ν²/S of a reading after a time.
     pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
         let square = |innovation: &Innovation| innovation.value * innovation.value / innovation.variance;
-        self.foreseen(elapsed_s, stated, reading).iter().map(square).sum()
+        self.predicted(elapsed_s, stated, reading).iter().map(square).sum()
     }
 
     pub fn update(

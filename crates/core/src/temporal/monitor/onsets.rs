@@ -13,7 +13,7 @@
 
 use super::axis::{AXES, Innovation, Transition, read};
 use super::measured::Measured;
-use super::priors::{COURSES, Course, SIZES, WIDER};
+use super::priors::{COURSES, MotionKind, SIZES, WIDER};
 use super::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -83,7 +83,7 @@ impl Onset {
         for (course, gathered) in COURSES.into_iter().zip(&mut self.gathered) {
             for (gathered, transition) in gathered.iter_mut().zip(transitions) {
                 gathered.signature = transition.apply(&gathered.signature);
-                if course == Course::Slow {
+                if course == MotionKind::Ramp {
                     gathered.signature[0] += transition.elapsed_s / super::axis::DAY_S;
                 }
             }
@@ -167,7 +167,7 @@ pub(super) struct Change {
     /// Standard deviation of the onset over those kept, seconds.
     pub onset_sigma_s: f64,
     /// The more probable course.
-    pub course: Course,
+    pub course: MotionKind,
     /// Its probability.
     pub course_probability: f64,
     /// What it adds by now to the constant part of the filters' states, in whitened coordinates.
@@ -389,9 +389,9 @@ impl Numbers for Directions {
     }
 }
 
-impl Numbers for Course {
+impl Numbers for MotionKind {
     fn put(&self, numbers: &mut Vec<f64>) {
-        (*self == Course::Slow).put(numbers);
+        (*self == MotionKind::Ramp).put(numbers);
     }
 
     fn take(rest: &mut Rest) -> Option<Self> {

@@ -8,17 +8,17 @@
 //!   χ²_n, V  of a reading with n numbers: νᵀS⁻¹ν and ln |S|      L_f = −½ Σ (χ²/f + V + n ln f)     noise grown by f
 //! ```
 
-/// How a change goes on.
+/// How a change continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Course {
+pub enum MotionKind {
     /// A jump that stays.
     Step,
-    /// A drift that goes on; its size is per day.
-    Slow,
+    /// A drift that continues; its size is per day.
+    Ramp,
 }
 
 /// In this order everywhere.
-pub(super) const COURSES: [Course; 2] = [Course::Step, Course::Slow];
+pub(super) const COURSES: [MotionKind; 2] = [MotionKind::Step, MotionKind::Ramp];
 /// Size looked for of each course, in standard deviations of a reading, of a drift per day. A change five times larger or smaller costs
 /// about ln 5 of evidence.
 pub(super) const SIZES: [f64; COURSES.len()] = [2.0, 30.0];

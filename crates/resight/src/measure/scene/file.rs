@@ -8,12 +8,12 @@ use std::path::PathBuf;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFile {
-    pub(super) clicks: Option<PathBuf>,
+    pub(super) image_points: Option<PathBuf>,
     pub(super) sigma_px: Option<f64>,
     #[serde(default)]
     pub(super) photo: Vec<PhotoEntry>,
     #[serde(default)]
-    pub(super) mark: Vec<MarkEntry>,
+    pub(super) control_point: Vec<ControlPointEntry>,
     #[serde(default)]
     pub(super) known_distance: Vec<DistanceEntry>,
     pub(super) plane: Option<PlaneEntry>,
@@ -33,7 +33,7 @@ pub(super) struct PhotoEntry {
     #[serde(default)]
     pub(super) intrinsics_sigma: BTreeMap<String, f64>,
     #[serde(default)]
-    pub(super) clicks: Vec<ClickEntry>,
+    pub(super) image_points: Vec<ImagePointEntry>,
     pub(super) pose: Option<PoseEntry>,
     pub(super) down_in_cam: Option<[f64; 3]>,
     pub(super) down_sigma_rad: Option<f64>,
@@ -41,7 +41,7 @@ pub(super) struct PhotoEntry {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ClickEntry {
+pub(super) struct ImagePointEntry {
     pub(super) point: String,
     pub(super) u_px: f64,
     pub(super) v_px: f64,
@@ -59,7 +59,7 @@ pub(super) struct PoseEntry {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct MarkEntry {
+pub(super) struct ControlPointEntry {
     pub(super) name: String,
     pub(super) x_m: f64,
     pub(super) y_m: f64,

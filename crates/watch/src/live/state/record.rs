@@ -18,10 +18,10 @@ pub(in crate::live) struct CameraRecord {
     /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
     pub last_s: f64,
     pub last_unix_s: f64,
-    /// Hash of the last picture, hexadecimal.
-    pub last_picture: Option<String>,
+    /// Hash of the last image, hexadecimal.
+    pub last_image: Option<String>,
     pub pairs: Vec<PairRecord>,
-    /// Of its landmarks, where those of a saved picture are watched.
+    /// Of its landmarks, where those of a saved image are watched.
     #[serde(default)]
     pub landmarks: Option<LandmarksRecord>,
 }
@@ -165,7 +165,7 @@ pub(in crate::live) fn settings(
     with_common(camera, config, own)
 }
 
-/// The same of landmarks: their picture takes the place of a target.
+/// The same of landmarks: their image takes the place of a target.
 pub(in crate::live) fn landmark_settings(
     camera: &Camera,
     picture: &GrayImage,
@@ -174,7 +174,7 @@ pub(in crate::live) fn landmark_settings(
     with_common(camera, config, [("picture", sha256(&picture.data)[..16].to_string())])
 }
 
-/// The same of a rig whose targets are carried about.
+/// The same of a rig whose targets are hand-held.
 pub(in crate::live) fn rig_settings(
     cameras: &[LiveCamera],
     rig: &RigConfig,
@@ -210,20 +210,20 @@ fn common(config: &LiveConfig) -> BTreeMap<String, String> {
     let MonitorConfig {
         false_alarms_per_day,
         decision_period_s,
-        unseen_after_s,
+        stale_after_s,
         tolerance_rotation_rad,
         tolerance_translation_m,
     } = &config.monitor;
-    let LearnConfig { bias, bias_time_s, daily } = &config.lasting;
+    let LearnConfig { bias, bias_time_s, diurnal } = &config.correlated;
     let all = [
         ("false_alarms_per_day", false_alarms_per_day.to_string()),
         ("decision_period_s", decision_period_s.to_string()),
-        ("unseen_after_s", unseen_after_s.to_string()),
+        ("stale_after_s", stale_after_s.to_string()),
         ("tolerance_rotation_rad", tolerance_rotation_rad.to_string()),
         ("tolerance_translation_m", tolerance_translation_m.to_string()),
         ("bias", digest(bias)),
         ("bias_time_s", bias_time_s.to_string()),
-        ("daily", digest(daily)),
+        ("daily", digest(diurnal)),
         ("motion", format!("{:?}", config.track)),
         ("learn_readings", config.learn_readings.to_string()),
     ];
@@ -275,7 +275,7 @@ mod tests {
             name: "gate".to_string(),
             last_s: 1.0,
             last_unix_s: 2.0,
-            last_picture: None,
+            last_image: None,
             pairs: vec![pair("door", 3.0), pair("wall", f64::INFINITY)],
             landmarks: Some(landmarks),
         };
