@@ -158,7 +158,7 @@ fn the_history_keeps_the_turn_that_json_says() {
     let said: Value = serde_json::from_str(&run(&["history", &history, "--json"]).stdout).expect("JSON");
     let states = said["pairs"][0]["states"].as_object().expect("states");
     assert_eq!(
-        states.values().map(|state| state["turns"].as_u64().expect("a count")).sum::<u64>(),
+        states.values().map(|state| state["rotations"].as_u64().expect("a count")).sum::<u64>(),
         6,
         "{said}"
     );

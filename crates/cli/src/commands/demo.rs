@@ -22,9 +22,9 @@ use serde::Serialize;
 use shipped::Truth;
 use std::path::{Path, PathBuf};
 
-/// The whole path on shipped images with known truth: two cameras, four dots, a grid of tags, seconds.
+/// Shows the main job on images that come with the program, without any arguments.
 ///
-/// Shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
+/// It takes seconds. Two cameras see four dots and a grid of tags, and their true poses are known. The demo shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
 /// answers, and a camera file that is wrong; writes images and a page to look at.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  resight demo -o resight-demo\n\n\
@@ -33,7 +33,7 @@ pub struct Demo {
     /// Folder for images, results and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "resight-demo")]
     output: PathBuf,
-    /// JSON Lines on stdout: the pose objects, then the relative extrinsics.
+    /// Prints JSON Lines on stdout: the pose objects, then the relative extrinsics.
     #[arg(long)]
     json: bool,
 }

@@ -14,7 +14,7 @@ use resight::report::words::{degrees, length, sigmas};
 use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
 use std::path::PathBuf;
 
-/// Where a camera or rig is mounted on a robot's gripper or a vehicle, and where the target stands (hand–eye calibration).
+/// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
 ///
 /// A rig of several cameras is solved first. The robot's own noise is estimated from the views unless it is given.
 #[derive(Debug, Args)]
@@ -23,36 +23,44 @@ use std::path::PathBuf;
   resight hand-eye --motions motions.csv --poses poses.jsonl
   resight hand-eye --motions motions.csv --poses poses.jsonl --eye-to-hand")]
 pub struct HandEyeArgs {
-    /// Poses of the gripper (or of the vehicle's body): columns view,qw,qx,qy,qz,x_m,y_m,z_m
-    /// (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
-    #[arg(long, value_name = "FILE.csv")]
+    /// Poses of the gripper, or of the vehicle's body (CSV).
+    ///
+    /// The columns are view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
+    #[arg(long, help_heading = "Robot", value_name = "FILE.csv")]
     motions: PathBuf,
-    /// Poses found already, instead of images or detections: what `locate` and `solve` wrote with -o.
+    /// Poses from `locate` or `solve` (-o), instead of images or detections.
     #[arg(long, value_name = "POSES.jsonl", conflicts_with_all = ["images", "detections", "cameras", "targets"])]
     poses: Option<PathBuf>,
     #[command(flatten)]
     observed: ObservationArgs,
     #[command(flatten)]
     solving: SolvingArgs,
-    /// The target is on the gripper and the camera stands still.
-    #[arg(long)]
+    /// States that the target is on the gripper and the camera stands still.
+    #[arg(long, help_heading = "Robot")]
     eye_to_hand: bool,
-    /// Standard deviation of the robot's orientation where the file has no sigma_deg; 0 for an exact robot [default: estimated from the views]
-    #[arg(long, value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
+    /// Standard deviation of the robot's orientation [default: estimated from the views].
+    ///
+    /// It is used where the file has no sigma_deg; 0 means an exact robot.
+    #[arg(long, help_heading = "Robot", value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
     robot_sigma_deg: Option<f64>,
-    /// Standard deviation of the robot's position where the file has no sigma_mm; 0 for an exact robot [default: estimated from the views]
-    #[arg(long, value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
+    /// Standard deviation of the robot's position [default: estimated from the views].
+    ///
+    /// It is used where the file has no sigma_mm; 0 means an exact robot.
+    #[arg(long, help_heading = "Robot", value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
     robot_sigma_mm: Option<f64>,
-    /// The camera's position along --height-axis, m from the gripper's origin (from the base's with --eye-to-hand): needed where the
-    /// robot rotates about parallel axes only, as vehicles do.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    /// Height of the camera above the gripper's origin, where the robot rotates about parallel axes only.
+    ///
+    /// It is the camera's position along --height-axis in metres, from the base's origin with --eye-to-hand. Vehicles need it.
+    #[arg(long, help_heading = "Robot", value_name = "M", allow_negative_numbers = true)]
     known_height_m: Option<f64>,
     /// Standard deviation of that height.
-    #[arg(long, value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]
+    #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]
     height_sigma_mm: f64,
-    /// Its direction in the gripper's frame (the base's with --eye-to-hand).
+    /// Direction of that height in the gripper's frame (the base's with --eye-to-hand).
     #[arg(
         long,
+        hide_short_help = true,
+        help_heading = "Robot",
         value_name = "X,Y,Z",
         requires = "known_height_m",
         default_value = "0,0,1",

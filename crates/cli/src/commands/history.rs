@@ -11,7 +11,9 @@ use resight_watch::history::{History as File, PairSummary, Selection, StoredEven
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Says what a history holds: cameras, times, states, drifts. With --export, writes it as a table.
+/// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
+///
+/// The summary has cameras, times, states and motions.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     resight history gate.sqlite\n  \
@@ -31,13 +33,13 @@ pub struct History {
     /// Only this camera; may be given several times.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
-    /// Only from this time on: seconds, or 2026-11-22, or 2026-11-22T06:30:00 (UTC).
+    /// Only from this time on: seconds, 2026-11-22, or 2026-11-22T06:30:00 (UTC).
     #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
     from: Option<f64>,
     /// Only before this time.
     #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
     to: Option<f64>,
-    /// The summary as one JSON object.
+    /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
 }
@@ -145,7 +147,9 @@ fn object(pair: &PairSummary) -> Value {
     let states: serde_json::Map<String, Value> = pair
         .states
         .iter()
-        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "turns": s.rotations})))
+        .map(|s| {
+            (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "rotations": s.rotations}))
+        })
         .collect();
     let [frames, minutes, hours] = pair.rows;
     json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,

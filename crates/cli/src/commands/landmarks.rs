@@ -13,7 +13,9 @@ use resight::report::verdict::Status;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// How a camera rotated since a reference image: far scenes, or cameras that only turn about their own centre.
+/// Measures how a camera has rotated since a reference image, without any target.
+///
+/// The scene must be far away, or the camera must rotate about its own centre only.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  resight landmarks reference.png night/*.png --camera camera.toml --overlay drawn"
@@ -28,7 +30,7 @@ pub struct Landmarks {
     /// Camera file in any supported format.
     #[arg(long, value_name = "FILE")]
     camera: String,
-    /// Draw the landmarks of each image into this folder: green lines from where they were, red ones disagree.
+    /// Draws the landmarks of each image into this folder: green lines start where they were, red ones disagree.
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
     #[command(flatten)]

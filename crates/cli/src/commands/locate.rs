@@ -10,7 +10,9 @@ use resight::locate::{ImageLocator, LocateOptions, Located, Method};
 use resight::{GrayImage, PoseAnswer};
 use std::path::{Path, PathBuf};
 
-/// Finds the target in each image and says where the camera was, how uncertain that is, and whether another pose fits.
+/// Finds the target in images and prints the pose of the camera for each.
+///
+/// Every pose has its covariance, and a status that states whether another pose fits as well and whether the residuals agree with the noise.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay images\n  \
@@ -29,7 +31,7 @@ pub struct Locate {
     /// Draws each answer over its photograph into this folder (PNG).
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
-    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    /// Solver: auto, wang2004, line_plus_one, p3p, planar or sqpnp.
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     #[command(flatten)]

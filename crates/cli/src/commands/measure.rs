@@ -31,7 +31,7 @@ pub struct Measure {
     #[arg(long, value_name = "RIG.toml", requires = "image_points")]
     views: Option<PathBuf>,
     /// With --views: where each camera saw each point; columns photo (a camera's name), point, u_px, v_px and optionally sigma_px.
-    #[arg(long, value_name = "CLICKS.csv", requires = "views")]
+    #[arg(long, alias = "clicks", value_name = "POINTS.csv", requires = "views")]
     image_points: Option<PathBuf>,
     /// With --views: standard deviation of u and v where the file has no sigma_px [default: 1]
     #[arg(long, value_name = "S", requires = "views", allow_negative_numbers = true, value_parser = crate::args::positive)]

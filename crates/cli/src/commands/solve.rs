@@ -13,33 +13,36 @@ use resight::locate::{Method, PointsOptions};
 use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
 use std::path::PathBuf;
 
-/// The pose of the camera from points you already have.
+/// Computes the camera's pose from known points and their pixels in a CSV file.
 ///
-/// Columns by name, in any order: x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id,
-/// sigma_px (of u and v), sigma_m (of x, y, z; 0 when exact). One pose per view, in file order; rows of a view need not be adjacent.
+/// The columns are x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id, sigma_px (of u and v) and
+/// sigma_m (of x, y, z; 0 when exact), by name and in any order. Each view gets one pose, in file order; rows of a view need not be
+/// adjacent.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight solve points.csv --camera camera.toml --sigma-px 0.3
   resight solve matches.csv --camera camera.toml --sigma-px 1 --robust 4
   resight solve points.csv --normalized --sigma-normalized 0.0005 --method line_plus_one --json")]
 pub struct Solve {
-    /// CSV file with a header line.
+    /// CSV file of points with a header line.
     #[arg(value_name = "POINTS.csv")]
     points: PathBuf,
     /// Camera file in any supported format; FILE#NAME picks one of several.
     #[arg(long, value_name = "FILE", required_unless_present = "normalized", conflicts_with = "normalized")]
     camera: Option<String>,
-    /// Columns xn,yn are undistorted coordinates on the plane z = 1; no camera is needed.
+    /// Reads columns xn,yn: undistorted coordinates on the plane z = 1, for which no camera is needed.
     #[arg(long)]
     normalized: bool,
-    /// auto, wang2004, line_plus_one, p3p, planar, sqpnp or upright (2 points and --gravity).
+    /// Solver: auto, wang2004, line_plus_one, p3p, planar, sqpnp or upright (2 points and --gravity).
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
-    /// Standard deviation of u and v where the file has no sigma_px [default: 0.5; photogrammetric camera: f / 2000, in its unit]
-    #[arg(long, value_name = "S", conflicts_with = "normalized", allow_negative_numbers = true, value_parser = positive)]
+    /// Standard deviation of u and v where the file has no sigma_px [default: 0.5].
+    ///
+    /// With a photogrammetric camera it has the unit of f, and its default is f / 2000.
+    #[arg(long, help_heading = "Noise", value_name = "S", conflicts_with = "normalized", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: Option<f64>,
-    /// Standard deviation of xn and yn where the file has no sigma_px [default: 0.0005]
-    #[arg(long, value_name = "S", requires = "normalized", allow_negative_numbers = true, value_parser = positive)]
+    /// Standard deviation of xn and yn where the file has no sigma_px [default: 0.0005].
+    #[arg(long, hide_short_help = true, help_heading = "Noise", value_name = "S", requires = "normalized", allow_negative_numbers = true, value_parser = positive)]
     sigma_normalized: Option<f64>,
     #[command(flatten)]
     robust: RobustArgs,

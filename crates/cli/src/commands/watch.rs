@@ -80,7 +80,7 @@ pub struct Watch {
     /// NAME is a camera, or CAMERA/TARGET where there are several targets.
     #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
     reference: Vec<String>,
-    /// Readings from which a missing reference is learned; with --moving-target, frame sets.
+    /// Readings from which a missing reference is learned; with --moving-target, synchronised frame sets.
     #[arg(long, value_name = "N", default_value_t = 50, help_heading = "Reference and state")]
     learn: usize,
     /// Where a learned reference is written.

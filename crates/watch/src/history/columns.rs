@@ -77,8 +77,18 @@ pub(super) fn additions(version: i64) -> String {
     lacking.map(|column| format!("ALTER TABLE frame ADD COLUMN {} {};", column.name, column.kind)).collect()
 }
 
+/// The state in `column` by its name of today: programs of version 1 wrote others.
+pub(super) fn state(column: &str) -> String {
+    let earlier =
+        "WHEN 'unseen' THEN 'stale' WHEN 'settling' THEN 'checking' WHEN 'followed' THEN 'tracking'"; // earlier word
+    format!("CASE {column} {earlier} ELSE {column} END")
+}
+
 /// A column as a file of this version has it.
 pub(super) fn selected(name: &str, version: i64) -> String {
+    if name == "state" {
+        return state("frame.state");
+    }
     let is_lacking = COLUMNS.iter().any(|column| column.name == name && version < column.since);
     if is_lacking { "NULL".to_string() } else { format!("frame.{name}") }
 }
@@ -300,4 +310,26 @@ fn rotation_summary(cells: &mut Cells) -> rusqlite::Result<Option<RotationSummar
         }
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rusqlite::Connection;
+
+    /// Programs of version 1 wrote other words for the same states.
+    #[test]
+    fn states_of_version_1_are_read() {
+        let connection = Connection::open_in_memory().expect("a database");
+        let select = format!("SELECT {}", state("?1"));
+        for (was, is) in [
+            ("unseen", "stale"),      // earlier word
+            ("settling", "checking"), // earlier word
+            ("followed", "tracking"), // earlier word
+            ("drifted", "drifted"),
+        ] {
+            let read: String = connection.query_row(&select, [was], |row| row.get(0)).expect("a state");
+            assert_eq!(read, is);
+        }
+    }
 }

@@ -154,7 +154,8 @@ impl History {
     fn states(&self, pair: i64) -> rusqlite::Result<Vec<StateShare>> {
         let rotations = columns::selected("turns", self.version()?);
         let select = format!(
-            "SELECT state, sum(frames), sum(readings), sum({rotations}) FROM frame WHERE pair = ?1 GROUP BY state ORDER BY 2 DESC"
+            "SELECT {}, sum(frames), sum(readings), sum({rotations}) FROM frame WHERE pair = ?1 GROUP BY 1 ORDER BY 2 DESC",
+            columns::state("state")
         );
         let mut select = self.connection.prepare(&select)?;
         let share = |row: &Row| {
@@ -202,7 +203,8 @@ impl History {
     ) -> rusqlite::Result<()> {
         let (condition, values) = condition(selection, kinds);
         let select = format!(
-            "SELECT session, unix_s, t_s, camera, target, kind, state, detail FROM event WHERE ?1 AND {condition} ORDER BY id"
+            "SELECT session, unix_s, t_s, camera, target, kind, {}, detail FROM event WHERE ?1 AND {condition} ORDER BY id",
+            columns::state("state")
         );
         let mut statement = self.connection.prepare(&select)?;
         let all: Vec<&dyn ToSql> =

@@ -16,6 +16,7 @@ struct File {
     reference_covariance: Rows,
     reading_covariance: Rows,
     bias_covariance: Rows,
+    #[serde(alias = "daily_covariance")]
     diurnal_covariance: Rows,
     cam_from_target: Transform,
 }
@@ -110,6 +111,25 @@ mod tests {
         assert_eq!(read.noise, noise);
         assert!(read.a_from_b.angle_to_rad(&a_from_b) < 1e-15);
         assert_eq!(read.a_from_b.translation, a_from_b.translation);
+    }
+
+    /// A reference written by version 1.
+    #[test]
+    fn keys_of_version_1_are_read() {
+        let noise = DriftNoise {
+            reference: Matrix6::identity(),
+            reading: Matrix6::identity(),
+            bias: Matrix6::zeros(),
+            bias_time_s: 60.0,
+            diurnal: Matrix6::identity() * 0.25,
+        };
+        let text = to_text(&Reference { a_from_b: Pose::identity(), noise }).expect("text");
+        let earlier = text.replace("diurnal_covariance", "daily_covariance"); // earlier word
+        assert_ne!(text, earlier);
+        let path = std::env::temp_dir().join(format!("earlier-reference-{}.toml", std::process::id()));
+        std::fs::write(&path, earlier).expect("written");
+        assert_eq!(read(&path).expect("read").noise, noise);
+        std::fs::remove_file(&path).expect("removed");
     }
 
     #[test]

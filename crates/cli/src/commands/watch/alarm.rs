@@ -13,7 +13,7 @@ pub struct AlarmArgs {
     #[arg(long, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is stale.
-    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
+    #[arg(long, alias = "unseen-after-s", hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
     stale_after_s: f64,
     /// Rotations below this are no motion.
     #[arg(long, hide_short_help = true, value_name = "DEGREES", default_value_t = 0.0)]

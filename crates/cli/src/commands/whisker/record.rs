@@ -101,8 +101,8 @@ pub struct SolvingArgs {
     /// the record cannot exclude (constrained mode).
     #[arg(long)]
     pub uncalibrated: bool,
-    /// Predict slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
-    #[arg(long)]
+    /// Predicts slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
+    #[arg(long, alias = "foresee")]
     pub predict: bool,
 }
 
