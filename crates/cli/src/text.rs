@@ -92,7 +92,7 @@ fn pose(e: &Minimum) -> String {
         rotation_sigma(turn[1]),
         rotation_sigma(turn[2])
     );
-    line(&mut out, "turned", &turned);
+    line(&mut out, "orientation", &turned);
     let xi = e.cam_from_target.log();
     line(
         &mut out,

@@ -14,6 +14,7 @@ use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// The answer about one view: status and sentence, and the pose where there is one. Serialises to the JSON object of the command line.
@@ -223,7 +224,29 @@ impl From<&DisplacedTag> for LeftOutTag {
 
 impl Serialize for PoseAnswer {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.json().serialize(serializer)
+        match self.image_unit {
+            "px" => self.json().serialize(serializer),
+            unit => {
+                let object = serde_json::to_value(self.json()).map_err(serde::ser::Error::custom)?;
+                in_unit(object, &unit.replace(' ', "_")).serialize(serializer)
+            }
+        }
+    }
+}
+
+/// Keys end in the unit of their value: `rms_px` of normalised coordinates is `rms_normalized`, of a photogrammetric camera
+/// `rms_unit_of_f`. The size of the image stays in pixels.
+fn in_unit(value: Value, unit: &str) -> Value {
+    let renamed = |key: String| match key.strip_suffix("_px") {
+        Some(stem) if key != "intrinsics_scaled_from_px" => format!("{stem}_{unit}"),
+        _ => key,
+    };
+    match value {
+        Value::Object(keys) => {
+            keys.into_iter().map(|(key, value)| (renamed(key), in_unit(value, unit))).collect()
+        }
+        Value::Array(values) => values.into_iter().map(|value| in_unit(value, unit)).collect(),
+        other => other,
     }
 }
 
@@ -366,7 +389,7 @@ fn minimum(h: Hypothesis) -> MinimumObject {
 
 fn observability(o: &Observability) -> ObservabilityObject {
     ObservabilityObject {
-        weakest: if o.is_shift { "shift" } else { "turn" },
+        weakest: if o.is_shift { "shift" } else { "rotation" },
         motion: o.motion.into(),
         rotation_axis: axis_name(&o.rotation_axis),
         sigma_rad: o.sigma_rad,

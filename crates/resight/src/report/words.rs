@@ -113,18 +113,18 @@ fn shift_words(axis: &Axis) -> String {
 /// A rotation about an axis that lies rather across the sight tilts the target, one along it spins its image.
 fn rotation_words(axis: &Axis) -> String {
     match axis {
-        Axis::LineOfSight => "turn about the line of sight".into(),
+        Axis::LineOfSight => "rotation about the line of sight".into(),
         Axis::Horizontal => "tilt about the horizontal axis".into(),
         Axis::Vertical => "tilt about the vertical axis".into(),
-        Axis::LineOfPoints => "turn about the line of three points".into(),
+        Axis::LineOfPoints => "rotation about the line of three points".into(),
         Axis::Oblique { from_sight_rad, in_image_rad } if ACROSS_RAD < *from_sight_rad => {
             let sense = if *in_image_rad < 0.0 { "anticlockwise" } else { "clockwise" };
             format!("tilt about an axis {:.0}° {sense} of the horizontal", in_image_rad.abs().to_degrees())
         }
         Axis::Oblique { from_sight_rad, .. } => {
-            format!("turn about an axis {:.0}° from the line of sight", from_sight_rad.to_degrees())
+            format!("rotation about an axis {:.0}° from the line of sight", from_sight_rad.to_degrees())
         }
-        _ => "turn".into(),
+        _ => "rotation".into(),
     }
 }
 

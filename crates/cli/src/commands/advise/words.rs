@@ -128,7 +128,7 @@ fn outlook(name: &str, o: &OutlookObject) -> String {
 fn header(name: &str) -> String {
     format!(
         "  {name:<40} {:>9} {:>9}   {:>8} {:>8}   {:>8} {:>8} {:>8}\n",
-        "place ±", "95 %", "turn ±", "95 %", "ambig.", "wrong", "stale"
+        "position ±", "95 %", "rotation ±", "95 %", "ambig.", "wrong", "stale"
     )
 }
 

@@ -84,7 +84,7 @@ fn name(solved: &SolvedRig, camera: usize) -> &str {
 /// Where each camera is in the rig, with the standard deviation along the rig's axes, and how uncertain its direction is.
 fn cameras(solved: &SolvedRig) -> String {
     let s = &solved.run.solution;
-    let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "views", "seen", "used", "rms px"];
+    let head = ["camera", "x", "y", "z", "rotation (x y z)", "±", "views", "seen", "used", "rms px"];
     let mut table = vec![head.map(str::to_string).to_vec()];
     for (i, camera) in s.cameras.iter().enumerate() {
         let place = camera.cam_from_rig.origin();
@@ -130,7 +130,8 @@ fn pairs(solved: &SolvedRig) -> String {
     let shares = |(a, b): &(usize, usize)| 0 < s.shared.counts[*a][*b];
     let pairs: Vec<(usize, usize)> =
         (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).filter(shares).collect();
-    let mut table = vec![["pair", "shared views", "apart", "±", "turned", "±"].map(str::to_string).to_vec()];
+    let mut table =
+        vec![["pair", "shared views", "apart", "±", "rotation", "±"].map(str::to_string).to_vec()];
     for (a, b) in pairs.iter().take(MAX_PAIRS) {
         let Some(pose) = between(s, *a, *b) else { continue };
         let (turn, shift) = sigmas(&pose.covariance);

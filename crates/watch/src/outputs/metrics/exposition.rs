@@ -49,7 +49,7 @@ const OF_PAIRS: [Family<PairTally>; 14] = [
         |_, p| Some(p.unreadable as f64),
     ),
     ("resight_frame_rate_hertz", "gauge", "Frames a second over the last 10 s.", |t, p| Some(t.rate_hz(p))),
-    ("resight_alarms_total", "counter", "How often it was said that something moved.", |_, p| {
+    ("resight_alarms_total", "counter", "Alarms: how often a motion was reported.", |_, p| {
         Some(p.alarms as f64)
     }),
     (
@@ -214,7 +214,7 @@ fn stages(page: &mut Page, tally: &Tally) {
 fn deliveries(page: &mut Page, tally: &Tally) {
     let counts: Vec<_> = tally.counted.iter().map(|(output, counted)| (*output, counted.counts())).collect();
     let name = "resight_notices_total";
-    page.family(name, "counter", "What became of what others were told.");
+    page.family(name, "counter", "Notifications to other programs, by outcome.");
     for (output, counts) in &counts {
         for (outcome, n) in
             [("delivered", counts.delivered), ("refused", counts.refused), ("dropped", counts.dropped)]

@@ -1,4 +1,4 @@
-//! A drift in words and as JSON: since when, at once or at which rate, about or along which axis, and how to put it back.
+//! A drift in words and as JSON: since when, in a step or at which rate, about or along which axis, and how to put it back.
 
 use resight::core::Vector6;
 use resight::core::temporal::monitor::{Alone, Drift, MotionKind, Rate};
@@ -12,14 +12,14 @@ const AXES: [&str; 6] = ["tilt", "pan", "roll", "x", "y", "range"];
 /// `moved in a step, since 200.0 s ± 0.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`.
 pub fn words(drift: &Drift) -> String {
     let how = match (drift.course, drift.rate) {
-        (MotionKind::Step, _) => "at once".to_string(),
-        (MotionKind::Ramp, None) => "slowly".to_string(),
-        (MotionKind::Ramp, Some(rate)) => format!("slowly{}", rate_words(&rate)),
+        (MotionKind::Step, _) => "in a step".to_string(),
+        (MotionKind::Ramp, None) => "in a ramp".to_string(),
+        (MotionKind::Ramp, Some(rate)) => format!("in a ramp{}", rate_words(&rate)),
     };
-    let began = format!("drifted {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    let began = format!("moved {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
     if let Some(Alone { axis, size, sigma }) = drift.alone() {
         let motion = Vector6::ith(axis, size);
-        let verb = if axis < 3 { "turned" } else { "shifted" };
+        let verb = if axis < 3 { "rotated" } else { "shifted" };
         let [is, back] = [parts(&motion, |_| Some(sigma)), parts(&-motion, |_| None)];
         let name = if ["roll", "range"].contains(&AXES[axis]) {
             format!(" ({})", AXES[axis])
@@ -31,7 +31,7 @@ pub fn words(drift: &Drift) -> String {
     let (verb, motion, sigma) = match drift.pure_rotation() {
         Some((turn, covariance)) => {
             let sigma = covariance.diagonal().map(f64::sqrt).as_slice().to_vec();
-            ("turned", Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0), sigma)
+            ("rotated", Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0), sigma)
         }
         None => {
             let sigma = drift.covariance.diagonal().map(f64::sqrt).as_slice().to_vec();
@@ -61,7 +61,7 @@ fn rate_words(rate: &Rate) -> String {
 
 /// Course, rate and axis, beside what `object` holds already.
 pub fn add_to(object: &mut Value, drift: &Drift) {
-    object["course"] = json!(if drift.course == MotionKind::Ramp { "slow" } else { "step" });
+    object["course"] = json!(if drift.course == MotionKind::Ramp { "ramp" } else { "step" });
     object["course_probability"] = json!(drift.course_probability);
     if let Some(rate) = &drift.rate {
         let rows: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| rate.covariance[(i, j)]).collect()).collect();

@@ -111,7 +111,7 @@ fn counts(pair: &PairBoard) -> (&'static str, String) {
 
 /// Correlations of the covariance, turns first.
 fn correlations(covariance: &Matrix6<f64>) -> Rows {
-    const NAMES: [&str; 6] = ["turn x", "turn y", "turn z", "shift x", "shift y", "shift z"];
+    const NAMES: [&str; 6] = ["rot. x", "rot. y", "rot. z", "shift x", "shift y", "shift z"];
     let sigma = covariance.diagonal().map(f64::sqrt);
     let of_row = |row: usize| {
         let number =

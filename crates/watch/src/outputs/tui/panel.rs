@@ -93,7 +93,7 @@ fn scatter<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
     };
     Text::from(vec![
         Line::styled(format!("{:<7}{:>8}{:>8}{:>8}", "±", "x", "y", "z"), picture.color(Color::DarkGray)),
-        line("turn °", 0, f64::to_degrees(1.0), 4),
+        line("rot. °", 0, f64::to_degrees(1.0), 4),
         line("mm", 3, 1e3, 3),
         Line::styled(format!("std-dev of {} frames", pair.spread.len()), picture.color(Color::DarkGray)),
     ])
@@ -104,12 +104,12 @@ fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_
     let most_rad = scale_rad(pair, &columns);
     let says = match columns.iter().any(Option::is_some) {
         true => format!(
-            "turn against the reference{}, over {}; full height {:.3}°",
-            if pair.has_shifted() { "" } else { " if it only turned" },
+            "rotation against the reference{}, over {}; full height {:.3}°",
+            if pair.has_shifted() { "" } else { " if it only rotated" },
             duration(pair.trail().span_s()),
             most_rad.to_degrees()
         ),
-        false => "turn against the reference: nothing to compare yet".to_string(),
+        false => "rotation against the reference: nothing to compare yet".to_string(),
     };
     frame.render_widget(Span::styled(says, picture.color(Color::DarkGray)), caption);
     let (_, _, color) = picture.sign(picture.view.chosen);

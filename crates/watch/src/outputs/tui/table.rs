@@ -18,7 +18,7 @@ struct Column {
 }
 
 const COLUMNS: [Column; 5] = [
-    Column { head: "turn", width: 9, from_width: 0, cell: turn },
+    Column { head: "rotation", width: 9, from_width: 0, cell: turn },
     Column { head: "FPS", width: 6, from_width: 42, cell: rate },
     Column { head: "latency ms", width: 12, from_width: 56, cell: latency },
     Column { head: "dropped", width: 7, from_width: 64, cell: dropped },
