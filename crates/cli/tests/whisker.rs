@@ -1,7 +1,7 @@
 //! `whisker`: readings to contacts to objects, every spelling of a file, every kind of bad line, and a stream that answers at once.
 
 use crate::recorded::recorded;
-use crate::support::{folder, json_lines, resight};
+use crate::support::{any_json_lines, folder, resight};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -36,7 +36,7 @@ fn solved(hub: &str, flags: &[&str]) -> Vec<Value> {
     let whisker = shipped("whisker.json");
     let run = resight(&[&["whisker", "solve", "--whisker", &whisker, hub, "--json"], flags].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
-    json_lines(&run)
+    any_json_lines(&run)
 }
 
 fn number(value: &Value) -> f64 {
@@ -51,7 +51,7 @@ fn score<'a>(checked: &'a Value, group: &str) -> &'a Value {
 fn checked(arguments: &[&str]) -> Value {
     let run = resight(&[&["whisker", "check", "--json"], arguments].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
-    json_lines(&run).remove(0)
+    any_json_lines(&run).remove(0)
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn a_reading_with_an_empty_cell_keeps_its_row() {
     let hub = write(&folder, "hub.csv", &lines.join("\n"));
     let run = resight(&["whisker", "solve", "--whisker", &shipped("whisker.json"), &hub, "--json"]);
     assert_eq!(run.code, 1, "{}", run.stderr);
-    let rows = json_lines(&run);
+    let rows = any_json_lines(&run);
     assert_eq!(rows.len(), lines.len()); // A header less, a record more.
     for row in &rows[40..42] {
         assert_eq!((&row["status"], &row["contact"]), (&Value::from("missing"), &Value::from(0)));
@@ -305,7 +305,7 @@ fn a_flat_profile_is_the_uniform_whisker() {
     let run = resight(&["whisker", "solve", "--whisker", &profile, &hub, "--mode", "raw", "--json"]);
     let wanted =
         [solved(&hub, &["--mode", "raw"]), solved(&hub, &["--mode", "raw", "--method", "integrate"])];
-    let rows = json_lines(&run);
+    let rows = any_json_lines(&run);
     for (i, row) in rows.iter().enumerate().filter(|(_, row)| row["contact"] == 1 && row["status"] == "ok") {
         for wanted in &wanted {
             assert!((number(&row["x"]) - number(&wanted[i]["x"])).abs() < 1e-9, "{row}");
@@ -564,7 +564,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
 
     let steady = calibrate(&another_record(&folder, "steady.csv", |_, _| ()), &against);
     assert_eq!(steady.code, 0, "{}{}", steady.stdout, steady.stderr);
-    let drift = &json_lines(&steady)[0]["drift"];
+    let drift = &any_json_lines(&steady)[0]["drift"];
     assert_eq!(
         (&drift["has_drifted"], drift["watch"].as_array().unwrap().len()),
         (&false.into(), 3),
@@ -578,7 +578,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
     });
     let moved = calibrate(&gain, &against);
     assert_eq!(moved.code, 3, "{}{}", moved.stdout, moved.stderr);
-    let change = &json_lines(&moved)[0]["drift"]["changes"][0];
+    let change = &any_json_lines(&moved)[0]["drift"]["changes"][0];
     assert_eq!(change["parameter"], "ln_torque_gain");
     let (by, sigma) = (number(&change["change"]), number(&change["sigma"]));
     assert!((by + 1.01_f64.ln()).abs() < 4.0 * sigma, "{change}"); // Torque over reading has fallen.
@@ -597,7 +597,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
     });
     let watched = calibrate(&zero, &against);
     assert_eq!(watched.code, 3, "{}", watched.stderr);
-    let windows = json_lines(&watched).remove(0)["drift"]["watch"].clone();
+    let windows = any_json_lines(&watched).remove(0)["drift"]["watch"].clone();
     let verdicts: Vec<&str> =
         windows.as_array().unwrap().iter().map(|w| w["verdict"].as_str().unwrap()).collect();
     assert_eq!(verdicts[..2], ["steady", "drifted"], "{windows}");
@@ -712,7 +712,7 @@ fn six_axes_refuse_what_has_no_plane() {
     {
         let run = resight(&["whisker", "solve", "--whisker", meta, hub, "--json"]);
         assert_eq!(run.code, 1, "{}", run.stderr);
-        let rows = json_lines(&run);
+        let rows = any_json_lines(&run);
         let touching: Vec<&Value> = rows.iter().filter(|row| row["contact"] == 1).collect();
         assert!(150 < touching.len() && touching.iter().all(|row| row["status"] != "ok"));
         let reported = touching.iter().filter(|row| row["status"] == "inconsistent");
@@ -798,7 +798,7 @@ fn one_corner_is_no_object() {
     let few: Vec<String> = text(&contacts).lines().take(60).map(str::to_string).collect();
     let run = resight(&["whisker", "identify", &write(&folder, "few.csv", &few.join("\n")), "--json"]);
     assert_eq!(run.code, 1, "{}", run.stdout);
-    let answer = &json_lines(&run)[0];
+    let answer = &any_json_lines(&run)[0];
     assert_eq!(answer["verdict"], "insufficient_coverage");
     assert!(
         answer["reason"]["kind"].is_string() && !answer["advice"].as_str().unwrap().is_empty(),

@@ -18,6 +18,7 @@ use resight::report::verdict::{Status, figures};
 use resight::report::words::{
     coordinate, degrees, length, percent, position_sigma_m, position_with_sigma_m, with_sigma,
 };
+use schemars::JsonSchema;
 use serde::Serialize;
 use shipped::Truth;
 use std::path::{Path, PathBuf};
@@ -77,8 +78,8 @@ struct Story {
 }
 
 /// Relative extrinsics as JSON.
-#[derive(Serialize)]
-struct Pair {
+#[derive(Serialize, JsonSchema)]
+pub struct Pair {
     schema: SchemaNumber,
     a: &'static str,
     b: &'static str,

@@ -5,10 +5,13 @@ mod when;
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
-use resight::answer::SCHEMA;
+use resight::answer::SchemaNumber;
 use resight_watch::history::export::{Table, export};
-use resight_watch::history::{History as File, PairSummary, Selection, StoredEvent};
-use serde_json::{Value, json};
+use resight_watch::history::{History as File, PairSummary, Selection, StateShare, StoredEvent};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
@@ -44,6 +47,59 @@ pub struct History {
     json: bool,
 }
 
+/// A table written.
+#[derive(Serialize, JsonSchema)]
+pub struct ExportedObject {
+    schema: SchemaNumber,
+    event: &'static str,
+    rows: u64,
+    file: String,
+}
+
+/// A history in figures.
+#[derive(Serialize, JsonSchema)]
+pub struct HistoryObject {
+    schema: SchemaNumber,
+    event: &'static str,
+    bytes: u64,
+    sessions: u64,
+    sessions_ended: u64,
+    pairs: Vec<PairObject>,
+    /// How many of each kind.
+    events: BTreeMap<String, u64>,
+    /// The events of the state `drifted`, as the session printed them.
+    drifts: Vec<Value>,
+}
+
+/// A camera with a target, or with landmarks.
+#[derive(Serialize, JsonSchema)]
+struct PairObject {
+    camera: String,
+    target: String,
+    from_s: f64,
+    to_s: f64,
+    rows: RowsObject,
+    rms_px: Option<f64>,
+    /// By the state's name.
+    states: BTreeMap<String, StateObject>,
+}
+
+/// Rows of single frames, and of the means of minutes and hours.
+#[derive(Serialize, JsonSchema)]
+struct RowsObject {
+    frames: u64,
+    minutes: u64,
+    hours: u64,
+}
+
+/// Frames in a state, those with a pose, and those with a rotation by landmarks.
+#[derive(Serialize, JsonSchema)]
+struct StateObject {
+    frames: u64,
+    readings: u64,
+    rotations: u64,
+}
+
 /// See `History`.
 pub fn run(args: &History) -> Result<Outcome> {
     let history = File::open(&args.file)?;
@@ -59,9 +115,10 @@ pub fn run(args: &History) -> Result<Outcome> {
         Some(path) => {
             let table = if args.events { Table::Events } else { Table::Frames };
             let rows = export(&history, table, &selection, path)?;
-            let said = json!({"schema": SCHEMA, "event": "exported", "rows": rows, "file": path});
+            let file = path.display().to_string();
+            let exported = ExportedObject { schema: SchemaNumber, event: "exported", rows, file };
             print(&if args.json {
-                format!("{said}\n")
+                format!("{}\n", serde_json::to_string(&exported)?)
             } else {
                 format!("{rows} rows in {}\n", path.display())
             })?;
@@ -84,18 +141,24 @@ fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Se
         }
         true
     })?;
-    let mut events = std::collections::BTreeMap::new();
+    let mut events = BTreeMap::new();
     history.events(selection, &[], |event| {
         *events.entry(event.row.kind).or_insert(0u64) += 1;
         true
     })?;
     let (sessions, ended) = history.sessions()?;
     if args.json {
-        let pairs: Vec<Value> = pairs.iter().map(|pair| object(pair)).collect();
-        let drifts: Vec<Value> = drifts.iter().map(detail).collect();
-        let all = json!({"schema": SCHEMA, "event": "history", "bytes": history.bytes(), "sessions": sessions, "sessions_ended": ended,
-            "pairs": pairs, "events": events, "drifts": drifts});
-        return print(&format!("{all}\n"));
+        let all = HistoryObject {
+            schema: SchemaNumber,
+            event: "history",
+            bytes: history.bytes(),
+            sessions,
+            sessions_ended: ended,
+            pairs: pairs.iter().map(|pair| object(pair)).collect(),
+            events,
+            drifts: drifts.iter().map(detail).collect(),
+        };
+        return print(&format!("{}\n", serde_json::to_string(&all)?));
     }
     print(&format!(
         "{}: {:.1} MB; sessions: {sessions}, cut off or still running: {}\n",
@@ -143,17 +206,21 @@ fn words(pair: &PairSummary) -> String {
     )
 }
 
-fn object(pair: &PairSummary) -> Value {
-    let states: serde_json::Map<String, Value> = pair
-        .states
-        .iter()
-        .map(|s| {
-            (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "rotations": s.rotations}))
-        })
-        .collect();
+fn object(pair: &PairSummary) -> PairObject {
+    let state = |s: &StateShare| {
+        let share = StateObject { frames: s.frames, readings: s.readings, rotations: s.rotations };
+        (s.state.clone(), share)
+    };
     let [frames, minutes, hours] = pair.rows;
-    json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,
-        "rows": {"frames": frames, "minutes": minutes, "hours": hours}, "rms_px": pair.rms_px, "states": states})
+    PairObject {
+        camera: pair.camera.clone(),
+        target: pair.target.clone(),
+        from_s: pair.span_s.0,
+        to_s: pair.span_s.1,
+        rows: RowsObject { frames, minutes, hours },
+        rms_px: pair.rms_px,
+        states: pair.states.iter().map(state).collect(),
+    }
 }
 
 fn detail(event: &StoredEvent) -> Value {

@@ -6,11 +6,11 @@ use crate::output::{Outcome, Printer};
 use anyhow::{Context, Result};
 use clap::Args;
 use resight::GrayImage;
-use resight::answer::SCHEMA;
+use resight::answer::SchemaNumber;
+use resight::answer::landmarks::{LandmarksAnswer, RotationObject};
 use resight::landmarks::{LandmarkObservation, Landmarks as Reference, NotObserved};
 use resight::report::turned;
 use resight::report::verdict::Status;
-use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Measures how a camera has rotated since a reference image, without any target.
@@ -61,7 +61,7 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
         |(image, drawn)| compared(&reference, image, drawn.as_deref()),
         |compared: Result<Compared>| {
             let compared = compared?;
-            printer.result(&compared.object(), &compared.words(), compared.status())
+            printer.result(&compared.answer(), &compared.words(), compared.status())
         },
     )?;
     printer.finish()
@@ -108,12 +108,13 @@ impl Compared {
         }
     }
 
-    fn object(&self) -> Value {
-        let mut object = json!({"schema": SCHEMA, "view": self.view, "status": self.status().name()});
-        match &self.seen {
-            Ok(landmark_observation) => turned::add_to(&mut object, landmark_observation),
-            Err((_, reason)) => object["message"] = json!(reason),
+    fn answer(&self) -> LandmarksAnswer {
+        LandmarksAnswer {
+            schema: SchemaNumber,
+            view: self.view.clone(),
+            status: self.status(),
+            rotation: self.seen.as_ref().ok().map(RotationObject::from),
+            message: self.seen.as_ref().err().map(|(_, reason)| reason.clone()),
         }
-        object
     }
 }

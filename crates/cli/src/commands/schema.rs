@@ -1,10 +1,25 @@
 //! `schema`: what the JSON of every answer looks like.
 
+use super::{demo, history};
 use crate::output::{Outcome, print};
 use anyhow::Result;
 use clap::Args;
+use resight::answer::{Generate, json_schema};
+use resight_watch::outputs::history::StoredObject;
+use resight_watch::outputs::said::object::EventObject;
+use schemars::SchemaGenerator;
 
-/// Prints the JSON schema of every answer, generated from the types that write them (JSON Schema 2020-12).
+/// Answers of the crates above the library's.
+const FURTHER: [(&str, Generate); 5] = [
+    ("event", SchemaGenerator::subschema_for::<EventObject>),
+    ("stored", SchemaGenerator::subschema_for::<StoredObject>),
+    ("history", SchemaGenerator::subschema_for::<history::HistoryObject>),
+    ("history_export", SchemaGenerator::subschema_for::<history::ExportedObject>),
+    ("demo_pair", SchemaGenerator::subschema_for::<demo::Pair>),
+];
+
+/// Prints the JSON schema of every answer, generated from the types that write them (JSON Schema 2020-12); the whisker's answers are not in
+/// it.
 ///
 /// Every JSON object has the key "schema" with the number 2. Under one number keys may be added, but none is renamed or given another
 /// meaning. The schema of one job's answer is at "#/answers/JOB", for example "#/answers/pose".
@@ -14,7 +29,7 @@ pub struct Schema {}
 
 /// See `Schema`.
 pub fn run(_: &Schema) -> Result<Outcome> {
-    let text = serde_json::to_string_pretty(&resight::answer::json_schema())?;
+    let text = serde_json::to_string_pretty(&json_schema(&FURTHER))?;
     print(&format!("{text}\n"))?;
     Ok(Outcome::Answered)
 }

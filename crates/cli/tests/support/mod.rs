@@ -39,10 +39,14 @@ pub fn resight(arguments: &[&str]) -> Run {
     }
 }
 
+/// Every line of stdout as JSON, whatever it holds: the whisker's answers have no schema.
+pub fn any_json_lines(run: &Run) -> Vec<serde_json::Value> {
+    run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
 /// Every line of stdout as JSON, each an answer of the schema that `resight schema` prints.
 pub fn json_lines(run: &Run) -> Vec<serde_json::Value> {
-    let lines: Vec<serde_json::Value> =
-        run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines = any_json_lines(run);
     lines.iter().for_each(follows_schema);
     lines
 }

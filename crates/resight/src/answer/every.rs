@@ -1,6 +1,6 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
-use super::{advise, compare, detection, files, hand_eye, measure, pose, pose_graph, rig};
+use super::{advise, compare, detection, files, hand_eye, landmarks, measure, pose, pose_graph, rig};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
@@ -33,10 +33,10 @@ serialised_as! {
 }
 
 /// The schema of one answer.
-type Generate = fn(&mut SchemaGenerator) -> Schema;
+pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer by the job that gives it.
-const ANSWERS: [(&str, Generate); 17] = [
+const ANSWERS: [(&str, Generate); 18] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),
@@ -52,15 +52,21 @@ const ANSWERS: [(&str, Generate); 17] = [
     ("advise_change", SchemaGenerator::subschema_for::<advise::TargetChange>),
     ("advise_rig", SchemaGenerator::subschema_for::<advise::RigNow>),
     ("advise_board", SchemaGenerator::subschema_for::<advise::BoardSuggestion>),
+    ("landmarks", SchemaGenerator::subschema_for::<landmarks::LandmarksAnswer>),
     ("measure_query", SchemaGenerator::subschema_for::<measure::QueryObject>),
     ("measure_survey", SchemaGenerator::subschema_for::<measure::SurveyAnswer>),
 ];
 
-/// One document (JSON Schema 2020-12): an object is one of the answers below `answers`, each by the name of its job.
-pub fn json_schema() -> Value {
+/// One document (JSON Schema 2020-12): an object is one of the answers below `answers`, each by the name of its job. `further` are answers of
+/// crates above this one.
+pub fn json_schema(further: &[(&str, Generate)]) -> Value {
     let mut generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
-    let answers: Map<String, Value> =
-        ANSWERS.iter().map(|(name, of)| ((*name).to_owned(), of(&mut generator).to_value())).collect();
+    let all = ANSWERS.iter().chain(further);
+    let mut answers: Map<String, Value> =
+        all.map(|(name, of)| ((*name).to_owned(), of(&mut generator).to_value())).collect();
+    for unit in ["normalized", "unit_of_f"] {
+        answers.insert(format!("pose_{unit}"), pose_in_unit(unit));
+    }
     let any: Vec<Value> = answers.keys().map(|name| json!({ "$ref": format!("#/answers/{name}") })).collect();
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -69,4 +75,28 @@ pub fn json_schema() -> Value {
         "answers": answers,
         "$defs": generator.take_definitions(true),
     })
+}
+
+/// The pose object with keys for image coordinates that are no pixels.
+fn pose_in_unit(unit: &str) -> Value {
+    let settings = SchemaSettings::draft2020_12().for_serialize().with(|s| s.inline_subschemas = true);
+    let schema = settings.into_generator().into_root_schema_for::<pose::PoseObject>().to_value();
+    required_in_unit(pose::in_unit(schema, unit), unit)
+}
+
+fn required_in_unit(value: Value, unit: &str) -> Value {
+    match value {
+        Value::Object(keys) => {
+            let one = |(key, value): (String, Value)| match (key.as_str(), value) {
+                ("required", Value::Array(names)) => {
+                    let names = names.iter().filter_map(Value::as_str);
+                    (key, names.map(|name| pose::key_in_unit(name.to_owned(), unit)).collect())
+                }
+                (_, value) => (key, required_in_unit(value, unit)),
+            };
+            keys.into_iter().map(one).collect()
+        }
+        Value::Array(values) => values.into_iter().map(|value| required_in_unit(value, unit)).collect(),
+        other => other,
+    }
 }

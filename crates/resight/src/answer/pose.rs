@@ -234,16 +234,20 @@ impl Serialize for PoseAnswer {
     }
 }
 
-/// Keys end in the unit of their value: `rms_px` of normalised coordinates is `rms_normalized`, of a photogrammetric camera
-/// `rms_unit_of_f`. The size of the image stays in pixels.
-fn in_unit(value: Value, unit: &str) -> Value {
-    let renamed = |key: String| match key.strip_suffix("_px") {
+/// One key of them.
+pub(super) fn key_in_unit(key: String, unit: &str) -> String {
+    match key.strip_suffix("_px") {
         Some(stem) if key != "intrinsics_scaled_from_px" => format!("{stem}_{unit}"),
         _ => key,
-    };
+    }
+}
+
+/// Keys end in the unit of their value: `rms_px` of normalised coordinates is `rms_normalized`, of a photogrammetric camera
+/// `rms_unit_of_f`. The size of the image stays in pixels.
+pub(super) fn in_unit(value: Value, unit: &str) -> Value {
     match value {
         Value::Object(keys) => {
-            keys.into_iter().map(|(key, value)| (renamed(key), in_unit(value, unit))).collect()
+            keys.into_iter().map(|(key, value)| (key_in_unit(key, unit), in_unit(value, unit))).collect()
         }
         Value::Array(values) => values.into_iter().map(|value| in_unit(value, unit)).collect(),
         other => other,

@@ -3,7 +3,6 @@
 use crate::core::Vector6;
 use crate::landmarks::LandmarkObservation;
 use nalgebra::Vector2;
-use serde_json::{Value, json};
 
 /// About x right, y down, z forward: the sign of a rotation or shift, and its opposite.
 const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
@@ -63,25 +62,6 @@ fn shift_words(px: &Vector2<f64>) -> String {
     let word =
         |value: f64, i: usize| format!("{:.2} px {}", value.abs(), SHIFTS[i][usize::from(value < 0.0)]);
     format!("{}, {}", word(px.x, 0), word(px.y, 1))
-}
-
-/// The turn's numbers, beside what `object` holds already.
-pub fn add_to(object: &mut Value, landmark_observation: &LandmarkObservation) {
-    let relative_rotation = &landmark_observation.relative_rotation;
-    let (rotation_rad, covariance) = relative_rotation.old_from_new();
-    let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| covariance[(i, j)]).collect()).collect();
-    object["rotation_rad"] = json!(rotation_rad.as_slice());
-    object["sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
-    object["rotation_covariance_rad2"] = json!(rows);
-    if let Some(shift) = &landmark_observation.shift {
-        object["shift_px"] = json!(shift.px.as_slice());
-        object["shift_sigma_px"] = json!(shift.covariance_px2.diagonal().map(f64::sqrt).as_slice());
-    }
-    object["n_landmarks"] = json!(relative_rotation.used.len());
-    object["n_matched"] = json!(relative_rotation.given);
-    object["n_in_view"] = json!(landmark_observation.in_view);
-    object["rms_px"] = json!(relative_rotation.rms_px);
-    object["is_consistent"] = json!(relative_rotation.is_consistent());
 }
 
 #[cfg(test)]

@@ -11,9 +11,13 @@ use crate::history::{
 };
 use crate::live::{Event, Observation};
 use anyhow::Result;
+use resight::answer::SchemaNumber;
 use resight::landmarks::LandmarkObservation;
 use resight::report::turned::contradiction;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -178,7 +182,7 @@ impl Teller {
         match what {
             Reported::Stored(stored) => {
                 if let Some(on_stored) = &self.on_stored {
-                    on_stored(&self.object(&stored));
+                    on_stored(&serde_json::to_value(self.object(&stored)).unwrap_or_default());
                 }
             }
             Reported::Degraded(reason) => say(&format!(
@@ -196,13 +200,40 @@ impl Teller {
         }
     }
 
-    fn object(&self, stored: &Stored) -> Value {
+    fn object(&self, stored: &Stored) -> StoredObject {
         let through = self.pairs.iter().zip(&stored.through_s);
-        let through: serde_json::Map<_, _> =
-            through.filter_map(|(pair, t_s)| Some((pair.clone(), json!((*t_s)?)))).collect();
-        json!({"schema": 2, "event": "stored", "session": stored.session, "frames": stored.frames, "events": stored.events,
-            "not_stored": {"frames": stored.not_stored.frames, "events": stored.not_stored.events}, "through_s": through})
+        StoredObject {
+            schema: SchemaNumber,
+            event: "stored",
+            session: stored.session,
+            frames: stored.frames,
+            events: stored.events,
+            not_stored: NotStoredObject {
+                frames: stored.not_stored.frames,
+                events: stored.not_stored.events,
+            },
+            through_s: through.filter_map(|(pair, t_s)| Some((pair.clone(), (*t_s)?))).collect(),
+        }
     }
+}
+
+/// What is on the disk by now.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct StoredObject {
+    schema: SchemaNumber,
+    event: &'static str,
+    session: i64,
+    frames: u64,
+    events: u64,
+    not_stored: NotStoredObject,
+    /// Of each camera and target the time of the last frame stored.
+    through_s: BTreeMap<String, f64>,
+}
+
+#[derive(Debug, Serialize, JsonSchema)]
+struct NotStoredObject {
+    frames: u64,
+    events: u64,
 }
 
 fn count(lost: &NotStored) -> String {

@@ -1,17 +1,20 @@
 //! Events in words and as JSON.
 
 mod drifted;
+pub mod object;
 mod promised;
 
 use super::super::names::Names;
 use super::measured::measured;
 use crate::live::{CheckingReason, Event, Observation, State};
-use resight::answer::TransformObject;
+use object::{Alternatives, EventObject, FrameObject, MotionObject, NodeMotionObject, TimesObject};
+use resight::answer::landmarks::RotationObject;
+use resight::answer::{TransformObject, pose};
+use resight::core::Vector6;
 use resight::core::temporal::monitor::attribute::MovedNode;
-use resight::core::temporal::monitor::{Unrest, Unsettled};
-use resight::core::{Matrix6, Vector6};
+use resight::core::temporal::monitor::{Drift, Unrest, Unsettled};
 use resight::report::turned::{self, parts};
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::collections::BTreeSet;
 
 /// Says events in words and as JSON.
@@ -60,9 +63,13 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
     let mut lines = Vec::new();
     if !moved.nodes.is_empty() {
         lines.push(match json {
-            true => json!({"schema": 2, "event": "verdict", "moved": moved.nodes, "alternatives": moved.alternatives,
-                "message": moved.words(names)})
-            .to_string(),
+            true => line(&EventObject {
+                event: "verdict",
+                moved: Some(moved.nodes.clone()),
+                alternatives: Some(Alternatives::Sets(moved.alternatives.clone())),
+                message: Some(moved.words(names)),
+                ..EventObject::default()
+            }),
             false => moved.words(names),
         });
     }
@@ -71,19 +78,28 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
         let (camera, target) = names.of_pair(index);
         let has_moved = moved.while_learning.contains(&(camera, target));
         lines.push(match (json, has_moved) {
-            (true, _) => {
-                let mut object = json!({"schema": 2, "event": "verdict", "camera": names.camera(camera),
-                    "target": names.target(target), "state": word});
-                if has_moved {
-                    object["moved_while_learning"] = json!(true);
-                }
-                object.to_string()
-            }
+            (true, _) => line(&EventObject {
+                event: "verdict",
+                camera: Some(names.camera(camera).to_owned()),
+                target: Some(names.target(target).to_owned()),
+                state: Some(word),
+                moved_while_learning: has_moved.then_some(true),
+                ..EventObject::default()
+            }),
             (false, true) => format!("{pair}: {word}; it moved while its reference was learned"),
             (false, false) => format!("{pair}: {word}"),
         });
     }
     lines
+}
+
+fn line(object: &EventObject) -> String {
+    value(object).to_string()
+}
+
+/// Numbers, strings, lists and maps of strings always become JSON.
+fn value(object: &EventObject) -> Value {
+    serde_json::to_value(object).unwrap_or_default()
 }
 
 /// How a session ended.
@@ -181,69 +197,91 @@ impl EventText {
 
     /// The event as one JSON object.
     pub fn object(&self, event: &Event) -> Value {
+        value(&self.event_object(event))
+    }
+
+    fn event_object(&self, event: &Event) -> EventObject {
+        let camera = |camera: &usize| Some(self.names.camera(*camera).to_owned());
+        let target = |target: &usize| Some(self.names.target(*target).to_owned());
+        let none = EventObject::default;
         match event {
-            Event::Observed { camera, target, observation } => {
-                let mut object = observed_object(observation);
-                object["camera"] = json!(self.names.camera(*camera));
-                object["target"] = json!(self.names.target(*target));
-                object
+            Event::Observed { camera: c, target: t, observation } => {
+                EventObject { camera: camera(c), target: target(t), ..observed_object(observation) }
             }
-            Event::StateChanged { camera, target, t_s, state } => {
-                let mut object = state_object(state);
-                object["event"] = json!("state");
-                object["camera"] = json!(self.names.camera(*camera));
-                object["target"] = json!(self.names.target(*target));
-                object["t_s"] = json!(t_s);
-                object
-            }
-            Event::Learned { camera, target, reference, promise } => {
-                let mut object = json!({"schema": 2, "event": "learned", "camera": self.names.camera(*camera),
-                "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)});
-                if let Some(promise) = promise {
-                    (object["noise"], object["detectable"]) = promised::objects(promise);
+            Event::StateChanged { camera: c, target: t, t_s, state } => EventObject {
+                event: "state",
+                camera: camera(c),
+                target: target(t),
+                t_s: Some(*t_s),
+                ..state_object(state)
+            },
+            Event::Learned { camera: c, target: t, reference, promise } => {
+                let (noise, detectable) = promise.as_ref().map(|p| promised::objects(p)).unzip();
+                let cam_from_target = Some(TransformObject::from(reference.a_from_b));
+                EventObject {
+                    event: "learned",
+                    camera: camera(c),
+                    target: target(t),
+                    cam_from_target,
+                    noise,
+                    detectable,
+                    ..none()
                 }
-                object
             }
-            Event::MovedWhileLearning { camera, target, alternatives, unsettled } => {
-                let drift = &unsettled.drift;
-                let alternatives: Vec<&str> =
-                    alternatives.iter().map(|alternative| self.names.camera(*alternative)).collect();
-                json!({"schema": 2, "event": "moved_while_learning", "camera": self.names.camera(*camera),
-                    "target": self.names.target(*target), "how": unrest_word(unsettled.unrest),
-                    "reading": unsettled.reading, "began_s": drift.began_s, "began_sigma_s": drift.began_sigma_s,
-                    "old_from_new": drift.old_from_new.as_slice(), "covariance": rows(&drift.covariance),
-                    "alternatives": alternatives, "message": self.words(event)})
-            }
+            Event::MovedWhileLearning { camera: c, target: t, alternatives, unsettled } => EventObject {
+                event: "moved_while_learning",
+                camera: camera(c),
+                target: target(t),
+                how: Some(unrest_word(unsettled.unrest)),
+                reading: Some(unsettled.reading),
+                motion: Some(motion(&unsettled.drift)),
+                alternatives: Some(Alternatives::Cameras(alternatives.iter().filter_map(camera).collect())),
+                message: Some(self.words(event)),
+                ..none()
+            },
             Event::Attributed { t_s, moved, alternatives } => {
-                let mut said = Moved::default();
-                said.take(event);
-                let motions: Vec<Value> = moved
-                    .iter()
-                    .map(|(name, node)| {
-                        json!({"name": name, "old_from_new": node.old_from_new.as_slice(),
-                            "covariance": rows(&node.covariance)})
-                    })
-                    .collect();
-                json!({"schema": 2, "event": "moved", "t_s": t_s, "moved": said.nodes, "alternatives": alternatives,
-                    "motions": motions, "message": said.words(&self.names)})
+                let mut all = Moved::default();
+                all.take(event);
+                let motions = moved.iter().map(|(name, node)| NodeMotionObject {
+                    name: name.clone(),
+                    old_from_new: node.old_from_new.into(),
+                    covariance: pose::rows(&node.covariance),
+                });
+                EventObject {
+                    event: "moved",
+                    t_s: Some(*t_s),
+                    motions: Some(motions.collect()),
+                    alternatives: Some(Alternatives::Sets(alternatives.clone())),
+                    message: Some(all.words(&self.names)),
+                    moved: Some(all.nodes),
+                    ..none()
+                }
             }
-            Event::Dropped { camera, frames } => {
-                json!({"schema": 2, "event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
+            Event::Dropped { camera: c, frames } => {
+                EventObject { event: "dropped", camera: camera(c), frames: Some(*frames), ..none() }
             }
-            Event::LeftOut { camera, frames, reason } => {
-                json!({"schema": 2, "event": "left_out", "camera": self.names.camera(*camera), "frames": frames,
-                "message": reason})
-            }
-            Event::Clock { camera, t_s, step_s } => {
-                json!({"schema": 2, "event": "clock", "camera": self.names.camera(*camera), "t_s": t_s, "step_s": step_s})
-            }
-            Event::Source { camera, connected, reason } => {
-                json!({"schema": 2, "event": "source", "camera": self.names.camera(*camera),
-                "connected": connected, "reason": reason})
-            }
-            Event::Ended { camera } => {
-                json!({"schema": 2, "event": "ended", "camera": self.names.camera(*camera)})
-            }
+            Event::LeftOut { camera: c, frames, reason } => EventObject {
+                event: "left_out",
+                camera: camera(c),
+                frames: Some(*frames),
+                message: Some(reason.to_string()),
+                ..none()
+            },
+            Event::Clock { camera: c, t_s, step_s } => EventObject {
+                event: "clock",
+                camera: camera(c),
+                t_s: Some(*t_s),
+                step_s: Some(*step_s),
+                ..none()
+            },
+            Event::Source { camera: c, connected, reason } => EventObject {
+                event: "source",
+                camera: camera(c),
+                connected: Some(*connected),
+                reason: reason.clone(),
+                ..none()
+            },
+            Event::Ended { camera: c } => EventObject { event: "ended", camera: camera(c), ..none() },
         }
     }
 }
@@ -323,37 +361,33 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
     }
 }
 
-fn state_object(state: &State) -> Value {
-    let mut object = json!({"schema": 2, "state": word(state)});
-    match state {
-        State::Drifted(drift) => {
-            object["old_from_new"] = json!(drift.old_from_new.as_slice());
-            object["covariance"] = json!(rows(&drift.covariance));
-            object["began_s"] = json!(drift.began_s);
-            object["began_sigma_s"] = json!(drift.began_sigma_s);
-            if let Some((turn, covariance)) = drift.pure_rotation() {
-                object["pure_rotation_rad"] = json!(turn.as_slice());
-                object["pure_rotation_sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
-            }
-            drifted::add_to(&mut object, drift);
-        }
-        State::Stale { for_s } => object["for_s"] = json!(for_s),
-        State::Learning { readings, needed } => {
-            object["readings"] = json!(readings);
-            object["needed"] = json!(needed);
-        }
-        State::Checking(doubt) => {
-            let errors = *doubt == CheckingReason::CorrelatedErrors;
-            object["reason"] = json!(if errors { "correlated_errors" } else { "different" });
-        }
-        State::Steady | State::Inconsistent | State::Tracking => {}
+fn motion(drift: &Drift) -> MotionObject {
+    MotionObject {
+        old_from_new: drift.old_from_new.into(),
+        covariance: pose::rows(&drift.covariance),
+        began_s: drift.began_s,
+        began_sigma_s: drift.began_sigma_s,
     }
-    object["message"] = json!(state_words(state));
-    object
 }
 
-fn rows(covariance: &Matrix6) -> Vec<Vec<f64>> {
-    (0..6).map(|i| (0..6).map(|j| covariance[(i, j)]).collect()).collect()
+fn state_object(state: &State) -> EventObject {
+    let object =
+        EventObject { state: Some(word(state)), message: Some(state_words(state)), ..EventObject::default() };
+    match state {
+        State::Drifted(drift) => {
+            EventObject { motion: Some(motion(drift)), drift: Some(drifted::object(drift)), ..object }
+        }
+        State::Stale { for_s } => EventObject { for_s: Some(*for_s), ..object },
+        State::Learning { readings, needed } => {
+            EventObject { readings: Some(*readings), needed: Some(*needed), ..object }
+        }
+        State::Checking(reason) => {
+            let are_correlated = *reason == CheckingReason::CorrelatedErrors;
+            let reason = if are_correlated { "correlated_errors" } else { "different" };
+            EventObject { reason: Some(reason.into()), ..object }
+        }
+        State::Steady | State::Inconsistent | State::Tracking => object,
+    }
 }
 
 /// The size of a node's motion.
@@ -377,23 +411,30 @@ fn observed_words(observation: &Observation) -> String {
     }
 }
 
-fn observed_object(observation: &Observation) -> Value {
-    let mut object = json!({"schema": 2, "event": "frame", "number": observation.number, "t_s": observation.capture_s,
-        "name": observation.name, "n_points": observation.n_points,
-        "times_us": {"waited": observation.times.waited_us, "detect": observation.times.detect_us,
-            "solve": observation.times.solve_us, "decide": observation.times.decide_us}});
-    if let Some(tracked) = &observation.tracked {
-        object["cam_from_target"] = json!(TransformObject::from(tracked.cam_from_target));
-        object["probability"] = json!(tracked.probability);
+fn observed_object(observation: &Observation) -> EventObject {
+    let (tracked, times) = (observation.tracked.as_ref(), &observation.times);
+    let frame = FrameObject {
+        number: observation.number,
+        name: observation.name.clone(),
+        n_points: observation.n_points,
+        times_us: TimesObject {
+            waited: times.waited_us,
+            detect: times.detect_us,
+            solve: times.solve_us,
+            decide: times.decide_us,
+        },
+        probability: tracked.map(|tracked| tracked.probability),
+        points_rms_px: measured(observation)
+            .filter(|_| observation.landmarks.is_none())
+            .map(|measured| measured.rms_px),
+    };
+    EventObject {
+        event: "frame",
+        t_s: Some(observation.capture_s),
+        frame: Some(frame),
+        cam_from_target: tracked.map(|tracked| tracked.cam_from_target.into()),
+        rotation: observation.landmarks.as_deref().map(RotationObject::from),
+        message: observation.reason.clone(),
+        ..EventObject::default()
     }
-    if let Some(measured) = measured(observation) {
-        object["rms_px"] = json!(measured.rms_px);
-    }
-    if let Some(landmark_observation) = &observation.landmarks {
-        turned::add_to(&mut object, landmark_observation);
-    }
-    if let Some(reason) = &observation.reason {
-        object["message"] = json!(reason);
-    }
-    object
 }

@@ -1,9 +1,10 @@
 //! A drift in words and as JSON: since when, in a step or at which rate, about or along which axis, and how to put it back.
 
+use super::object::{AxisObject, DriftObject};
+use resight::answer::pose::rows;
 use resight::core::Vector6;
 use resight::core::temporal::monitor::{Alone, Drift, MotionKind, Rate};
 use resight::report::turned::parts;
-use serde_json::{Value, json};
 
 const HOUR_S: f64 = 3600.0;
 /// As one speaks of cameras: rotations about x, y, z, shifts along them.
@@ -59,19 +60,23 @@ fn rate_words(rate: &Rate) -> String {
     if said.is_empty() { said } else { format!(", {said} an hour") }
 }
 
-/// Course, rate and axis, beside what `object` holds already.
-pub fn add_to(object: &mut Value, drift: &Drift) {
-    object["course"] = json!(if drift.course == MotionKind::Ramp { "ramp" } else { "step" });
-    object["course_probability"] = json!(drift.course_probability);
-    if let Some(rate) = &drift.rate {
-        let rows: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| rate.covariance[(i, j)]).collect()).collect();
-        object["rate_per_s"] = json!(rate.per_s.as_slice());
-        object["rate_covariance"] = json!(rows);
-    }
-    if let Some(Alone { axis, size, sigma }) = drift.alone() {
-        let (key, sigma_key) =
-            if axis < 3 { ("rotation_rad", "sigma_rad") } else { ("translation_m", "sigma_m") };
-        object["axis"] = json!({"name": AXES[axis], key: size, sigma_key: sigma});
+/// Kind of motion, rate and axis.
+pub fn object(drift: &Drift) -> DriftObject {
+    let pure = drift.pure_rotation();
+    let axis = drift.alone().map(|Alone { axis, size, sigma }| {
+        let [about, along] = [axis < 3, 3 <= axis].map(|is_this| is_this.then_some((size, sigma)));
+        let (rotation_rad, sigma_rad) = about.unzip();
+        let (translation_m, sigma_m) = along.unzip();
+        AxisObject { name: AXES[axis], rotation_rad, sigma_rad, translation_m, sigma_m }
+    });
+    DriftObject {
+        pure_rotation_rad: pure.as_ref().map(|(rotation, _)| (*rotation).into()),
+        pure_rotation_sigma_rad: pure.map(|(_, covariance)| covariance.diagonal().map(f64::sqrt).into()),
+        course: if drift.course == MotionKind::Ramp { "ramp" } else { "step" },
+        course_probability: drift.course_probability,
+        rate_per_s: drift.rate.as_ref().map(|rate| rate.per_s.into()),
+        rate_covariance: drift.rate.as_ref().map(|rate| rows(&rate.covariance)),
+        axis,
     }
 }
 

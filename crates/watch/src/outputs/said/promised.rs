@@ -1,7 +1,7 @@
 //! What was learned of the noise, and which motion can be promised to be found.
 
+use super::object::{CorrelatedObject, DetectableObject, NoiseObject};
 use crate::live::Promise;
-use serde_json::{Value, json};
 
 /// After "reference learned, ± …".
 pub(super) fn words(promise: &Promise) -> String {
@@ -29,13 +29,22 @@ pub(super) fn words(promise: &Promise) -> String {
     words
 }
 
-/// The same as the JSON objects `noise` and `detectable`.
-pub(super) fn objects(promise: &Promise) -> (Value, Value) {
+/// The same as JSON objects.
+pub(super) fn objects(promise: &Promise) -> (NoiseObject, DetectableObject) {
     let Promise { noise, detectable, .. } = promise;
-    let correlated = noise.correlated.map(|l| json!({"sigma_ratio": l.sigma_ratio, "time_s": l.time_s}));
-    let noise = json!({"sigma_ratio": noise.sigma_ratio, "sigma_ratio_sigma": noise.sigma_ratio_sigma,
-        "contradicts_stated": noise.contradicts_stated(), "correlated": correlated, "n_readings": noise.readings});
-    let detectable = json!({"within_s": detectable.within_s, "rotation_rad": detectable.rotation_rad,
-        "translation_m": detectable.translation_m});
+    let correlated =
+        noise.correlated.map(|l| CorrelatedObject { sigma_ratio: l.sigma_ratio, time_s: l.time_s });
+    let noise = NoiseObject {
+        sigma_ratio: noise.sigma_ratio,
+        sigma_ratio_sigma: noise.sigma_ratio_sigma,
+        contradicts_stated: noise.contradicts_stated(),
+        correlated,
+        n_readings: noise.readings,
+    };
+    let detectable = DetectableObject {
+        within_s: detectable.within_s,
+        rotation_rad: detectable.rotation_rad,
+        translation_m: detectable.translation_m,
+    };
     (noise, detectable)
 }
