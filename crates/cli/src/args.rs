@@ -10,11 +10,13 @@ use std::path::PathBuf;
 /// How answers leave the program.
 #[derive(Debug, Clone, Args)]
 pub struct OutputArgs {
-    /// JSON Lines on stdout, one object per result and nothing else.
-    #[arg(long)]
+    /// Prints JSON Lines on stdout, one object per result and nothing else.
+    #[arg(long, help_heading = "Output")]
     pub json: bool,
-    /// Also write the results to FILE, as JSON Lines; the file is replaced only when complete.
-    #[arg(long, short, value_name = "FILE")]
+    /// Writes the results to FILE too, as JSON Lines.
+    ///
+    /// The file is replaced only when it is complete.
+    #[arg(long, short, help_heading = "Output", value_name = "FILE")]
     pub output: Option<PathBuf>,
 }
 
@@ -28,9 +30,11 @@ impl OutputArgs {
 /// How corners of squares are refined, for the commands that look into images.
 #[derive(Debug, Clone, Args)]
 pub struct CornerArgs {
-    /// Refine the corners of a chessboard or ChArUco board in a window of this many pixels to each side, neighbours or not, as
-    /// OpenCV's cornerSubPix with winSize N [default: as far as the neighbours leave room, which is more accurate]
-    #[arg(long, value_name = "N")]
+    /// Refines corners of boards in a window of N pixels to each side, as OpenCV's cornerSubPix with winSize N.
+    ///
+    /// For chessboards and ChArUco boards. The window then ignores neighbouring corners. [default: as far as the neighbours leave room,
+    /// which is more accurate]
+    #[arg(long, hide_short_help = true, help_heading = "Detection", value_name = "N")]
     corner_window_px: Option<u32>,
 }
 
@@ -49,20 +53,21 @@ impl CornerArgs {
 /// What the file of a map of tags does not state, for the commands that read one.
 #[derive(Debug, Clone, Default, Args)]
 pub struct TagArgs {
-    /// Family of a tag map's tags [default: tag36h11]
+    /// Family of a tag map's tags [default: tag36h11].
     ///
-    /// Where its file states none, as WPILib field layouts.
-    #[arg(long, value_name = "FAMILY")]
+    /// It is used where the map's file states none, as WPILib field layouts do.
+    #[arg(long, hide_short_help = true, help_heading = "Tag maps", value_name = "FAMILY")]
     tag_family: Option<String>,
-    /// Outer edge of the black square of a tag map's tags, metres [default for field layouts: 0.1651]
+    /// Outer edge of the black square of a tag map's tags, in metres [default for field layouts: 0.1651].
     ///
-    /// Where its file states none.
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = positive)]
+    /// It is used where the map's file states none.
+    #[arg(long, hide_short_help = true, help_heading = "Tag maps", value_name = "M", allow_negative_numbers = true, value_parser = positive)]
     tag_size_m: Option<f64>,
-    /// Standard deviation of each tag's position, metres [default: 0; field layouts: 0.010]
+    /// Standard deviation of each tag's position, in metres [default: 0; field layouts: 0.010].
     ///
-    /// Along each axis, where a tag map's file states none; 0 for a map that is exact. Field layouts have 0.8° of rotation besides.
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = not_negative)]
+    /// It holds along each axis, where a tag map's file states none; 0 means that the map is exact. Field layouts have 0.8° of rotation
+    /// besides.
+    #[arg(long, hide_short_help = true, help_heading = "Tag maps", value_name = "M", allow_negative_numbers = true, value_parser = not_negative)]
     tag_sigma_m: Option<f64>,
 }
 

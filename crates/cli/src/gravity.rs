@@ -8,16 +8,19 @@ use resight::core::locate::prior::Prior;
 /// The flags, for every command that solves from points.
 #[derive(Debug, Clone, Args)]
 pub struct GravityArgs {
-    /// Direction of down in the camera frame (x right, y down, z forward), any length; of an accelerometer at rest, whose reading
-    /// points up, the negative reading turned into the camera frame. It joins the points in any method; `--method upright` needs it.
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
+    /// Direction of down in the camera frame (x right, y down, z forward), of any length.
+    ///
+    /// An accelerometer at rest reads up: give its negative reading, rotated into the camera frame. Every method uses the direction beside
+    /// the points; `--method upright` needs it.
+    #[arg(long, help_heading = "Gravity", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
     gravity: Option<[f64; 3]>,
-    /// Standard deviation of that direction about each axis across it, degrees.
-    #[arg(long, value_name = "S", requires = "gravity", default_value = "1", allow_negative_numbers = true, value_parser = sigma)]
+    /// Standard deviation of that direction about each axis across it, in degrees.
+    #[arg(long, hide_short_help = true, help_heading = "Gravity", value_name = "S", requires = "gravity", default_value = "1", allow_negative_numbers = true, value_parser = sigma)]
     gravity_sigma_deg: f64,
-    /// Direction of down in the target frame, needed with --gravity: 0,0,-1 where its z points up (surveyed points), 0,1,0 for a printed
-    /// target that hangs upright.
-    #[arg(long, value_name = "X,Y,Z", requires = "gravity", allow_hyphen_values = true, value_parser = direction)]
+    /// Direction of down in the target frame, which --gravity needs.
+    ///
+    /// It is 0,0,-1 where the target's z points up (surveyed points) and 0,1,0 for a printed target that hangs upright.
+    #[arg(long, help_heading = "Gravity", value_name = "X,Y,Z", requires = "gravity", allow_hyphen_values = true, value_parser = direction)]
     target_down: Option<[f64; 3]>,
 }
 

@@ -9,9 +9,10 @@ use std::collections::BTreeMap;
 /// The flag, for every command that solves.
 #[derive(Debug, Clone, Args)]
 pub struct IntrinsicsArgs {
-    /// Standard deviations of the camera's parameters, e.g. fx_px=0.8,fy_px=0.8,cx_px=0.5,cy_px=0.5; they widen the covariance.
-    /// Independent of one another; parameters not named are exact.
-    #[arg(long, value_name = "NAME=S,…", value_delimiter = ',', value_parser = assignment)]
+    /// Standard deviations of the camera's parameters, which widen the covariance.
+    ///
+    /// For example fx_px=0.8,fy_px=0.8,cx_px=0.5,cy_px=0.5. They are independent of one another; parameters that are not named are exact.
+    #[arg(long, hide_short_help = true, help_heading = "Noise", value_name = "NAME=S,…", value_delimiter = ',', value_parser = assignment)]
     intrinsics_sigma: Vec<(String, f64)>,
 }
 

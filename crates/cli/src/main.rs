@@ -7,7 +7,6 @@ mod files;
 mod gravity;
 mod intrinsics;
 mod output;
-mod points;
 mod robust;
 mod stdio;
 mod text;

@@ -6,13 +6,14 @@ use crate::commands::{
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
+use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::path::PathBuf;
 
-/// Where is the camera, and how sure is that?
+/// Resight finds where cameras are, with the uncertainty of every answer.
 ///
-/// Known intrinsics and a few known points in, the camera's pose with its error bar and an honest verdict out.
-/// Start with `resight demo`.
+/// It takes known intrinsics and a few known points, and gives the camera's pose with its covariance and a status. Start with
+/// `resight demo`. `resight COMMAND -h` shows a command on one screen, `resight COMMAND --help` explains every flag.
 #[derive(Debug, Parser)]
 #[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
 pub struct Arguments {
@@ -32,12 +33,14 @@ impl Arguments {
     pub fn read() -> anyhow::Result<Self> {
         let command = Arguments::command();
         let mut matches = command.clone().get_matches();
-        let mut printed = None;
+        let (mut printed, mut session) = (None, None);
         if let (Some(("watch", given)), Some(watch)) =
             (matches.subcommand(), command.find_subcommand("watch"))
         {
             let is_printed = given.get_flag("print_session");
             if let Some(path) = given.get_one::<PathBuf>("session") {
+                let is_argument = given.value_source("source") == Some(ValueSource::CommandLine);
+                session = (!is_argument).then(|| path.clone());
                 let words = watch::session::words(path, watch, given)?;
                 let own = ["resight", "watch"].map(String::from).into_iter();
                 let own = own.chain(is_printed.then(|| "--print-session".to_string()));
@@ -53,6 +56,7 @@ impl Arguments {
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         if let Command::Watch(watch) = &mut arguments.command {
             watch.printed = printed;
+            watch.sources.session = session;
         }
         Ok(arguments)
     }
@@ -62,37 +66,37 @@ impl Arguments {
 #[derive(Debug, Subcommand)]
 #[allow(clippy::large_enum_variant)] // One command a run.
 pub enum Command {
-    /// The whole path on shipped pictures with known truth: detection, poses, relative extrinsics, a report.
+    /// Shows the main job on images that come with the program, without any arguments.
     Demo(demo::Demo),
-    /// Finds the target in images and says where each was taken from.
+    /// Finds the target in images and prints the pose of the camera for each.
     Locate(locate::Locate),
-    /// Finds the target in images: points only.
+    /// Finds the target in images and prints the points only.
     Detect(detect::Detect),
-    /// The pose from points you already have, in a CSV file.
+    /// Computes the camera's pose from known points and their pixels in a CSV file.
     Solve(solve::Solve),
-    /// The extrinsics of several cameras relative to each other, from targets that they see together.
+    /// Computes the extrinsics of several cameras from targets that they see together.
     Rig(rig::Rig),
-    /// The poses of several cameras in one frame, from the relative poses of pairs of them.
+    /// Computes the extrinsics of several cameras from the relative poses of pairs of them.
     PoseGraph(pose_graph::PoseGraphArgs),
-    /// Where a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
+    /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
     HandEye(hand_eye::HandEyeArgs),
-    /// What moved between two rigs or poses, by how much, and how sure that is.
+    /// Tests what moved between two rigs or poses, by how much, and with which uncertainty.
     Compare(compare::Compare),
     /// Writes camera files in another program's format, with the poses of other files merged in.
     Convert(convert::Convert),
-    /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
+    /// Measures lengths, positions, angles, areas and heights in photographs, with 95 % intervals.
     Measure(measure::Measure),
-    /// Says in sentences what a camera or target file means.
+    /// Explains in sentences what a camera or target file means.
     Explain(explain::Explain),
-    /// Where to put the next point, target or board for the smallest uncertainty.
+    /// Advises where to put the next point or target for the smallest uncertainty.
     Advise(advise::Advise),
-    /// Object profiles by touch: contacts, outlines, calibration and simulation of a whisker on a load cell.
+    /// Finds where an elastic whisker on a load cell touches, and what it touches.
     Whisker(whisker::Whisker),
-    /// Watches cameras over time and raises an alarm when one moved.
+    /// Watches cameras over time and raises an alarm when one has moved.
     Watch(watch::Watch),
-    /// How a camera turned since a reference picture, without any target.
+    /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
-    /// What `watch --history` wrote: a summary, or a table as CSV or Parquet.
+    /// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
     History(history::History),
     /// Prints a script that completes commands and flags in bash, zsh, fish, elvish or PowerShell.
     Completions(completions::Completions),

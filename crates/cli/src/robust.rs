@@ -5,9 +5,10 @@ use clap::Args;
 /// The flag, for every command that solves from points.
 #[derive(Debug, Clone, Args)]
 pub struct RobustArgs {
-    /// Some rows may be wrong: find the pose that most rows agree with to within PX (the unit of u and v), three to five times their
-    /// sigma, and solve from those. `inliers` in JSON are row numbers within the view, counted from 0 in file order. Four rows of one
-    /// id that form a square are a tag and agree all together or not at all.
+    /// Allows wrong rows: the pose is solved from the rows that agree to within PX.
+    ///
+    /// PX has the unit of u and v and is three to five times their standard deviation. `inliers` in JSON are row numbers within the view,
+    /// counted from 0 in file order. Four rows of one id that form a square are a tag and agree all together or not at all.
     #[arg(long, value_name = "PX", allow_negative_numbers = true, value_parser = crate::args::positive)]
     robust: Option<f64>,
 }

@@ -25,7 +25,7 @@ pub fn remark(text: &str) {
 }
 
 /// Writes a line to stderr. Where that cannot be written (its reader is gone, the disk is full) there is nobody left to read it, and the
-/// work goes on.
+/// work continues.
 pub fn error(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

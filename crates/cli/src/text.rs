@@ -5,16 +5,16 @@ use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, degrees, distance_sigma_m, percent, place_sigma_m, sigmas, weakest, with_sigma,
+    coordinate, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest, with_sigma,
     yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
 
-/// One paragraph per view: where, how sure, verdict and advice.
+/// One paragraph per view: where, how uncertain, verdict and advice.
 pub fn describe(answer: &PoseAnswer) -> String {
     let mut out = format!("{}   {}\n", answer.view, headline(answer));
     if let Some(estimate) = &answer.estimate {
-        let fitting: Vec<Hypothesis> = estimate.minima().filter(|h| h.is_rival).collect();
+        let fitting: Vec<Hypothesis> = estimate.minima().filter(|h| h.is_alternative).collect();
         for (i, fits) in fitting.iter().enumerate() {
             if 1 < fitting.len() {
                 let label = format!("pose {} of {}", i + 1, fitting.len());
@@ -50,7 +50,7 @@ pub fn describe(answer: &PoseAnswer) -> String {
 fn headline(answer: &PoseAnswer) -> &'static str {
     match answer.verdict.status {
         Status::Ok => "OK",
-        Status::Ambiguous if answer.estimate.is_some_and(|e| 2 < e.n_rivals()) => {
+        Status::Ambiguous if answer.estimate.is_some_and(|e| 2 < e.n_alternatives()) => {
             "AMBIGUOUS: more than two poses fit"
         }
         Status::Ambiguous => "AMBIGUOUS: two poses fit",
@@ -65,7 +65,7 @@ fn headline(answer: &PoseAnswer) -> &'static str {
 
 /// What stands above one of several poses: its error bars hold only if it is the right one.
 fn of_several(fits: &Hypothesis, unit: &str) -> String {
-    let (probability, rms) = (percent(fits.weight), figures(fits.minimum.rms_px));
+    let (probability, rms) = (percent(fits.probability), figures(fits.minimum.rms_px));
     format!(
         "probability {probability}, rms {rms} {unit}; the standard deviations are those of this pose alone"
     )
@@ -76,7 +76,7 @@ fn pose(e: &Minimum) -> String {
     let (distance_m, sigma_m) = distance_sigma_m(&e.cam_from_target, &e.covariance);
     line(&mut out, "distance", &format!("{} from the target's origin", with_sigma(distance_m, sigma_m)));
     let place = e.cam_from_target.origin();
-    let sigma = place_sigma_m(&e.cam_from_target, &e.covariance);
+    let sigma = position_sigma_m(&e.cam_from_target, &e.covariance);
     let axes = ["x", "y", "z"].iter().enumerate();
     let coordinates: Vec<String> =
         axes.map(|(i, name)| format!("{name} {}", coordinate(place[i], sigma[i]))).collect();
@@ -88,11 +88,11 @@ fn pose(e: &Minimum) -> String {
         yaw.to_degrees(),
         pitch.to_degrees(),
         roll.to_degrees(),
-        turn_sigma(turn[0]),
-        turn_sigma(turn[1]),
-        turn_sigma(turn[2])
+        rotation_sigma(turn[0]),
+        rotation_sigma(turn[1]),
+        rotation_sigma(turn[2])
     );
-    line(&mut out, "turned", &turned);
+    line(&mut out, "orientation", &turned);
     let xi = e.cam_from_target.log();
     line(
         &mut out,
@@ -106,7 +106,7 @@ fn pose(e: &Minimum) -> String {
 }
 
 /// Half a turn is all there is.
-fn turn_sigma(sigma_rad: f64) -> String {
+fn rotation_sigma(sigma_rad: f64) -> String {
     if std::f64::consts::PI < sigma_rad { "> 180°".into() } else { degrees(sigma_rad) }
 }
 
@@ -116,9 +116,9 @@ fn fit(answer: &PoseAnswer, e: &PoseEstimate) -> String {
     let sigma = answer.sigma_px.map(|s| format!(" at σ {} {unit}", figures(s))).unwrap_or_default();
     let chi2 = match e.degrees_of_freedom {
         0 => "nothing left over to check it with".to_string(),
-        dof => format!("χ² {} for {dof} degrees of freedom", figures(e.chi2)),
+        degrees_of_freedom => format!("χ² {} for {degrees_of_freedom} degrees of freedom", figures(e.chi2)),
     };
-    let of_which = if 1 < e.n_rivals() { " (pose 1)" } else { "" };
+    let of_which = if 1 < e.n_alternatives() { " (pose 1)" } else { "" };
     let text = format!(
         "rms {} {unit} over {} points{sigma}, {chi2}, by {}{of_which}",
         figures(e.rms_px),

@@ -1,10 +1,10 @@
-//! `advise`: the three questions, their pictures, and what is refused.
+//! `advise`: the three questions, their images, and what is refused.
 
 use crate::support::{Run, folder, json_lines, resight};
 use std::path::Path;
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 800.0\nfy_px = 800.0\ncx_px = 319.5\ncy_px = 239.5\n";
-/// Three marks on a road, seen by that camera from (0, 0, 8) m with 0.3 px of noise.
+/// Three control points on a road, seen by that camera from (0, 0, 8) m with 0.3 px of noise.
 const MARKS: &str =
     "id,x_m,y_m,z_m,u_px,v_px\nA,-2,10,0,167.56,313.46\nB,2.5,11,0,438.91,268.99\nC,-1,16,0,243.93,140.96\n";
 const DOTS: &str = "kind = \"line_plus_one\"\nline_m = [0.0, 0.12, 0.2]\noff_m = [0.1, 0.15]\n";
@@ -58,16 +58,16 @@ fn the_fourth_mark_is_placed_and_ranked() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     let said = json_lines(&run);
     assert_eq!((&said[0]["kind"], number(&said[0], "n_points")), (&"now".into(), 3.0));
-    assert_eq!(said[0]["holds"], false, "three points are ambiguous");
+    assert_eq!(said[0]["first_order_valid"], false, "three points are ambiguous");
     let best: Vec<_> = said.iter().filter(|o| o["kind"] == "suggestion").collect();
     assert_eq!(best.len(), 5);
     let length: Vec<f64> = best.iter().map(|o| number(o, "sigma_length_m")).collect();
     assert!(length.is_sorted() && length[0] < number(&said[0], "sigma_length_m"), "{length:?}");
-    assert!(best.iter().all(|o| o["holds"] == true && number(o, "separation_sigma") > 6.0));
+    assert!(best.iter().all(|o| o["first_order_valid"] == true && number(o, "separation_sigma") > 6.0));
     for name in ["next-point-ground.png", "next-point-image.png", "places-ground.png", "places-image.png"] {
         is_a_picture(&folder.join("out").join(name));
     }
-    assert!(run.stderr.contains("poses fit these marks"), "{}", run.stderr);
+    assert!(run.stderr.contains("poses fit these control points"), "{}", run.stderr);
 }
 
 /// A list of places, and a pose instead of pixels; the figures are those of the pose, the place out of sight is left out.
@@ -93,12 +93,12 @@ fn places_of_a_list_are_ranked() {
         ["--points", &path("bare.csv"), "--pose", &path("pose.json"), "--candidates", &path("places.csv")];
     let again =
         resight(&[&["advise", "--camera", &path("camera.toml"), "--json"], arguments.as_slice()].concat());
-    let place = |run: &Run| number(&json_lines(run)[1], "sigma_place_m");
+    let place = |run: &Run| number(&json_lines(run)[1], "sigma_position_m");
     assert!((place(&again) / place(&run) - 1.0).abs() < 1e-6, "{}{}", again.stdout, again.stderr);
 }
 
 #[test]
-fn a_target_over_a_volume_is_told_in_a_table_and_pictures() {
+fn a_target_over_a_volume_is_reported_in_a_table_and_pictures() {
     let line = "--camera @camera.toml --target @dots.toml --distance-m 0.5..1.5 --tilt-deg 20..60 --sigma-px 0.3 -o @out";
     let (folder, run) = advise("advise-target", line);
     assert_eq!(run.code, 0, "{}", run.stderr);
@@ -113,10 +113,11 @@ fn a_target_over_a_volume_is_told_in_a_table_and_pictures() {
     let said = json_lines(&run);
     let whole = &said[0];
     assert!(
-        (0.0..1.0).contains(&number(whole, "ambiguous")) && 0.0 < number(&whole["sigma_place_m"], "median")
+        (0.0..1.0).contains(&number(whole, "ambiguous"))
+            && 0.0 < number(&whole["sigma_position_m"], "median")
     );
-    let near_upright = number(&said[1]["sigma_place_m"], "median");
-    assert!(near_upright < number(&said[7]["sigma_place_m"], "median"), "nearer is surer");
+    let near_upright = number(&said[1]["sigma_position_m"], "median");
+    assert!(near_upright < number(&said[7]["sigma_position_m"], "median"), "nearer is surer");
     assert!(said.iter().any(|o| o["kind"] == "change" && number(o, "cost_ratio") < 2.0));
 }
 
@@ -130,7 +131,7 @@ fn boards_of_a_rig_are_planned_one_after_the_other() {
     let said = json_lines(&run);
     assert_eq!(said.len(), 4);
     assert_eq!(number(&said[0], "n_views"), 2.0, "{}", run.stderr);
-    let place = |o: &serde_json::Value| number(&o["cameras"]["right"], "sigma_place_m");
+    let place = |o: &serde_json::Value| number(&o["cameras"]["right"], "sigma_position_m");
     assert!(said.windows(2).all(|pair| place(&pair[1]) < place(&pair[0])), "{}", run.stdout);
     assert_eq!(said[1]["seen_by"], serde_json::json!(["left", "right"]));
     for name in ["next-board-above.png", "next-board-left.png", "next-board-right.png"] {

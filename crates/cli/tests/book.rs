@@ -232,7 +232,7 @@ fn troubleshooting_explains_what_the_program_says() {
     }
     for status in ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "undecided", "error"]
         .into_iter()
-        .chain(["learning", "steady", "settling", "drifted", "unseen", "followed"])
+        .chain(["learning", "steady", "checking", "drifted", "stale", "tracking"])
     {
         assert!(messages.contains(&status), "{status} is not explained");
     }
@@ -265,11 +265,11 @@ fn the_pages_use_the_words_of_the_field() {
         "sentry",
         "cry wolf",
         "knock",
-        "seed paper",
-        "carried about",
+        "paper of Wang (2004)",
+        "hand-held",
         "foretold",
-        "is told",
-        "are told",
+        "is reported",
+        "are reported",
         "rival",
         "wobble",
         "spoils",

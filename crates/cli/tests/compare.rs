@@ -1,4 +1,4 @@
-//! `compare` on simulated rigs of which something was knocked, and on poses.
+//! `compare` on simulated rigs of which something moved suddenly, and on poses.
 
 use crate::rig_support::*;
 use crate::support::{Run, data, folder, json_lines, resight, same};
@@ -17,7 +17,7 @@ fn write(folder: &Path, name: &str, text: &str) -> String {
 }
 
 /// A camera as our own file writes it; 1 mm and 0.5 mrad unless it is the reference.
-fn camera_text(name: &str, cam_from_rig: &Pose, is_reference: bool, is_sure: bool) -> String {
+fn camera_text(name: &str, cam_from_rig: &Pose, is_reference: bool, has_covariances: bool) -> String {
     let variance = |i: usize| {
         if is_reference {
             0.0
@@ -32,7 +32,7 @@ fn camera_text(name: &str, cam_from_rig: &Pose, is_reference: bool, is_sure: boo
     };
     let row = |i: usize| format!("[{}]", (0..6).map(|j| cell(i, j)).collect::<Vec<_>>().join(", "));
     let rows: Vec<String> = (0..6).map(row).collect();
-    let covariance = if is_sure {
+    let covariance = if has_covariances {
         format!("covariance = [{}]\n", rows.join(", ")).replace("2.5.0e", "2.5e")
     } else {
         String::new()
@@ -44,8 +44,8 @@ fn camera_text(name: &str, cam_from_rig: &Pose, is_reference: bool, is_sure: boo
     )
 }
 
-/// The rig of the simulation, one camera knocked, expressed in the frame of `reference`.
-fn rig_text(knocked: Option<&str>, reference: &str, is_sure: bool) -> String {
+/// The rig of the simulation, one camera moved suddenly, expressed in the frame of `reference`.
+fn rig_text(knocked: Option<&str>, reference: &str, has_covariances: bool) -> String {
     // 12 mm to its right and 0.5° about its y axis.
     let old_from_new = Pose::exp(&Vector6::new(0.0, 0.5f64.to_radians(), 0.0, 0.012, 0.0, 0.0));
     let place = |(name, pose): (&'static str, Pose)| match Some(name) == knocked {
@@ -56,7 +56,7 @@ fn rig_text(knocked: Option<&str>, reference: &str, is_sure: bool) -> String {
     let rig_from_old = places.iter().find(|(name, _)| *name == reference).unwrap().1.inverse();
     places
         .iter()
-        .map(|(name, pose)| camera_text(name, &(*pose * rig_from_old), *name == reference, is_sure))
+        .map(|(name, pose)| camera_text(name, &(*pose * rig_from_old), *name == reference, has_covariances))
         .collect()
 }
 
@@ -77,8 +77,8 @@ fn whichever_camera_was_knocked_is_named() {
             assert!(off < 3.0 * moved[0][sigma].as_f64().unwrap(), "{key}: {}", moved[0]);
         };
         near("moved_m", "moved_sigma_m", 0.012);
-        near("turned_rad", "turned_sigma_rad", 0.5f64.to_radians());
-        assert!(moved[0]["p"].as_f64().unwrap() < 1e-3 && moved[0]["dof"] == 6);
+        near("rotation_rad", "rotation_sigma_rad", 0.5f64.to_radians());
+        assert!(moved[0]["p"].as_f64().unwrap() < 1e-3 && moved[0]["degrees_of_freedom"] == 6);
         let words = compare(&before, &after, &[]).stdout;
         let named = format!("{knocked} moved");
         let said = ["MOVED   3 cameras compared", &named, "right 12", "to the right", "stayed"];
@@ -130,7 +130,7 @@ fn files_without_covariance_ask_for_sigmas() {
     assert_eq!(compare(&a, &b, &["--sigma-mm", "50", "--sigma-deg", "3"]).code, 0);
 }
 
-/// From points to verdict: two recordings, the reference knocked in between, with the covariance of all cameras together.
+/// From points to verdict: two recordings, the reference moved suddenly in between, with the covariance of all cameras together.
 #[test]
 fn two_recordings_say_that_the_reference_was_knocked() {
     let folder = folder("compare_recordings");
@@ -139,7 +139,7 @@ fn two_recordings_say_that_the_reference_was_knocked() {
         let mut rows = recording(seed);
         if let Some(old_from_new) = knock {
             // What the left camera saw, seen from its new place.
-            let place = |s: &Seen| old_from_new.inverse() * lens_point(s, seed);
+            let place = |s: &Observed| old_from_new.inverse() * lens_point(s, seed);
             rows.iter_mut()
                 .filter(|s| s.camera == "left")
                 .for_each(|s| s.pixel = lens().project(&place(s)).unwrap());
@@ -166,7 +166,7 @@ fn two_recordings_say_that_the_reference_was_knocked() {
 }
 
 /// The true place of a point in the left camera, from the seed of its recording.
-fn lens_point(seen: &Seen, seed: u64) -> resight::core::Point {
+fn lens_point(seen: &Observed, seed: u64) -> resight::core::Point {
     let mut chance = Chance(seed);
     for view in 0.. {
         let rig_from_target = rig_from_board(view, &mut chance);
@@ -254,7 +254,7 @@ fn the_page_shows_a_real_answer() {
 fn files_in_which_nothing_moved_raise_no_alarm() {
     use nalgebra::DMatrix;
     use resight::core::camera::ImageSize;
-    use resight::core::temporal::compare::{RigPlaces, compare_rigs};
+    use resight::core::temporal::compare::{RigPoses, compare_rigs};
     use resight::core::{Camera, Matrix6};
     use resight::formats::{JointCovariance, NamedCamera, Placement, own_rig_file, read_cameras_from_bytes};
     use resight::rig::places::{PlacedRig, placed};
@@ -269,7 +269,7 @@ fn files_in_which_nothing_moved_raise_no_alarm() {
         let alone = if i / 6 == j / 6 { own[(i % 6, j % 6)] } else { 0.0 };
         if i < 6 || j < 6 { 0.0 } else { shared + alone }
     });
-    let read = |chance: &mut Chance, with_joint: bool| -> RigPlaces {
+    let read = |chance: &mut Chance, with_joint: bool| -> RigPoses {
         let mut drawn = || Vector6::from_fn(|i, _| sigma[i] * chance.normal());
         let common = drawn() * 2f64.sqrt();
         let camera = |i: usize| {

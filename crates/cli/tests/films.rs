@@ -12,7 +12,7 @@ fn times(events: &[Value]) -> Vec<f64> {
     events.iter().filter(|e| e["event"] == "frame").filter_map(|e| e["t_s"].as_f64()).collect()
 }
 
-/// The same film, frames evenly spaced in MP4 and at irregular times in Matroska: the knock is found at its time, and times are those
+/// The same film, frames evenly spaced in MP4 and at irregular times in Matroska: the sudden motion is found at its time, and times are those
 /// of the container.
 #[test]
 fn a_knock_is_found_at_its_time() {
@@ -46,7 +46,7 @@ fn a_knock_is_found_at_its_time() {
     }
 }
 
-/// Cut off in the middle, or with bytes overwritten: what can be decoded is watched, the rest is told.
+/// Cut off in the middle, or with bytes overwritten: what can be decoded is watched, the rest is reported.
 #[test]
 fn damaged_films_are_watched_as_far_as_they_go() {
     if !has_ffmpeg() {
@@ -71,8 +71,8 @@ fn damaged_films_are_watched_as_far_as_they_go() {
         let good = run.events.iter().filter(|e| e["event"] == "frame" && e.get("message").is_none()).count();
         assert!((20..100).contains(&good), "{name}: {good}");
         assert!(!states(&run.events).contains(&"drifted"), "{name}: {:?}", states(&run.events));
-        let told = run.events.iter().find(|e| e["event"] == "left_out").expect("what is missing");
-        assert!(told["message"].as_str().is_some_and(|m| m.contains(name)), "{told}");
+        let reported = run.events.iter().find(|e| e["event"] == "left_out").expect("what is missing");
+        assert!(reported["message"].as_str().is_some_and(|m| m.contains(name)), "{reported}");
     }
     let none = studio.join("none.mp4");
     std::fs::write(&none, b"\0\0\0\x20ftypisom and nothing else").expect("written");
@@ -80,7 +80,7 @@ fn damaged_films_are_watched_as_far_as_they_go() {
     assert!(run.code == 2 && run.stderr.contains("none.mp4: no video in this file"), "{}", run.stderr);
 }
 
-/// From the middle on, the camera gives the same picture.
+/// From the middle on, the camera gives the same image.
 #[test]
 fn a_film_that_freezes_is_not_steady() {
     if !has_ffmpeg() {
@@ -92,8 +92,8 @@ fn a_film_that_freezes_is_not_steady() {
     (0..60).for_each(|_| all.extend_from_slice(&last));
     let film = studio.join("frozen.mkv").display().to_string();
     encode(&all, 10, &["-c:v", "ffv1", &film]);
-    let run = watch_once(&studio, &["--source", &film, "--frames", "--learn", "30", "--unseen-after-s", "2"]);
-    assert_eq!((run.code, states(&run.events)), (1, vec!["learning", "steady", "unseen"]), "{}", run.stderr);
+    let run = watch_once(&studio, &["--source", &film, "--frames", "--learn", "30", "--stale-after-s", "2"]);
+    assert_eq!((run.code, states(&run.events)), (1, vec!["learning", "steady", "stale"]), "{}", run.stderr);
     let frozen = run.events.iter().filter(|e| e["message"].as_str().is_some_and(|m| m.contains("frozen")));
     assert_eq!(frozen.count(), 60);
 }

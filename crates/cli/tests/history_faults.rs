@@ -81,7 +81,7 @@ fn with_limit(bytes: u64) -> [String; 3] {
     ["sh".to_string(), "-c".to_string(), script]
 }
 
-fn is_there(program: &str) -> bool {
+fn connected(program: &str) -> bool {
     std::process::Command::new(program).arg("--version").output().is_ok_and(|run| run.status.success())
 }
 
@@ -94,7 +94,7 @@ fn lift_limit(session: &Session) {
 /// Full in the middle of the session, and full when it starts.
 #[test]
 fn a_full_disk_degrades_and_recovers_without_restart() {
-    if !is_there("prlimit") {
+    if !connected("prlimit") {
         println!("skipped: prlimit is not installed");
         return;
     }
@@ -120,7 +120,7 @@ fn a_full_disk_degrades_and_recovers_without_restart() {
 /// Still full at the end: it says what is lost and does not hang.
 #[test]
 fn a_session_that_ends_with_a_full_disk_says_what_was_lost() {
-    if !is_there("prlimit") {
+    if !connected("prlimit") {
         println!("skipped: prlimit is not installed");
         return;
     }
@@ -267,11 +267,11 @@ fn limit(session: &Session, bytes: u64) {
     assert!(limited.expect("prlimit").success());
 }
 
-/// The log is on the full disk too: nobody can be told, and all goes on.
+/// The log is on the full disk too: nobody can be reported, and all continues.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_log_that_cannot_be_written_stops_nothing() {
-    if !is_there("prlimit") {
+    if !connected("prlimit") {
         println!("skipped: prlimit is not installed");
         return;
     }
@@ -323,7 +323,7 @@ fn feed_until(session: &mut Session, next: &mut usize, words: &str) {
 /// Full for several tries: said once, and no empty file for each of them.
 #[test]
 fn a_recording_waits_for_room_without_a_word_and_without_leavings() {
-    if !is_there("prlimit") {
+    if !connected("prlimit") {
         println!("skipped: prlimit is not installed");
         return;
     }
@@ -342,16 +342,16 @@ fn a_recording_waits_for_room_without_a_word_and_without_leavings() {
     assert_eq!(session.log().lines().filter(|line| line.contains(" tf: ")).count(), 1, "{}", session.log());
     assert!(recordings(&folder).len() <= 2, "{:?}", recordings(&folder));
     lift_limit(&session);
-    feed_until(&mut session, &mut next, "goes on in");
+    feed_until(&mut session, &mut next, "continues in");
     assert_eq!(session.end(), 0);
     let all = recordings(&folder);
     assert!(all.len() == 2 && all.iter().all(|(_, bytes)| 1000 < *bytes), "{all:?}");
 }
 
-/// The reference is learned while the disk is full: the session goes on, and writes it when there is room.
+/// The reference is learned while the disk is full: the session continues, and writes it when there is room.
 #[test]
 fn what_is_learned_on_a_full_disk_is_written_later() {
-    if !is_there("prlimit") {
+    if !connected("prlimit") {
         println!("skipped: prlimit is not installed");
         return;
     }

@@ -1,4 +1,4 @@
-//! Files that are none, or far too large, where files are expected: refused by name in time and memory, and a session goes on past them.
+//! Files that are none, or far too large, where files are expected: refused by name in time and memory, and a session continues past them.
 
 use crate::support::{demo, folder};
 use assert_cmd::Command;
@@ -116,7 +116,7 @@ fn a_file_of_one_and_a_half_gigabytes_is_refused_by_name_for_each_kind() {
         let words = put_in(&place, &file);
         let ended = limited(&words);
         let said = ended.stdout + &ended.stderr;
-        // One picture of many is answered as such, and the others are gone on with.
+        // One image of many is answered as such, and the others are gone on with.
         let is_picture = ["detect", "locate"].contains(&words[0]) && words[1] == file;
         assert_eq!(ended.code, Some(if is_picture { 1 } else { 2 }), "{words:?}: {said}");
         assert!(said.contains(&file) && said.contains("MiB"), "{words:?}: {said}");
@@ -124,7 +124,7 @@ fn a_file_of_one_and_a_half_gigabytes_is_refused_by_name_for_each_kind() {
     std::fs::remove_dir_all(&folder).expect("removed");
 }
 
-/// A dangling link, a pipe, a folder that may not be read (where the mode counts: not for root): the pictures are answered all the same.
+/// A dangling link, a pipe, a folder that may not be read (where the mode counts: not for root): the images are answered all the same.
 #[cfg(unix)]
 #[test]
 fn a_pattern_goes_on_past_what_is_no_picture() {
@@ -132,7 +132,7 @@ fn a_pattern_goes_on_past_what_is_no_picture() {
     let folder = folder("pattern");
     for name in ["a", "b", "locked"] {
         std::fs::create_dir(folder.join(name)).expect("a folder");
-        std::fs::copy(demo("left.png"), folder.join(name).join("1.png")).expect("a picture");
+        std::fs::copy(demo("left.png"), folder.join(name).join("1.png")).expect("an image");
     }
     symlink("nowhere.png", folder.join("a/2.png")).expect("a link");
     symlink("round", folder.join("round")).expect("a link to itself");
@@ -160,20 +160,20 @@ fn a_pattern_goes_on_past_what_is_no_picture() {
     }
 }
 
-/// A picture of a hostile shape, one that is torn and a pipe among those of a session: each is told, and the others are looked at.
+/// An image of a hostile shape, one that is torn and a pipe among those of a session: each is reported, and the others are looked at.
 #[test]
 fn a_session_goes_on_past_pictures_that_cannot_be() {
     let folder = folder("watch-hostile");
-    let good = std::fs::read(demo("left.png")).expect("a picture");
+    let good = std::fs::read(demo("left.png")).expect("an image");
     let tall =
-        GrayImage { width_px: 64, height_px: 32768, data: vec![7; 64 * 32768] }.png().expect("a picture");
-    let mut other = GrayImage::read(demo("left.png").as_ref()).expect("a picture");
-    other.data[0] ^= 1; // The same picture twice would be a frozen camera.
+        GrayImage { width_px: 64, height_px: 32768, data: vec![7; 64 * 32768] }.png().expect("an image");
+    let mut other = GrayImage::read(demo("left.png").as_ref()).expect("an image");
+    other.data[0] ^= 1; // The same image twice would be a frozen camera.
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("written");
     write("1.png", &good);
     write("2.png", &tall);
     write("3.png", &good[..good.len() / 3]);
-    write("4.png", &other.png().expect("a picture"));
+    write("4.png", &other.png().expect("an image"));
     let (camera, target) = (demo("left.toml"), demo("dots.toml"));
     let pattern = folder.join("*.png").display().to_string();
     let ended = limited(&[

@@ -1,4 +1,4 @@
-//! `locate`, `detect`, `explain` and `demo` on the shipped pictures.
+//! `locate`, `detect`, `explain` and `demo` on the shipped images.
 
 use crate::support::{demo, folder, json_lines, matches_golden, resight};
 
@@ -135,7 +135,7 @@ fn demo_tells_its_story_and_writes_a_page() {
     matches_headings(&run.stdout);
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.matches("data:image/png;base64,").count() == 6);
-    // With its colon: pictures hold any four letters.
+    // With its colon: images hold any four letters.
     assert!(!page.contains("http:") && !page.contains("https:"));
     let results = std::fs::read_to_string(out.join("results.jsonl")).unwrap();
     let statuses: Vec<serde_json::Value> =

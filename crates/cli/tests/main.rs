@@ -24,6 +24,7 @@ mod book;
 mod compare;
 mod completions;
 mod convert;
+mod examples;
 mod films;
 mod fuzz;
 mod history_faults;

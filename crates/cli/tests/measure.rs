@@ -1,4 +1,4 @@
-//! `measure`: two photographs of the scene of an accident, marks with known distances, and a table of lengths that holds the truth.
+//! `measure`: two photographs of the scene of an accident, control points with known distances, and a table of lengths that holds the truth.
 
 use crate::support::{Run, folder, json_lines, resight};
 use resight::core::camera::{ImageSize, Pinhole};
@@ -10,11 +10,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 1600\nheight_px = 1066\nfx_px = 1300.0\nfy_px = 1300.0\ncx_px = 799.5\ncy_px = 532.5\n";
-/// Known distances between the marks, metres' worth of tape.
+/// Known distances between the control points, metres' worth of tape.
 const TAPES: [(&str, &str); 5] = [("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("A", "C")];
 const TAPE_SIGMA_M: f64 = 0.01;
 
-/// Marks A–D and skid marks P, Q, S on the road, corners V, W of a vehicle, a post from F to T.
+/// Control points A–D and skid marks P, Q, S on the road, corners V, W of a vehicle, a post from F to T.
 const POINTS: [(&str, [f64; 3]); 11] = [
     ("A", [0.0, 0.0, 0.0]),
     ("B", [7.0, 0.0, 0.0]),
@@ -84,20 +84,20 @@ struct Change {
     with_files: bool,
 }
 
-/// Writes scene, camera and clicks into a folder; all that is stated is drawn from its sigma.
+/// Writes scene, camera and image points into a folder; all that is stated is drawn from its sigma.
 fn write_scene(folder: &Path, seed: u64, change: &Change) -> PathBuf {
     let mut hand = Hand(seed);
     let lens = camera([4.0, 4.0, 3.0, 3.0].map(|sigma| sigma * hand.normal()));
-    let mut clicks = String::from("photo,point,u_px,v_px,sigma_px\n");
+    let mut image_points = String::from("photo,point,u_px,v_px,sigma_px\n");
     for (photo, cam_from_world) in photos() {
         for (name, x) in POINTS {
             let seen = lens.project(&(cam_from_world * Point::from(x))).expect("in front");
             let slip = change.slip.filter(|s| s.0 == photo && s.1 == name).map_or(0.0, |s| s.2);
             let pixel = seen + Pixel::new(hand.normal() + slip, hand.normal());
-            writeln!(clicks, "{photo},{name},{:.3},{:.3},1.0", pixel.x, pixel.y).expect("a string");
+            writeln!(image_points, "{photo},{name},{:.3},{:.3},1.0", pixel.x, pixel.y).expect("a string");
         }
     }
-    let mut scene = String::from("clicks = \"clicks.csv\"\n");
+    let mut scene = String::from("image_points = \"clicks.csv\"\n");
     for (photo, _) in photos() {
         let file = if change.with_files { format!("file = \"{photo}.png\"\n") } else { String::new() };
         write!(
@@ -124,7 +124,7 @@ fn write_scene(folder: &Path, seed: u64, change: &Change) -> PathBuf {
     }
     scene += "\n[birdseye]\npixel_limit_m = 0.03\nerror_limit_m = 0.1\n";
     for (name, text) in
-        [("scene.toml", &scene), ("clicks.csv", &clicks), ("camera.toml", &CAMERA.to_string())]
+        [("scene.toml", &scene), ("clicks.csv", &image_points), ("camera.toml", &CAMERA.to_string())]
     {
         std::fs::write(folder.join(name), text).expect("written");
     }
@@ -181,11 +181,11 @@ fn intervals_hold_the_truth() {
             held += usize::from((low..=high).contains(&truth));
             all += 1;
         }
-        let survey = &lines[queries().len()];
+        let network = &lines[queries().len()];
         assert_eq!(
-            (survey["kind"].as_str(), survey["status"].as_str()),
-            (Some("survey"), Some("ok")),
-            "{survey}"
+            (network["kind"].as_str(), network["status"].as_str()),
+            (Some("network"), Some("ok")),
+            "{network}"
         );
     }
     println!("{held} of {all} intervals hold the truth");
@@ -196,8 +196,8 @@ fn intervals_hold_the_truth() {
 /// The road is paved with squares of 0.5 m; posts and corners are balls.
 fn photograph(cam_from_world: &Pose) -> Vec<u8> {
     // The pavement's y runs the other way, its z into the ground.
-    let half_turn = Pose::exp(&Vector6::new(std::f64::consts::PI, 0.0, 0.0, 0.0, 0.0, 0.0));
-    let world_from_pavement = Pose::new(half_turn.rotation, Point::new(-3.0, 11.0, -0.001));
+    let half_rotation = Pose::exp(&Vector6::new(std::f64::consts::PI, 0.0, 0.0, 0.0, 0.0, 0.0));
+    let world_from_pavement = Pose::new(half_rotation.rotation, Point::new(-3.0, 11.0, -0.001));
     let pavement = Placed {
         target: Target::Chessboard(Chessboard { rows: 31, columns: 31, square_m: 0.5 }),
         cam_from_target: *cam_from_world * world_from_pavement,
@@ -214,7 +214,7 @@ fn photograph(cam_from_world: &Pose) -> Vec<u8> {
         style: Style::lamps(0.10),
     };
     let scene = Scene { placed: vec![pavement, points], background: 170.0, clutter: Vec::new() };
-    let image = render(&scene, &camera([0.0; 4]), &Finish::default()).expect("a picture");
+    let image = render(&scene, &camera([0.0; 4]), &Finish::default()).expect("an image");
     resight::overlay::canvas::Canvas::from_photograph(&image, 1, 0, [0; 3]).png().expect("a PNG")
 }
 
@@ -265,18 +265,22 @@ fn closed_xml(svg: &str) -> String {
 
 /// A slip of the hand and a misread tape are named, with about their size.
 #[test]
-fn wrong_facts_are_named() {
+fn wrong_constraints_are_named() {
     let folder = folder("measure_wrong");
     let slip = Change { slip: Some(("south", "B", 40.0)), ..Change::default() };
     let said = run(&write_scene(&folder, 5, &slip), &[]);
-    assert!(said.stdout.contains("inconsistent: the click of B in south is off by about"), "{}", said.stdout);
+    assert!(
+        said.stdout.contains("inconsistent: the image point of B in south is off by about"),
+        "{}",
+        said.stdout
+    );
     let tape = Change { tape: Some((4, 0.4)), ..Change::default() };
     let said = run(&write_scene(&folder, 6, &tape), &["--json"]);
     let lines = json_lines(&said);
-    let survey = lines.last().expect("a survey");
-    assert_eq!(survey["status"].as_str(), Some("inconsistent"));
+    let network = lines.last().expect("a network");
+    assert_eq!(network["status"].as_str(), Some("inconsistent"));
     let suspects: Vec<String> =
-        survey["suspects"].as_array().expect("suspects").iter().map(|s: &Value| s.to_string()).collect();
+        network["suspects"].as_array().expect("suspects").iter().map(|s: &Value| s.to_string()).collect();
     assert!(suspects.iter().take(2).any(|s| s.contains("the distance A–C")), "{suspects:?}");
     assert_eq!(said.code, 1);
     assert!(lines.iter().all(|line| line["status"].as_str() == Some("inconsistent")), "{}", said.stdout);
@@ -306,23 +310,28 @@ fn a_slipped_decimal_is_named_before_the_numbers() {
     }
 }
 
-/// Marks by coordinates on one line: no number at all, exit status 1, and the marks are named.
+/// Control points by coordinates on one line: no number at all, exit status 1, and the control points are named.
 #[test]
-fn marks_on_one_line_are_named() {
+fn control_points_on_one_line_are_named() {
     let folder = folder("measure_line");
     let scene = write_scene(&folder, 9, &Change::default());
     let good = std::fs::read_to_string(&scene).expect("a scene");
     let (start, end) =
         (good.find("[[known_distance]]").expect("distances"), good.find("[plane]").expect("a plane"));
-    let mark = |name: &str, x: f64, y: f64| {
-        format!("[[mark]]\nname = \"{name}\"\nx_m = {x}\ny_m = {y}\nz_m = 0.0\nsigma_m = 0.01\n")
+    let control_point = |name: &str, x: f64, y: f64| {
+        format!("[[control_point]]\nname = \"{name}\"\nx_m = {x}\ny_m = {y}\nz_m = 0.0\nsigma_m = 0.01\n")
     };
-    let marks =
-        [mark("A", 0.0, 0.0), mark("P", 1.0, 0.01), mark("Q", 4.6, -0.01), mark("B", 7.0, 0.0)].concat();
-    std::fs::write(&scene, format!("{}{marks}{}", &good[..start], &good[end..])).expect("written");
+    let control_points = [
+        control_point("A", 0.0, 0.0),
+        control_point("P", 1.0, 0.01),
+        control_point("Q", 4.6, -0.01),
+        control_point("B", 7.0, 0.0),
+    ]
+    .concat();
+    std::fs::write(&scene, format!("{}{control_points}{}", &good[..start], &good[end..])).expect("written");
     let said = run(&scene, &[]);
     assert_eq!(said.code, 1, "{}{}", said.stdout, said.stderr);
-    let wanted = "degenerate: the marks stand nearly on one line, from A to B (7.00 m)";
+    let wanted = "degenerate: the control points stand nearly on one line, from A to B (7.00 m)";
     assert!(said.stdout.starts_with(wanted), "{}", said.stdout);
     assert_eq!(said.stdout.matches("no value").count(), queries().len(), "{}", said.stdout);
     let lines = json_lines(&run(&scene, &["--json"]));
@@ -370,8 +379,8 @@ fn mistakes_in_the_scene_are_named() {
 fn an_undetermined_point_is_named() {
     let folder = folder("measure_undetermined");
     let scene = write_scene(&folder, 8, &Change::default());
-    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("clicks");
-    let fewer: Vec<&str> = clicks.lines().filter(|line| !line.starts_with("east,V,")).collect();
+    let image_points = std::fs::read_to_string(folder.join("clicks.csv")).expect("image_points");
+    let fewer: Vec<&str> = image_points.lines().filter(|line| !line.starts_with("east,V,")).collect();
     std::fs::write(folder.join("clicks.csv"), fewer.join("\n")).expect("written");
     let said = run(&scene, &[]);
     assert_eq!(said.code, 1);
@@ -415,15 +424,15 @@ fn views_of_a_rig_are_triangulated() {
     let left = format!("[[camera]]\nname = \"left\"\n{CAMERA}\n");
     let right = one("right", &format!("covariance = [{}]", rows.join(", ")), -0.5);
     std::fs::write(folder.join("rig.toml"), format!("{left}{right}")).expect("written");
-    let mut clicks = String::from("photo,point,u_px,v_px\n");
+    let mut image_points = String::from("photo,point,u_px,v_px\n");
     let points = [("near", Point::new(0.3, -0.1, 4.0)), ("far", Point::new(-1.0, 0.4, 9.0))];
     for (name, x) in points {
         for (photo, shift) in [("left", 0.0), ("right", -0.5)] {
             let p = camera([0.0; 4]).project(&(x + Point::new(shift, 0.0, 0.0))).expect("in front");
-            writeln!(clicks, "{photo},{name},{},{}", p.x, p.y).expect("a string");
+            writeln!(image_points, "{photo},{name},{},{}", p.x, p.y).expect("a string");
         }
     }
-    std::fs::write(folder.join("clicks.csv"), clicks).expect("written");
+    std::fs::write(folder.join("clicks.csv"), image_points).expect("written");
     let path = |name: &str| folder.join(name).display().to_string();
     let said = resight(&[
         "measure",

@@ -106,7 +106,7 @@ fn order_and_threads_change_nothing() {
     let cameras = camera_arguments(&folder);
     let rows = recording(2);
     let straight = write(&folder, "points.csv", &csv(&rows));
-    let shuffled: Vec<Seen> = Chance(5).order(rows.len()).into_iter().map(|i| rows[i].clone()).collect();
+    let shuffled: Vec<Observed> = Chance(5).order(rows.len()).into_iter().map(|i| rows[i].clone()).collect();
     let (one, two) = shuffled.split_at(rows.len() / 2);
     let files = [write(&folder, "b.csv", &csv(one)), write(&folder, "a.csv", &csv(two))];
     let backwards: Vec<String> = cameras.chunks(2).rev().flatten().cloned().collect();
@@ -136,7 +136,7 @@ fn cameras_that_nothing_connects_are_named() {
     let folder = folder("rig_apart");
     let cameras = camera_arguments(&folder);
     let sees = |view: usize, camera: &str| (camera == "right") == (6 <= view);
-    let rows = sightings(12, &board(), &mut Chance(3), rig_from_board, sees);
+    let rows = observations(12, &board(), &mut Chance(3), rig_from_board, sees);
     let points = write(&folder, "points.csv", &csv(&rows));
     let out = folder.join("rig.toml");
     let run = rig(&cameras, &["--detections", &points, "-o", out.to_str().unwrap(), "--json"]);
@@ -155,7 +155,7 @@ fn a_chain_is_enough_and_its_weakest_link_is_named() {
     let folder = folder("rig_chain");
     let cameras = camera_arguments(&folder);
     let sees = |view: usize, camera: &str| camera != if view < 9 { "right" } else { "left" };
-    let rows = sightings(12, &board(), &mut Chance(4), rig_from_board, sees);
+    let rows = observations(12, &board(), &mut Chance(4), rig_from_board, sees);
     let points = write(&folder, "points.csv", &csv(&rows));
     let run = rig(&cameras, &["--detections", &points, "--sigma-px", "0.2", "--json"]);
     let answer = &json_lines(&run)[0];
@@ -174,7 +174,8 @@ fn a_chain_is_enough_and_its_weakest_link_is_named() {
 fn times_join_frames() {
     let folder = folder("rig_times");
     let cameras = camera_arguments(&folder);
-    let rows: Vec<Seen> = recording(6).into_iter().filter(|s| !(s.view == 7 && s.camera != "left")).collect();
+    let rows: Vec<Observed> =
+        recording(6).into_iter().filter(|s| !(s.view == 7 && s.camera != "left")).collect();
     let mut text = "camera,id,x_m,y_m,z_m,u_px,v_px,t_s\n".to_string();
     for s in &rows {
         let lag_s = match s.camera {
@@ -230,8 +231,8 @@ fn targets_know_their_points() {
 fn targets_move_on_their_own() {
     let folder = folder("rig_two");
     let cameras = camera_arguments(&folder);
-    let first = sightings(8, &board(), &mut Chance(8), rig_from_board, |_, _| true);
-    let second = sightings(8, &board(), &mut Chance(9), rig_from_board, |_, camera| camera != "left");
+    let first = observations(8, &board(), &mut Chance(8), rig_from_board, |_, _| true);
+    let second = observations(8, &board(), &mut Chance(9), rig_from_board, |_, camera| camera != "left");
     let text = with_targets(&[(first, "a"), (second, "b")]);
     let points = write(&folder, "points.csv", &text);
     let run = rig(&cameras, &["--detections", &points, "--sigma-px", "0.2", "--json"]);
@@ -240,8 +241,8 @@ fn targets_move_on_their_own() {
     assert_ne!(answer["targets"]["a"]["body"], answer["targets"]["b"]["body"]);
 }
 
-fn with_targets(lists: &[(Vec<Seen>, &str)]) -> String {
-    let rows = |(seen, target): &(Vec<Seen>, &str)| -> String {
+fn with_targets(lists: &[(Vec<Observed>, &str)]) -> String {
+    let rows = |(seen, target): &(Vec<Observed>, &str)| -> String {
         csv(seen).lines().skip(1).map(|line| format!("{line},{target}\n")).collect()
     };
     let rows: String = lists.iter().map(rows).collect();
@@ -255,8 +256,8 @@ fn targets_fixed_together_find_their_places() {
     let cameras = camera_arguments(&folder);
     let a_from_b = resight::core::Pose::exp(&resight::core::Vector6::new(0.3, -0.1, 0.2, 0.02, 0.22, 0.03));
     let both: Vec<_> = board().into_iter().chain(board().iter().map(|x| a_from_b * *x)).collect();
-    let rows = sightings(8, &both, &mut Chance(8), rig_from_board, |_, _| true);
-    let (mut of_a, mut of_b): (Vec<Seen>, Vec<Seen>) = rows.into_iter().partition(|s| s.id < 30);
+    let rows = observations(8, &both, &mut Chance(8), rig_from_board, |_, _| true);
+    let (mut of_a, mut of_b): (Vec<Observed>, Vec<Observed>) = rows.into_iter().partition(|s| s.id < 30);
     of_a.retain(|s| s.camera != "right");
     of_b.retain(|s| s.camera != "left");
     of_b.iter_mut().for_each(|s| (s.id, s.x) = (s.id - 30, board()[s.id - 30]));
@@ -278,7 +279,7 @@ fn a_target_at_rest_is_the_world() {
     let rig_from_world = rig_from_board(2, &mut Chance(10));
     let landmarks: Vec<_> =
         board().into_iter().map(|x| x + resight::core::Point::new(0.0, 0.0, 0.3 * x.x)).collect();
-    let still = sightings(4, &landmarks, &mut Chance(11), |_, _| rig_from_world, |_, _| true);
+    let still = observations(4, &landmarks, &mut Chance(11), |_, _| rig_from_world, |_, _| true);
     let points = write(&folder, "points.csv", &with_targets(&[(recording(12), "board"), (still, "hall")]));
     let run = rig(&cameras, &["--detections", &points, "--world", "hall", "--sigma-px", "0.2", "--json"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
@@ -318,12 +319,12 @@ fn what_contradicts_is_left_out_by_name() {
     let answer = &json_lines(&run)[0];
     is_true(answer, &["middle", "right"]);
     let rejected = answer["rejected"].as_array().unwrap();
-    let is_there = |kind: &str, camera: &str, view: &str| {
+    let connected = |kind: &str, camera: &str, view: &str| {
         rejected.iter().find(|r| r["kind"] == kind && r["camera"] == camera && r["view"] == view)
     };
-    let sighting = is_there("sighting", "right", "v5").unwrap_or_else(|| panic!("{rejected:?}"));
-    assert!(sighting["reason"].as_str().unwrap().contains("contradicts"), "{sighting}");
-    let point = is_there("point", slip.0, "v0").unwrap();
+    let observation = connected("observation", "right", "v5").unwrap_or_else(|| panic!("{rejected:?}"));
+    assert!(observation["reason"].as_str().unwrap().contains("contradicts"), "{observation}");
+    let point = connected("point", slip.0, "v0").unwrap();
     assert_eq!(point["id"].as_str(), Some(slip.1.as_str()));
     assert!(25.0 < point["residual_px"].as_f64().unwrap());
     assert_eq!(answer["cameras"]["right"]["n_rejected"], 30, "{}", answer["cameras"]["right"]);

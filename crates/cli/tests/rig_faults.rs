@@ -6,7 +6,7 @@
 
 use crate::recorded::recorded;
 use resight::core::multiview::pose_graph::{PoseGraph, PoseGraphConfig, solve_pose_graph};
-use resight::core::multiview::rig::{Cause, RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight::core::multiview::rig::{Cause, Observation, RigConfig, RigProblem, RigSolution, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -49,16 +49,16 @@ impl Recording {
     }
 
     fn solved(&self) -> Result<RigSolution, resight::core::Error> {
-        let sighting = |(&(camera, view), points): (&(usize, usize), &Vec<(Point, Pixel)>)| {
+        let observation = |(&(camera, view), points): (&(usize, usize), &Vec<(Point, Pixel)>)| {
             let point = |(x, pixel): &(Point, Pixel)| {
                 Correspondence::new(&self.lenses[camera], *x, *pixel, self.sigma_px).ok()
             };
-            Sighting { camera, view, target: 0, seen: points.iter().filter_map(point).collect() }
+            Observation { camera, view, target: 0, seen: points.iter().filter_map(point).collect() }
         };
-        let sightings: Vec<Sighting> = self.seen.iter().map(sighting).collect();
+        let observations: Vec<Observation> = self.seen.iter().map(observation).collect();
         let n_views = 1 + self.seen.keys().map(|(_, view)| *view).max().unwrap_or(0);
         let problem =
-            RigProblem { cameras: &self.lenses, body_of_target: &[0], n_views, sightings: &sightings };
+            RigProblem { cameras: &self.lenses, body_of_target: &[0], n_views, observations: &observations };
         solve_rig(&problem, &RigConfig::default())
     }
 
@@ -188,9 +188,9 @@ fn line(r: &Recording, what: &str, found: &Result<RigSolution, resight::core::Er
     )
 }
 
-/// A fault that is not told: the board was seen in the middle of this webcam's image, where forgotten distortion moves points by half a
+/// A fault that is not reported: the board was seen in the middle of this webcam's image, where forgotten distortion moves points by half a
 /// pixel. It moves the camera by 3.5 mm and 0.15° nevertheless, four and three of the standard deviations stated.
-const NOT_TOLD: [(&str, &str); 1] = [("four webcams", "no distortion 2")];
+const NOT_REPORTED: [(&str, &str); 1] = [("four webcams", "no distortion 2")];
 
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
@@ -205,7 +205,7 @@ fn a_wrong_file_is_never_called_right() {
                 Err(_) => true,
                 Ok(s) => s.verdict.is_inconsistent && camera.is_none_or(|c| blames(s, c)),
             };
-            if !is_said && !NOT_TOLD.contains(&(r.name, what.as_str())) {
+            if !is_said && !NOT_REPORTED.contains(&(r.name, what.as_str())) {
                 silent.push(line);
             }
         }
@@ -249,7 +249,7 @@ fn wrong_pairs_are_never_called_right() {
         let mut pairs = file.pairs.clone();
         pairs.iter_mut().enumerate().for_each(|(i, pair)| pair.b_from_a = change(i, pair.b_from_a));
         let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &pairs };
-        let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor: 0, median_sigma: None });
+        let found = solve_pose_graph(&graph, &PoseGraphConfig { reference_camera: 0, median_sigma: None });
         let said =
             found.map(|s| (s.verdict.fault, s.verdict.worst_camera, s.verdict.worst_pair, s.median_sigma));
         println!("pose graph      {what:32} {said:?}");

@@ -196,7 +196,7 @@ fn points_and_motions_say_where_the_camera_sits() {
     agrees(&json_lines(&run)[0], &cell);
 }
 
-/// With the target on the hand the hand's motions are the other way round: the same pictures, motions inverted.
+/// With the target on the hand the hand's motions are the other way round: the same images, motions inverted.
 #[test]
 fn a_target_on_the_hand_says_where_the_camera_stands() {
     let folder = folder("eye_to_hand");
@@ -292,9 +292,9 @@ fn what_says_too_little_or_is_not_named_is_refused() {
 }
 
 /// What pairs have in common and how well their loops told the noise goes into the places, through `convert` and into `compare`; a format
-/// that cannot hold it is said not to. Without a loop nothing says how sure the places are.
+/// that cannot hold it is said not to. Without a loop nothing says how uncertain the places are.
 #[test]
-fn what_loops_told_outlives_convert() {
+fn what_loops_reported_outlives_convert() {
     let folder = folder("pairs_joint");
     let (file, out) = (in_folder(&folder, "pairs.csv"), in_folder(&folder, "rig.toml"));
     pairs_file(Path::new(&file));
@@ -326,7 +326,7 @@ fn what_loops_told_outlives_convert() {
         let answer = &json_lines(&run)[0];
         assert_eq!((run.code, &answer["joint_covariance"]), (0, &true.into()), "{answer}");
         // Two calibrations alike: the sum of their degrees.
-        assert!((answer["noise_dof"].as_f64().unwrap() - 30.0).abs() < 1e-6, "{answer}");
+        assert!((answer["noise_degrees_of_freedom"].as_f64().unwrap() - 30.0).abs() < 1e-6, "{answer}");
         let said = resight(&["compare", &full, &full]).stdout;
         assert!(said.contains("estimated from loops of pairs with 30"), "{said}");
     }
@@ -364,7 +364,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
     assert_eq!((run.code, &answer["status"], &answer["causes"]), (0, &"ok".into(), &serde_json::json!([])));
     let keys = [
         "status",
-        "mount",
+        "mounting",
         "cam_from_gripper",
         "base_from_target",
         "n_views",

@@ -4,7 +4,7 @@ use crate::recorded::recorded;
 use crate::rig_support::pose_of;
 use crate::support::{folder, json_lines, resight, same};
 use resight::core::locate::loss::Loss;
-use resight::core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight::core::multiview::rig::{Observation, RigConfig, RigProblem, solve_rig};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -147,10 +147,16 @@ fn four_webcams_agree_with_an_independent_adjustment() {
         let point = Correspondence::new(&cameras[camera], x, pixel, 0.5).unwrap();
         seen.entry((view, camera)).or_default().push(point);
     }
-    let sightings: Vec<Sighting> =
-        seen.into_iter().map(|((view, camera), seen)| Sighting { camera, view, target: 0, seen }).collect();
-    let problem =
-        RigProblem { cameras: &cameras, body_of_target: &[0], n_views: views.len(), sightings: &sightings };
+    let observations: Vec<Observation> = seen
+        .into_iter()
+        .map(|((view, camera), seen)| Observation { camera, view, target: 0, seen })
+        .collect();
+    let problem = RigProblem {
+        cameras: &cameras,
+        body_of_target: &[0],
+        n_views: views.len(),
+        observations: &observations,
+    };
     let config = RigConfig { loss: Loss::Squared, ..RigConfig::default() };
     let found = solve_rig(&problem, &config).unwrap();
     for (camera, [rx, ry, rz, tx, ty, tz]) in (1..4).zip(INDEPENDENT) {
@@ -284,16 +290,16 @@ fn a_wrong_lens_file_is_said_everywhere() {
 /// Once each, and not of the same rig without the key, as earlier versions wrote it.
 fn every_reader_says_that_a_rig_is_inconsistent(folder: &Path, rig: &str) {
     let file = |name: &str| folder.join(name).display().to_string();
-    let (silent, clicks, converted) = (file("silent.toml"), file("clicks.csv"), file("converted.toml"));
+    let (silent, image_points, converted) = (file("silent.toml"), file("clicks.csv"), file("converted.toml"));
     let text = std::fs::read_to_string(rig).unwrap();
     let earlier: Vec<&str> = text.lines().filter(|line| !line.starts_with("status")).collect();
     std::fs::write(&silent, earlier.join("\n")).unwrap();
-    std::fs::write(&clicks, "photo,point,u_px,v_px\nleft,a,300,200\nright,a,280,200\n").unwrap();
+    std::fs::write(&image_points, "photo,point,u_px,v_px\nleft,a,300,200\nright,a,280,200\n").unwrap();
     let n_said = |arguments: &[&str]| resight(arguments).stderr.matches("is inconsistent").count();
     for (path, times) in [(rig, 1), (silent.as_str(), 0)] {
         assert_eq!(n_said(&["compare", path, &silent]), times);
         assert_eq!(n_said(&["compare", &silent, path]), times);
-        assert_eq!(n_said(&["measure", "--views", path, "--clicks", &clicks]), times);
+        assert_eq!(n_said(&["measure", "--views", path, "--clicks", &image_points]), times);
         assert_eq!(
             n_said(&["watch", "--rig", path, "--source", "left=none*.png", "--target", "none.toml"]),
             times

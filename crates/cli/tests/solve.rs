@@ -43,15 +43,15 @@ fn minima_observability_and_geometry_are_in_the_pose_object() {
         let total: f64 = minima.iter().map(|m| m["weight"].as_f64().unwrap()).sum();
         assert!((total - 1.0).abs() < 1e-9);
         let weak = &answer["observability"];
-        assert!(["turn", "shift"].contains(&weak["weakest"].as_str().unwrap()));
+        assert!(["rotation", "shift"].contains(&weak["weakest"].as_str().unwrap()));
         assert_eq!(weak["motion"].as_array().unwrap().len(), 6);
         for key in ["sigma_rad", "sigma_m", "correlation", "ratio"] {
             assert!(weak[key].as_f64().is_some_and(|x| 0.0 <= x), "{key}: {weak}");
         }
         assert!(
-            weak["turn_axis"].is_string()
+            weak["rotation_axis"].is_string()
                 && weak["shift_axis"].is_string()
-                && weak["go_together"].is_boolean()
+                && weak["correlated"].is_boolean()
         );
         let geometry = &answer["geometry"];
         assert_eq!(geometry["configuration"], configuration);
@@ -119,6 +119,8 @@ fn normalized_columns_in_any_order_need_no_camera() {
         (run.code, &answer["view"], &answer["image_unit"]),
         (0, &"normalized.csv".into(), &"normalized".into())
     );
+    assert!(answer["rms_normalized"].is_f64() && answer["minima"][0]["rms_normalized"].is_f64(), "{answer}");
+    assert!(answer.get("rms_px").is_none() && answer["schema"] == 2, "{answer}");
     assert!((answer["cam_from_target"]["translation_m"][2].as_f64().unwrap() - 2.0).abs() < 1e-6);
 }
 
@@ -239,6 +241,7 @@ fn a_photogrammetric_camera_counts_in_units_of_its_f() {
     ]);
     let answer = &json_lines(&run)[0];
     assert_eq!((&answer["status"], &answer["image_unit"]), (&"ok".into(), &"unit of f".into()), "{answer}");
+    assert!(answer["rms_unit_of_f"].is_f64(), "{answer}");
     for (i, t) in [0.0, 0.0, 2.0].iter().enumerate() {
         assert!(
             (answer["cam_from_target"]["translation_m"][i].as_f64().unwrap() - t).abs() < 1e-9,

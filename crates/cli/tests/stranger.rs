@@ -59,7 +59,7 @@ fn tables_from_other_programs() {
     assert!(message.contains("all points lie on one line"), "{message}");
 
     let named = ROWS.replace("x_m", "id,x_m").replace("\n0", "\na,0").replace("\n1", "\nb,1");
-    let twins = solve("twins.csv", &named);
-    assert_eq!(json_lines(&twins).len(), 1);
-    assert!(twins.stderr.contains("lines 2 and 3 both have id `a`"), "{}", twins.stderr);
+    let duplicates = solve("twins.csv", &named);
+    assert_eq!(json_lines(&duplicates).len(), 1);
+    assert!(duplicates.stderr.contains("lines 2 and 3 both have id `a`"), "{}", duplicates.stderr);
 }

@@ -51,7 +51,7 @@ fn a_stream_that_breaks_is_lost_and_comes_back() {
         &address,
         "--learn",
         "20",
-        "--unseen-after-s",
+        "--stale-after-s",
         "50",
     ]);
     watching.until("learned reference", |event| event["event"] == "learned");
@@ -65,11 +65,11 @@ fn a_stream_that_breaks_is_lost_and_comes_back() {
     let _server = serve_tcp(&film, port);
     watching.until("return", |event| is_source(event, true));
     watching.frames(10);
-    let told: Vec<&Value> =
-        watching.seen.iter().filter(|e| e["event"] == "source").map(|e| &e["is_there"]).collect();
+    let reported: Vec<&Value> =
+        watching.seen.iter().filter(|e| e["event"] == "source").map(|e| &e["connected"]).collect();
     // The first attempt may have come before the server was ready.
-    let told = if told.len() == 4 { &told[2..] } else { &told[..] };
-    assert_eq!(told, [false, true], "{:?}", said(&watching.seen));
+    let reported = if reported.len() == 4 { &reported[2..] } else { &reported[..] };
+    assert_eq!(reported, [false, true], "{:?}", said(&watching.seen));
     assert_eq!(states(&watching.seen), ["learning", "steady"], "{:?}", said(&watching.seen));
     capture_times_are_those_of_the_camera(&watching.seen);
     nothing_stays_behind(watching, &format!("-i tcp://127.0.0.1:{port}"));
@@ -172,7 +172,7 @@ fn rtsp_is_watched() {
 
 /// An address where nobody listens, and a camera that is not there.
 #[test]
-fn what_is_not_there_is_told_with_ffmpegs_words() {
+fn what_is_not_there_is_reported_with_ffmpegs_words() {
     if !has_ffmpeg() {
         return;
     }
@@ -211,6 +211,6 @@ fn an_ffmpeg_ends_with_its_session() {
     while Instant::now() < end && child.try_wait().expect("a status").is_none() {
         std::thread::sleep(Duration::from_millis(50));
     }
-    assert!(child.try_wait().expect("a status").is_some(), "it goes on though nobody listens");
+    assert!(child.try_wait().expect("a status").is_some(), "it continues though nobody listens");
     assert_ne!(runs(&format!("-i tcp://127.0.0.1:{port}"), &[]), Some(true));
 }

@@ -23,11 +23,11 @@ fn send_udp(film: &Path, address: &str) -> Running {
 /// Watched until poses come, with a loss after two seconds.
 fn watched(studio: &Path, address: &str) -> Watching {
     let options = ["--frames", "--source", address, "--lost-after-s", "2", "--learn", "20"];
-    Watching::start(studio, &[&options[..], &["--unseen-after-s", "50"]].concat())
+    Watching::start(studio, &[&options[..], &["--stale-after-s", "50"]].concat())
 }
 
-/// What was told in the end: learned, lost once, back once.
-fn nothing_else_was_told(watching: &Watching) {
+/// What was reported in the end: learned, lost once, back once.
+fn nothing_else_was_reported(watching: &Watching) {
     assert_eq!(states(&watching.seen), ["learning", "steady"], "{:?}", said(&watching.seen));
     capture_times_are_those_of_the_camera(&watching.seen);
 }
@@ -54,13 +54,13 @@ fn a_udp_sender_that_falls_silent_is_lost_and_comes_back() {
     let _sender = send_udp(&film, &address);
     watching.until("return", |event| is_source(event, true));
     watching.frames(5);
-    nothing_else_was_told(&watching);
+    nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &format!("-i {address}"));
 }
 
 /// Another program reads the port: that is said, not what ffmpeg makes of it.
 #[test]
-fn a_udp_port_that_is_taken_is_told() {
+fn a_udp_port_that_is_taken_is_reported() {
     if !speaks("udp") {
         return;
     }
@@ -92,7 +92,7 @@ fn an_rtmp_server_is_watched_lost_and_watched_again() {
     let _server = start();
     watching.until("return", |event| is_source(event, true));
     watching.frames(10);
-    nothing_else_was_told(&watching);
+    nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &format!("-i {address}"));
 }
 
@@ -112,7 +112,7 @@ fn an_rtmp_camera_that_pushes_is_watched() {
     let _camera = serve(&film, &["-f", "flv", &address]);
     watching.until("steady state", |event| event["state"] == "steady");
     watching.frames(5);
-    nothing_else_was_told(&watching);
+    nothing_else_was_reported(&watching);
 }
 
 /// A script called `ffmpeg` that reads the recorded frames where V4L2 and the camera are asked for: the device's options, which the
@@ -170,6 +170,6 @@ fn a_v4l2_camera_is_watched_when_it_is_there() {
     watching.until("end", |event| is_source(event, false));
     watching.until("return", |event| is_source(event, true));
     watching.frames(5);
-    nothing_else_was_told(&watching);
+    nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &plugged.display().to_string());
 }

@@ -19,7 +19,7 @@ fn auto_finds_the_printed_poses() {
         (1, [45.0, 30.0, 60.0], [0.20, 0.10, 3.00], 0.08),
         (2, [53.0, 37.0, 81.0], [0.25, 0.15, 2.50], 0.12),
     ];
-    for (n, angles_deg, place_m, limit_deg) in cases {
+    for (n, angles_deg, position_m, limit_deg) in cases {
         let (points, camera) = (table_two(&format!("points{n}.csv")), table_two(&format!("camera{n}.toml")));
         let run = resight(&["solve", &points, "--camera", &camera, "--json"]);
         let answer = &json_lines(&run)[0];
@@ -30,7 +30,7 @@ fn auto_finds_the_printed_poses() {
         let trace: f64 = (0..9).map(|i| r[i / 3][i % 3] * matrix[i / 3][i % 3]).sum();
         let angle_deg = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
         assert!(angle_deg <= limit_deg, "camera {n}: {angle_deg}°");
-        for (i, x) in place_m.iter().enumerate() {
+        for (i, x) in position_m.iter().enumerate() {
             assert!((matrix[i][3] - x).abs() < 0.02, "camera {n}: {answer}");
         }
     }

@@ -160,7 +160,7 @@ fn uncertain_points_add_what_solving_again_says() {
 }
 
 #[test]
-fn a_wrong_name_is_told_the_right_one() {
+fn a_wrong_name_is_reported_the_right_one() {
     let (points, camera) = (data("points.csv"), data("camera.toml"));
     for (given, wanted) in [
         ("fxpx=1", "did you mean `fx_px`? It has fx_px, fy_px, cx_px, cy_px"),

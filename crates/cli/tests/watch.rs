@@ -59,11 +59,11 @@ fn a_turned_camera_is_found_with_direction_size_and_time() {
         run.events.iter().rfind(|e| e["state"] == "drifted" && e["event"] == "state").expect("a drift");
     let first =
         run.events.iter().find(|e| e["state"] == "drifted" && e["event"] == "state").expect("a drift");
-    let told = first["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
-    assert!((told - 0.5).abs() < 0.1, "told first: {first}");
-    let turn_rad = drifted["old_from_new"][1].as_f64().expect("a number");
+    let reported = first["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
+    assert!((reported - 0.5).abs() < 0.1, "told first: {first}");
+    let rotation_rad = drifted["old_from_new"][1].as_f64().expect("a number");
     let sigma_rad = drifted["covariance"][1][1].as_f64().expect("a number").sqrt();
-    assert!((turn_rad - 0.5_f64.to_radians()).abs() < 4.0 * sigma_rad, "{drifted}");
+    assert!((rotation_rad - 0.5_f64.to_radians()).abs() < 4.0 * sigma_rad, "{drifted}");
     assert!((drifted["began_s"].as_f64().expect("a time") - 200.0).abs() <= 3.0, "{drifted}");
     let turned = drifted["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
     let sigma = drifted["pure_rotation_sigma_rad"][1].as_f64().expect("a number").to_degrees();
@@ -100,9 +100,9 @@ fn bad_lines_are_named_and_the_rest_goes_on() {
     }
 }
 
-/// The middle dot is not on the line, as the target's file says it is: that is told while the reference is being learned, and never learned as one.
+/// The middle dot is not on the line, as the target's file says it is: that is reported while the reference is being learned, and never learned as one.
 #[test]
-fn a_wrong_target_is_told_while_learning() {
+fn a_wrong_target_is_reported_while_learning() {
     let shifted = |line: &str| {
         let mut frame: Value = serde_json::from_str(line).expect("JSON");
         let v_px = frame["detections"][1]["v_px"].as_f64().expect("a pixel");
@@ -114,7 +114,7 @@ fn a_wrong_target_is_told_while_learning() {
     assert_eq!((run.code, states(&run)), (1, vec!["learning", "inconsistent"]), "{}", run.stderr);
 }
 
-/// A frozen stream sends its last picture again and again: that is no reading.
+/// A frozen stream sends its last image again and again: that is no reading.
 #[test]
 fn a_frozen_camera_is_not_steady() {
     let pictures = folder("watch-frozen");
@@ -131,7 +131,7 @@ fn a_frozen_camera_is_not_steady() {
 }
 
 #[test]
-fn nothing_seen_is_not_steady_and_wrong_names_are_told() {
+fn nothing_seen_is_not_steady_and_wrong_names_are_reported() {
     assert_eq!(watch("", &["--source", "-"]).code, 1);
     let wrong = watch("", &["--source", "gate=nowhere"]);
     assert_eq!(wrong.code, 2);
@@ -139,7 +139,7 @@ fn nothing_seen_is_not_steady_and_wrong_names_are_told() {
     assert!(few.stderr.contains("at least 20 readings"), "{}", few.stderr);
 }
 
-/// Every second of the second half is stamped an hour early: it is said, and the knock after that is found.
+/// Every second of the second half is stamped an hour early: it is said, and the sudden motion after that is found.
 #[test]
 fn a_clock_that_goes_back_is_said_and_watching_goes_on() {
     let turned = |second| if second < 150 { Vector6::zeros() } else { pan(0.5) };
@@ -165,7 +165,7 @@ fn a_clock_that_goes_back_is_said_and_watching_goes_on() {
 fn a_moving_camera_is_followed() {
     let way = |second: usize| pan(0.05 * second as f64);
     let run = watch(&lines(0..100, 0x5a, way), &["--source", "-", "--motion", "moving"]);
-    assert_eq!((run.code, states(&run)), (0, vec!["followed"]), "{}", run.stderr);
+    assert_eq!((run.code, states(&run)), (0, vec!["tracking"]), "{}", run.stderr);
     let mixed = watch("", &["--source", "-", "--motion", "moving", "--rotation-noise-deg-per-sqrt-s", "1"]);
     assert!(
         mixed.code == 2 && mixed.stderr.contains("--acceleration-noise-deg-per-s-sqrt-s"),
@@ -176,20 +176,20 @@ fn a_moving_camera_is_followed() {
     assert!(fixed.code == 2 && fixed.stderr.contains("--position-noise-mm-per-sqrt-s"), "{}", fixed.stderr);
 }
 
-/// A blind camera is told as such from the start; seen again, it goes on learning.
+/// A blind camera is reported as such from the start; seen again, it continues learning.
 #[test]
 fn a_camera_that_sees_nothing_does_not_learn() {
     let blind = |t_s: std::ops::Range<u32>| {
         t_s.map(|t_s| format!("{{\"t_s\": {t_s}, \"detections\": []}}\n")).collect::<String>()
     };
     let never = watch(&blind(0..20), &["--source", "-"]);
-    assert_eq!((never.code, states(&never)), (1, vec!["learning", "unseen"]), "{}", never.stderr);
+    assert_eq!((never.code, states(&never)), (1, vec!["learning", "stale"]), "{}", never.stderr);
     let seen = |t_s| lines(t_s, 0x5a, |_| Vector6::zeros());
     let input = [seen(0..20), blind(20..40), seen(40..90)].concat();
     let again = watch(&input, &["--source", "-"]);
     assert_eq!(
         (again.code, states(&again)),
-        (0, vec!["learning", "unseen", "learning", "steady"]),
+        (0, vec!["learning", "stale", "learning", "steady"]),
         "{}",
         again.stderr
     );
@@ -200,9 +200,9 @@ fn a_camera_that_sees_nothing_does_not_learn() {
 fn a_camera_that_settles_at_the_end_is_not_answered() {
     let knocked = |second: usize| if second < 100 { Vector6::zeros() } else { pan(1.0) };
     let run = watch(&lines(0..102, 0x5b, knocked), &["--source", "-"]);
-    assert_eq!(states(&run).last(), Some(&"settling"), "{}", run.stderr);
+    assert_eq!(states(&run).last(), Some(&"checking"), "{}", run.stderr);
     let verdict = run.events.last().expect("a verdict");
-    assert_eq!((run.code, &verdict["state"]), (1, &json!("settling")), "{verdict}");
+    assert_eq!((run.code, &verdict["state"]), (1, &json!("checking")), "{verdict}");
     assert_eq!((&verdict["camera"], &verdict["target"]), (&json!("cam0"), &json!("target0")), "{verdict}");
 }
 

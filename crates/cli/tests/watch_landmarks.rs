@@ -1,4 +1,4 @@
-//! `watch --landmarks` and `landmarks` as a user runs them: pictures in, turns and states out.
+//! `watch --landmarks` and `landmarks` as a user runs them: images in, turns and states out.
 
 use crate::landmarks_support::{camera, exposed, picture, turned};
 use crate::support::folder;
@@ -21,7 +21,7 @@ fn write(path: PathBuf, bytes: &[u8]) -> String {
     path.display().to_string()
 }
 
-/// A folder with the camera's file, the reference picture and `night/`, one picture a second turned as told.
+/// A folder with the camera's file, the reference image and `night/`, one image a second turned as told.
 struct Night {
     folder: PathBuf,
     camera: String,
@@ -39,7 +39,7 @@ impl Night {
         Night { folder, camera, reference }
     }
 
-    /// Pictures `numbers` of the camera turned by `degrees`, finished by `draw`.
+    /// Images `numbers` of the camera rotated by `degrees`, finished by `draw`.
     fn take(&self, numbers: std::ops::Range<u64>, degrees: [f64; 3], draw: impl Fn(&mut resight::GrayImage)) {
         let grey = picture(&small(), &turned(degrees), 31);
         let mut chance = Pcg::new(numbers.start + 100);
@@ -154,17 +154,17 @@ fn the_history_keeps_the_turn_that_json_says() {
         6
     );
     let said = run(&["history", &history]).stdout;
-    assert!(said.contains("a pose in 0.0 %, a turn of landmarks in 75.0 %"), "{said}");
+    assert!(said.contains("a pose in 0.0 %, a rotation of landmarks in 75.0 %"), "{said}");
     let said: Value = serde_json::from_str(&run(&["history", &history, "--json"]).stdout).expect("JSON");
     let states = said["pairs"][0]["states"].as_object().expect("states");
     assert_eq!(
-        states.values().map(|state| state["turns"].as_u64().expect("a count")).sum::<u64>(),
+        states.values().map(|state| state["rotations"].as_u64().expect("a count")).sum::<u64>(),
         6,
         "{said}"
     );
 }
 
-/// Three thirds of the picture that turned in three ways: such a frame must not count in a mean, and has its reason instead.
+/// Three thirds of the image that turned in three ways: such a frame must not count in a mean, and has its reason instead.
 #[test]
 fn the_history_keeps_no_turn_that_most_contradict() {
     let night = Night::new("landmarks-history-contradict");
@@ -188,24 +188,27 @@ fn the_history_keeps_no_turn_that_most_contradict() {
 }
 
 #[test]
-fn a_knock_to_the_left_is_told_in_words_and_numbers() {
+fn a_knock_to_the_left_is_reported_in_words_and_numbers() {
     let night = Night::new("landmarks-knock");
     night.take(0..10, [0.0; 3], |_| ());
     night.take(10..20, [0.0, -0.2, 0.0], |_| ());
     let landmarks = format!("gate={}", night.reference);
-    let told = night.watch(&["--landmarks", &landmarks]);
-    assert_eq!(told.code, 3, "{}{}", told.stdout, told.stderr);
-    let drifted =
-        told.stdout.lines().rfind(|line| line.contains("drifted at once, since 10.0 s")).expect("a drift");
+    let reported = night.watch(&["--landmarks", &landmarks]);
+    assert_eq!(reported.code, 3, "{}{}", reported.stdout, reported.stderr);
+    let drifted = reported
+        .stdout
+        .lines()
+        .rfind(|line| line.contains("moved in a step, since 10.0 s"))
+        .expect("a drift");
     assert!(drifted.contains("left 0.2") && drifted.contains("to put it back: right 0.2"), "{drifted}");
     assert!(!drifted.contains("mm"), "landmarks know of no shift: {drifted}");
-    let told = night.watch(&["--landmarks", &landmarks, "--json"]);
-    let drift = told.events("state").pop().expect("a state");
+    let reported = night.watch(&["--landmarks", &landmarks, "--json"]);
+    let drift = reported.events("state").pop().expect("a state");
     let turn = numbers(&drift["pure_rotation_rad"]);
     assert!((turn[1].to_degrees() + 0.2).abs() < 0.02, "{drift}");
 }
 
-/// The picture saved by one night serves the next.
+/// The image saved by one night serves the next.
 #[test]
 fn a_saved_reference_serves_the_next_night() {
     let night = Night::new("landmarks-save");
@@ -214,28 +217,28 @@ fn a_saved_reference_serves_the_next_night() {
     let learned = format!("gate={}", file.display());
     let first = night.watch(&["--save-landmarks", &learned]);
     assert_eq!(first.code, 0, "{}{}", first.stdout, first.stderr);
-    assert!(first.stderr.contains("the reference picture of gate is") && file.is_file(), "{}", first.stderr);
+    assert!(first.stderr.contains("the reference image of gate is") && file.is_file(), "{}", first.stderr);
     night.take(0..10, [0.3, 0.0, 0.0], |_| ());
     let next = night.watch(&["--landmarks", &learned]);
-    assert!(next.code == 3 && next.stdout.contains("turned up 0.3"), "{}{}", next.stdout, next.stderr);
-    // The same command every night: the picture stays the one of the first.
-    let saved = std::fs::read(&file).expect("the picture");
+    assert!(next.code == 3 && next.stdout.contains("rotated up 0.3"), "{}{}", next.stdout, next.stderr);
+    // The same command every night: the image stays the one of the first.
+    let saved = std::fs::read(&file).expect("the image");
     let again = night.watch(&["--save-landmarks", &learned]);
-    assert!(again.code == 3 && again.stdout.contains("turned up 0.3"), "{}{}", again.stdout, again.stderr);
-    assert_eq!(std::fs::read(&file).expect("the picture"), saved);
+    assert!(again.code == 3 && again.stdout.contains("rotated up 0.3"), "{}{}", again.stdout, again.stderr);
+    assert_eq!(std::fs::read(&file).expect("the image"), saved);
 }
 
-/// Draws a tag into a picture.
+/// Draws a tag into an image.
 fn tag_in_view() -> impl Fn(&mut resight::GrayImage) {
     let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });
     let cam_from_target = Pose::exp(&Vector6::new(0.2, -0.3, 0.05, -0.05, 0.02, 0.5));
     let placed = Placed { target, cam_from_target, style: Style::default() };
     let scene = Scene { placed: vec![placed], background: 128.0, clutter: Vec::new() };
     let finish = Finish { blur_sigma_px: 0.0, noise_sigma: 0.0, ..Finish::default() };
-    let tag = render(&scene, &small(), &finish).expect("a picture");
+    let tag = render(&scene, &small(), &finish).expect("an image");
     move |image: &mut resight::GrayImage| {
         let all = image.data.iter_mut().zip(&tag.data);
-        // What is not background is the tag, with a little of the picture's noise.
+        // What is not background is the tag, with a little of the image's noise.
         all.filter(|(_, tag)| **tag != 128).for_each(|(grey, tag)| *grey = (*grey % 4) + (*tag).min(250));
     }
 }
@@ -255,7 +258,7 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
     let states = run.states();
     assert_eq!(run.code, 3, "{}", run.stderr);
     assert_eq!(states.first().map(String::as_str), Some("learning"), "{states:?}");
-    assert!(!states.contains(&"unseen".to_string()), "{states:?}");
+    assert!(!states.contains(&"stale".to_string()), "{states:?}");
     assert_eq!(states.last().map(String::as_str), Some("drifted"), "{states:?}");
     for frame in run.events("frame") {
         let is_gone = 30 <= frame["number"].as_u64().expect("a number");
@@ -270,7 +273,7 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
     );
 }
 
-/// The picture is taken while the tag is still there: a knock that comes as it is taken away is found.
+/// The image is taken while the tag is still there: a sudden motion that comes as it is taken away is found.
 #[test]
 fn a_knock_while_the_target_is_taken_away_is_found() {
     let night = Night::new("landmarks-away");
@@ -291,7 +294,7 @@ fn another_scene_and_a_wrong_picture_are_named() {
     let landmarks = format!("gate={}", night.reference);
     let run = night.watch(&["--landmarks", &landmarks, "--frames"]);
     assert_eq!(run.code, 1, "{}", run.stdout);
-    assert!(run.stdout.contains("0 corners in this picture, 15 are needed"), "{}", run.stdout);
+    assert!(run.stdout.contains("0 corners in this image, 15 are needed"), "{}", run.stdout);
     assert!(run.stdout.contains("gate: unseen"), "{}", run.stdout);
     let refused = |arguments: &[&str], words: &str| {
         let run = night.watch(arguments);
@@ -308,7 +311,7 @@ fn another_scene_and_a_wrong_picture_are_named() {
     refused(&[], "--target");
 }
 
-/// `landmarks`: one line a picture, a picture of what was used, a reason where nothing was found.
+/// `landmarks`: one line an image, an image of what was used, a reason where nothing was found.
 #[test]
 fn pictures_beside_a_reference_alone() {
     let night = Night::new("landmarks-alone");
@@ -344,7 +347,7 @@ fn a_rig_is_watched_by_landmarks_alone() {
     assert!(run.stdout.contains("gate: steady"), "{}", run.stdout);
 }
 
-/// A picture whose thirds turned in three ways.
+/// An image whose thirds turned in three ways.
 fn in_three_ways() -> Vec<u8> {
     let thirds = [0.0, 0.3, -0.3].map(|pan| picture(&small(), &turned([0.0, pan, 0.0]), 31));
     let mixed: Vec<f64> = (0..480 * 360).map(|i| thirds[i % 480 / 160][i]).collect();
@@ -352,9 +355,9 @@ fn in_three_ways() -> Vec<u8> {
     image.png().expect("a PNG")
 }
 
-/// Three thirds of the picture that turned in three ways: what most contradict is no answer.
+/// Three thirds of the image that turned in three ways: what most contradict is no answer.
 #[test]
-fn a_turn_that_most_contradict_is_told_as_one() {
+fn a_turn_that_most_contradict_is_reported_as_one() {
     let night = Night::new("landmarks-contradict");
     let mixed = write(night.folder.join("mixed.png"), &in_three_ways());
     let run = run(&["landmarks", &night.reference, &mixed, "--camera", &night.camera]);

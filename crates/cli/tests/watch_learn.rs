@@ -1,4 +1,4 @@
-//! `watch` while it learns: a camera that moves meanwhile is told, and its reference is learned from where it then stands, or not at all.
+//! `watch` while it learns: a camera that moves meanwhile is reported, and its reference is learned from where it then stands, or not at all.
 
 use crate::support::{demo, folder};
 use assert_cmd::Command;
@@ -45,9 +45,9 @@ fn pan(degrees: f64) -> Vector6<f64> {
     Vector6::new(0.0, f64::to_radians(degrees), 0.0, 0.0, 0.0, 0.0)
 }
 
-/// Half a degree after 25 of the 50 readings: told with its size and time, learned again from there, and a later knock is found.
+/// Half a degree after 25 of the 50 readings: told with its size and time, learned again from there, and a later sudden motion is found.
 #[test]
-fn a_camera_that_is_knocked_while_it_is_learned_is_told_and_learned_again() {
+fn a_camera_that_is_knocked_while_it_is_learned_is_reported_and_learned_again() {
     let history = folder("watch-learn").join("gate.sqlite");
     let more = ["--json", "--history", history.to_str().expect("a path")];
     let moved = |second: usize| {
@@ -60,18 +60,18 @@ fn a_camera_that_is_knocked_while_it_is_learned_is_told_and_learned_again() {
         })
     };
     let ended = watch(&more, 130, 0x1ea2, moved);
-    let told = ended.of("moved_while_learning");
-    assert_eq!(told.len(), 1, "{}", ended.text);
-    assert_eq!((&told[0]["how"], &told[0]["reading"]), (&json!("step"), &json!(25)));
-    assert_eq!((&told[0]["began_s"], &told[0]["rivals"]), (&json!(25.0), &json!([])));
-    let pan_rad = told[0]["old_from_new"][1].as_f64().expect("a number");
-    let sigma_rad = told[0]["covariance"][1][1].as_f64().expect("a variance").sqrt();
+    let reported = ended.of("moved_while_learning");
+    assert_eq!(reported.len(), 1, "{}", ended.text);
+    assert_eq!((&reported[0]["how"], &reported[0]["reading"]), (&json!("step"), &json!(25)));
+    assert_eq!((&reported[0]["began_s"], &reported[0]["alternatives"]), (&json!(25.0), &json!([])));
+    let pan_rad = reported[0]["old_from_new"][1].as_f64().expect("a number");
+    let sigma_rad = reported[0]["covariance"][1][1].as_f64().expect("a variance").sqrt();
     let error_rad = (pan_rad - f64::to_radians(0.5)).abs();
     assert!(error_rad < 4.0 * sigma_rad, "{pan_rad} ± {sigma_rad}");
-    let message = told[0]["message"].as_str().expect("words");
+    let message = reported[0]["message"].as_str().expect("words");
     assert!(message.contains("moved after reading 25") && message.contains("right 0.5"), "{message}");
     assert_eq!(ended.of("learned").len(), 1);
-    assert_eq!((ended.code, &ended.states()[..4]), (3, &["learning", "steady", "settling", "drifted"][..]));
+    assert_eq!((ended.code, &ended.states()[..4]), (3, &["learning", "steady", "checking", "drifted"][..]));
     assert_eq!(ended.of("verdict")[0]["moved_while_learning"], json!(true));
     let stored = rusqlite::Connection::open(&history).expect("the history");
     let events =
@@ -88,15 +88,15 @@ fn a_session_whose_camera_moved_while_it_was_learned_does_not_end_as_if_nothing_
     assert!(ended.text.ends_with("steady; it moved while its reference was learned\n"), "{}", ended.text);
 }
 
-/// A camera that turns on and on is never said to be steady, and the reason is told.
+/// A camera that turns on and on is never said to be steady, and the reason is reported.
 #[test]
 fn a_camera_that_keeps_moving_is_never_learned() {
     let ended = watch(&["--json"], 230, 0x1ea4, |second| pan(0.1 * second as f64));
     assert_eq!((ended.code, ended.states()), (3, vec!["learning"]), "{}", ended.text);
-    let told = ended.of("moved_while_learning");
-    assert!(5 <= told.len() && ended.of("learned").is_empty(), "{}", ended.text);
-    assert!(told.iter().all(|event| event["how"] == "ramp"), "{}", ended.text);
-    assert!(told[0]["message"].as_str().expect("words").contains("it is not learned while it moves"));
+    let reported = ended.of("moved_while_learning");
+    assert!(5 <= reported.len() && ended.of("learned").is_empty(), "{}", ended.text);
+    assert!(reported.iter().all(|event| event["how"] == "ramp"), "{}", ended.text);
+    assert!(reported[0]["message"].as_str().expect("words").contains("it is not learned while it moves"));
     assert_eq!(ended.of("verdict")[0]["state"], "learning");
 }
 
@@ -126,7 +126,7 @@ fn shipped(rig: &str) -> Run {
     run(&["--rig", &rig, "--target", &file("board.toml"), "--moving-target", "--json"], &input)
 }
 
-/// The default learns the noise from 50 moments, across the turn: the places are known, and the camera that moved is named all the same.
+/// The default learns the noise from 50 moments, across the rotation: the places are known, and the camera that moved is named all the same.
 #[test]
 fn the_shipped_example_names_the_camera_with_the_default_settings() {
     let ended = shipped("@");
@@ -142,9 +142,9 @@ fn the_shipped_example_names_the_camera_with_the_default_settings() {
     assert_eq!(ended.code, 3);
 }
 
-/// Where the places are learned too, the turn amid them is told, and nothing is called steady.
+/// Where the places are learned too, the rotation amid them is reported, and nothing is called steady.
 #[test]
-fn the_shipped_example_is_told_to_have_moved_while_its_places_were_learned() {
+fn the_shipped_example_is_reported_to_have_moved_while_its_places_were_learned() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/watch_rig/rig.toml");
     let known = std::fs::read_to_string(file).expect("the rig");
     let unknown: String = known
@@ -158,12 +158,12 @@ fn the_shipped_example_is_told_to_have_moved_while_its_places_were_learned() {
     let rig = folder("watch-learn-rig").join("rig.toml");
     std::fs::write(&rig, unknown).expect("written");
     let ended = shipped(rig.to_str().expect("a path"));
-    let told = ended.of("moved_while_learning");
-    assert_eq!(told.len(), 1, "{}", ended.text);
-    assert_eq!((&told[0]["camera"], &told[0]["how"]), (&json!("middle"), &json!("step")));
-    assert_eq!(&told[0]["rivals"], &json!([]));
-    assert!((40..=41).contains(&told[0]["reading"].as_u64().expect("a count")), "{}", told[0]);
-    let pan_deg = told[0]["old_from_new"][1].as_f64().expect("a number").to_degrees();
+    let reported = ended.of("moved_while_learning");
+    assert_eq!(reported.len(), 1, "{}", ended.text);
+    assert_eq!((&reported[0]["camera"], &reported[0]["how"]), (&json!("middle"), &json!("step")));
+    assert_eq!(&reported[0]["alternatives"], &json!([]));
+    assert!((40..=41).contains(&reported[0]["reading"].as_u64().expect("a count")), "{}", reported[0]);
+    let pan_deg = reported[0]["old_from_new"][1].as_f64().expect("a number").to_degrees();
     assert!((pan_deg - 0.8).abs() < 0.4, "{pan_deg}°");
     assert_eq!(ended.code, 3);
     assert!(!ended.states().contains(&"steady"), "{}", ended.text);

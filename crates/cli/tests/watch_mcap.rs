@@ -13,7 +13,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Corners of rendered pictures of 320 × 240 px; a tag of 0.16 m at 0.4 m.
+/// Corners of rendered images of 320 × 240 px; a tag of 0.16 m at 0.4 m.
 const PLACE_M: f64 = 0.004;
 const TURN_RAD: f64 = 0.012;
 
@@ -57,14 +57,14 @@ fn frames<'a>(run: &'a Run, camera: &str) -> Vec<&'a Value> {
     run.events.iter().filter(|e| e["event"] == "frame" && e["camera"] == *camera).collect()
 }
 
-fn near_the_truth(run: &Run, camera: &str, n: usize, place_m: f64, turn_rad: f64) {
+fn near_the_truth(run: &Run, camera: &str, n: usize, position_m: f64, rotation_rad: f64) {
     let all = frames(run, camera);
     assert_eq!(all.len(), n, "{camera}: {}", run.stderr);
     for frame in all {
         assert!(frame["cam_from_target"].is_object(), "{frame}");
         let away: Vector6 = (pose(&frame["cam_from_target"]) * truth(camera).inverse()).log();
         let (turn, shift) = (away.fixed_rows::<3>(0).norm(), away.fixed_rows::<3>(3).norm());
-        assert!(turn < turn_rad && shift < place_m, "{camera}: {turn} rad, {shift} m");
+        assert!(turn < rotation_rad && shift < position_m, "{camera}: {turn} rad, {shift} m");
     }
 }
 
@@ -126,7 +126,7 @@ fn detections_of_other_programs_give_the_exact_poses() {
 }
 
 #[test]
-fn unclear_topics_are_told_before_anything_starts() {
+fn unclear_topics_are_reported_before_anything_starts() {
     let run = one("gate", "two_cameras_zstd.mcap#/gate/camera_info", "two_cameras_zstd.mcap");
     assert_eq!(run.code, 2);
     assert!(run.stderr.contains("FILE#/gate/image_raw"), "{}", run.stderr);
@@ -136,7 +136,7 @@ fn unclear_topics_are_told_before_anything_starts() {
 }
 
 #[test]
-fn a_recording_that_was_cut_off_is_watched_and_told() {
+fn a_recording_that_was_cut_off_is_watched_and_reported() {
     let whole = std::fs::read(sample("rosbags_plain.mcap")).unwrap();
     let path = folder("watch-mcap-cut").join("cut.mcap");
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
@@ -243,7 +243,7 @@ fn a_drift_is_a_correction_between_reference_and_now() {
     let source: Vec<&str> = source.iter().map(String::as_str).collect();
     let learned = watch(&[&source[..], &["--save-reference", &file]].concat());
     assert_eq!(learned.code, 0, "{}", learned.stderr);
-    // The reference turned by 3° about the camera's own y: as if the camera had stood so.
+    // The reference rotated by 3° about the camera's own y: as if the camera had stood so.
     let mut then = reference::read(file.as_ref()).unwrap();
     then.a_from_b = Pose::exp(&Vector6::new(0.0, 3f64.to_radians(), 0.0, 0.0, 0.0, 0.0)) * then.a_from_b;
     std::fs::write(&file, reference::to_text(&then).unwrap()).unwrap();
@@ -261,7 +261,7 @@ fn a_drift_is_a_correction_between_reference_and_now() {
     let (camera, target, cam_from_target) = on(&all, "/tf").flat_map(transforms).last().unwrap();
     assert_eq!((camera.as_str(), target.as_str()), ("gate", "tag"));
     let corrected = (*target_from_old * *old_from_new).inverse();
-    // A turn alone is told, so the place stays that of the reference; the turn is that of now.
+    // A rotation alone is reported, so the place stays that of the reference; the rotation is that of now.
     assert!(
         corrected.angle_to_rad(&cam_from_target) < 0.01,
         "{} rad",
@@ -269,7 +269,7 @@ fn a_drift_is_a_correction_between_reference_and_now() {
     );
     assert!(
         0.04 < target_from_old.inverse().angle_to_rad(&cam_from_target),
-        "the reference was turned by 3°"
+        "the reference was rotated by 3°"
     );
 }
 

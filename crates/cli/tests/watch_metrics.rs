@@ -33,10 +33,10 @@ fn metrics_of_a_camera_that_stays() {
     let mut session = Session::start(&["--metrics", "127.0.0.1:0", "--false-alarms-per-day", "0.25"]);
     let place = metrics_place(&session);
     assert_eq!(health(&place), (503, "degraded\n".to_string()), "nothing has been seen yet");
-    assert_eq!(page(&place, "")[&state("unseen")], 1.0);
+    assert_eq!(page(&place, "")[&state("stale")], 1.0);
     session.feed(&format!("{}no JSON\n", lines(None, 0..80, NEVER)));
     let page = page_after(&place, 81.0);
-    assert_eq!([page[&state("steady")], page[&state("unseen")], page[&state("drifted")]], [1.0, 0.0, 0.0]);
+    assert_eq!([page[&state("steady")], page[&state("stale")], page[&state("drifted")]], [1.0, 0.0, 0.0]);
     assert_eq!(page[&of("resight_frames_with_pose_total")], 80.0);
     assert_eq!(page[&of("resight_frames_unreadable_total")], 1.0);
     assert_eq!(page["resight_frame_trouble{camera=\"cam0\",target=\"target0\",reason=\"unreadable\"}"], 1.0);
@@ -56,10 +56,10 @@ fn metrics_of_a_camera_that_moved() {
     let moved = page_after(&place, 120.0);
     assert_eq!([moved[&state("drifted")], moved[&state("steady")]], [1.0, 0.0]);
     assert_eq!(moved[&of("resight_alarms_total")], 1.0);
-    let turn_rad = moved[&of("resight_deviation_rotation_radians")];
+    let rotation_rad = moved[&of("resight_deviation_rotation_radians")];
     let sigma_rad = moved[&of("resight_deviation_rotation_sigma_radians")];
-    let error_rad = (turn_rad - f64::to_radians(1.0)).abs();
-    assert!(error_rad < 4.0 * sigma_rad && sigma_rad < 0.01, "{turn_rad} ± {sigma_rad}");
+    let error_rad = (rotation_rad - f64::to_radians(1.0)).abs();
+    assert!(error_rad < 4.0 * sigma_rad && sigma_rad < 0.01, "{rotation_rad} ± {sigma_rad}");
     let stage = "{camera=\"cam0\",target=\"target0\",stage=\"solve\"";
     assert_eq!(moved[&format!("resight_stage_seconds_count{stage}}}")], 120.0);
     assert_eq!(moved[&format!("resight_stage_seconds_bucket{stage},le=\"+Inf\"}}")], 120.0);
@@ -67,8 +67,9 @@ fn metrics_of_a_camera_that_moved() {
     assert_eq!(health(&place).0, 503);
     let delivered = "resight_notices_total{output=\"webhook\",outcome=\"delivered\"}";
     let waiting = "resight_notices_waiting{output=\"webhook\"}";
-    let told = wait_for("deliveries counted", || Some(page(&place, "")).filter(|page| page[waiting] == 0.0));
-    assert_eq!(told[delivered], web.asked().len() as f64);
+    let reported =
+        wait_for("deliveries counted", || Some(page(&place, "")).filter(|page| page[waiting] == 0.0));
+    assert_eq!(reported[delivered], web.asked().len() as f64);
     assert_eq!(session.end().code, 3);
 }
 
@@ -139,9 +140,9 @@ fn a_restart_knows_what_was_learned() {
     let place = metrics_place(&second);
     second.feed(&lines(None, 80..90, NEVER));
     let page = page_after(&place, 10.0);
-    let turn_rad = page.get(&of("resight_deviation_rotation_radians"));
-    assert!(turn_rad.is_some_and(|turn_rad| *turn_rad < 0.01), "{turn_rad:?}");
+    let rotation_rad = page.get(&of("resight_deviation_rotation_radians"));
+    assert!(rotation_rad.is_some_and(|rotation_rad| *rotation_rad < 0.01), "{rotation_rad:?}");
     let ended = second.end();
     assert_eq!(ended.code, 0, "{}", ended.log);
-    assert_eq!(crate::receivers::times(&ended.log, "goes on from"), 1, "{}", ended.log);
+    assert_eq!(crate::receivers::times(&ended.log, "continues from"), 1, "{}", ended.log);
 }

@@ -71,7 +71,7 @@ fn a_webhook_that_is_not_there_yet_is_waited_for() {
     let url = format!("http://{place}/");
     let mut session = Session::start(&["--webhook", &url, "--flush-s", "30"]);
     session.feed(&knocked());
-    session.told("cannot be reached");
+    session.reported("cannot be reached");
     let web = Web::at(TcpListener::bind(&place).expect("the port"), |_| Some("204 No Content"));
     let ended = session.end();
     assert_same(&web.asked(), &ended);
@@ -92,8 +92,8 @@ fn a_webhook_that_refuses_is_not_asked_again() {
     assert_same(&web.asked(), &ended);
     assert_eq!(times(&ended.log, "answers 404 Not Found: not tried again"), 1, "{}", ended.log);
     assert_eq!(times(&ended.log, "answers 302 Found (redirects are not followed"), 1, "{}", ended.log);
-    let told = ended.notices().len();
-    let lost = format!("{told} of {told} never arrived: 0 dropped, {told} refused, 0 not taken");
+    let reported = ended.notices().len();
+    let lost = format!("{reported} of {reported} never arrived: 0 dropped, {reported} refused, 0 not taken");
     assert_eq!(times(&ended.log, &lost), 1, "{}", ended.log);
 }
 
@@ -107,7 +107,7 @@ fn a_webhook_may_ask_for_patience() {
     session.end();
 }
 
-/// All frames, in order, none dropped, none late, whoever is told. Lines come as fast as they are read, so that whoever waited for a receiver
+/// All frames, in order, none dropped, none late, whoever is reported. Lines come as fast as they are read, so that whoever waited for a receiver
 /// would keep the frame behind him waiting for as long: a receiver that hangs is given 10 s.
 #[test]
 fn receivers_that_hang_or_are_dead_delay_nothing() {
@@ -128,8 +128,8 @@ fn receivers_that_hang_or_are_dead_delay_nothing() {
         let longest_us = waited_us.fold(0.0, f64::max);
         assert!(longest_us < 5e6, "a frame waited for {longest_us} µs");
         // The broker is also told that the source is there.
-        for (part, told) in [("webhook", ended.notices().len()), ("mqtt", ended.notices().len() + 1)] {
-            let wanted = format!("{told} of {told} never arrived");
+        for (part, reported) in [("webhook", ended.notices().len()), ("mqtt", ended.notices().len() + 1)] {
+            let wanted = format!("{reported} of {reported} never arrived");
             let of_part = ended.log.lines().filter(|line| line.contains(&format!(" {part}: ")));
             assert_eq!(of_part.filter(|line| line.contains(&wanted)).count(), 1, "{part}\n{}", ended.log);
         }
@@ -197,19 +197,19 @@ fn a_broker_keeps_the_last_state_and_knows_who_is_there() {
                 serde_json::from_str(&came.payload).expect("JSON")
             })
             .collect();
-        let told: Vec<&Value> = states.iter().map(|state| &state["state"]).collect();
+        let reported: Vec<&Value> = states.iter().map(|state| &state["state"]).collect();
         let lines: Vec<&Value> = ended.notices().iter().map(|line| &line["state"]).collect();
-        assert_eq!(told, lines);
+        assert_eq!(reported, lines);
         // What an earlier session said of the source no longer holds.
         let source: Value = serde_json::from_str(&seen.retained["site/cam0/source"]).expect("JSON");
-        assert_eq!((&source["event"], &source["is_there"]), (&json!("source"), &json!(true)), "{source}");
+        assert_eq!((&source["event"], &source["connected"]), (&json!("source"), &json!(true)), "{source}");
         assert_eq!(seen.came.last().map(|came| came.payload.as_str()), Some("offline"));
     });
     assert_eq!(times(&ended.log, "connected"), 1, "{}", ended.log);
     assert_eq!(times(&ended.log, "p@ss") + times(&ended.log, "p%40ss"), 0);
 }
 
-/// The fourth message is lost with the connection: it comes again, and what is kept is told again to a broker that may have forgotten it.
+/// The fourth message is lost with the connection: it comes again, and what is kept is reported again to a broker that may have forgotten it.
 #[test]
 fn a_broken_connection_loses_no_state() {
     let broker = Broker::start(|n| if n == 3 { Deed::BreakOff } else { Deed::Acknowledge });
@@ -219,16 +219,16 @@ fn a_broken_connection_loses_no_state() {
         let last = ended.notices().last().expect("a change")["state"].clone();
         let kept: Value = serde_json::from_str(&seen.retained["resight/cam0/target0/state"]).expect("JSON");
         assert_eq!(kept["state"], last);
-        let mut told: Vec<String> = seen
+        let mut reported: Vec<String> = seen
             .came
             .iter()
             .filter(|came| came.topic.ends_with("/state"))
             .map(|came| serde_json::from_str::<Value>(&came.payload).expect("JSON")["id"].to_string())
             .collect();
-        assert_eq!(told.len(), ended.notices().len() + 1, "the one that was kept is told again");
-        told.sort();
-        told.dedup();
-        assert_eq!(told.len(), ended.notices().len(), "each arrived at least once");
+        assert_eq!(reported.len(), ended.notices().len() + 1, "the one that was kept is reported again");
+        reported.sort();
+        reported.dedup();
+        assert_eq!(reported.len(), ended.notices().len(), "each arrived at least once");
     });
     assert_eq!(times(&ended.log, "answers again"), 1, "{}", ended.log);
 }
@@ -254,7 +254,7 @@ fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
     let broker = Broker::start(|_| Deed::Acknowledge);
     let mut session = four_pairs(&format!("mqtt://{}", broker.place));
     let place = metrics_place(&session);
-    session.told("connected");
+    session.reported("connected");
     session.feed(&lines(Some("gate"), 0..60, NEVER));
     session.feed(&lines(Some("yard"), 0..60, 30));
     let page = wait_for("all frames counted", || {
@@ -279,7 +279,7 @@ fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
     });
 }
 
-/// Nobody reads what it prints, the disk of its log is full: the session ends, but not before it is told elsewhere.
+/// Nobody reads what it prints, the disk of its log is full: the session ends, but not before it is reported elsewhere.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_broken_output_keeps_nothing_from_the_others() {
@@ -304,8 +304,8 @@ fn a_broken_output_keeps_nothing_from_the_others() {
     let _ = std::io::Write::write_all(&mut stdin.expect("stdin"), lines(None, 0..60, NEVER).as_bytes());
     let status = session.wait().expect("its end");
     assert_eq!(status.code(), Some(2));
-    let told: Vec<Value> = web.asked().iter().map(|asked| asked.json()["state"].clone()).collect();
-    assert_eq!(told, ["learning"]);
+    let reported: Vec<Value> = web.asked().iter().map(|asked| asked.json()["state"].clone()).collect();
+    assert_eq!(reported, ["learning"]);
 }
 
 /// Two cameras, two targets.
@@ -313,6 +313,6 @@ fn four_pairs(broker: &str) -> Session {
     let (camera, target) = (demo("left.toml"), demo("dots.toml"));
     let [gate, yard] = ["gate", "yard"].map(|name| format!("--camera={name}={camera}"));
     let [a, b] = ["a", "b"].map(|name| format!("--target={name}={target}"));
-    let told = ["--mqtt", broker, "--mqtt-frames", "--mqtt-discovery", "--metrics", "127.0.0.1:0"];
-    Session::of(&[&[gate.as_str(), &yard, &a, &b], told.as_slice()].concat())
+    let reported = ["--mqtt", broker, "--mqtt-frames", "--mqtt-discovery", "--metrics", "127.0.0.1:0"];
+    Session::of(&[&[gate.as_str(), &yard, &a, &b], reported.as_slice()].concat())
 }

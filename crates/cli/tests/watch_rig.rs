@@ -49,9 +49,9 @@ fn watch(arguments: &[String], input: &str) -> Run {
 
 #[test]
 fn a_rig_that_stays_is_steady_learned_or_from_its_file() {
-    for is_sure in [true, false] {
-        let mut arguments = rig_arguments(&format!("watch-rig-stays-{is_sure}"), 4, is_sure);
-        let history = folder(&format!("watch-rig-history-{is_sure}")).join("rig.sqlite");
+    for is_certain in [true, false] {
+        let mut arguments = rig_arguments(&format!("watch-rig-stays-{is_certain}"), 4, is_certain);
+        let history = folder(&format!("watch-rig-history-{is_certain}")).join("rig.sqlite");
         arguments.extend(["--history".to_string(), history.display().to_string()]);
         let run = watch(&arguments, &carried_lines(4, 150, 0x21, |_, _| Some(Vector6::zeros())));
         assert_eq!((run.code, run.moved().len()), (0, 0), "{:?}{}", run.moved(), run.stderr);
@@ -59,7 +59,7 @@ fn a_rig_that_stays_is_steady_learned_or_from_its_file() {
         let with_pose =
             "SELECT count(*) FROM frame WHERE readings = 1 AND rms_px < 1 AND covariance IS NOT NULL";
         let n: i64 = stored.query_row(with_pose, [], |row| row.get(0)).expect("a count");
-        assert_eq!(n, 600, "each frame keeps the pose of the target that is carried about");
+        assert_eq!(n, 600, "each frame keeps the pose of the target that is hand-held");
     }
 }
 
@@ -68,7 +68,8 @@ fn the_camera_that_moved_is_named() {
     for camera in 0..4 {
         let arguments = rig_arguments(&format!("watch-rig-moves-{camera}"), 4, true);
         let motion = turned(camera % 3, 1.0);
-        let moved = |i, moment| Some(if i == camera && 60 <= moment { motion } else { Vector6::zeros() });
+        let moved =
+            |i, frame_set| Some(if i == camera && 60 <= frame_set { motion } else { Vector6::zeros() });
         let run = watch(&arguments, &carried_lines(4, 100, 0x31, moved));
         assert_eq!(run.code, 3, "{}", run.stderr);
         for event in run.moved() {
@@ -99,7 +100,8 @@ fn a_camera_that_moved_before_the_start_is_found_against_the_file() {
 #[test]
 fn of_two_cameras_either_may_have_moved() {
     let arguments = rig_arguments("watch-rig-two", 2, true);
-    let moved = |i, moment| Some(if i == 0 && 60 <= moment { turned(1, 2.0) } else { Vector6::zeros() });
+    let moved =
+        |i, frame_set| Some(if i == 0 && 60 <= frame_set { turned(1, 2.0) } else { Vector6::zeros() });
     let run = watch(&arguments, &carried_lines(2, 100, 0x51, moved));
     assert_eq!(run.code, 3, "{}", run.stderr);
     for event in run.moved() {
@@ -116,8 +118,8 @@ fn of_two_cameras_either_may_have_moved() {
 fn flips_people_and_darkness_are_no_motion() {
     let arguments = rig_arguments("watch-rig-nuisances", 4, true);
     let flip = Vector6::new(0.5, -0.4, 0.3, 0.2, 0.1, 0.4);
-    let seen = |i, moment| match (i, moment) {
-        // A pose of another branch; a person before two cameras; the light off; a wrong moment of one camera after the other.
+    let seen = |i, frame_set| match (i, frame_set) {
+        // A pose of another branch; a person before two cameras; the light off; a wrong frame set of one camera after the other.
         (1, 50) | (2, 70) | (3, 71) => Some(flip),
         (0 | 1, 80..=95) => None,
         (_, 100..=110) => None,
@@ -130,9 +132,9 @@ fn flips_people_and_darkness_are_no_motion() {
 #[test]
 fn a_blind_camera_of_a_rig_is_unseen() {
     let arguments = rig_arguments("watch-rig-blind", 4, true);
-    let seen = |i, moment| (i != 3 || moment < 60).then(Vector6::zeros);
+    let seen = |i, frame_set| (i != 3 || frame_set < 60).then(Vector6::zeros);
     let run = watch(&arguments, &carried_lines(4, 150, 0x71, seen));
-    assert_eq!((run.code, run.last("west"), run.last("north")), (1, "unseen", "steady"), "{}", run.stderr);
+    assert_eq!((run.code, run.last("west"), run.last("north")), (1, "stale", "steady"), "{}", run.stderr);
 }
 
 /// A board of five tags whose numbers begin with `first`, as a file.
@@ -209,11 +211,11 @@ fn standing_arguments(folder: &Path, cameras: usize, boards: usize) -> Vec<Strin
 /// Whatever is said about who moved, it is `node`, or not decided.
 fn only_right_names(run: &Run, node: &str) {
     assert_eq!(run.code, 3, "{node}: {}", run.stderr);
-    let told = run.moved();
-    assert_eq!(told.last().expect("told")["moved"], json!([node]), "{told:?}");
-    for event in &told {
+    let reported = run.moved();
+    assert_eq!(reported.last().expect("told")["moved"], json!([node]), "{reported:?}");
+    for event in &reported {
         let is_right = event["moved"] == json!([node]);
-        assert!(is_right || event["rivals"] != json!([]), "a wrong name: {event}");
+        assert!(is_right || event["alternatives"] != json!([]), "a wrong name: {event}");
     }
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Of the listed corners: their root mean square about the rig is 0.5 px.
 const SIGMA_PX: f64 = 0.5;
 const CAMERAS: usize = 4;
-/// Frames of one moment: the cameras fired up to 46 ms apart.
+/// Frames of one frame set: the cameras fired up to 46 ms apart.
 const SYNC_TOLERANCE_S: &str = "0.05";
 
 fn rows(path: &Path) -> Vec<Vec<f64>> {
@@ -20,7 +20,7 @@ fn rows(path: &Path) -> Vec<Vec<f64>> {
     reader.records().map(|row| row.expect("a row").iter().map(number).collect()).collect()
 }
 
-/// A camera turned about its own centre from a moment on.
+/// A camera rotated about its own centre from a frame set on.
 #[derive(Clone, Copy)]
 struct Turn {
     camera: usize,
@@ -37,7 +37,7 @@ struct Recording {
     lenses: Vec<Camera>,
     /// By sync index and camera: when, and corners by number.
     frames: BTreeMap<(usize, usize), Corners>,
-    moments: Vec<usize>,
+    frame_sets: Vec<usize>,
 }
 
 impl Recording {
@@ -51,17 +51,17 @@ impl Recording {
             let corner = (row[2] as usize, Pixel::new(row[6], row[7]));
             frames.get_mut(&(row[0] as usize, row[1] as usize)).expect("a frame").1.push(corner);
         }
-        let mut moments: Vec<usize> = frames.keys().map(|key| key.0).collect();
-        moments.dedup();
-        Recording { folder, lenses: file.cameras.into_iter().map(|c| c.camera).collect(), frames, moments }
+        let mut frame_sets: Vec<usize> = frames.keys().map(|key| key.0).collect();
+        frame_sets.dedup();
+        Recording { folder, lenses: file.cameras.into_iter().map(|c| c.camera).collect(), frames, frame_sets }
     }
 
     /// Detections as another program would send them.
     fn lines(&self, turn: Option<Turn>) -> String {
         let mut lines: Vec<(f64, Value)> = Vec::new();
         for ((index, camera), (t_s, corners)) in &self.frames {
-            let moment = self.moments.iter().position(|i| i == index).expect("a moment");
-            let turn = turn.filter(|turn| turn.camera == *camera && turn.from <= moment);
+            let frame_set = self.frame_sets.iter().position(|i| i == index).expect("a frame set");
+            let turn = turn.filter(|turn| turn.camera == *camera && turn.from <= frame_set);
             let seen = |(id, pixel): &(usize, Pixel)| {
                 let now = match turn {
                     Some(turn) => turned(&self.lenses[*camera], pixel, &turn)?,
@@ -77,11 +77,11 @@ impl Recording {
         lines.iter().map(|(_, line)| format!("{line}\n")).collect()
     }
 
-    /// When the moments are over, mean time of their frames.
-    fn time_s(&self, moment: usize) -> f64 {
+    /// When the frame sets are over, mean time of their frames.
+    fn time_s(&self, frame_set: usize) -> f64 {
         let times: Vec<f64> = self
             .frames
-            .range((self.moments[moment], 0)..(self.moments[moment] + 1, 0))
+            .range((self.frame_sets[frame_set], 0)..(self.frame_sets[frame_set] + 1, 0))
             .map(|f| f.1.0)
             .collect();
         times.iter().sum::<f64>() / times.len() as f64
@@ -139,32 +139,32 @@ fn nothing_is_said_of_cameras_that_stay() {
     }
 }
 
-/// Frames of the turned camera from the turn to its name; nobody else may be named.
+/// Frames of the turned camera from the rotation to its name; nobody else may be named.
 fn delay(recording: &Recording, arguments: &[&str], turn: Turn) -> Option<usize> {
     let (_, events) =
         recording.watch(&[&["--source", "-"], arguments].concat(), &recording.lines(Some(turn)));
     let name = json!([turn.camera.to_string()]);
     let is_named = |event: &&Value| {
-        event["event"] == "moved" && event["rivals"] == json!([]) && event["moved"] != json!([])
+        event["event"] == "moved" && event["alternatives"] == json!([]) && event["moved"] != json!([])
     };
     for event in events.iter().filter(is_named) {
         assert_eq!(event["moved"], name, "{event}");
     }
-    // Frames are told as they are read, ahead of their moment; a state has the time of its moment.
+    // Frames are reported as they are read, ahead of their frame set; a state has the time of its frame set.
     let first = events.iter().position(|event| is_named(&event))?;
     let now_s = events[first..].iter().find(|event| event["event"] == "state")?["t_s"].as_f64()?;
-    Some((turn.from..recording.moments.len()).filter(|i| recording.time_s(*i) <= now_s + 0.03).count())
+    Some((turn.from..recording.frame_sets.len()).filter(|i| recording.time_s(*i) <= now_s + 0.03).count())
 }
 
-/// Five degrees about any axis of each camera, at several moments: found within eight moments, and named.
+/// Five degrees about any axis of each camera, at several frame sets: found within eight frame sets, and named.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
-fn a_turned_camera_is_named_within_eight_moments() {
+fn a_turned_camera_is_named_within_eight_frame_sets() {
     let folder = recorded("caliscope_4cam_charuco");
     let recording = Recording::read(folder);
     let mut late = Vec::new();
-    for (arguments, moments) in [(&FROM_FILE[..], &[22, 28, 34][..]), (&LEARNED[..], &[28, 34][..])] {
-        for &from in moments {
+    for (arguments, frame_sets) in [(&FROM_FILE[..], &[22, 28, 34][..]), (&LEARNED[..], &[28, 34][..])] {
+        for &from in frame_sets {
             for (camera, axis) in (0..CAMERAS).flat_map(|camera| (0..3).map(move |axis| (camera, axis))) {
                 let degrees = if (camera + axis) % 2 == 0 { 5.0 } else { -5.0 };
                 let delay = delay(&recording, arguments, Turn { camera, axis, degrees, from });

@@ -1,4 +1,4 @@
-//! `watch --moving-target --state`: a rig's session that was killed goes on where it stopped, as if nothing had been.
+//! `watch --moving-target --state`: a rig's session that was killed continues where it stopped, as if nothing had been.
 
 use crate::carried_support::{NAMES, carried_lines, rig_arguments, turned};
 use crate::support::folder;
@@ -10,16 +10,16 @@ use std::time::Duration;
 
 const CAMERAS: usize = 3;
 /// The machine may be slow: seconds of the wall must not count as seconds unseen.
-const PATIENT: [&str; 2] = ["--unseen-after-s", "1000"];
+const PATIENT: [&str; 2] = ["--stale-after-s", "1000"];
 
-/// `east` is knocked after 12 s; `south` looks away now and then.
-fn seen(moments: usize, seed: u64) -> Vec<String> {
-    let motion = |camera: usize, moment: usize| {
-        let is_away = camera == 2 && (50..60).contains(&(moment % 100));
-        let is_knocked = camera == 1 && 120 <= moment;
+/// `east` moves suddenly after 12 s; `south` looks away now and then.
+fn seen(frame_sets: usize, seed: u64) -> Vec<String> {
+    let motion = |camera: usize, frame_set: usize| {
+        let is_away = camera == 2 && (50..60).contains(&(frame_set % 100));
+        let is_knocked = camera == 1 && 120 <= frame_set;
         (!is_away).then(|| if is_knocked { turned(1, 1.0) } else { Vector6::zeros() })
     };
-    carried_lines(CAMERAS, moments, seed, motion).lines().map(|line| format!("{line}\n")).collect()
+    carried_lines(CAMERAS, frame_sets, seed, motion).lines().map(|line| format!("{line}\n")).collect()
 }
 
 fn begin(state: &Path, more: &[&str]) -> Session {
@@ -49,7 +49,7 @@ fn heard_s(rig: &Value) -> Vec<f64> {
     rig["cameras"].as_array().expect("cameras").iter().map(of).collect()
 }
 
-/// What a detector says after that: each camera goes on where it was heard.
+/// What a detector says after that: each camera continues where it was heard.
 fn rest(input: &[String], heard_s: &[f64]) -> Vec<String> {
     let is_new = |line: &&String| {
         let line: Value = serde_json::from_str(line).expect("JSON");
@@ -87,15 +87,15 @@ fn a_killed_rig_goes_on_as_if_nothing_had_been() {
             std::thread::sleep(Duration::from_millis(40));
         }
         let from_s = if is_fresh { 0.1 * (killed_at - 2) as f64 - 0.01 } else { 0.0 };
-        let is_there = |rig: Value| Some(from_s) <= rig["last_s"].as_f64();
-        first.wait_until("a checkpoint", |_| rig(&state).is_some_and(is_there));
+        let connected = |rig: Value| Some(from_s) <= rig["last_s"].as_f64();
+        first.wait_until("a checkpoint", |_| rig(&state).is_some_and(connected));
         first.kill();
         let waiting = rig(&state).expect("a state")["waiting"].as_array().expect("frames").len();
-        assert!(!is_fresh || 0 < waiting, "the last moment may not be whole yet");
+        assert!(!is_fresh || 0 < waiting, "the last frame set may not be whole yet");
         let heard_s = heard_s(&rig(&state).expect("a state"));
         let last_s = rig(&state).expect("a state")["last_s"].as_f64().expect("a time");
         let second = run(&state, &rest(&input, &heard_s), &PATIENT);
-        assert!(second.log().contains("state: the rig goes on from"), "{}", second.log());
+        assert!(second.log().contains("state: the rig continues from"), "{}", second.log());
         assert_eq!(said(&second, last_s), said(&whole, last_s), "killed at {killed_at}, from {last_s} s on");
         let (of_alone, of_second) = (rig(&alone).expect("a state"), rig(&state).expect("a state"));
         for key in ["stage", "first_s", "last_s", "waiting"] {
@@ -113,7 +113,7 @@ fn learned(name: &str) -> (std::path::PathBuf, Vec<String>) {
 
 /// A recording read again says nothing of now, and changes nothing that is kept.
 #[test]
-fn moments_taken_in_before_are_passed_over() {
+fn frame_sets_taken_in_before_are_passed_over() {
     let (state, input) = learned("rig-state-again");
     let before = rig(&state).expect("a state");
     let again = run(&state, &input[150..], &PATIENT);
@@ -127,33 +127,33 @@ fn moments_taken_in_before_are_passed_over() {
 #[test]
 fn a_pause_of_a_rig_is_time_unseen() {
     let (state, input) = (folder("rig-state-pause").join("rig.state"), seen(100, 0x93));
-    let brief = ["--unseen-after-s", "2"];
+    let brief = ["--stale-after-s", "2"];
     run(&state, &input, &brief);
     std::thread::sleep(Duration::from_millis(2200));
-    // With nothing on stdin for a while, the clock goes on.
+    // With nothing on stdin for a while, the clock continues.
     let mut after = begin(&state, &[&["--once"], &brief[..]].concat());
     after.wait_until("states", |session| CAMERAS <= session.events().len());
     std::thread::sleep(Duration::from_millis(500));
     after.end();
-    let told = after.events();
-    assert_eq!(told.iter().filter(|event| event["event"] == "verdict").count(), CAMERAS);
-    let states = told.iter().filter(|event| !event["state"].is_null());
-    assert!(states.clone().all(|event| event["state"] == "unseen"), "{told:?}");
+    let reported = after.events();
+    assert_eq!(reported.iter().filter(|event| event["event"] == "verdict").count(), CAMERAS);
+    let states = reported.iter().filter(|event| !event["state"].is_null());
+    assert!(states.clone().all(|event| event["state"] == "stale"), "{reported:?}");
 }
 
 /// The program is there again, the detector is not.
 #[test]
 fn a_rig_that_sees_nothing_after_a_restart_becomes_unseen() {
     let (state, input) = (folder("rig-state-silent").join("rig.state"), seen(100, 0x95));
-    let brief = ["--unseen-after-s", "2"];
+    let brief = ["--stale-after-s", "2"];
     run(&state, &input, &brief);
     let mut after = begin(&state, &brief);
-    let unseen = |session: &Session| session.events().iter().filter(|e| e["state"] == "unseen").count();
-    after.wait_until("every camera unseen", |session| unseen(session) == CAMERAS);
+    let unseen = |session: &Session| session.events().iter().filter(|e| e["state"] == "stale").count();
+    after.wait_until("every camera stale", |session| unseen(session) == CAMERAS);
     after.end();
 }
 
-/// Three tenths of a second between moments, so that learning takes longer than a camera may stay unseen.
+/// Three tenths of a second between frame sets, so that learning takes longer than a camera may stay stale.
 #[test]
 fn a_rig_that_was_learning_goes_on_learning() {
     let state = folder("rig-state-learning").join("rig.state");
@@ -163,19 +163,19 @@ fn a_rig_that_was_learning_goes_on_learning() {
         format!("{line}\n")
     };
     let input: Vec<String> = seen(60, 0x94).iter().map(slower).collect();
-    let brief = ["--unseen-after-s", "6"];
+    let brief = ["--stale-after-s", "6"];
     run(&state, &input[..90], &brief);
     let after = run(&state, &input[90..], &brief);
     let states: Vec<String> =
         after.events().iter().filter_map(|event| event["state"].as_str().map(String::from)).collect();
-    assert_eq!((&states[0], states.contains(&"unseen".to_string())), (&"learning".to_string(), false));
+    assert_eq!((&states[0], states.contains(&"stale".to_string())), (&"learning".to_string(), false));
     assert_eq!(states.last().map(String::as_str), Some("steady"));
 }
 
 #[test]
 fn a_state_of_another_rig_is_refused_by_name() {
     let (state, input) = learned("rig-state-other");
-    let other = run(&state, &input, &["--unseen-after-s", "1000", "--sync-tolerance-s", "0.03"]);
+    let other = run(&state, &input, &["--stale-after-s", "1000", "--sync-tolerance-s", "0.03"]);
     let words = "the rig begins anew: sync_tolerance_s was 0.02 and is 0.03";
     assert!(other.log().contains(words), "{}", other.log());
     let learning = other.events().into_iter().find(|event| event["event"] == "state").expect("a state");

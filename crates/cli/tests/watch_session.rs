@@ -82,6 +82,16 @@ fn every_key_is_listed_and_is_a_flag() {
     }
 }
 
+/// A session file of version 1 means what it meant.
+#[test]
+fn keys_of_version_1_are_read() {
+    let text = "unseen_after_s = 7.0\n"; // earlier word
+    let path = session("session_of_version_1", text);
+    let (status, printed, said) = watch(&[path.to_str().expect("a name"), "--print-session"]);
+    assert_eq!(status, 0, "{said}");
+    assert!(printed.contains("stale_after_s = 7"), "{printed}");
+}
+
 #[test]
 fn what_is_wrong_with_a_session_file_is_named() {
     for (name, text, said) in [

@@ -1,4 +1,4 @@
-//! `watch --state`: a session that was killed goes on where it stopped, as if nothing had been.
+//! `watch --state`: a session that was killed continues where it stopped, as if nothing had been.
 
 use crate::support::folder;
 use crate::watch_support::{Session, lines, start, still, text};
@@ -7,14 +7,14 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Turned by 0.5° after 200 s.
+/// Rotated by 0.5° after 200 s.
 fn knocked(second: usize) -> Vector6<f64> {
     let turn = if second < 200 { 0.0 } else { f64::to_radians(0.5) };
     Vector6::new(0.0, turn, 0.0, 0.0, 0.0, 0.0)
 }
 
 /// The machine may be slow: seconds of the wall must not count as seconds unseen.
-const PATIENT: [&str; 2] = ["--unseen-after-s", "1000"];
+const PATIENT: [&str; 2] = ["--stale-after-s", "1000"];
 
 fn run(state: &Path, input: &[String], more: &[&str]) -> Session {
     let arguments: Vec<&str> =
@@ -70,7 +70,7 @@ fn a_killed_session_goes_on_as_if_nothing_had_been() {
         let last_s = camera(&state).expect("a state")["last_s"].as_f64().expect("a time");
         let rest = &input[last_s as usize + 1..];
         let second = run(&state, rest, &PATIENT);
-        assert!(second.log().contains("state: cam0 goes on from"), "{}", second.log());
+        assert!(second.log().contains("state: cam0 continues from"), "{}", second.log());
         let (wanted, got) = (said(&whole, last_s), said(&second, last_s));
         assert!(rest.len() <= got.len());
         assert_eq!(got, wanted, "killed at {killed_at}, from {last_s} s on");
@@ -106,15 +106,15 @@ fn a_pause_is_time_unseen() {
     let state = learned("state-pause");
     std::thread::sleep(Duration::from_millis(300));
     // The settings of a state include this one, so it is learned with it first.
-    let arguments = ["--unseen-after-s", "0.2"];
+    let arguments = ["--stale-after-s", "0.2"];
     let again = run(&state, &lines(100..160, 0.01, 0x84, still), &arguments);
-    assert!(again.log().contains("unseen_after_s was 1000 and is 0.2"), "{}", again.log());
+    assert!(again.log().contains("stale_after_s was 1000 and is 0.2"), "{}", again.log());
     std::thread::sleep(Duration::from_millis(300));
     let after = run(&state, &[], &arguments);
     let first = after.events().into_iter().find(|event| event["event"] == "state").expect("a state");
-    assert_eq!(first["state"], "unseen");
+    assert_eq!(first["state"], "stale");
     assert!(0.3 <= first["for_s"].as_f64().expect("a time"), "{first}");
-    assert_eq!(after.events().last().expect("a verdict")["state"], "unseen");
+    assert_eq!(after.events().last().expect("a verdict")["state"], "stale");
 }
 
 /// All that the folder holds was there before: nothing is known of now, but what the clock says.
@@ -143,7 +143,7 @@ fn frames_taken_in_before_are_passed_over() {
 #[test]
 fn frames_taken_in_before_do_not_make_a_blind_camera_steady() {
     let state = folder("state-blind").join("gate.state");
-    let blind = ["--unseen-after-s", "1"];
+    let blind = ["--stale-after-s", "1"];
     let first = run(&state, &lines(0..100, 0.05, 0x88, still), &blind);
     assert_eq!(first.events().last().expect("a verdict")["state"], "steady");
     for _ in 0..2 {
@@ -152,8 +152,8 @@ fn frames_taken_in_before_do_not_make_a_blind_camera_steady() {
         again.feed(&lines(0..100, 0.05, 0x88, still));
         assert_eq!(again.end(), 1, "{}", again.log());
         let states: Vec<Value> = again.events().into_iter().filter(|e| e["event"] == "state").collect();
-        assert!(states.iter().all(|event| event["state"] == "unseen"), "{states:?}");
-        assert_eq!(again.events().last().expect("a verdict")["state"], "unseen");
+        assert!(states.iter().all(|event| event["state"] == "stale"), "{states:?}");
+        assert_eq!(again.events().last().expect("a verdict")["state"], "stale");
     }
 }
 
@@ -231,7 +231,7 @@ fn a_state_in_no_folder_is_refused() {
     assert!(session.log().contains("there is no folder"), "{}", session.log());
 }
 
-/// The first goes on; a killed one leaves no claim.
+/// The first continues; a killed one leaves no claim.
 #[test]
 fn a_state_in_use_is_refused() {
     let state = folder("state-shared").join("gate.state");
@@ -243,5 +243,5 @@ fn a_state_in_use_is_refused() {
     assert!(second.log().contains("is used by another session"), "{}", second.log());
     first.kill();
     let third = run(&state, &lines(20..60, 1.0, 0x87, still), &PATIENT[..0]);
-    assert!(third.log().contains("goes on from"), "{}", third.log());
+    assert!(third.log().contains("continues from"), "{}", third.log());
 }

@@ -22,7 +22,7 @@ fn detections(folder: &Path, frames: usize) {
     for second in 0..frames {
         let mut seen = |feature: resight::core::target::Feature| {
             let x_in_cam = cam_from_target * target.point(feature).expect("a known point").position;
-            let pixel = camera.project(&x_in_cam).expect("in the picture");
+            let pixel = camera.project(&x_in_cam).expect("in the image");
             let [u, v] = [pixel.x, pixel.y].map(|x| x + SIGMA_PX * chance.normal());
             json!({"id": feature.id, "corner": feature.corner, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX})
         };
@@ -144,7 +144,7 @@ fn json_goes_to_its_file_while_the_view_is_drawn() {
 }
 
 #[test]
-fn what_the_session_said_is_told_when_the_view_is_closed() {
+fn what_the_session_said_is_reported_when_the_view_is_closed() {
     let folder = folder("watch-tui-log");
     detections(&folder, 80);
     let command = format!("{}; stty -a", watch("--tui --once --save-reference cam.ref.toml"));

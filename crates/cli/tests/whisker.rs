@@ -239,7 +239,7 @@ fn a_reading_with_an_empty_cell_keeps_its_row() {
 }
 
 #[test]
-fn bad_files_are_told_with_line_and_column() {
+fn bad_files_are_reported_with_line_and_column() {
     let folder = folder("whisker-bad");
     let header = "sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,mz\n";
     let good = "0,0,0,1.5,0,0,0.1,0.2,0.03\n";
@@ -270,7 +270,7 @@ fn bad_files_are_told_with_line_and_column() {
 }
 
 #[test]
-fn bad_whisker_files_are_told_by_key() {
+fn bad_whisker_files_are_reported_by_key() {
     let folder = folder("whisker-bad-meta");
     let whisker = |inside: &str| format!("{{\"whisker\": {{{inside}}}}}");
     let cases = [
@@ -423,7 +423,7 @@ fn slip_off_is_foreseen() {
     let folder = folder("whisker-foresee");
     let hub = write(&folder, "hub.csv", &cut_before_slip_off());
     let rows = solved(&hub, &[]);
-    let ahead = &rows.last().unwrap()["foresight"][0];
+    let ahead = &rows.last().unwrap()["prediction"][0];
     assert_eq!(
         (&ahead["sweep"], &ahead["sample"], &ahead["ending"]),
         (&1.into(), &80.into(), &"slip_off".into())
@@ -436,13 +436,13 @@ fn slip_off_is_foreseen() {
     assert_eq!(row["steps_to_slip_off"], ahead["steps"]);
     assert!(rows[..rows.len() - 2].iter().all(|row| row["steps_to_slip_off"].is_null()));
     let run = resight(&["whisker", "solve", "--whisker", &shipped("whisker.json"), &hub]);
-    assert!(run.stdout.contains("slip-off    foreseen in "), "{}", run.stdout);
+    assert!(run.stdout.contains("slip-off    predicted in "), "{}", run.stdout);
 
-    let every = solved(&hub, &["--foresee"]);
-    let told = every.iter().filter(|row| row["steps_to_slip_off"].is_number()).count();
-    assert!(40 < told, "{told}");
+    let every = solved(&hub, &["--predict"]);
+    let reported = every.iter().filter(|row| row["steps_to_slip_off"].is_number()).count();
+    assert!(40 < reported, "{reported}");
 
-    let mut stream = Stream::start(&["--foresee", "--json"]);
+    let mut stream = Stream::start(&["--predict", "--json"]);
     let mut last = String::new();
     let cut = cut_before_slip_off();
     stream.say(cut.lines().next().unwrap());
@@ -456,7 +456,7 @@ fn slip_off_is_foreseen() {
 
     let whole = solved(&shipped("hub.csv"), &[]);
     let sweeps: Vec<&Value> =
-        whole.last().unwrap()["foresight"].as_array().unwrap().iter().map(|f| &f["sweep"]).collect();
+        whole.last().unwrap()["prediction"].as_array().unwrap().iter().map(|f| &f["sweep"]).collect();
     assert_eq!(sweeps, [&Value::from(2)], "sweeps 0 and 1 have slipped off");
 }
 
@@ -528,8 +528,8 @@ fn a_wrong_rig_is_calibrated_away() {
     assert!(median(&after) < 1.15 * median(&good), "{after}");
     assert!(number(&score(&after, "firm")["nees"]) < 2.6, "{after}");
     // Uncalibrated, most contacts are called inconsistent, or they are plainly elsewhere.
-    let is_told = number(&score(&before, "firm")["n_true"]) < 2.0 * number(&before["n_firm_unanswered"]);
-    assert!(is_told || 2.0 * median(&good) < median(&before), "{before}");
+    let is_reported = number(&score(&before, "firm")["n_true"]) < 2.0 * number(&before["n_firm_unanswered"]);
+    assert!(is_reported || 2.0 * median(&good) < median(&before), "{before}");
 }
 
 /// Readings of another seed, each changed.
@@ -551,7 +551,7 @@ fn another_record(folder: &Path, name: &str, change: impl Fn(usize, &mut [f64]))
 
 /// Between two calibrations and window by window: a sound rig is left in peace, what moved is named.
 #[test]
-fn what_moved_since_an_earlier_calibration_is_told() {
+fn what_moved_since_an_earlier_calibration_is_reported() {
     let folder = folder("whisker-drift");
     let (whisker, square) = (shipped("whisker.json"), shipped("square.json"));
     let old = folder.join("old.json").display().to_string();
@@ -628,7 +628,7 @@ fn calibrations_that_cannot_be_compared_are_refused() {
     }
 }
 
-/// The shipped readings as a six-axis cell has them whose whisker bends in a plane turned by `roll` about the clamped whisker; mx besides.
+/// The shipped readings as a six-axis cell has them whose whisker bends in a plane rotated by `roll` about the clamped whisker; mx besides.
 fn rolled(roll: f64, mx: f64) -> String {
     let (sin, cos) = roll.sin_cos();
     let mut out = String::from("sweep,sample,t,hub_angle,hub_x,hub_y,fx,fy,fz,mx[N mm],my,mz\n");
@@ -715,8 +715,11 @@ fn six_axes_refuse_what_has_no_plane() {
         let rows = json_lines(&run);
         let touching: Vec<&Value> = rows.iter().filter(|row| row["contact"] == 1).collect();
         assert!(150 < touching.len() && touching.iter().all(|row| row["status"] != "ok"));
-        let told = touching.iter().filter(|row| row["status"] == "inconsistent");
-        assert!(told.clone().all(|row| row["note"].as_str().unwrap().contains(word)) && 150 < told.count());
+        let reported = touching.iter().filter(|row| row["status"] == "inconsistent");
+        assert!(
+            reported.clone().all(|row| row["note"].as_str().unwrap().contains(word))
+                && 150 < reported.count()
+        );
     }
     let contacts = folder.join("c.csv").display().to_string();
     assert_eq!(resight(&["whisker", "solve", "--whisker", &whisker, &sound, "-o", &contacts]).code, 0);

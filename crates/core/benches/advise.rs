@@ -27,10 +27,11 @@ fn exact(x: f64, y: f64) -> KnownPoint {
 
 fn bench_map(c: &mut Criterion) {
     let camera = camera();
-    let marks = [exact(-2.0, 10.0), exact(2.5, 11.0), exact(-1.0, 16.0)];
+    let control_points = [exact(-2.0, 10.0), exact(2.5, 11.0), exact(-1.0, 16.0)];
     let cam_from_target = views::looking_at_upright(Point::new(0.0, 0.0, 8.0), Point::new(0.5, 12.0, 0.0));
-    let next = NextPoint::new(View { camera: &camera, cam_from_target, points: &marks, sigma_px: 0.5 })
-        .expect("a view");
+    let next =
+        NextPoint::new(View { camera: &camera, cam_from_target, points: &control_points, sigma_px: 0.5 })
+            .expect("a view");
     let cells: Vec<KnownPoint> =
         (0..CELLS).map(|k| exact(-3.0 + 0.06 * (k % 100) as f64, 9.0 + 0.08 * (k / 100) as f64)).collect();
     let mut group = c.benchmark_group("advise");

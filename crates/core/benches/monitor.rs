@@ -40,7 +40,7 @@ fn decisions(c: &mut Criterion) {
         reading: spread(1.0),
         bias: spread(0.5),
         bias_time_s: 60.0,
-        daily: spread(0.3),
+        diurnal: spread(0.3),
     };
     let reference = Reference { a_from_b: cam_from_target(), noise };
     let readings = readings(3000);
@@ -74,7 +74,7 @@ fn slowest(_: &mut Criterion) {
         reading: spread(1.0),
         bias: spread(0.0),
         bias_time_s: 60.0,
-        daily: spread(0.0),
+        diurnal: spread(0.0),
     };
     let reference = Reference { a_from_b: cam_from_target(), noise };
     let config = MonitorConfig { decision_period_s: 1e-3, ..MonitorConfig::default() };
@@ -101,8 +101,11 @@ fn tracks(c: &mut Criterion) {
             let lap_s = (next / readings.len()) as f64 * 100.0;
             let reading = &readings[next % readings.len()];
             next += 1;
-            let candidate =
-                Candidate { cam_from_target: reading.a_from_b, covariance: reading.covariance, weight: 1.0 };
+            let candidate = Candidate {
+                cam_from_target: reading.a_from_b,
+                covariance: reading.covariance,
+                probability: 1.0,
+            };
             black_box(tracker.push(reading.t_s + lap_s, &[candidate]));
         });
     });

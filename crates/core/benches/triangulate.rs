@@ -49,14 +49,14 @@ fn bench_triangulate(c: &mut Criterion) {
 fn bench_survey(c: &mut Criterion) {
     let mut scene = Scene::new(photos());
     scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
-    scene.click_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
     [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)].iter().for_each(|(a, b)| scene.distance(*a, *b, 0.01));
     scene.on_plane(&[0, 1, 2, 3, 4, 5, 6], 0.01);
     let drawn = scene.drawn(&mut Rng::new(2));
     let cameras = scene.cameras();
-    let survey = scene.survey(&cameras, &drawn.facts);
-    c.bench_function("survey: 2 photographs, 9 points", |b| b.iter(|| black_box(adjust(&survey)).is_ok()));
-    if let Ok(adjusted) = adjust(&survey) {
+    let network = scene.network(&cameras, &drawn.constraints);
+    c.bench_function("survey: 2 photographs, 9 points", |b| b.iter(|| black_box(adjust(&network)).is_ok()));
+    if let Ok(adjusted) = adjust(&network) {
         let query = Query::Distance { a: 6, b: 7 };
         c.bench_function("survey: one interval", |b| b.iter(|| black_box(adjusted.measure(&query)).is_ok()));
     }

@@ -9,7 +9,7 @@ use common::views;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Unit, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate::known_rotation::{KnownRotation, place};
+use resight_core::locate::known_rotation::{KnownRotation, position_with_rotation};
 use resight_core::locate::lines::locate_lines;
 use resight_core::locate::problem::Problem;
 use resight_core::solve::line_rotation::line_rotation;
@@ -77,7 +77,7 @@ fn bench_known_rotation(c: &mut Criterion) {
     let camera = views::camera();
     for n in [2, 8] {
         c.bench_function(&format!("known_rotation/{n} points, with covariance"), |b| {
-            b.iter(|| place(black_box(&rotation), &seen[..n], &[], &camera, &[]))
+            b.iter(|| position_with_rotation(black_box(&rotation), &seen[..n], &[], &camera, &[]))
         });
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Four points, three of them on a line, seen by a pinhole camera: the lanes find both minima of the closed form's candidates. Where
 //! nothing is doubtful then (a strong view, two minima far apart, a straight likelihood, a residual that fits) that is the answer.
-//! Where something is, `doubtful` goes on as `search` does, the starts of many views side by side, and `locate::conclude` decides.
+//! Where something is, `doubtful` continues as `search` does, the starts of many views side by side, and `locate::answer::conclude` decides.
 //! Three points: P3P view by view, the poses of many views refined side by side. Every other view, whatever is wrong with it, goes to
 //! `locate` itself, so that there is one place for each decision; the lanes only prove that it need not be taken.
 //!
@@ -29,7 +29,7 @@ mod line_plus_one;
 mod three;
 
 use crate::locate::{Config, PoseEstimate, locate};
-use crate::solve::configuration::{Geometry, survey};
+use crate::solve::configuration::{Geometry, describe_geometry};
 use crate::{Bearing, Camera, Correspondence, Error, Lens, Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
@@ -142,7 +142,7 @@ fn correspondences<const N: usize>(views: &Views<N>, view: usize) -> Result<[Cor
 /// What `locate` says of the target, whatever a view shows of it.
 fn geometry_of<const N: usize>(points: &[Point; N]) -> Result<Geometry, Error> {
     let bearing = Bearing::from(Unit::new_unchecked(Vector3::z()));
-    survey(&core::array::from_fn::<_, N, _>(|k| Correspondence {
+    describe_geometry(&core::array::from_fn::<_, N, _>(|k| Correspondence {
         x_in_target: points[k],
         pixel: Pixel::new(k as f64, 0.0),
         bearing,

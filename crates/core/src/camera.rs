@@ -50,7 +50,7 @@ pub use photogrammetric::{Photogrammetric, PhotogrammetricParameters};
 pub use pinhole::Pinhole;
 
 /// Most intrinsic parameters a model has (Brown–Conrady: 4 + 14).
-pub const MAX_PARAMETERS: usize = 18;
+pub(crate) const MAX_PARAMETERS: usize = 18;
 
 /// Names (as in camera.toml) and values of the intrinsic parameters.
 pub type Parameters = ArrayVec<(&'static str, f64), MAX_PARAMETERS>;
@@ -86,7 +86,7 @@ pub enum Lens {
     Eucm(Eucm),
     /// Double sphere.
     DoubleSphere(DoubleSphere),
-    /// The seed paper's own, eq. (1).
+    /// The paper of Wang (2004)'s own, eq. (1).
     Photogrammetric(Photogrammetric),
 }
 

@@ -90,7 +90,7 @@ mod tests {
     use nalgebra::{Matrix2, Matrix3, Matrix6, Vector6};
 
     #[test]
-    fn covariances_are_told_from_matrices_that_are_none() {
+    fn covariances_are_reported_from_matrices_that_are_none() {
         let factor =
             Matrix6::from_fn(|i, j| ((i * 7 + j * 3) % 5) as f64 - 1.7 + if i == j { 3.0 } else { 0.0 });
         let units = Matrix6::from_diagonal(&Vector6::new(1e-6, 1e-5, 1e-6, 1e3, 1e4, 1e-9));

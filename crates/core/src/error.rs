@@ -252,7 +252,7 @@ pub enum Error {
     DegenerateMotion {
         /// What the motions have in common.
         reason: &'static str,
-        /// Root mean square turn about the axis turned about least of those that are needed.
+        /// Root mean square turn about the axis rotated about least of those that are needed.
         metric: f64,
         /// The least accepted.
         needed: f64,
@@ -287,7 +287,7 @@ pub enum Error {
         /// Samples tried.
         samples: usize,
     },
-    /// Rays to a point that cannot be told from parallel ones: it may be infinitely far.
+    /// Rays to a point that cannot be distinguished from parallel ones: it may be infinitely far.
     #[error(
         "the rays to the point are too nearly parallel: the angle between them is {parallax_rad:.1e} rad ± {sigma_rad:.1e}, and {needed} times its standard deviation is needed; add a photograph from farther aside"
     )]
@@ -322,10 +322,10 @@ pub enum Error {
         needed: &'static str,
     },
     /// A fact of a survey with a number that cannot be right.
-    #[error("fact {fact} of the survey: {what} is {seen}; {needed}")]
-    InvalidFact {
+    #[error("fact {constraint} of the survey: {what} is {seen}; {needed}")]
+    InvalidConstraint {
         /// Which fact, counted from 0.
-        fact: usize,
+        constraint: usize,
         /// What of it.
         what: &'static str,
         /// The value seen.
@@ -352,11 +352,11 @@ pub enum Error {
         /// The number needed.
         needed: f64,
     },
-    /// The marks of a survey stand on one line: a turn of everything about it can hardly be seen.
+    /// The marks of a survey stand on one line: a rotation of everything about it can hardly be seen.
     #[error(
-        "the marks stand nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no mark is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a turn about that line can hardly be seen, so add a mark well off it"
+        "the marks stand nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no mark is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a rotation about that line can hardly be seen, so add a mark well off it"
     )]
-    MarksOnLine {
+    ControlPointsOnLine {
         /// The mark at one end, counted from 0.
         a: usize,
         /// The mark at the other end.
@@ -370,11 +370,11 @@ pub enum Error {
     },
     /// Known distances that no places of the points have.
     #[error(
-        "the known distances contradict each other: fact {fact} is off by {off_m:.4} m, {sigmas:.1} times its standard deviation; measure it again or give it a larger sigma_m"
+        "the known distances contradict each other: fact {constraint} is off by {off_m:.4} m, {sigmas:.1} times its standard deviation; measure it again or give it a larger sigma_m"
     )]
     InconsistentDistances {
         /// The fact that fits the others worst, counted from 0.
-        fact: usize,
+        constraint: usize,
         /// Given minus what the others say, metres.
         off_m: f64,
         /// The same over the standard deviation of that difference.
@@ -390,10 +390,10 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// A sighting of a rig with data that cannot be right.
+    /// An observation of a rig with data that cannot be right.
     #[cfg(feature = "std")]
     #[error("camera {camera}, view {view}, target {target}: {reason}")]
-    InvalidSighting {
+    InvalidObservation {
         /// Its camera.
         camera: usize,
         /// Its view.
@@ -403,11 +403,13 @@ pub enum Error {
         /// What is wrong with it.
         reason: Box<Error>,
     },
-    /// A sighting names a camera, view or target that does not exist.
-    #[error("sighting {sighting} names {what} {seen}, but there are {n} (counted from 0); correct the index")]
+    /// An observation names a camera, view or target that does not exist.
+    #[error(
+        "observation {observation} names {what} {seen}, but there are {n} (counted from 0); correct the index"
+    )]
     NoSuchIndex {
-        /// Which sighting, in the order given.
-        sighting: usize,
+        /// Which observation, in the order given.
+        observation: usize,
         /// `camera`, `view` or `target`.
         what: &'static str,
         /// The index given.
@@ -417,13 +419,13 @@ pub enum Error {
     },
     /// A camera that nothing is known of.
     #[error(
-        "camera {camera} has {n_sightings} sightings and none gives a pose; add views in which it sees a target with four or more points, or leave it out"
+        "camera {camera} has {n_observations} observations and none gives a pose; add views in which it sees a target with four or more points, or leave it out"
     )]
-    CameraUnseen {
+    CameraNotObserved {
         /// Which camera.
         camera: usize,
-        /// How many sightings it has.
-        n_sightings: usize,
+        /// How many observations it has.
+        n_observations: usize,
     },
     /// Cameras that no chain of shared views joins.
     #[cfg(feature = "std")]
@@ -433,7 +435,7 @@ pub enum Error {
         first: Vec<usize>,
         /// All others.
         second: Vec<usize>,
-        /// Sightings set aside before, because they contradict the others or give no pose.
+        /// Observations set aside before, because they contradict the others or give no pose.
         n_rejected: usize,
         /// What would connect them.
         needed: &'static str,
@@ -479,6 +481,6 @@ fn list(numbers: &[usize]) -> String {
 fn after(n_rejected: usize) -> String {
     match n_rejected {
         0 => String::new(),
-        n => format!(" once {n} sightings that contradict the others or give no pose are set aside"),
+        n => format!(" once {n} observations that contradict the others or give no pose are set aside"),
     }
 }

@@ -10,18 +10,19 @@
 //! At λ = 0 the promise gᵀH⁻¹g is both tests at once: the gradient in the metric of the covariance, and the step's squared length in
 //! standard deviations. [`Ending`] says how the loop ended. Derivation: docs/math/refine.md section 2.
 
-pub mod pose;
-pub mod point;
+pub(crate) mod pose;
+#[cfg(feature = "std")]
+pub(crate) mod point;
 #[cfg(feature = "std")]
 pub(crate) mod clustered;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
-pub mod shared;
+pub(crate) mod shared;
 #[cfg(feature = "std")]
-pub mod rig;
+pub(crate) mod rig;
 
-pub use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
+pub(crate) use pose::{NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
 
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -83,7 +84,8 @@ pub enum Ending {
     /// The undamped step promises less than the tolerance: the gradient vanishes, and the step is a vanishing part of a standard deviation.
     Converged,
     /// The gradient does not vanish, but no step that the damping still allows lowers the cost: rounding, the edge of the camera's field,
-    /// or a cost with an edge of its own. The state is the lowest found.
+    /// or a cost with an edge of its own; or a minimum that cannot come near its second solution. The state is the lowest found or a vanishing step
+    /// beyond it.
     NoProgress,
     /// Out of steps, or no damping makes the matrix positive.
     NotConverged,
@@ -95,7 +97,7 @@ pub struct Tolerance {
     /// Less than this fraction of χ²; at least rounding's share.
     pub relative: f64,
     /// χ² of a minimum already known: the loop may end early where it cannot come near it.
-    pub rival_chi2: Option<f64>,
+    pub alternative_chi2: Option<f64>,
 }
 
 /// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
@@ -111,23 +113,24 @@ pub(crate) const LAST_DAMPING: f64 = 1e12;
 /// fraction of the difference; the step is still taken, and what is left after it is far smaller.
 pub(crate) const TOLERANCE_COMPARED: f64 = 0.2;
 
-/// The loop also ends, before looking, where the step after this one can be foreseen to promise less than this (3·10⁻⁵ standard
+/// The loop also ends, before looking, where the step after this one can be predicted to promise less than this (3·10⁻⁵ standard
 /// deviations): Gauss–Newton converges at least linearly, so that its promises fall by at least the last factor again …
-pub(crate) const FORESEEN_CHI2: f64 = 1e-9;
+pub(crate) const PREDICTED_CHI2: f64 = 1e-9;
 /// … and only for a step shorter than 0.03 standard deviations, so that the normal equations before it still give the covariance.
 pub(crate) const NEAR_CHI2: f64 = 1e-3;
 
-/// Closer to the rival than this (far beyond the ambiguity gate) every digit counts.
-pub(crate) const RIVAL_MARGIN_CHI2: f64 = 100.0;
+/// Closer to the second solution than this (far beyond the ambiguity gate) every digit counts.
+pub(crate) const ALTERNATIVE_MARGIN_CHI2: f64 = 100.0;
 
 impl Tolerance {
     /// Every digit that rounding leaves.
-    pub const FINE: Tolerance = Tolerance { relative: TOLERANCE_RELATIVE, rival_chi2: None };
+    pub const FINE: Tolerance = Tolerance { relative: TOLERANCE_RELATIVE, alternative_chi2: None };
 
     /// The promised decrease of χ² at which to end.
     #[inline(always)]
     fn at(&self, chi2: f64) -> f64 {
-        let excess = self.rival_chi2.map_or(0.0, |rival| chi2 - rival - RIVAL_MARGIN_CHI2);
+        let excess =
+            self.alternative_chi2.map_or(0.0, |alternative| chi2 - alternative - ALTERNATIVE_MARGIN_CHI2);
         TOLERANCE_CHI2 + self.relative.max(TOLERANCE_RELATIVE) * chi2 + TOLERANCE_COMPARED * excess.max(0.0)
     }
 }
@@ -170,16 +173,13 @@ pub fn minimize<P: LeastSquares>(
         };
         (trial, promised) = (next, promise);
         // promised · (promised / before) is what the next step would promise, docs/math/refine.md section 2.
-        let foreseen = promised < NEAR_CHI2 && promised * promised <= FORESEEN_CHI2 * before;
+        let predicted = promised < NEAR_CHI2 && promised * promised <= PREDICTED_CHI2 * before;
         let tolerance = tolerance.at(P::chi2(equations));
-        if foreseen || promised <= tolerance {
+        if predicted || promised <= tolerance {
             let vanishes = damping.value == 0.0 || undamped_promise(problem, equations) <= tolerance;
-            let (state, equations) = lowest?;
-            return Some(if vanishes {
-                Minimum { state: trial, equations, steps, ending: Ending::Converged }
-            } else {
-                Minimum { state, equations, steps, ending: Ending::NoProgress }
-            });
+            let ending = if vanishes { Ending::Converged } else { Ending::NoProgress };
+            let (_, equations) = lowest?;
+            return Some(Minimum { state: trial, equations, steps, ending });
         }
     }
     let (state, equations) = lowest?;

@@ -21,7 +21,7 @@ pub mod error;
 pub mod statistics;
 pub mod covariance;
 pub mod pose;
-pub mod polynomial;
+pub(crate) mod polynomial;
 pub mod camera;
 #[cfg(feature = "std")]
 pub mod target;

@@ -1,6 +1,6 @@
 //! The single-camera pipeline: correspondences in, one pose with covariance and ambiguity out.
 //!
-//! classify → closed form → refine each candidate → choose → consistency. Each line of `locate` is one file.
+//! classify → closed form → refine → choose. Each line of `locate` is one file: `classify.rs`, `candidates.rs`, `minima.rs`, `answer.rs`.
 
 pub mod choose;
 pub mod prior;
@@ -22,31 +22,28 @@ pub(crate) mod multi_start;
 mod prior_start;
 mod upright;
 mod wang_covariance;
+pub(crate) mod classify;
+mod candidates;
+pub(crate) mod minima;
 mod intrinsics;
 mod shared_error;
 pub(crate) mod uncertainty;
+pub(crate) mod answer;
 pub mod observability;
 
-use crate::locate::choose::{Ambiguity, Choice, Hypothesis, Minima, Minimum, Others, choose};
-use crate::locate::consistency::{Consistency, consistency, noise_scale};
-use crate::locate::curvature::Bends;
-use crate::locate::group::RigidGroup;
-use crate::locate::loss::Loss;
-pub use crate::locate::method::Method;
-use crate::locate::method::resolve;
-use crate::locate::multi_start::{search, weakness_of_rivals};
-use crate::locate::posterior::{lead_with_the_most_probable, weights};
-use crate::locate::prior::Prior;
-use crate::locate::prior_start::{hold, may_hold, start_from_priors};
-use crate::locate::problem::Problem;
-use crate::locate::refine::OVERFLOW;
-use crate::locate::sandwich::evidence;
-use crate::locate::uncertainty::{Doubts, Whole, allow_for_intrinsics, check_known};
-use crate::locate::upright::upright;
-use crate::locate::wang_covariance::literal;
-use crate::solve::configuration::{Configuration, Geometry, survey};
+use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+use answer::choose;
+use candidates::closed_form;
+use choose::{Ambiguity, Hypothesis, Minimum, Others};
+use classify::classify;
+use consistency::Consistency;
+use group::RigidGroup;
+use loss::Loss;
+pub use method::Method;
+use minima::refine;
+use prior::Prior;
 
 /// What to do beyond the defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +76,7 @@ impl Default for Config<'_> {
     }
 }
 
-/// A pose, how sure, and whether another one fits as well.
+/// A pose, how uncertain, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEstimate {
     /// The pose: x_in_cam = cam_from_target · x_in_target. Where several fit, the most probable of them.
@@ -110,8 +107,8 @@ pub struct PoseEstimate {
     pub consistency: Consistency,
     /// Probability of this pose among all minima found, no pose expected beforehand: docs/math/posterior.md. With more points
     /// than unknowns it says which of them, not whether any is right: that is `consistency`.
-    pub weight: f64,
-    /// The other minima: those within the gate rival this one and come first, the more probable before the less; then lowest χ² first.
+    pub probability: f64,
+    /// The other minima: those within the gate second solution this one and come first, the more probable before the less; then lowest χ² first.
     pub others: Others,
     /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
     pub weakness: Option<Weakness>,
@@ -122,144 +119,27 @@ pub struct PoseEstimate {
 
 /// The pose of a camera from known points.
 ///
-/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one rivals is
+/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one second solutions is
 /// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
-    let Config { priors, loss, groups, .. } = *config;
-    let problem = &Problem { priors, loss, groups, ..Problem::new(seen, camera) };
-    problem.check()?;
-    let (geometry, method) = layout(problem, config.method)?;
-    let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
-    let mut minima = Minima::new();
-    let findings = match (method, &geometry) {
-        (Method::Wang2004, _) => literal(&configuration, problem, &mut minima)?,
-        (Method::Upright, _) => upright(problem, &mut minima)?,
-        (Method::Priors, _) | (_, None) => hold(problem, &mut minima)?,
-        (_, Some(geometry)) => {
-            start_from_priors(problem, &mut minima);
-            search(method, geometry, problem, &mut minima)
-        }
-    };
-    let intrinsics = allowed_intrinsics(config, method)?;
-    let bends = [intrinsics.is_none().then_some(findings.is_bent), None, None, None];
-    let allowed = Allowed { intrinsics, shared_errors: config.shared_errors };
-    conclude(problem, geometry, method, allowed, findings.weakness, bends, &mut minima)
+    let view = classify(seen, camera, config)?;
+    let candidates = closed_form(&view)?;
+    let minima = refine(&view, &candidates);
+    choose(&view, minima)
 }
-
-/// What widens the covariance besides the pixels' sigmas.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Allowed<'a> {
-    pub(crate) intrinsics: Option<&'a [f64]>,
-    pub(crate) shared_errors: bool,
-}
-
-/// The answer that the minima found amount to.
-pub(crate) fn conclude(
-    problem: &Problem,
-    geometry: Option<Geometry>,
-    method: Method,
-    Allowed { intrinsics, shared_errors }: Allowed,
-    weakness: Option<Weakness>,
-    mut bends: Bends,
-    minima: &mut Minima,
-) -> Result<PoseEstimate, Error> {
-    allow_for_intrinsics(minima, problem, intrinsics)?;
-    let configuration = geometry.map_or(Configuration::General, |g| g.configuration);
-    let degrees_of_freedom = problem.degrees_of_freedom();
-    let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
-    let lowest = *minima.first().ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
-    let mut weights = weights(minima, noise_scale);
-    lead_with_the_most_probable(minima, &mut weights, &mut bends, noise_scale);
-    let choice = choose(minima, problem.seen.len(), noise_scale)?;
-    let doubts = Doubts { problem, intrinsics, noise_scale, lowest, shared_errors };
-    let others = doubts.others(minima, &weights, &bends)?;
-    let best = choice.best;
-    let Whole { covariance, shared_error_px } = doubts.covariance(best, bends[0])?;
-    let ambiguity = ambiguity(&choice, &others);
-    let consistency = consistency(&lowest, problem); // Where the best fit contradicts the sigmas, every pose does.
-    let is_finite = best.is_finite_with(&covariance) && ambiguity.is_finite() && consistency.is_finite();
-    if !is_finite {
-        return Err(OVERFLOW);
-    }
-    let is_ok = matches!(ambiguity, Ambiguity::Unique { .. }) && consistency == Consistency::Consistent;
-    if is_ok && method != Method::Wang2004 {
-        check_known(&best.cam_from_target, &covariance, problem)?;
-    }
-    // Made where it is returned: it is 2 kB.
-    Ok(PoseEstimate {
-        cam_from_target: best.cam_from_target,
-        covariance,
-        rms_px: best.rms_px,
-        chi2: best.chi2,
-        shared_error_px,
-        log_determinant: best.log_determinant,
-        delta_chi2: best.cost_above(&lowest, noise_scale),
-        degrees_of_freedom,
-        n_points: problem.seen.len(),
-        method,
-        ambiguity,
-        weight: weights.first().copied().unwrap_or(1.0),
-        others,
-        consistency,
-        weakness: weakness.or_else(|| weakness_of_rivals(&configuration, &choice, problem)),
-        geometry,
-    })
-}
-
-/// The printed procedure has no derivative to propagate them by.
-fn allowed_intrinsics<'a>(config: &Config<'a>, method: Method) -> Result<Option<&'a [f64]>, Error> {
-    match config.intrinsics_covariance {
-        Some(_) if method == Method::Wang2004 => Err(LITERAL_INTRINSICS),
-        given => Ok(given),
-    }
-}
-
-/// The variance by which the residuals of a minimum exceed the stated sigmas.
-fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
-    let (chi2, degrees_of_freedom) = evidence(m, problem);
-    noise_scale(chi2, degrees_of_freedom)
-}
-
-fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {
-    match (choice.rival, choice.ratio, &others[0]) {
-        (Some(_), Some(ratio), Some(other)) => Ambiguity::Ambiguous { ratio, other: other.minimum },
-        (_, ratio, _) => Ambiguity::Unique { ratio },
-    }
-}
-
-/// What the points allow, and the method for it. Too few points, or points on a line, are left to the priors, if there are any.
-fn layout(problem: &Problem, method: Method) -> Result<(Option<Geometry>, Method), Error> {
-    match survey(problem.seen) {
-        Ok(geometry) => Ok((Some(geometry), resolve(method, &geometry.configuration)?)),
-        Err(Error::TooFewPoints { .. } | Error::Collinear { .. }) if method == Method::Upright => {
-            Ok((None, Method::Upright))
-        }
-        Err(Error::TooFewPoints { .. } | Error::Collinear { .. })
-            if method == Method::Auto && may_hold(problem) =>
-        {
-            Ok((None, Method::Priors))
-        }
-        Err(refused) => Err(refused),
-    }
-}
-
-const LITERAL_INTRINSICS: Error = Error::WrongLayout {
-    method: "wang2004",
-    reason: "the printed procedure does not propagate uncertain intrinsics",
-};
 
 impl PoseEstimate {
     /// Every minimum found, at most four: this pose, then the others.
     pub fn minima(&self) -> impl Iterator<Item = Hypothesis> + '_ {
         let Self { cam_from_target, covariance, chi2, rms_px, log_determinant, .. } = *self;
         let minimum = Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant };
-        let Self { delta_chi2, weight, .. } = *self;
-        let first = Hypothesis { minimum, delta_chi2, weight, is_rival: true };
+        let Self { delta_chi2, probability, .. } = *self;
+        let first = Hypothesis { minimum, delta_chi2, probability, is_alternative: true };
         core::iter::once(first).chain(self.others.iter().flatten().copied())
     }
 
     /// How many minima lie within the gate, this pose included: 1 where it is unique.
-    pub fn n_rivals(&self) -> usize {
-        self.minima().filter(|h| h.is_rival).count()
+    pub fn n_alternatives(&self) -> usize {
+        self.minima().filter(|h| h.is_alternative).count()
     }
 }

@@ -8,7 +8,6 @@ pub mod bernstein;
 pub mod arc;
 pub mod eigen;
 
-use arrayvec::ArrayVec;
 use nalgebra::Vector2;
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -138,15 +137,16 @@ fn inverse_cube_root(x: f64) -> f64 {
     y + y * (1.0 / 3.0) * residue(y)
 }
 
-/// Real roots of the quartic `[a0, a1, a2, a3]` (monic), each once per multiplicity, unordered.
-pub fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
-    let factors = Factors::of_quartic(a).polished(a).polished(a);
-    factors.real_roots(0.0).into_iter().filter(|root| !root.is_nan()).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use arrayvec::ArrayVec;
+
+    /// Real roots of the quartic `[a0, a1, a2, a3]` (monic), each once per multiplicity, unordered.
+    fn quartic_real_roots(a: &[f64; 4]) -> ArrayVec<f64, 4> {
+        let factors = Factors::of_quartic(a).polished(a).polished(a);
+        factors.real_roots(0.0).into_iter().filter(|root| !root.is_nan()).collect()
+    }
 
     /// Monic quartic with the given roots.
     fn quartic(roots: [f64; 4]) -> [f64; 4] {

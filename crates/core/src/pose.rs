@@ -60,7 +60,7 @@ impl Pose {
         Pose { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// The origin of frame b, in frame a: for `cam_from_world` the camera's place in the world, metres.
+    /// The origin of frame b, in frame a: for `cam_from_world` the camera's position in the world, metres.
     pub fn origin(&self) -> Point {
         -(self.rotation.tr_mul(&self.translation))
     }

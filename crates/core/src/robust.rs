@@ -16,7 +16,7 @@ use crate::{Camera, Correspondence, Error};
 use search::search;
 use settle::settle;
 
-/// What counts as agreeing, and how sure to be.
+/// What counts as agreeing, and how uncertain to be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config<'a> {
     /// A correspondence agrees with a pose that meets its pixel to within this distance, px (the camera's image unit).

@@ -3,6 +3,7 @@
 
 pub mod normal;
 pub mod chi_square;
+#[cfg(feature = "std")]
 pub mod variance_ratio;
 pub mod random;
 

@@ -3,7 +3,7 @@
 //! Every flat target lies in its z = 0 plane. Seen upright from the front its x runs to the right, y down and
 //! z into the surface, so an upright frontal view is nearly the identity rotation. The one exception is the AprilGrid,
 //! which keeps Kalibr's own frame (origin at the bottom-left tag, x right, y up, z towards the viewer).
-//! Pictures: CONVENTIONS.md.
+//! Images: CONVENTIONS.md.
 
 use crate::{Error, Point, Pose};
 

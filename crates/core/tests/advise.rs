@@ -1,18 +1,18 @@
-//! One view, one more point, a place and a length on the ground: what the adviser foretells against many noisy pictures.
+//! One view, one more point, a place and a length on the ground: what the adviser foretells against many noisy images.
 
 use crate::advise_support::{above_the_road, known, rms, trial};
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
-use resight_core::advise::expect::{View, expect, sight, worst_sigmas};
+use resight_core::advise::expect::{View, correspondences_in_view, expect, worst_sigmas};
 use resight_core::advise::ground::Plane;
-use resight_core::advise::layout::{Concern, concerns};
+use resight_core::advise::layout::{LayoutWarning, layout_warnings};
 use resight_core::advise::point::{Aim, NextPoint};
-use resight_core::advise::{Doubt, volume::Shape};
+use resight_core::advise::{FirstOrderLimit, volume::Shape};
 use resight_core::camera::ImageSize;
 use resight_core::target::{Chessboard, KnownPoint, Tag, Target};
 use resight_core::{Camera, Error, Point, Pose};
 
-/// Pictures of each view: the spread of six coordinates is then known to 1/√(12 · 1500) = 0.75 %.
+/// Images of each view: the spread of six coordinates is then known to 1/√(12 · 1500) = 0.75 %.
 const N: usize = 1500;
 /// What is foretold must hold to this, where no doubt is stated: seven times what chance leaves of the mean.
 const WITHIN: f64 = 0.05;
@@ -21,8 +21,8 @@ fn camera() -> Camera {
     Camera { size: Some(ImageSize { width_px: 640, height_px: 480 }), ..views::camera() }
 }
 
-/// Three marks on the road.
-fn marks() -> Vec<KnownPoint> {
+/// Three control points on the road.
+fn control_points() -> Vec<KnownPoint> {
     known(&[[-2.0, 10.0, 0.0], [2.5, 11.0, 0.0], [-1.0, 16.0, 0.0]])
 }
 
@@ -34,12 +34,12 @@ fn with(points: &[KnownPoint], x: f64, y: f64) -> Vec<KnownPoint> {
     [points, &known(&[[x, y, 0.0]])].concat()
 }
 
-/// Where the fourth mark may be painted: from good to poor.
+/// Where the fourth control point may be painted: from good to poor.
 const FOURTH: [[f64; 2]; 5] = [[3.0, 17.0], [0.0, 8.5], [-3.0, 18.0], [2.5, 13.0], [0.5, 12.0]];
 
 #[test]
 fn fourth_point_is_worth_what_is_foretold() {
-    let (camera, points) = (camera(), marks());
+    let (camera, points) = (camera(), control_points());
     let next = NextPoint::new(view(&camera, above_the_road(), &points)).unwrap();
     let mut clear = 0;
     for (i, [x, y]) in FOURTH.into_iter().enumerate() {
@@ -64,7 +64,7 @@ fn fourth_point_is_worth_what_is_foretold() {
             t.ambiguous,
             e.chance_ambiguous()
         );
-        if e.doubts().is_empty() {
+        if e.first_order_limits().is_empty() {
             clear += 1;
             assert!((ratio - 1.0).abs() < WITHIN, "({x}, {y}): {ratio}");
         }
@@ -72,10 +72,10 @@ fn fourth_point_is_worth_what_is_foretold() {
     assert!(3 <= clear, "doubts nearly everywhere: {clear} of {} clear", FOURTH.len());
 }
 
-/// A length of 4 m on the road, its ends pointed at with the same noise as the marks.
+/// A length of 4 m on the road, its ends pointed at with the same noise as the control points.
 #[test]
 fn length_on_the_ground_is_as_sure_as_foretold() {
-    let (camera, points) = (camera(), marks());
+    let (camera, points) = (camera(), control_points());
     let (ground, ends) = (Plane::level(0.0), [Point::new(-1.5, 13.0, 0.0), Point::new(2.3, 14.2, 0.0)]);
     let length = ground.length(&camera, &above_the_road(), ends, 0.5).unwrap();
     let aim = Aim::Length(length);
@@ -84,25 +84,25 @@ fn length_on_the_ground_is_as_sure_as_foretold() {
     for (i, [x, y]) in FOURTH.into_iter().enumerate() {
         let four = with(&points, x, y);
         let whole = view(&camera, above_the_road(), &four);
-        if !expect(&whole).unwrap().doubts().is_empty() {
+        if !expect(&whole).unwrap().first_order_limits().is_empty() {
             continue;
         }
-        let foretold = aim.sigma(&next.with(&four[3]).unwrap().covariance);
+        let predicted = aim.sigma(&next.with(&four[3]).unwrap().covariance);
         // 1/√(2 · 6000) = 0.9 % by chance.
         let t = trial(&whole, 4 * N, 21 + i as u64);
         let mut rng = Rng::new(31 + i as u64);
-        let mut click = |x: &Point| {
+        let mut image_point = |x: &Point| {
             camera.project(&(above_the_road() * *x)).unwrap() + Vector2::new(rng.normal(), rng.normal()) * 0.5
         };
         let error = |pose: &Pose| {
-            let clicks = [click(&ends[0]), click(&ends[1])];
-            let [a, b] = clicks.map(|p| ground.seen_at(&camera, pose, &p).expect("on the road"));
+            let image_points = [image_point(&ends[0]), image_point(&ends[1])];
+            let [a, b] = image_points.map(|p| ground.seen_at(&camera, pose, &p).expect("on the road"));
             (b - a).norm() - length.length_m
         };
         let found = rms(t.poses.iter().map(error));
-        println!("({x}, {y}): {:.2} mm, foretold {:.2} mm", 1e3 * found, 1e3 * foretold);
-        assert!((found / foretold - 1.0).abs() < WITHIN, "{found} {foretold}");
-        order.push((foretold, found));
+        println!("({x}, {y}): {:.2} mm, foretold {:.2} mm", 1e3 * found, 1e3 * predicted);
+        assert!((found / predicted - 1.0).abs() < WITHIN, "{found} {predicted}");
+        order.push((predicted, found));
     }
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let differ = |pair: &[(f64, f64)]| 1.05 * pair[0].0 < pair[1].0;
@@ -111,7 +111,7 @@ fn length_on_the_ground_is_as_sure_as_foretold() {
 
 #[test]
 fn place_on_the_ground_is_as_sure_as_foretold() {
-    let (camera, four) = (camera(), with(&marks(), 3.0, 17.0));
+    let (camera, four) = (camera(), with(&control_points(), 3.0, 17.0));
     let whole = view(&camera, above_the_road(), &four);
     let e = expect(&whole).unwrap();
     let ground = Plane::level(0.0);
@@ -124,8 +124,8 @@ fn place_on_the_ground_is_as_sure_as_foretold() {
         let inverse = covariance.try_inverse().unwrap();
         let pixel = camera.project(&(above_the_road() * x)).unwrap();
         let error = |pose: &Pose| {
-            let click = pixel + Vector2::new(rng.normal(), rng.normal()) * 0.5;
-            let off = (ground.seen_at(&camera, pose, &click).expect("on the road") - x).xy();
+            let image_point = pixel + Vector2::new(rng.normal(), rng.normal()) * 0.5;
+            let off = (ground.seen_at(&camera, pose, &image_point).expect("on the road") - x).xy();
             (off.dot(&(inverse * off)) / 2.0).sqrt()
         };
         let ratio = rms(t.poses.iter().map(error));
@@ -155,23 +155,23 @@ fn where_the_figures_fail_a_doubt_is_stated() {
                 let e = expect(&view).unwrap();
                 let t = trial(&view, N, 51);
                 let ratio = t.over(&e.covariance);
-                let holds = (ratio - 1.0).abs() < WITHIN && t.ambiguous < 0.05;
-                let is_clear = e.doubts().is_empty();
-                if is_clear != holds {
+                let first_order_valid = (ratio - 1.0).abs() < WITHIN && t.ambiguous < 0.05;
+                let is_clear = e.first_order_limits().is_empty();
+                if is_clear != first_order_valid {
                     println!(
                         "{name} {distance_m} m {degrees}°: {ratio:.3}, ambiguous {:.3}; {:?}",
                         t.ambiguous,
-                        e.doubts()
+                        e.first_order_limits()
                     );
                 }
                 assert!(
-                    holds || !is_clear,
+                    first_order_valid || !is_clear,
                     "{name} {distance_m} m {degrees}°: {ratio}, ambiguous {}",
                     t.ambiguous
                 );
                 views += 1;
                 clear += usize::from(is_clear);
-                sound += usize::from(holds);
+                sound += usize::from(first_order_valid);
             }
         }
     }
@@ -179,14 +179,14 @@ fn where_the_figures_fail_a_doubt_is_stated() {
     assert!(sound as f64 * 0.85 < clear as f64, "{clear} of {sound} sound views are called so");
 }
 
-/// What `locate` states of one exact picture is what is foretold as stated.
+/// What `locate` states of one exact image is what is foretold as stated.
 #[test]
 fn stated_covariance_is_what_locate_states() {
     use resight_core::locate::{Config, locate};
-    let (camera, four) = (camera(), with(&marks(), 3.0, 17.0));
+    let (camera, four) = (camera(), with(&control_points(), 3.0, 17.0));
     let whole = view(&camera, above_the_road(), &four);
     let e = expect(&whole).unwrap();
-    let answer = locate(&sight(&whole).unwrap(), &camera, &Config::default()).unwrap();
+    let answer = locate(&correspondences_in_view(&whole).unwrap(), &camera, &Config::default()).unwrap();
     assert!((answer.covariance - e.covariance).norm() < 1e-3 * e.covariance.norm());
     assert!((e.stated_covariance - e.covariance).norm() < 0.1 * e.covariance.norm());
 }
@@ -244,12 +244,12 @@ fn frontal_views_lose_their_tilt_with_distance() {
         let pose = Pose::new(nalgebra::Matrix3::identity(), Vector3::new(0.0, 0.0, z));
         let e =
             expect(&View { camera: &camera, cam_from_target: pose, points: &dots, sigma_px: 0.3 }).unwrap();
-        (worst_sigmas(&e.covariance).0.to_degrees(), e.doubts())
+        (worst_sigmas(&e.covariance).0.to_degrees(), e.first_order_limits())
     };
-    let ((near, _), (far, doubts)) = (tilt(3.0), tilt(10.0));
+    let ((near, _), (far, first_order_limits)) = (tilt(3.0), tilt(10.0));
     println!("{near:.2}° at 3 m, {far:.1}° at 10 m");
     assert!((0.5..2.0).contains(&near) && (7.0..25.0).contains(&far), "{near} {far}");
-    assert!(!doubts.is_empty());
+    assert!(!first_order_limits.is_empty());
 }
 
 #[test]
@@ -257,37 +257,38 @@ fn faults_of_a_layout_are_named_with_their_numbers() {
     let camera = camera();
     let said = |cam_from_target: Pose, points: &[KnownPoint]| {
         let view = View { camera: &camera, cam_from_target, points, sigma_px: 0.5 };
-        concerns(&view, &expect(&view).unwrap())
+        layout_warnings(&view, &expect(&view).unwrap())
     };
     let road = above_the_road();
-    let good = said(road, &with(&marks(), 3.0, 17.0));
+    let good = said(road, &with(&control_points(), 3.0, 17.0));
     assert!(good.is_empty(), "{good:?}");
     let line =
         said(road, &known(&[[-4.0, 12.0, 0.0], [-1.0, 12.3, 0.0], [2.0, 11.9, 0.0], [4.0, 12.2, 0.0]]));
     assert!(
-        line.iter().any(|c| matches!(c, Concern::NearCollinear { width_ratio, .. } if *width_ratio < 0.1)),
+        line.iter()
+            .any(|c| matches!(c, LayoutWarning::NearCollinear { width_ratio, .. } if *width_ratio < 0.1)),
         "{line:?}"
     );
     let clustered =
         said(road, &known(&[[0.0, 12.0, 0.0], [0.4, 12.0, 0.0], [0.5, 12.6, 0.0], [0.1, 12.5, 0.0]]));
     assert!(
-        clustered
-            .iter()
-            .any(|c| matches!(c, Concern::FarClustered { span_rad, needed_rad } if span_rad < needed_rad)),
+        clustered.iter().any(
+            |c| matches!(c, LayoutWarning::FarClustered { span_rad, needed_rad } if span_rad < needed_rad)
+        ),
         "{clustered:?}"
     );
     let facing = Pose::new(nalgebra::Matrix3::identity(), Vector3::new(0.0, 0.0, 8.0));
     let square = known(&[[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]]);
     let frontal = said(facing, &square);
-    assert!(frontal.iter().any(|c| matches!(c, Concern::Frontal { tilt_rad, needed_rad } if *tilt_rad < 1e-6 && 0.1 < *needed_rad)), "{frontal:?}");
-    assert!(frontal.iter().any(|c| matches!(c, Concern::EqualRange { .. })), "{frontal:?}");
+    assert!(frontal.iter().any(|c| matches!(c, LayoutWarning::Frontal { tilt_rad, needed_rad } if *tilt_rad < 1e-6 && 0.1 < *needed_rad)), "{frontal:?}");
+    assert!(frontal.iter().any(|c| matches!(c, LayoutWarning::EqualRange { .. })), "{frontal:?}");
     // The camera in the plane through the fourth point across the line.
     let dots = known(&[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], [0.4, 0.6, 0.0]]);
     let critical = said(views::looking_at(Point::new(0.4, 1.8, -2.4), Point::new(0.5, 0.2, 0.0)), &dots);
-    assert!(critical.iter().any(|c| matches!(c, Concern::Weak(_))), "{critical:?}");
+    assert!(critical.iter().any(|c| matches!(c, LayoutWarning::Weak(_))), "{critical:?}");
 }
 
-/// The turn about the line of nearly collinear points is known worse in proportion to their width.
+/// The rotation about the line of nearly collinear points is known worse in proportion to their width.
 #[test]
 fn a_narrow_layout_turns_about_its_line() {
     let camera = views::camera();
@@ -304,14 +305,14 @@ fn a_narrow_layout_turns_about_its_line() {
 fn what_cannot_be_foretold_is_refused_with_its_reason() {
     let camera = camera();
     let try_points = |points: &[KnownPoint]| expect(&view(&camera, above_the_road(), points)).unwrap_err();
-    assert!(matches!(try_points(&marks()[..2]), Error::TooFewPoints { seen: 2, needed: 3 }));
+    assert!(matches!(try_points(&control_points()[..2]), Error::TooFewPoints { seen: 2, needed: 3 }));
     let line = known(&[[-2.0, 12.0, 0.0], [0.0, 12.0, 0.0], [2.0, 12.0, 0.0]]);
     assert!(matches!(try_points(&line), Error::Collinear { .. }));
-    let behind = with(&marks(), 0.0, -30.0);
+    let behind = with(&control_points(), 0.0, -30.0);
     assert!(matches!(try_points(&behind), Error::InvalidSetting { seen: 3.0, .. }));
     let bad = View { sigma_px: f64::NAN, ..view(&camera, above_the_road(), &[]) };
     assert!(expect(&bad).is_err());
-    let points = marks();
+    let points = control_points();
     let next = NextPoint::new(view(&camera, above_the_road(), &points)).unwrap();
     assert!(next.with(&known(&[[0.0, -30.0, 0.0]])[0]).is_none(), "behind the camera");
     assert!(next.with(&known(&[[40.0, 12.0, 0.0]])[0]).is_none(), "outside the image");
@@ -320,10 +321,9 @@ fn what_cannot_be_foretold_is_refused_with_its_reason() {
 /// Three points leave other poses possible, and the adviser says so.
 #[test]
 fn three_points_are_ambiguous() {
-    let (camera, points) = (camera(), marks());
+    let (camera, points) = (camera(), control_points());
     let e = expect(&view(&camera, above_the_road(), &points)).unwrap();
-    let others =
-        matches!(e.doubts()[..], [Doubt::Ambiguous { separation_sigma, .. }, ..] if separation_sigma < 1e-3);
+    let others = matches!(e.first_order_limits()[..], [FirstOrderLimit::Ambiguous { separation_sigma, .. }, ..] if separation_sigma < 1e-3);
     assert!(others || e.separation_sigma.is_infinite(), "{e:?}");
     let _: Matrix6<f64> = e.covariance;
 }

@@ -155,19 +155,19 @@ fn next_board_is_worth_what_is_foretold() {
         let covariances: Vec<Matrix6<f64>> = now.iter().map(|c| c.covariance).collect();
         // 600 draws of two cameras' six numbers: 0.8 % by chance.
         let t = tried(&plan, &boards, &covariances, 600, 81 + round);
-        let foretold = now.iter().map(|c| c.place_m).fold(0.0, f64::max);
+        let predicted = now.iter().map(|c| c.position_m).fold(0.0, f64::max);
         let found = t.iter().map(|t| t.1).fold(0.0, f64::max);
         println!(
             "{} views: spread / foretold {t:.3?}; worst place {:.2} mm, foretold {:.2}",
             boards.len(),
             1e3 * found,
-            1e3 * foretold
+            1e3 * predicted
         );
         assert!(t.iter().all(|(ratio, _)| (ratio - 1.0).abs() < 0.05), "{t:?}");
-        assert!((found / foretold - 1.0).abs() < 0.08, "{found} {foretold}");
+        assert!((found / predicted - 1.0).abs() < 0.08, "{found} {predicted}");
         let best = plan.next(&so_far, &candidates, Criterion::Worst, 1).unwrap().remove(0);
-        let then = best.cameras.iter().map(|c| c.place_m).fold(0.0, f64::max);
-        assert!(then < 0.9 * foretold, "the best board gains little: {then} of {foretold}");
+        let then = best.cameras.iter().map(|c| c.position_m).fold(0.0, f64::max);
+        assert!(then < 0.9 * predicted, "the best board gains little: {then} of {predicted}");
         boards.push(best.rig_from_board);
         so_far = best.information;
     }
@@ -214,8 +214,9 @@ fn each_criterion_is_best_at_its_own() {
     let so_far = information(&plan, &first_views(&plan));
     let candidates = plan.candidates([1.2, 3.5], 600);
     let best = |criterion| plan.next(&so_far, &candidates, criterion, 1).unwrap().remove(0);
-    let worst =
-        |s: &resight_core::advise::board::Suggestion| s.cameras.iter().map(|c| c.place_m).fold(0.0, f64::max);
+    let worst = |s: &resight_core::advise::board::Suggestion| {
+        s.cameras.iter().map(|c| c.position_m).fold(0.0, f64::max)
+    };
     let trace = |s: &resight_core::advise::board::Suggestion| {
         s.cameras.iter().map(|c| c.covariance.fixed_view::<3, 3>(3, 3).trace()).sum::<f64>()
     };

@@ -1,4 +1,4 @@
-//! A target over a volume, and other dimensions of it: the shares foretold against pictures drawn at random.
+//! A target over a volume, and other dimensions of it: the shares foretold against images drawn at random.
 
 use crate::advise_support::{known, noisy};
 use crate::common::{Rng, views};
@@ -71,7 +71,7 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
         assert!(n - places.len() <= n / 500, "{name}: {} of {n} refused", n - places.len());
         places.sort_by(f64::total_cmp);
         let (median, p95) = (places[n / 2], places[n * 95 / 100]);
-        let place = o.place_m.unwrap();
+        let place = o.position_m.unwrap();
         println!(
             "{name}: ambiguous {ambiguous:.4}, said {:.4}; wrong {wrong:.4}, said {:.4}; place {:.2} mm, said {:.2}; p95 {:.1} mm, said {:.1}; doubtful {:.3}",
             o.ambiguous,
@@ -80,10 +80,10 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
             1e3 * place.median,
             1e3 * p95,
             1e3 * place.p95,
-            o.doubtful
+            o.first_order_fails
         );
         // One pose in a thousand is known to a radian only.
-        assert!(o.n_out_of_sight == 0 && o.n_undetermined <= 3, "{name}: {} undetermined", o.n_undetermined);
+        assert!(o.n_out_of_view == 0 && o.n_undetermined <= 3, "{name}: {} undetermined", o.n_undetermined);
         // Both are counts: 0.6 % by chance at a share of 20 %.
         assert!((ambiguous - o.ambiguous).abs() < 0.015 && (wrong - o.wrong).abs() < 0.015, "{name}");
         assert!((place.median / median - 1.0).abs() < 0.05 && (place.p95 / p95 - 1.0).abs() < 0.1, "{name}");
@@ -148,7 +148,7 @@ fn the_fourth_dot_belongs_away_from_the_middle() {
             cost(&t.outlook)
         );
     }
-    let free = all.iter().find(|t| !t.change.grows).expect("a change within the target's size");
+    let free = all.iter().find(|t| !t.change.enlarges_target).expect("a change within the target's size");
     assert_eq!(free.change.key, "off_m[0]");
     assert!((free.change.to - 0.1).abs() >= 0.05, "{}", free.change.to);
     assert!(
@@ -170,7 +170,7 @@ fn closer_and_larger_is_surer() {
         let shape = Shape::of(&Target::Tag(Tag { family: "tag36h11".into(), id: 0, size_m }));
         let volume = Volume { distance_m: [near, 1.2 * near], tilt_rad: [0.3, 1.0], direction_rad: ALL };
         let o = outlook(&shape, &camera, SIGMA_PX, &poses(&shape, &camera, &volume, 300));
-        (o.place_m.unwrap().median, o.ambiguous)
+        (o.position_m.unwrap().median, o.ambiguous)
     };
     let (here, larger, closer) = (at(0.1, 2.0), at(0.2, 2.0), at(0.1, 1.0));
     assert!(larger.0 < 0.6 * here.0 && closer.0 < 0.3 * here.0, "{here:?} {larger:?} {closer:?}");
@@ -209,10 +209,10 @@ fn absurd_volumes_are_counted_not_hidden() {
             SIGMA_PX,
             &poses(&shape, &camera, &Volume { distance_m, tilt_rad, direction_rad: ALL }, 50),
         );
-        let spreads = [o.place_m, o.rotation_rad];
-        let counted = o.n_out_of_sight + o.n_undetermined;
+        let spreads = [o.position_m, o.rotation_rad];
+        let counted = o.n_out_of_view + o.n_undetermined;
         assert!(spreads.iter().flatten().all(|s| !s.median.is_nan() && !s.worst.is_nan()), "{o:?}");
-        assert!([o.ambiguous, o.wrong, o.doubtful].iter().all(|x| (0.0..=1.0).contains(x)), "{o:?}");
-        assert!(counted <= o.n_views && (counted < o.n_views || o.place_m.is_none()), "{o:?}");
+        assert!([o.ambiguous, o.wrong, o.first_order_fails].iter().all(|x| (0.0..=1.0).contains(x)), "{o:?}");
+        assert!(counted <= o.n_views && (counted < o.n_views || o.position_m.is_none()), "{o:?}");
     }
 }

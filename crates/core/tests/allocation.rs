@@ -5,7 +5,7 @@ use crate::common::{Rng, views};
 use nalgebra::Vector3;
 use resight_core::correspondence::PixelCovariance;
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate::known_rotation::{KnownRotation, place};
+use resight_core::locate::known_rotation::{KnownRotation, position_with_rotation};
 use resight_core::locate::lines::locate_lines;
 use resight_core::locate::loss::Loss;
 use resight_core::locate::prior::Prior;
@@ -187,7 +187,7 @@ fn upright_rotations_and_lines_do_not_allocate() {
     assert_eq!(allocations(|| pure_rotation(&pairs)), 0);
     assert_eq!(allocations(|| rotations(&pairs)), 0);
     let rotation = KnownRotation { cam_from_target: pose.rotation, covariance: nalgebra::Matrix3::zeros() };
-    assert_eq!(allocations(|| place(&rotation, &x[..2], &[], &views::camera(), &[])), 0);
+    assert_eq!(allocations(|| position_with_rotation(&rotation, &x[..2], &[], &views::camera(), &[])), 0);
     let line = |[i, j]: [usize; 2]| {
         let seen = ImageLine::new(&views::camera(), [x[i].pixel, x[j].pixel], 0.3).expect("a line");
         let along = x[j].x_in_target - x[i].x_in_target;

@@ -94,12 +94,12 @@ impl<'a> Sampler<'a> {
         for i in 0..draws {
             let (rotation, place) = self.draw(rng, i % self.proposals.len());
             let cost = chi2(&self.pose(&rotation, &place), self.seen);
-            let weight = (-0.5 * (cost - base)).exp() / self.density(&rotation, &place);
+            let probability = (-0.5 * (cost - base)).exp() / self.density(&rotation, &place);
             let agreement = |k: usize| (self.proposals[k].0.transpose() * rotation).trace();
             let nearest =
                 (0..mass.len()).max_by(|a, b| agreement(*a).total_cmp(&agreement(*b))).expect("one");
-            mass[nearest] += weight;
-            squares += weight * weight;
+            mass[nearest] += probability;
+            squares += probability * probability;
         }
         let total: f64 = mass.iter().sum();
         (mass.iter().map(|m| m / total).collect(), total * total / squares)
@@ -125,7 +125,7 @@ fn weights_are_the_integrals_of_the_likelihood() {
             let Some(seen) = observe(&mut rng, &pose, &points, SIGMA_PX) else { continue };
             let estimate = solve(&seen);
             let minima: Vec<Hypothesis> = estimate.minima().filter(|h| h.delta_chi2 < 25.0).collect();
-            if estimate.n_rivals() < 2 {
+            if estimate.n_alternatives() < 2 {
                 continue;
             }
             let (shares, effective) = Sampler::new(&minima, &seen).shares(&mut rng, 20_000);
@@ -134,9 +134,9 @@ fn weights_are_the_integrals_of_the_likelihood() {
             let sigma = minima.iter().map(|h| h.minimum.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt());
             let [a, b] = [0, 1].map(|i| minima[i].minimum.cam_from_target);
             if a.angle_to_rad(&b) < MERGING_SIGMAS * sigma.fold(0.0, f64::max) {
-                merging = merging.max((estimate.weight - shares[0]).abs());
+                merging = merging.max((estimate.probability - shares[0]).abs());
             } else {
-                errors.push((estimate.weight - shares[0]).abs());
+                errors.push((estimate.probability - shares[0]).abs());
             }
         }
         errors.sort_by(f64::total_cmp);
@@ -164,15 +164,15 @@ fn a_minimum_of_probability_p_is_right_in_p_of_the_cases() {
             let Some(seen) = observe(&mut rng, &truth, &points, SIGMA_PX) else { continue };
             // Refused where the only pose is known to a radian: what is counted here are views with more than one.
             let Ok(estimate) = locate(&seen, &views::camera(), &Config::default()) else { continue };
-            if estimate.n_rivals() < 2 {
+            if estimate.n_alternatives() < 2 {
                 continue;
             }
             ambiguous += 1;
             let angle = |h: &Hypothesis| h.minimum.cam_from_target.angle_to_rad(&truth);
             let nearest = estimate.minima().map(|h| angle(&h)).fold(f64::INFINITY, f64::min);
             for h in estimate.minima() {
-                let bin = ((h.weight * BINS as f64) as usize).min(BINS - 1);
-                said[bin] += h.weight;
+                let bin = ((h.probability * BINS as f64) as usize).min(BINS - 1);
+                said[bin] += h.probability;
                 count[bin] += 1;
                 right[bin] += usize::from(angle(&h) == nearest);
             }
@@ -207,7 +207,7 @@ fn three_points_give_all_their_poses() {
         for h in &minima {
             assert!(h.minimum.chi2 < 1e-6, "χ² {}", h.minimum.chi2);
         }
-        let total: f64 = minima.iter().map(|h| h.weight).sum();
+        let total: f64 = minima.iter().map(|h| h.probability).sum();
         assert!((total - 1.0).abs() < 1e-12);
         for p in &poses {
             // A tenth of a standard deviation: closer ones are one minimum by definition (refine.md eq. (15)).
@@ -222,7 +222,7 @@ fn three_points_give_all_their_poses() {
     assert!(0 < seen_with[2] && 0 < seen_with[4]);
 }
 
-/// A square turned about the image's columns shows its tilt about the rows least; a line with a point 2 cm off it the turn about the
+/// A square rotated about the image's columns shows its tilt about the rows least; a line with a point 2 cm off it the rotation about the
 /// line; a block of points far away its distance. The numbers are those of the covariance.
 #[test]
 fn the_weakest_motion_is_the_one_a_person_would_name() {
@@ -232,16 +232,16 @@ fn the_weakest_motion_is_the_one_a_person_would_name() {
         let estimate = solve(&seen);
         (Observability::of(&estimate, &seen), estimate)
     };
-    // Turned by 34° about the image's columns: the turn foreshortens it, so the tilt across is what shows least.
+    // Rotated by 34° about the image's columns: the rotation foreshortens it, so the tilt across is what shows least.
     let turned = Pose::exp(&Vector6::new(0.0, 0.6, 0.0, 0.0, 0.0, 0.0)).rotation;
     let (weak, estimate) = weakest(&Pose::new(turned, Vector3::new(0.0, 0.0, 3.0)), &SQUARE);
-    assert_eq!((weak.turn_axis, weak.is_shift), (Axis::Horizontal, false));
-    // The weakest turn is at least as uncertain as the turn about any axis, here the camera's x.
+    assert_eq!((weak.rotation_axis, weak.is_shift), (Axis::Horizontal, false));
+    // The weakest rotation is at least as uncertain as the rotation about any axis, here the camera's x.
     assert!(estimate.covariance[(0, 0)].sqrt() <= weak.sigma_rad * (1.0 + 1e-9));
     let line = [[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [-0.5, 0.02, 0.0]];
     let tilted = Pose::exp(&Vector6::new(0.5, 0.3, 0.2, 0.0, 0.0, 0.0)).rotation;
     let (weak, _) = weakest(&Pose::new(tilted, Vector3::new(0.2, 0.0, 2.0)), &line);
-    assert_eq!((weak.turn_axis, weak.is_shift), (Axis::LineOfPoints, false));
+    assert_eq!((weak.rotation_axis, weak.is_shift), (Axis::LineOfPoints, false));
     let block: Vec<[f64; 3]> =
         (0..8).map(|i| [i & 1, (i >> 1) & 1, i >> 2].map(|b| 2.0 * b as f64 - 1.0)).collect();
     let (weak, estimate) = weakest(&Pose::new(tilted, Vector3::new(0.0, 0.0, 40.0)), &block);

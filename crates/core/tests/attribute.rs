@@ -36,11 +36,11 @@ fn names(answer: &Attribution) -> Vec<usize> {
 }
 
 #[test]
-fn a_moved_camera_and_a_moved_target_are_told_apart() {
+fn a_moved_camera_and_a_moved_target_are_reported_apart() {
     for node in 0..4 {
         let edges = edges(&[(node, motion())], &ALL, 0.5, 0x1000 + node as u64);
         let answer = attribute(4, &edges);
-        assert!(answer.is_explained && answer.rivals.is_empty(), "{answer:?}");
+        assert!(answer.is_explained && answer.alternatives.is_empty(), "{answer:?}");
         let [moved] = &answer.moved[..] else { panic!("{answer:?}") };
         assert_eq!(moved.node, node);
         let error = moved.old_from_new - motion();
@@ -52,7 +52,7 @@ fn a_moved_camera_and_a_moved_target_are_told_apart() {
 #[test]
 fn one_camera_and_one_target_leave_it_open_which_moved() {
     let answer = attribute(2, &edges(&[(0, motion())], &[(0, 1)], 0.5, 7));
-    assert_eq!(answer.moved.len() + answer.rivals.len(), 2);
+    assert_eq!(answer.moved.len() + answer.alternatives.len(), 2);
 }
 
 /// Carried half a metre away and turned round by 30°.
@@ -60,7 +60,7 @@ fn carried() -> Vector6<f64> {
     Vector6::new(0.1, 0.5, -0.1, 0.4, -0.3, 0.1)
 }
 
-/// A camera knocked beside a target that was carried off: by as much as that target hardly hides, and by a tenth of it, which is less than
+/// A camera moved suddenly beside a target that was carried off: by as much as that target hardly hides, and by a tenth of it, which is less than
 /// one in a hundred of all that is to be explained.
 #[test]
 fn a_camera_knocked_beside_a_target_carried_away_is_named() {
@@ -69,7 +69,7 @@ fn a_camera_knocked_beside_a_target_carried_away_is_named() {
             let knocked = Vector6::new(0.3, 0.9, -0.3, 0.0, 0.0, 0.0) * knocked_deg.to_radians();
             let edges = edges(&[(2, carried()), (camera, knocked)], &ALL, 0.5, 0x2000 + i as u64);
             let answer = attribute(4, &edges);
-            assert!(answer.is_explained && answer.rivals.is_empty(), "{knocked_deg}°: {answer:?}");
+            assert!(answer.is_explained && answer.alternatives.is_empty(), "{knocked_deg}°: {answer:?}");
             assert_eq!(names(&answer), [camera, 2], "{knocked_deg}°");
             for (moved, truth) in answer.moved.iter().zip([knocked, carried()]) {
                 let error = moved.old_from_new - truth;
@@ -92,13 +92,13 @@ fn two_large_motions_are_found_exactly() {
     }
 }
 
-/// Any two of two cameras and one target explain two edges: the camera that was knocked is not acquitted because the target moved more.
+/// Any two of two cameras and one target explain two edges: the camera that moved suddenly is not acquitted because the target moved more.
 #[test]
 fn with_one_target_it_stays_open_which_two_moved() {
     let knocked = Vector6::new(0.0, 3.0_f64.to_radians(), 0.0, 0.0, 0.0, 0.0);
     let away = Vector6::new(0.0, 0.0, 0.0, 0.5, 0.0, 0.0);
     let answer = attribute(3, &edges(&[(2, away), (0, knocked)], &[(0, 2), (1, 2)], 0.5, 0x3000));
-    assert_eq!((answer.moved.len(), answer.rivals.len()), (2, 2), "{answer:?}");
+    assert_eq!((answer.moved.len(), answer.alternatives.len()), (2, 2), "{answer:?}");
 }
 
 /// A lens or a target's size that is wrong by one in a hundred makes no second mover.
@@ -108,7 +108,7 @@ fn what_grows_with_the_motion_accuses_nobody_else() {
     let mut edges = edges(&[(2, away)], &ALL, 0.5, 0x4000);
     edges.iter_mut().filter(|edge| edge.a == 1).for_each(|edge| edge.motion *= 1.01);
     let answer = attribute(4, &edges);
-    assert!(answer.is_explained && answer.rivals.is_empty(), "{answer:?}");
+    assert!(answer.is_explained && answer.alternatives.is_empty(), "{answer:?}");
     assert_eq!(names(&answer), [2]);
 }
 

@@ -76,7 +76,7 @@ fn alone<const N: usize>(
     locate(&seen, camera, &Config::default())
 }
 
-/// The standard deviation of the weakest turn of any of the minima, radians.
+/// The standard deviation of the weakest rotation of any of the minima, radians.
 fn weakest_rad(e: &PoseEstimate) -> f64 {
     let variances = e.minima().flat_map(|h| [0, 1, 2].map(|i| h.minimum.covariance[(i, i)]));
     variances.fold(0.0, f64::max).sqrt()
@@ -102,7 +102,7 @@ fn assert_same(one: &Answer, other: &Answer) {
     match (one, other) {
         (Ok(a), Ok(b)) => {
             assert_same_minimum(&first(a), &first(b), 1e-9, 1e-7);
-            assert_same_weight(a.weight, b.weight, condition(b));
+            assert_same_weight(a.probability, b.probability, condition(b));
             let lowest = a.minima().map(|h| h.minimum.chi2).fold(f64::INFINITY, f64::min);
             assert_same_others(&a.others, &b.others, lowest, condition(b));
             assert_same_verdict(&a.ambiguity, &b.ambiguity);
@@ -125,7 +125,7 @@ fn assert_near(a: f64, b: f64, relative: f64) {
     assert!((a - b).abs() <= relative * (1.0 + b.abs()), "{a} {b}");
 }
 
-/// A minimum whose weakest turn is known worse than this lies in a valley so flat that rounding decides how many steps lead there: it is
+/// A minimum whose weakest rotation is known worse than this lies in a valley so flat that rounding decides how many steps lead there: it is
 /// found, by either path, to where a step would promise 1e-7 of χ², 3e-4 standard deviations from its bottom. One view in 60,000.
 const FLAT_RAD: f64 = 0.5;
 
@@ -149,11 +149,11 @@ fn assert_same_others(one: &Others, other: &Others, one_lowest: f64, condition: 
             assert_eq!(a, b);
             continue;
         };
-        assert_eq!(a.is_rival, b.is_rival);
+        assert_eq!(a.is_alternative, b.is_alternative);
         assert_same_minimum(&a.minimum, &b.minimum, 1e-9, 1e-7);
         let difference = a.minimum.chi2 - one_lowest;
         assert!((a.delta_chi2 - difference).abs() <= 1e-12 * a.minimum.chi2);
-        assert_same_weight(a.weight, b.weight, condition);
+        assert_same_weight(a.probability, b.probability, condition);
     }
 }
 
@@ -173,8 +173,18 @@ fn assert_same_verdict(one: &Ambiguity, other: &Ambiguity) {
 fn assert_same_consistency(one: &Consistency, other: &Consistency) {
     match (one, other) {
         (
-            Consistency::Inconsistent { chi2_per_dof: a, worst_point: i, worst_px: x, worst_prior: p },
-            Consistency::Inconsistent { chi2_per_dof: b, worst_point: j, worst_px: y, worst_prior: q },
+            Consistency::Inconsistent {
+                chi2_per_degree_of_freedom: a,
+                worst_point: i,
+                worst_px: x,
+                worst_prior: p,
+            },
+            Consistency::Inconsistent {
+                chi2_per_degree_of_freedom: b,
+                worst_point: j,
+                worst_px: y,
+                worst_prior: q,
+            },
         ) => {
             assert_eq!((i, p), (j, q));
             assert_near(*a, *b, 1e-9);
@@ -355,12 +365,12 @@ fn assert_same_set(one: &Answer, other: &Answer) -> bool {
         let nearest = b.minima().min_by(|g, f| off(g).total_cmp(&off(f))).expect("at least one");
         // P3P is the same code, so that its poses are; the bend's share of a covariance is a difference of probes, measured up to 4e-6.
         assert_same_minimum(&h.minimum, &nearest.minimum, 1e-12, 1e-5);
-        assert_same_weight(h.weight, nearest.weight, condition(b));
-        assert!(h.delta_chi2 < 1e-9 && h.is_rival && nearest.is_rival);
+        assert_same_weight(h.probability, nearest.probability, condition(b));
+        assert!(h.delta_chi2 < 1e-9 && h.is_alternative && nearest.is_alternative);
     }
-    assert!((a.minima().map(|h| h.weight).sum::<f64>() - 1.0).abs() < 1e-12);
+    assert!((a.minima().map(|h| h.probability).sum::<f64>() - 1.0).abs() < 1e-12);
     assert!(
-        a.minima().skip(1).zip(a.minima()).all(|(next, h)| next.weight <= h.weight),
+        a.minima().skip(1).zip(a.minima()).all(|(next, h)| next.probability <= h.probability),
         "the more probable first"
     );
     match a.ambiguity {
@@ -374,7 +384,7 @@ fn assert_same_set(one: &Answer, other: &Answer) -> bool {
     true
 }
 
-/// Standard deviation of the weakest turn of any of the poses.
+/// Standard deviation of the weakest rotation of any of the poses.
 const MOST_RAD: f64 = 0.1;
 
 #[test]

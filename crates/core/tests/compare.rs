@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use resight_core::multiview::pose_graph::{
     PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph,
 };
-use resight_core::temporal::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
+use resight_core::temporal::compare::{Correlation, RigPoses, compare_poses, compare_rigs};
 use resight_core::{Error, Matrix6, Pose, Vector6};
 
 fn motion(rng: &mut Rng, sigma_rad: f64, sigma_m: f64) -> Vector6 {
@@ -39,7 +39,7 @@ fn covariance(n: usize, reference: usize, rng: &mut Rng) -> DMatrix<f64> {
 }
 
 /// The true places as a calibration with this covariance finds them.
-fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: &mut Rng) -> RigPlaces {
+fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: &mut Rng) -> RigPoses {
     // In the frame of the reference, as such calibrations are.
     let to_reference = truth[reference].inverse();
     let lifted = covariance + DMatrix::identity(covariance.nrows(), covariance.nrows()) * 1e-18;
@@ -49,7 +49,7 @@ fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: 
         let motion = Vector6::from_iterator(noise.rows(6 * i, 6).iter().copied());
         if i == reference { Pose::identity() } else { (*pose * to_reference).moved(&motion) }
     };
-    RigPlaces {
+    RigPoses {
         cam_from_rig: truth.iter().enumerate().map(noisy).collect(),
         covariance: covariance.clone(),
         correlation: Correlation::Known,
@@ -58,9 +58,9 @@ fn calibrated(truth: &[Pose], covariance: &DMatrix<f64>, reference: usize, rng: 
 }
 
 /// The same places seen from another frame: nothing physical changes.
-fn in_other_frame(places: &RigPlaces, rig_from_other: &Pose) -> RigPlaces {
+fn in_other_frame(places: &RigPoses, rig_from_other: &Pose) -> RigPoses {
     let cam_from_rig = places.cam_from_rig.iter().map(|p| *p * *rig_from_other).collect();
-    RigPlaces { cam_from_rig, ..places.clone() }
+    RigPoses { cam_from_rig, ..places.clone() }
 }
 
 /// The truth with some cameras moved by a motion in their own frames.
@@ -112,15 +112,15 @@ fn shared(truth: &[Pose], rng: &mut Rng) -> DMatrix<f64> {
 }
 
 /// Only the blocks of the cameras themselves.
-fn own_blocks(places: &RigPlaces, correlation: Correlation) -> RigPlaces {
+fn own_blocks(places: &RigPoses, correlation: Correlation) -> RigPoses {
     let covariance = places.covariance.clone();
     let n = covariance.nrows();
     let covariance = DMatrix::from_fn(n, n, |i, j| if i / 6 == j / 6 { covariance[(i, j)] } else { 0.0 });
-    RigPlaces { covariance, correlation, ..places.clone() }
+    RigPoses { covariance, correlation, ..places.clone() }
 }
 
 /// What all cameras share with the reference counts once with the joint covariance, once a camera without it: counted as independent it
-/// raises false alarms, tested for any correlation it raises none too many, and a knock is found all the same.
+/// raises false alarms, tested for any correlation it raises none too many, and a sudden motion is found all the same.
 #[test]
 fn an_error_that_all_share_raises_no_false_alarms() {
     let (n, n_trials) = (4, 1000);
@@ -133,7 +133,7 @@ fn an_error_that_all_share_raises_no_false_alarms() {
             let cov = shared(&truth, &mut rng);
             let before = calibrated(&truth, &cov, 0, &mut rng);
             let after = calibrated(&truth, &cov, 0, &mut rng);
-            let alarm = |a: &RigPlaces, b: &RigPlaces| !compare_rigs(a, b, level).unwrap().moved.is_empty();
+            let alarm = |a: &RigPoses, b: &RigPoses| !compare_rigs(a, b, level).unwrap().moved.is_empty();
             let own =
                 |correlation| alarm(&own_blocks(&before, correlation), &own_blocks(&after, correlation));
             joint += usize::from(alarm(&before, &after));
@@ -142,9 +142,9 @@ fn an_error_that_all_share_raises_no_false_alarms() {
             // One of the two files may be from before.
             any += usize::from(alarm(&before, &own_blocks(&after, Correlation::Unknown)));
             let moved = calibrated(&with_moved(&truth, &[2], &knock), &cov, 0, &mut rng);
-            let unknown = |places: &RigPlaces| own_blocks(places, Correlation::Unknown);
-            let told = compare_rigs(&unknown(&before), &unknown(&moved), level).unwrap();
-            found += usize::from(told.moved.len() == 1 && told.moved[0].camera == 2);
+            let unknown = |places: &RigPoses| own_blocks(places, Correlation::Unknown);
+            let reported = compare_rigs(&unknown(&before), &unknown(&moved), level).unwrap();
+            found += usize::from(reported.moved.len() == 1 && reported.moved[0].camera == 2);
         }
         println!(
             "at {level}: joint {joint}, independent {independent}, any {any} of 2; {found} found of {n_trials}"
@@ -167,10 +167,11 @@ fn pairs(truth: &[Pose], joined: &[(usize, usize)], noise: PairNoise, rng: &mut 
 }
 
 /// A rig from pairs, as `pose-graph` writes it.
-fn from_pairs(n: usize, pairs: &[RelativePose]) -> RigPlaces {
+fn from_pairs(n: usize, pairs: &[RelativePose]) -> RigPoses {
     let graph = PoseGraph { n_cameras: n, pairs };
-    let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor: 0, median_sigma: None }).unwrap();
-    RigPlaces {
+    let found =
+        solve_pose_graph(&graph, &PoseGraphConfig { reference_camera: 0, median_sigma: None }).unwrap();
+    RigPoses {
         cam_from_rig: found.cameras.iter().map(|camera| camera.cam_from_rig).collect(),
         covariance: found.joint_covariance,
         correlation: Correlation::Known,
@@ -213,14 +214,13 @@ fn noise_estimated_from_few_loops_raises_no_false_alarms() {
             let (mut often, mut seldom, mut by_chi2, mut whole, mut apart) = (0, 0, 0, 0, 0);
             for _ in 0..n_trials {
                 let both = [0; 2].map(|_| from_pairs(n, &pairs(&truth, joined, noise, &mut rng)));
-                let alarm = |a: &RigPlaces, b: &RigPlaces, level: f64| {
+                let alarm = |a: &RigPoses, b: &RigPoses, level: f64| {
                     usize::from(!compare_rigs(a, b, level).unwrap().moved.is_empty())
                 };
                 often += alarm(&both[0], &both[1], 0.05);
                 seldom += alarm(&both[0], &both[1], 1e-3);
                 whole += usize::from(compare_rigs(&both[0], &both[1], 0.5).unwrap().probability < 0.05);
-                let known =
-                    both.each_ref().map(|b| RigPlaces { noise_degrees_of_freedom: None, ..b.clone() });
+                let known = both.each_ref().map(|b| RigPoses { noise_degrees_of_freedom: None, ..b.clone() });
                 by_chi2 += alarm(&known[0], &known[1], 0.05);
                 // `rig --json` without --joint-covariance.
                 let own = both.each_ref().map(|b| own_blocks(b, Correlation::Unknown));
@@ -257,10 +257,11 @@ fn a_knock_is_found_whose_noise_is_estimated() {
         let answer = compare_rigs(&before, &after, 1e-3).unwrap();
         let degrees = answer.noise_degrees_of_freedom.unwrap();
         assert!((18.0..=36.0 + 1e-9).contains(&degrees), "{degrees}");
-        found +=
-            usize::from(answer.moved.len() == 1 && answer.moved[0].camera == 3 && answer.rivals.is_empty());
+        found += usize::from(
+            answer.moved.len() == 1 && answer.moved[0].camera == 3 && answer.alternatives.is_empty(),
+        );
     }
-    println!("a knock of 30 mm is found in {found} of 40");
+    println!("a sudden motion of 30 mm is found in {found} of 40");
     assert!(38 <= found, "{found}");
 }
 
@@ -278,12 +279,15 @@ fn chi2_has_its_mean() {
         let after = calibrated(&truth, &second, 2, &mut rng);
         sum += compare_rigs(&before, &after, 1e-3).unwrap().chi2;
     }
-    let (mean, dof) = (sum / n_trials as f64, 6.0 * (n - 1) as f64);
-    println!("mean χ² {mean:.2} for {dof}");
-    assert!((mean - dof).abs() < 5.0 * (2.0 * dof / n_trials as f64).sqrt(), "{mean}");
+    let (mean, degrees_of_freedom) = (sum / n_trials as f64, 6.0 * (n - 1) as f64);
+    println!("mean χ² {mean:.2} for {degrees_of_freedom}");
+    assert!(
+        (mean - degrees_of_freedom).abs() < 5.0 * (2.0 * degrees_of_freedom / n_trials as f64).sqrt(),
+        "{mean}"
+    );
 }
 
-/// Whose frame the rig's is says nothing about who moved: the reference camera knocked is found as such.
+/// Whose frame the rig's is says nothing about who moved: the reference camera moved suddenly is found as such.
 #[test]
 fn a_knocked_reference_is_named() {
     let n = 4;
@@ -296,7 +300,7 @@ fn a_knocked_reference_is_named() {
         let after = calibrated(&with_moved(&truth, &[knocked], &knock), &cov, 0, &mut rng);
         let found = compare_rigs(&before, &after, 1e-3).unwrap();
         assert_eq!(found.moved.iter().map(|m| m.camera).collect::<Vec<_>>(), [knocked]);
-        assert!(found.rivals.is_empty() && found.moved[0].probability < 1e-3);
+        assert!(found.alternatives.is_empty() && found.moved[0].probability < 1e-3);
     }
 }
 
@@ -315,7 +319,7 @@ fn frame_and_order_do_not_matter() {
     let turned = compare_rigs(&in_other_frame(&before, &frame), &after, 1e-3).unwrap();
     assert_eq!(plain.unmoved, turned.unmoved);
     assert!((plain.chi2 / turned.chi2 - 1.0).abs() < 1e-8);
-    let reversed = |places: &RigPlaces| RigPlaces {
+    let reversed = |places: &RigPoses| RigPoses {
         cam_from_rig: places.cam_from_rig.iter().rev().copied().collect(),
         covariance: DMatrix::from_fn(6 * n, 6 * n, |i, j| {
             let at = |k: usize| 6 * (n - 1 - k / 6) + k % 6;
@@ -335,7 +339,7 @@ fn frame_and_order_do_not_matter() {
 #[test]
 fn groups_that_move_together() {
     let mut rng = Rng::new(21);
-    // A turn of the rig's frame by which several cameras move as one body.
+    // A rotation of the rig's frame by which several cameras move as one body.
     let bar = Pose::exp(&Vector6::new(0.0, 0.02, 0.0, 0.03, 0.0, 0.0));
     for (n, group, decided) in [(5, vec![1, 3], true), (4, vec![0, 1], false), (2, vec![1], false)] {
         let truth = ring(n);
@@ -347,10 +351,10 @@ fn groups_that_move_together() {
         let found = compare_rigs(&before, &after, 1e-3).unwrap();
         let named: Vec<usize> = found.moved.iter().map(|m| m.camera).collect();
         if decided {
-            assert_eq!((named, found.rivals.len()), (group, 0));
+            assert_eq!((named, found.alternatives.len()), (group, 0));
         } else {
-            assert_eq!(found.rivals.len(), 1, "{found:?}");
-            assert_eq!((named.len(), found.rivals[0].len()), (n / 2, n / 2));
+            assert_eq!(found.alternatives.len(), 1, "{found:?}");
+            assert_eq!((named.len(), found.alternatives[0].len()), (n / 2, n / 2));
         }
     }
 }
@@ -394,7 +398,7 @@ fn small_motions_in_large_rigs_are_found() {
         let place = |pose: &Pose, rng: &mut Rng| pose.moved(&motion(rng, 1e-3, 1e-3));
         let before: Vec<Pose> = truth.iter().map(|p| place(p, &mut rng)).collect();
         let after: Vec<Pose> = with_moved(&truth, &[4], &push).iter().map(|p| place(p, &mut rng)).collect();
-        let places = |cam_from_rig: Vec<Pose>| RigPlaces {
+        let places = |cam_from_rig: Vec<Pose>| RigPoses {
             cam_from_rig,
             covariance: cov.clone(),
             correlation: Correlation::Known,
@@ -428,25 +432,25 @@ fn one_pose_and_another() {
 
 #[test]
 fn what_cannot_be_compared_is_refused() {
-    let places = |n: usize, sigma: f64| RigPlaces {
+    let places = |n: usize, sigma: f64| RigPoses {
         cam_from_rig: ring(n),
         covariance: DMatrix::from_diagonal_element(6 * n, 6 * n, sigma * sigma),
         correlation: Correlation::Known,
         noise_degrees_of_freedom: None,
     };
     let good = places(3, 1e-3);
-    let message = |after: &RigPlaces, level: f64| compare_rigs(&good, after, level).unwrap_err().to_string();
+    let message = |after: &RigPoses, level: f64| compare_rigs(&good, after, level).unwrap_err().to_string();
     assert!(message(&places(2, 1e-3), 1e-3).contains("2 cameras given for 3"));
     assert!(message(&good, 0.0).contains("false_alarm is 0"));
     assert!(
-        message(&RigPlaces { covariance: DMatrix::zeros(6, 6), ..good.clone() }, 1e-3).contains("6 a camera")
+        message(&RigPoses { covariance: DMatrix::zeros(6, 6), ..good.clone() }, 1e-3).contains("6 a camera")
     );
-    let groundless = RigPlaces { noise_degrees_of_freedom: Some(0.0), ..good.clone() };
+    let groundless = RigPoses { noise_degrees_of_freedom: Some(0.0), ..good.clone() };
     assert!(message(&groundless, 1e-3).contains("noise_degrees_of_freedom"));
     let mut torn = good.clone();
     torn.cam_from_rig[1].translation.x = f64::NAN;
     assert!(message(&torn, 1e-3).contains("finite"));
-    let exact = RigPlaces { covariance: DMatrix::zeros(18, 18), ..good.clone() };
+    let exact = RigPoses { covariance: DMatrix::zeros(18, 18), ..good.clone() };
     let refused = compare_rigs(&exact, &exact, 1e-3);
     assert!(matches!(refused, Err(Error::InvalidSetting { setting: "covariance", .. })), "{refused:?}");
     let one = places(1, 1e-3);

@@ -12,15 +12,15 @@ use resight_core::covariance::is_covariance;
 use resight_core::locate::refine::refine;
 use resight_core::locate::{Config, locate};
 use resight_core::multiview::hand_eye::{
-    Candidate as HandCandidate, HandEyeConfig, HandView, Mount, solve_hand_eye,
+    Candidate as HandCandidate, HandEyeConfig, HandEyeView, Mounting, solve_hand_eye,
 };
 use resight_core::multiview::pose_graph::{
     PairNoise, PoseGraph, PoseGraphConfig, RelativePose, solve_pose_graph,
 };
-use resight_core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, solve_rig};
 use resight_core::multiview::rig_pose::{RigView, locate_rig};
 use resight_core::multiview::triangulate::{PointView, isotropic, triangulate};
-use resight_core::temporal::compare::{Correlation, RigPlaces, compare_poses, compare_rigs};
+use resight_core::temporal::compare::{Correlation, RigPoses, compare_poses, compare_rigs};
 use resight_core::temporal::monitor::DriftNoise;
 use resight_core::temporal::monitor::{Monitor, MonitorConfig, Reading, Reference, Watch};
 use resight_core::temporal::track::{Candidate, TrackConfig, Tracker};
@@ -37,10 +37,10 @@ fn locate_answers_in_numbers() {
             return false;
         };
         assert!(is_covariance(&e.covariance), "{seen:?} {intrinsics_covariance:?} {e:?}");
-        for h in e.minima().filter(|h| h.is_rival) {
+        for h in e.minima().filter(|h| h.is_alternative) {
             let m = h.minimum;
             assert!(
-                is_whole(&m.cam_from_target) && (m.chi2 + m.rms_px + h.weight).is_finite(),
+                is_whole(&m.cam_from_target) && (m.chi2 + m.rms_px + h.probability).is_finite(),
                 "{seen:?} {m:?}"
             );
             assert!(m.covariance.sum().is_finite(), "{seen:?} {intrinsics_covariance:?} {m:?}");
@@ -90,17 +90,17 @@ fn locate_rig_answers_in_numbers() {
 #[test]
 fn solve_rig_answers_in_numbers() {
     feed("solve_rig", 4, |rng| {
-        let mut sightings = Vec::new();
+        let mut observations = Vec::new();
         for view in 0..3 {
             let body = Pose::exp(&Vector6::from_fn(|_, _| 0.1 * rng.normal())) * views::oblique();
             for camera in 0..2 {
                 let shift = Pose::exp(&(Vector6::new(0.0, 0.05, 0.0, 0.2, 0.0, 0.0) * camera as f64));
-                sightings.push(Sighting { camera, view, target: 0, seen: seen(rng, &(shift * body)) });
+                observations.push(Observation { camera, view, target: 0, seen: seen(rng, &(shift * body)) });
             }
         }
         let cameras = [views::camera(), views::camera()];
         let problem =
-            RigProblem { cameras: &cameras, body_of_target: &[0], n_views: 3, sightings: &sightings };
+            RigProblem { cameras: &cameras, body_of_target: &[0], n_views: 3, observations: &observations };
         let Ok(s) = solve_rig(&problem, &RigConfig::default()) else { return false };
         assert!((s.rms_px + s.chi2 + s.noise_scale).is_finite());
         assert!(
@@ -132,7 +132,7 @@ fn compare_rigs_answers_in_numbers() {
                 covariance.view_mut((6 * i, 6 * i), (6, 6)).copy_from(&self::covariance(rng));
             }
             let correlation = if rng.normal() < 0.0 { Correlation::Known } else { Correlation::Unknown };
-            RigPlaces {
+            RigPoses {
                 cam_from_rig: (0..3).map(|_| pose(rng)).collect(),
                 covariance,
                 correlation,
@@ -161,7 +161,7 @@ fn solve_pose_graph_answers_in_numbers() {
                 RelativePose { a: *a, b: *b, b_from_a: off * truth[*b] * truth[*a].inverse(), noise }
             })
             .collect();
-        let config = PoseGraphConfig { anchor: 0, median_sigma: None };
+        let config = PoseGraphConfig { reference_camera: 0, median_sigma: None };
         let Ok(s) = solve_pose_graph(&PoseGraph { n_cameras: 3, pairs: &pairs }, &config) else {
             return false;
         };
@@ -178,18 +178,18 @@ fn solve_pose_graph_answers_in_numbers() {
 fn solve_hand_eye_answers_in_numbers() {
     feed("solve_hand_eye", 8, |rng| {
         let (x, y) = (pose(rng), pose(rng));
-        let views: Vec<HandView> = (0..5)
+        let views: Vec<HandEyeView> = (0..5)
             .map(|_| {
-                let base_from_hand = pose(rng);
+                let base_from_gripper = pose(rng);
                 let off = Pose::exp(&Vector6::from_fn(|_, _| 1e-3 * rng.normal()));
-                let cam_from_target = off * x * base_from_hand.inverse() * y;
+                let cam_from_target = off * x * base_from_gripper.inverse() * y;
                 let candidate =
                     HandCandidate { cam_from_target, covariance: covariance(rng), delta_chi2: 0.0 };
-                let hand_covariance = (rng.index(3) == 0).then(|| covariance(rng));
-                HandView { base_from_hand, hand_covariance, candidates: vec![candidate], seen: &[] }
+                let gripper_covariance = (rng.index(3) == 0).then(|| covariance(rng));
+                HandEyeView { base_from_gripper, gripper_covariance, candidates: vec![candidate], seen: &[] }
             })
             .collect();
-        let config = HandEyeConfig { mount: Mount::CameraOnHand, height: None };
+        let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, height: None };
         let Ok(h) = solve_hand_eye(&views, &config) else { return false };
         assert!(is_whole(&h.cam_from_carrier) && h.chi2.is_finite(), "{h:?}");
         assert!(is_covariance(&h.carrier_covariance) && is_covariance(&h.holder_covariance), "{h:?}");
@@ -234,7 +234,7 @@ fn tracker_answers_in_numbers() {
         let mut answered = false;
         for i in 0..5 {
             let candidate =
-                Candidate { cam_from_target: pose(rng), covariance: covariance(rng), weight: 1.0 };
+                Candidate { cam_from_target: pose(rng), covariance: covariance(rng), probability: 1.0 };
             let Some(t) = tracker.push(f64::from(i), &[candidate]) else { continue };
             answered = true;
             assert!(
@@ -255,7 +255,7 @@ fn monitor_answers_in_numbers() {
             reading: covariance(rng),
             bias: covariance(rng),
             bias_time_s: 60.0,
-            daily: Matrix6::zeros(),
+            diurnal: Matrix6::zeros(),
         };
         let given = [noise.reference, noise.reading, noise.bias];
         let Ok(mut monitor) = Monitor::new(&Reference { a_from_b, noise }, &MonitorConfig::default(), 0.0)

@@ -8,10 +8,10 @@ use resight_core::advise::expect::{View, expect};
 use resight_core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight_core::covariance::is_covariance;
 use resight_core::locate::PoseEstimate;
-use resight_core::multiview::network::{Fact, Survey, SurveyCamera, adjust};
+use resight_core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, adjust};
 use resight_core::robust::{Config, consensus};
 use resight_core::target::KnownPoint;
-use resight_core::temporal::relative_rotation::{Landmark, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{Landmark, RelativeRotationConfig, relative_rotation};
 use resight_core::{Error, Pixel, Point, Pose, Vector6};
 
 fn pixels<const N: usize>(rng: &mut Rng, points: &[Point]) -> [Pixel; N] {
@@ -40,7 +40,9 @@ fn places<const N: usize>(rng: &mut Rng, points: &[Point]) -> [Point; N] {
 
 fn is_sound(answer: &Result<PoseEstimate, Error>) -> bool {
     let Ok(e) = answer else { return true };
-    is_whole(&e.cam_from_target) && (e.chi2 + e.rms_px + e.weight).is_finite() && is_covariance(&e.covariance)
+    is_whole(&e.cam_from_target)
+        && (e.chi2 + e.rms_px + e.probability).is_finite()
+        && is_covariance(&e.covariance)
 }
 
 #[test]
@@ -122,11 +124,11 @@ fn turn_answers_in_numbers() {
                 let now = turned.rotation * in_reference.into_inner();
                 let mut pixel = views::pixel_of(&now) + Pixel::new(rng.normal(), rng.normal()) * 0.2;
                 let mut covariance_px2 = Matrix2::identity() * 0.04;
-                let mut unseen_px = Matrix2::identity() * 0.01;
+                let mut unobserved_px = Matrix2::identity() * 0.01;
                 if rng.index(20) == 0 {
                     spoil(rng, pixel.as_mut_slice());
                     spoil(rng, covariance_px2.as_mut_slice());
-                    spoil(rng, unseen_px.as_mut_slice());
+                    spoil(rng, unobserved_px.as_mut_slice());
                 }
                 let bent_px = Pixel::new(0.01, 0.0);
                 Some(Landmark {
@@ -135,12 +137,13 @@ fn turn_answers_in_numbers() {
                     covariance_px2,
                     neighbourhood: i / 4,
                     bent_px,
-                    unseen_px,
+                    unobserved_px,
                 })
             })
             .collect();
-        let config = TurnConfig { max_samples: 50, ..TurnConfig::with_threshold_px(2.0) };
-        let Ok(t) = turn(&landmarks, &camera, None, &config) else { return false };
+        let config =
+            RelativeRotationConfig { max_samples: 50, ..RelativeRotationConfig::with_threshold_px(2.0) };
+        let Ok(t) = relative_rotation(&landmarks, &camera, None, &config) else { return false };
         assert!(
             t.now_from_reference.sum().is_finite() && is_covariance(&t.covariance),
             "{landmarks:?} {t:?}"
@@ -151,24 +154,24 @@ fn turn_answers_in_numbers() {
 }
 
 /// The numbers of one fact spoilt.
-fn spoil_fact(rng: &mut Rng, fact: &mut Fact) {
-    match fact {
-        Fact::Click { pixel, .. } => spoil(rng, pixel.as_mut_slice()),
-        Fact::Place { x_in_world, sigma_m, .. } => {
+fn spoil_constraint(rng: &mut Rng, constraint: &mut Constraint) {
+    match constraint {
+        Constraint::ImagePoint { pixel, .. } => spoil(rng, pixel.as_mut_slice()),
+        Constraint::Place { x_in_world, sigma_m, .. } => {
             spoil(rng, x_in_world.as_mut_slice());
             spoil(rng, sigma_m.as_mut_slice());
         }
-        Fact::Distance { distance_m, sigma_m, .. } => {
+        Constraint::Distance { distance_m, sigma_m, .. } => {
             *distance_m = number(rng);
             *sigma_m = if rng.index(2) == 0 { number(rng) } else { *sigma_m };
         }
-        Fact::OnPlane { sigma_m, .. } => *sigma_m = number(rng),
-        Fact::Upright { sigma_rad, .. } => *sigma_rad = number(rng),
-        Fact::Gravity { down_in_cam, sigma_rad, .. } => {
+        Constraint::OnPlane { sigma_m, .. } => *sigma_m = number(rng),
+        Constraint::Upright { sigma_rad, .. } => *sigma_rad = number(rng),
+        Constraint::Gravity { down_in_cam, sigma_rad, .. } => {
             spoil(rng, down_in_cam.as_mut_slice());
             *sigma_rad = number(rng);
         }
-        Fact::Pose { cam_from_world, covariance, .. } => {
+        Constraint::Pose { cam_from_world, covariance, .. } => {
             *cam_from_world = pose(rng);
             *covariance = Some(self::covariance(rng));
         }
@@ -186,31 +189,34 @@ fn adjust_answers_in_numbers() {
         .collect();
     feed("adjust", 25, |rng| {
         let scene = &drawn[rng.index(drawn.len())];
-        let mut facts = scene.facts.clone();
+        let mut constraints = scene.constraints.clone();
         for _ in 0..rng.index(3) {
-            let i = rng.index(facts.len());
-            spoil_fact(rng, &mut facts[i]);
+            let i = rng.index(constraints.len());
+            spoil_constraint(rng, &mut constraints[i]);
         }
-        let cameras = [SurveyCamera { camera: &scene.camera, intrinsics_covariance: None }];
-        let survey = Survey {
+        let cameras = [NetworkCamera { camera: &scene.camera, intrinsics_covariance: None }];
+        let network = NetworkProblem {
             cameras: &cameras,
             camera_of_photo: &scene.camera_of_photo,
             n_points: scene.points.len(),
             planes: &scene.planes,
-            facts: &facts,
+            constraints: &constraints,
         };
-        let Ok(adjusted) = adjust(&survey) else { return false };
-        assert!((adjusted.chi2 + adjusted.noise_scale).is_finite(), "{facts:?}");
+        let Ok(adjusted) = adjust(&network) else { return false };
+        assert!((adjusted.chi2 + adjusted.noise_scale).is_finite(), "{constraints:?}");
         for i in 0..scene.points.len() {
             let (place, covariance) = (adjusted.point(i), adjusted.point_covariance_m2(i));
-            assert!(place.is_none_or(|x| x.sum().is_finite()), "{facts:?} point {i}: {place:?}");
+            assert!(place.is_none_or(|x| x.sum().is_finite()), "{constraints:?} point {i}: {place:?}");
             assert!(
                 covariance.is_none_or(|c| c.sum().is_finite() && (0..3).all(|k| 0.0 <= c[(k, k)])),
-                "{facts:?} point {i}: {covariance:?}"
+                "{constraints:?} point {i}: {covariance:?}"
             );
         }
         for i in 0..scene.photos.len() {
-            assert!(adjusted.cam_from_world(i).is_none_or(|p| is_whole(&p)), "{facts:?} photograph {i}");
+            assert!(
+                adjusted.cam_from_world(i).is_none_or(|p| is_whole(&p)),
+                "{constraints:?} photograph {i}"
+            );
         }
         true
     });

@@ -78,7 +78,7 @@ fn explain(layout: &str, s: &Scene, e: &PoseEstimate) {
         e.chi2,
         e.rms_px,
         s.seen[0].sigma_px,
-        e.weight,
+        e.probability,
         error.as_slice(),
         e.geometry.map(|g| (
             g.configuration,

@@ -74,7 +74,7 @@ struct Tally {
     not_finite: usize,
     no_rotation: usize,
     miss_more_than_1e_9: usize,
-    twins: usize,
+    duplicates: usize,
     candidates: usize,
 }
 
@@ -93,7 +93,7 @@ fn tally<const N: usize, const M: usize>(
         tally.missed_1e_3 += usize::from(!(least < 1e-3));
         tally.candidates += found.len();
         for (i, c) in found.iter().enumerate() {
-            tally.twins += usize::from(found[..i].iter().any(|other| error(other, c) < 1e-7));
+            tally.duplicates += usize::from(found[..i].iter().any(|other| error(other, c) < 1e-7));
             let r = &c.cam_from_target.rotation;
             let depth = |x: &Point| (c.cam_from_target * *x).z;
             let size = scene.pixels.iter().map(|u| u.norm()).fold(0.0, f64::max);
@@ -158,7 +158,7 @@ fn p35pf_finds_every_pose_and_all_it_finds_reproject() {
         let tally = tally::<4, 10>(10, PROBLEMS, three_and_a_half, problem);
         all_are_found(&format!("p35pf, {name}"), &tally);
         let misses = seven_coordinates(11, problem);
-        assert_eq!((tally.twins, misses), (0, 0), "p35pf, {name}");
+        assert_eq!((tally.duplicates, misses), (0, 0), "p35pf, {name}");
     };
     check("scattered", &scattered);
     for thickness in [0.5, 0.01, 1e-4, 1e-7, 0.0] {

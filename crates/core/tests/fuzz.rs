@@ -113,8 +113,8 @@ fn numbers(e: &PoseEstimate) -> Vec<f64> {
         }
         Ambiguity::Unique { ratio } => all.extend(ratio),
     }
-    if let Consistency::Inconsistent { chi2_per_dof, worst_px, .. } = e.consistency {
-        all.extend([chi2_per_dof, worst_px]);
+    if let Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_px, .. } = e.consistency {
+        all.extend([chi2_per_degree_of_freedom, worst_px]);
     }
     match e.weakness {
         Some(Weakness::CriticalPlane { separation_sigma, needed_sigma }) => {

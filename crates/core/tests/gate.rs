@@ -76,7 +76,8 @@ fn count(seed: u64, layout: [[f64; 3]; 4], uniform_on_sphere: bool) -> Count {
             }
             Ambiguity::Ambiguous { .. } => {
                 count.ambiguous += 1;
-                let all_wrong = e.minima().filter(|h| h.is_rival).all(|h| wrong(&h.minimum.cam_from_target));
+                let all_wrong =
+                    e.minima().filter(|h| h.is_alternative).all(|h| wrong(&h.minimum.cam_from_target));
                 count.neither_right += usize::from(all_wrong);
             }
         }

@@ -97,7 +97,7 @@ struct Tally {
     missed_1e_6: usize,
     missed_reprojection_1e_9: usize,
     bad_poses: usize,
-    twins: usize,
+    duplicates: usize,
     solutions: usize,
     most: usize,
 }
@@ -114,10 +114,10 @@ impl Tally {
         self.solutions += poses.len();
         self.most = self.most.max(poses.len());
         for (i, pose) in poses.iter().enumerate() {
-            let is_twin = |other: &&Pose| {
+            let is_duplicate = |other: &&Pose| {
                 (other.rotation - pose.rotation).norm() + (other.translation - pose.translation).norm() < 1e-9
             };
-            self.twins += poses[..i].iter().filter(is_twin).count();
+            self.duplicates += poses[..i].iter().filter(is_duplicate).count();
         }
     }
 }
@@ -141,8 +141,8 @@ fn gp3p_tally(seed: u64, problem: impl Fn(&mut Rng) -> Scene<3>) -> Tally {
 }
 
 fn nothing_wrong(tally: &Tally) {
-    let Tally { missed_1e_6, missed_reprojection_1e_9, bad_poses, twins, .. } = *tally;
-    assert_eq!((missed_1e_6, missed_reprojection_1e_9, bad_poses, twins), (0, 0, 0, 0), "{tally:?}");
+    let Tally { missed_1e_6, missed_reprojection_1e_9, bad_poses, duplicates, .. } = *tally;
+    assert_eq!((missed_1e_6, missed_reprojection_1e_9, bad_poses, duplicates), (0, 0, 0, 0), "{tally:?}");
     assert!(tally.most <= 8);
 }
 
@@ -181,7 +181,7 @@ fn gp3p_loses_nothing_when_the_triple_is_nearly_straight() {
         let rig_from_target = Pose::new(rng.rotation(), rng.unit_vector() * rng.uniform(5.0, 20.0));
         Scene::new([(); 3].map(|()| in_box(rng, 0.5)), places, rig_from_target)
     });
-    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins), (0, 0, 0), "{tally:?}");
+    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates), (0, 0, 0), "{tally:?}");
     assert!(tally.missed_1e_6 <= PROBLEMS / 10_000, "{tally:?}");
 }
 
@@ -242,7 +242,7 @@ fn gp3p_survives_views_along_the_axes() {
         tally.add(&scene, &gp3p(&scene.rays, &places));
     }
     println!("{tally:?}");
-    assert_eq!((tally.bad_poses, tally.twins), (0, 0), "{tally:?}");
+    assert_eq!((tally.bad_poses, tally.duplicates), (0, 0), "{tally:?}");
     assert!(tally.missed_1e_6 <= determined / 10_000, "{tally:?}");
 }
 

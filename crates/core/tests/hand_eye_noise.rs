@@ -1,4 +1,4 @@
-//! Hand–eye with a robot whose noise nobody states: estimated from the views, honest, and told from faults.
+//! Hand–eye with a robot whose noise nobody states: estimated from the views, honest, and distinguished from faults.
 
 use crate::common::Rng;
 use crate::common::hands::{
@@ -7,10 +7,12 @@ use crate::common::hands::{
 use crate::common::sessions::{Robot, Session, camera, solved};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::camera::BrownConrady;
-use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeCause, HandView, Mount, solve_hand_eye};
+use resight_core::multiview::hand_eye::{
+    Candidate, HandEye, HandEyeCause, HandEyeView, Mounting, solve_hand_eye,
+};
 use resight_core::{Camera, CameraMatrix, Lens, Pose};
 
-const MOUNTS: [Mount; 2] = [Mount::CameraOnHand, Mount::TargetOnHand];
+const MOUNTS: [Mounting; 2] = [Mounting::CameraOnGripper, Mounting::TargetOnGripper];
 /// A robot of 0.2° and 1 mm.
 const COARSE: (f64, f64) = (3.5e-3, 1e-3);
 
@@ -19,27 +21,27 @@ fn isotropic(rad: f64, m: f64) -> Matrix6<f64> {
 }
 
 /// Poses that a board of 56 corners gives, and a robot's.
-fn noisy(rng: &mut Rng, world: &World, robot: Robot) -> Vec<HandView<'static>> {
+fn noisy(rng: &mut Rng, world: &World, robot: Robot) -> Vec<HandEyeView<'static>> {
     let covariance = isotropic(4e-4, 2e-4);
     let view = |i: usize| {
         let by = Vector6::from_fn(|row, _| covariance[(row, row)].sqrt() * rng.normal());
         let cam_from_target = Pose::exp(&by) * world.cam_from_target(i);
-        HandView {
-            base_from_hand: robot.reported(rng, &world.base_from_hand[i]),
-            hand_covariance: None,
+        HandEyeView {
+            base_from_gripper: robot.reported(rng, &world.base_from_gripper[i]),
+            gripper_covariance: None,
             candidates: vec![Candidate { cam_from_target, covariance, delta_chi2: 0.0 }],
             seen: &[],
         }
     };
-    (0..world.base_from_hand.len()).map(view).collect()
+    (0..world.base_from_gripper.len()).map(view).collect()
 }
 
 /// What such a robot's noise is as a left motion of its pose.
-fn left_covariance(robot: Robot, base_from_hand: &Pose) -> Matrix6<f64> {
+fn left_covariance(robot: Robot, base_from_gripper: &Pose) -> Matrix6<f64> {
     let (Robot::AtHand(rad, m) | Robot::AtBase(rad, m)) = robot;
     let mut about = Matrix6::identity();
     if matches!(robot, Robot::AtHand(..)) {
-        about.fixed_view_mut::<3, 3>(3, 0).copy_from(&base_from_hand.translation.cross_matrix());
+        about.fixed_view_mut::<3, 3>(3, 0).copy_from(&base_from_gripper.translation.cross_matrix());
     }
     about * isotropic(rad, m) * about.transpose()
 }
@@ -51,17 +53,17 @@ fn the_covariance_is_honest_whatever_the_robot() {
     let (rad, m) = COARSE;
     let robots =
         [Robot::AtHand(rad, m), Robot::AtBase(rad, m), Robot::AtHand(rad, 0.0), Robot::AtHand(0.0, 0.0)];
-    for (k, mount) in MOUNTS.into_iter().enumerate() {
+    for (k, mounting) in MOUNTS.into_iter().enumerate() {
         for (j, robot) in robots.into_iter().enumerate() {
             let Counted { nees, rejected, wrong, sigmas } =
-                counted(900 + 10 * k as u64 + j as u64, mount, robot, 45, runs(NEES_RUNS));
+                counted(900 + 10 * k as u64 + j as u64, mounting, robot, 45, runs(NEES_RUNS));
             println!(
-                "{mount:?} {robot:?}: NEES {nees:.3?}, sigmas {sigmas:.6?}, rejected {rejected}, inconsistent {wrong}"
+                "{mounting:?} {robot:?}: NEES {nees:.3?}, sigmas {sigmas:.6?}, rejected {rejected}, inconsistent {wrong}"
             );
             // Of a noise that is not there chance leaves some in half of the sessions, where another kind is: the covariance is 5 % too large.
             let least = if matches!(robot, Robot::AtHand(rad, 0.0) if 0.0 < rad) { 5.4 } else { 5.7 };
-            assert!(nees.iter().all(|x| (least..6.3).contains(x)), "{mount:?} {robot:?}: {nees:?}");
-            assert!(wrong == 0 && rejected < 3, "{mount:?} {robot:?}: {wrong} {rejected}");
+            assert!(nees.iter().all(|x| (least..6.3).contains(x)), "{mounting:?} {robot:?}: {nees:?}");
+            assert!(wrong == 0 && rejected < 3, "{mounting:?} {robot:?}: {wrong} {rejected}");
         }
     }
 }
@@ -83,16 +85,16 @@ struct Counted {
     sigmas: [f64; 2],
 }
 
-fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counted {
+fn counted(seed: u64, mounting: Mounting, robot: Robot, n: usize, runs: u32) -> Counted {
     let mut rng = Rng::new(seed);
     let mut sum = Counted { nees: [6.0; 2], ..Counted::default() };
     for _ in 0..runs {
-        let world = World::cell(&mut rng, mount, n);
+        let world = World::cell(&mut rng, mounting, n);
         let views = noisy(&mut rng, &world, robot);
         let stated: Vec<Stated> = (0..n)
             .map(|i| Stated {
                 seen: views[i].candidates[0].covariance,
-                hand: Some(left_covariance(robot, &world.base_from_hand[i])),
+                hand: Some(left_covariance(robot, &world.base_from_gripper[i])),
             })
             .collect();
         let lines = linearised(&world, &stated);
@@ -106,7 +108,7 @@ fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counte
         }
         sum.rejected += n - found.n_used;
         sum.wrong += usize::from(found.is_inconsistent);
-        let noise = found.hand_noise.unwrap();
+        let noise = found.gripper_noise.unwrap();
         sum.sigmas[0] += noise.sigma_rad / f64::from(runs);
         sum.sigmas[1] += noise.sigma_m / f64::from(runs);
     }
@@ -119,20 +121,20 @@ fn counted(seed: u64, mount: Mount, robot: Robot, n: usize, runs: u32) -> Counte
 #[test]
 fn few_views_are_nearly_honest() {
     let (rad, m) = COARSE;
-    for (mount, robot, n) in [
-        (Mount::CameraOnHand, Robot::AtHand(rad, m), 12),
-        (Mount::CameraOnHand, Robot::AtBase(rad, m), 12),
-        (Mount::TargetOnHand, Robot::AtHand(rad, m), 12),
-        (Mount::CameraOnHand, Robot::AtHand(2.4e-4, 1.2e-4), 8),
-        (Mount::CameraOnHand, Robot::AtHand(4e-4, 2e-4), 8),
+    for (mounting, robot, n) in [
+        (Mounting::CameraOnGripper, Robot::AtHand(rad, m), 12),
+        (Mounting::CameraOnGripper, Robot::AtBase(rad, m), 12),
+        (Mounting::TargetOnGripper, Robot::AtHand(rad, m), 12),
+        (Mounting::CameraOnGripper, Robot::AtHand(2.4e-4, 1.2e-4), 8),
+        (Mounting::CameraOnGripper, Robot::AtHand(4e-4, 2e-4), 8),
     ] {
-        let Counted { nees, sigmas, .. } = counted(930, mount, robot, n, runs(60));
-        println!("{mount:?} {robot:?} {n} views: NEES {nees:.2?}, sigmas {sigmas:.6?}");
-        assert!(nees.iter().all(|x| (5.5..6.9).contains(x)), "{mount:?} {robot:?} {n}: {nees:?}");
+        let Counted { nees, sigmas, .. } = counted(930, mounting, robot, n, runs(60));
+        println!("{mounting:?} {robot:?} {n} views: NEES {nees:.2?}, sigmas {sigmas:.6?}");
+        assert!(nees.iter().all(|x| (5.5..6.9).contains(x)), "{mounting:?} {robot:?} {n}: {nees:?}");
     }
 }
 
-/// Twenty sessions of 40 to 55 views with a robot of 0.2° and 1 mm that nobody states: the camera's position on the hand scatters by what the
+/// Twenty sessions of 40 to 55 views with a robot of 0.2° and 1 mm that nobody states: the camera's position on the gripper scatters by what the
 /// covariance says, at most by 2.5 mm.
 #[test]
 fn sessions_of_a_coarse_robot_agree() {
@@ -141,7 +143,7 @@ fn sessions_of_a_coarse_robot_agree() {
         let (mut sum, mut nees, mut px) = (0.0, 0.0, 0.0);
         for run in 0..20 {
             let n = 40 + (run * 15) / 19;
-            let session = Session::new(&mut rng, Mount::CameraOnHand, n, robot, &camera(), 0.1, 0.0);
+            let session = Session::new(&mut rng, Mounting::CameraOnGripper, n, robot, &camera(), 0.1, 0.0);
             let found = session.solved();
             assert!(!found.is_inconsistent, "{robot:?} {run}: {:?}", found.causes);
             let off = found.cam_from_carrier.origin() - session.world.cam_from_carrier.origin();
@@ -189,14 +191,18 @@ fn shuffle<T>(rng: &mut Rng, rows: &mut [T]) {
     (1..rows.len()).rev().for_each(|i| rows.swap(i, rng.index(i)));
 }
 
-/// Wrong files, sizes and hand poses, by name, and what comes out.
+/// Wrong files, sizes and gripper poses, by name, and what comes out.
 fn with_faults(session: &Session) -> Vec<(&'static str, Result<HandEye, resight_core::Error>)> {
-    let mount = session.world.mount;
-    let other = if mount == Mount::CameraOnHand { Mount::TargetOnHand } else { Mount::CameraOnHand };
+    let mounting = session.world.mounting;
+    let other = if mounting == Mounting::CameraOnGripper {
+        Mounting::TargetOnGripper
+    } else {
+        Mounting::CameraOnGripper
+    };
     let (right, hands) = (distorted(), &session.reported);
     let with_camera =
-        |camera: &Camera, size: f64| solved(hands, &session.believed(camera, size), camera, mount);
-    let with_hands = |hands: &[Pose], mount: Mount| solved(hands, &session.seen, &right, mount);
+        |camera: &Camera, size: f64| solved(hands, &session.believed(camera, size), camera, mounting);
+    let with_hands = |hands: &[Pose], mounting: Mounting| solved(hands, &session.seen, &right, mounting);
     let inverted: Vec<Pose> = hands.iter().map(Pose::inverse).collect();
     let mut rotated = hands.clone();
     rotated.rotate_left(1);
@@ -221,12 +227,12 @@ fn with_faults(session: &Session) -> Vec<(&'static str, Result<HandEye, resight_
         ("target 2.4 % small", with_camera(&right, 1.0 / 1.024)),
         ("target 10 % large", with_camera(&right, 1.1)),
         ("target in mm", with_camera(&right, 1e3)),
-        ("hand in mm", with_hands(&millimetres, mount)),
-        ("inverted", with_hands(&inverted, mount)),
-        ("mount", with_hands(hands, other)),
-        ("rows out of step", with_hands(&rotated, mount)),
-        ("shuffled", with_hands(&shuffled, mount)),
-        ("quaternion", with_hands(&reordered, mount)),
+        ("hand in mm", with_hands(&millimetres, mounting)),
+        ("inverted", with_hands(&inverted, mounting)),
+        ("mounting", with_hands(hands, other)),
+        ("rows out of step", with_hands(&rotated, mounting)),
+        ("shuffled", with_hands(&shuffled, mounting)),
+        ("quaternion", with_hands(&reordered, mounting)),
     ]
 }
 
@@ -240,7 +246,7 @@ fn is_named(fault: &str, cause: &HandEyeCause) -> bool {
         ("target 10 % large", HandEyeCause::Size { ratio, .. }) => (ratio * 1.1 - 1.0).abs() < 0.01,
         ("target in mm", HandEyeCause::Size { ratio, .. }) => (ratio * 1e3 - 1.0).abs() < 0.02,
         ("hand in mm", HandEyeCause::Size { ratio, .. }) => (ratio * 1e-3 - 1.0).abs() < 0.02,
-        ("inverted" | "mount", cause) => *cause == HandEyeCause::InvertedHand,
+        ("inverted" | "mounting", cause) => *cause == HandEyeCause::InvertedGripper,
         ("rows out of step", cause) => matches!(cause, HandEyeCause::ShiftedRows(-1)),
         ("quaternion", cause) => *cause == HandEyeCause::QuaternionOrder,
         ("shuffled", _) => true,
@@ -253,8 +259,8 @@ fn is_named(fault: &str, cause: &HandEyeCause) -> bool {
 fn no_fault_is_called_right_and_each_is_named() {
     let mut rng = Rng::new(960);
     let robots = [Robot::AtHand(COARSE.0, COARSE.1), Robot::AtHand(2e-4, 5e-5), Robot::AtBase(1e-3, 3e-4)];
-    for (run, mount) in (0..3).map(|run| (run, MOUNTS[run % 2])) {
-        let session = Session::new(&mut rng, mount, 24, robots[run % 3], &distorted(), 0.1, 0.0);
+    for (run, mounting) in (0..3).map(|run| (run, MOUNTS[run % 2])) {
+        let session = Session::new(&mut rng, mounting, 24, robots[run % 3], &distorted(), 0.1, 0.0);
         for (fault, found) in with_faults(&session) {
             let causes = found.as_ref().map(|found| found.causes.clone());
             let text = match &causes {
@@ -266,7 +272,7 @@ fn no_fault_is_called_right_and_each_is_named() {
                 Ok(causes) => causes.first().is_some_and(|cause| is_named(fault, cause)),
                 Err(error) => {
                     let words = match fault {
-                        "inverted" | "mount" => "inverted",
+                        "inverted" | "mounting" => "inverted",
                         "quaternion" => "quaternion",
                         "rows out of step" => "neighbour",
                         "hand in mm" | "target in mm" => "unit",
@@ -275,7 +281,7 @@ fn no_fault_is_called_right_and_each_is_named() {
                     error.to_string().contains(words)
                 }
             };
-            assert!(good, "{run} {mount:?} {fault}: {text}");
+            assert!(good, "{run} {mounting:?} {fault}: {text}");
         }
     }
 }
@@ -289,13 +295,13 @@ fn shuffled_hands_are_never_called_right() {
         let n_shuffled = [n, 3 * n / 4, n.div_ceil(2), n.div_ceil(3)][run % 4].max(3);
         let world = World::cell(&mut rng, MOUNTS[run / 4 % 2], n);
         let mut views = noisy(&mut rng, &world, robots[run % 3]);
-        let mut hands: Vec<Pose> = views[..n_shuffled].iter().map(|view| view.base_from_hand).collect();
+        let mut hands: Vec<Pose> = views[..n_shuffled].iter().map(|view| view.base_from_gripper).collect();
         shuffle(&mut rng, &mut hands);
         for (view, hand) in views.iter_mut().zip(hands) {
-            view.base_from_hand = hand;
+            view.base_from_gripper = hand;
         }
         if let Ok(found) = solve_hand_eye(&views, &world.config()) {
-            let (n_used, noise) = (found.n_used, found.hand_noise);
+            let (n_used, noise) = (found.n_used, found.gripper_noise);
             assert!(
                 !found.causes.is_empty(),
                 "{run}: {n_shuffled} of {n} shuffled, used {n_used}, {noise:?}"
@@ -304,7 +310,7 @@ fn shuffled_hands_are_never_called_right() {
     }
 }
 
-/// Seven views of which four have the hand pose of their neighbour: rows in disorder, not out of step, and no such cause is named.
+/// Seven views of which four have the gripper pose of their neighbour: rows in disorder, not out of step, and no such cause is named.
 #[test]
 fn rows_in_disorder_are_not_called_out_of_step() {
     let mut rng = Rng::new(966);
@@ -315,9 +321,9 @@ fn rows_in_disorder_are_not_called_out_of_step() {
     {
         let world = World::cell(&mut rng, MOUNTS[run % 2], 7);
         let mut views = noisy(&mut rng, &world, Robot::AtHand(2e-4, 5e-5));
-        let hands = order.map(|i: usize| views[i].base_from_hand);
+        let hands = order.map(|i: usize| views[i].base_from_gripper);
         for (view, hand) in views.iter_mut().zip(hands) {
-            view.base_from_hand = hand;
+            view.base_from_gripper = hand;
         }
         let said = match solve_hand_eye(&views, &world.config()) {
             Ok(found) => found.causes.first().map(HandEyeCause::to_string).unwrap(),
@@ -358,7 +364,7 @@ fn halves_of_a_session_agree() {
             let pick = |i: &usize| i % 2 == at;
             let reported: Vec<Pose> = (0..44).filter(pick).map(|i| session.reported[i]).collect();
             let seen: Vec<_> = (0..44).filter(pick).map(|i| session.seen[i].clone()).collect();
-            solved(&reported, &seen, &session.camera, session.world.mount).unwrap()
+            solved(&reported, &seen, &session.camera, session.world.mounting).unwrap()
         };
         let (a, b) = (half(0), half(1));
         let off = (a.cam_from_carrier * b.cam_from_carrier.inverse()).log();
@@ -377,12 +383,12 @@ fn a_stated_noise_is_tested() {
         let mut views = noisy(&mut rng, &world, Robot::AtBase(1e-3, 1e-3));
         let mut stated = |sigma: f64| {
             for view in &mut views {
-                view.hand_covariance = Some(isotropic(sigma, sigma));
+                view.gripper_covariance = Some(isotropic(sigma, sigma));
             }
             solve_hand_eye(&views, &world.config()).unwrap()
         };
         let (right, small, exact) = (stated(1e-3), stated(1e-4), stated(0.0));
-        assert!(!right.is_inconsistent && right.hand_noise.is_none(), "{run}: {:?}", right.causes);
+        assert!(!right.is_inconsistent && right.gripper_noise.is_none(), "{run}: {:?}", right.causes);
         for wrong in [small, exact] {
             let is_named =
                 |cause: &HandEyeCause| matches!(cause, HandEyeCause::StatedNoise { ratio } if 1.5 < *ratio);
@@ -391,7 +397,7 @@ fn a_stated_noise_is_tested() {
     }
 }
 
-/// With forty views of which six have flipped poses and four a hand pose of another view, these ten and next to no other are left out.
+/// With forty views of which six have flipped poses and four a gripper pose of another view, these ten and next to no other are left out.
 #[test]
 fn wrong_views_are_found_with_the_noise_open() {
     let mut rng = Rng::new(995);
@@ -405,7 +411,7 @@ fn wrong_views_are_found_with_the_noise_open() {
             view.candidates[0].cam_from_target = view.candidates[0].cam_from_target * flip;
         }
         for i in 6..10 {
-            views[i].base_from_hand = views[i + 10].base_from_hand;
+            views[i].base_from_gripper = views[i + 10].base_from_gripper;
         }
         let found = solve_hand_eye(&views, &world.config()).unwrap();
         let is_left_out = |i: usize| found.views[i].rejected.is_some();
@@ -413,7 +419,7 @@ fn wrong_views_are_found_with_the_noise_open() {
         lost += (10..40).filter(|i| is_left_out(*i)).count();
         let error = world.motion_error(&found);
         assert!(squared(&part(&error, 0), &found.carrier_covariance) < 35.0, "run {run}");
-        let noise = found.hand_noise.unwrap();
+        let noise = found.gripper_noise.unwrap();
         assert!(noise.sigma_rad < 1.5 * COARSE.0 && noise.sigma_m < 2.0 * COARSE.1, "{noise:?}");
     }
     assert!(lost <= 3, "{lost}");

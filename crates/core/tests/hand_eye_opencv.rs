@@ -3,7 +3,7 @@
 use crate::common::hands::squared;
 use nalgebra::{Matrix6, Vector3, Vector6};
 use resight_core::Pose;
-use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, solve_hand_eye};
+use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
 
 /// A row of the table: what, of which problem, 3×4.
 fn table_rows() -> Vec<(&'static str, usize, Pose)> {
@@ -40,9 +40,9 @@ fn no_method_of_opencv_is_better() {
         Matrix6::from_diagonal(&Vector6::new(rad, rad, rad, m, m, m).map(|sigma| sigma * sigma))
     };
     let solve = |number: usize| {
-        let view = |(base_from_hand, cam_from_target): (Pose, Pose)| HandView {
-            base_from_hand,
-            hand_covariance: Some(isotropic(5e-4, 5e-4)),
+        let view = |(base_from_gripper, cam_from_target): (Pose, Pose)| HandEyeView {
+            base_from_gripper,
+            gripper_covariance: Some(isotropic(5e-4, 5e-4)),
             candidates: vec![Candidate {
                 cam_from_target,
                 covariance: isotropic(2e-3, 1.5e-3),
@@ -50,7 +50,8 @@ fn no_method_of_opencv_is_better() {
             }],
             seen: &[],
         };
-        let views: Vec<HandView> = of("hand", number).into_iter().zip(of("seen", number)).map(view).collect();
+        let views: Vec<HandEyeView> =
+            of("hand", number).into_iter().zip(of("seen", number)).map(view).collect();
         solve_hand_eye(&views, &HandEyeConfig::default()).unwrap()
     };
     let truth = all("truth_x");

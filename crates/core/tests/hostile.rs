@@ -31,7 +31,7 @@ fn misplaced(pose: &Pose, truth: &Pose, points: &[Point]) -> f64 {
 
 /// Every pose of an answer that fits, each with its covariance; three points fit several alike.
 fn poses(e: &PoseEstimate) -> Vec<(Pose, Matrix6)> {
-    let fitting = e.minima().filter(|h| h.is_rival);
+    let fitting = e.minima().filter(|h| h.is_alternative);
     fitting.map(|h| (h.minimum.cam_from_target, h.minimum.covariance)).collect()
 }
 

@@ -3,7 +3,7 @@
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate::known_rotation::{Known, KnownRotation, Placed, place};
+use resight_core::locate::known_rotation::{Known, KnownRotation, PositionEstimate, position_with_rotation};
 use resight_core::{Correspondence, Error, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.5;
@@ -41,7 +41,7 @@ fn distance(pose: &Pose, point: usize, x: &Point, error_m: f64, sigma_m: f64) ->
     Known::Distance { point, distance_m: (pose * x).norm() + error_m, sigma_m }
 }
 
-fn error(truth: &Pose, found: &Placed) -> Vector6 {
+fn error(truth: &Pose, found: &PositionEstimate) -> Vector6 {
     (*truth * found.cam_from_target.inverse()).log()
 }
 
@@ -70,7 +70,7 @@ fn exact_data_give_the_exact_place() {
             (&seen[6..7], &lines[..1], &[]),
         ];
         for (i, (points, lines, known)) in cases.into_iter().enumerate() {
-            match place(&exactly(&pose), points, lines, &views::camera(), known) {
+            match position_with_rotation(&exactly(&pose), points, lines, &views::camera(), known) {
                 // A plane or a line seen edge on: about one view in fifty of a case.
                 Err(Error::DegenerateView { metric, needed, .. }) if metric < needed => refused += 1,
                 Err(other) => panic!("case {i}: {other}"),
@@ -135,7 +135,9 @@ fn covariance_is_true(name: &str, seed: u64, scene: fn(&mut Rng, &Pose) -> Noisy
         let turn = Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
         let covariance = Matrix3::identity() * rotation_sigma_rad.powi(2);
         let rotation = KnownRotation { cam_from_target: turn * pose.rotation, covariance };
-        let Ok(found) = place(&rotation, &seen, &lines, &views::camera(), &known) else { continue };
+        let Ok(found) = position_with_rotation(&rotation, &seen, &lines, &views::camera(), &known) else {
+            continue;
+        };
         let e = error(&pose, &found);
         let squared = if exact {
             let (v, s) =
@@ -184,8 +186,9 @@ fn covariance_is_true_with_an_uncertain_rotation() {
 fn covariance_matches_central_differences() {
     let pose = views::oblique();
     let seen = views::seen_from(&pose, &views::general()[..3], SIGMA_PX);
-    let solve =
-        |seen: &[Correspondence]| place(&exactly(&pose), seen, &[], &views::camera(), &[]).expect("a place");
+    let solve = |seen: &[Correspondence]| {
+        position_with_rotation(&exactly(&pose), seen, &[], &views::camera(), &[]).expect("a place")
+    };
     let (found, h) = (solve(&seen), 1e-4);
     let mut by_difference = Matrix6::zeros();
     for (i, axis) in (0..seen.len()).flat_map(|i| [(i, Vector2::x()), (i, Vector2::y())]) {
@@ -201,16 +204,17 @@ fn covariance_matches_central_differences() {
     assert!(off < 1e-6, "{off:e}");
 }
 
-/// An earlier pose, the head turned since by a known angle: the centre stays, and the point sharpens it.
+/// An earlier pose, the head rotated since by a known angle: the centre stays, and the point sharpens it.
 #[test]
 fn an_earlier_pose_goes_through_a_turn_of_the_head() {
     let earlier = views::oblique();
     let turn = Pose::exp(&Vector6::new(0.05, -0.1, 0.2, 0.0, 0.0, 0.0));
     let now = turn * earlier;
     let covariance = Matrix6::from_diagonal(&Vector6::new(1e-6, 1e-6, 1e-6, 4e-4, 1e-4, 9e-4));
-    let known = Known::place_of(&earlier, &covariance);
+    let known = Known::position_of(&earlier, &covariance);
     let seen = views::seen_from(&now, &views::general()[..1], SIGMA_PX);
-    let found = place(&exactly(&now), &seen, &[], &views::camera(), &[known]).expect("a place");
+    let found =
+        position_with_rotation(&exactly(&now), &seen, &[], &views::camera(), &[known]).expect("a place");
     assert!(error(&now, &found).norm() < 1e-11);
     assert_eq!(found.degrees_of_freedom, 2);
     let turned = turn.adjoint() * covariance * turn.adjoint().transpose();
@@ -229,7 +233,7 @@ fn what_leaves_the_place_open_is_refused_by_name() {
     let pose = views::oblique();
     let seen = views::seen_from(&pose, &views::general(), SIGMA_PX);
     let solve = |seen: &[Correspondence], known: &[Known]| {
-        place(&exactly(&pose), seen, &[], &views::camera(), known).map(|_| ())
+        position_with_rotation(&exactly(&pose), seen, &[], &views::camera(), known).map(|_| ())
     };
     assert_eq!(solve(&[], &[]), Err(Error::TooFewPoints { seen: 0, needed: 2 }));
     assert_eq!(solve(&seen[..1], &[]), Err(Error::TooFewPoints { seen: 1, needed: 2 }));

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
 use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::consistency::is_unlikely;
-use resight_core::locate::known_rotation::{KnownRotation, place};
+use resight_core::locate::known_rotation::{KnownRotation, position_with_rotation};
 use resight_core::locate::lines::{LinesEstimate, locate_lines, refine_lines};
 use resight_core::locate::problem::Problem;
 use resight_core::solve::line_rotation::line_rotation;
@@ -267,9 +267,9 @@ fn error(truth: &Pose, found: &Pose) -> Vector6 {
     (*truth * found.inverse()).log()
 }
 
-/// The pose among those the answer names, first or rival, that is nearest to the truth, and whether it stands alone.
+/// The pose among those the answer names, first or second solution, that is nearest to the truth, and whether it stands alone.
 ///
-/// Three lines alone, and a lane with its stop line, have more poses than one: turned by half a turn about the stop line the lane
+/// Three lines alone, and a lane with its stop line, have more poses than one: rotated by half a turn about the stop line the lane
 /// looks the same, from below. `above` tells these two apart where it must.
 fn answers(found: &LinesEstimate) -> Vec<(Pose, Matrix6)> {
     let mut all = vec![(found.cam_from_target, found.covariance)];
@@ -325,7 +325,7 @@ fn three_lines_in_space_give_the_true_pose_among_others() {
             line_rotation(&three.map(|l| l.seen.normal()), &three.map(|l| l.direction_in_target))
         {
             let rotation = KnownRotation { cam_from_target, covariance: Matrix3::zeros() };
-            match place(&rotation, &[], &lines, &views::camera(), &[]) {
+            match position_with_rotation(&rotation, &[], &lines, &views::camera(), &[]) {
                 Ok(placed) => least = least.min(error(&pose, &placed.cam_from_target).norm()),
                 Err(_) => refused += usize::from((cam_from_target - pose.rotation).norm() < 1e-6),
             }
@@ -342,7 +342,7 @@ fn three_lines_in_space_give_the_true_pose_among_others() {
 /// near the truth.
 fn efficient_and_consistent(name: &str, seed: u64, scene: Scene) {
     let mut rng = Rng::new(seed);
-    let (mut rotation, mut place, mut nees, mut covered, mut chi2, mut taken, mut flips) =
+    let (mut rotation, mut position_with_rotation, mut nees, mut covered, mut chi2, mut taken, mut flips) =
         (0.0, 0.0, 0.0, 0, 0.0, 0, 0);
     for _ in 0..6000 {
         let pose = (scene.1)(&mut rng);
@@ -361,7 +361,8 @@ fn efficient_and_consistent(name: &str, seed: u64, scene: Scene) {
             .expect("the bound")
             .covariance;
         rotation += e.fixed_rows::<3>(0).norm_squared() / bound.fixed_view::<3, 3>(0, 0).trace();
-        place += e.fixed_rows::<3>(3).norm_squared() / bound.fixed_view::<3, 3>(3, 3).trace();
+        position_with_rotation +=
+            e.fixed_rows::<3>(3).norm_squared() / bound.fixed_view::<3, 3>(3, 3).trace();
         let squared = e.dot(&(covariance.try_inverse().expect("positive definite") * e));
         nees += squared / 6.0;
         covered += usize::from(squared < 12.592); // χ²₆ at 95 %
@@ -369,13 +370,13 @@ fn efficient_and_consistent(name: &str, seed: u64, scene: Scene) {
         taken += 1;
     }
     let per = |x: f64| x / taken as f64;
-    let (rotation, place, nees, coverage, chi2) =
-        (per(rotation), per(place), per(nees), per(covered as f64), per(chi2));
+    let (rotation, position_with_rotation, nees, coverage, chi2) =
+        (per(rotation), per(position_with_rotation), per(nees), per(covered as f64), per(chi2));
     println!(
-        "{name}: {taken} answers, {flips} flips; variance/bound {rotation:.3} {place:.3}, NEES/6 {nees:.3}, 95 % covers {coverage:.4}, χ²/dof {chi2:.3}"
+        "{name}: {taken} answers, {flips} flips; variance/bound {rotation:.3} {position_with_rotation:.3}, NEES/6 {nees:.3}, 95 % covers {coverage:.4}, χ²/dof {chi2:.3}"
     );
     assert!(3000 < taken && flips <= taken / 500, "{name}: {taken} {flips}");
-    assert!(rotation < 1.06 && place < 1.06, "{name}: {rotation} {place}");
+    assert!(rotation < 1.06 && position_with_rotation < 1.06, "{name}: {rotation} {position_with_rotation}");
     assert!((0.95..1.06).contains(&nees) && (0.94..0.96).contains(&coverage), "{name}: {nees} {coverage}");
 }
 

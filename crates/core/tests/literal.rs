@@ -1,4 +1,4 @@
-//! What noise does to the seed paper's printed procedure, beside the maximum-likelihood pose from the same four pixels.
+//! What noise does to the paper of Wang (2004)'s printed procedure, beside the maximum-likelihood pose from the same four pixels.
 //! The table of docs/math/wang2004.md is what this prints.
 
 use crate::common::Rng;

@@ -79,6 +79,7 @@ mod survey_coverage;
 mod survey_verdicts;
 mod tag_map;
 mod tidy;
+mod words;
 mod track;
 mod triangulate;
 mod turn;

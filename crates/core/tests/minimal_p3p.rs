@@ -46,7 +46,7 @@ impl Scene {
             let (range, b) = (x.norm(), self.bearings[i].into_inner());
             let side = b.cross(&Vector3::ith(b.iamin(), 1.0)).normalize();
             for (row, axis) in [side, b.cross(&side)].into_iter().enumerate() {
-                // d(axis · x / |x|) by a turn about the target's origin and by a shift of one distance.
+                // d(axis · x / |x|) by a rotation about the target's origin and by a shift of one distance.
                 let turn = (x - self.cam_from_target.translation).cross(&axis) / range;
                 let shift = axis * (distance / range);
                 for k in 0..3 {
@@ -143,7 +143,7 @@ struct Tally {
     none_reprojects: usize,
     /// Poses that do not reproject to 1e-8 (NaN and behind the camera included) or are no rotations.
     bad: usize,
-    twins: usize,
+    duplicates: usize,
     solutions: usize,
 }
 
@@ -162,7 +162,8 @@ fn tally(seed: u64, problem: fn(&mut Rng) -> Scene) -> Tally {
             let miss = scene.reprojection(pose);
             reprojects |= miss < 1e-9;
             tally.bad += usize::from(!(miss < 1e-8 && is_rotation(&pose.rotation)));
-            tally.twins += poses[..i].iter().filter(|o| (o.rotation - pose.rotation).norm() < 1e-9).count();
+            tally.duplicates +=
+                poses[..i].iter().filter(|o| (o.rotation - pose.rotation).norm() < 1e-9).count();
         }
         tally.none_reprojects += usize::from(!reprojects);
         let error = poses.iter().map(|pose| scene.error(pose)).fold(f64::INFINITY, f64::min);
@@ -174,7 +175,7 @@ fn tally(seed: u64, problem: fn(&mut Rng) -> Scene) -> Tally {
         tally.solutions += poses.len();
     }
     println!("{tally:?}");
-    assert_eq!((tally.bad, tally.twins), (0, 0), "{tally:?}");
+    assert_eq!((tally.bad, tally.duplicates), (0, 0), "{tally:?}");
     tally
 }
 

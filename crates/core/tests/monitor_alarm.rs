@@ -1,25 +1,25 @@
-//! What is made of an alarm: errors that last are no motion, ramps have a rate, steps an axis, and a camera that is back is steady.
+//! What is made of an alarm: correlated errors are no motion, ramps have a rate, steps an axis, and a camera that is back is steady.
 //!
-//! A tag of 100 mm a good metre away, five hundredths of a degree known badly and a thousandth known well: its turns and shifts look alike.
+//! A tag of 100 mm a good metre away, five hundredths of a degree known badly and a thousandth known well: its rotations and translations look alike.
 //! References are learned from fifty readings, one a second, as by a session, and nothing is stated beforehand.
 
 use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
 use resight_core::Pose;
 use resight_core::temporal::monitor::learn::{LearnConfig, learn, unsettled};
-use resight_core::temporal::monitor::{Alone, Course, Drift, Monitor, MonitorConfig, Reading, Watch};
+use resight_core::temporal::monitor::{Alone, Drift, Monitor, MonitorConfig, MotionKind, Reading, Watch};
 
 const HOUR_S: f64 = 3600.0;
 
 /// Errors of a share of the variance that last, and of a size beside what readings state.
 #[derive(Clone, Copy)]
 struct Errors {
-    lasting: f64,
+    correlated: f64,
     time_s: f64,
     scale: f64,
 }
 
-const WHITE: Errors = Errors { lasting: 0.0, time_s: 1.0, scale: 1.0 };
+const WHITE: Errors = Errors { correlated: 0.0, time_s: 1.0, scale: 1.0 };
 
 struct Stream {
     errors: Errors,
@@ -42,7 +42,7 @@ fn root() -> Matrix6<f64> {
 impl Stream {
     fn new(errors: Errors, seed: u64) -> Self {
         let mut stream = Stream { errors, chance: Rng::new(seed), bias: Vector6::zeros(), second: 0 };
-        stream.bias = stream.normal() * errors.lasting.sqrt();
+        stream.bias = stream.normal() * errors.correlated.sqrt();
         stream
     }
 
@@ -52,10 +52,10 @@ impl Stream {
 
     fn next(&mut self, moved: &Vector6<f64>) -> Reading {
         self.second += 1;
-        let Errors { lasting, time_s, scale } = self.errors;
+        let Errors { correlated, time_s, scale } = self.errors;
         let kept = (-1.0 / time_s).exp();
-        self.bias = self.bias * kept + self.normal() * (lasting * (1.0 - kept * kept)).sqrt();
-        let error = root() * (self.bias + self.normal() * (1.0 - lasting).sqrt()) * scale;
+        self.bias = self.bias * kept + self.normal() * (correlated * (1.0 - kept * kept)).sqrt();
+        let error = root() * (self.bias + self.normal() * (1.0 - correlated).sqrt()) * scale;
         Reading {
             t_s: f64::from(self.second),
             a_from_b: (Pose::exp(moved) * Pose::exp(&error)).inverse() * cam_from_tag(),
@@ -66,7 +66,7 @@ impl Stream {
 
     /// As a session does: from as many readings as agree.
     fn learned(&mut self) -> Monitor {
-        let known = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+        let known = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, diurnal: Matrix6::zeros() };
         let mut readings = Vec::new();
         loop {
             readings.extend((0..50).map(|_| self.next(&Vector6::zeros())));
@@ -89,13 +89,13 @@ fn false_alarms(errors: Errors, seed: u64) -> (u32, u32, u32) {
         let is_drifted = matches!(said, Watch::Drifted(_));
         alarms += u32::from(is_drifted && !was_drifted);
         drifted += u32::from(is_drifted);
-        doubted += u32::from(said == Watch::Doubted);
+        doubted += u32::from(said == Watch::CorrelatedErrors);
         was_drifted = is_drifted;
     }
     (alarms, drifted, doubted)
 }
 
-/// At one false alarm a month. Errors as long as these were not learned, for fifty seconds do not show them: what they do is told as that,
+/// At one false alarm a month. Errors as long as these were not learned, for fifty seconds do not show them: what they do is reported as that,
 /// for a minute each time, and seldom as a motion, which then is taken back. (Without that: 0, 6, 50 and 31 alarms, 0, 37,183, 26,566 and
 /// 32,169 s.) Errors as long as the last row's have hardly shown themselves when they raise their first alarms.
 #[test]
@@ -103,8 +103,8 @@ fn errors_that_last_longer_than_was_learned_are_no_motion() {
     let rows = [
         ("white", WHITE, 0, 0),
         ("σ stated 1.5 times too small", Errors { scale: 1.5, ..WHITE }, 1, 3600),
-        ("30 % of the variance, 60 s", Errors { lasting: 0.3, time_s: 60.0, ..WHITE }, 10, 3600),
-        ("30 % of the variance, 600 s", Errors { lasting: 0.3, time_s: 600.0, ..WHITE }, 18, 30_000),
+        ("30 % of the variance, 60 s", Errors { correlated: 0.3, time_s: 60.0, ..WHITE }, 10, 3600),
+        ("30 % of the variance, 600 s", Errors { correlated: 0.3, time_s: 600.0, ..WHITE }, 18, 30_000),
     ];
     for (name, errors, allowed, allowed_s) in rows {
         let (mut alarms, mut drifted, mut doubted) = (0, 0, 0);
@@ -142,12 +142,12 @@ fn ramps_are_named_with_their_rate() {
     {
         let rate = Vector6::ith(axis, deg_per_h.to_radians() / HOUR_S);
         let (first, last) = said_of(0xa2a_0000 + i as u64, 36_000, |since_s| rate * since_s);
-        sudden += u32::from(first.is_some_and(|first| first.course == Course::Step));
-        assert_eq!(last.course, Course::Slow, "{deg_per_h}°/h about {axis}");
+        sudden += u32::from(first.is_some_and(|first| first.course == MotionKind::Step));
+        assert_eq!(last.course, MotionKind::Ramp, "{deg_per_h}°/h about {axis}");
         let found = last.rate.expect("a rate");
         let error = found.per_s - rate;
         let chi2 = error.dot(&found.covariance.cholesky().expect("a covariance").solve(&error));
-        let (turn, covariance) = found.turn_alone().expect("it turns");
+        let (turn, covariance) = found.rotation_alone().expect("it turns");
         let [seen, sigma] =
             [turn[axis], covariance[(axis, axis)].sqrt()].map(|rad| rad.to_degrees() * HOUR_S);
         println!("{deg_per_h}°/h about {axis}: {seen:.4} ± {sigma:.4}°/h, χ² {chi2:.1}");
@@ -177,7 +177,7 @@ fn steps_are_sudden_and_name_their_axis() {
         });
         let first = first.expect("an alarm");
         for (when, drift) in [("at the alarm", first), ("two hours later", last)] {
-            assert_eq!(drift.course, Course::Step, "{axis} {when}");
+            assert_eq!(drift.course, MotionKind::Step, "{axis} {when}");
             let Some(Alone { axis: named, size: seen, sigma }) = drift.alone() else {
                 assert!(axis < 2 && when == "at the alarm", "{axis} {size}: no axis {when}: {drift:?}");
                 continue;
@@ -191,25 +191,25 @@ fn steps_are_sudden_and_name_their_axis() {
     }
 }
 
-/// Moved for five minutes by a little or by much and put back: steady within a minute; where errors that last as long and are as large were
+/// Moved for five minutes by a little or by much and put back: steady within a minute; where correlated errors as long and are as large were
 /// learned from the fifty readings, within a quarter of an hour.
 #[test]
 fn a_camera_that_is_back_is_steady_soon() {
     for (i, size_deg) in [0.03, 0.05, 0.1, 1.0, 10.0_f64].into_iter().enumerate() {
         for seed in 0..4 {
             let mut stream = Stream::new(WHITE, 0xa4a_0000 + 16 * i as u64 + seed);
-            let (mut monitor, mut told) = (stream.learned(), None);
+            let (mut monitor, mut reported) = (stream.learned(), None);
             let (mut back_s, mut away) = (None, Vector6::ith(0, size_deg.to_radians()));
             while stream.second < 4000 {
                 let is_away = (1000..1300).contains(&stream.second);
                 away[0] = if is_away { size_deg.to_radians() } else { 0.0 };
                 match monitor.push(&stream.next(&away)) {
-                    Watch::Drifted(_) => (told, back_s) = (told.or(Some(stream.second)), None),
+                    Watch::Drifted(_) => (reported, back_s) = (reported.or(Some(stream.second)), None),
                     Watch::Steady if 1300 < stream.second => back_s = back_s.or(Some(stream.second - 1300)),
                     _ => {}
                 }
             }
-            let (delay, back_s) = (told.expect("an alarm") - 1000, back_s.expect("it is steady again"));
+            let (delay, back_s) = (reported.expect("an alarm") - 1000, back_s.expect("it is steady again"));
             println!("{size_deg}°: told after {delay} s, steady {back_s} s after it was put back");
             let allowed_s = if size_deg < 0.1 { 900 } else { 60 };
             assert!(back_s <= allowed_s, "{size_deg}°: {back_s} s, the alarm took {delay} s");

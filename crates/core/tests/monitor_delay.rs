@@ -1,6 +1,6 @@
 //! The curves in the documents are what the code gives: docs/images/watch-delay.csv, made by the example `make_watch_delay`.
 
-use crate::common::delay::{HEADER, Row, rivals, slow, step, tag};
+use crate::common::delay::{HEADER, Row, alternatives, slow, step, tag};
 use crate::common::rivals::{between_alarms_of_cusum, cusum_between_alarms};
 
 const DRAWN: &str = include_str!("../../../docs/images/watch-delay.csv");
@@ -39,7 +39,7 @@ fn drawn_delays_are_those_of_the_code() {
 #[test]
 fn what_others_are_late_is_drawn_as_computed() {
     for (size, per_day) in [(0.5, 1.0 / 365.0), (2.0, 1.0)] {
-        for seen in rivals(size, per_day, 300) {
+        for seen in alternatives(size, per_day, 300) {
             let drawn = drawn("white", size, per_day, &seen.test);
             match seen.test.as_str() {
                 "cusum" => agrees(&seen),
@@ -51,7 +51,7 @@ fn what_others_are_late_is_drawn_as_computed() {
 
 /// The formula for the CUSUM's false alarms, beside alarms of noise alone: mean of 2000 known to 2 %.
 #[test]
-fn the_rival_keeps_its_rate() {
+fn the_alternative_keeps_its_rate() {
     for (delta, threshold) in [(1.0, 4.0), (2.0, 4.0)] {
         let ratio = cusum_between_alarms(delta, threshold, 2000) / between_alarms_of_cusum(delta, threshold);
         assert!((0.9..1.1).contains(&ratio), "δ {delta}: {ratio}");

@@ -7,7 +7,7 @@ use resight_core::temporal::monitor::learn::{LearnConfig, learn, unsettled};
 use resight_core::temporal::monitor::{Drift, FALSE_ALARM_PROBABILITY, Reading, Unrest, Unsettled};
 
 fn nothing_stated() -> LearnConfig {
-    LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() }
+    LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, diurnal: Matrix6::zeros() }
 }
 
 fn readings(scene: Scene, seed: u64, n: usize, moved: impl Fn(usize) -> Vector6<f64>) -> Vec<Reading> {
@@ -33,11 +33,11 @@ fn stepped(at: usize, sigmas: f64) -> impl Fn(usize) -> Vector6<f64> {
     move |i| if at <= i { turned(sigmas) } else { Vector6::zeros() }
 }
 
-/// White noise, errors that last for less and for more than the look, stated or not, of the size of a reading's noise or twenty times
+/// White noise, correlated errors for less and for more than the look, stated or not, of the size of a reading's noise or twenty times
 /// that: none is taken for a motion more often than is stated. What is no larger than the noise ends the learning too.
 #[test]
 fn a_camera_that_stays_is_hardly_ever_said_to_have_moved() {
-    let stated = LearnConfig { bias: covariance(1.0), bias_time_s: 120.0, daily: covariance(0.5) };
+    let stated = LearnConfig { bias: covariance(1.0), bias_time_s: 120.0, diurnal: covariance(0.5) };
     let cases = [
         (WHITE, nothing_stated()),
         (correlated(1.0, 10.0), nothing_stated()),
@@ -63,20 +63,21 @@ fn a_camera_that_stays_is_hardly_ever_said_to_have_moved() {
     assert!(false_alarms as f64 <= allowed + 3.0 * allowed.sqrt(), "{false_alarms} in {looks}");
 }
 
-/// Normalised squared error of the motion that is told, 6 in the mean where its covariance is true.
+/// Normalised squared error of the motion that is reported, 6 in the mean where its covariance is true.
 fn nees(drift: &Drift, truth: &Vector6<f64>) -> f64 {
     let error = drift.old_from_new - truth;
     error.dot(&drift.covariance.cholesky().expect("a covariance").solve(&error))
 }
 
-/// A turn by ten standard deviations of a reading, wherever it is: found at its reading, with its size and a true error.
+/// A rotation by ten standard deviations of a reading, wherever it is: found at its reading, with its size and a true error.
 #[test]
 fn a_sudden_motion_is_found_at_its_reading_with_its_size() {
     for at in [6, 25, 44] {
         let (mut found, mut sum) = (0, 0.0);
         for run in 0..40 {
-            let told = unsettled(&readings(WHITE, 0x57e9 + run, 50, stepped(at, 12.0)), &nothing_stated());
-            let Some(Unsettled { unrest: Unrest::Step, reading, drift }) = told else { continue };
+            let reported =
+                unsettled(&readings(WHITE, 0x57e9 + run, 50, stepped(at, 12.0)), &nothing_stated());
+            let Some(Unsettled { unrest: Unrest::Step, reading, drift }) = reported else { continue };
             assert_eq!(reading, at);
             assert_eq!(drift.began_s, (at + 1) as f64);
             found += 1;
@@ -116,7 +117,7 @@ fn a_large_motion_is_found_whatever_its_size_and_the_length_of_the_look() {
 
 #[test]
 fn a_motion_that_goes_on_is_no_reference() {
-    for (total, is_sure) in [(25.0, false), (60.0, false), (100.0, true), (1000.0, true)] {
+    for (total, is_certain) in [(25.0, false), (60.0, false), (100.0, true), (1000.0, true)] {
         let mut ramps = 0;
         for run in 0..20 {
             let moved = |i: usize| turned(total) * i as f64 / 49.0;
@@ -124,7 +125,7 @@ fn a_motion_that_goes_on_is_no_reference() {
             let found = found.unwrap_or_else(|| panic!("{total} σ, run {run}: taken for a reference"));
             ramps += u32::from(found.unrest == Unrest::Ramp);
         }
-        assert!(!is_sure || ramps == 20, "{total} σ: {ramps} of 20 are told as what they are");
+        assert!(!is_certain || ramps == 20, "{total} σ: {ramps} of 20 are reported as what they are");
     }
 }
 

@@ -198,7 +198,7 @@ fn measured_noise_costs_little_delay() {
 }
 
 /// What is promised is held: a step of the size that is named is found within the time that is named, nine times in ten; and the size falls
-/// as errors that last are excluded.
+/// as correlated errors are excluded.
 #[test]
 fn what_is_promised_is_found_in_time() {
     let runs = number("RESIGHT_NOISE_RUNS", 12.0) as u64;
@@ -236,14 +236,14 @@ fn what_is_promised_is_found_in_time() {
 /// The stated sigma is where the estimate begins. Ten minutes after nightfall it has followed.
 #[test]
 fn the_scale_of_the_noise_is_measured_and_followed() {
-    for (factor, is_told) in [(1.0, false), (1.5, true), (3.0, true), (0.5, true)] {
+    for (factor, is_reported) in [(1.0, false), (1.5, true), (3.0, true), (0.5, true)] {
         let mut scene = Scene::new(Condition::Understated(factor), 1.0, 0x5ca1e);
         let mut monitor = scene.learned(50, &default_rate());
         assert!(is_quiet(&mut monitor, &mut scene, 1000.0));
         let noise = monitor.measured_noise().expect("noise is measured");
         println!("{factor}: {noise:?}");
         assert!((noise.sigma_ratio / factor - 1.0).abs() < 0.12, "{factor}: {noise:?}");
-        assert_eq!(noise.contradicts_stated(), is_told, "{factor}: {noise:?}");
+        assert_eq!(noise.contradicts_stated(), is_reported, "{factor}: {noise:?}");
     }
     let mut scene = Scene::new(Condition::NightDoubled, 1.0, 0x5ca1f);
     let mut monitor = scene.learned(50, &default_rate());
@@ -257,7 +257,7 @@ fn the_scale_of_the_noise_is_measured_and_followed() {
 
 /// A monitor that believes its noise says nothing of it.
 #[test]
-fn noise_that_is_believed_is_not_told_as_measured() {
+fn noise_that_is_believed_is_not_reported_as_measured() {
     let mut scene = Scene::new(Condition::White, 1.0, 1);
     let monitor = scene.known(50, &default_rate());
     assert!(
@@ -290,31 +290,32 @@ fn slow_sources_keep_the_stated_rate() {
     }
 }
 
-/// Camera and target stay; all corners are off by half a pixel for two minutes, again and again: the first two are told and come back, the
-/// others are held until they have lasted twice as long. A larger motion is told at once, and one that stays is told in the end.
+/// Camera and target stay; all corners are off by half a pixel for two minutes, again and again: the first two are reported and come back, the
+/// others are held until they have lasted twice as long. A larger motion is reported at once, and one that stays is reported in the end.
 #[test]
-fn jumps_that_come_back_are_told_twice_at_most() {
+fn jumps_that_come_back_are_reported_twice_at_most() {
     let mut scene = Scene::new(Condition::White, 1.0, 0x7a5);
     let mut monitor = scene.learned(50, &default_rate());
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for jump in 0..6 {
         let until_s = scene.t_s + 900.0;
         assert!(is_quiet(&mut monitor, &mut scene, until_s), "jump {jump}");
-        let mut is_told = false;
+        let mut is_reported = false;
         for _ in 0..120 {
-            is_told |= matches!(monitor.push(&scene.next(&turned(1, 0.03))), Watch::Drifted(_));
+            is_reported |= matches!(monitor.push(&scene.next(&turned(1, 0.03))), Watch::Drifted(_));
         }
         for _ in 0..60 {
             monitor.push(&scene.next(&Vector6::zeros()));
         }
-        told.push(is_told);
+        reported.push(is_reported);
     }
-    assert_eq!(told, [true, true, false, false, false, false]);
+    assert_eq!(reported, [true, true, false, false, false, false]);
     let mut larger = monitor.clone();
     let mut other = Scene::new(Condition::White, 1.0, 0x7a6);
     other.t_s = scene.t_s;
-    let is_told = (0..10).any(|_| matches!(larger.push(&other.next(&turned(1, 0.3))), Watch::Drifted(_)));
-    assert!(is_told, "ten times as large");
-    let is_told = (0..400).any(|_| matches!(monitor.push(&scene.next(&turned(1, 0.03))), Watch::Drifted(_)));
-    assert!(is_told, "one that stays");
+    let is_reported = (0..10).any(|_| matches!(larger.push(&other.next(&turned(1, 0.3))), Watch::Drifted(_)));
+    assert!(is_reported, "ten times as large");
+    let is_reported =
+        (0..400).any(|_| matches!(monitor.push(&scene.next(&turned(1, 0.03))), Watch::Drifted(_)));
+    assert!(is_reported, "one that stays");
 }

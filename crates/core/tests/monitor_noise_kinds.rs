@@ -37,7 +37,7 @@ struct Scene {
     kind: Kind,
     condition: Condition,
     chance: Rng,
-    lasting: Vector6<f64>,
+    persistent: Vector6<f64>,
     t_s: f64,
 }
 
@@ -65,15 +65,15 @@ fn of_tags(tags: std::ops::Range<usize>) -> Matrix6<f64> {
 impl Scene {
     fn new(kind: Kind, condition: Condition, seed: u64) -> Self {
         let mut chance = Rng::new(seed);
-        let lasting = Vector6::from_fn(|_, _| chance.normal());
-        Scene { kind, condition, chance, lasting, t_s: 0.0 }
+        let persistent = Vector6::from_fn(|_, _| chance.normal());
+        Scene { kind, condition, chance, persistent, t_s: 0.0 }
     }
 
     fn normal(&mut self) -> Vector6<f64> {
         Vector6::from_fn(|_, _| self.chance.normal())
     }
 
-    /// Of a turn by landmarks: 0.01° about x and y, a third of that about the axis; of a shift they say nothing.
+    /// Of a rotation by landmarks: 0.01° about x and y, a third of that about the axis; of a shift they say nothing.
     fn covariance(&self) -> Matrix6<f64> {
         match self.kind {
             Kind::Map if (self.t_s / 60.0) as u64 % 3 == 2 => of_tags(0..8),
@@ -93,8 +93,8 @@ impl Scene {
             }
             Condition::Correlated { share, time_s } => {
                 let kept = (-1.0 / time_s).exp();
-                self.lasting = self.lasting * kept + self.normal() * (1.0 - kept * kept).sqrt();
-                white * (1.0 - share).sqrt() + self.lasting * share.sqrt()
+                self.persistent = self.persistent * kept + self.normal() * (1.0 - kept * kept).sqrt();
+                white * (1.0 - share).sqrt() + self.persistent * share.sqrt()
             }
             _ => white,
         };
@@ -113,14 +113,14 @@ impl Scene {
             return self.watched_landmarks(config);
         }
         let readings: Vec<Reading> = (0..50).map(|_| self.next(&Vector6::zeros())).collect();
-        let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+        let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, diurnal: Matrix6::zeros() };
         let reference = learn(&readings, &nothing).expect("a reference");
         let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");
         monitor.measure_noise(&readings);
         monitor
     }
 
-    /// From the first picture on, with errors of a tenth of a pixel of 900 that last.
+    /// From the first image on, with errors of a tenth of a pixel of 900 that last.
     fn watched_landmarks(&mut self, config: &MonitorConfig) -> Monitor {
         let covariance = turned_only(1.0);
         let bias_rad = 0.1 / 900.0;
@@ -130,7 +130,7 @@ impl Scene {
             reading: covariance,
             bias: Matrix6::from_diagonal(&bias),
             bias_time_s: 60.0,
-            daily: Matrix6::zeros(),
+            diurnal: Matrix6::zeros(),
         };
         let reference = Reference { a_from_b: Pose::identity(), noise };
         let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");

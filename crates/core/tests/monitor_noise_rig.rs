@@ -1,11 +1,11 @@
 //! Nothing declared, a rig whose target a hand carries: its alarms stay within the stated rate whatever the errors of its pixels are.
 
-use crate::common::carried::{Scene, Seen, lens, moment};
+use crate::common::carried::{Observed, Scene, frame_set, lens};
 use crate::common::conditions::{Condition, DAY_S};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::temporal::monitor::MonitorConfig;
 use resight_core::temporal::monitor::learn::LearnConfig;
-use resight_core::temporal::monitor::rig::{RigMoment, RigMonitor, learn_rig};
+use resight_core::temporal::monitor::rig::{FrameSet, RigMonitor, learn_rig};
 
 const fn correlated(share: f64, time_s: f64) -> Condition {
     Condition::Correlated { share, time_s }
@@ -32,7 +32,7 @@ fn nothing_declared(degrees: f64, mm: f64) -> LearnConfig {
     LearnConfig {
         bias: Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t)),
         bias_time_s: 60.0,
-        daily: Matrix6::zeros(),
+        diurnal: Matrix6::zeros(),
     }
 }
 
@@ -40,17 +40,17 @@ fn alarms(condition: Condition, rate: f64, seconds: f64, seed: u64, bias: &Learn
     let lens = lens();
     let mut scene = Scene::new(3, seed);
     (scene.condition, scene.period_s) = (condition, 1.0);
-    let seen: Vec<(f64, Vec<Seen>)> = (0..50).map(|_| scene.next(|_| Vector6::zeros())).collect();
-    let all: Vec<RigMoment> = seen.iter().map(|seen| moment(&lens, seen)).collect();
+    let seen: Vec<(f64, Vec<Observed>)> = (0..50).map(|_| scene.next(|_| Vector6::zeros())).collect();
+    let all: Vec<FrameSet> = seen.iter().map(|seen| frame_set(&lens, seen)).collect();
     let reference = learn_rig(&vec![lens.clone(); 3], &all, bias).expect("a rig");
     let config = MonitorConfig { false_alarms_per_day: rate, ..MonitorConfig::default() };
-    let mut sentry = RigMonitor::new(&reference, &config, 50.0).expect("a monitor");
+    let mut detector = RigMonitor::new(&reference, &config, 50.0).expect("a monitor");
     let (mut alarms, mut was_drifted, mut t_s, mut watched_s) = (0, false, 50.0, 0.0);
     while t_s < seconds {
         let seen = scene.next(|_| Vector6::zeros());
         t_s = seen.0;
-        sentry.push(&moment(&lens, &seen));
-        let is_drifted = !sentry.moved().moved.is_empty();
+        detector.push(&frame_set(&lens, &seen));
+        let is_drifted = !detector.moved().moved.is_empty();
         alarms += u32::from(is_drifted && !was_drifted);
         watched_s += f64::from(u8::from(!is_drifted));
         was_drifted = is_drifted;
@@ -59,7 +59,7 @@ fn alarms(condition: Condition, rate: f64, seconds: f64, seed: u64, bias: &Learn
 }
 
 /// χ² with one degree of freedom beyond what is allowed while it is not said to have moved: one in a thousand exceeds 10.83. RESIGHT_NOISE_DAYS
-/// days of each row at RESIGHT_NOISE_RATE alarms a day, in sessions of a twentieth of a day that learn from fifty moments.
+/// days of each row at RESIGHT_NOISE_RATE alarms a day, in sessions of a twentieth of a day that learn from fifty frame sets.
 #[test]
 fn a_rig_stays_within_the_stated_rate_whatever_the_errors_are() {
     let (days, rate) = (number("RESIGHT_NOISE_DAYS", 0.03), number("RESIGHT_NOISE_RATE", 1.0 / 30.0));

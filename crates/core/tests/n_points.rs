@@ -50,7 +50,7 @@ fn random_pose(rng: &mut Rng) -> Pose {
     Pose::new(rng.rotation(), Vector3::new(rng.uniform(-0.2, 0.2) * z, rng.uniform(-0.15, 0.15) * z, z))
 }
 
-/// What is seen with `factor` times the stated noise: 1 a picture, 0 the exact projection of the exact points.
+/// What is seen with `factor` times the stated noise: 1 an image, 0 the exact projection of the exact points.
 fn observe(
     rng: &mut Rng,
     truth: &Pose,

@@ -53,7 +53,10 @@ fn measured(rng: &mut Rng, cameras: &[Pose], stated: &[(usize, usize, Matrix6<f6
 }
 
 fn solve(n_cameras: usize, pairs: &[RelativePose]) -> Result<PoseGraphSolution, Error> {
-    solve_pose_graph(&PoseGraph { n_cameras, pairs }, &PoseGraphConfig { anchor: 0, median_sigma: None })
+    solve_pose_graph(
+        &PoseGraph { n_cameras, pairs },
+        &PoseGraphConfig { reference_camera: 0, median_sigma: None },
+    )
 }
 
 fn error(cameras: &[Pose], found: &PoseGraphSolution, i: usize) -> Vector6<f64> {
@@ -275,7 +278,7 @@ fn suspects_that_nobody_can_tell_apart_are_named_together() {
     }
 }
 
-/// The joint answer is the same rig whichever camera is the anchor, and whichever way round a pair is stated.
+/// The joint answer is the same rig whichever camera is the reference camera, and whichever way round a pair is stated.
 #[test]
 fn neither_anchor_nor_direction_matters() {
     let mut rng = Rng::new(206);
@@ -293,7 +296,7 @@ fn neither_anchor_nor_direction_matters() {
             RelativePose { a: p.b, b: p.a, b_from_a: p.b_from_a.inverse(), noise }
         })
         .collect();
-    let config = PoseGraphConfig { anchor: 3, median_sigma: None };
+    let config = PoseGraphConfig { reference_camera: 3, median_sigma: None };
     let second = solve_pose_graph(&PoseGraph { n_cameras: n, pairs: &turned }, &config).unwrap();
     for (a, b) in (0..n).flat_map(|a| (0..n).filter(move |b| a != *b).map(move |b| (a, b))) {
         let ((one, own), (two, other)) = (first.b_from_a(a, b).unwrap(), second.b_from_a(a, b).unwrap());
@@ -365,7 +368,7 @@ fn what_cannot_be_is_refused_by_name() {
         let error = solve(3, &bad).unwrap_err();
         assert!(matches!(error, Error::InvalidPose { item: "pair", index: 1, .. }), "{i}: {error}");
     }
-    let config = PoseGraphConfig { anchor: 7, median_sigma: None };
+    let config = PoseGraphConfig { reference_camera: 7, median_sigma: None };
     let graph = PoseGraph { n_cameras: 3, pairs: &pairs[..3] };
     assert!(matches!(solve_pose_graph(&graph, &config), Err(Error::InvalidSetting { .. })));
 }

@@ -49,9 +49,9 @@ fn observe(
     points.iter().map(see).collect()
 }
 
-/// Covariance of a motion whose turn and shift are as long as stated, root mean square over three axes.
-fn covariance_of(turn_rad: f64, shift_m: f64) -> Matrix6 {
-    let (turn, shift) = (turn_rad * turn_rad / 3.0, shift_m * shift_m / 3.0);
+/// Covariance of a motion whose rotation and shift are as long as stated, root mean square over three axes.
+fn covariance_of(rotation_rad: f64, shift_m: f64) -> Matrix6 {
+    let (turn, shift) = (rotation_rad * rotation_rad / 3.0, shift_m * shift_m / 3.0);
     Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, shift, shift, shift))
 }
 
@@ -139,7 +139,7 @@ fn down_in_target() -> Vector3<f64> {
     Vector3::from(DOWN).normalize()
 }
 
-/// A direction disturbed by a turn of `sigma_rad` about each axis across it.
+/// A direction disturbed by a rotation of `sigma_rad` about each axis across it.
 fn tilted(rng: &mut Rng, direction: &Vector3<f64>, sigma_rad: f64) -> Vector3<f64> {
     let turn = Vector3::new(rng.normal(), rng.normal(), rng.normal()) * sigma_rad;
     Rotation3::new(turn) * direction
@@ -283,7 +283,7 @@ fn what_leaves_a_direction_free_is_refused_by_name() {
     counted(solve(&seen[..1], &[gravity, height]), 5.0);
     counted(solve(&seen, &[height]), 5.0);
     counted(solve(&seen[..1], &[plane]), 5.0);
-    // Nine numbers, but one point and any planes across one direction leave the turn about it free.
+    // Nine numbers, but one point and any planes across one direction leave the rotation about it free.
     let measured = solve(&seen[..1], &[plane, gravity, gravity]);
     assert!(matches!(measured, Err(Error::DegenerateView { metric, .. }) if metric < 1e-10), "{measured:?}");
     assert!(matches!(solve(&[], &[pose_prior]), Err(Error::TooFewPoints { seen: 0, needed: 3 })));
@@ -322,7 +322,7 @@ fn the_prior_that_contradicts_the_points_is_named() {
         }
     }
     println!("of 300: named {named:?}, {false_alarms} false alarms, {blamed_for_a_point} blamed for a point");
-    // A plane or height may happen to lie through the moved camera; a turn is always seen.
+    // A plane or height may happen to lie through the moved camera; a rotation is always seen.
     assert!(290 < named[0] && 250 < named[1] && 150 < named[2] && 250 < named[3], "{named:?}");
     assert!(false_alarms == 0 && blamed_for_a_point == 0);
 }

@@ -14,7 +14,7 @@ fn disturbed(rng: &mut Rng, direction: Vector3<f64>, sigma_rad: f64) -> Unit<Vec
     Unit::new_normalize(direction + tangent)
 }
 
-/// `n` directions within a cone of `half_angle_rad`, turned by `rotation`, each second direction disturbed by its own sigma.
+/// `n` directions within a cone of `half_angle_rad`, rotated by `rotation`, each second direction disturbed by its own sigma.
 fn pairs(
     rng: &mut Rng,
     n: usize,
@@ -110,7 +110,7 @@ fn covariance_and_chi2_are_true() {
 }
 
 /// The same points from a camera that also moved by a hundredth of their distance, three to twenty sigmas: found out in three of four, where the
-/// depths differ. Where all are equally far in a narrow field it may pass for a turn, which this does not deny.
+/// depths differ. Where all are equally far in a narrow field it may pass for a rotation, which this does not deny.
 #[test]
 fn a_camera_that_moved_is_betrayed() {
     let mut rng = Rng::new(6);

@@ -37,11 +37,11 @@ fn two_pixels_of_a_place_are_worth_their_mean() {
                 let mean = (seen[i].pixel + second.pixel) * 0.5;
                 means[i] = at(&seen[i], mean, SIGMA_PX / 2f64.sqrt());
                 apart += 0.5 * (seen[i].pixel - second.pixel).norm_squared() / (SIGMA_PX * SIGMA_PX);
-                all.insert(2 * i, second); // Beside its twin.
+                all.insert(2 * i, second); // Beside its duplicate.
             }
             let (a, b) = (solve(&all).expect("a pose"), solve(&means).expect("a pose"));
             let what = format!("{name}, {again} again");
-            assert_eq!(a.n_rivals(), b.n_rivals(), "{what}");
+            assert_eq!(a.n_alternatives(), b.n_alternatives(), "{what}");
             assert_eq!(a.degrees_of_freedom, b.degrees_of_freedom + 2 * again, "{what}");
             assert!(
                 (a.chi2 - b.chi2 - apart).abs() < 1e-6 * (1.0 + a.chi2),
@@ -53,7 +53,12 @@ fn two_pixels_of_a_place_are_worth_their_mean() {
             let largest = b.covariance.diagonal().max().sqrt();
             assert!(off.norm() < 1e-4 * largest, "{what}: {off} of {largest}");
             assert!((a.covariance - b.covariance).amax() < 1e-3 * b.covariance.amax(), "{what}");
-            assert!((a.weight - b.weight).abs() < 1e-3, "{what}: {} {}", a.weight, b.weight);
+            assert!(
+                (a.probability - b.probability).abs() < 1e-3,
+                "{what}: {} {}",
+                a.probability,
+                b.probability
+            );
         }
     }
 }
@@ -77,7 +82,7 @@ fn many_rows_of_few_places_are_answered() {
                 let information = h.minimum.covariance.try_inverse().expect("a covariance");
                 (off.transpose() * information * off)[(0, 0)]
             };
-            let least = e.minima().filter(|h| h.is_rival).map(nees).fold(f64::INFINITY, f64::min);
+            let least = e.minima().filter(|h| h.is_alternative).map(nees).fold(f64::INFINITY, f64::min);
             assert!(least < 27.9, "{name} {times} times: {least}"); // χ² of 6, one in 10⁴.
         }
     }
@@ -98,7 +103,7 @@ fn two_places_on_one_line_of_sight_are_answered() {
             let off = |h: resight_core::locate::choose::Hypothesis| {
                 (truth * h.minimum.cam_from_target.inverse()).log().norm()
             };
-            let nearest = e.minima().filter(|h| h.is_rival).map(off).fold(f64::INFINITY, f64::min);
+            let nearest = e.minima().filter(|h| h.is_alternative).map(off).fold(f64::INFINITY, f64::min);
             assert!(nearest < 1e-5, "{name} {near} {far}: {nearest}");
         }
     }

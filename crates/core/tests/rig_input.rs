@@ -1,45 +1,50 @@
-//! Rigs that cannot be solved, and what is said: which cameras, which sighting, what would help. Sizes, known distances, weak links.
+//! Rigs that cannot be solved, and what is said: which cameras, which observation, what would help. Sizes, known distances, weak links.
 
 use crate::common::rooms::{self, Room};
 use crate::common::{Rng, views};
 use nalgebra::Vector2;
 use resight_core::multiview::rig::{
-    KnownDistance, RejectedSighting, RigConfig, RigProblem, Sighting, shared_views, solve_rig,
+    KnownDistance, Observation, RejectedObservation, RigConfig, RigProblem, shared_views, solve_rig,
 };
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// Four cameras in a row, 40 views.
-fn row() -> (Room, Vec<Sighting>) {
+fn row() -> (Room, Vec<Observation>) {
     let mut rng = Rng::new(21);
     let room = rooms::row(&mut rng, 4, 40, 0.2);
-    let sightings = room.disturbed(&mut rng);
-    (room, sightings)
+    let observations = room.disturbed(&mut rng);
+    (room, observations)
 }
 
-fn failure(room: &Room, sightings: &[Sighting]) -> Error {
-    room.solve(sightings, &RigConfig::default()).expect_err("no rig")
+fn failure(room: &Room, observations: &[Observation]) -> Error {
+    room.solve(observations, &RigConfig::default()).expect_err("no rig")
 }
 
 #[test]
 fn shared_views_count_views_and_name_groups() {
-    let sighting = |camera, view, target| {
+    let observation = |camera, view, target| {
         let c = Correspondence::new(&views::camera(), Point::zeros(), Vector2::new(1.0, 2.0), 1.0)
             .expect("in the field");
-        Sighting { camera, view, target, seen: vec![c] }
+        Observation { camera, view, target, seen: vec![c] }
     };
     let cameras: Vec<Camera> = (0..5).map(|_| views::camera()).collect();
-    let mut sightings =
-        vec![sighting(0, 0, 0), sighting(1, 0, 1), sighting(1, 0, 2), sighting(0, 0, 2), sighting(2, 0, 2)];
-    sightings.extend([
-        sighting(3, 1, 0),
-        sighting(4, 1, 0),
-        sighting(2, 1, 2),
-        sighting(0, 2, 0),
-        sighting(2, 2, 2),
+    let mut observations = vec![
+        observation(0, 0, 0),
+        observation(1, 0, 1),
+        observation(1, 0, 2),
+        observation(0, 0, 2),
+        observation(2, 0, 2),
+    ];
+    observations.extend([
+        observation(3, 1, 0),
+        observation(4, 1, 0),
+        observation(2, 1, 2),
+        observation(0, 2, 0),
+        observation(2, 2, 2),
     ]);
-    sightings.push(Sighting { seen: Vec::new(), ..sighting(0, 1, 0) });
+    observations.push(Observation { seen: Vec::new(), ..observation(0, 1, 0) });
     let problem =
-        RigProblem { cameras: &cameras, body_of_target: &[3, 3, 9], n_views: 3, sightings: &sightings };
+        RigProblem { cameras: &cameras, body_of_target: &[3, 3, 9], n_views: 3, observations: &observations };
     let found = shared_views(&problem);
     // Cameras 0 and 1 share both bodies in view 0: one view. In view 2 cameras 0 and 2 see different bodies.
     assert_eq!(found.counts[0], [2, 1, 1, 0, 0]);
@@ -49,9 +54,9 @@ fn shared_views_count_views_and_name_groups() {
 
 #[test]
 fn unconnected_cameras_are_named_on_both_sides() {
-    let (room, mut sightings) = row();
-    sightings.retain(|s| (s.view % 2 == 0) == (s.camera < 2));
-    let error = failure(&room, &sightings);
+    let (room, mut observations) = row();
+    observations.retain(|s| (s.view % 2 == 0) == (s.camera < 2));
+    let error = failure(&room, &observations);
     let Error::CamerasUnconnected { first, second, .. } = &error else { panic!("{error}") };
     assert_eq!((&first[..], &second[..]), (&[0, 1][..], &[2, 3][..]));
     assert!(error.to_string().contains("cameras 0, 1 and 2, 3 are not connected; add a view"), "{error}");
@@ -59,15 +64,15 @@ fn unconnected_cameras_are_named_on_both_sides() {
 
 #[test]
 fn a_camera_without_a_pose_is_named() {
-    let (room, sightings) = row();
-    let without: Vec<Sighting> = sightings.iter().filter(|s| s.camera != 2).cloned().collect();
-    assert_eq!(failure(&room, &without), Error::CameraUnseen { camera: 2, n_sightings: 0 });
-    let two_points = |s: &Sighting| Sighting { seen: s.seen[..2].to_vec(), ..s.clone() };
-    let few: Vec<Sighting> =
-        sightings.iter().map(|s| if s.camera == 2 { two_points(s) } else { s.clone() }).collect();
-    assert!(matches!(failure(&room, &few), Error::CameraUnseen { camera: 2, n_sightings: 1.. }));
+    let (room, observations) = row();
+    let without: Vec<Observation> = observations.iter().filter(|s| s.camera != 2).cloned().collect();
+    assert_eq!(failure(&room, &without), Error::CameraNotObserved { camera: 2, n_observations: 0 });
+    let two_points = |s: &Observation| Observation { seen: s.seen[..2].to_vec(), ..s.clone() };
+    let few: Vec<Observation> =
+        observations.iter().map(|s| if s.camera == 2 { two_points(s) } else { s.clone() }).collect();
+    assert!(matches!(failure(&room, &few), Error::CameraNotObserved { camera: 2, n_observations: 1.. }));
     assert_eq!(failure(&room, &[]), Error::EmptyRig);
-    let none = RigProblem { cameras: &[], body_of_target: &[], n_views: 0, sightings: &[] };
+    let none = RigProblem { cameras: &[], body_of_target: &[], n_views: 0, observations: &[] };
     assert_eq!(solve_rig(&none, &RigConfig::default()), Err(Error::EmptyRig));
 }
 
@@ -88,8 +93,8 @@ fn targets_never_seen_together_are_said() {
             0.2,
         );
     }
-    assert!(room.sightings.iter().all(|s| s.camera == s.target) && 20 < room.sightings.len());
-    let error = failure(&room, &room.sightings);
+    assert!(room.observations.iter().all(|s| s.camera == s.target) && 20 < room.observations.len());
+    let error = failure(&room, &room.observations);
     assert!(
         matches!(&error, Error::CamerasUnconnected { needed, .. } if needed.contains("two of these targets")),
         "{error}"
@@ -98,26 +103,26 @@ fn targets_never_seen_together_are_said() {
 
 #[test]
 fn indices_and_numbers_that_cannot_be_are_named() {
-    let (room, sightings) = row();
-    let with = |change: &dyn Fn(&mut Sighting)| {
-        let mut changed = sightings.clone();
+    let (room, observations) = row();
+    let with = |change: &dyn Fn(&mut Observation)| {
+        let mut changed = observations.clone();
         change(&mut changed[5]);
         failure(&room, &changed)
     };
-    assert_eq!(with(&|s| s.camera = 9), Error::NoSuchIndex { sighting: 5, what: "camera", seen: 9, n: 4 });
-    assert_eq!(with(&|s| s.view = 40), Error::NoSuchIndex { sighting: 5, what: "view", seen: 40, n: 40 });
-    assert_eq!(with(&|s| s.target = 1), Error::NoSuchIndex { sighting: 5, what: "target", seen: 1, n: 1 });
+    assert_eq!(with(&|s| s.camera = 9), Error::NoSuchIndex { observation: 5, what: "camera", seen: 9, n: 4 });
+    assert_eq!(with(&|s| s.view = 40), Error::NoSuchIndex { observation: 5, what: "view", seen: 40, n: 40 });
+    assert_eq!(with(&|s| s.target = 1), Error::NoSuchIndex { observation: 5, what: "target", seen: 1, n: 1 });
     for change in [
-        (&|s: &mut Sighting| s.seen[3].pixel.x = f64::NAN) as &dyn Fn(&mut Sighting),
+        (&|s: &mut Observation| s.seen[3].pixel.x = f64::NAN) as &dyn Fn(&mut Observation),
         &|s| s.seen[3].x_in_target.z = f64::INFINITY,
         &|s| s.seen[3].sigma_px = 0.0,
         &|s| s.seen[3].sigma_m = f64::NAN,
     ] {
         let error = with(change);
-        assert!(matches!(&error, Error::InvalidSighting { target: 0, .. }), "{error}");
+        assert!(matches!(&error, Error::InvalidObservation { target: 0, .. }), "{error}");
         assert!(error.to_string().contains("point 3"), "{error}");
     }
-    let refused = |config: &RigConfig| room.solve(&sightings, config).expect_err("refused").to_string();
+    let refused = |config: &RigConfig| room.solve(&observations, config).expect_err("refused").to_string();
     assert!(refused(&RigConfig { reference: 4, ..RigConfig::default() }).starts_with("reference is 4"));
     for (a, b, distance_m, sigma_m) in
         [(0, 9, 1.0, 0.1), (1, 1, 1.0, 0.1), (0, 1, -1.0, 0.1), (0, 1, 1.0, 0.0)]
@@ -134,12 +139,12 @@ fn indices_and_numbers_that_cannot_be_are_named() {
 
 /// Any numbers whatever end in an answer without NaN, or in a named error.
 #[test]
-fn hostile_sightings_never_panic() {
-    let (room, sightings) = row();
+fn hostile_observations_never_panic() {
+    let (room, observations) = row();
     let mut n_answers = 0;
     for seed in 0..150 {
         let mut rng = Rng::new(2_000 + seed);
-        let mut changed = sightings.clone();
+        let mut changed = observations.clone();
         for _ in 0..rng.index(12) {
             let i = rng.index(changed.len());
             let k = rng.index(changed[i].seen.len().max(1));
@@ -174,13 +179,13 @@ fn a_wrong_size_is_found_where_something_compares() {
     // 3 × 2 fields of 0.15 m.
     assert!((alone.scales[0].extent_m - 0.15 * 13f64.sqrt()).abs() < 1e-12);
 
-    let smaller = |s: &Sighting, by: f64| {
+    let smaller = |s: &Observation, by: f64| {
         let mut s = s.clone();
         s.seen.iter_mut().for_each(|c| c.x_in_target *= by);
         s
     };
     // Stated 0.4 % too small: true over stated is 1.004.
-    let noisy: Vec<Sighting> = room.disturbed(&mut rng).iter().map(|s| smaller(s, 1.0 / 1.004)).collect();
+    let noisy: Vec<Observation> = room.disturbed(&mut rng).iter().map(|s| smaller(s, 1.0 / 1.004)).collect();
     let known = [KnownDistance { a: 0, b: 2, distance_m: 1.6, sigma_m: 0.5e-3 }];
     let config = RigConfig { known_distances: &known, ..RigConfig::default() };
     let measured = room.solve(&noisy, &config).expect("a rig").scales[0].clone();
@@ -192,7 +197,7 @@ fn a_wrong_size_is_found_where_something_compares() {
         room.see(view, 5, rooms::somewhere(&mut rng, around, 0.3, nalgebra::Vector3::z(), 0.8), 0.2);
     }
     let noisy = room.disturbed(&mut rng);
-    let wrong: Vec<Sighting> =
+    let wrong: Vec<Observation> =
         noisy.iter().map(|s| if s.target == 1 { smaller(s, 1.01) } else { s.clone() }).collect();
     let scales = room.solve(&wrong, &RigConfig::default()).expect("a rig").scales;
     assert!(
@@ -226,13 +231,13 @@ fn scale_scatters_as_stated() {
 /// Two pairs of cameras that share one view in thirty.
 #[test]
 fn the_weakest_link_is_the_one_between_the_groups() {
-    let (room, mut sightings) = row();
+    let (room, mut observations) = row();
     let joins = (0..40)
-        .find(|v| (0..4).all(|c| sightings.iter().any(|s| (s.view, s.camera) == (*v, c))))
+        .find(|v| (0..4).all(|c| observations.iter().any(|s| (s.view, s.camera) == (*v, c))))
         .expect("a view");
-    sightings.retain(|s| s.view == joins || (s.view % 2 == 0) == (s.camera < 2));
+    observations.retain(|s| s.view == joins || (s.view % 2 == 0) == (s.camera < 2));
     let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
-    let solution = room.solve(&sightings, &config).expect("a rig");
+    let solution = room.solve(&observations, &config).expect("a rig");
     let link = solution.weakest_link.clone().expect("a link");
     assert!(2 <= link.camera && link.with < 2 && link.n_shared_views == 1, "{link:?}");
     let across = solution.cam_b_from_cam_a(link.camera, link.with).expect("joint").1;
@@ -241,25 +246,26 @@ fn the_weakest_link_is_the_one_between_the_groups() {
     );
 }
 
-/// A sighting of three points or fewer takes part where others know the place of the body; alone it is set aside, with its reason.
+/// An observation of three points or fewer takes part where others know the place of the body; alone it is set aside, with its reason.
 #[test]
-fn weak_sightings_join_where_others_hold_the_body() {
-    let (room, mut sightings) = row();
-    let in_view = |s: &[Sighting], v: usize| s.iter().filter(|s| s.view == v).count();
-    let shared = (0..sightings.len()).find(|i| in_view(&sightings, sightings[*i].view) > 2).expect("shared");
-    sightings[shared].seen.truncate(2);
-    let mut lonely = sightings[shared].clone();
+fn weak_observations_join_where_others_hold_the_body() {
+    let (room, mut observations) = row();
+    let in_view = |s: &[Observation], v: usize| s.iter().filter(|s| s.view == v).count();
+    let shared =
+        (0..observations.len()).find(|i| in_view(&observations, observations[*i].view) > 2).expect("shared");
+    observations[shared].seen.truncate(2);
+    let mut lonely = observations[shared].clone();
     let empty = room.n_views;
     (lonely.view, lonely.camera) = (empty, 1);
-    sightings.push(lonely);
+    observations.push(lonely);
     let room = Room { n_views: room.n_views + 1, ..room };
-    let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
-    assert!(solution.sightings[shared].rejected.is_none());
-    assert!(solution.sightings[shared].residuals_px.iter().all(|r| r.is_some_and(|r| r.1)));
-    let last = solution.sightings.last().expect("a sighting");
+    let solution = room.solve(&observations, &RigConfig::default()).expect("a rig");
+    assert!(solution.observations[shared].rejected.is_none());
+    assert!(solution.observations[shared].residuals_px.iter().all(|r| r.is_some_and(|r| r.1)));
+    let last = solution.observations.last().expect("an observation");
     assert_eq!(
         last.rejected,
-        Some(RejectedSighting::Undetermined(Error::TooFewPoints { seen: 2, needed: 3 }))
+        Some(RejectedObservation::Undetermined(Error::TooFewPoints { seen: 2, needed: 3 }))
     );
     assert_eq!(last.residuals_px, [None, None]);
     assert!(solution.bodies.iter().all(|b| b.view != empty));
@@ -268,10 +274,10 @@ fn weak_sightings_join_where_others_hold_the_body() {
 /// Sigmas stated a third of what they are: everything is kept, and every covariance widened ninefold.
 #[test]
 fn understated_sigmas_widen_the_answer() {
-    let (room, mut sightings) = row();
-    let plain = room.solve(&sightings, &RigConfig::default()).expect("a rig");
-    sightings.iter_mut().flat_map(|s| &mut s.seen).for_each(|c| c.sigma_px /= 3.0);
-    let widened = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+    let (room, mut observations) = row();
+    let plain = room.solve(&observations, &RigConfig::default()).expect("a rig");
+    observations.iter_mut().flat_map(|s| &mut s.seen).for_each(|c| c.sigma_px /= 3.0);
+    let widened = room.solve(&observations, &RigConfig::default()).expect("a rig");
     assert_eq!(plain.noise_scale, 1.0);
     assert!((8.0..10.0).contains(&widened.noise_scale), "{}", widened.noise_scale);
     assert!(0.998 < widened.n_used as f64 / widened.n_seen as f64);
@@ -285,10 +291,10 @@ fn understated_sigmas_widen_the_answer() {
 fn a_known_distance_is_met() {
     let mut rng = Rng::new(41);
     let room = rooms::row(&mut rng, 3, 8, 0.5);
-    let sightings = room.disturbed(&mut rng);
+    let observations = room.disturbed(&mut rng);
     let truth_m = (room.cam_from_rig[1].origin() - room.cam_from_rig[2].origin()).norm();
     let apart = |config: &RigConfig| {
-        let solution = room.solve(&sightings, config).expect("a rig");
+        let solution = room.solve(&observations, config).expect("a rig");
         let (relative, covariance) = solution.cam_b_from_cam_a(2, 1).expect("joint");
         let along = relative.translation.normalize();
         let variance = (covariance.fixed_view::<3, 3>(3, 3) * along).dot(&along);

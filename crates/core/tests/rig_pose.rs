@@ -228,7 +228,7 @@ fn compare_with_halves(name: &str, seen: &[Correspondence]) -> bool {
 }
 
 /// 3 mrad and 3 mm: at 2–8 m five times what the pixels say.
-fn place_covariance() -> Matrix6<f64> {
+fn position_covariance() -> Matrix6<f64> {
     Matrix6::from_diagonal(&Vector6::new(9e-6, 9e-6, 9e-6, 9e-6, 9e-6, 9e-6))
 }
 
@@ -240,7 +240,7 @@ fn with_moved_cameras(stated: Option<Matrix6<f64>>, problems: usize) -> (f64, f6
         let scene = vehicle(&mut rng, 4, 16);
         let mut cameras = scene.disturbed(&mut rng);
         for made in &mut cameras {
-            // The picture was taken from `cam_from_rig`; what is known of it differs.
+            // The image was taken from `cam_from_rig`; what is known of it differs.
             let motion = Vector6::from_fn(|_, _| 3e-3 * rng.normal());
             made.cam_from_rig = Pose::exp(&motion) * made.cam_from_rig;
         }
@@ -259,7 +259,7 @@ fn with_moved_cameras(stated: Option<Matrix6<f64>>, problems: usize) -> (f64, f6
 /// same errors are: the χ² test sees them.
 #[test]
 fn uncertain_places_of_cameras_are_accounted_for() {
-    let (nees, coverage, inconsistent) = with_moved_cameras(Some(place_covariance()), 10_000);
+    let (nees, coverage, inconsistent) = with_moved_cameras(Some(position_covariance()), 10_000);
     println!("stated: NEES {nees:.3}, 95 % covers {coverage:.4}, inconsistent {inconsistent:.4}");
     assert!((5.7..6.3).contains(&nees), "{nees}");
     assert!((0.94..0.96).contains(&coverage), "{coverage}");
@@ -301,10 +301,11 @@ fn the_camera_and_the_point_that_do_not_fit_are_named() {
         let motion = Vector6::new(0.0, 0.02, 0.0, 0.0, 0.0, 0.0);
         cameras[pushed].cam_from_rig = Pose::exp(&motion) * cameras[pushed].cam_from_rig;
         let e = solve(&cameras).expect("a pose");
-        let RigConsistency::Inconsistent { worst_camera, chi2_per_dof, .. } = e.consistency else {
+        let RigConsistency::Inconsistent { worst_camera, chi2_per_degree_of_freedom, .. } = e.consistency
+        else {
             panic!("{:?}", e.consistency)
         };
-        assert!(4.0 < chi2_per_dof);
+        assert!(4.0 < chi2_per_degree_of_freedom);
         camera_named += usize::from(worst_camera == pushed);
 
         let mut cameras = scene.disturbed(&mut rng);

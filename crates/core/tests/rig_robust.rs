@@ -3,7 +3,7 @@
 use crate::common::rooms::Room;
 use crate::common::{Rng, outliers, rooms};
 use nalgebra::Vector2;
-use resight_core::multiview::rig::{GATE_SIGMAS, RejectedSighting, RigConfig, Sighting};
+use resight_core::multiview::rig::{GATE_SIGMAS, Observation, RejectedObservation, RigConfig};
 use resight_core::{Correspondence, Point, Pose};
 
 /// A board and a tag of 8 cm in a ring of six cameras.
@@ -19,9 +19,9 @@ fn room(rng: &mut Rng, n_views: usize) -> Room {
 }
 
 /// One point in twenty anywhere in the image.
-fn with_outliers(rng: &mut Rng, room: &Room, sightings: &mut [Sighting]) -> usize {
+fn with_outliers(rng: &mut Rng, room: &Room, observations: &mut [Observation]) -> usize {
     let mut n = 0;
-    for s in sightings {
+    for s in observations {
         for c in &mut s.seen {
             if rng.uniform(0.0, 1.0) < 0.05 {
                 let pixel = outliers::any_pixel(rng);
@@ -34,8 +34,8 @@ fn with_outliers(rng: &mut Rng, room: &Room, sightings: &mut [Sighting]) -> usiz
     n
 }
 
-/// Labels of a board turned by half: a perfect pose, and wrong.
-fn turn_labels(s: &mut Sighting) {
+/// Labels of a board rotated by half: a perfect pose, and wrong.
+fn turn_labels(s: &mut Observation) {
     let pixels: Vec<_> = s.seen.iter().rev().map(|c| (c.pixel, c.bearing)).collect();
     s.seen.iter_mut().zip(pixels).for_each(|(c, (pixel, bearing))| (c.pixel, c.bearing) = (pixel, bearing));
 }
@@ -47,18 +47,20 @@ fn what_is_wrong_does_not_move_the_answer() {
     for trial in 0..TRIALS {
         let mut rng = Rng::new(500 + trial as u64);
         let room = room(&mut rng, 40);
-        let mut sightings = room.disturbed(&mut rng);
-        let n_wrong = with_outliers(&mut rng, &room, &mut sightings);
-        let boards: Vec<usize> = (0..sightings.len()).filter(|i| sightings[*i].target == 0).collect();
+        let mut observations = room.disturbed(&mut rng);
+        let n_wrong = with_outliers(&mut rng, &room, &mut observations);
+        let boards: Vec<usize> = (0..observations.len()).filter(|i| observations[*i].target == 0).collect();
         let turned = boards[rng.index(boards.len())];
-        turn_labels(&mut sightings[turned]);
-        let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
-        let of_view =
-            |i: usize| sightings.iter().filter(|s| s.target == 0 && s.view == sightings[i].view).count();
-        let contradicts =
-            |i: usize| matches!(solution.sightings[i].rejected, Some(RejectedSighting::Contradicts { .. }));
+        turn_labels(&mut observations[turned]);
+        let solution = room.solve(&observations, &RigConfig::default()).expect("a rig");
+        let of_view = |i: usize| {
+            observations.iter().filter(|s| s.target == 0 && s.view == observations[i].view).count()
+        };
+        let contradicts = |i: usize| {
+            matches!(solution.observations[i].rejected, Some(RejectedObservation::Contradicts { .. }))
+        };
         if 2 < of_view(turned) {
-            assert!(contradicts(turned), "trial {trial}: {:?}", solution.sightings[turned].rejected);
+            assert!(contradicts(turned), "trial {trial}: {:?}", solution.observations[turned].rejected);
         }
         assert!(solution.n_used + n_wrong / 2 < solution.n_seen);
         for c in 1..6 {
@@ -79,11 +81,11 @@ fn what_is_wrong_does_not_move_the_answer() {
 fn points_used_are_those_within_the_gate() {
     let mut rng = Rng::new(600);
     let room = room(&mut rng, 20);
-    let mut sightings = room.disturbed(&mut rng);
-    with_outliers(&mut rng, &room, &mut sightings);
-    let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+    let mut observations = room.disturbed(&mut rng);
+    with_outliers(&mut rng, &room, &mut observations);
+    let solution = room.solve(&observations, &RigConfig::default()).expect("a rig");
     let mut n_used = 0;
-    for (s, result) in sightings.iter().zip(&solution.sightings) {
+    for (s, result) in observations.iter().zip(&solution.observations) {
         let body = solution.bodies.iter().find(|b| (b.view, b.body) == (s.view, s.target)).expect("a body");
         for (c, residual) in s.seen.iter().zip(&result.residuals_px) {
             let cam_from_target = solution.cameras[s.camera].cam_from_rig * body.rig_from_body;
@@ -112,20 +114,20 @@ fn a_moved_target_is_said() {
     let mut rng = Rng::new(700);
     let cameras = (0..4).map(|_| rooms::pinhole(900.0)).collect();
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(6, 4, 0.1), 40, 0.3);
-    let mut sightings = room.disturbed(&mut rng);
-    let in_view = |v: usize| sightings.iter().filter(|s| s.view == v).count();
+    let mut observations = room.disturbed(&mut rng);
+    let in_view = |v: usize| observations.iter().filter(|s| s.view == v).count();
     let view = (0..40).find(|v| in_view(*v) == 2).expect("a view of two cameras");
-    let moved = sightings.iter().position(|s| s.view == view).expect("a sighting");
-    let camera = sightings[moved].camera;
-    for c in &mut sightings[moved].seen {
+    let moved = observations.iter().position(|s| s.view == view).expect("an observation");
+    let camera = observations[moved].camera;
+    for c in &mut observations[moved].seen {
         let pixel = c.pixel + Vector2::new(25.0, -10.0);
         *c = Correspondence::new(&room.cameras[camera], c.x_in_target, pixel, c.sigma_px)
             .expect("in the field");
     }
-    let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+    let solution = room.solve(&observations, &RigConfig::default()).expect("a rig");
     let rejected: Vec<usize> =
-        (0..sightings.len()).filter(|i| solution.sightings[*i].rejected.is_some()).collect();
-    assert!(rejected.len() == 1 && sightings[rejected[0]].view == view, "{rejected:?}");
+        (0..observations.len()).filter(|i| solution.observations[*i].rejected.is_some()).collect();
+    assert!(rejected.len() == 1 && observations[rejected[0]].view == view, "{rejected:?}");
     for c in 1..4 {
         assert!(room.error(&solution, c).1 < 33.0);
     }

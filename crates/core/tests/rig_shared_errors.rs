@@ -1,13 +1,13 @@
-//! Errors that a whole sighting shares: late cameras, a bent board, corners off to one side. The covariance must hold them, and must not
+//! Errors that a whole observation shares: late cameras, a bent board, corners off to one side. The covariance must hold them, and must not
 //! grow where there are none.
 
 use crate::common::rooms::Room;
 use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, Vector2};
-use resight_core::multiview::rig::{RigConfig, Sighting};
+use resight_core::multiview::rig::{Observation, RigConfig};
 use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};
 
-/// What is wrong with every sighting, beyond the pixels.
+/// What is wrong with every observation, beyond the pixels.
 #[derive(Debug, Clone, Copy)]
 enum Fault {
     None,
@@ -17,7 +17,7 @@ enum Fault {
     Jitter(f64),
     /// The board bends along both diagonals by up to so much, m, otherwise every time.
     Bent(f64),
-    /// All corners of a sighting are off alike: shifted, turned and stretched by about so many pixels at the board's edge.
+    /// All corners of an observation are off alike: shifted, turned and stretched by about so many pixels at the board's edge.
     Biased(f64),
 }
 
@@ -27,7 +27,7 @@ fn bent(x: &Point, depth_m: [f64; 2], half_m: f64) -> Point {
     Point::new(x.x, x.y, depth_m[0] * (u * u - 0.5) + depth_m[1] * u * v)
 }
 
-fn spoilt(rng: &mut Rng, room: &Room, fault: Fault) -> Vec<Sighting> {
+fn spoilt(rng: &mut Rng, room: &Room, fault: Fault) -> Vec<Observation> {
     let constant: Vec<f64> = room.cameras.iter().map(|_| rng.uniform(-1.0, 1.0)).collect();
     let motions: Vec<Vector6> = (0..room.n_views)
         .map(|_| {
@@ -39,7 +39,7 @@ fn spoilt(rng: &mut Rng, room: &Room, fault: Fault) -> Vec<Sighting> {
     let bends: Vec<[f64; 2]> =
         (0..room.n_views).map(|_| [rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)]).collect();
     let half_m = room.points[0].iter().map(|x| x.x).fold(0.0, f64::max);
-    let one = |rng: &mut Rng, s: &Sighting| {
+    let one = |rng: &mut Rng, s: &Observation| {
         let body = room.bodies.iter().find(|b| b.0 == s.view).expect("a body").2;
         let late_s = match fault {
             Fault::Late(by) => by * constant[s.camera],
@@ -65,9 +65,9 @@ fn spoilt(rng: &mut Rng, room: &Room, fault: Fault) -> Vec<Sighting> {
             Correspondence::new(&room.cameras[s.camera], c.x_in_target, pixel, c.sigma_px)
                 .expect("in the field")
         };
-        Sighting { seen: s.seen.iter().map(|c| point(c, rng)).collect(), ..s.clone() }
+        Observation { seen: s.seen.iter().map(|c| point(c, rng)).collect(), ..s.clone() }
     };
-    room.sightings.iter().map(|s| one(rng, s)).collect()
+    room.observations.iter().map(|s| one(rng, s)).collect()
 }
 
 /// Mean squared error in units of the stated covariance, in units of the inverse information, and of the stated trace over its share.
@@ -92,7 +92,7 @@ fn outcome(fault: Fault, n_cameras: usize, n_views: usize, n_rigs: u64, n_draws:
             rooms::ring_with_board(&mut rng, cameras, rooms::board(6, 4, 0.08), n_views, 0.3)
         };
         let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
-        let exact = room.solve(&room.sightings, &config).expect("a rig");
+        let exact = room.solve(&room.observations, &config).expect("a rig");
         for _ in 0..n_draws {
             let seen = spoilt(&mut rng, &room, fault);
             let found = room.solve(&seen, &config).expect("a rig");

@@ -1,10 +1,10 @@
-//! The places of cameras in a rig: exact and noisy pixels, the paper's own pair, the order of the input.
+//! The poses of cameras in a rig: exact and noisy pixels, the paper's own pair, the order of the input.
 
 use crate::common::rooms::Room;
 use crate::common::{Rng, rooms};
 use nalgebra::{Matrix3, Vector3};
 use resight_core::camera::{Photogrammetric, PhotogrammetricParameters};
-use resight_core::multiview::rig::{BodyInView, RigConfig, RigSolution, Sighting};
+use resight_core::multiview::rig::{BodyInView, Observation, RigConfig, RigSolution};
 use resight_core::{Camera, Correspondence, Lens, Point, Pose, Vector6};
 
 /// Largest difference of any body's place from the truth.
@@ -24,7 +24,7 @@ fn exact_pixels_give_the_exact_rig() {
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(6, 5, 0.08), 20, 0.3);
     for reference in [0, 3] {
         let config = RigConfig { reference, ..RigConfig::default() };
-        let solution = room.solve(&room.sightings, &config).expect("a rig");
+        let solution = room.solve(&room.observations, &config).expect("a rig");
         let rig_from_first = room.cam_from_rig[reference];
         for c in 0..5 {
             let truth = room.cam_from_rig[c] * rig_from_first.inverse();
@@ -34,7 +34,7 @@ fn exact_pixels_give_the_exact_rig() {
         assert_eq!(solution.cameras[reference].cam_from_rig, Pose::identity());
         assert_eq!(solution.n_used, solution.n_seen);
     }
-    let solution = room.solve(&room.sightings, &RigConfig::default()).expect("a rig");
+    let solution = room.solve(&room.observations, &RigConfig::default()).expect("a rig");
     assert!(worst_body(&room, &solution) < 1e-12);
 }
 
@@ -58,7 +58,7 @@ fn targets_of_a_body_are_placed_with_the_cameras() {
             room.see(view, body, rooms::somewhere(&mut rng, around, 0.3, facing, 0.4), 0.3);
         }
     }
-    let solution = room.solve(&room.sightings, &RigConfig::default()).expect("a rig");
+    let solution = room.solve(&room.observations, &RigConfig::default()).expect("a rig");
     for c in 1..4 {
         assert!((solution.cameras[c].cam_from_rig * room.cam_from_rig[c].inverse()).log().norm() < 1e-10);
     }
@@ -104,7 +104,7 @@ fn table_two() -> Room {
             Correspondence::new(lens, *x, pixel, 2.9e-5).expect("in the field")
         };
         let seen = points.iter().map(point).collect();
-        room.sightings.push(Sighting { camera, view: 0, target: 0, seen });
+        room.observations.push(Observation { camera, view: 0, target: 0, seen });
     }
     room.n_views = 1;
     room
@@ -114,7 +114,7 @@ fn table_two() -> Room {
 #[test]
 fn table_two_gives_the_papers_relative_pose() {
     let room = table_two();
-    let solution = room.solve(&room.sightings, &RigConfig::default()).expect("a rig");
+    let solution = room.solve(&room.observations, &RigConfig::default()).expect("a rig");
     let found = solution.cameras[1].cam_from_rig.inverse();
     let truth = room.cam_from_rig[1].inverse();
     assert!((found.rotation - truth.rotation).amax() < 1e-9, "{found:?}");
@@ -154,25 +154,25 @@ fn two_cameras_and_fifty_views() {
     assert!(angle < 0.0125 && place < 0.6e-3, "board: {angle}° {place} m");
 }
 
-/// Every bit of the answer is the same whatever the order of the sightings.
+/// Every bit of the answer is the same whatever the order of the observations.
 #[test]
-fn the_order_of_sightings_changes_nothing() {
+fn the_order_of_observations_changes_nothing() {
     let mut rng = Rng::new(7);
     let cameras = (0..4).map(|_| rooms::pinhole(900.0)).collect();
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(5, 4, 0.1), 30, 0.3);
-    let sightings = room.disturbed(&mut rng);
+    let observations = room.disturbed(&mut rng);
     let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
-    let first = room.solve(&sightings, &config).expect("a rig");
+    let first = room.solve(&observations, &config).expect("a rig");
     for _ in 0..5 {
-        let mut order: Vec<usize> = (0..sightings.len()).collect();
+        let mut order: Vec<usize> = (0..observations.len()).collect();
         for i in (1..order.len()).rev() {
             order.swap(i, rng.index(i + 1));
         }
-        let shuffled: Vec<Sighting> = order.iter().map(|i| sightings[*i].clone()).collect();
+        let shuffled: Vec<Observation> = order.iter().map(|i| observations[*i].clone()).collect();
         let mut again = room.solve(&shuffled, &config).expect("a rig");
-        let mut back = again.sightings.clone();
-        order.iter().zip(&again.sightings).for_each(|(i, s)| back[*i] = s.clone());
-        again.sightings = back;
+        let mut back = again.observations.clone();
+        order.iter().zip(&again.observations).for_each(|(i, s)| back[*i] = s.clone());
+        again.observations = back;
         // Debug prints every digit that f64 has, and −0 apart from 0.
         assert_eq!(format!("{first:?}"), format!("{again:?}"));
     }

@@ -5,7 +5,7 @@ use crate::common::{Rng, rooms};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use resight_core::camera::{DoubleSphere, KannalaBrandt};
 use resight_core::correspondence::PixelCovariance;
-use resight_core::multiview::rig::{RigConfig, Sighting};
+use resight_core::multiview::rig::{Observation, RigConfig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Pose, Vector6};
 
 /// The Cramér–Rao bound of all cameras but the first, by central differences of exact pixels over every unknown.
@@ -15,7 +15,7 @@ fn bound(room: &Room) -> DMatrix<f64> {
     let (n_cameras, n_bodies) = (room.cameras.len(), room.bodies.len());
     let n = 6 * (n_cameras - 1 + n_bodies);
     let mut information = DMatrix::zeros(n, n);
-    for s in &room.sightings {
+    for s in &room.observations {
         let body = room.bodies.iter().position(|b| b.0 == s.view).expect("a body");
         for c in &s.seen {
             let mut rows = [DVector::zeros(n), DVector::zeros(n)];
@@ -48,10 +48,10 @@ fn covariances_are_the_cramer_rao_bound() {
     let cameras = (0..4).map(|i| if i == 1 { rooms::barrel(900.0) } else { rooms::pinhole(900.0) }).collect();
     let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(4, 3, 0.12), 25, 0.3);
     let mut seen = room.clone();
-    seen.bodies.retain(|b| room.sightings.iter().any(|s| s.view == b.0));
+    seen.bodies.retain(|b| room.observations.iter().any(|s| s.view == b.0));
     let bound = bound(&seen);
     let config = RigConfig { joint_covariance: true, ..RigConfig::default() };
-    let solution = room.solve(&room.sightings, &config).expect("a rig");
+    let solution = room.solve(&room.observations, &config).expect("a rig");
     let joint = solution.joint_covariance.as_ref().expect("asked for");
     let n = 6 * 3;
     let (truth, found) = (bound.view((0, 0), (n, n)).into_owned(), joint.view((6, 6), (n, n)).into_owned());
@@ -81,7 +81,7 @@ fn errors_are_what_the_covariance_says() {
         let mut rng = Rng::new(300 + seed);
         let cameras = (0..8).map(|_| rooms::pinhole(900.0)).collect();
         let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(3, 3, 0.2), 300, 0.3);
-        let bound = room.solve(&room.sightings, &RigConfig::default()).expect("a rig");
+        let bound = room.solve(&room.observations, &RigConfig::default()).expect("a rig");
         for _ in 0..DRAWS {
             let solution = room.solve(&room.disturbed(&mut rng), &RigConfig::default()).expect("a rig");
             for c in 1..8 {
@@ -115,7 +115,7 @@ fn uneven_noise_and_uncertain_points_are_in_the_covariance() {
             lenses.iter().map(|l| Camera { lens: l.clone(), size: None }).collect();
         cameras.extend([rooms::barrel(900.0), rooms::pinhole(900.0)]);
         let room = rooms::ring_with_board(&mut rng, cameras, rooms::board(4, 3, 0.12), 30, 0.5);
-        let disturbed = |s: &Sighting, rng: &mut Rng| {
+        let disturbed = |s: &Observation, rng: &mut Rng| {
             let body = room.bodies.iter().find(|b| b.0 == s.view).expect("a body").2;
             let point = |c: &Correspondence, rng: &mut Rng| {
                 // u = 0.2 a + 0.6 b, v = 0.5 b − 0.1 a: C = [0.40, 0.28; 0.28, 0.26].
@@ -129,10 +129,11 @@ fn uneven_noise_and_uncertain_points_are_in_the_covariance() {
                     .expect("in the field");
                 Correspondence { sigma_m: 0.5e-3, ..seen.with_covariance(covariance) }
             };
-            Sighting { seen: s.seen.iter().map(|c| point(c, rng)).collect(), ..s.clone() }
+            Observation { seen: s.seen.iter().map(|c| point(c, rng)).collect(), ..s.clone() }
         };
-        let sightings: Vec<Sighting> = room.sightings.iter().map(|s| disturbed(s, &mut rng)).collect();
-        let solution = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+        let observations: Vec<Observation> =
+            room.observations.iter().map(|s| disturbed(s, &mut rng)).collect();
+        let solution = room.solve(&observations, &RigConfig::default()).expect("a rig");
         assert_eq!(solution.noise_scale, 1.0);
         mean += (1..4).map(|c| room.error(&solution, c).1).sum::<f64>() / (3.0 * TRIALS as f64);
     }

@@ -4,13 +4,13 @@
 
 use crate::common::rooms::{self, Room};
 use crate::common::{Rng, views};
-use resight_core::multiview::rig::{Cause, RigConfig, RigSolution, Sighting};
+use resight_core::multiview::rig::{Cause, Observation, RigConfig, RigSolution};
 use resight_core::{Camera, Correspondence, Error, Point, Pose, Vector6};
 
 const N_VIEWS: usize = 30;
 const SIGMA_PX: f64 = 0.3;
 
-/// Four cameras 1.8 m around a board of 54 corners that is carried about, lenses of their own, 30 views.
+/// Four cameras 1.8 m around a board of 54 corners that is hand-held, lenses of their own, 30 views.
 fn room(rng: &mut Rng) -> Room {
     let cameras = [800.0, 880.0, 820.0, 900.0].map(rooms::pinhole).to_vec();
     let centres = [[0.0, 0.0], [0.8, -0.2], [-0.8, 0.3], [0.2, 0.9]];
@@ -28,26 +28,26 @@ fn room(rng: &mut Rng) -> Room {
 }
 
 /// Solved with the lenses given, whatever the pixels were made with.
-fn solved(room: &Room, cameras: &[Camera], sightings: Vec<Sighting>) -> Result<RigSolution, Error> {
-    let rebased = |s: Sighting| {
+fn solved(room: &Room, cameras: &[Camera], observations: Vec<Observation>) -> Result<RigSolution, Error> {
+    let rebased = |s: Observation| {
         let seen = |c: &Correspondence| {
             let seen = Correspondence::new(&cameras[s.camera], c.x_in_target, c.pixel, c.sigma_px);
             seen.expect("in the field")
         };
-        Sighting { seen: s.seen.iter().map(seen).collect(), ..s }
+        Observation { seen: s.seen.iter().map(seen).collect(), ..s }
     };
-    let sightings: Vec<Sighting> = sightings.into_iter().map(rebased).collect();
-    Room { cameras: cameras.to_vec(), ..room.clone() }.solve(&sightings, &RigConfig::default())
+    let observations: Vec<Observation> = observations.into_iter().map(rebased).collect();
+    Room { cameras: cameras.to_vec(), ..room.clone() }.solve(&observations, &RigConfig::default())
 }
 
 /// Labels of camera 2 off by one view.
-fn off_by_one(sightings: &mut Vec<Sighting>) {
-    sightings.retain(|s| s.camera != 2 || s.view + 1 < N_VIEWS);
-    sightings.iter_mut().filter(|s| s.camera == 2).for_each(|s| s.view += 1);
+fn off_by_one(observations: &mut Vec<Observation>) {
+    observations.retain(|s| s.camera != 2 || s.view + 1 < N_VIEWS);
+    observations.iter_mut().filter(|s| s.camera == 2).for_each(|s| s.view += 1);
 }
 
-fn swapped(sightings: &mut [Sighting]) {
-    for s in sightings {
+fn swapped(observations: &mut [Observation]) {
+    for s in observations {
         s.camera = match s.camera {
             1 => 3,
             3 => 1,
@@ -57,17 +57,17 @@ fn swapped(sightings: &mut [Sighting]) {
 }
 
 /// A tenth of the images of camera 2 put under other views.
-fn mixed(sightings: &mut [Sighting], n: usize) {
-    let of: Vec<usize> = (0..sightings.len()).filter(|i| sightings[*i].camera == 2).take(n).collect();
+fn mixed(observations: &mut [Observation], n: usize) {
+    let of: Vec<usize> = (0..observations.len()).filter(|i| observations[*i].camera == 2).take(n).collect();
     for pair in of.chunks_exact(2) {
-        let (a, b) = (sightings[pair[0]].view, sightings[pair[1]].view);
-        (sightings[pair[0]].view, sightings[pair[1]].view) = (b, a);
+        let (a, b) = (observations[pair[0]].view, observations[pair[1]].view);
+        (observations[pair[0]].view, observations[pair[1]].view) = (b, a);
     }
 }
 
 /// Rows of the board one short: a wrong kind. Numbers run on, so that most points are not where the target says.
-fn wrong_kind(sightings: &mut [Sighting]) {
-    for s in sightings {
+fn wrong_kind(observations: &mut [Observation]) {
+    for s in observations {
         let places: Vec<Point> =
             (0..54).map(|i| Point::new((i % 6) as f64 * 0.04, (i / 6) as f64 * 0.04, 0.0)).collect();
         s.seen.iter_mut().zip(places).for_each(|(c, x)| c.x_in_target = x);
@@ -75,15 +75,15 @@ fn wrong_kind(sightings: &mut [Sighting]) {
 }
 
 /// Camera 2 is told that the board is larger than the others are told.
-fn told_size(sightings: &mut [Sighting], factor: f64) {
-    let own = sightings.iter_mut().filter(|s| s.camera == 2).flat_map(|s| &mut s.seen);
+fn reported_size(observations: &mut [Observation], factor: f64) {
+    let own = observations.iter_mut().filter(|s| s.camera == 2).flat_map(|s| &mut s.seen);
     own.for_each(|c| c.x_in_target *= factor);
 }
 
 /// Camera 2 fires late while the board moves at `speed_m_per_s` and turns at one tenth of a radian a second for each 0.1 m/s.
-fn late(rng: &mut Rng, room: &Room, delay_s: f64, speed_m_per_s: f64) -> Vec<Sighting> {
+fn late(rng: &mut Rng, room: &Room, delay_s: f64, speed_m_per_s: f64) -> Vec<Observation> {
     let mut late = room.clone();
-    late.sightings.clear();
+    late.observations.clear();
     for (view, body, rig_from_body) in &room.bodies {
         let (push, turn) =
             (rng.unit_vector() * speed_m_per_s * delay_s, rng.unit_vector() * speed_m_per_s * delay_s);
@@ -92,16 +92,16 @@ fn late(rng: &mut Rng, room: &Room, delay_s: f64, speed_m_per_s: f64) -> Vec<Sig
         let moved =
             Pose { translation: push, ..Pose::identity() } * about * moved * about.inverse() * *rig_from_body;
         let mut then = room.clone();
-        then.sightings.clear();
+        then.observations.clear();
         then.see(*view, *body, moved, SIGMA_PX);
-        late.sightings.extend(then.sightings.into_iter().filter(|s| s.camera == 2));
+        late.observations.extend(then.observations.into_iter().filter(|s| s.camera == 2));
     }
-    late.sightings.extend(room.sightings.iter().filter(|s| s.camera != 2).cloned());
-    late.sightings
+    late.observations.extend(room.observations.iter().filter(|s| s.camera != 2).cloned());
+    late.observations
 }
 
-fn noisy(rng: &mut Rng, room: &Room, sightings: &[Sighting]) -> Vec<Sighting> {
-    Room { sightings: sightings.to_vec(), ..room.clone() }.disturbed(rng)
+fn noisy(rng: &mut Rng, room: &Room, observations: &[Observation]) -> Vec<Observation> {
+    Room { observations: observations.to_vec(), ..room.clone() }.disturbed(rng)
 }
 
 struct Case {
@@ -141,32 +141,32 @@ fn run(case: &Case, rng: &mut Rng) -> Result<RigSolution, Error> {
     let exact = match case.name {
         "20 ms late" => late(rng, &room, 0.02, 0.5),
         "300 ms late" => late(rng, &room, 0.3, 0.5),
-        _ => room.sightings.clone(),
+        _ => room.observations.clone(),
     };
-    let mut sightings = noisy(rng, &room, &exact);
+    let mut observations = noisy(rng, &room, &exact);
     let mut cameras = room.cameras.clone();
     match case.name {
-        "two mixed images" => mixed(&mut sightings, 2),
-        "ten mixed images" => mixed(&mut sightings, 10),
+        "two mixed images" => mixed(&mut observations, 2),
+        "ten mixed images" => mixed(&mut observations, 10),
         "focal length 1.03" => cameras[2] = lens(1.03 * 820.0, 0.0),
         "focal length 1.1" => cameras[2] = lens(1.1 * 820.0, 0.0),
         "focal length 0.9" => cameras[2] = lens(0.9 * 820.0, 0.0),
         "principal point 40 px" => cameras[2] = lens(820.0, 40.0),
         "image size doubled" => cameras[2] = rooms::pinhole(1640.0),
-        "labels off by one view" => off_by_one(&mut sightings),
-        "detections swapped" => swapped(&mut sightings),
-        "told another size" => told_size(&mut sightings, 1.03),
-        "wrong kind of target" => wrong_kind(&mut sightings),
+        "labels off by one view" => off_by_one(&mut observations),
+        "detections swapped" => swapped(&mut observations),
+        "told another size" => reported_size(&mut observations, 1.03),
+        "wrong kind of target" => wrong_kind(&mut observations),
         _ => {}
     }
-    solved(&room, &cameras, sightings)
+    solved(&room, &cameras, observations)
 }
 
 /// A line of the matrix.
-fn told(case: &Case, found: &Result<RigSolution, Error>) -> String {
+fn reported(case: &Case, found: &Result<RigSolution, Error>) -> String {
     let Ok(s) = found else { return format!("{:24} refused: {}", case.name, found.as_ref().unwrap_err()) };
     let v = &s.verdict;
-    let lost: Vec<String> = v.cameras.iter().map(|c| format!("{}/{}", c.n_lost, c.n_sightings)).collect();
+    let lost: Vec<String> = v.cameras.iter().map(|c| format!("{}/{}", c.n_lost, c.n_observations)).collect();
     let worst = v.worst_camera.map(|c| (c, v.cameras[c].cause, v.lens_offsets[c]));
     format!(
         "{:24} {} χ²/dof {:.2} lost {} points {:.1?} target {:?} worst {:?}",
@@ -186,7 +186,7 @@ fn what_is_wrong_is_never_called_right() {
     for case in &CASES {
         for trial in 0..3 {
             let found = run(case, &mut Rng::new(900 + trial));
-            let line = told(case, &found);
+            let line = reported(case, &found);
             println!("{line}");
             let Ok(s) = &found else { continue };
             let is_as_expected = match &case.wrong {
@@ -212,10 +212,10 @@ fn what_is_right_is_never_called_wrong() {
     for trial in 0..20 {
         let mut rng = Rng::new(1900 + trial);
         let room = room(&mut rng);
-        let sightings = room.disturbed(&mut rng);
-        let found = room.solve(&sightings, &RigConfig::default()).expect("a rig");
+        let observations = room.disturbed(&mut rng);
+        let found = room.solve(&observations, &RigConfig::default()).expect("a rig");
         assert!(!found.verdict.is_inconsistent, "trial {trial}: {:?}", found.verdict);
-        let few: Vec<Sighting> = sightings.into_iter().filter(|s| s.view < 4).collect();
+        let few: Vec<Observation> = observations.into_iter().filter(|s| s.view < 4).collect();
         let found = room.solve(&few, &RigConfig::default()).expect("a rig");
         assert!(!found.verdict.is_inconsistent, "trial {trial}, four views: {:?}", found.verdict);
         let late = late(&mut rng, &room, 0.005, 0.1);
@@ -230,10 +230,10 @@ fn what_is_right_is_never_called_wrong() {
 fn a_lens_offset_is_what_the_lens_is_off_by() {
     let mut rng = Rng::new(77);
     let room = room(&mut rng);
-    let sightings = room.disturbed(&mut rng);
+    let observations = room.disturbed(&mut rng);
     let mut cameras = room.cameras.clone();
     cameras[1] = lens(880.0 * 1.002, 2.0);
-    let found = solved(&room, &cameras, sightings).expect("a rig");
+    let found = solved(&room, &cameras, observations).expect("a rig");
     let offset = found.verdict.lens_offsets[1].expect("determined");
     let expected = [
         (1.0 / 1.002 - 1.0, offset.focal, offset.sigma_focal),

@@ -12,7 +12,7 @@ use resight_core::{Error, Matrix6, Point, Pose, Vector6};
 const SIGMA_PX: f64 = 0.5;
 
 /// A segment and its image; `is_placed` says whether its place is known, or only its direction.
-fn mark(
+fn control_point(
     rng: &mut Rng,
     pose: &Pose,
     [a, b]: [Point; 2],
@@ -30,11 +30,20 @@ fn mark(
 }
 
 /// Left edge, right edge (known in direction only where the width is not known), stop line.
-fn marks(rng: &mut Rng, pose: &Pose, width_is_known: bool, noise_px: f64) -> Vec<LineCorrespondence> {
+fn control_points(
+    rng: &mut Rng,
+    pose: &Pose,
+    width_is_known: bool,
+    noise_px: f64,
+) -> Vec<LineCorrespondence> {
     let edge = |x: f64| [Point::new(x, 2.0, 0.0), Point::new(x, 14.0, 0.0)];
     let stop = [Point::new(-1.75, 6.0, 0.0), Point::new(1.75, 6.0, 0.0)];
-    let mut mark = |ends, is_placed| mark(rng, pose, ends, is_placed, noise_px);
-    vec![mark(edge(-1.75), true), mark(edge(1.75), width_is_known), mark(stop, true)]
+    let mut control_point = |ends, is_placed| control_point(rng, pose, ends, is_placed, noise_px);
+    vec![
+        control_point(edge(-1.75), true),
+        control_point(edge(1.75), width_is_known),
+        control_point(stop, true),
+    ]
 }
 
 /// The camera's height over the road, off by `error_m`.
@@ -51,16 +60,16 @@ fn error(truth: &Pose, found: &Pose) -> Vector6 {
     (*truth * found.inverse()).log()
 }
 
-/// Half a turn about the stop line maps the lane onto itself: its picture has a second camera under the road. Any word about the height,
+/// Half a turn about the stop line maps the lane onto itself: its image has a second camera under the road. Any word about the height,
 /// here to half a metre, or about gravity, to ten degrees, ends that.
 #[test]
-fn a_lane_with_its_stop_line_has_a_twin_below_the_road() {
+fn a_lane_with_its_stop_line_has_a_duplicate_below_the_road() {
     let mut rng = Rng::new(1);
     for _ in 0..300 {
         let pose = views::on_the_road(&mut rng);
-        let lines = marks(&mut rng, &pose, true, 0.0);
+        let lines = control_points(&mut rng, &pose, true, 0.0);
         let Ambiguity::Ambiguous { other, .. } = solve(&lines, &[]).expect("a pose").ambiguity else {
-            panic!("the twin is missing")
+            panic!("the duplicate is missing")
         };
         assert!(other.chi2 < 1e-9);
         let down_in_target = -Vector3::z();
@@ -84,18 +93,18 @@ fn a_road_of_unknown_width_needs_the_height() {
     let (mut ambiguous, total) = (0, 500);
     for _ in 0..total {
         let pose = views::on_the_road(&mut rng);
-        let lines = marks(&mut rng, &pose, false, 0.0);
+        let lines = control_points(&mut rng, &pose, false, 0.0);
         assert_eq!(solve(&lines, &[]).map(|_| ()), Err(Error::TooFewPoints { seen: 3, needed: 3 }));
         let found = solve(&lines, &[height(&pose, 0.0, 0.01)]).expect("a pose");
         let off = error(&pose, &found.cam_from_target).norm();
-        let rival = match found.ambiguity {
+        let alternative = match found.ambiguity {
             Ambiguity::Unique { .. } => f64::INFINITY,
             Ambiguity::Ambiguous { other, .. } => {
                 ambiguous += 1;
                 error(&pose, &other.cam_from_target).norm()
             }
         };
-        assert!(off.min(rival) < 1e-9, "{off:e} {rival:e}");
+        assert!(off.min(alternative) < 1e-9, "{off:e} {alternative:e}");
         let covariance = Matrix6::from_diagonal(&Vector6::new(0.12, 0.12, 0.12, 4.0, 4.0, 4.0));
         let last = Prior::Pose { cam_from_target: pose, covariance };
         let found = solve(&lines, &[height(&pose, 0.0, 0.01), last]).expect("a pose");
@@ -107,13 +116,13 @@ fn a_road_of_unknown_width_needs_the_height() {
 
 /// Variance over the Cramér–Rao bound, normalised errors and 95 % regions, with noise of the marks (0.5 px) and of the height (2 cm).
 #[test]
-fn road_marks_reach_the_bound() {
+fn road_control_points_reach_the_bound() {
     for (seed, width_is_known) in [(3, true), (4, false)] {
         let mut rng = Rng::new(seed);
         let (mut rotation, mut place, mut nees, mut covered, mut taken, mut far) = (0.0, 0.0, 0.0, 0, 0, 0);
         for _ in 0..5000 {
             let pose = views::on_the_road(&mut rng);
-            let lines = marks(&mut rng, &pose, width_is_known, SIGMA_PX);
+            let lines = control_points(&mut rng, &pose, width_is_known, SIGMA_PX);
             let Ok(found) = solve(&lines, &[height(&pose, 0.02 * rng.normal(), 0.02)]) else { continue };
             let near = |p: &Pose| error(&pose, p).norm();
             let (cam_from_target, covariance) = match found.ambiguity {
@@ -129,7 +138,7 @@ fn road_marks_reach_the_bound() {
                 far += 1;
                 continue;
             }
-            let exact = marks(&mut rng, &pose, width_is_known, 0.0);
+            let exact = control_points(&mut rng, &pose, width_is_known, 0.0);
             let (camera, known) = (views::camera(), [height(&pose, 0.0, 0.02)]);
             let problem = Problem { priors: &known, ..Problem::new(&[], &camera) };
             let bound = refine_lines(&pose, &exact, &problem).expect("the bound").covariance;

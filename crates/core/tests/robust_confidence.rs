@@ -1,7 +1,7 @@
 //! The confidence that ends the search holds, and random labels get no answer.
 
 use crate::common::Rng;
-use crate::common::outliers::{Scene, any_pixel, camera, scene, with_rival};
+use crate::common::outliers::{Scene, any_pixel, camera, scene, with_alternative};
 use resight_core::robust::{Config, consensus};
 use resight_core::{Correspondence, Error};
 
@@ -30,14 +30,14 @@ fn missed(confidence: f64, trials: usize, mut draw: impl FnMut() -> Scene) -> us
 fn the_larger_of_two_consensuses_is_missed_no_more_often_than_stated() {
     for (confidence, trials, seed) in [(0.9, 2000, 1), (0.99, 4000, 2), (0.999, 4000, 3), (0.9999, 4000, 4)] {
         let mut rng = Rng::new(seed);
-        let missed = missed(confidence, trials, || with_rival(&mut rng, 200, 64, 56, 1.0));
+        let missed = missed(confidence, trials, || with_alternative(&mut rng, 200, 64, 56, 1.0));
         let stated = (1.0 - confidence) * trials as f64;
         println!("confidence {confidence}: {missed} of {trials} missed, {stated:.1} allowed in the mean");
         assert!(missed as f64 <= stated + 3.0 * stated.sqrt(), "{confidence}: {missed}");
     }
 }
 
-/// Without a rival nothing ends the search before the consensus is found: none is missed.
+/// Without a second solution nothing ends the search before the consensus is found: none is missed.
 #[test]
 fn a_single_consensus_is_not_missed() {
     for (confidence, seed) in [(0.99, 5), (0.999, 6), (0.9999, 7)] {

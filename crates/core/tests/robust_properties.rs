@@ -189,7 +189,7 @@ fn groups_fall_together() {
 #[test]
 fn a_narrow_threshold_is_accounted_for() {
     let mut rng = Rng::new(15);
-    let (mut nees, mut chi2_per_dof, mut truncation) = (0.0, 0.0, 0.0);
+    let (mut nees, mut chi2_per_degree_of_freedom, mut truncation) = (0.0, 0.0, 0.0);
     let trials = 600;
     for _ in 0..trials {
         let scene = scene(&mut rng, 200, 60, 1.0);
@@ -197,12 +197,16 @@ fn a_narrow_threshold_is_accounted_for() {
         let error = (found.estimate.cam_from_target * scene.cam_from_target.inverse()).log();
         let information = found.estimate.covariance.try_inverse().expect("positive");
         nees += error.dot(&(information * error)) / f64::from(trials);
-        chi2_per_dof += found.estimate.chi2 / found.estimate.degrees_of_freedom as f64 / f64::from(trials);
+        chi2_per_degree_of_freedom +=
+            found.estimate.chi2 / found.estimate.degrees_of_freedom as f64 / f64::from(trials);
         truncation += found.truncation / f64::from(trials);
     }
-    println!("NEES {nees:.2}, χ²/dof {chi2_per_dof:.4}, truncation {truncation:.4}");
+    println!("NEES {nees:.2}, χ²/dof {chi2_per_degree_of_freedom:.4}, truncation {truncation:.4}");
     assert!((nees - 6.0).abs() < 0.6, "{nees}");
-    assert!((chi2_per_dof - truncation).abs() < 0.01, "{chi2_per_dof} {truncation}");
+    assert!(
+        (chi2_per_degree_of_freedom - truncation).abs() < 0.01,
+        "{chi2_per_degree_of_freedom} {truncation}"
+    );
 }
 
 /// What cannot be is named, by its row.

@@ -4,7 +4,7 @@
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
-use resight_core::locate::known_rotation::{Known, KnownRotation, place};
+use resight_core::locate::known_rotation::{Known, KnownRotation, position_with_rotation};
 use resight_core::locate::lines::locate_lines;
 use resight_core::locate::prior::Prior;
 use resight_core::locate::problem::Problem;
@@ -137,7 +137,7 @@ fn lines_and_places_survive_bad_numbers() {
             },
             covariance: Matrix3::identity() * number(&mut rng).abs(),
         };
-        if let Ok(found) = place(&rotation, &seen, &lines, &camera, &known[..rng.index(3)]) {
+        if let Ok(found) = position_with_rotation(&rotation, &seen, &lines, &camera, &known[..rng.index(3)]) {
             assert!(
                 is_whole(&found.cam_from_target) && (found.covariance.sum() + found.chi2).is_finite(),
                 "{known:?}"

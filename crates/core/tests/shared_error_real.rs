@@ -8,7 +8,7 @@ use crate::recorded::recorded;
 use resight_core::camera::{BrownConrady, KannalaBrandt};
 use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Matrix6, Pixel, Point};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -39,7 +39,7 @@ fn brown(k: &[f64], distortion: &[f64]) -> Camera {
 }
 
 /// An image: which camera took it, its name, and its corners.
-struct Seen {
+struct Observed {
     camera: usize,
     view: String,
     points: Vec<Correspondence>,
@@ -48,7 +48,7 @@ struct Seen {
 struct Set {
     name: &'static str,
     cameras: Vec<Camera>,
-    images: Vec<Seen>,
+    images: Vec<Observed>,
 }
 
 /// Rows of a table: which camera and which view a row belongs to, and the column of x, y, z, u, v; none for a row that is left out.
@@ -73,7 +73,8 @@ fn set(
         let point = Correspondence::new(&cameras[camera], x, u, SIGMA_PX).expect("in the field");
         found.entry((view, camera)).or_default().push(point);
     }
-    let images = found.into_iter().map(|((view, camera), points)| Seen { camera, view, points }).collect();
+    let images =
+        found.into_iter().map(|((view, camera), points)| Observed { camera, view, points }).collect();
     Set { name, cameras, images }
 }
 
@@ -214,24 +215,29 @@ fn pairs_of_cameras_agree_with_the_rig() {
         names
     };
     let of_view = |name: &str| views.iter().position(|v| *v == name).expect("a view");
-    let sighting =
-        |i: &Seen| Sighting { camera: i.camera, view: of_view(&i.view), target: 0, seen: i.points.clone() };
-    let sightings: Vec<Sighting> = set.images.iter().map(sighting).collect();
+    let observation = |i: &Observed| Observation {
+        camera: i.camera,
+        view: of_view(&i.view),
+        target: 0,
+        seen: i.points.clone(),
+    };
+    let observations: Vec<Observation> = set.images.iter().map(observation).collect();
     let problem = RigProblem {
         cameras: &set.cameras,
         body_of_target: &[0],
         n_views: views.len(),
-        sightings: &sightings,
+        observations: &observations,
     };
     let rig = solve_rig(&problem, &RigConfig::default()).expect("a rig");
     let known = &rig.cameras[1];
     let mut sums = [0.0, 0.0];
     let mut n = 0;
     for view in &views {
-        let images: Vec<&Seen> = set.images.iter().filter(|i| i.view == *view).collect();
+        let images: Vec<&Observed> = set.images.iter().filter(|i| i.view == *view).collect();
         let &[left, right] = images.as_slice() else { continue };
         for (sum, shared) in sums.iter_mut().zip([true, false]) {
-            let of = |image: &Seen| solve(&image.points, &set.cameras[image.camera], shared).expect("a pose");
+            let of =
+                |image: &Observed| solve(&image.points, &set.cameras[image.camera], shared).expect("a pose");
             let (l, r) = (of(left), of(right));
             let right_from_left = r.cam_from_target * l.cam_from_target.inverse();
             let adjoint = right_from_left.adjoint();

@@ -41,7 +41,7 @@ fn monitor() -> Monitor {
         reading: spread(1.0),
         bias: spread(0.5),
         bias_time_s: 60.0,
-        daily: spread(0.3),
+        diurnal: spread(0.3),
     };
     let reference = Reference { a_from_b: cam_from_target(), noise };
     Monitor::new(&reference, &MonitorConfig::default(), 0.0).expect("a monitor")
@@ -49,10 +49,10 @@ fn monitor() -> Monitor {
 
 fn candidates(reading: &Reading) -> [Candidate; 2] {
     let mirrored = Pose::exp(&Vector6::new(0.4, 0.0, 0.0, 0.0, 0.0, 0.0)) * reading.a_from_b;
-    [(reading.a_from_b, 0.6), (mirrored, 0.4)].map(|(cam_from_target, weight)| Candidate {
+    [(reading.a_from_b, 0.6), (mirrored, 0.4)].map(|(cam_from_target, probability)| Candidate {
         cam_from_target,
         covariance: reading.covariance,
-        weight,
+        probability,
     })
 }
 
@@ -120,7 +120,7 @@ fn the_time_between_counts() {
     }
     let after = Monitor::restore(&before.snapshot()).expect("its own snapshot");
     let night_s = before.last_s() + 30_000.0;
-    assert!(matches!(after.watch(night_s), Watch::Unseen { for_s } if 29_990.0 < for_s));
+    assert!(matches!(after.watch(night_s), Watch::Stale { for_s } if 29_990.0 < for_s));
     let restored = Tracker::restore(&tracker.snapshot()).expect("its own snapshot");
     let [dusk, dawn] = [before.last_s(), night_s].map(|t_s| restored.predicted(t_s).expect("tracked"));
     let walked = 1e-4_f64.powi(2) * 30_000.0;
@@ -131,11 +131,11 @@ fn the_time_between_counts() {
 /// Fields that come or go change what the numbers mean: then `SNAPSHOT_VERSION` must be raised, and these counts with it.
 #[test]
 fn a_changed_layout_needs_another_version() {
-    let (mut sentry, mut tracker) = (monitor(), Tracker::new(&moving()).expect("a tracker"));
+    let (mut detector, mut tracker) = (monitor(), Tracker::new(&moving()).expect("a tracker"));
     let first = &readings(1, 0x5a4)[0];
-    sentry.push(first);
+    detector.push(first);
     tracker.push(first.t_s, &candidates(first));
-    let (of_monitor, of_tracker) = (sentry.snapshot(), tracker.snapshot());
+    let (of_monitor, of_tracker) = (detector.snapshot(), tracker.snapshot());
     assert_eq!((of_monitor.version, of_monitor.numbers.len()), (3, 793));
     assert_eq!((of_tracker.version, of_tracker.numbers.len()), (1, 274));
 }
@@ -145,15 +145,15 @@ fn a_changed_layout_needs_another_version() {
 fn a_monitor_of_the_version_before_goes_on() {
     let numbers = include_str!("data/monitor_2.txt").split_whitespace();
     let numbers = numbers.map(|number| number.parse().expect("a number")).collect();
-    let mut sentry = Monitor::restore(&Snapshot { version: 2, numbers }).expect("version 2");
-    let (mut chance, reference, start_s) = (Rng::new(0x2), *sentry.reference(), sentry.last_s());
+    let mut detector = Monitor::restore(&Snapshot { version: 2, numbers }).expect("version 2");
+    let (mut chance, reference, start_s) = (Rng::new(0x2), *detector.reference(), detector.last_s());
     let mut watch = |moved: Vector6<f64>, seconds: std::ops::Range<u32>| {
         let reading = |i: u32| {
             let error = Vector6::from_fn(|_, _| SIGMA * chance.normal());
             let a_from_b = Pose::exp(&error) * Pose::exp(&moved).inverse() * reference.a_from_b;
             Reading { t_s: start_s + f64::from(i), a_from_b, covariance: spread(1.0), is_consistent: true }
         };
-        seconds.map(reading).map(|reading| sentry.push(&reading)).last().expect("readings")
+        seconds.map(reading).map(|reading| detector.push(&reading)).last().expect("readings")
     };
     let panned = Vector6::ith(1, 0.01);
     let Watch::Drifted(drift) = watch(panned, 1..50) else { panic!("it is not known any more") };
@@ -163,11 +163,11 @@ fn a_monitor_of_the_version_before_goes_on() {
 
 #[test]
 fn numbers_of_something_else_are_refused() {
-    let mut sentry = monitor();
+    let mut detector = monitor();
     readings(50, 0x5a5).iter().for_each(|reading| {
-        sentry.push(reading);
+        detector.push(reading);
     });
-    let good = sentry.snapshot();
+    let good = detector.snapshot();
     let with = |numbers: Vec<f64>| Snapshot { numbers, ..good.clone() };
     let later = Snapshot { version: 9, ..good.clone() };
     assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 3 }));
@@ -180,7 +180,7 @@ fn numbers_of_something_else_are_refused() {
     assert!(Tracker::restore(&good).is_err());
 }
 
-/// A lasting error that is forgotten in no time is none, wherever in the state it stands: the reference and six coordinates.
+/// A correlated error that is forgotten in no time is none, wherever in the state it stands: the reference and six coordinates.
 #[test]
 fn noise_that_is_none_is_refused() {
     let good = monitor().snapshot();
@@ -198,12 +198,12 @@ fn noise_that_is_none_is_refused() {
 /// Any number changed to anything: refused, or a monitor that still answers; never a panic.
 #[test]
 fn spoilt_numbers_never_panic() {
-    let mut sentry = monitor();
+    let mut detector = monitor();
     let stream = readings(60, 0x5a6);
     stream[..50].iter().for_each(|reading| {
-        sentry.push(reading);
+        detector.push(reading);
     });
-    let good = sentry.snapshot();
+    let good = detector.snapshot();
     for place in 0..good.numbers.len() {
         for spoilt in [f64::NAN, f64::INFINITY, -1.0, 0.0, 0.5, 1e300, -1e300] {
             let mut numbers = good.numbers.clone();

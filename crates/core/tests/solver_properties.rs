@@ -122,7 +122,7 @@ struct Tally {
     missed_1e_6: usize,
     missed_reprojection_1e_9: usize,
     bad_poses: usize,
-    twins: usize,
+    duplicates: usize,
     solutions: usize,
 }
 
@@ -143,7 +143,7 @@ fn tally(seed: u64, problem: fn(&mut Rng) -> Scene) -> Tally {
         tally.bad_poses += poses.iter().filter(|pose| !is_rotation(&pose.rotation)).count();
         tally.solutions += poses.len();
         for (i, pose) in poses.iter().enumerate() {
-            tally.twins +=
+            tally.duplicates +=
                 poses[..i].iter().filter(|other| (other.rotation - pose.rotation).norm() < 1e-9).count();
         }
     }
@@ -159,7 +159,7 @@ fn is_rotation(r: &Matrix3<f64>) -> bool {
 fn p3p_finds_every_random_pose() {
     let tally = tally(1, random_triple);
     assert_eq!(
-        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins),
+        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates),
         (0, 0, 0, 0)
     );
     let mean = tally.solutions as f64 / PROBLEMS as f64;
@@ -170,7 +170,7 @@ fn p3p_finds_every_random_pose() {
 fn p3p_finds_every_far_pose() {
     let tally = tally(2, far_triple);
     assert_eq!(
-        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins),
+        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates),
         (0, 0, 0, 0)
     );
 }
@@ -180,7 +180,7 @@ fn p3p_finds_every_far_pose() {
 #[test]
 fn p3p_loses_nothing_when_the_triple_is_nearly_straight() {
     let tally = tally(3, thin_triple);
-    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins), (0, 0, 0));
+    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates), (0, 0, 0));
     assert!(tally.missed_1e_6 <= PROBLEMS / 10_000, "{tally:?}");
 }
 
@@ -188,14 +188,14 @@ fn p3p_loses_nothing_when_the_triple_is_nearly_straight() {
 #[test]
 fn p3p_finds_the_double_root_on_the_danger_cylinder() {
     let tally = tally(4, on_the_danger_cylinder);
-    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins), (0, 0, 0));
+    assert_eq!((tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates), (0, 0, 0));
 }
 
 #[test]
 fn p3p_finds_the_axis_aligned_right_angle() {
     let tally = tally(5, axis_aligned_right_angle);
     assert_eq!(
-        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.twins),
+        (tally.missed_1e_6, tally.missed_reprojection_1e_9, tally.bad_poses, tally.duplicates),
         (0, 0, 0, 0)
     );
 }

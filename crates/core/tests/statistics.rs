@@ -40,7 +40,7 @@ fn intrinsics_covariance(noise: Noise) -> [f64; 16] {
     [f, f, 0.0, 0.0, f, f, 0.0, 0.0, 0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, c]
 }
 
-/// The camera that took the picture, drawn around the one the user knows.
+/// The camera that took the image, drawn around the one the user knows.
 fn true_camera(rng: &mut Rng, noise: Noise) -> Camera {
     let known = views::camera();
     let (df, du, dv) = (rng.normal() * noise.sigma_f_px, rng.normal(), rng.normal());

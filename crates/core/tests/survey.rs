@@ -1,23 +1,25 @@
-//! Measuring in photographs: exact facts give exact places; what is undetermined or contradictory is named.
+//! Measuring in photographs: exact constraints give exact places; what is undetermined or contradictory is named.
 
 use crate::common::Rng;
 use crate::common::accident::{Scene, looking_at, photos};
 use nalgebra::Vector3;
-use resight_core::multiview::network::{Adjusted, Fact, Frame, Item, Plane, Query, Survey, adjust};
+use resight_core::multiview::network::{
+    Adjusted, Constraint, Frame, Item, NetworkProblem, Plane, Query, adjust,
+};
 use resight_core::{Error, Point};
 
-fn solve(scene: &Scene, facts: &[Fact]) -> Result<Adjusted, Error> {
-    adjust(&scene.survey(&scene.cameras(), facts))
+fn solve(scene: &Scene, constraints: &[Constraint]) -> Result<Adjusted, Error> {
+    adjust(&scene.network(&scene.cameras(), constraints))
 }
 
 fn measured(adjusted: &Adjusted, query: &Query) -> f64 {
     adjusted.measure(query).expect("a value").value
 }
 
-/// Two photographs, four marks by their six distances, everything else clicked in both.
+/// Two photographs, four control points by their six distances, everything else clicked in both.
 fn by_distances() -> Scene {
     let mut scene = Scene::new(photos());
-    scene.click_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 0.5);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 0.5);
     for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)] {
         scene.distance(a, b, 0.01);
     }
@@ -37,11 +39,11 @@ fn all_distances_match(scene: &Scene, adjusted: &Adjusted, points: &[usize], tol
 
 /// 1e-6 m: the loop ends 3·10⁻⁴ standard deviations of centimetres from the minimum.
 #[test]
-fn exact_facts_give_exact_places() {
+fn exact_constraints_give_exact_places() {
     let scene = by_distances();
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     println!("{:?} after {} steps, dof {}", adjusted.frame, adjusted.steps, adjusted.degrees_of_freedom);
-    assert_eq!(adjusted.frame, Frame::Marks([0, 1, 2]));
+    assert_eq!(adjusted.frame, Frame::ControlPoints([0, 1, 2]));
     assert!(adjusted.undetermined.is_empty() && adjusted.suspects.is_empty() && adjusted.chi2 < 1e-6);
     all_distances_match(&scene, &adjusted, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 1e-5);
     // First mark at the origin, second on x, third in the plane, heights up.
@@ -57,13 +59,13 @@ fn exact_facts_give_exact_places() {
 #[test]
 fn every_query_gives_its_quantity() {
     let scene = by_distances();
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     let x = |p: usize| scene.points[p];
     let polyline = (x(0) - x(1)).norm() + (x(1) - x(7)).norm() + (x(7) - x(8)).norm();
     assert!((measured(&adjusted, &Query::Polyline { points: vec![0, 1, 7, 8] }) - polyline).abs() < 1e-5);
     let angle = (x(1) - x(0)).angle(&(x(7) - x(0)));
     assert!((measured(&adjusted, &Query::Angle { a: 1, vertex: 0, b: 7 }) - angle).abs() < 1e-6);
-    // Shoelace formula of the marks' plan.
+    // Shoelace formula of the control points' plan.
     let plan = [0, 1, 2, 3].map(x);
     let shoelace: f64 =
         (0..4).map(|i| plan[i].x * plan[(i + 1) % 4].y - plan[(i + 1) % 4].x * plan[i].y).sum::<f64>() / 2.0;
@@ -78,11 +80,11 @@ fn every_query_gives_its_quantity() {
 fn one_photograph_of_a_known_plane_suffices() {
     let mut scene = Scene::new(photos()[..1].to_vec());
     scene.planes = vec![Plane::Known { normal_in_world: Vector3::z(), offset_m: 0.0 }];
-    scene.click_all(&[0, 1, 2, 3, 4, 5, 6, 9, 7], 0.5);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 9, 7], 0.5);
     (0..4).for_each(|p| scene.place(p, 0.0));
     scene.on_plane(&[4, 5, 6], 0.003);
-    scene.facts.push(Fact::Upright { plane: 0, foot: 4, top: 9, sigma_rad: 0.01 });
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    scene.constraints.push(Constraint::Upright { plane: 0, foot: 4, top: 9, sigma_rad: 0.01 });
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     assert_eq!(adjusted.frame, Frame::Given);
     for p in [4, 5, 6, 9] {
         assert!((adjusted.point(p).expect("placed") - scene.points[p]).norm() < 1e-4, "{p}");
@@ -97,40 +99,44 @@ fn one_photograph_of_a_known_plane_suffices() {
 
 /// Four sides and one diagonal leave a mirrored quadrilateral: the photographs decide.
 #[test]
-fn a_mirrored_arrangement_is_told_by_the_photographs() {
+fn a_mirrored_arrangement_is_reported_by_the_photographs() {
     let mut scene = Scene::new(photos());
-    scene.click_all(&[0, 1, 2, 3, 6], 0.5);
+    scene.image_point_all(&[0, 1, 2, 3, 6], 0.5);
     [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2)].iter().for_each(|(a, b)| scene.distance(*a, *b, 0.01));
     scene.on_plane(&[0, 1, 2, 3, 6], 0.005);
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     all_distances_match(&scene, &adjusted, &[0, 1, 2, 3, 6], 1e-5);
-    assert!(adjusted.rival_delta_chi2.is_none_or(|d| 100.0 < d), "{:?}", adjusted.rival_delta_chi2);
+    assert!(
+        adjusted.alternative_delta_chi2.is_none_or(|d| 100.0 < d),
+        "{:?}",
+        adjusted.alternative_delta_chi2
+    );
 }
 
-/// Marks in space, no plane at all.
+/// Control points in space, no plane at all.
 #[test]
-fn marks_in_space_need_no_plane() {
+fn control_points_in_space_need_no_plane() {
     let mut scene = Scene::new(photos());
     scene.planes.clear();
-    scene.click_all(&[0, 1, 2, 7, 8, 3], 0.5);
+    scene.image_point_all(&[0, 1, 2, 7, 8, 3], 0.5);
     for (a, b) in [(0, 1), (1, 2), (0, 2), (0, 7), (1, 7), (2, 7)] {
         scene.distance(a, b, 0.01);
     }
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     all_distances_match(&scene, &adjusted, &[0, 1, 2, 3, 7, 8], 1e-5);
 }
 
-/// Cameras of a rig with their poses; no mark at all.
+/// Cameras of a rig with their poses; no control point at all.
 #[test]
-fn given_poses_need_no_marks() {
+fn given_poses_need_no_control_points() {
     let mut scene = Scene::new(photos());
     scene.planes.clear();
-    scene.click_all(&[4, 7, 8], 0.5);
+    scene.image_point_all(&[4, 7, 8], 0.5);
     for photo in 0..2 {
         let covariance = (photo == 1).then(|| resight_core::Matrix6::identity() * 1e-6);
-        scene.facts.push(Fact::Pose { photo, cam_from_world: scene.photos[photo], covariance });
+        scene.constraints.push(Constraint::Pose { photo, cam_from_world: scene.photos[photo], covariance });
     }
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     assert_eq!(adjusted.frame, Frame::Given);
     for p in [4, 7, 8] {
         assert!((adjusted.point(p).expect("placed") - scene.points[p]).norm() < 1e-6, "{p}");
@@ -145,72 +151,72 @@ fn gravity_gives_the_vertical() {
     // The post on 4 leans against the road by the slope.
     scene.points[9] = scene.points[4] + slope * 1.4;
     scene.planes = vec![Plane::Unknown, Plane::Unknown];
-    scene.click_all(&[0, 1, 2, 3], 0.5);
-    [4, 9].iter().for_each(|p| scene.click(0, *p, 0.5));
+    scene.image_point_all(&[0, 1, 2, 3], 0.5);
+    [4, 9].iter().for_each(|p| scene.image_point(0, *p, 0.5));
     for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)] {
         scene.distance(a, b, 0.01);
     }
     scene.on_plane(&[0, 1, 2, 3, 4], 0.005);
     let down_in_cam = -(scene.photos[0].rotation * slope);
-    scene.facts.push(Fact::Gravity { plane: 1, photo: 0, down_in_cam, sigma_rad: 0.005 });
-    scene.facts.push(Fact::Upright { plane: 1, foot: 4, top: 9, sigma_rad: 0.005 });
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    scene.constraints.push(Constraint::Gravity { plane: 1, photo: 0, down_in_cam, sigma_rad: 0.005 });
+    scene.constraints.push(Constraint::Upright { plane: 1, foot: 4, top: 9, sigma_rad: 0.005 });
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     let length = measured(&adjusted, &Query::Distance { a: 4, b: 9 });
     assert!((length - 1.4).abs() < 1e-4, "{length} {:?}", adjusted.undetermined);
 }
 
-/// Distances between marks on a known plane: a turn and a shift in the plane stay free and are held; lengths do not care.
+/// Distances between control points on a known plane: a rotation and a shift in the plane stay free and are held; lengths do not care.
 #[test]
 fn a_free_turn_is_held() {
     let mut scene = by_distances();
     scene.planes = vec![Plane::Known { normal_in_world: Vector3::z(), offset_m: 0.0 }];
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     assert_eq!(adjusted.frame, Frame::Held);
     all_distances_match(&scene, &adjusted, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 1e-5);
-    // Half of everything known about lengths is the same as in the frame of the marks.
+    // Half of everything known about lengths is the same as in the frame of the control points.
     let free = by_distances();
-    let other = solve(&free, &free.facts).expect("places");
+    let other = solve(&free, &free.constraints).expect("places");
     let sigma = |a: &Adjusted| a.measure(&Query::Distance { a: 4, b: 7 }).expect("a value").sigma;
-    let (held, marks) = (sigma(&adjusted), sigma(&other));
-    assert!((held / marks - 1.0).abs() < 1e-6, "{held} {marks}");
+    let (held, control_points) = (sigma(&adjusted), sigma(&other));
+    assert!((held / control_points - 1.0).abs() < 1e-6, "{held} {control_points}");
 }
 
-/// What a click more would give is what it gives: a road point clicked once adds nothing to the rest. The plane's flatness for it, 10 µm,
+/// What an image point more would give is what it gives: a road point clicked once adds nothing to the rest. The plane's flatness for it, 10 µm,
 /// is all that differs.
 #[test]
-fn one_more_click_is_foreseen() {
+fn one_more_image_point_is_foreseen() {
     let mut scene = by_distances();
     scene.intrinsics = Some(crate::common::accident::intrinsics([6.0, 6.0, 4.0, 4.0]));
-    scene.facts.retain(|f| f.points()[0] != Some(5));
-    let before = solve(&scene, &scene.facts).expect("places");
-    scene.click(1, 5, 0.5);
+    scene.constraints.retain(|f| f.points()[0] != Some(5));
+    let before = solve(&scene, &scene.constraints).expect("places");
+    scene.image_point(1, 5, 0.5);
     scene.on_plane(&[5], 1e-5);
-    let after = solve(&scene, &scene.facts).expect("places");
+    let after = solve(&scene, &scene.constraints).expect("places");
     let x = after.point(5).expect("placed");
-    let foreseen = before.click_on_plane_covariance_m2(1, 0, &x, 0.5).expect("a covariance");
+    let predicted = before.image_point_on_plane_covariance_m2(1, 0, &x, 0.5).expect("a covariance");
     let found = after.point_covariance_m2(5).expect("a covariance");
-    assert!((foreseen - found).norm() < 1e-3 * found.norm(), "{foreseen}{found}");
+    assert!((predicted - found).norm() < 1e-3 * found.norm(), "{predicted}{found}");
 }
 
-/// One wrong click, one wrong distance: each is named, with the size of its error.
+/// One wrong image point, one wrong distance: each is named, with the size of its error.
 #[test]
-fn the_worst_fact_is_named() {
+fn the_worst_constraint_is_named() {
     let scene = by_distances();
     let mut rng = Rng::new(11);
     for wrong in [3usize, 14, 20, 23] {
-        let mut facts = scene.drawn(&mut rng).facts;
-        let off = match &mut facts[wrong] {
-            Fact::Click { pixel, .. } => {
+        let mut constraints = scene.drawn(&mut rng).constraints;
+        let off = match &mut constraints[wrong] {
+            Constraint::ImagePoint { pixel, .. } => {
                 pixel.x += 60.0;
                 60.0
             }
-            Fact::Distance { distance_m, .. } => {
+            Constraint::Distance { distance_m, .. } => {
                 *distance_m += 0.15;
                 0.15
             }
             _ => 0.0,
         };
-        match solve(&scene, &facts) {
+        match solve(&scene, &constraints) {
             Ok(adjusted) => {
                 assert!(
                     adjusted.is_inconsistent,
@@ -218,8 +224,13 @@ fn the_worst_fact_is_named() {
                     adjusted.chi2, adjusted.degrees_of_freedom, adjusted.undetermined, adjusted.suspects
                 );
                 let worst = adjusted.suspects.first().expect("a suspect");
-                // Of two clicks of one point either may be the wrong one.
-                assert_eq!(facts[worst.fact].points(), facts[wrong].points(), "{:?}", adjusted.suspects);
+                // Of two image points of one point either may be the wrong one.
+                assert_eq!(
+                    constraints[worst.constraint].points(),
+                    constraints[wrong].points(),
+                    "{:?}",
+                    adjusted.suspects
+                );
                 assert!((worst.off / off - 1.0).abs() < 0.4, "{worst:?}");
             }
             Err(other) => panic!("{wrong}: {other}"),
@@ -227,7 +238,7 @@ fn the_worst_fact_is_named() {
     }
 }
 
-/// Before any photograph: a triangle and a fourth mark whose distances cannot all be true.
+/// Before any photograph: a triangle and a fourth control point whose distances cannot all be true.
 #[test]
 fn contradictory_distances_are_named_without_photographs() {
     let mut scene = Scene::new(Vec::new());
@@ -235,12 +246,12 @@ fn contradictory_distances_are_named_without_photographs() {
         scene.distance(a, b, 0.01);
     }
     scene.on_plane(&[0, 1, 2, 3, 4], 0.005);
-    if let Fact::Distance { distance_m, .. } = &mut scene.facts[6] {
+    if let Constraint::Distance { distance_m, .. } = &mut scene.constraints[6] {
         *distance_m += 0.3;
     }
-    let refused = solve(&scene, &scene.facts);
+    let refused = solve(&scene, &scene.constraints);
     assert!(
-        matches!(refused, Err(Error::InconsistentDistances { fact: 6, off_m, .. }) if (off_m - 0.3).abs() < 0.1),
+        matches!(refused, Err(Error::InconsistentDistances { constraint: 6, off_m, .. }) if (off_m - 0.3).abs() < 0.1),
         "{refused:?}"
     );
 }
@@ -248,10 +259,10 @@ fn contradictory_distances_are_named_without_photographs() {
 #[test]
 fn no_length_and_no_triangle_are_named() {
     let mut scene = Scene::new(photos());
-    scene.click_all(&[0, 1, 2, 3, 4], 0.5);
-    assert!(matches!(solve(&scene, &scene.facts), Err(Error::NoLength)));
+    scene.image_point_all(&[0, 1, 2, 3, 4], 0.5);
+    assert!(matches!(solve(&scene, &scene.constraints), Err(Error::NoLength)));
     scene.distance(0, 1, 0.01);
-    let refused = solve(&scene, &scene.facts).expect_err("one length makes no triangle");
+    let refused = solve(&scene, &scene.constraints).expect_err("one length makes no triangle");
     assert!(refused.to_string().contains("no three points"), "{refused}");
 }
 
@@ -262,22 +273,22 @@ fn points_without_parallax_are_undetermined() {
     let centre = Point::new(-2.5, -6.0, 1.7);
     let eyes = [looking_at(centre, middle), looking_at(centre + Vector3::new(0.001, 0.0, 0.0), middle)];
     let mut scene = Scene::new(eyes.to_vec());
-    scene.click_all(&[0, 1, 2, 3, 4, 7], 0.5);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 7], 0.5);
     [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)].iter().for_each(|(a, b)| scene.distance(*a, *b, 0.01));
     scene.on_plane(&[0, 1, 2, 3, 4], 0.005);
-    let adjusted = solve(&scene, &scene.facts).expect("places");
+    let adjusted = solve(&scene, &scene.constraints).expect("places");
     assert!(adjusted.point(4).is_some(), "{:?}", adjusted.undetermined);
     assert!(adjusted.point(7).is_none(), "{:?}", adjusted.point_covariance_m2(7));
     assert!(adjusted.undetermined.iter().any(|u| u.0 == Item::Point(7)), "{:?}", adjusted.undetermined);
 }
 
-/// Facts that cannot be right are refused with their number.
+/// Constraints that cannot be right are refused with their number.
 #[test]
-fn impossible_facts_are_refused() {
+fn impossible_constraints_are_refused() {
     let scene = by_distances();
-    let damages: [fn(&mut Vec<Fact>); 5] = [
+    let damages: [fn(&mut Vec<Constraint>); 5] = [
         |f| {
-            f[0] = Fact::Click {
+            f[0] = Constraint::ImagePoint {
                 photo: 9,
                 point: 0,
                 pixel: Default::default(),
@@ -285,23 +296,24 @@ fn impossible_facts_are_refused() {
             }
         },
         |f| {
-            f[0] = Fact::Click {
+            f[0] = Constraint::ImagePoint {
                 photo: 0,
                 point: 99,
                 pixel: Default::default(),
                 covariance_px2: resight_core::multiview::triangulate::isotropic(1.0),
             }
         },
-        |f| f[0] = Fact::Distance { a: 0, b: 1, distance_m: f64::NAN, sigma_m: 0.1 },
-        |f| f[0] = Fact::Distance { a: 0, b: 0, distance_m: 1.0, sigma_m: 0.1 },
-        |f| f[0] = Fact::OnPlane { plane: 0, point: 1, sigma_m: 0.0 },
+        |f| f[0] = Constraint::Distance { a: 0, b: 1, distance_m: f64::NAN, sigma_m: 0.1 },
+        |f| f[0] = Constraint::Distance { a: 0, b: 0, distance_m: 1.0, sigma_m: 0.1 },
+        |f| f[0] = Constraint::OnPlane { plane: 0, point: 1, sigma_m: 0.0 },
     ];
     for damage in damages {
-        let mut facts = scene.facts.clone();
-        damage(&mut facts);
-        let refused = solve(&scene, &facts);
-        assert!(matches!(refused, Err(Error::InvalidFact { fact: 0, .. })), "{refused:?}");
+        let mut constraints = scene.constraints.clone();
+        damage(&mut constraints);
+        let refused = solve(&scene, &constraints);
+        assert!(matches!(refused, Err(Error::InvalidConstraint { constraint: 0, .. })), "{refused:?}");
     }
-    let empty = Survey { cameras: &[], camera_of_photo: &[], n_points: 0, planes: &[], facts: &[] };
+    let empty =
+        NetworkProblem { cameras: &[], camera_of_photo: &[], n_points: 0, planes: &[], constraints: &[] };
     assert!(matches!(adjust(&empty), Err(Error::NoLength)));
 }

@@ -5,7 +5,7 @@ use crate::common::Rng;
 use crate::common::accident::{Scene, intrinsics, photos};
 use nalgebra::Vector3;
 use resight_core::Point;
-use resight_core::multiview::network::{Fact, Plane, Query, adjust};
+use resight_core::multiview::network::{Constraint, Plane, Query, adjust};
 
 /// How often each query's interval covered, by name.
 struct Count {
@@ -34,8 +34,8 @@ fn run(name: &str, scene: &Scene, seed: u64, mut counts: Vec<Count>) {
     let (mut chi2, mut lost) = (0.0, 0);
     for _ in 0..n {
         let drawn = scene.drawn(&mut rng);
-        let survey = scene.survey(&cameras, &drawn.facts);
-        let adjusted = adjust(&survey).expect("places");
+        let network = scene.network(&cameras, &drawn.constraints);
+        let adjusted = adjust(&network).expect("places");
         chi2 += adjusted.chi2 / adjusted.degrees_of_freedom as f64;
         for c in &mut counts {
             let Ok(found) = adjusted.measure(&c.query) else {
@@ -79,7 +79,7 @@ fn length(x: &[Point], a: usize, b: usize) -> f64 {
 fn two_photographs_with_known_distances() {
     let mut scene = Scene::new(photos());
     scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
-    scene.click_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
     for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)] {
         scene.distance(a, b, 0.01);
     }
@@ -109,17 +109,17 @@ fn one_photograph_on_a_known_plane() {
     let mut scene = Scene::new(photos()[..1].to_vec());
     scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
     scene.planes = vec![Plane::Known { normal_in_world: Vector3::z(), offset_m: 0.0 }];
-    scene.click_all(&[0, 1, 2, 3, 4, 5, 6, 9], 2.0);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 9], 2.0);
     (0..4).for_each(|p| scene.place(p, 0.01));
     scene.on_plane(&[4, 5, 6], 0.01);
-    scene.facts.push(Fact::Upright { plane: 0, foot: 4, top: 9, sigma_rad: 0.02 });
+    scene.constraints.push(Constraint::Upright { plane: 0, foot: 4, top: 9, sigma_rad: 0.02 });
     run(
         "one photograph",
         &scene,
         52,
         vec![
             count("distance", Query::Distance { a: 4, b: 5 }, |x| length(x, 4, 5)),
-            count("distance to a mark", Query::Distance { a: 6, b: 0 }, |x| length(x, 6, 0)),
+            count("distance to a control point", Query::Distance { a: 6, b: 0 }, |x| length(x, 6, 0)),
             count("area", Query::Area { points: vec![4, 6, 5] }, |x| {
                 (x[6] - x[4]).cross(&(x[5] - x[4])).norm() / 2.0
             }),
@@ -136,7 +136,7 @@ fn bent_intervals_cover_too() {
     let mut scene = Scene::new(photos()[..1].to_vec());
     scene.planes = vec![Plane::Known { normal_in_world: Vector3::z(), offset_m: 0.0 }];
     scene.points[4] = Point::new(9.0, 22.0, 0.0);
-    scene.click_all(&[0, 1, 2, 3, 4, 6], 4.0);
+    scene.image_point_all(&[0, 1, 2, 3, 4, 6], 4.0);
     (0..4).for_each(|p| scene.place(p, 0.01));
     scene.on_plane(&[4, 6], 0.01);
     run(

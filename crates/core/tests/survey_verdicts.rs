@@ -1,10 +1,12 @@
-//! Never confidently wrong: hundreds of drawn scenes, good ones, ones with a slipped decimal point, ones whose marks stand on a line.
+//! Never confidently wrong: hundreds of drawn scenes, good ones, ones with a slipped decimal point, ones whose control points stand on a line.
 
 use crate::common::Rng;
 use crate::common::surveys::{Drawn, Known, ring, row};
 use nalgebra::Vector3;
 use resight_core::camera::Pinhole;
-use resight_core::multiview::network::{Adjusted, Fact, Query, Survey, SurveyCamera, SurveyStatus, adjust};
+use resight_core::multiview::network::{
+    Adjusted, Constraint, NetworkCamera, NetworkProblem, NetworkStatus, Query, adjust,
+};
 use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, CameraMatrix, Error, Lens, Pixel};
 
@@ -15,12 +17,12 @@ fn scenes(count: usize) -> usize {
 /// Standard deviations that no right answer is off by.
 const FAR: f64 = 6.0;
 
-/// Answers that are off by more than six standard deviations, of a survey that is called good.
+/// Answers that are off by more than six standard deviations, of a network that is called good.
 fn wrong(scene: &Drawn, adjusted: &Adjusted) -> usize {
     let is_off = |(query, truth): &(Query, f64)| {
         adjusted.measure(query).is_ok_and(|m| FAR * m.sigma + 1e-9 < (m.value - truth).abs())
     };
-    if adjusted.status() != SurveyStatus::Ok {
+    if adjusted.status() != NetworkStatus::Ok {
         0
     } else {
         scene.queries().iter().filter(|q| is_off(q)).count()
@@ -58,10 +60,10 @@ impl Count {
             return;
         };
         match adjusted.status() {
-            SurveyStatus::Ok => self.ok += 1,
-            SurveyStatus::Ambiguous => self.ambiguous += 1,
-            SurveyStatus::Inconsistent => self.inconsistent += 1,
-            SurveyStatus::Degenerate => self.degenerate += 1,
+            NetworkStatus::Ok => self.ok += 1,
+            NetworkStatus::Ambiguous => self.ambiguous += 1,
+            NetworkStatus::Inconsistent => self.inconsistent += 1,
+            NetworkStatus::Degenerate => self.degenerate += 1,
         }
         self.wrong += usize::from(0 < wrong(scene, adjusted));
         self.below += usize::from(0 < below(adjusted, scene));
@@ -70,10 +72,10 @@ impl Count {
 
 fn solved(scene: &Drawn) -> Result<Adjusted, Error> {
     let cameras = scene.cameras();
-    adjust(&scene.survey(&cameras))
+    adjust(&scene.network(&cameras))
 }
 
-/// Photographs, marks, what is known of them.
+/// Photographs, control points, what is known of them.
 const LAYOUTS: [(usize, usize, Known); 9] = [
     (1, 4, Known::Tapes(6)),
     (2, 4, Known::Tapes(6)),
@@ -86,27 +88,27 @@ const LAYOUTS: [(usize, usize, Known); 9] = [
     (3, 3, Known::Tapes(3)),
 ];
 
-/// Good scenes are called good, the cameras stand above the road, and no answer is wrong. One survey in a thousand may suspect something
+/// Good scenes are called good, the cameras stand above the road, and no answer is wrong. One network in a thousand may suspect something
 /// without reason.
 #[test]
 fn good_scenes_are_good() {
     let (mut all, n) = (Count::default(), scenes(20));
-    for (i, (n_photos, n_marks, known)) in LAYOUTS.iter().enumerate() {
+    for (i, (n_photos, n_control_points, known)) in LAYOUTS.iter().enumerate() {
         let mut count = Count::default();
         for k in 0..n {
             let mut rng = Rng::new((10_000 * i + k) as u64);
             let highest_m = if k % 3 == 2 { 8.0 } else { 3.0 };
-            let scene = Drawn::new(&mut rng, *n_photos, known, highest_m, |rng| ring(rng, *n_marks));
+            let scene = Drawn::new(&mut rng, *n_photos, known, highest_m, |rng| ring(rng, *n_control_points));
             let found = solved(&scene);
             if !found.as_ref().is_ok_and(|a| {
-                a.status() == SurveyStatus::Ok && below(a, &scene) == 0 && wrong(&scene, a) == 0
+                a.status() == NetworkStatus::Ok && below(a, &scene) == 0 && wrong(&scene, a) == 0
             }) {
                 let said = found.as_ref().map(|a| {
                     (
                         a.status(),
                         a.chi2,
                         a.degrees_of_freedom,
-                        a.rival_delta_chi2,
+                        a.alternative_delta_chi2,
                         a.on_line,
                         a.suspects.len(),
                         a.undetermined.len(),
@@ -117,7 +119,7 @@ fn good_scenes_are_good() {
             count.add(&scene, &found);
             all.add(&scene, &found);
         }
-        println!("{n_photos} photographs, {n_marks} marks: {count:?}");
+        println!("{n_photos} photographs, {n_control_points} control points: {count:?}");
     }
     println!("all: {all:?}");
     assert_eq!((all.refused, all.wrong, all.below, all.degenerate), (0, 0, 0, 0));
@@ -129,24 +131,25 @@ fn good_scenes_are_good() {
 #[test]
 fn a_slipped_decimal_is_recognised() {
     let n = scenes(8);
-    for (i, (n_photos, n_marks, n_tapes)) in
+    for (i, (n_photos, n_control_points, n_tapes)) in
         [(1, 4, 6), (1, 4, 5), (2, 4, 6), (2, 4, 5), (3, 5, 10), (4, 4, 6)].into_iter().enumerate()
     {
         let (mut named, mut ok, mut refused) = (0, 0, 0);
         for k in 0..n {
             let mut rng = Rng::new((70_000 + 1000 * i + k) as u64);
-            let mut scene =
-                Drawn::new(&mut rng, n_photos, &Known::Tapes(n_tapes), 3.0, |rng| ring(rng, n_marks));
+            let mut scene = Drawn::new(&mut rng, n_photos, &Known::Tapes(n_tapes), 3.0, |rng| {
+                ring(rng, n_control_points)
+            });
             let tapes = scene.tapes();
             let (tape, power) = (tapes[rng.index(tapes.len())], if k % 2 == 0 { 1 } else { -1 });
-            if let Fact::Distance { distance_m, .. } = &mut scene.facts[tape] {
+            if let Constraint::Distance { distance_m, .. } = &mut scene.constraints[tape] {
                 *distance_m *= 10f64.powi(power);
             }
             let found = solved(&scene);
             let is_named = found.as_ref().is_ok_and(|a| {
                 a.suspects
                     .first()
-                    .is_some_and(|s| s.fact == tape && s.slip.is_some_and(|s| s.power_of_ten == power))
+                    .is_some_and(|s| s.constraint == tape && s.slip.is_some_and(|s| s.power_of_ten == power))
             });
             if !is_named {
                 let said = found.as_ref().map(|a| {
@@ -159,22 +162,22 @@ fn a_slipped_decimal_is_recognised() {
                         a.undetermined.clone(),
                     )
                 });
-                println!("layout {i} scene {k}, fact {tape} × 10^{power}: {said:?}");
+                println!("layout {i} scene {k}, constraint {tape} × 10^{power}: {said:?}");
             }
             named += usize::from(is_named);
-            ok += usize::from(found.as_ref().is_ok_and(|a| a.status() == SurveyStatus::Ok));
+            ok += usize::from(found.as_ref().is_ok_and(|a| a.status() == NetworkStatus::Ok));
             refused += usize::from(found.is_err());
         }
         println!(
-            "{n_photos} photographs, {n_marks} marks, {n_tapes} tapes: named {named} of {n}, ok {ok}, refused {refused}"
+            "{n_photos} photographs, {n_control_points} control points, {n_tapes} tapes: named {named} of {n}, ok {ok}, refused {refused}"
         );
         assert_eq!((named, ok, refused), (n, 0, 0));
     }
 }
 
-/// Marks on a line, or off it by up to 0.4 m of 9: never called good and wrong; exactly on it never called good at all.
+/// Control points on a line, or off it by up to 0.4 m of 9: never called good and wrong; exactly on it never called good at all.
 #[test]
-fn marks_on_a_line_are_named() {
+fn control_points_on_a_line_are_named() {
     let n = scenes(3);
     for width_m in [0.0, 0.01, 0.05, 0.15, 0.4] {
         for (n_photos, known) in [
@@ -190,20 +193,19 @@ fn marks_on_a_line_are_named() {
                 let scene = Drawn::new(&mut rng, n_photos, &known, 3.0, |rng| row(rng, 4, width_m));
                 let found = solved(&scene);
                 if let Err(reason) = &found
-                    && !matches!(reason, Error::MarksOnLine { .. })
+                    && !matches!(reason, Error::ControlPointsOnLine { .. })
                 {
                     println!("   {reason}");
                 }
-                if found
-                    .as_ref()
-                    .is_ok_and(|a| 0 < wrong(&scene, a) || (width_m < 0.05 && a.status() == SurveyStatus::Ok))
-                {
+                if found.as_ref().is_ok_and(|a| {
+                    0 < wrong(&scene, a) || (width_m < 0.05 && a.status() == NetworkStatus::Ok)
+                }) {
                     let said = found.as_ref().map(|a| {
                         (
                             a.status(),
                             a.chi2,
                             a.degrees_of_freedom,
-                            a.rival_delta_chi2,
+                            a.alternative_delta_chi2,
                             a.on_line,
                             below(a, &scene),
                         )
@@ -221,7 +223,7 @@ fn marks_on_a_line_are_named() {
 
 /// Lengths between road points that no dash touches.
 fn between(scene: &Drawn) -> [(Query, f64); 3] {
-    let n = scene.n_marks;
+    let n = scene.n_control_points;
     [(n, n + 1), (n + 1, n + 2), (n, n + 2)]
         .map(|(a, b)| (Query::Distance { a, b }, (scene.points[a] - scene.points[b]).norm()))
 }
@@ -237,14 +239,14 @@ fn separate_dashes_give_a_road_its_scale() {
             let mut rng = Rng::new(120_000 + k as u64);
             let scene = Drawn::dashes(&mut rng, n_photos, lines_m, on_each);
             let found = solved(&scene);
-            let Some(adjusted) = found.as_ref().ok().filter(|a| a.status() == SurveyStatus::Ok) else {
+            let Some(adjusted) = found.as_ref().ok().filter(|a| a.status() == NetworkStatus::Ok) else {
                 println!(
                     "   {k}: {:?}",
                     found.as_ref().map(|a| (
                         a.status(),
                         a.chi2,
                         a.degrees_of_freedom,
-                        a.rival_delta_chi2,
+                        a.alternative_delta_chi2,
                         a.on_line
                     ))
                 );
@@ -271,7 +273,7 @@ fn separate_dashes_give_a_road_its_scale() {
     }
 }
 
-/// All dashes on one lane line leave a turn about it free.
+/// All dashes on one lane line leave a rotation about it free.
 #[test]
 fn dashes_on_one_line_are_refused_by_name() {
     let mut count = Count::default();
@@ -280,7 +282,7 @@ fn dashes_on_one_line_are_refused_by_name() {
         let found = solved(&scene);
         let is_named = match &found {
             Ok(adjusted) => adjusted.on_line.is_some(),
-            Err(reason) => matches!(reason, Error::MarksOnLine { .. }),
+            Err(reason) => matches!(reason, Error::ControlPointsOnLine { .. }),
         };
         if !is_named {
             println!(
@@ -289,7 +291,7 @@ fn dashes_on_one_line_are_refused_by_name() {
                     a.status(),
                     a.chi2,
                     a.degrees_of_freedom,
-                    a.rival_delta_chi2,
+                    a.alternative_delta_chi2,
                     a.on_line
                 ))
             );
@@ -341,26 +343,32 @@ const TAPES: [(usize, usize, f64); 10] = [(0, 1, 2.8618), (0, 2, 7.3601), (0, 3,
 /// Lengths as they are.
 const TRUTH: [(usize, usize, f64); 2] = [(5, 6, 5.069), (8, 9, 2.191)];
 
-/// Five marks on a flat road that nothing states to be flat: how high each stands over three others, the tapes hardly say.
+/// Five control points on a flat road that nothing states to be flat: how high each stands over three others, the tapes hardly say.
 #[test]
-fn marks_that_tapes_leave_nearly_flat_are_solved() {
+fn control_points_that_tapes_leave_nearly_flat_are_solved() {
     let matrix = CameraMatrix { fx_px: 1300.0, fy_px: 1300.0, cx_px: 799.5, cy_px: 532.5 };
     let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
     let covariance = crate::common::accident::intrinsics([15.0, 15.0, 6.0, 6.0]);
-    let cameras = [SurveyCamera { camera: &camera, intrinsics_covariance: Some(&covariance) }];
-    let click = |(photo, point, [u, v]): (usize, usize, [f64; 2])| Fact::Click {
+    let cameras = [NetworkCamera { camera: &camera, intrinsics_covariance: Some(&covariance) }];
+    let image_point = |(photo, point, [u, v]): (usize, usize, [f64; 2])| Constraint::ImagePoint {
         photo,
         point,
         pixel: Pixel::new(u, v),
         covariance_px2: isotropic(1.0),
     };
-    let tape = |(a, b, distance_m): (usize, usize, f64)| Fact::Distance { a, b, distance_m, sigma_m: 0.01 };
-    let facts: Vec<Fact> = CLICKS.map(click).into_iter().chain(TAPES.map(tape)).collect();
-    let survey =
-        Survey { cameras: &cameras, camera_of_photo: &[0; 3], n_points: 12, planes: &[], facts: &facts };
-    let adjusted = adjust(&survey).expect("places");
+    let tape =
+        |(a, b, distance_m): (usize, usize, f64)| Constraint::Distance { a, b, distance_m, sigma_m: 0.01 };
+    let constraints: Vec<Constraint> = CLICKS.map(image_point).into_iter().chain(TAPES.map(tape)).collect();
+    let network = NetworkProblem {
+        cameras: &cameras,
+        camera_of_photo: &[0; 3],
+        n_points: 12,
+        planes: &[],
+        constraints: &constraints,
+    };
+    let adjusted = adjust(&network).expect("places");
     println!("{:?} χ² {:.1} for {}", adjusted.status(), adjusted.chi2, adjusted.degrees_of_freedom);
-    assert_eq!(adjusted.status(), SurveyStatus::Ok);
+    assert_eq!(adjusted.status(), NetworkStatus::Ok);
     for (a, b, truth) in TRUTH {
         let m = adjusted.measure(&Query::Distance { a, b }).expect("a length");
         assert!((m.value - truth).abs() < FAR * m.sigma, "{a}–{b}: {m:?} {truth}");
@@ -370,24 +378,25 @@ fn marks_that_tapes_leave_nearly_flat_are_solved() {
 /// The same by the hundred: two or three photographs, no plane stated.
 #[test]
 fn good_scenes_without_a_plane_are_good() {
-    for (n_photos, n_marks, n_tapes) in [(3, 5, 10), (3, 4, 6), (2, 5, 10)] {
+    for (n_photos, n_control_points, n_tapes) in [(3, 5, 10), (3, 4, 6), (2, 5, 10)] {
         let mut count = Count::default();
         for k in 0..scenes(20) {
             let mut rng = Rng::new((150_000 + k) as u64);
-            let mut scene =
-                Drawn::new(&mut rng, n_photos, &Known::Tapes(n_tapes), 8.0, |rng| ring(rng, n_marks));
+            let mut scene = Drawn::new(&mut rng, n_photos, &Known::Tapes(n_tapes), 8.0, |rng| {
+                ring(rng, n_control_points)
+            });
             scene.planes.clear();
-            scene.facts.retain(|f| f.plane().is_none());
+            scene.constraints.retain(|f| f.plane().is_none());
             let found = solved(&scene);
-            if !found.as_ref().is_ok_and(|a| a.status() == SurveyStatus::Ok && wrong(&scene, a) == 0) {
+            if !found.as_ref().is_ok_and(|a| a.status() == NetworkStatus::Ok && wrong(&scene, a) == 0) {
                 let said = found.as_ref().map(|a| {
-                    (a.status(), a.chi2, a.degrees_of_freedom, a.rival_delta_chi2, a.undetermined.len())
+                    (a.status(), a.chi2, a.degrees_of_freedom, a.alternative_delta_chi2, a.undetermined.len())
                 });
                 println!("   {k}: {said:?}");
             }
             count.add(&scene, &found);
         }
-        println!("no plane, {n_photos} photographs, {n_marks} marks: {count:?}");
+        println!("no plane, {n_photos} photographs, {n_control_points} control points: {count:?}");
         assert_eq!((count.refused, count.wrong, count.degenerate), (0, 0, 0));
         assert!(count.inconsistent <= 1 + count.scenes / 300, "false alarms");
     }

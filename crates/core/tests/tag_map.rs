@@ -374,9 +374,9 @@ fn swapped_tags_are_left_out() {
     assert_eq!(lied, 0);
 }
 
-/// An id that the map does not have takes no part and is told; a map in millimetres contradicts itself as soon as two tags are seen.
+/// An id that the map does not have takes no part and is reported; a map in millimetres contradicts itself as soon as two tags are seen.
 #[test]
-fn foreign_ids_and_units_are_told() {
+fn foreign_ids_and_units_are_reported() {
     let (mut rng, camera) = (Rng::new(111), views::camera());
     let (target, truth) = scene(&mut rng, 3, BOTH);
     let mut seen = detections(&mut rng, &camera, &truth, tags_of(&target));

@@ -9,7 +9,7 @@ fn modules_use_only_those_above_them() {
 
 #[test]
 fn submodules_use_only_those_above_them() {
-    crate::tidy_rules::submodules_use_only_those_above_them(5);
+    crate::tidy_rules::submodules_use_only_those_above_them(60);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Poses through time: consistent covariances, outliers, jumps, and two poses told apart by time.
+//! Poses through time: consistent covariances, outliers, jumps, and two poses distinguished by time.
 
 use crate::common::Rng;
 use nalgebra::{Matrix6, Vector6};
@@ -24,7 +24,7 @@ fn seen(truth: &Pose, chance: &mut Rng) -> Candidate {
     Candidate {
         cam_from_target: Pose::exp(&motion(chance, &READING)) * *truth,
         covariance: covariance(),
-        weight: 1.0,
+        probability: 1.0,
     }
 }
 
@@ -89,7 +89,7 @@ fn a_static_camera_is_known_better_with_every_reading() {
     assert!(sigma < 0.15 * READING[5], "{sigma}");
 }
 
-/// A camera that walks around a target: the mirror pose fits each picture as well, but walks as no camera does.
+/// A camera that walks around a target: the mirror pose fits each image as well, but walks as no camera does.
 #[test]
 fn time_tells_a_pose_from_its_mirror() {
     let (mut tracker, mut chance) = (Tracker::new(&moving()).expect("a tracker"), Rng::new(0x11));
@@ -97,11 +97,11 @@ fn time_tells_a_pose_from_its_mirror() {
     for i in 0..90 {
         truth = Pose::exp(&(Vector6::new(0.0, 0.3, 0.0, -0.75, 0.0, 0.0) * PERIOD_S)) * truth;
         let right = seen(&truth, &mut chance);
-        // Turned about the line of sight by an angle that depends on the view, as mirror poses do.
+        // Rotated about the line of sight by an angle that depends on the view, as mirror poses do.
         let mirror =
             Pose::exp(&Vector6::new(0.0, 0.0, 0.6 + 1.5 * (f64::from(i) * 0.35).sin(), 0.0, 0.0, 0.0));
         let wrong = Candidate { cam_from_target: mirror * right.cam_from_target, ..right };
-        let half = |candidate: Candidate| Candidate { weight: 0.5, ..candidate };
+        let half = |candidate: Candidate| Candidate { probability: 0.5, ..candidate };
         last = tracker.push(f64::from(i) * PERIOD_S, &[half(wrong), half(right)]);
     }
     let last = last.expect("tracked");
@@ -118,7 +118,7 @@ fn a_mirror_that_stays_is_not_decided() {
     let mirror = Pose::exp(&Vector6::new(0.0, 0.0, 0.6, 0.0, 0.0, 0.0));
     let mut last = None;
     for i in 0..50 {
-        let right = Candidate { weight: 0.5, ..seen(&start(), &mut chance) };
+        let right = Candidate { probability: 0.5, ..seen(&start(), &mut chance) };
         let wrong = Candidate { cam_from_target: mirror * right.cam_from_target, ..right };
         last = tracker.push(f64::from(i) * PERIOD_S, &[right, wrong]);
     }
@@ -165,7 +165,7 @@ fn late_readings_and_numbers_that_are_none_are_left_out() {
     tracker.push(5.0, &[seen(&start(), &mut chance)]);
     let before = tracker.clone();
     tracker.push(4.0, &[seen(&start(), &mut chance)]);
-    tracker.push(6.0, &[Candidate { weight: f64::NAN, ..seen(&start(), &mut chance) }]);
+    tracker.push(6.0, &[Candidate { probability: f64::NAN, ..seen(&start(), &mut chance) }]);
     tracker.push(f64::NAN, &[seen(&start(), &mut chance)]);
     assert_eq!(tracker, before);
     let config = TrackConfig { outlier_probability: 0.0, ..TrackConfig::default() };

@@ -1,9 +1,11 @@
-//! The turn since a reference: exact, efficient, as sure as it says, told from what moves by itself.
+//! The rotation since a reference: exact, efficient, as sure as it says, distinguished from what moves by itself.
 
 use crate::common::Rng;
 use crate::common::rooms::{barrel, pinhole};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
-use resight_core::temporal::relative_rotation::{Landmark, Turn, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{
+    Landmark, RelativeRotation, RelativeRotationConfig, relative_rotation,
+};
 use resight_core::{Bearing, Camera, Error};
 
 /// A grid of landmarks 20° to each side, each with an error ellipse of its own; `noise` scales what is drawn of it.
@@ -24,7 +26,7 @@ fn landmarks(rng: &mut Rng, camera: &Camera, r: &Matrix3<f64>, n: usize, noise: 
             covariance_px2: root * root.transpose(),
             neighbourhood,
             bent_px: Vector2::zeros(),
-            unseen_px: Matrix2::zeros(),
+            unobserved_px: Matrix2::zeros(),
         });
     }
     seen
@@ -35,17 +37,17 @@ fn some_turn(rng: &mut Rng, size_rad: f64) -> Matrix3<f64> {
 }
 
 /// Left rotation vector from `found` to `truth`.
-fn error(truth: &Matrix3<f64>, found: &Turn) -> Vector3<f64> {
+fn error(truth: &Matrix3<f64>, found: &RelativeRotation) -> Vector3<f64> {
     Rotation3::from_matrix_unchecked(truth * found.now_from_reference.transpose()).scaled_axis()
 }
 
-fn nees(truth: &Matrix3<f64>, found: &Turn) -> f64 {
+fn nees(truth: &Matrix3<f64>, found: &RelativeRotation) -> f64 {
     let e = error(truth, found);
     e.dot(&found.covariance.cholesky().expect("a covariance").solve(&e))
 }
 
-fn config() -> TurnConfig {
-    TurnConfig::with_threshold_px(1.0)
+fn config() -> RelativeRotationConfig {
+    RelativeRotationConfig::with_threshold_px(1.0)
 }
 
 #[test]
@@ -55,7 +57,7 @@ fn exact_pixels_give_the_exact_turn() {
         for size_rad in [0.0, 1e-6, 0.01, 0.3] {
             let truth = some_turn(&mut rng, size_rad);
             let seen = landmarks(&mut rng, &camera, &truth, 60, 0.0);
-            let found = turn(&seen, &camera, None, &config()).expect("a turn");
+            let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
             assert!(error(&truth, &found).norm() < 1e-10, "{size_rad}: {}", error(&truth, &found).norm());
             assert_eq!(found.used.len(), 60);
         }
@@ -73,7 +75,7 @@ fn the_signs_are_those_of_the_conventions() {
     let now = camera.project(&(truth * Vector3::z())).expect("now");
     assert!(now.x < ahead.x - 10.0 && ahead.y + 5.0 < now.y, "{ahead} {now}");
     let seen = landmarks(&mut rng, &camera, &truth, 60, 0.0);
-    let (vector, _) = turn(&seen, &camera, None, &config()).expect("a turn").old_from_new();
+    let (vector, _) = relative_rotation(&seen, &camera, None, &config()).expect("a turn").old_from_new();
     assert!((vector - old_from_new.scaled_axis()).norm() < 1e-10, "{vector}");
 }
 
@@ -88,7 +90,7 @@ fn as_sure_as_it_says_and_no_worse_than_possible() {
     for _ in 0..runs {
         let truth = some_turn(&mut rng, 0.02);
         let seen = landmarks(&mut rng, &camera, &truth, 100, noise);
-        let found = turn(&seen, &camera, None, &config()).expect("a turn");
+        let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
         let nees = nees(&truth, &found);
         sum += nees;
         within += usize::from(nees < 7.815);
@@ -120,7 +122,7 @@ fn what_moves_by_itself_is_left_out() {
                     if together { [6.0, 2.0] } else { [rng.uniform(-30.0, 30.0), rng.uniform(-30.0, 30.0)] };
                 landmark.pixel += Vector2::from(away);
             }
-            let found = turn(&seen, &camera, None, &config()).expect("a turn");
+            let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
             assert!(found.is_consistent() && found.used.iter().filter(|i| **i < 40).count() <= 1);
             sum += nees(&truth, &found);
         }
@@ -142,15 +144,15 @@ fn errors_common_to_all_are_in_the_covariance() {
         let amount = Vector2::new(rng.normal(), rng.normal());
         let bend = 3.0 * rng.normal();
         for (shifted, curved) in shifted.iter_mut().zip(&mut curved) {
-            shifted.unseen_px = Matrix2::identity() * 0.03;
-            shifted.pixel += shifted.unseen_px * amount;
-            // Bright is mostly above, so that a bend looks like a turn.
+            shifted.unobserved_px = Matrix2::identity() * 0.03;
+            shifted.pixel += shifted.unobserved_px * amount;
+            // Bright is mostly above, so that a bend looks like a rotation.
             curved.bent_px = Vector2::new(0.02 * rng.normal(), 0.02 + 0.02 * rng.normal());
             curved.pixel += curved.bent_px * bend;
         }
-        let told = |seen: &[Landmark]| turn(seen, &camera, None, &config()).expect("a turn");
-        unseen += nees(&truth, &told(&shifted)) / f64::from(runs);
-        bent += nees(&truth, &told(&curved)) / f64::from(runs);
+        let reported = |seen: &[Landmark]| relative_rotation(seen, &camera, None, &config()).expect("a turn");
+        unseen += nees(&truth, &reported(&shifted)) / f64::from(runs);
+        bent += nees(&truth, &reported(&curved)) / f64::from(runs);
     }
     println!("NEES {unseen:.2} with a common shift, {bent:.2} with a bend");
     assert!((2.3..3.5).contains(&unseen) && (2.3..3.6).contains(&bent), "{unseen} {bent}");
@@ -165,13 +167,13 @@ fn a_bend_that_hardly_shows_is_held_for_small() {
     let truth = some_turn(&mut rng, 0.02);
     let mut seen = landmarks(&mut rng, &camera, &truth, 4000, 0.0);
     for landmark in &mut seen {
-        // To either side by chance, so that no turn looks like it: together they know the bend to one.
+        // To either side by chance, so that no rotation looks like it: together they know the bend to one.
         let side = Vector2::new(rng.normal(), rng.normal());
         let whitened = landmark.covariance_px2.cholesky().expect("a covariance").solve(&side);
         landmark.bent_px = side / (side.dot(&whitened) * 4000.0).sqrt();
         landmark.pixel += landmark.bent_px;
     }
-    let found = turn(&seen, &camera, None, &config()).expect("a turn");
+    let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
     assert!((found.bend - 0.5).abs() < 0.01, "{}", found.bend);
 }
 
@@ -187,7 +189,7 @@ fn common_errors_widen_the_covariance() {
         let common: Vec<Vector2<f64>> =
             (0..12).map(|_| Vector2::new(rng.normal(), rng.normal()) * 0.1).collect();
         seen.iter_mut().for_each(|l| l.pixel += common[l.neighbourhood as usize]);
-        let found = turn(&seen, &camera, None, &config()).expect("a turn");
+        let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
         widened += nees(&truth, &found) / runs as f64;
         alone += nees(&truth, &found) * found.coherence / runs as f64;
     }
@@ -195,7 +197,7 @@ fn common_errors_widen_the_covariance() {
     assert!(widened < 6.0 && 15.0 < alone, "{widened} {alone}");
 }
 
-/// A turn that is near is taken where most landmarks agree with it, and is no more than a start: one that is far off is left.
+/// A rotation that is near is taken where most landmarks agree with it, and is no more than a start: one that is far off is left.
 #[test]
 fn near_is_a_start_and_no_answer() {
     let camera = barrel(900.0);
@@ -207,15 +209,16 @@ fn near_is_a_start_and_no_answer() {
         let beside = some_turn(&mut rng, 2e-4) * truth;
         let far = some_turn(&mut rng, 0.3) * truth;
         for near in [truth, beside, far, truth.transpose()] {
-            let found = turn(&seen, &camera, Some(&near), &config()).expect("a turn");
+            let found = relative_rotation(&seen, &camera, Some(&near), &config()).expect("a turn");
             assert!(error(&truth, &found).norm() < 1e-9, "{}", error(&truth, &found));
             assert!(found.used.iter().copied().eq(15..60), "{:?}", found.used);
         }
-        // With a turn that most agree with nothing is drawn.
-        let none = TurnConfig { max_samples: 0, ..config() };
-        assert!(turn(&seen, &camera, Some(&beside), &none).is_ok());
+        // With a rotation that most agree with nothing is drawn.
+        let none = RelativeRotationConfig { max_samples: 0, ..config() };
+        assert!(relative_rotation(&seen, &camera, Some(&beside), &none).is_ok());
         assert!(
-            turn(&seen, &camera, Some(&far), &none).is_err() && turn(&seen, &camera, None, &none).is_err()
+            relative_rotation(&seen, &camera, Some(&far), &none).is_err()
+                && relative_rotation(&seen, &camera, None, &none).is_err()
         );
     }
 }
@@ -233,16 +236,18 @@ fn landmarks_outside_the_field_are_left_out() {
     for i in [0, 7, 31, 59] {
         seen[i].pixel = outside;
     }
-    let found = turn(&seen, &camera, None, &config()).expect("a turn");
+    let found = relative_rotation(&seen, &camera, None, &config()).expect("a turn");
     let without: Vec<Landmark> = seen.iter().copied().filter(|l| l.pixel != outside).collect();
-    let wanted = turn(&without, &camera, None, &config()).expect("a turn");
+    let wanted = relative_rotation(&without, &camera, None, &config()).expect("a turn");
     assert!(error(&wanted.now_from_reference, &found).norm() < 1e-9);
     assert!((found.covariance - wanted.covariance).norm() < 1e-6 * wanted.covariance.norm());
     assert_eq!(found.given, 56);
-    let pixels = |turn: &Turn, of: &[Landmark]| turn.used.iter().map(|i| of[*i].pixel).collect::<Vec<_>>();
+    let pixels = |relative_rotation: &RelativeRotation, of: &[Landmark]| {
+        relative_rotation.used.iter().map(|i| of[*i].pixel).collect::<Vec<_>>()
+    };
     assert_eq!(pixels(&found, &seen), pixels(&wanted, &without));
     seen[10..].iter_mut().for_each(|l| l.pixel = outside);
-    let refused = turn(&seen, &camera, None, &config());
+    let refused = relative_rotation(&seen, &camera, None, &config());
     assert!(matches!(refused, Err(Error::TooFewPoints { seen: 8, needed: 15 })), "{refused:?}");
 }
 
@@ -254,7 +259,7 @@ fn most_against_it_is_inconsistent() {
     for landmark in &mut seen[..70] {
         landmark.pixel += Vector2::new(rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0));
     }
-    let found = turn(&seen, &camera, None, &config()).expect("thirty agree");
+    let found = relative_rotation(&seen, &camera, None, &config()).expect("thirty agree");
     assert!(!found.is_consistent() && found.used.len() < 50);
 }
 
@@ -263,7 +268,7 @@ fn what_cannot_be_is_named() {
     let camera = pinhole(900.0);
     let mut rng = Rng::new(0x7a7);
     let seen = landmarks(&mut rng, &camera, &Matrix3::identity(), 40, 1.0);
-    let refused = |seen: &[Landmark]| turn(seen, &camera, None, &config()).expect_err("no turn");
+    let refused = |seen: &[Landmark]| relative_rotation(seen, &camera, None, &config()).expect_err("no turn");
     assert!(matches!(refused(&seen[..10]), Error::TooFewPoints { seen: 10, needed: 15 }));
     let mut broken = seen.clone();
     broken[3].pixel.x = f64::NAN;
@@ -275,5 +280,5 @@ fn what_cannot_be_is_named() {
     chance.iter_mut().for_each(|l| l.pixel = Vector2::new(rng.uniform(0.0, 640.0), rng.uniform(0.0, 480.0)));
     assert!(matches!(refused(&chance), Error::NoConsensus { needed: 15, .. }));
     let same = vec![seen[0]; 30];
-    assert!(turn(&same, &camera, None, &config()).is_err());
+    assert!(relative_rotation(&same, &camera, None, &config()).is_err());
 }

@@ -24,18 +24,18 @@ pub fn stream_atomically(
     path: &Path,
     write: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), FileError> {
-    let told = |e: std::io::Error| FileError::new(path, format!("cannot write: {e}"));
+    let reported = |e: std::io::Error| FileError::new(path, format!("cannot write: {e}"));
     // A symbolic link stays one; what it points to is replaced.
     let destination = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     remove_leftovers(&destination);
-    let (temporary, file) = create_beside(&destination).map_err(told)?;
+    let (temporary, file) = create_beside(&destination).map_err(reported)?;
     let written = fill(file, write, &destination).and_then(|()| fs::rename(&temporary, &destination));
     if let Err(e) = written {
         // The error to report is the first one; a leftover that cannot be removed either adds nothing.
         let _ = fs::remove_file(&temporary);
-        return Err(told(e));
+        return Err(reported(e));
     }
-    sync_folder(&destination).map_err(told)
+    sync_folder(&destination).map_err(reported)
 }
 
 fn folder_of(path: &Path) -> &Path {

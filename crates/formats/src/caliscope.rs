@@ -13,7 +13,7 @@ use crate::core::{Camera, Pose};
 
 const TRAPS: &[&str] = &[
     "rotation and translation map world points into the camera (x_cam = R x_world + t), although \
-        Caliscope's source calls them the camera's pose; the camera's place is −Rᵀ t.",
+        Caliscope's source calls them the camera's pose; the camera's position is −Rᵀ t.",
     "aniposelib loads the tables in the order of their sorted names: cam_10 comes before cam_2. Go by \
         name, not by position.",
 ];

@@ -34,7 +34,7 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     let square_m = edge.number()? / 100.0;
     let mut warnings = Vec::new();
     if root.get("inverted").map(|i| i.flag()).transpose()? == Some(true) {
-        warnings.push("the board is printed inverted (white on black); the detector must be told".into());
+        warnings.push("the board is printed inverted (white on black); the detector must be reported".into());
     }
     let board = Charuco {
         rows: root.need("rows")?.side(2)?,

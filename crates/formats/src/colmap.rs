@@ -25,7 +25,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     traps: &[
         "COLMAP counts pixels from the image's top-left corner; 0.5 px was subtracted from cx and cy.",
         "The poses in images.txt are world → camera (x_cam = R x_world + t, quaternion w x y z); the \
-            camera's place is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
+            camera's position is −Rᵀ t. Lengths are arbitrary unless the model was scaled.",
         "rigs.txt holds sensor_from_rig, frames.txt rig_from_world; the rig's frame is its reference sensor's.",
         "Several images may share a CAMERA_ID: one lens, not one place.",
     ],

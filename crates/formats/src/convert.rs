@@ -53,7 +53,7 @@ fn placed_in(rig: &CameraFile, reference: &str, lost: &mut Vec<String>) -> Resul
     let scene = super::scene(rig, Some(reference))?;
     let mut out = rig.clone();
     let joint = out.joint.take();
-    for (camera, station) in out.cameras.iter_mut().zip(scene.stations) {
+    for (camera, station) in out.cameras.iter_mut().zip(scene.scene_cameras) {
         if camera.name == reference {
             // The root of the tree: its old parent stays as a frame.
             out.relations.extend(camera.placement.take());

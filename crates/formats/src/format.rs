@@ -60,7 +60,7 @@ pub enum Format {
     OpenCvXml,
     /// Our own target file (TOML).
     OwnTarget,
-    /// Kalibr target YAML, or Basalt's JSON twin.
+    /// Kalibr target YAML, or Basalt's JSON duplicate.
     KalibrTarget,
     /// WPILib field layout JSON.
     WpilibLayout,

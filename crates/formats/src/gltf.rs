@@ -1,4 +1,4 @@
-//! The rig as glTF 2.0, written only: a picture to turn around in any viewer.
+//! The rig as glTF 2.0, written only: an image to turn around in any viewer.
 //!
 //! glTF has y up and cameras that look along −z (x right, y up). The frame of the rig is the top node, turned so that
 //! it stands upright: a camera's frame by its own axes, any other taken for z up. Each camera is a child whose

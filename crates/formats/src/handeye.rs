@@ -19,7 +19,7 @@ pub(super) const ON_BASE: CameraFormat = CameraFormat {
     write: Some(Writer::Rig(|file| write(file, false))),
     traps: &[
         "transformation maps camera points into the robot's frame (x_robot = R x_cam + t): the effector's with \
-            eye_on_hand, the base's without; t is the camera's place itself.",
+            eye_on_hand, the base's without; t is the camera's position itself.",
         "tracking_base_frame is often the camera's body (camera_link, x forward), not its optical frame (z \
             forward); the fixed turn between the two is then missing here.",
     ],

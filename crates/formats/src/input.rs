@@ -16,7 +16,7 @@ use std::path::Path;
 /// What a file is read as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A PNG or JPEG picture.
+    /// A PNG or JPEG image.
     Image,
     /// A configuration in TOML, YAML or XML, whose parsers take many times what they read.
     Text,
@@ -53,7 +53,7 @@ impl Kind {
     /// What such a file is called in a message.
     const fn name(self) -> &'static str {
         match self {
-            Kind::Image => "a picture",
+            Kind::Image => "an image",
             Kind::Text => "a file of this kind (TOML, YAML, XML)",
             Kind::Literal => "a file of this kind (JSON, a table)",
             Kind::Table => "a table of rows",
@@ -90,8 +90,8 @@ impl Kind {
 pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
     let file = open_file(path, kind)?;
     let mut bytes = Vec::new();
-    let told = |e: Error| FileError::new(path, e.to_string());
-    file.take(kind.limit_bytes() + 1).read_to_end(&mut bytes).map_err(told)?;
+    let reported = |e: Error| FileError::new(path, e.to_string());
+    file.take(kind.limit_bytes() + 1).read_to_end(&mut bytes).map_err(reported)?;
     if kind.limit_bytes() < bytes.len() as u64 {
         return Err(FileError::new(path, kind.too_large(None)));
     }
@@ -117,13 +117,13 @@ pub fn open_table(path: &Path) -> Result<Rows, FileError> {
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
 fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
-    let told = |e: Error| FileError::new(path, e.to_string());
-    let found = std::fs::metadata(path).map_err(told)?;
+    let reported = |e: Error| FileError::new(path, e.to_string());
+    let found = std::fs::metadata(path).map_err(reported)?;
     must_be_file(path, &found)?;
     if found.is_file() && kind.limit_bytes() < found.len() {
         return Err(FileError::new(path, kind.too_large(Some(found.len()))));
     }
-    File::open(path).map_err(told)
+    File::open(path).map_err(reported)
 }
 
 /// Refuses named pipes, sockets and devices; folders are left to whoever opens them. What is not there is no matter here.

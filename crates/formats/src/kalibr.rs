@@ -27,7 +27,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     write: Some(Writer::Rig(write)),
     traps: &[
         "T_cn_cnm1 maps the previous camera's points into this camera's (x_cam1 = R x_cam0 + t); its \
-            translation is not this camera's place, that is −Rᵀ t.",
+            translation is not this camera's position, that is −Rᵀ t.",
         "T_cam_imu maps IMU points into the camera. OpenVINS files look the same but hold T_imu_cam, the \
             inverse; copies that changed the numbers and kept the key are common.",
     ],

@@ -1,4 +1,4 @@
-//! Kalibr target YAML, and Basalt's JSON twin of the aprilgrid.
+//! Kalibr target YAML, and Basalt's JSON duplicate of the aprilgrid.
 
 use super::document::{Document, Fault};
 use super::entry::Entry;

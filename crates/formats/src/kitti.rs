@@ -193,7 +193,7 @@ fn projection(camera: &NamedCamera, cam_from_rect: &Pose, rect: &str) -> Result<
     let turn = cam_from_rect.angle_to_rad(&Pose::identity());
     if SAME_ATTITUDE_RAD < turn {
         return blamed(format!(
-            "turned by {:.4}° against `{rect}`, but KITTI's P holds rectified cameras of one attitude; rectify the images \
+            "rotated by {:.4}° against `{rect}`, but KITTI's P holds rectified cameras of one attitude; rectify the images \
                 first, or write kalibr",
             turn.to_degrees()
         ));

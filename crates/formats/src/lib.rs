@@ -118,7 +118,7 @@ pub use read::{
     read_camera, read_cameras, read_cameras_from_bytes, read_target, read_target_from_bytes, read_target_with,
 };
 pub use rig_files::read_rig;
-pub use scene::{Scene, Station, scene};
+pub use scene::{Scene, SceneCamera, scene};
 pub use tag_options::TagOptions;
 pub use wpilib::{Field, read_field, write_field_layout};
 pub use write::{own_file, own_rig_file, write_cameras, write_rig};

@@ -1,7 +1,7 @@
 //! Intrinsics in recordings: the first `sensor_msgs/CameraInfo` (or Foxglove `CameraCalibration`) of each topic of an MCAP file.
 //!
-//! K and d belong to the pictures as the sensor gives them. `TOPIC/rectified` is the camera of the rectified pictures: P without
-//! distortion, which is what detectors of rectified pictures need.
+//! K and d belong to the images as the sensor gives them. `TOPIC/rectified` is the camera of the rectified images: P without
+//! distortion, which is what detectors of rectified images need.
 
 use super::checks;
 use super::document::{Document, Fault, Node, Syntax, Value};
@@ -23,7 +23,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     reads: Some(Reads { recognises: |document| document.syntax == Syntax::Mcap, read, together: None }),
     write: None,
     traps: &[
-        "K and d belong to pictures as the sensor gives them. For rectified pictures, and for detections in them (apriltag_ros \
+        "K and d belong to images as the sensor gives them. For rectified images, and for detections in them (apriltag_ros \
             looks at those), give FILE#TOPIC/rectified: P without distortion.",
         "The first message of each topic counts: a zoom during the recording is not followed.",
     ],
@@ -89,7 +89,7 @@ fn fields(topic: &Topic, data: &[u8]) -> Node {
     read.unwrap_or_else(|reason| node(Value::Text(reason)))
 }
 
-/// What every camera of a recording must be: readable, and of whole pictures.
+/// What every camera of a recording must be: readable, and of whole images.
 fn usable(entry: &Entry<'_>) -> Result<(), Fault> {
     match &entry.node.value {
         Value::Text(reason) => Err(entry.fault(reason)),
@@ -133,7 +133,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     }
 }
 
-/// The camera of one topic, or of its rectified pictures; says why a topic that is there holds none.
+/// The camera of one topic, or of its rectified images; says why a topic that is there holds none.
 pub(super) fn camera(document: &Document, name: &str) -> Option<Result<NamedCamera, Fault>> {
     let entries = document.entry().entries().ok()?;
     let of = |topic: &str| entries.iter().find(|entry| entry.path == topic);

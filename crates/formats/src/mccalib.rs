@@ -1,7 +1,7 @@
 //! MC-Calib's `calibrated_cameras_data.yml`, an OpenCV FileStorage: `camera_0`, `camera_1`, …
 //!
 //! `camera_pose_matrix` is group_from_cam: it maps the camera's points into its group's reference camera, and its last
-//! column is the camera's place. Lengths are in the unit of the board's `square_size`, which the file does not state.
+//! column is the camera's position. Lengths are in the unit of the board's `square_size`, which the file does not state.
 //! Pixel origin as ours. `distortion_type` 0 is Brown with five coefficients, 1 is OpenCV's fisheye.
 
 use super::document::{Document, Fault};
@@ -27,7 +27,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     write: Some(Writer::Rig(write)),
     traps: &[
         "camera_pose_matrix maps the camera's points into its group's reference camera (x_group = R x_cam + t), \
-            the inverse of what OpenCV's R and T are; t is the camera's place itself.",
+            the inverse of what OpenCV's R and T are; t is the camera's position itself.",
         "Lengths are in the unit of the board's square_size, which the file does not state (often cm); metres \
             are assumed.",
         "Cameras of different camera_group are not joined to each other, although their numbers look alike.",

@@ -26,7 +26,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     }),
     write: Some(Writer::Rig(write)),
     traps: &[
-        "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's place is −Rᵀ t.",
+        "extrinsics is rt_cam_ref: it maps the reference frame into the camera; the camera's position is −Rᵀ t.",
         "The reference frame is whatever the calibration chose (often the first camera); only files of one \
             calibration share it.",
     ],

@@ -21,7 +21,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     write: Some(Writer::Rig(opencv_write::write_yaml)),
     traps: &[
         "R and T of a stereo file map the first camera's points into the second (x_2 = R x_1 + T); T is \
-            not the second camera's place, that is -Rᵀ T.",
+            not the second camera's position, that is -Rᵀ T.",
         "R1 and R2 rotate for rectification, they are not the cameras' attitudes.",
         "Four distortion coefficients mean k1, k2, p1, p2 to calibrateCamera and k1 … k4 to cv::fisheye; \
             the file itself does not say which.",

@@ -114,7 +114,7 @@ fn one_camera(
         (Some(name), _) => name.text()?.to_owned(),
         (None, Some(stem)) => stem,
         (None, None) => {
-            return Err(entry.fault("the key `name` is missing; several cameras are told apart by it"));
+            return Err(entry.fault("the key `name` is missing; several cameras are distinguished by it"));
         }
     };
     let camera = lens_of(entry, warnings)?;

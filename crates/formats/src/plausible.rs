@@ -248,12 +248,12 @@ mod tests {
         );
         assert!(points(&road.map(|x| x.map(|x| x / 1000.0))).is_none());
         // A surveyor's national grid, to the centimetre.
-        let survey = [
+        let network = [
             [4_512_345.17, 5_401_233.82, 412.31],
             [4_512_745.5, 5_401_633.06, 415.9],
             [4_512_300.0, 5_401_200.4, 411.0],
         ];
-        assert!(points(&survey).is_none());
+        assert!(points(&network).is_none());
         // A few round numbers of a field of play.
         let pitch =
             [[0.0, 0.0], [105.0, 0.0], [105.0, 68.0], [0.0, 68.0], [52.5, 0.0], [52.5, 68.0], [11.0, 34.0]];

@@ -96,7 +96,7 @@ pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
     let path = Path::new(path);
     let document = open::read(path)?;
     #[cfg(feature = "recordings")]
-    // A recording says why a topic that is there holds no camera, and knows the camera of rectified pictures.
+    // A recording says why a topic that is there holds no camera, and knows the camera of rectified images.
     if let Some(found) = name
         .filter(|_| document.syntax == super::document::Syntax::Mcap)
         .and_then(|n| super::mcap::camera(&document, n))

@@ -102,9 +102,9 @@ fn folder(path: &Path) -> Result<Vec<Document>, FileError> {
 }
 
 fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), FileError> {
-    let told = |e: std::io::Error| FileError::new(folder, e.to_string());
-    for entry in std::fs::read_dir(folder).map_err(told)? {
-        let path = entry.map_err(told)?.path();
+    let reported = |e: std::io::Error| FileError::new(folder, e.to_string());
+    for entry in std::fs::read_dir(folder).map_err(reported)? {
+        let path = entry.map_err(reported)?.path();
         if path.is_dir() && 0 < depth {
             collect(&path, depth - 1, files)?;
         } else if path.extension().is_some_and(|e| ENDINGS.iter().any(|known| e.eq_ignore_ascii_case(known)))

@@ -5,9 +5,9 @@ use super::{CameraFile, WriteError};
 use crate::core::Pose;
 use nalgebra::Vector3;
 
-/// One camera's place.
+/// One camera's position.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Station {
+pub struct SceneCamera {
     /// The camera.
     pub name: String,
     /// Its pose in the reference frame; none when no pose joins the two.
@@ -22,7 +22,7 @@ pub struct Scene {
     /// Whether it is a camera's (x right, y down, z forward).
     pub reference_is_camera: bool,
     /// In the order of the rig.
-    pub stations: Vec<Station>,
+    pub scene_cameras: Vec<SceneCamera>,
 }
 
 /// The rig in frame `reference`; without one, in the frame its cameras share, else the only one
@@ -41,10 +41,12 @@ pub fn scene(rig: &CameraFile, reference: Option<&str>) -> Result<Scene, WriteEr
         }
         None => frames.natural(&rig.cameras).ok_or_else(|| WriteError("no camera".into()))?,
     };
-    let station =
-        |name: &String| Station { name: name.clone(), reference_from_cam: frames.between(&reference, name) };
-    let stations = rig.cameras.iter().map(|c| station(&c.name)).collect();
-    Ok(Scene { reference_is_camera: is_camera(&reference), reference, stations })
+    let station = |name: &String| SceneCamera {
+        name: name.clone(),
+        reference_from_cam: frames.between(&reference, name),
+    };
+    let scene_cameras = rig.cameras.iter().map(|c| station(&c.name)).collect();
+    Ok(Scene { reference_is_camera: is_camera(&reference), reference, scene_cameras })
 }
 
 impl Scene {
@@ -52,8 +54,8 @@ impl Scene {
     pub fn text(&self) -> String {
         let axes = if self.reference_is_camera { " (x right, y down, z forward)" } else { "" };
         let mut out = format!("Cameras in frame `{}`{axes}, metres:\n", self.reference);
-        let width = self.stations.iter().map(|s| s.name.chars().count()).max().unwrap_or(0).max(6);
-        for (i, station) in self.stations.iter().enumerate() {
+        let width = self.scene_cameras.iter().map(|s| s.name.chars().count()).max().unwrap_or(0).max(6);
+        for (i, station) in self.scene_cameras.iter().enumerate() {
             let (mark, name) = (mark(i), &station.name);
             let gap = " ".repeat(width - name.chars().count());
             match &station.reference_from_cam {
@@ -74,7 +76,7 @@ impl Scene {
 
     fn sketch(&self) -> String {
         let placed: Vec<(char, Vector3<f64>, Vector3<f64>)> = self
-            .stations
+            .scene_cameras
             .iter()
             .enumerate()
             .filter_map(|(i, s)| {
@@ -126,12 +128,12 @@ struct Paper {
 /// camera's y and another frame's z.
 fn least_telling_axis(extent: &Vector3<f64>, looks: &[Vector3<f64>], camera_axes: bool) -> usize {
     let vertical = if camera_axes { 1 } else { 2 };
-    let told = |i: usize| {
+    let reported = |i: usize| {
         let looked: f64 = looks.iter().map(|axis| axis[i].abs()).sum::<f64>() / looks.len() as f64;
         let preferred = if i == vertical { 0.3 } else { 0.0 };
         extent[i] / extent.amax() + looked - preferred
     };
-    (0..3).fold(0, |least, i| if told(i) < told(least) { i } else { least })
+    (0..3).fold(0, |least, i| if reported(i) < reported(least) { i } else { least })
 }
 
 /// Room around the outermost cameras for their arrows, characters.

@@ -78,7 +78,7 @@ fn each_format_names_its_trap() {
         &[
             "x_M2 = R x_M1 + t",
             "Centre of M2 in frame `M1`: (0.0752, 0.0000, -0.0564) m",
-            "T is not the second camera's place",
+            "T is not the second camera's position",
             "no image size",
         ],
     );

@@ -200,12 +200,12 @@ fn positional_angles_are_yaw_pitch_roll() {
     let x = [yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), -pitch.sin()];
     assert_close(&(base_from_left.rotation * Point::x()), x);
     assert!((base_from_left.rotation[(2, 1)] - pitch.cos() * roll.sin()).abs() < 1e-15);
-    // 0.6 i, 0.8: a turn about z by 2 atan(0.75); the leading slash is not part of the name.
+    // 0.6 i, 0.8: a rotation about z by 2 atan(0.75); the leading slash is not part of the name.
     let map_from_base = between(&rig, "map", "base_link");
     assert_close(&(map_from_base * Point::new(1.0, 0.0, 0.0)), [0.28, 0.96, 1.0]);
 }
 
-/// The mast is turned by rpy = (0.05, 0.1, 0.2): its x and y axes by the columns of R_z R_y R_x, written out. The cameras
+/// The mast is rotated by rpy = (0.05, 0.1, 0.2): its x and y axes by the columns of R_z R_y R_x, written out. The cameras
 /// hang 0.06 m to either side of it and look along its x.
 #[test]
 fn urdf_chains_joints() {
@@ -396,7 +396,7 @@ fn what_a_format_cannot_hold_is_refused_by_name() {
     let lens = flat.cameras[1].camera.clone();
     flat.cameras.iter_mut().for_each(|c| c.camera = lens.clone());
     let reason = write_rig(&flat, Format::Kitti).unwrap_err().to_string();
-    assert!(reason.contains("right: turned by 16.3792°") && reason.contains("against `left`"), "{reason}");
+    assert!(reason.contains("right: rotated by 16.3792°") && reason.contains("against `left`"), "{reason}");
     refused("placed_rig.toml", Format::NuScenes, &["left: has distortion", "undistort"]);
     refused("placed_rig.toml", Format::Kalibr, &["left: Kalibr's radtan has k1, k2, p1, p2 only"]);
     refused("placed_rig.toml", Format::OpenCvXml, &["one or two cameras, not 3"]);

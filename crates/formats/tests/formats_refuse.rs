@@ -64,7 +64,7 @@ fn own_files_name_line_key_and_the_way_out() {
 }
 
 #[test]
-fn own_rigs_refuse_twins_and_unclear_quaternions() {
+fn own_rigs_refuse_duplicates_and_unclear_quaternions() {
     let file = "own_rig.toml";
     assert_camera_refused(file, "\"right\"\nmodel", "\"left\"\nmodel", &["two cameras are called `left`"]);
     assert_camera_refused(file, "rotation_wxyz", "rotation", &[":22:", "rotation_wxyz = [w, x, y, z]"]);
@@ -293,7 +293,7 @@ fn targets_that_cannot_be_right() {
 }
 
 #[test]
-fn cameras_and_targets_are_told_apart() {
+fn cameras_and_targets_are_reported_apart() {
     let refusal = read_cameras(&example("target_tag.toml")).unwrap_err().to_string();
     assert_says(&refusal, &["target_tag.toml", "is a target", "--target"]);
     let refusal = read_target(&example("own_pinhole.toml")).unwrap_err().to_string();

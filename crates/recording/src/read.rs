@@ -23,7 +23,7 @@ pub enum Next {
     Nothing,
     /// The file ends here without being closed: it is still being written, or was cut off.
     Unfinished,
-    /// A part that cannot be used, and why; the rest goes on.
+    /// A part that cannot be used, and why; the rest continues.
     Damaged(String),
     /// The file's end.
     End,

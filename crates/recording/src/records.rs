@@ -18,7 +18,7 @@ pub(super) const MAX_RECORD_BYTES: usize = 4 * 64_000_000 + (1 << 20);
 pub struct Channel {
     /// Its name.
     pub topic: String,
-    /// Name of the type of its messages; empty where it is not told.
+    /// Name of the type of its messages; empty where it is not reported.
     pub kind: String,
     /// How the type is defined: `ros2msg`, `protobuf`, …
     pub definition_encoding: String,

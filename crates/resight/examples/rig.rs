@@ -1,17 +1,17 @@
-//! One image of each camera to a rig: `cargo run -p resight --example rig -- TARGET CAMERA IMAGE CAMERA IMAGE…`.
-
+// Images of two cameras to their relative pose: `cargo run -p resight --example rig`.
 use resight::GrayImage;
 use resight::rig::{CameraImage, RigRequest};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [target, files @ ..] = &arguments[..] else { return Err("TARGET CAMERA IMAGE… are needed".into()) };
-    let (mut request, mut images) = (RigRequest::default(), Vec::new());
-    request.read_target(None, target.as_ref())?;
-    for (number, pair) in files.chunks_exact(2).enumerate() {
-        let name = format!("camera{number}");
-        request.read_camera(Some(&name), &pair[0])?;
-        images.push(CameraImage::in_memory(name, "the only view", GrayImage::read(pair[1].as_ref())?));
+    let mut request = RigRequest::default();
+    request.read_target(None, "examples/photo/board.toml".as_ref())?;
+    let mut images = Vec::new();
+    for name in ["left", "right"] {
+        request.read_camera(Some(name), &format!("examples/photo/{name}.yml"))?;
+        for view in ["01", "03", "04", "05"] {
+            let image = GrayImage::read(format!("examples/photo/{name}{view}.jpg").as_ref())?;
+            images.push(CameraImage::in_memory(name, view, image));
+        }
     }
     let answer = resight::rig_from_images(&images, &Default::default(), &request)?;
     println!("{}", serde_json::to_string_pretty(&answer)?);

@@ -90,8 +90,8 @@ fn cameras(request: &ConvertRequest, to: Format) -> Result<ConvertAnswer, Error>
 
 fn positions(scene: &Scene) -> std::collections::BTreeMap<String, Option<CameraPosition>> {
     let one =
-        |s: &formats::Station| (s.name.clone(), s.reference_from_cam.as_ref().map(CameraPosition::from));
-    scene.stations.iter().map(one).collect()
+        |s: &formats::SceneCamera| (s.name.clone(), s.reference_from_cam.as_ref().map(CameraPosition::from));
+    scene.scene_cameras.iter().map(one).collect()
 }
 
 fn converted(conversion: Conversion) -> ConvertAnswer {

@@ -107,7 +107,7 @@ pub enum DetectError {
         /// Pixels to each side.
         seen: u32,
     },
-    /// The dots could not be told apart.
+    /// The dots could not be distinguished.
     #[error(transparent)]
     Dots(#[from] DotError),
     /// The C library could not allocate.

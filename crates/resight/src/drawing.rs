@@ -45,7 +45,7 @@ pub enum Item {
         /// Which part of it is there.
         anchor: Anchor,
         /// Turn, clockwise, about its place.
-        turn_rad: f64,
+        rotation_rad: f64,
     },
 }
 
@@ -82,20 +82,20 @@ impl Drawing {
 
     /// Adds level text.
     pub fn text(&mut self, text: &str, at: Vector2<f64>, height: f64, color: Color, anchor: Anchor) {
-        self.turned_text(text, at, height, color, anchor, 0.0);
+        self.rotated_text(text, at, height, color, anchor, 0.0);
     }
 
-    /// Adds text turned about its place, on a white shade that keeps it readable over lines.
-    pub fn turned_text(
+    /// Adds text rotated about its place, on a white shade that keeps it readable over lines.
+    pub fn rotated_text(
         &mut self,
         text: &str,
         at: Vector2<f64>,
         height: f64,
         color: Color,
         anchor: Anchor,
-        turn_rad: f64,
+        rotation_rad: f64,
     ) {
-        self.items.push(Item::Text { text: text.to_string(), at, height, color, anchor, turn_rad });
+        self.items.push(Item::Text { text: text.to_string(), at, height, color, anchor, rotation_rad });
     }
 
     /// As PNG.
@@ -113,8 +113,8 @@ impl Drawing {
                         Pen { color: *color, width: *width, opacity: *opacity },
                     );
                 }
-                Item::Text { text, at, height, color, anchor, turn_rad } => {
-                    let strokes = strokes(text, *at, *height, *anchor, *turn_rad);
+                Item::Text { text, at, height, color, anchor, rotation_rad } => {
+                    let strokes = strokes(text, *at, *height, *anchor, *rotation_rad);
                     let width = (BOLDNESS * height).max(1.0);
                     canvas.stroke(&strokes, Pen { color: WHITE, width: width + 3.0, opacity: 0.85 });
                     canvas.stroke(&strokes, Pen { color: *color, width, opacity: 1.0 });
@@ -145,8 +145,8 @@ impl Drawing {
                         hex(*color)
                     )
                 }
-                Item::Text { text, at, height, color, anchor, turn_rad } => {
-                    svg_text(text, *at, *height, *color, *anchor, *turn_rad)
+                Item::Text { text, at, height, color, anchor, rotation_rad } => {
+                    svg_text(text, *at, *height, *color, *anchor, *rotation_rad)
                 }
             };
         }
@@ -163,14 +163,14 @@ fn svg_text(
     height: f64,
     color: Color,
     anchor: Anchor,
-    turn_rad: f64,
+    rotation_rad: f64,
 ) -> String {
     let anchor = match anchor {
         Anchor::Start => "start",
         Anchor::Middle => "middle",
         Anchor::End => "end",
     };
-    let turn = match turn_rad {
+    let turn = match rotation_rad {
         0.0 => String::new(),
         turn => format!(" transform=\"rotate({:.2} {:.2} {:.2})\"", turn.to_degrees(), at.x, at.y),
     };
@@ -204,14 +204,14 @@ pub fn escaped(text: &str) -> String {
 }
 
 /// Letters as lines, anchored and turned.
-pub fn strokes(text: &str, at: Vector2<f64>, height: f64, anchor: Anchor, turn_rad: f64) -> Vec<Path> {
+pub fn strokes(text: &str, at: Vector2<f64>, height: f64, anchor: Anchor, rotation_rad: f64) -> Vec<Path> {
     let width = font::width(text, height);
     let back = match anchor {
         Anchor::Start => 0.0,
         Anchor::Middle => 0.5 * width,
         Anchor::End => width,
     };
-    let (sin, cos) = turn_rad.sin_cos();
+    let (sin, cos) = rotation_rad.sin_cos();
     let turned = |p: Vector2<f64>| at + Vector2::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y);
     let lines = font::strokes(text, Vector2::new(-back, 0.0), height);
     lines.into_iter().map(|line| line.into_iter().map(turned).collect()).collect()

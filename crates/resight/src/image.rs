@@ -20,7 +20,7 @@ pub struct GrayImage {
 /// Largest image accepted, pixels: a header may claim more than the machine's memory.
 const MAX_PIXELS: u64 = 64_000_000;
 
-/// Memory a decoded picture may take beside its file, bytes.
+/// Memory a decoded image may take beside its file, bytes.
 const MAX_DECODED_BYTES: u64 = 144_000_000;
 
 /// Largest JPEG in several passes: its decoder holds up to six bytes for each pixel besides.
@@ -87,10 +87,10 @@ impl GrayImage {
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
     }
 
-    /// The picture as PNG, every grey as it is.
+    /// The image as PNG, every grey as it is.
     ///
     /// # Errors
-    /// What the encoder says of a picture that is none.
+    /// What the encoder says of an image that is none.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         use ::image::ImageEncoder;
         let mut bytes = Vec::new();

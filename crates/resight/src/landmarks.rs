@@ -1,10 +1,10 @@
-//! Natural landmarks: how a camera turned since a reference picture, when no target is there.
+//! Natural landmarks: how a camera rotated since a reference image, when no target is there.
 //!
-//! Corners of the reference (FAST) are found again by their BRIEF descriptors, or where the last turn puts them, and then aligned
+//! Corners of the reference (FAST) are found again by their BRIEF descriptors, or where the last rotation puts them, and then aligned
 //! to a fraction of a pixel; `resight_core::temporal::relative_rotation` weighs them. The scene is taken to be far off, or the camera to turn
 //! about its own centre: a translation is not seen.
 //!
-//! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `turn` ─► rotation, shift, covariance
+//! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `relative_rotation` ─► rotation, shift, covariance
 
 mod draw;
 mod features;
@@ -18,32 +18,34 @@ use features::{Features, Pattern};
 use nalgebra::{Matrix2, Matrix3, Vector2};
 use patch::Aligned;
 use pyramid::Reduced;
-use resight_core::temporal::relative_rotation::{Landmark, Turn, TurnConfig, turn};
+use resight_core::temporal::relative_rotation::{
+    Landmark, RelativeRotation, RelativeRotationConfig, relative_rotation,
+};
 use resight_core::{Bearing, Camera, Error as CoreError};
-use select::{Mark, select};
+use select::{LandmarkPatch, select};
 use thiserror::Error;
 
-/// Landmarks of a reference picture.
+/// Landmarks of a reference image.
 pub struct Landmarks {
     camera: Camera,
     size_px: [u32; 2],
-    marks: Vec<Mark>,
+    marks: Vec<LandmarkPatch>,
     pattern: Pattern,
     features: Features,
     /// Directions of the features.
     bearings: Vec<Option<Bearing>>,
 }
 
-/// What a picture shows of the landmarks.
+/// What an image shows of the landmarks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sighting {
-    /// The turn since the reference.
-    pub turn: Turn,
+pub struct LandmarkObservation {
+    /// The rotation since the reference.
+    pub relative_rotation: RelativeRotation,
     /// How far what was at the image centre has moved; none where the lens no longer sees it.
     pub shift: Option<Shift>,
-    /// Landmarks found again; those used are `turn.used`.
+    /// Landmarks found again; those used are `relative_rotation.used`.
     pub found: Vec<Found>,
-    /// Landmarks that the turn leaves in the picture.
+    /// Landmarks that the rotation leaves in the image.
     pub in_view: usize,
 }
 
@@ -65,13 +67,13 @@ pub struct Found {
     pub now_px: Vector2<f64>,
 }
 
-/// Why a picture cannot be a reference.
+/// Why an image cannot be a reference.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LandmarksError {
     /// Too little to see.
     #[error(
-        "the reference picture has {seen} landmarks, {needed} are needed; use a sharp picture, by day, with more to see"
+        "the reference image has {seen} landmarks, {needed} are needed; use a sharp image, by day, with more to see"
     )]
     TooFew {
         /// Landmarks found.
@@ -80,17 +82,17 @@ pub enum LandmarksError {
         needed: usize,
     },
     /// Of another size than the camera's.
-    #[error("the reference picture: {0}")]
+    #[error("the reference image: {0}")]
     Size(String),
 }
 
-/// Why a picture says nothing of the turn.
+/// Why an image says nothing of the rotation.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
-pub enum NotSighted {
+pub enum NotObserved {
     /// Another size than the reference's.
     #[error(
-        "the picture is {}×{} px, the reference {}×{}; take a reference of the same size", seen_px[0], seen_px[1], needed_px[0],
+        "the image is {}×{} px, the reference {}×{}; take a reference of the same size", seen_px[0], seen_px[1], needed_px[0],
         needed_px[1]
     )]
     Size {
@@ -100,21 +102,21 @@ pub enum NotSighted {
         needed_px: [u32; 2],
     },
     /// Nothing to see.
-    #[error("{corners} corners in this picture, {needed} are needed: it is dark, covered, blurred or empty")]
+    #[error("{corners} corners in this image, {needed} are needed: it is dark, covered, blurred or empty")]
     Blank {
-        /// Corners of the picture.
+        /// Corners of the image.
         corners: usize,
         /// Needed.
         needed: usize,
     },
-    /// Too few landmarks agree with one turn.
+    /// Too few landmarks agree with one rotation.
     #[error(
         "{agreeing} of {landmarks} landmarks found again, {needed} are needed: another scene, something in front of it, or very other light"
     )]
     TooFew {
         /// That agree.
         agreeing: usize,
-        /// That could have been found: those of the reference, or as many of them as the turn leaves in the picture.
+        /// That could have been found: those of the reference, or as many of them as the rotation leaves in the image.
         landmarks: usize,
         /// Needed.
         needed: usize,
@@ -127,11 +129,11 @@ pub const LEAST: usize = 15;
 const LEAST_SHARE: f64 = 0.15;
 /// Least landmarks of a reference: half of them may be hidden later.
 const LEAST_IN_REFERENCE: usize = 2 * LEAST;
-/// A landmark agrees with a turn within this, px of the picture.
+/// A landmark agrees with a rotation within this, px of the image.
 const FINE_PX: f64 = 1.0;
-/// The same in the reduced picture, in its pixels.
+/// The same in the reduced image, in its pixels.
 const COARSE_PX: f64 = 1.0;
-/// The same for corners found by their descriptors, px of the reduced picture: corners stand on whole pixels.
+/// The same for corners found by their descriptors, px of the reduced image: corners stand on whole pixels.
 const CORNER_PX: f64 = 2.0;
 /// A window is followed this far from where it is expected, its own pixels.
 const REACH_PX: f64 = 4.0;
@@ -139,14 +141,14 @@ const REACH_PX: f64 = 4.0;
 const FLOOR_PX: f64 = 0.02;
 
 /// What reading between pixels adds to all landmarks alike at a quarter of a pixel, standard deviation, px: measured on ten photographs
-/// turned by known angles, docs/math/turn.md eq. (12).
+/// rotated by known angles, docs/math/turn.md eq. (12).
 const FRACTION_PX: f64 = 0.002;
 
 impl Landmarks {
-    /// The landmarks of a picture taken by `camera` (at the size of this picture).
+    /// The landmarks of an image taken by `camera` (at the size of this image).
     ///
     /// # Errors
-    /// A picture of another size than the camera's, or with too little to see.
+    /// An image of another size than the camera's, or with too little to see.
     pub fn new(picture: &GrayImage, camera: &Camera) -> Result<Self, LandmarksError> {
         let camera = crate::formats::check_image_size(camera, picture.width_px, picture.height_px)
             .map_err(LandmarksError::Size)?;
@@ -167,30 +169,35 @@ impl Landmarks {
         self.marks.len()
     }
 
-    /// How the camera is turned in `picture`. `near`, now_from_reference of the picture before, is tried first; without it, or where it
+    /// How the camera is turned in `picture`. `near`, now_from_reference of the image before, is tried first; without it, or where it
     /// does not serve, the landmarks are looked for everywhere.
     ///
     /// # Errors
-    /// Why this picture says nothing: blank, another scene, another size.
-    pub fn sight(&self, picture: &GrayImage, near: Option<&Matrix3<f64>>) -> Result<Sighting, NotSighted> {
+    /// Why this image says nothing: blank, another scene, another size.
+    pub fn observe(
+        &self,
+        picture: &GrayImage,
+        near: Option<&Matrix3<f64>>,
+    ) -> Result<LandmarkObservation, NotObserved> {
         let seen_px = [picture.width_px, picture.height_px];
         if seen_px != self.size_px {
-            return Err(NotSighted::Size { seen_px, needed_px: self.size_px });
+            return Err(NotObserved::Size { seen_px, needed_px: self.size_px });
         }
         let reduced = Reduced::new(picture);
-        let followed = near.and_then(|near| self.follow(&reduced, near).filter(Turn::is_consistent));
+        let followed =
+            near.and_then(|near| self.follow(&reduced, near).filter(RelativeRotation::is_consistent));
         let start = match followed {
-            Some(turn) => turn.now_from_reference,
+            Some(relative_rotation) => relative_rotation.now_from_reference,
             None => self.search(&reduced)?,
         };
         self.measure(picture, &start)
     }
 
     /// By descriptors, wherever they are.
-    fn search(&self, picture: &Reduced) -> Result<Matrix3<f64>, NotSighted> {
+    fn search(&self, picture: &Reduced) -> Result<Matrix3<f64>, NotObserved> {
         let now = Features::of(picture, &self.pattern);
         if now.len() < LEAST {
-            return Err(NotSighted::Blank { corners: now.len(), needed: LEAST });
+            return Err(NotObserved::Blank { corners: now.len(), needed: LEAST });
         }
         let scale = f64::from(picture.factor);
         let landmark = |m: features::Match| {
@@ -200,24 +207,25 @@ impl Landmarks {
                 covariance_px2: Matrix2::identity() * (0.5 * scale).powi(2),
                 neighbourhood: 0,
                 bent_px: Vector2::zeros(),
-                unseen_px: Matrix2::zeros(),
+                unobserved_px: Matrix2::zeros(),
             })
         };
         let matched: Vec<Landmark> =
             self.features.matches(&now, picture).into_iter().filter_map(landmark).collect();
-        let config = TurnConfig::with_threshold_px(CORNER_PX * scale);
-        let found = turn(&matched, &self.camera, None, &config).map_err(|e| self.refused(&e))?;
+        let config = RelativeRotationConfig::with_threshold_px(CORNER_PX * scale);
+        let found = relative_rotation(&matched, &self.camera, None, &config).map_err(|e| self.refused(&e))?;
         let followed = self.follow(picture, &found.now_from_reference);
-        Ok(followed.map_or(found.now_from_reference, |turn| turn.now_from_reference))
+        Ok(followed
+            .map_or(found.now_from_reference, |relative_rotation| relative_rotation.now_from_reference))
     }
 
-    /// Windows of the reduced picture, near where a turn puts them.
-    fn follow(&self, picture: &Reduced, near: &Matrix3<f64>) -> Option<Turn> {
+    /// Windows of the reduced image, near where a rotation puts them.
+    fn follow(&self, picture: &Reduced, near: &Matrix3<f64>) -> Option<RelativeRotation> {
         let scale = f64::from(picture.factor);
-        let find = |mark: &Mark| {
+        let find = |mark: &LandmarkPatch| {
             let (patch, centre) = mark.coarse.as_ref()?;
             let (at, slope) = self.expected(mark, near)?;
-            // The window's centre is a whole pixel of the reduced picture, a little beside the landmark.
+            // The window's centre is a whole pixel of the reduced image, a little beside the landmark.
             let start = picture.reduced(at + slope * (centre - mark.pixel));
             let aligned = patch.find(&picture.image, start, &slope, REACH_PX)?;
             let pixel = picture.full_size(aligned.pixel) - slope * (centre - mark.pixel);
@@ -225,12 +233,18 @@ impl Landmarks {
             Some(landmark(mark, &Aligned { pixel, covariance, bent_px: aligned.bent_px * scale }))
         };
         let found: Vec<Landmark> = self.marks.iter().filter_map(find).collect();
-        turn(&found, &self.camera, Some(near), &TurnConfig::with_threshold_px(COARSE_PX * scale)).ok()
+        relative_rotation(
+            &found,
+            &self.camera,
+            Some(near),
+            &RelativeRotationConfig::with_threshold_px(COARSE_PX * scale),
+        )
+        .ok()
     }
 
-    /// Full-size windows, from a turn that is right to a pixel or so.
-    fn measure(&self, picture: &GrayImage, near: &Matrix3<f64>) -> Result<Sighting, NotSighted> {
-        let align = |(mark, at, slope): (&Mark, Vector2<f64>, Matrix2<f64>)| {
+    /// Full-size windows, from a rotation that is right to a pixel or so.
+    fn measure(&self, picture: &GrayImage, near: &Matrix3<f64>) -> Result<LandmarkObservation, NotObserved> {
+        let align = |(mark, at, slope): (&LandmarkPatch, Vector2<f64>, Matrix2<f64>)| {
             let aligned = mark.fine.find(picture, at, &slope, REACH_PX)?;
             let found = Found { reference_px: mark.pixel, now_px: aligned.pixel };
             Some((landmark(mark, &aligned), found))
@@ -244,41 +258,49 @@ impl Landmarks {
         let in_view = expected.len();
         let (mut landmarks, found): (Vec<Landmark>, Vec<Found>) =
             expected.into_iter().filter_map(align).unzip();
-        let config = TurnConfig::with_threshold_px(FINE_PX);
+        let config = RelativeRotationConfig::with_threshold_px(FINE_PX);
         let fit = |landmarks: &[Landmark], near: &Matrix3<f64>| {
-            turn(landmarks, &self.camera, Some(near), &config).map_err(|e| self.refused(&e))
+            relative_rotation(landmarks, &self.camera, Some(near), &config).map_err(|e| self.refused(&e))
         };
         let first = fit(&landmarks, near)?.now_from_reference;
         landmarks.iter_mut().for_each(|landmark| self.read_between_pixels(landmark, &first));
-        let turn = fit(&landmarks, &first)?;
-        let (agreeing, needed) = (turn.used.len(), LEAST.max((LEAST_SHARE * in_view as f64).ceil() as usize));
+        let relative_rotation = fit(&landmarks, &first)?;
+        let (agreeing, needed) =
+            (relative_rotation.used.len(), LEAST.max((LEAST_SHARE * in_view as f64).ceil() as usize));
         if agreeing < needed {
-            return Err(NotSighted::TooFew { agreeing, landmarks: in_view, needed });
+            return Err(NotObserved::TooFew { agreeing, landmarks: in_view, needed });
         }
-        Ok(Sighting { shift: self.shift(&turn), turn, found, in_view })
+        Ok(LandmarkObservation { shift: self.shift(&relative_rotation), relative_rotation, found, in_view })
     }
 
     /// What reading between pixels may do to all landmarks alike, along rows and along columns: docs/math/turn.md eq. (12). By where the
     /// turn puts a landmark, not by where it was found: its own error must not decide.
-    fn read_between_pixels(&self, landmark: &mut Landmark, turn: &Matrix3<f64>) {
-        let Some(at) = self.camera.project(&(turn * landmark.in_reference.into_inner())) else { return };
-        landmark.unseen_px =
+    fn read_between_pixels(&self, landmark: &mut Landmark, relative_rotation: &Matrix3<f64>) {
+        let Some(at) = self.camera.project(&(relative_rotation * landmark.in_reference.into_inner())) else {
+            return;
+        };
+        landmark.unobserved_px =
             Matrix2::from_diagonal(&at.map(|x| FRACTION_PX * (core::f64::consts::TAU * x).sin()));
     }
 
-    fn refused(&self, reason: &CoreError) -> NotSighted {
+    fn refused(&self, reason: &CoreError) -> NotObserved {
         let agreeing = match reason {
             CoreError::NoConsensus { best, .. } => *best,
             CoreError::TooFewPoints { seen, .. } => *seen,
             _ => 0,
         };
-        NotSighted::TooFew { agreeing, landmarks: self.marks.len(), needed: LEAST }
+        NotObserved::TooFew { agreeing, landmarks: self.marks.len(), needed: LEAST }
     }
 
-    /// Where a turn puts a landmark, and how it draws its neighbourhood (pixels now by pixels of the reference).
-    fn expected(&self, mark: &Mark, turn: &Matrix3<f64>) -> Option<(Vector2<f64>, Matrix2<f64>)> {
-        let (at, slope) = self.camera.project_with_jacobian(&(turn * mark.bearing.into_inner()))?;
-        let columns = mark.by_pixel.map(|by| slope * (turn * by));
+    /// Where a rotation puts a landmark, and how it draws its neighbourhood (pixels now by pixels of the reference).
+    fn expected(
+        &self,
+        mark: &LandmarkPatch,
+        relative_rotation: &Matrix3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+        let (at, slope) =
+            self.camera.project_with_jacobian(&(relative_rotation * mark.bearing.into_inner()))?;
+        let columns = mark.by_pixel.map(|by| slope * (relative_rotation * by));
         Some((at, Matrix2::from_columns(&columns)))
     }
 
@@ -289,22 +311,25 @@ impl Landmarks {
         inside(pixel.x, self.size_px[0]) && inside(pixel.y, self.size_px[1])
     }
 
-    fn shift(&self, turn: &Turn) -> Option<Shift> {
+    fn shift(&self, relative_rotation: &RelativeRotation) -> Option<Shift> {
         let centre = Vector2::from(self.size_px.map(|size| 0.5 * (f64::from(size) - 1.0)));
-        let y = turn.now_from_reference * self.camera.bearing(&centre).ok()?.into_inner();
+        let y = relative_rotation.now_from_reference * self.camera.bearing(&centre).ok()?.into_inner();
         let (now, slope) = self.camera.project_with_jacobian(&y)?;
         let by_turn = slope * y.cross_matrix();
-        Some(Shift { px: now - centre, covariance_px2: by_turn * turn.covariance * by_turn.transpose() })
+        Some(Shift {
+            px: now - centre,
+            covariance_px2: by_turn * relative_rotation.covariance * by_turn.transpose(),
+        })
     }
 }
 
-fn landmark(mark: &Mark, found: &Aligned) -> Landmark {
+fn landmark(mark: &LandmarkPatch, found: &Aligned) -> Landmark {
     Landmark {
         in_reference: mark.bearing,
         pixel: found.pixel,
         covariance_px2: found.covariance + Matrix2::identity() * FLOOR_PX * FLOOR_PX,
         neighbourhood: mark.neighbourhood,
         bent_px: found.bent_px,
-        unseen_px: Matrix2::zeros(),
+        unobserved_px: Matrix2::zeros(),
     }
 }

@@ -13,7 +13,7 @@
 //! assert_eq!(answer.status(), resight::Status::Ok);
 //! if let Some(pose) = &answer.estimate {
 //!     let camera_m = pose.cam_from_target.origin(); // In the target's frame.
-//!     let sigma_m = resight::report::words::place_sigma_m(&pose.cam_from_target, &pose.covariance);
+//!     let sigma_m = resight::report::words::position_sigma_m(&pose.cam_from_target, &pose.covariance);
 //!     println!("camera at {:.3} m ± {:.4} m of the target", camera_m.transpose(), sigma_m.transpose());
 //! }
 //! println!("{}", answer.verdict.message);
@@ -45,6 +45,7 @@ pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
+pub mod points;
 pub mod overlay;
 pub mod drawing;
 pub mod render;
@@ -68,6 +69,7 @@ pub use convert::{convert, explain};
 pub use error::{Error, FileError};
 pub use locate::{locate_image, locate_points};
 pub use measure::measure;
+pub use points::locate_table;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.

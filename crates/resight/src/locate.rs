@@ -135,7 +135,7 @@ impl<'a> ImageLocator<'a> {
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             left_out: found.left_out,
             contradicting: found.contradicting,
-            ..PoseAnswer::without_pose(view, Status::Error, "")
+            ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
         }
     }
 }
@@ -150,7 +150,7 @@ impl Located {
     /// The answer drawn over its image, as PNG; `title` stands in the caption.
     ///
     /// # Errors
-    /// Why the picture could not be encoded.
+    /// Why the image could not be encoded.
     pub fn overlay_png(&self, image: &GrayImage, target: &Target, title: &str) -> Result<Vec<u8>, String> {
         let status = self.answer.status();
         let scene = overlay::Scene {
@@ -200,7 +200,7 @@ impl Default for PointsOptions {
 
 /// The pose of a camera from known points; `view` is their name in the answer.
 pub fn locate_points(
-    view: String,
+    view: &str,
     points: &[NamedPoint],
     camera: &Camera,
     options: &PointsOptions,
@@ -235,7 +235,7 @@ pub fn locate_points(
         intrinsics_sigma: options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
-        ..PoseAnswer::without_pose(view, Status::Error, "")
+        ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
 }
 

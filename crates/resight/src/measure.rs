@@ -1,6 +1,6 @@
 //! Measuring in photographs: a scene file in, a table, a plan and rectified grounds out. The mathematics is `core::multiview::network`'s.
 //!
-//! scene file → named scene → survey → answers → table, drawing, bird's-eye pictures. Each arrow is one file.
+//! scene file → named scene → network → answers → table, drawing, bird's-eye images. Each arrow is one file.
 
 pub mod scene;
 pub mod clicks;

@@ -1,4 +1,4 @@
-//! Pictures of an answer: what was seen, what the pose predicts, and how sure it is, drawn over the photograph.
+//! Images of an answer: what was seen, what the pose predicts, and how uncertain it is, drawn over the photograph.
 //!
 //! Nothing drawn is invented: every line is a curve of the target frame sent through the pose and the lens model; it
 //! ends where the lens model's valid field ends. Whatever is magnified says by how much in the caption.
@@ -20,7 +20,7 @@ use canvas::{Canvas, Color, Path, Pen};
 pub(crate) use geometry::round_down_125;
 use nalgebra::Vector2;
 
-/// Everything one picture shows.
+/// Everything one image shows.
 pub struct Scene<'a> {
     /// The photograph.
     pub image: &'a GrayImage,
@@ -91,7 +91,7 @@ pub fn draw(scene: &Scene) -> Canvas {
 /// As many tags as can have their names beside them.
 const FEW_TAGS: usize = 4;
 
-/// A picture in the making.
+/// An image in the making.
 struct Sheet {
     canvas: Canvas,
     zoom: f64,
@@ -263,7 +263,7 @@ impl Sheet {
         let length_m = geometry::round_down_125(0.5 * extent);
         self.notes.insert(0, format!("axes {}", length(length_m)));
         if let Ambiguity::Ambiguous { other, .. } = &estimate.ambiguity {
-            let probability = estimate.others[0].map_or(0.0, |h| h.weight);
+            let probability = estimate.others[0].map_or(0.0, |h| h.probability);
             self.other_axes(camera, &other.cam_from_target, probability, length_m);
         }
         for (i, (name, color)) in AXES.iter().enumerate().rev() {
@@ -344,15 +344,15 @@ impl Sheet {
 /// Letters of the caption shrink to this share before it is cut off.
 const SMALLEST: f64 = 0.65;
 
-/// View name, distance with its standard deviation, residual. Where several poses fit no single standard deviation says how sure the
-/// camera's place is: distances and probabilities of all, the name last, for which the room may not suffice.
+/// View name, distance with its standard deviation, residual. Where several poses fit no single standard deviation says how uncertain the
+/// camera's position is: distances and probabilities of all, the name last, for which the room may not suffice.
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
-    if 1 < e.n_rivals() {
-        let fits = e.minima().filter(|h| h.is_rival);
+    if 1 < e.n_alternatives() {
+        let fits = e.minima().filter(|h| h.is_alternative);
         let one = |h: Hypothesis| {
             let (distance_m, sigma_m) = distance_sigma_m(&h.minimum.cam_from_target, &h.minimum.covariance);
-            format!("{}: {}", percent(h.weight), with_sigma(distance_m, sigma_m))
+            format!("{}: {}", percent(h.probability), with_sigma(distance_m, sigma_m))
         };
         return format!("{}   {}", fits.map(one).collect::<Vec<_>>().join("  or  "), scene.title);
     }
@@ -403,7 +403,7 @@ fn dashed(path: &Path, length: f64) -> Vec<Path> {
         let (a, b) = (pair[0], pair[1]);
         let span = (b - a).norm();
         if 1e4 < span {
-            continue; // Far outside the picture: a curve that passes close to the lens.
+            continue; // Far outside the image: a curve that passes close to the lens.
         }
         let mut from = 0.0;
         while from < span {

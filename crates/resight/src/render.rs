@@ -1,4 +1,4 @@
-//! Pictures of targets from a known pose: the truth for tests, and the images of `demo`.
+//! Images of targets from a known pose: the truth for tests, and the images of `demo`.
 //!
 //! Per pixel: bearing → nearest plane (or ball) it meets → grey of the pattern there, averaged over sub-pixels where
 //! the neighbourhood is not uniform; then clutter, illumination, blur and noise. Any camera model works, because only
@@ -18,7 +18,7 @@ use thiserror::Error;
 pub use clutter::Blob;
 pub use finish::Pcg;
 
-/// Why no picture can be drawn.
+/// Why no image can be drawn.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RenderError {
@@ -54,7 +54,7 @@ pub enum RenderError {
     /// Target dimensions that cannot be right.
     #[error(transparent)]
     Target(#[from] resight_core::Error),
-    /// A target kind that has no picture.
+    /// A target kind that has no image.
     #[error("targets of kind {kind} cannot be drawn")]
     Unsupported {
         /// The kind.
@@ -113,7 +113,7 @@ impl Style {
     }
 }
 
-/// What lens, light and sensor do to the picture.
+/// What lens, light and sensor do to the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Finish {
     /// Standard deviation of the Gaussian blur, px.

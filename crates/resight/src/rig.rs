@@ -26,7 +26,7 @@ pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
 pub use request::{CameraDistance, RigRequest, not_among};
 pub use robot_poses::{RobotPose, ViewPoses, read_robot_poses, read_view_poses};
 
-use crate::core::multiview::rig::{RigProblem, RigSolution, Sighting};
+use crate::core::multiview::rig::{Observation, RigProblem, RigSolution};
 use crate::core::{Camera, Target};
 use crate::formats::{NamedCamera, Placement};
 
@@ -44,7 +44,7 @@ pub struct NamedTarget {
     pub body: usize,
 }
 
-/// Cameras, views, targets and sightings in one canonical order: by name, so that the order of files does not matter.
+/// Cameras, views, targets and observations in one canonical order: by name, so that the order of files does not matter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedRig {
     /// The cameras, sorted by name.
@@ -58,7 +58,7 @@ pub struct NamedRig {
     /// Body of each target, in the same order: what `RigProblem` takes.
     pub body_of_target: Vec<usize>,
     /// What was seen; sorted by view, camera, target.
-    pub sightings: Vec<Sighting>,
+    pub observations: Vec<Observation>,
 }
 
 impl NamedRig {
@@ -68,7 +68,7 @@ impl NamedRig {
             cameras: &self.lenses,
             body_of_target: &self.body_of_target,
             n_views: self.views.len(),
-            sightings: &self.sightings,
+            observations: &self.observations,
         }
     }
 

@@ -121,7 +121,7 @@ fn camera_shapes(run: &RigRun, camera: usize, extent: &Extent, magnification: f6
     let corners = border.iter().step_by((border.len() / 4).max(1)).take(4);
     let edges: Vec<Point> = corners.flat_map(|x| [Point::zeros(), *x]).collect();
     let above = rig_from_cam * Point::new(0.0, -0.6 * depth, 0.0);
-    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    let covariance = geometry::position_covariance(&placed.cam_from_rig, &placed.covariance);
     Shapes {
         spheres: ellipsoid(&rig_from_cam.translation, &covariance, magnification, camera)
             .into_iter()
@@ -202,7 +202,7 @@ fn metadata(run: &RigRun, magnification: f64) -> BTreeMap<String, String> {
     let own = |key: &str, value: String| (key.to_string(), value);
     let mut texts = BTreeMap::from([
         own("reference_camera", run.rig.cameras[run.solution.reference].name.clone()),
-        own("ellipsoids", format!("95 % of each camera's place, magnified {magnification} times")),
+        own("ellipsoids", format!("95 % of each camera's position, magnified {magnification} times")),
         own("times", "views have no times here: view k is at (k + 1) * 0.1 s".into()),
     ]);
     texts.extend(run.command.iter().map(|line| own("command", line.clone())));

@@ -51,18 +51,18 @@ impl Video {
     /// # Errors
     /// No `ffmpeg` (how to get it is said), a file without a video, frames beyond 64 Mpx.
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let told = |reason: String| FileError::new(path, reason);
+        let reported = |reason: String| FileError::new(path, reason);
         // `file:` keeps a name with a colon from being taken for a protocol, and one with a dash for an option.
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);
-        let mut decoder = Ffmpeg::find().and_then(|ffmpeg| ffmpeg.decode(&[], &input)).map_err(told)?;
+        let mut decoder = Ffmpeg::find().and_then(|ffmpeg| ffmpeg.decode(&[], &input)).map_err(reported)?;
         let mut first = Decoded::Nothing;
         while matches!(first, Decoded::Nothing) {
             first = decoder.next(PATIENCE);
         }
         if let Decoded::End(reason) = first {
             let words = reason.or_else(|| decoder.last_words()).unwrap_or("it is empty".to_string());
-            return Err(told(format!("no video in this file ({words})")));
+            return Err(reported(format!("no video in this file ({words})")));
         }
         Ok(Video { path: path.to_path_buf(), decoder, first: Some(first), is_over: false })
     }

@@ -52,7 +52,7 @@ fn worst_px(found: &[Detection], columns: u32, view: &View) -> f64 {
     found.iter().map(|d| (d.pixel - place(d.feature.id)).norm()).fold(0.0, f64::max)
 }
 
-/// Three boards, one of them symmetric, under a straight edge and in any place of the picture. A corner next to the cover may be off by its
+/// Three boards, one of them symmetric, under a straight edge and in any place of the image. A corner next to the cover may be off by its
 /// blurred edge, a wrong id is off by a square.
 #[test]
 fn ids_of_a_partly_visible_board_are_never_wrong() {

@@ -1,4 +1,4 @@
-//! Stated sigmas on pictures of known geometry: the mean squared error over the stated variance (NEES) is 1 where they are right.
+//! Stated sigmas on images of known geometry: the mean squared error over the stated variance (NEES) is 1 where they are right.
 //! Lenses are exact here, so `lens_sigma_px` is left out; what it must be on real recordings is in docs/math/corner_sigma.md section 5.
 
 use resight::GrayImage;
@@ -58,7 +58,7 @@ fn camera() -> Camera {
     Camera::new(Pinhole::new(matrix).unwrap(), Some(ImageSize { width_px, height_px })).unwrap()
 }
 
-/// A picture of a tilted target and where its features truly are.
+/// An image of a tilted target and where its features truly are.
 fn picture(
     target: &Target,
     size_m: f64,
@@ -138,7 +138,7 @@ fn no_corner_is_an_occluding_edge() {
         let mut detector = Detector::new(&target).unwrap();
         for seed in 0..3 {
             let (mut image, truth) = picture(&target, size_m, size_px, &CASES[0], 40 + seed);
-            // A slanted edge that hides about a tenth of the picture's width of the board.
+            // A slanted edge that hides about a tenth of the image's width of the board.
             let is_covered = |u: f64, v: f64| u + 0.3 * v < 235.0 + 12.0 * seed as f64;
             for (k, value) in image.data.iter_mut().enumerate() {
                 if is_covered((k as u32 % SIZE[0]) as f64, (k as u32 / SIZE[0]) as f64) {

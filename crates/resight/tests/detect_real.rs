@@ -164,10 +164,10 @@ fn aprilgrids_are_found_whole() {
 }
 
 /// One recorded corner: camera, frame (from 1) and corner id.
-type Seen = BTreeMap<(u32, u32, u32), Pixel>;
+type Observed = BTreeMap<(u32, u32, u32), Pixel>;
 
 /// The table `xy.csv`, frame numbers counted per camera in recording order.
-fn recorded_corners(folder: &Path) -> Seen {
+fn recorded_corners(folder: &Path) -> Observed {
     let mut syncs: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for row in table(&folder.join("timestamps.csv")) {
         syncs.entry(row["cam_id"].parse().unwrap()).or_default().push(row["sync_index"].parse().unwrap());

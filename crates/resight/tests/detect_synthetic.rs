@@ -1,4 +1,4 @@
-//! Detectors on pictures of known geometry: ids, corner order, pixel origin, accuracy, and what is not there.
+//! Detectors on images of known geometry: ids, corner order, pixel origin, accuracy, and what is not there.
 
 use crate::detect_support::*;
 use resight::GrayImage;
@@ -77,7 +77,7 @@ fn copies_of_the_tag_are_named() {
     assert_eq!(error, DetectError::Copies { id: 2, count: 2 });
 }
 
-/// A coarse look must not cost accuracy: large and small tags of one picture size.
+/// A coarse look must not cost accuracy: large and small tags of one image size.
 #[test]
 fn tags_of_all_sizes_are_placed_within_their_sigma() {
     for edge_px in [18.0, 24.0, 40.0, 90.0, 200.0, 330.0] {
@@ -215,7 +215,7 @@ fn chessboard_ink(rows: u32, columns: u32) -> impl Fn(f64, f64) -> Option<f64> {
 #[test]
 fn chessboard_numbering_follows_the_black_corner_through_all_turns() {
     let target = chessboard(5, 8);
-    // Not along the axes, where the picture's own 4 × 4 samples are an eighth of a pixel coarse.
+    // Not along the axes, where the image's own 4 × 4 samples are an eighth of a pixel coarse.
     for roll in [7.0, 97.0, 187.0, 277.0] {
         let mut view = View::new(Pixel::new(320.0, 240.0), 42.0, roll, 15.0);
         // Origin to the middle of the 9 × 6 squares.
@@ -322,7 +322,7 @@ fn covered_charuco_corners_are_not_invented() {
     assert!(found.len() == 12 && hidden == 0 && rms_px(&errors) < 0.05, "{} corners", found.len());
 }
 
-/// Half of the board is out of the picture; then printed white on black; then seen in a mirror.
+/// Half of the board is out of the image; then printed white on black; then seen in a mirror.
 #[test]
 fn charuco_is_found_in_part_inverted_and_mirrored() {
     let board = charuco(5, 7, false);

@@ -93,7 +93,7 @@ fn printed_dots_are_found_among_clutter_and_never_wrong() {
 }
 
 /// Lamps have no sheet, so clutter may touch one, and lamps of a few pixels show no shape. Among a dozen other lights
-/// most are found with the camera; of a hundred and fifty lights hardly any four can be told from chance.
+/// most are found with the camera; of a hundred and fifty lights hardly any four can be distinguished from chance.
 #[test]
 fn lamps_among_like_lights_are_found_with_a_camera_and_never_wrong() {
     let few = Clutter { dots: 12, words: 0, grey: 210.0 };
@@ -116,9 +116,9 @@ fn a_hidden_dot_means_not_found() {
     }
 }
 
-/// Each detector returns its own target; twins are all returned by `detect_all`.
+/// Each detector returns its own target; duplicates are all returned by `detect_all`.
 #[test]
-fn several_targets_in_one_picture_are_told_apart() {
+fn several_targets_in_one_picture_are_reported_apart() {
     let camera = camera(1280, 960, 900.0);
     let other = LinePlusOne { line_m: [0.0, 0.04, 0.15], off_m: [0.10, -0.10] };
     let style = Style { dot_diameter_m: Some(0.02), ..PRINTED };
@@ -131,9 +131,9 @@ fn several_targets_in_one_picture_are_told_apart() {
         };
         let first = shifted(&UNEQUAL, -0.4, -0.2, &mut pcg);
         let second = shifted(&other, 0.35, -0.2, &mut pcg);
-        let twin = shifted(&other, 0.0, 0.3, &mut pcg);
+        let duplicate = shifted(&other, 0.0, 0.3, &mut pcg);
         let scene = Scene {
-            placed: vec![first.clone(), second.clone(), twin.clone()],
+            placed: vec![first.clone(), second.clone(), duplicate.clone()],
             background: 150.0,
             clutter: Vec::new(),
         };
@@ -142,11 +142,13 @@ fn several_targets_in_one_picture_are_told_apart() {
             let own = DotDetector::new(&UNEQUAL).unwrap().detect_all(&image, with).unwrap();
             assert_eq!(own.len(), 1, "image {i}");
             assert!(worst_px(&errors(&own[0].detections, &first, &camera).unwrap()) < 0.2);
-            let twins = DotDetector::new(&other).unwrap().detect_all(&image, with).unwrap();
-            assert_eq!(twins.len(), 2, "image {i}");
-            for truth in [&second, &twin] {
-                let best =
-                    twins.iter().filter_map(|t| errors(&t.detections, truth, &camera)).map(|e| worst_px(&e));
+            let duplicates = DotDetector::new(&other).unwrap().detect_all(&image, with).unwrap();
+            assert_eq!(duplicates.len(), 2, "image {i}");
+            for truth in [&second, &duplicate] {
+                let best = duplicates
+                    .iter()
+                    .filter_map(|t| errors(&t.detections, truth, &camera))
+                    .map(|e| worst_px(&e));
                 assert!(best.fold(f64::INFINITY, f64::min) < 0.2, "image {i}");
             }
         }

@@ -1,4 +1,4 @@
-//! Following a target: the same corners as in the whole picture, and nothing that leaves its place is lost.
+//! Following a target: the same corners as in the whole image, and nothing that leaves its place is lost.
 
 use crate::film_support::{camera, film, map, tag, tag_pose, trembling};
 use nalgebra::Vector6;
@@ -21,7 +21,7 @@ fn expected(target: &Target, cam_from_target: &Pose) -> Vec<(Feature, Pixel)> {
     target.features().into_iter().filter_map(pixel).collect()
 }
 
-/// What is found in each picture, and how much of it was searched.
+/// What is found in each image, and how much of it was searched.
 fn follow(
     follower: &mut Follower,
     pictures: &[GrayImage],
@@ -37,7 +37,7 @@ fn follow(
 /// The library keeps corners as 32-bit numbers: near column 1000 they are 6e-5 px apart, and a few such roundings follow each other.
 const ROUNDING_PX: f64 = 5e-4;
 
-/// Largest difference, and the mean one, of corners found near from those found in the whole picture.
+/// Largest difference, and the mean one, of corners found near from those found in the whole image.
 fn differences_px(target: &Target, pictures: &[GrayImage]) -> (f64, Pixel) {
     let mut follower = Follower::new(target).expect("a follower");
     let mut whole = Detector::new(target).expect("a detector");
@@ -74,7 +74,7 @@ fn tags_found_near_have_the_corners_of_the_whole_picture() {
     assert!(largest_px < ROUNDING_PX && mean.amax() < 0.2 * ROUNDING_PX, "{largest_px} {mean}");
 }
 
-/// A small board in a large picture: the part that is searched has its margin.
+/// A small board in a large image: the part that is searched has its margin.
 #[test]
 fn boards_found_near_have_the_corners_of_the_whole_picture() {
     let dictionary = "DICT_4X4_50".to_string();
@@ -107,7 +107,7 @@ fn boards_found_near_have_the_corners_of_the_whole_picture() {
     }
 }
 
-/// The knock that the sentry is for: the tag is elsewhere in the next frame, and found in that frame.
+/// The sudden motion that the change detector is for: the tag is elsewhere in the next frame, and found in that frame.
 #[test]
 fn a_step_is_found_in_the_same_frame() {
     for edge_px in [45.0, 150.0] {
@@ -127,7 +127,7 @@ fn a_step_is_found_in_the_same_frame() {
     }
 }
 
-/// A tag smaller than half the picture's size shows, gone for long, is back at another place.
+/// A tag smaller than half the image's size shows, gone for long, is back at another place.
 #[test]
 fn what_was_gone_for_long_is_found_again() {
     let away = film(
@@ -177,7 +177,7 @@ fn a_copy_elsewhere_is_noticed_and_stays_noticed() {
     let draw = |placed: Vec<Placed>| {
         let scene =
             Scene { placed, background: 120.0, clutter: clutter::words(40, [1280, 960], 14.0, 30.0, 7) };
-        render(&scene, &camera(), &Finish::default()).expect("a picture")
+        render(&scene, &camera(), &Finish::default()).expect("an image")
     };
     for copy_px in [40.0, 200.0] {
         let here = placed(tag_pose(60.0, -200.0, 50.0));
@@ -199,7 +199,7 @@ fn a_copy_elsewhere_is_noticed_and_stays_noticed() {
     }
 }
 
-/// Pictures far apart in time, or without times, are each searched for copies and small tags as a single picture would be.
+/// Images far apart in time, or without times, are each searched for copies and small tags as a single image would be.
 #[test]
 fn slow_pictures_are_searched_whole() {
     let poses = [tag_pose(60.0, -200.0, 50.0), tag_pose(22.0, 100.0, 150.0), tag_pose(22.0, -350.0, -250.0)];
@@ -243,7 +243,7 @@ fn a_torn_buffer_is_an_error() {
     let torn = GrayImage { width_px: 640, height_px: 480, data: vec![0; 1000] };
     let found = Follower::new(&tag()).expect("a follower").detect(&torn, &camera(), 0.0, &[]);
     assert!(matches!(found, Err(DetectError::ImageBuffer { seen: 1000, .. })));
-    // A stream that changes its size goes on.
+    // A stream that changes its size continues.
     let mut follower = Follower::new(&tag()).expect("a follower");
     let pictures = film(&tag(), &[tag_pose(60.0, 500.0, 350.0)], 110);
     assert_eq!(follow(&mut follower, &pictures, 0)[0].0.as_ref().expect("found").len(), 4);

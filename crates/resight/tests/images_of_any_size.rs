@@ -1,4 +1,4 @@
-//! Pictures of every size, shape and content before every detector: an answer or an error, in time, and never the end of the program.
+//! Images of every size, shape and content before every detector: an answer or an error, in time, and never the end of the program.
 //!
 //! The AprilTag library ends the program where an edge has 32,768 px or more. `RESIGHT_FUZZ_SECONDS` draws for longer.
 
@@ -78,7 +78,7 @@ fn long_edges_do_not_end_the_program() {
     }
 }
 
-/// A tag in a picture longer than the library takes is found, and where it is: at a border of two tiles too.
+/// A tag in an image longer than the library takes is found, and where it is: at a border of two tiles too.
 #[test]
 fn a_tag_is_found_anywhere_in_a_long_picture() {
     let view = View::new(Pixel::new(161.3, 118.8), 90.0, 75.0, 25.0);
@@ -126,19 +126,16 @@ fn every_size_and_content_is_answered_in_time() {
             let finite = |d: &Detection| {
                 d.pixel.iter().all(|x| x.is_finite()) && 0.0 < d.sigma_px && d.sigma_px.is_finite()
             };
-            assert!(
-                found.iter().all(finite),
-                "seed {seed}, picture {count} of {width} × {height}: {found:?}"
-            );
+            assert!(found.iter().all(finite), "seed {seed}, image {count} of {width} × {height}: {found:?}");
             let _ = follower.detect(&image, &camera, count as f64 / 30.0, &[]);
             let took = call.elapsed();
             assert!(
                 took < Duration::from_secs(20),
-                "seed {seed}, picture {count}, {width} × {height}: {took:?}"
+                "seed {seed}, image {count}, {width} × {height}: {took:?}"
             );
             slowest = slowest.max(took);
         }
         count += 1;
     }
-    println!("{count} pictures before 5 detectors and 5 followers, the slowest {slowest:?}, seed {seed}");
+    println!("{count} images before 5 detectors and 5 followers, the slowest {slowest:?}, seed {seed}");
 }

@@ -1,10 +1,10 @@
-//! Landmarks in rendered pictures: the turn since the reference against truth, how sure it is, and when it is not told at all.
+//! Landmarks in rendered images: the rotation since the reference against truth, how uncertain it is, and when it is not reported at all.
 
 use crate::landmarks_support::{blurred, camera, exposed, pass_by, picture, picture_with_floor, turned};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use resight::GrayImage;
 use resight::core::Camera;
-use resight::landmarks::{Landmarks, NotSighted, Sighting};
+use resight::landmarks::{LandmarkObservation, Landmarks, NotObserved};
 use resight::render::Pcg;
 
 const NOISE: f64 = 2.0;
@@ -13,22 +13,26 @@ fn small() -> Camera {
     camera(640, 480, 550.0)
 }
 
-/// A reference picture of a scene, with noise.
+/// A reference image of a scene, with noise.
 fn reference(camera: &Camera, seed: u64, chance: &mut Pcg) -> (GrayImage, Landmarks) {
     let image = exposed(camera, &picture(camera, &Matrix3::identity(), seed), 1.0, NOISE, chance);
     let landmarks = Landmarks::new(&image, camera).expect("landmarks");
     (image, landmarks)
 }
 
-/// Error of the turn, degrees about each axis, and its square over the covariance.
-fn error(sighting: &Sighting, now_from_reference: &Matrix3<f64>) -> (Vector3<f64>, f64) {
-    let off = now_from_reference * sighting.turn.now_from_reference.transpose();
+/// Error of the rotation, degrees about each axis, and its square over the covariance.
+fn error(
+    landmark_observation: &LandmarkObservation,
+    now_from_reference: &Matrix3<f64>,
+) -> (Vector3<f64>, f64) {
+    let off = now_from_reference * landmark_observation.relative_rotation.now_from_reference.transpose();
     let e = Rotation3::from_matrix_unchecked(off).scaled_axis();
-    let nees = e.dot(&sighting.turn.covariance.cholesky().expect("a covariance").solve(&e));
+    let nees =
+        e.dot(&landmark_observation.relative_rotation.covariance.cholesky().expect("a covariance").solve(&e));
     (e.map(f64::to_degrees), nees)
 }
 
-/// From a fiftieth of a degree to five about every axis, with the last turn known and without. A pixel is 0.1° here: all are right to
+/// From a fiftieth of a degree to five about every axis, with the last rotation known and without. A pixel is 0.1° here: all are right to
 /// a hundredth of one, and within five of their own standard deviations.
 #[test]
 fn turns_about_every_axis_are_measured() {
@@ -41,25 +45,25 @@ fn turns_about_every_axis_are_measured() {
         let truth = turned(about);
         let image = exposed(&camera, &picture(&camera, &truth, 7), 1.0, NOISE, &mut chance);
         for near in [None, Some(turned(about.map(|x| 0.95 * x)))] {
-            let sighting = landmarks.sight(&image, near.as_ref()).expect("a turn");
-            let (e, nees) = error(&sighting, &truth);
-            let (told, sigma) = sighting.turn.old_from_new();
+            let landmark_observation = landmarks.observe(&image, near.as_ref()).expect("a turn");
+            let (e, nees) = error(&landmark_observation, &truth);
+            let (reported, sigma) = landmark_observation.relative_rotation.old_from_new();
             println!("{about:?}: off by {:.5}° ± {:.5}°", e.norm(), sigma.trace().sqrt().to_degrees());
             assert!(e.xy().norm() < 0.001 && e.z.abs() < 0.003 && nees < 25.0, "{about:?}: {e} {nees}");
-            assert!((told[axis].to_degrees() - degrees).abs() < 0.003, "{about:?}: {told}");
-            assert!(sighting.turn.is_consistent());
+            assert!((reported[axis].to_degrees() - degrees).abs() < 0.003, "{about:?}: {reported}");
+            assert!(landmark_observation.relative_rotation.is_consistent());
         }
     }
 }
 
-/// A camera that turned right by 0.5° has the picture 0.5° · 9.6 px/° = 4.8 px farther left.
+/// A camera that rotated right by 0.5° has the image 0.5° · 9.6 px/° = 4.8 px farther left.
 #[test]
-fn the_shift_of_the_image_is_told() {
+fn the_shift_of_the_image_is_reported() {
     let camera = small();
     let mut chance = Pcg::new(0x1a2);
     let (_, landmarks) = reference(&camera, 8, &mut chance);
     let image = exposed(&camera, &picture(&camera, &turned([0.0, 0.5, 0.0]), 8), 1.0, NOISE, &mut chance);
-    let shift = landmarks.sight(&image, None).expect("a turn").shift.expect("a shift");
+    let shift = landmarks.observe(&image, None).expect("a turn").shift.expect("a shift");
     let expected = -550.0 * 0.5f64.to_radians().tan();
     assert!((shift.px.x - expected).abs() < 0.02 && shift.px.y.abs() < 0.02, "{}", shift.px);
     let sigma = shift.covariance_px2.diagonal().map(f64::sqrt);
@@ -77,7 +81,7 @@ fn covariances_cover_the_errors() {
         let (_, landmarks) = reference(&camera, seed, &mut chance);
         let truth = turned([(); 3].map(|()| chance.between(-1.0, 1.0)));
         let image = exposed(&camera, &picture(&camera, &truth, seed), 1.0, NOISE, &mut chance);
-        all.push(error(&landmarks.sight(&image, None).expect("a turn"), &truth).1);
+        all.push(error(&landmarks.observe(&image, None).expect("a turn"), &truth).1);
     }
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     println!("NEES {mean:.2}: {all:.1?}");
@@ -86,7 +90,7 @@ fn covariances_cover_the_errors() {
 
 /// A curve that lifts what is dark bends down, one that presses it bends up; the more, the more.
 #[test]
-fn a_bent_tone_curve_is_told_by_its_sign() {
+fn a_bent_tone_curve_is_reported_by_its_sign() {
     let camera = small();
     let mut chance = Pcg::new(0x1a9);
     let grey = picture(&camera, &Matrix3::identity(), 210);
@@ -95,7 +99,7 @@ fn a_bent_tone_curve_is_told_by_its_sign() {
     let mut bend = |gamma: f64| {
         let developed: Vec<f64> = grey.iter().map(|g| 255.0 * (g / 255.0).max(0.0).powf(gamma)).collect();
         let image = exposed(&camera, &developed, 1.0, 1.0, &mut chance);
-        landmarks.sight(&image, None).expect("a turn").turn.bend
+        landmarks.observe(&image, None).expect("a turn").relative_rotation.bend
     };
     let [lifted, half, straight, pressed] = [0.6, 0.8, 1.0, 1.6].map(&mut bend);
     println!("{lifted:.3} {half:.3} {straight:.3} {pressed:.3}");
@@ -115,7 +119,7 @@ fn landmarks_err_as_much_as_noise_makes_them() {
         let reference = exposed(&camera, &grey, 1.0, 5.0, &mut chance);
         let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
         let image = exposed(&camera, &grey, 1.0, 5.0, &mut chance);
-        sum += landmarks.sight(&image, None).expect("a turn").turn.noise_factor / 4.0;
+        sum += landmarks.observe(&image, None).expect("a turn").relative_rotation.noise_factor / 4.0;
     }
     println!("factor {sum:.2}");
     assert!((0.7..1.5).contains(&sum), "{sum}");
@@ -132,14 +136,14 @@ fn light_noise_and_blur_are_borne() {
     for (light, noise, grey) in [(0.5, 2.0, &seen), (1.5, 2.0, &seen), (1.0, 10.0, &seen), (0.7, 4.0, &soft)]
     {
         let image = exposed(&camera, grey, light, noise, &mut chance);
-        let sighting = landmarks.sight(&image, None).expect("a turn");
-        let (e, nees) = error(&sighting, &truth);
+        let landmark_observation = landmarks.observe(&image, None).expect("a turn");
+        let (e, nees) = error(&landmark_observation, &truth);
         println!("light {light}, noise {noise}: off by {:.5}°, NEES {nees:.1}", e.norm());
         assert!(e.norm() < 0.01 && nees < 25.0, "{light} {noise}: {e} {nees}");
     }
 }
 
-/// Something crosses the picture, a fifth of it, three pixels a frame: the turn stays where it is.
+/// Something crosses the image, a fifth of it, three pixels a frame: the rotation stays where it is.
 #[test]
 fn passers_by_turn_nothing() {
     let camera = small();
@@ -150,14 +154,17 @@ fn passers_by_turn_nothing() {
     for frame in 0..40 {
         let mut image = exposed(&camera, &still, 1.0, NOISE, &mut chance);
         pass_by(&mut image, (100 + 3 * frame, 40), (160, 384), 99);
-        let sighting = landmarks.sight(&image, near.as_ref()).expect("a turn");
-        let (e, nees) = error(&sighting, &Matrix3::identity());
-        assert!(sighting.turn.is_consistent() && e.norm() < 0.003 && nees < 25.0, "{frame}: {e} {nees}");
-        near = Some(sighting.turn.now_from_reference);
+        let landmark_observation = landmarks.observe(&image, near.as_ref()).expect("a turn");
+        let (e, nees) = error(&landmark_observation, &Matrix3::identity());
+        assert!(
+            landmark_observation.relative_rotation.is_consistent() && e.norm() < 0.003 && nees < 25.0,
+            "{frame}: {e} {nees}"
+        );
+        near = Some(landmark_observation.relative_rotation.now_from_reference);
     }
 }
 
-/// The camera goes 0.1 m to the side over a floor: what is near contradicts a turn. Either so many do that it is said, or the far ones
+/// The camera goes 0.1 m to the side over a floor: what is near contradicts a rotation. Either so many do that it is said, or the far ones
 /// decide, within their errors; never a wrong turn told for sure.
 #[test]
 fn a_camera_that_goes_aside_tells_no_wrong_turn() {
@@ -170,16 +177,19 @@ fn a_camera_that_goes_aside_tells_no_wrong_turn() {
         let landmarks =
             Landmarks::new(&exposed(&camera, &still, 1.0, NOISE, &mut chance), &camera).expect("landmarks");
         let image = exposed(&camera, &picture_with_floor(&camera, place, seed), 1.0, NOISE, &mut chance);
-        match landmarks.sight(&image, None) {
+        match landmarks.observe(&image, None) {
             Err(reason) => println!("{place:?}: {reason}"),
-            Ok(sighting) => {
-                let (e, nees) = error(&sighting, &Matrix3::identity());
+            Ok(landmark_observation) => {
+                let (e, nees) = error(&landmark_observation, &Matrix3::identity());
                 println!(
                     "{place:?}: {} of {}, off by {e:.4?}, NEES {nees:.1}",
-                    sighting.turn.used.len(),
-                    sighting.turn.given
+                    landmark_observation.relative_rotation.used.len(),
+                    landmark_observation.relative_rotation.given
                 );
-                assert!(!sighting.turn.is_consistent() || nees < 25.0, "{place:?}: {e} {nees}");
+                assert!(
+                    !landmark_observation.relative_rotation.is_consistent() || nees < 25.0,
+                    "{place:?}: {e} {nees}"
+                );
             }
         }
     }
@@ -193,21 +203,21 @@ fn blank_and_foreign_pictures_say_why() {
     let near = Matrix3::identity();
     for near in [None, Some(&near)] {
         let dark = exposed(&camera, &vec![3.0; 640 * 480], 1.0, 0.5, &mut chance);
-        let reason = landmarks.sight(&dark, near).expect_err("nothing to see");
-        assert!(matches!(reason, NotSighted::Blank { .. }), "{reason}");
+        let reason = landmarks.observe(&dark, near).expect_err("nothing to see");
+        assert!(matches!(reason, NotObserved::Blank { .. }), "{reason}");
         let noise = exposed(&camera, &vec![120.0; 640 * 480], 1.0, 20.0, &mut chance);
-        let reason = landmarks.sight(&noise, near).expect_err("noise alone");
-        assert!(matches!(reason, NotSighted::TooFew { needed, .. } if 15 <= needed), "{reason}");
+        let reason = landmarks.observe(&noise, near).expect_err("noise alone");
+        assert!(matches!(reason, NotObserved::TooFew { needed, .. } if 15 <= needed), "{reason}");
         for seed in 50..55 {
             let other =
                 exposed(&camera, &picture(&camera, &Matrix3::identity(), seed), 1.0, NOISE, &mut chance);
-            let reason = landmarks.sight(&other, near).expect_err("another scene");
-            assert!(matches!(reason, NotSighted::TooFew { .. }), "{reason}");
+            let reason = landmarks.observe(&other, near).expect_err("another scene");
+            assert!(matches!(reason, NotObserved::TooFew { .. }), "{reason}");
         }
-        let reason = landmarks.sight(&GrayImage::filled(320, 240, 9), near).expect_err("another size");
+        let reason = landmarks.observe(&GrayImage::filled(320, 240, 9), near).expect_err("another size");
         assert_eq!(
             reason.to_string(),
-            "the picture is 320×240 px, the reference 640×480; take a reference of the same size"
+            "the image is 320×240 px, the reference 640×480; take a reference of the same size"
         );
     }
     let reason = Landmarks::new(&GrayImage::filled(640, 480, 100), &camera).err().expect("no reference");

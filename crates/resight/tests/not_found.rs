@@ -138,7 +138,7 @@ fn tags_of_any_family_are_listed() {
 
 /// A copy of a tag of a map is left out and told; where nothing else is left, that is an error as for a single tag.
 #[test]
-fn copies_of_tags_of_a_map_are_told() {
+fn copies_of_tags_of_a_map_are_reported() {
     let place = |id, x: f64| MapTag {
         id,
         size_m: 0.12,

@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// Views whose published corners are bad.
 const BAD: [u32; 2] = [2, 13];
-/// Sigma of a published corner, px: the detector's own for such pictures.
+/// Sigma of a published corner, px: the detector's own for such images.
 const SIGMA_PX: f64 = 0.12;
 /// Half the window of the published corners, px.
 const PUBLISHED_HALF_WINDOW_PX: u32 = 11;
@@ -80,7 +80,7 @@ fn check_against_published(name: &str, answers: &[(&View, PoseEstimate)], bars: 
             println!(
                 "chessboard, {name}: view {} has χ²/dof {:.1}, {:?}",
                 view.number,
-                chi2_per_dof(estimate),
+                chi2_per_degree_of_freedom(estimate),
                 estimate.consistency
             );
         }

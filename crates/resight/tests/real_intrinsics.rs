@@ -1,4 +1,4 @@
-//! Do published intrinsics fit the pictures they were published with, and what do the pictures say they are?
+//! Do published intrinsics fit the images they were published with, and what do the images say they are?
 
 use crate::real_support::*;
 use crate::recorded::recorded;
@@ -84,7 +84,7 @@ fn refined_intrinsics_are_opencvs() {
     assert!((fx - published.parameters()[0].1).abs() < sigma);
 }
 
-/// The published principal point of the rotation pictures is the image centre, which it is not: cy is some 22 px less. The check names the
+/// The published principal point of the rotation images is the image centre, which it is not: cy is some 22 px less. The check names the
 /// principal point, and nothing else; the refined cy is that of the refit that came with the data (374.2 px), within its sigma.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]

@@ -1,4 +1,4 @@
-//! Landmarks on recorded pictures: photographs turned by exact homographies, and cameras that stood still while people moved.
+//! Landmarks on recorded images: photographs rotated by exact homographies, and cameras that stood still while people moved.
 
 use crate::landmarks_support::{camera, exposed, photographed, turned};
 use crate::recorded::{frames, recorded};
@@ -8,10 +8,10 @@ use resight::landmarks::Landmarks;
 use resight::render::Pcg;
 
 /// Off by, degrees, and over its own standard deviations.
-fn error(sighting: &resight::landmarks::Sighting, truth: &Matrix3<f64>) -> (f64, f64) {
-    let off = truth * sighting.turn.now_from_reference.transpose();
+fn error(landmark_observation: &resight::landmarks::LandmarkObservation, truth: &Matrix3<f64>) -> (f64, f64) {
+    let off = truth * landmark_observation.relative_rotation.now_from_reference.transpose();
     let e = Rotation3::from_matrix_unchecked(off).scaled_axis();
-    let inverse = sighting.turn.covariance.try_inverse().expect("a covariance");
+    let inverse = landmark_observation.relative_rotation.covariance.try_inverse().expect("a covariance");
     (e.norm().to_degrees(), e.dot(&(inverse * e)).sqrt())
 }
 
@@ -39,13 +39,13 @@ fn photographs_turned_by_known_angles() {
             for (light, noise) in [(1.0, 1.0), (0.6, 3.0), (1.2, 2.0)] {
                 let seen =
                     exposed(&camera, &photographed(&image, &camera, &truth), light, noise, &mut chance);
-                let sighting =
-                    landmarks.sight(&seen, None).unwrap_or_else(|e| panic!("{name} {degrees:?}: {e}"));
-                let (off, sigmas) = error(&sighting, &truth);
+                let landmark_observation =
+                    landmarks.observe(&seen, None).unwrap_or_else(|e| panic!("{name} {degrees:?}: {e}"));
+                let (off, sigmas) = error(&landmark_observation, &truth);
                 println!(
                     "{name} {degrees:?} light {light}: off by {off:.5}°, {sigmas:.1} σ, {} of {}",
-                    sighting.turn.used.len(),
-                    sighting.in_view
+                    landmark_observation.relative_rotation.used.len(),
+                    landmark_observation.in_view
                 );
                 assert!(off < 0.02 && sigmas < 6.0, "{name} {degrees:?}: {off}° {sigmas}");
             }
@@ -67,7 +67,7 @@ fn stored(image: &GrayImage) -> GrayImage {
 /// light, which clips what is bright. Eight turns each of three photographs.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
-fn small_turns_of_photographs_are_as_sure_as_told() {
+fn small_turns_of_photographs_are_as_sure_as_reported() {
     let photographs = [
         ("apriltag_detection_truth", "34085369442_304b6bafd9_c.jpg"),
         ("apriltag_detection_truth", "33369213973_9d9bb4cc96_c.jpg"),
@@ -91,8 +91,8 @@ fn small_turns_of_photographs_are_as_sure_as_told() {
             ];
             for (all, (reference, now)) in all.iter_mut().zip(pairs) {
                 let landmarks = Landmarks::new(&reference, &camera).expect("landmarks");
-                let sighting = landmarks.sight(&now, None).expect("a turn");
-                all.push(error(&sighting, &truth).1.powi(2));
+                let landmark_observation = landmarks.observe(&now, None).expect("a turn");
+                all.push(error(&landmark_observation, &truth).1.powi(2));
             }
         }
     }
@@ -116,12 +116,12 @@ fn cameras_that_stood_still_did_not_turn() {
         let (mut near, mut worst, mut seen) = (None, 0.0f64, 0);
         for path in &frames[1..] {
             let image = GrayImage::read(path).expect("a frame");
-            let Ok(sighting) = landmarks.sight(&image, near.as_ref()) else { continue };
-            let (turn, _) = sighting.turn.old_from_new();
-            if sighting.turn.is_consistent() {
-                (worst, seen) = (worst.max(turn.xy().norm().to_degrees()), seen + 1);
+            let Ok(landmark_observation) = landmarks.observe(&image, near.as_ref()) else { continue };
+            let (relative_rotation, _) = landmark_observation.relative_rotation.old_from_new();
+            if landmark_observation.relative_rotation.is_consistent() {
+                (worst, seen) = (worst.max(relative_rotation.xy().norm().to_degrees()), seen + 1);
             }
-            near = Some(sighting.turn.now_from_reference);
+            near = Some(landmark_observation.relative_rotation.now_from_reference);
         }
         println!(
             "{name}: {seen} of {} frames, {worst:.4}° at most, {} landmarks",

@@ -29,17 +29,17 @@ fn room() -> (PairFile, Vec<Pose>, usize) {
     let file = read_pairs(&folder.join("main_stereocal_all_results.json")).unwrap();
     assert_eq!((file.cameras.len(), file.pairs.len()), (11, 38));
     let places = published(&folder.join("main_initial_camera_array.json"), &file.cameras);
-    let anchor = file.cameras.iter().position(|name| name == "8").unwrap();
-    (file, places, anchor)
+    let reference_camera = file.cameras.iter().position(|name| name == "8").unwrap();
+    (file, places, reference_camera)
 }
 
 /// Eight printed decimals: 1e-8 rad is 6e-7°, 1e-8 m is 1e-5 mm.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_published_chain_is_reproduced() {
-    let (file, places, anchor) = room();
+    let (file, places, reference_camera) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
-    let found = chain(&graph, anchor).unwrap();
+    let found = chain(&graph, reference_camera).unwrap();
     let off: Vec<(f64, f64)> =
         found.cameras.iter().zip(&places).map(|(camera, place)| apart(&camera.cam_from_rig, place)).collect();
     let (deg, mm) = (largest(off.iter().map(|o| o.0)), largest(off.iter().map(|o| o.1)));
@@ -51,9 +51,9 @@ fn the_published_chain_is_reproduced() {
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn every_triangle_of_the_joint_answer_closes() {
-    let (file, _, anchor) = room();
+    let (file, _, reference_camera) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
-    let found = solve_pose_graph(&graph, &PoseGraphConfig { anchor, median_sigma: None }).unwrap();
+    let found = solve_pose_graph(&graph, &PoseGraphConfig { reference_camera, median_sigma: None }).unwrap();
     let stated = |a: usize, b: usize| {
         let pair = file.pairs.iter().find(|p| (p.a, p.b) == (a, b) || (p.a, p.b) == (b, a))?;
         Some(if pair.a == a { pair.b_from_a } else { pair.b_from_a.inverse() })
@@ -75,14 +75,16 @@ fn every_triangle_of_the_joint_answer_closes() {
     assert!(worst < 1e-9, "{worst}");
 }
 
-/// The pairs' own agreement gives the sigmas, and the answer does not hang on the anchor as the chain does (up to 1.17° and 36 mm).
+/// The pairs' own agreement gives the sigmas, and the answer does not hang on the reference camera as the chain does (up to 1.17° and 36 mm).
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_joint_answer_has_one_shape_whatever_the_anchor() {
-    let (file, _, anchor) = room();
+    let (file, _, reference_camera) = room();
     let graph = PoseGraph { n_cameras: file.cameras.len(), pairs: &file.pairs };
-    let solve = |anchor| solve_pose_graph(&graph, &PoseGraphConfig { anchor, median_sigma: None }).unwrap();
-    let found = solve(anchor);
+    let solve = |reference_camera| {
+        solve_pose_graph(&graph, &PoseGraphConfig { reference_camera, median_sigma: None }).unwrap()
+    };
+    let found = solve(reference_camera);
     let sigma = found.median_sigma.unwrap();
     println!(
         "sigma of a median pair {:.4}° {:.2} mm, {} degrees of freedom, {} suspicious",

@@ -1,4 +1,4 @@
-//! A tag turned by hand on a printed grid in steps of 10°, photographed with published intrinsics whose principal point is
+//! A tag rotated by hand on a printed grid in steps of 10°, photographed with published intrinsics whose principal point is
 //! wrong (the image centre; 22 px off in v).
 
 use crate::real_support::*;
@@ -32,7 +32,7 @@ fn poses(photographs: &[(i32, Vec<Detection>)], camera: &Camera) -> Vec<(i32, Po
     photographs.iter().map(|(angle, corners)| (*angle, located(corners, &tag(), camera))).collect()
 }
 
-/// How far the tag is turned about its own vertical axis: the azimuth of the optical axis in the tag's frame.
+/// How far the tag is rotated about its own vertical axis: the azimuth of the optical axis in the tag's frame.
 fn turn_deg(cam_from_tag: &Pose) -> f64 {
     let axis_in_tag = cam_from_tag.rotation.tr_mul(&Vector3::z());
     axis_in_tag.x.atan2(axis_in_tag.z).to_degrees()
@@ -65,7 +65,7 @@ fn turned_tags_have_the_angles_of_their_file_names() {
 }
 
 /// Nearly face on, where the reference residual is above 1 px, the wrong principal point shows; with the refitted one the
-/// same views are as good as the corners. The turn it costs: 6° between −10 and +10.
+/// same views are as good as the corners. The rotation it costs: 6° between −10 and +10.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn a_wrong_principal_point_is_called_inconsistent() {
@@ -78,7 +78,7 @@ fn a_wrong_principal_point_is_called_inconsistent() {
         answers.iter().filter(|(_, e)| is_inconsistent(e)).map(|(angle, _)| *angle).collect()
     };
     let mean = |answers: &[(i32, PoseEstimate)]| {
-        answers.iter().map(|(_, e)| chi2_per_dof(e)).sum::<f64>() / answers.len() as f64
+        answers.iter().map(|(_, e)| chi2_per_degree_of_freedom(e)).sum::<f64>() / answers.len() as f64
     };
     let (wrong, right) = (inconsistent(&published), inconsistent(&refitted));
     println!(

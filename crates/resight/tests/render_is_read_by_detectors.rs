@@ -1,6 +1,6 @@
 //! What is rendered is what the established detectors read: ids, corner order and sub-pixel place.
 //!
-//! The bounds are the detectors' own errors (about 0.02 to 0.1 px on such pictures), so a shift of a tenth of a pixel,
+//! The bounds are the detectors' own errors (about 0.02 to 0.1 px on such images), so a shift of a tenth of a pixel,
 //! a mirrored code or a half-pixel origin fails.
 #![allow(unsafe_code)] // The AprilTag detector is a C library.
 

@@ -110,10 +110,10 @@ fn stored_residuals_are_the_run_s() {
     let (width, height) =
         (f64::from(crate::report_support::WIDTH_PX), f64::from(crate::report_support::HEIGHT_PX));
     let mut i = 0;
-    for (sighting, result) in run.rig.sightings.iter().zip(&run.solution.sightings) {
-        let step = data["cameras"][sighting.camera]["step"].as_f64().unwrap();
+    for (observation, result) in run.rig.observations.iter().zip(&run.solution.observations) {
+        let step = data["cameras"][observation.camera]["step"].as_f64().unwrap();
         assert!(step == 0.01);
-        for (c, residual) in sighting.seen.iter().zip(&result.residuals_px) {
+        for (c, residual) in observation.seen.iter().zip(&result.residuals_px) {
             let (residual, is_used) = residual.unwrap();
             let (u, v) = (
                 f64::from(word(i) & 0x7fff) / 32767.0 * width - 0.5,
@@ -161,7 +161,7 @@ fn the_page_says_what_the_run_says() {
         "The rig hangs on rear – right: rear is known least, ± 800 µm and ± 0.011° in the worst direction, with 7 shared views.",
     );
     has("board: its stated size is 0.400 ± 0.050 % too small: 1.72 mm of 430 mm.");
-    has("it contradicts the other sightings by 41.5 px rms");
+    has("it contradicts the other observations by 41.5 px rms");
     has(run.command.as_deref().expect("a command"));
     has(&run.inputs[0].sha256);
     has(env!("CARGO_PKG_VERSION"));
@@ -177,10 +177,10 @@ fn the_page_says_what_the_run_says() {
     let titles: Vec<&String> =
         page.elements.iter().flat_map(|(_, a)| a).filter(|(k, _)| k == "title").map(|(_, v)| v).collect();
     let cells: std::collections::BTreeSet<(usize, usize)> =
-        run.rig.sightings.iter().map(|s| (s.view, s.camera)).collect();
+        run.rig.observations.iter().map(|s| (s.view, s.camera)).collect();
     assert_eq!(titles.len(), cells.len());
-    let first = &run.rig.sightings[0];
-    let used = s.sightings[0].residuals_px.iter().flatten().filter(|r| r.1).count();
+    let first = &run.rig.observations[0];
+    let used = s.observations[0].residuals_px.iter().flatten().filter(|r| r.1).count();
     assert!(
         titles[0].starts_with(&format!("centre, 0000: {used} of {} points, rms 0.", first.seen.len())),
         "{}",
@@ -205,8 +205,8 @@ fn poor_runs_are_reported_too() {
     };
     no_numbers(&run);
     run.rig.views.clear();
-    run.rig.sightings.clear();
-    run.solution.sightings.clear();
+    run.rig.observations.clear();
+    run.solution.observations.clear();
     no_numbers(&run);
 }
 
@@ -245,7 +245,7 @@ fn node() -> bool {
     found
 }
 
-/// The script runs through, the picture in space starts as the still one, and choosing, turning and dragging change what is drawn.
+/// The script runs through, the image in space starts as the still one, and choosing, turning and dragging change what is drawn.
 #[test]
 fn the_script_draws_what_the_still_picture_shows() {
     if !node() {
@@ -260,13 +260,13 @@ fn the_script_draws_what_the_still_picture_shows() {
     let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(answer["scripted"], true);
     assert_eq!(answer["views"].as_array().unwrap().len(), 21);
-    // Twenty targets fit the still picture's limit, so it shows all of them; both are drawn to the same scale.
+    // Twenty targets fit the still image's limit, so it shows all of them; both are drawn to the same scale.
     let strokes = |moment: &str| answer[moment]["space"].as_array().unwrap().clone();
     let drawn: Vec<[f64; 2]> = strokes("start").iter().flat_map(|s| points_of(&s["line"])).collect();
     let still = still_points(&html);
     assert!(200 < still.len());
     for p in &still {
-        // The still picture is rounded to 0.1, the script's poses to 1e-5, which moves a corner by hundredths.
+        // The still image is rounded to 0.1, the script's poses to 1e-5, which moves a corner by hundredths.
         assert!(drawn.iter().any(|q| (p[0] - q[0]).abs() < 0.1 && (p[1] - q[1]).abs() < 0.1), "{p:?}");
     }
     let targets = |moment: &str| {
@@ -278,7 +278,7 @@ fn the_script_draws_what_the_still_picture_shows() {
     assert_eq!(strokes("back"), strokes("first_view"));
     assert_ne!(strokes("dragged"), strokes("back"));
     let used = |view: Option<usize>, camera: usize| {
-        let all = run.rig.sightings.iter().zip(&run.solution.sightings);
+        let all = run.rig.observations.iter().zip(&run.solution.observations);
         let own = all.filter(|(s, _)| s.camera == camera && view.is_none_or(|v| v == s.view));
         own.flat_map(|(_, r)| r.residuals_px.iter().flatten()).count()
     };
@@ -292,7 +292,7 @@ fn points_of(line: &serde_json::Value) -> Vec<[f64; 2]> {
     line.as_array().unwrap().iter().map(|p| [p[0].as_f64().unwrap(), p[1].as_f64().unwrap()]).collect()
 }
 
-/// Corners of all paths of the still picture in space.
+/// Corners of all paths of the still image in space.
 fn still_points(html: &str) -> Vec<[f64; 2]> {
     let start = html.find("id=\"space-still\"").unwrap();
     let svg = &html[start..start + html[start..].find("</svg>").unwrap()];

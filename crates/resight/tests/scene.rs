@@ -88,8 +88,8 @@ fn poor_runs_give_files_too() {
     let file = rig_scene(&run).unwrap();
     assert!(records(&file, 8, file.len() - 8).iter().any(|r| r.1 == 0x06));
     run.rig.views.clear();
-    run.rig.sightings.clear();
-    run.solution.sightings.clear();
+    run.rig.observations.clear();
+    run.solution.observations.clear();
     rig_scene(&run).unwrap();
 }
 

@@ -79,8 +79,8 @@ fn direction(chance: &mut Pcg) -> Point {
 }
 
 /// A tag where it really is: moved by so many metres, rotated by so many radians, in any direction.
-fn hung(chance: &mut Pcg, tag: &mut MapTag, off_m: f64, turn_rad: f64) {
-    let (by, turn) = (direction(chance) * off_m, direction(chance) * turn_rad);
+fn hung(chance: &mut Pcg, tag: &mut MapTag, off_m: f64, rotation_rad: f64) {
+    let (by, turn) = (direction(chance) * off_m, direction(chance) * rotation_rad);
     let turn = Pose::exp(&Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0)).rotation;
     let at = tag.world_from_tag;
     tag.world_from_tag = Pose::new(turn * at.rotation, at.translation + by);
@@ -118,8 +118,9 @@ fn good_photographs_of_a_real_field_are_ok() {
     const N: u64 = 15;
     for seed in 0..N {
         let real = with(&target, |tag| {
-            let (off_m, turn_rad) = (uniform(&mut chance, 0.005, 0.020), uniform(&mut chance, 0.0, 0.017));
-            hung(&mut chance, tag, off_m, turn_rad);
+            let (off_m, rotation_rad) =
+                (uniform(&mut chance, 0.005, 0.020), uniform(&mut chance, 0.0, 0.017));
+            hung(&mut chance, tag, off_m, rotation_rad);
         });
         let truth = view(&mut chance);
         let image = photograph(&real, &truth, seed);

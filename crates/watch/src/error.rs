@@ -1,6 +1,6 @@
 //! Why a session cannot begin, or ended before its time.
 
-use crate::live::LookError;
+use crate::live::CameraWatcherError;
 use resight::FileError;
 
 /// Why a session cannot begin, or ended before its time.
@@ -15,11 +15,11 @@ pub enum Error {
         /// Its name.
         name: String,
         /// Why.
-        source: LookError,
+        source: CameraWatcherError,
     },
     /// What cannot be watched, found as the session began.
     #[error(transparent)]
-    Look(#[from] LookError),
+    CameraWatcher(#[from] CameraWatcherError),
     /// A file of the session.
     #[error(transparent)]
     File(#[from] FileError),

@@ -18,7 +18,9 @@ pub mod export;
 
 pub use error::HistoryError;
 pub use read::{History, PairSummary, Selection, StateShare};
-pub use recorder::{NotStored, Recorder, Recording, Stored, Told, Writer, recorder};
-pub use rows::{EventRow, FrameRow, Measured, Span, StoredEvent, StoredRow, Summary, TurnSummary, Turned};
+pub use recorder::{NotStored, Recorder, Recording, Reported, Stored, Writer, recorder};
+pub use rows::{
+    EventRow, FrameRow, Measured, RotationSummary, Span, StoredEvent, StoredRotation, StoredRow, Summary,
+};
 pub use store::{Opened, Store};
 pub use thin::Retention;

@@ -6,7 +6,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/demo"))?;
 //! use resight_watch::live::{LiveCamera, LiveConfig, Watched};
-//! use resight_watch::source::pictures::{Clock, Pictures};
+//! use resight_watch::source::pictures::{Clock, ImageFiles};
 //! use resight_watch::{Log, Request, run};
 //!
 //! let target = Watched { name: "grid".into(), target: resight::read_target("grid.toml")?.into(), reference: None };
@@ -16,7 +16,7 @@
 //!     camera: resight::read_camera("left.toml")?,
 //!     targets: vec![target],
 //!     landmarks: None,
-//!     source: Box::new(Pictures::new(frames, Clock::Every(1.0))),
+//!     source: Box::new(ImageFiles::new(frames, Clock::Every(1.0))),
 //! };
 //! let request = Request::new(vec![camera], LiveConfig { learn_readings: 20, ..LiveConfig::default() });
 //! let mut n_events = 0;

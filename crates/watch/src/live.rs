@@ -1,6 +1,6 @@
-//! The live session: sources read, pictures looked at, poses tracked, drift watched; all it says is one `Event`.
+//! The live session: sources read, images looked at, poses tracked, drift watched; all it says is one `Event`.
 //!
-//! One thread reads each source and one looks at its pictures; between them stands a queue of few frames, the oldest dropped and
+//! One thread reads each source and one looks at its images; between them stands a queue of few frames, the oldest dropped and
 //! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
 
 mod clock;
@@ -20,13 +20,13 @@ mod state;
 mod watcher;
 
 pub use known::references;
-pub use look::{Look, LookError, Looked};
+pub use look::{CameraWatcher, CameraWatcherError, FrameResult};
 pub use session::{run, run_from};
 pub use state::StateFile;
 
 use crate::source::Source;
 use resight::GrayImage;
-use resight::landmarks::Sighting;
+use resight::landmarks::LandmarkObservation;
 use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
@@ -43,7 +43,7 @@ pub struct LiveCamera {
     pub name: String,
     /// Its lens.
     pub camera: Camera,
-    /// What it looks at; with several, a target that was carried away is told from a camera that moved.
+    /// What it looks at; with several, a target that was removed is distinguished from a camera that moved.
     pub targets: Vec<Watched>,
     /// What it goes by while it sees no target; alone (without targets) it counts as target 0.
     pub landmarks: Option<WatchedLandmarks>,
@@ -63,8 +63,8 @@ pub struct Watched {
 
 /// Natural landmarks that a camera goes by while it sees no target.
 pub struct WatchedLandmarks {
-    /// The reference picture; none: the first picture with enough to see.
-    pub picture: Option<GrayImage>,
+    /// The reference image; none: the first image with enough to see.
+    pub reference_image: Option<GrayImage>,
 }
 
 /// How a session runs.
@@ -76,11 +76,11 @@ pub struct LiveConfig {
     pub track: TrackConfig,
     /// Readings from which a missing reference is learned.
     pub learn_readings: usize,
-    /// What is known of lasting errors beforehand.
-    pub lasting: LearnConfig,
+    /// What is known of correlated errors beforehand.
+    pub correlated: LearnConfig,
     /// Frames waiting for each camera; further ones push out the oldest.
     pub queue_frames: usize,
-    /// The cameras are a rig and look at targets that are carried about: only their relations are watched. None: targets stand still.
+    /// The cameras are a rig and look at targets that are hand-held: only their relations are watched. None: targets stand still.
     pub rig: Option<rig::RigConfig>,
     /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
     pub retry_s: f64,
@@ -94,7 +94,7 @@ impl Default for LiveConfig {
             monitor: MonitorConfig::default(),
             track: TrackConfig::default(),
             learn_readings: 50,
-            lasting: LearnConfig { bias: none, bias_time_s: 60.0, daily: none },
+            correlated: LearnConfig { bias: none, bias_time_s: 60.0, diurnal: none },
             queue_frames: 2,
             retry_s: 1.0,
             rig: None,
@@ -124,7 +124,7 @@ pub struct Observation {
     pub capture_s: f64,
     /// Its name.
     pub name: String,
-    /// Whether the frame could be read; a torn picture, a bad line and a frozen stream could not.
+    /// Whether the frame could be read; a torn image, a bad line and a frozen stream could not.
     pub is_readable: bool,
     /// Points found.
     pub n_points: usize,
@@ -132,7 +132,7 @@ pub struct Observation {
     pub estimate: Option<PoseEstimate>,
     /// The points it rests on; kept only where the cameras are watched as a rig.
     pub seen: Vec<Correspondence>,
-    /// The lens that saw them, at the size of the picture; kept with them.
+    /// The lens that saw them, at the size of the image; kept with them.
     pub lens: Option<Box<Camera>>,
     /// Why there is none.
     pub reason: Option<String>,
@@ -140,10 +140,10 @@ pub struct Observation {
     pub tracked: Option<Tracked>,
     /// What went to the monitor.
     pub reading: Option<Reading>,
-    /// The turn since the reference picture, where no target was seen.
-    pub landmarks: Option<Arc<Sighting>>,
-    /// The picture that has just become the reference of the landmarks.
-    pub reference_picture: Option<Arc<GrayImage>>,
+    /// The rotation since the reference image, where no target was seen.
+    pub landmarks: Option<Arc<LandmarkObservation>>,
+    /// The image that has just become the reference of the landmarks.
+    pub reference_image: Option<Arc<GrayImage>>,
     /// How long it took.
     pub times: StageTimes,
 }
@@ -161,27 +161,27 @@ pub enum State {
     /// Seen, and where it was.
     Steady,
     /// Not seen.
-    Unseen {
+    Stale {
         /// Since, seconds.
         for_s: f64,
     },
     /// Something is different, and why that is no motion (yet).
-    Settling(Doubt),
+    Checking(CheckingReason),
     /// It moved.
     Drifted(Box<Drift>),
-    /// The pictures contradict intrinsics or target.
+    /// The images contradict intrinsics or target.
     Inconsistent,
-    /// Seen, and followed: the camera moves, and that is no drift.
-    Followed,
+    /// Seen, and tracking: the camera moves, and that is no drift.
+    Tracking,
 }
 
 /// Why a camera is neither steady nor moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Doubt {
+pub enum CheckingReason {
     /// Something is different; not yet decided.
     Different,
-    /// Errors of the pose last longer, or are larger, than was learned: what was found is no larger than they are.
-    ErrorsLast,
+    /// Errors of the pose are correlated for longer, or are larger, than was learned: what was found is no larger than they are.
+    CorrelatedErrors,
 }
 
 /// What was learned of the noise of one camera and one target, and what follows from it.
@@ -225,7 +225,7 @@ pub enum Event {
         /// Nodes by name, with their motions.
         moved: Vec<(String, MovedNode)>,
         /// Other sets that would explain it as well, by name.
-        rivals: Vec<Vec<String>>,
+        alternatives: Vec<Vec<String>>,
     },
     /// A reference was learned.
     Learned {
@@ -238,14 +238,14 @@ pub enum Event {
         /// How noisy the readings were, and which motions are found with that; none where noise is taken for what it is stated to be.
         promise: Option<Box<Promise>>,
     },
-    /// The camera moved while its reference was being learned: learning goes on with the readings after the motion.
+    /// The camera moved while its reference was being learned: learning continues with the readings after the motion.
     MovedWhileLearning {
         /// Index of the camera.
         camera: usize,
         /// Index of the target among those of the camera.
         target: usize,
         /// Other cameras of a rig, one of which may have moved instead.
-        rivals: Vec<usize>,
+        alternatives: Vec<usize>,
         /// How it moved.
         unsettled: Box<Unsettled>,
     },
@@ -280,7 +280,7 @@ pub enum Event {
         /// Index of the camera.
         camera: usize,
         /// Whether it gives frames.
-        is_there: bool,
+        connected: bool,
         /// Why not.
         reason: Option<String>,
     },

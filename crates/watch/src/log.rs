@@ -65,7 +65,7 @@ impl Log {
         self.lock().is_held = true;
     }
 
-    /// Prints what was held, and goes on printing.
+    /// Prints what was held, and continues printing.
     pub fn release(&self) {
         let mut kept = self.lock();
         kept.is_held = false;

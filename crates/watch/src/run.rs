@@ -25,7 +25,7 @@ pub struct Request {
     pub state: Option<PathBuf>,
     /// Where learned references are written, by the places of `Names::pairs`; shorter means: not written.
     pub save_references: Vec<Option<String>>,
-    /// Where reference pictures of landmarks are written, by camera.
+    /// Where reference images of landmarks are written, by camera.
     pub save_landmarks: Vec<Option<String>>,
     /// Where events go, besides to the listener.
     pub outputs: OutputsConfig,
@@ -61,9 +61,9 @@ impl Request {
 pub struct Ended {
     /// The last state of each pair, by the places of `Names::pairs`; none of those never seen.
     pub states: Vec<Option<State>>,
-    /// What moved, as it was last told.
+    /// What moved, as it was last reported.
     pub moved: Moved,
-    /// A reference or reference picture that could not be written to the last.
+    /// A reference or reference image that could not be written to the last.
     pub unsaved: Option<FileError>,
 }
 
@@ -99,7 +99,7 @@ pub fn run(
     };
     let mut outputs = outputs::open(&request.outputs, &session)?;
     let (mut states, mut moved) = (vec![None; names.pairs().len()], Moved::default());
-    let mut told = Ok(());
+    let mut reported = Ok(());
     live::run_from(cameras, &config, stop, state.as_ref(), |event| {
         moved.take(event);
         if let Event::StateChanged { camera, target, state, .. } = event {
@@ -107,12 +107,12 @@ pub fn run(
         }
         saved.take(event);
         let heard = listener(event).map_err(Error::from);
-        told = heard.and(outputs::tell(&mut outputs, |output| output.take(event)).map_err(Error::from));
-        told.is_ok()
+        reported = heard.and(outputs::tell(&mut outputs, |output| output.take(event)).map_err(Error::from));
+        reported.is_ok()
     })?;
     let finished = outputs::tell(&mut outputs, |output| output.finish());
     let unsaved = saved.finish().err();
-    told.and(finished.map_err(Error::from))?;
+    reported.and(finished.map_err(Error::from))?;
     Ok(Ended { states, moved, unsaved })
 }
 

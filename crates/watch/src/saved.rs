@@ -1,4 +1,4 @@
-//! What a session learns and writes once: references, pictures of landmarks. A disk that fails does not end the session, which may be the only
+//! What a session learns and writes once: references, images of landmarks. A disk that fails does not end the session, which may be the only
 //! one of the night: what could not be written is kept, and tried again now and then and at the end.
 
 use super::log::Log;
@@ -51,10 +51,10 @@ impl Saved {
                 self.save("reference", file, words, || reference::to_text(reference).map(String::into_bytes));
             }
             Event::Observed { camera, target: 0, observation } => {
-                if let Some(picture) = &observation.reference_picture {
+                if let Some(picture) = &observation.reference_image {
                     let file = self.pictures.get(*camera).cloned().flatten();
                     let (name, of) = (self.names.camera(*camera), &observation.name);
-                    let words = format!("the reference picture of {name} is {of}, saved");
+                    let words = format!("the reference image of {name} is {of}, saved");
                     self.save("landmarks", file, words, || picture.png());
                 }
             }

@@ -1,4 +1,4 @@
-//! Where pictures and detections come from: files, folders that fill up, streams, recordings, lines of text.
+//! Where images and detections come from: files, folders that fill up, streams, recordings, lines of text.
 //!
 //! A source is read on a thread of its own (`live`) and gives frames in order of capture. What cannot be read is a frame with a
 //! reason, never the end of the source.
@@ -13,7 +13,7 @@ use resight::{FileError, GrayImage};
 use resight_core::correspondence::Detection;
 use std::time::Duration;
 
-/// One picture of one camera, or what was found in it.
+/// One image of one camera, or what was found in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// Its number in the source, counted from 0.
@@ -29,7 +29,7 @@ pub struct Frame {
 /// What came.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
-    /// A picture.
+    /// An image.
     Image(GrayImage),
     /// Features found by another program.
     Detections(Vec<Detection>),
@@ -58,7 +58,7 @@ pub trait Source: Send {
     /// Whether frames come at their own pace, so that a slow reader must drop some; recordings wait.
     fn is_live(&self) -> bool;
 
-    /// Takes back a picture that has been looked at: its memory may hold one to come. Megabytes asked of the system anew for each frame
+    /// Takes back an image that has been looked at: its memory may hold one to come. Megabytes asked of the system anew for each frame
     /// cost time, and leave it in pieces.
     fn reuse(&mut self, _spent: GrayImage) {}
 }

@@ -1,7 +1,7 @@
 //! The history: what ages is averaged honestly, events stay, the file stays small, tables hold what the rows hold.
 
 use crate::history_support::{
-    FOR_EVER, cells, every, file, frames, is_mean_of, keep, open, pairs, rows, thin, turns,
+    FOR_EVER, cells, every, file, frames, is_mean_of, keep, open, pairs, rotations, rows, thin,
 };
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -9,8 +9,8 @@ use parquet::record::Field;
 use resight::core::Pose;
 use resight_watch::history::export::{Table, export};
 use resight_watch::history::{
-    EventRow, FrameRow, History, Measured, NotStored, Recording, Retention, Selection, Span, StoredRow, Told,
-    Turned, recorder,
+    EventRow, FrameRow, History, Measured, NotStored, Recording, Reported, Retention, Selection, Span,
+    StoredRotation, StoredRow, recorder,
 };
 use std::path::Path;
 
@@ -198,8 +198,8 @@ fn a_full_queue_gives_up_its_oldest_and_says_so() {
     (0..130).for_each(|_| recorder.event(event()));
     recorder.close();
     let mut lost = Vec::new();
-    writer.run(|told| {
-        if let Told::Recovered(not_stored) = told {
+    writer.run(|reported| {
+        if let Reported::Recovered(not_stored) = reported {
             lost.push(not_stored);
         }
     });
@@ -223,7 +223,7 @@ fn tables_hold_what_the_rows_hold() {
     let path = file("tables");
     let mut store = open(&path);
     store.append(&frames(every(1.0, 0.0, 300.0), "steady", 18), &[event()]).expect("stored");
-    store.append(&turns(every(1.0, 90.5, 270.5), "steady", 20), &[]).expect("stored");
+    store.append(&rotations(every(1.0, 90.5, 270.5), "steady", 20), &[]).expect("stored");
     thin(&mut store, &keep(60.0, FOR_EVER, FOR_EVER));
     let history = History::open(&path).expect("a history");
     for (table, columns, n_rows) in [(Table::Frames, 96, 213), (Table::Events, 8, 1)] {
@@ -300,7 +300,7 @@ fn the_judged_tables_are_what_is_written() {
             covariance: Matrix6::from_fn(|row, column| 1e-6 / (1.0 + (row + column + i) as f64)),
             rms_px: 1.0 / (3.0 + i as f64),
         }),
-        turned: (i % 5 == 3).then(|| Turned {
+        rotated: (i % 5 == 3).then(|| StoredRotation {
             rotation_rad: Vector3::new(1e-4, -0.1, i as f64 / 7.0),
             covariance_rad2: Matrix3::from_fn(|row, column| 1e-8 / (1.0 + (row + column + i) as f64)),
             n_landmarks: 300.0 - i as f64,

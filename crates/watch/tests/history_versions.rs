@@ -1,6 +1,6 @@
 //! Histories written by other versions: an earlier one is read as it is and brought up to date when it is written, a later one is refused.
 
-use crate::history_support::{FOR_EVER, every, file, frames, keep, open, pairs, rows, thin, turns};
+use crate::history_support::{FOR_EVER, every, file, frames, keep, open, pairs, rotations, rows, thin};
 use resight_watch::history::export::{Table, export};
 use resight_watch::history::{History, HistoryError, Selection, Span, Store};
 use rusqlite::{Connection, params};
@@ -61,11 +61,11 @@ fn an_earlier_version_is_read_and_left_alone() {
     for row in &read {
         let measured = row.measured.expect("a pose");
         assert_eq!((measured.rms_px, measured.covariance[(5, 5)]), (0.25, 1e-6 * 21.0));
-        assert_eq!((row.readings, row.turns, row.turned, row.turn_summary), (1, 0, None, None));
+        assert_eq!((row.readings, row.rotations, row.rotated, row.rotation_summary), (1, 0, None, None));
     }
     let history = History::open(&path).expect("a history");
     let summary = history.pairs().expect("a summary").remove(0);
-    assert_eq!((summary.states[0].readings, summary.states[0].turns), (30, 0));
+    assert_eq!((summary.states[0].readings, summary.states[0].rotations), (30, 0));
     let table = path.with_extension("csv");
     assert_eq!(export(&history, Table::Frames, &Selection::default(), &table).expect("exported"), 30);
     drop(history);
@@ -82,11 +82,11 @@ fn an_earlier_version_is_brought_up_to_date_when_it_is_written() {
     let before = rows(&path);
     let mut store = open(&path);
     assert_eq!((version(&path), rows(&path)), (2, before), "nothing but the columns is new");
-    store.append(&turns(every(1.0, 30.0, 60.0), "steady", 1), &[]).expect("stored");
+    store.append(&rotations(every(1.0, 30.0, 60.0), "steady", 1), &[]).expect("stored");
     insert(&older, 59.5);
     let mut n_turns = 0;
     let take = |row: resight_watch::history::StoredRow| {
-        n_turns += row.turns;
+        n_turns += row.rotations;
         true
     };
     reader.rows(&Selection::default(), take).expect("rows");
@@ -94,7 +94,7 @@ fn an_earlier_version_is_brought_up_to_date_when_it_is_written() {
     store.append(&frames(every(1.0, 500.0, 501.0), "steady", 2), &[]).expect("stored");
     thin(&mut store, &keep(60.0, FOR_EVER, FOR_EVER));
     let minutes = rows(&path).into_iter().filter(|row| row.span == Span::Minute);
-    let counts: Vec<_> = minutes.map(|row| (row.session, row.frames, row.readings, row.turns)).collect();
+    let counts: Vec<_> = minutes.map(|row| (row.session, row.frames, row.readings, row.rotations)).collect();
     assert_eq!(counts, [(1, 31, 31, 0), (2, 30, 0, 27)]);
     drop(store);
     open(&path);

@@ -68,7 +68,7 @@ fn exact(_: f64, _: u8) -> Pixel {
 }
 
 /// States told, with their times.
-fn told(scene: Scene, seed: u64) -> Vec<(f64, State)> {
+fn reported(scene: Scene, seed: u64) -> Vec<(f64, State)> {
     let source = Corners { scene, chance: Pcg::new(seed), next: 0 };
     let mut states = Vec::new();
     let stop = Arc::new(AtomicBool::new(false));
@@ -113,11 +113,11 @@ fn corners_that_are_off_alone_raise_no_alarm() {
     for (i, (off, within_s)) in faults.into_iter().enumerate() {
         for seed in 0..seeds {
             let seed = 0xc0_0000 + 0x1000 * i as u64 + seed;
-            let states = told(Scene { off, ..scene }, seed);
+            let states = reported(Scene { off, ..scene }, seed);
             assert_eq!(drifts(&states), 0, "{i}, {seed}: {states:?}");
             let moved =
                 |t_s: f64| if t_s < 300.0 { still(t_s) } else { Vector6::ith(1, 0.5_f64.to_radians()) };
-            let states = told(Scene { off, moved, ..scene }, seed);
+            let states = reported(Scene { off, moved, ..scene }, seed);
             let is_drifted = |(_, state): &&(f64, State)| matches!(state, State::Drifted(_));
             let alarm_s = states.iter().find(is_drifted).map(|(t_s, _)| *t_s);
             assert!(
@@ -135,12 +135,12 @@ fn vibrates(t_s: f64) -> Vector6<f64> {
     Vector6::new(phase.sin(), 0.6 * (phase + 1.0).sin(), 0.0, 0.0, 0.0, 0.0) * 0.05_f64.to_radians()
 }
 
-/// 5 Hz and 0.05°, thirty pictures a second, from the start on: no alarm in five minutes, and no flood of doubts. (A mount that begins to
+/// 5 Hz and 0.05°, thirty images a second, from the start on: no alarm in five minutes, and no flood of doubts. (A mount that begins to
 /// vibrate later still raises alarms, which are taken back: docs/watch.md.)
 #[test]
 fn a_mount_that_vibrates_raises_no_alarm() {
     let scene = Scene { rate_hz: 30.0, seconds: 300.0, moved: vibrates, off: exact };
-    let states = told(scene, 0xc2_0000);
+    let states = reported(scene, 0xc2_0000);
     assert_eq!(drifts(&states), 0, "{states:?}");
     assert!(states.len() <= 2 * (10 + 5) + 1, "{} states in five minutes", states.len());
 }

@@ -1,4 +1,4 @@
-//! A session whose frames have clocks that are set: it says so, and goes on watching.
+//! A session whose frames have clocks that are set: it says so, and continues watching.
 
 use resight::render::Pcg;
 use resight_core::camera::{CameraMatrix, ImageSize, Pinhole};
@@ -50,8 +50,7 @@ fn frame(i: u64, capture_s: f64, pan_deg: f64) -> Frame {
     let (camera, target) = (camera(), target());
     let seen = target.features().into_iter().map(|feature| {
         let known = target.point(feature).expect("a known point");
-        let pixel =
-            camera.project(&(now.rotation * known.position + now.translation)).expect("in the picture");
+        let pixel = camera.project(&(now.rotation * known.position + now.translation)).expect("in the image");
         let noise = Pixel::new(SIGMA_PX * chance.normal(), SIGMA_PX * chance.normal());
         Detection {
             feature,
@@ -114,7 +113,7 @@ fn began_s(events: &[Event]) -> Option<f64> {
     })
 }
 
-/// The clock goes back by an hour after 100 s; the knock at 150 s is found all the same, at the time that went on.
+/// The clock goes back by an hour after 100 s; the sudden motion at 150 s is found all the same, at the time that went on.
 #[test]
 fn an_hour_back_does_not_make_the_monitor_deaf() {
     let frames = (0..200).map(|i| {
@@ -154,7 +153,7 @@ fn small_disorder_is_counted() {
     assert_eq!(began_s(&events), None);
 }
 
-/// A recording in which one frame has a time of the year 55000: it alone is left out, and the knock is found when it came.
+/// A recording in which one frame has a time of the year 55000: it alone is left out, and the sudden motion is found when it came.
 #[test]
 fn one_wrong_time_does_not_spoil_a_recording() {
     let at = |i: u64| if i == 40 { 1.7e12 } else { 5000.0 + i as f64 };
@@ -166,8 +165,8 @@ fn one_wrong_time_does_not_spoil_a_recording() {
     assert!((began_s - 5150.0).abs() <= 3.0, "{began_s}");
 }
 
-/// Pictures that cannot be read have the date of their file, hours off; what comes after them is not shifted. While there is nothing
-/// else the camera is unseen, whatever their dates.
+/// Images that cannot be read have the date of their file, hours off; what comes after them is not shifted. While there is nothing
+/// else the camera is stale, whatever their dates.
 #[test]
 fn a_frame_that_cannot_be_read_does_not_set_the_clock() {
     for off_s in [-7200.0, 7200.0, 1e9] {
@@ -188,11 +187,11 @@ fn a_frame_that_cannot_be_read_does_not_set_the_clock() {
         assert_eq!(times_s(&good), wanted.collect::<Vec<_>>(), "{off_s}");
         assert!((began_s(&events).expect("a drift") - 5150.0).abs() <= 3.0, "{off_s}");
         let unseen = |event: &Event| match event {
-            Event::StateChanged { t_s, state: State::Unseen { .. }, .. } => Some(*t_s),
+            Event::StateChanged { t_s, state: State::Stale { .. }, .. } => Some(*t_s),
             _ => None,
         };
-        let unseen_s: Vec<f64> = events.iter().filter_map(unseen).collect();
-        assert!(unseen_s.iter().any(|t_s| (5104.0..5110.0).contains(t_s)), "{off_s}: {unseen_s:?}");
+        let stale_s: Vec<f64> = events.iter().filter_map(unseen).collect();
+        assert!(stale_s.iter().any(|t_s| (5104.0..5110.0).contains(t_s)), "{off_s}: {stale_s:?}");
     }
 }
 
@@ -215,7 +214,7 @@ fn a_restart_is_not_deaf_to_a_clock_that_was_set_back() {
         let second = watch_from(frames(80, start_s, 0.5), pace, Some(&open()));
         let [step_s] = steps_s(&second)[..] else { panic!("{:?}", steps_s(&second)) };
         assert!((step_s + 1e9 - start_s).abs() < 60.0, "{step_s}");
-        assert!(began_s(&second).is_some(), "the knock in between is found");
+        assert!(began_s(&second).is_some(), "the sudden motion in between is found");
     }
     std::fs::remove_dir_all(&folder).expect("removed");
 }

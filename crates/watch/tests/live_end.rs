@@ -78,9 +78,9 @@ fn rig() -> LiveConfig {
     LiveConfig { rig: Some(rig), learn_readings: 20, ..config() }
 }
 
-/// What is in the state file was told, the reference that was learned too.
+/// What is in the state file was reported, the reference that was learned too.
 #[test]
-fn what_was_read_before_a_stop_is_told() {
+fn what_was_read_before_a_stop_is_reported() {
     let folder = std::env::temp_dir().join(format!("live-end-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     for stop_at in [3, 30, 49, 50, 51] {
@@ -119,12 +119,12 @@ fn what_was_read_before_a_stop_is_told() {
     std::fs::remove_dir_all(&folder).expect("removed");
 }
 
-/// A camera that died yesterday, and whose pictures are looked through again every night: nothing is known of now.
+/// A camera that died yesterday, and whose images are looked through again every night: nothing is known of now.
 #[test]
 fn a_camera_with_no_newer_frames_is_unseen() {
     let path = std::env::temp_dir().join(format!("live-end-{}.state", std::process::id()));
     let mut config = config();
-    config.monitor.unseen_after_s = 1.0;
+    config.monitor.stale_after_s = 1.0;
     let run = || {
         let state = StateFile::open(&path, |_| ()).expect("a state file");
         let cameras = vec![named("gate", Corners::new(1, 60, After::End))];
@@ -146,13 +146,13 @@ fn a_camera_with_no_newer_frames_is_unseen() {
     for _ in 0..2 {
         std::thread::sleep(Duration::from_millis(1100));
         let (states, poses, still_kept) = run();
-        assert!(matches!(states[..], [State::Unseen { .. }]) && poses == 0, "{states:?}");
+        assert!(matches!(states[..], [State::Stale { .. }]) && poses == 0, "{states:?}");
         assert!(kept == still_kept, "nothing new is kept, and no newer time");
     }
     std::fs::remove_file(&path).expect("removed");
 }
 
-/// A source that panics: its camera is lost and unseen, the other goes on to its end.
+/// A source that panics: its camera is lost and unseen, the other continues to its end.
 #[test]
 fn a_thread_that_fails_takes_its_camera_with_it_only() {
     for config in [config(), rig()] {
@@ -165,7 +165,7 @@ fn a_thread_that_fails_takes_its_camera_with_it_only() {
             match event {
                 Event::Observed { camera, .. } => seen[*camera] += 1,
                 Event::StateChanged { camera, state, .. } => states[*camera] = Some(state.clone()),
-                Event::Source { camera, is_there: false, reason } => reasons.push((*camera, reason.clone())),
+                Event::Source { camera, connected: false, reason } => reasons.push((*camera, reason.clone())),
                 Event::Ended { camera } => ended.push(*camera),
                 _ => {}
             }
@@ -177,7 +177,7 @@ fn a_thread_that_fails_takes_its_camera_with_it_only() {
         let [(1, Some(reason))] = &reasons[..] else { panic!("{reasons:?}") };
         assert!(reason.contains("a cable of wool"), "{reason}");
         assert_eq!(states[0], Some(State::Steady));
-        assert!(matches!(states[1], Some(State::Unseen { .. })), "{:?}", states[1]);
+        assert!(matches!(states[1], Some(State::Stale { .. })), "{:?}", states[1]);
     }
 }
 
@@ -218,7 +218,7 @@ fn a_fast_recording_does_not_run_away_from_a_slow_one() {
 fn cameras_whose_front_end_hangs_are_unseen() {
     let cameras = || (0..2).map(|i| named(&i.to_string(), Corners::new(i, 60, After::Nothing))).collect();
     let mut config = rig();
-    config.monitor.unseen_after_s = 1.5;
+    config.monitor.stale_after_s = 1.5;
     let (began, mut states) = (Instant::now(), [None, None]);
     let (mut were_steady, mut were_unseen) = (false, false);
     let all = |states: &[Option<State>; 2], is_so: fn(&State) -> bool| {
@@ -226,7 +226,7 @@ fn cameras_whose_front_end_hangs_are_unseen() {
     };
     let stop = Arc::new(AtomicBool::new(false));
     std::thread::scope(|scope| {
-        // The session says nothing more once all is told; it is ended from here.
+        // The session says nothing more once all is reported; it is ended from here.
         scope.spawn(|| {
             while began.elapsed() < Duration::from_secs(60) && !stop.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(20));
@@ -237,7 +237,7 @@ fn cameras_whose_front_end_hangs_are_unseen() {
             if let Event::StateChanged { camera, state, .. } = event {
                 states[*camera] = Some(state.clone());
                 were_steady |= all(&states, |state| *state == State::Steady);
-                were_unseen |= were_steady && all(&states, |state| matches!(state, State::Unseen { .. }));
+                were_unseen |= were_steady && all(&states, |state| matches!(state, State::Stale { .. }));
             }
             if were_unseen {
                 stop.store(true, Ordering::Relaxed);

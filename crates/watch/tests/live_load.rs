@@ -20,7 +20,7 @@ fn alone() -> MutexGuard<'static, ()> {
 fn memory_threads_and_files_stay_as_they_are() {
     let _alone = alone();
     const FRAMES: u64 = 600;
-    /// A leak of one picture in a hundred would be 15 MB; the C library's own heap breathes by less.
+    /// A leak of one image in a hundred would be 15 MB; the C library's own heap breathes by less.
     const GROWTH_BYTES: f64 = 12e6;
     let pictures = film(&tag(), &trembling(tag_pose(80.0, 150.0, -80.0), 8), 200);
     let cameras =
@@ -41,13 +41,14 @@ fn memory_threads_and_files_stay_as_they_are() {
     .expect("a session");
     assert_eq!((seen, poses), (2 * FRAMES, 2 * FRAMES), "a recording loses no frame");
     let [(Some(first), counts), _, (Some(last), at_last)] = used[..] else {
-        println!("memory is not told on this system: skipped");
+        println!("memory is not reported on this system: skipped");
         return;
     };
     println!("{:.1} MB, then {:.1} MB; threads and files {counts:?}, {at_last:?}", first / 1e6, last / 1e6);
     assert!(last - first < GROWTH_BYTES, "{first} bytes grew to {last}");
     // The other tests of this binary wait with their threads until this one is over; looking takes a file or two.
-    let ((threads, files), (threads_at_last, files_at_last)) = counts.zip(at_last).expect("both are told");
+    let ((threads, files), (threads_at_last, files_at_last)) =
+        counts.zip(at_last).expect("both are reported");
     assert!(threads_at_last <= threads && files_at_last <= files + 2, "{counts:?} grew to {at_last:?}");
     // A thread that has said its last is gone a moment later.
     let is_over = |_| {
@@ -119,7 +120,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
     };
     let cameras = (0..CAMERAS).map(burst).collect();
     let before = crate::process::resident_bytes();
-    let (mut seen, mut dropped, mut told, mut stalest_us, mut most) = (0, 0, 0, 0.0f64, 0.0f64);
+    let (mut seen, mut dropped, mut reported, mut stalest_us, mut most) = (0, 0, 0, 0.0f64, 0.0f64);
     let mut last = [0; CAMERAS];
     let mut last_gap_s = 0.0f64;
     live::run(cameras, &config(), &Arc::new(AtomicBool::new(false)), |event| {
@@ -138,7 +139,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
             }
             Event::Dropped { frames, .. } => {
                 dropped += frames;
-                told += 1;
+                reported += 1;
             }
             _ => {}
         }
@@ -153,7 +154,7 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
     assert!((CAMERAS as f64 * FAST_S * FAST_HZ * 0.2) as u64 <= dropped, "this was no overload: {dropped}");
     assert!(stalest_us < STALE_US, "{stalest_us} µs");
     assert!(last_gap_s < FAST_S + RECOVERS_S, "the last frame was dropped before {last_gap_s} s");
-    assert!(told <= 2 * CAMERAS, "told {told} times: at once, and the rest together");
+    assert!(reported <= 2 * CAMERAS, "told {reported} times: at once, and the rest together");
     assert!(before.is_none_or(|before| most - before < BOUND_BYTES), "{before:?} grew to {most}");
 }
 

@@ -1,4 +1,4 @@
-//! Pictures of half the size that the camera was calibrated at: poses, and the relations of a rig, are those of the whole size.
+//! Images of half the size that the camera was calibrated at: poses, and the relations of a rig, are those of the whole size.
 
 use crate::live_support::{camera, tag, tag_pose, watched};
 use nalgebra::{DMatrix, Vector6};
@@ -6,7 +6,7 @@ use resight::GrayImage;
 use resight::core::Pose;
 use resight::render::{Finish, Scene, Style, render};
 use resight_watch::live::rig::RigConfig;
-use resight_watch::live::{self, Event, LiveCamera, LiveConfig, Look, State};
+use resight_watch::live::{self, CameraWatcher, Event, LiveCamera, LiveConfig, State};
 use resight_watch::source::{Content, Frame, Next, Source};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -15,7 +15,7 @@ use std::time::Duration;
 fn half_size(cam_from_target: Pose, seed: u64) -> GrayImage {
     let lens = camera().scaled_to(640, 480).expect("the same aspect");
     let finish = Finish { seed, samples_per_axis: 3, ..Finish::default() };
-    render(&Scene::of(tag(), cam_from_target, Style::default()), &lens, &finish).expect("a picture")
+    render(&Scene::of(tag(), cam_from_target, Style::default()), &lens, &finish).expect("an image")
 }
 
 fn frame(number: u64, picture: GrayImage) -> Frame {
@@ -39,7 +39,7 @@ impl Source for Film {
 #[test]
 fn the_pose_is_that_of_the_whole_size() {
     let truth = tag_pose(240.0, 100.0, -60.0);
-    let mut look = Look::new(&watched(&tag(), Film(Vec::new().into_iter())), &LiveConfig::default())
+    let mut look = CameraWatcher::new(&watched(&tag(), Film(Vec::new().into_iter())), &LiveConfig::default())
         .expect("something to look for");
     let seen = look.take(&frame(0, half_size(truth, 1)), 0.0).remove(0).observation;
     let pose = seen.estimate.expect("the tag is seen").cam_from_target;

@@ -6,8 +6,8 @@ use crate::recorded::frames;
 use nalgebra::Matrix3;
 use resight::GrayImage;
 use resight::core::Camera;
-use resight_watch::live::{LiveCamera, LiveConfig, Look, State, WatchedLandmarks};
-use resight_watch::source::pictures::{Clock, Pictures};
+use resight_watch::live::{CameraWatcher, LiveCamera, LiveConfig, State, WatchedLandmarks};
+use resight_watch::source::pictures::{Clock, ImageFiles};
 use resight_watch::source::{Content, Frame};
 
 /// Frames a second.
@@ -16,15 +16,15 @@ const RATE_HZ: f64 = 6.0;
 const QUIET: usize = 8;
 const WITHIN: usize = 8;
 
-fn look(lens: &Camera) -> Look {
+fn look(lens: &Camera) -> CameraWatcher {
     let watched = LiveCamera {
         name: "webcam".to_string(),
         camera: lens.clone(),
         targets: Vec::new(),
-        landmarks: Some(WatchedLandmarks { picture: None }),
-        source: Box::new(Pictures::new(Vec::new(), Clock::Every(1.0 / RATE_HZ))),
+        landmarks: Some(WatchedLandmarks { reference_image: None }),
+        source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0 / RATE_HZ))),
     };
-    Look::new(&watched, &LiveConfig::default()).expect("a session")
+    CameraWatcher::new(&watched, &LiveConfig::default()).expect("a session")
 }
 
 /// The state after each image, the camera turned from frame `QUIET` on.

@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use resight::recording::{Channel, Message, Next, Recording, topics};
-use resight_watch::ros::sight::{Decoder, Kind, Sight, sight};
+use resight_watch::ros::sight::{Decoder, Kind, MessageContent, decode_content};
 use resight_watch::source::mcap::McapTopic;
 use resight_watch::source::{self, Content, Frame, Source};
 use std::collections::BTreeMap;
@@ -51,15 +51,15 @@ fn decoder(channel: &Channel) -> Result<Decoder, String> {
 /// Every message of every topic, and what was said in between.
 fn messages(bytes: &[u8]) -> (Vec<Message>, Vec<String>) {
     let mut recording = Recording::new(Cursor::new(bytes), |_| true);
-    let (mut found, mut told) = (Vec::new(), Vec::new());
+    let (mut found, mut reported) = (Vec::new(), Vec::new());
     loop {
         match recording.read_next() {
             Ok(Next::Message(message)) => found.push(message),
             Ok(Next::Nothing) => {}
-            Ok(Next::Damaged(reason)) => told.push(reason),
-            Ok(Next::Unfinished) => told.push(recording.close().unwrap()),
-            Ok(Next::End) => return (found, told),
-            Err(reason) => told.push(reason.0),
+            Ok(Next::Damaged(reason)) => reported.push(reason),
+            Ok(Next::Unfinished) => reported.push(recording.close().unwrap()),
+            Ok(Next::End) => return (found, reported),
+            Err(reason) => reported.push(reason.0),
         }
     }
 }
@@ -117,15 +117,15 @@ fn both_detection_messages_give_the_same_corners() {
 #[test]
 fn topics_are_chosen_or_listed_with_types_and_counts() {
     assert!(McapTopic::open(&sample("rosbags_plain.mcap"), None).is_ok(), "the only one");
-    let told = |name: &str, topic| match McapTopic::open(&sample(name), topic) {
+    let reported = |name: &str, topic| match McapTopic::open(&sample(name), topic) {
         Ok(_) => panic!("{name} was opened"),
         Err(reason) => reason.to_string(),
     };
-    let several = told("two_cameras_zstd.mcap", None);
+    let several = reported("two_cameras_zstd.mcap", None);
     assert!(several.contains("name one, e.g. FILE#/gate/image_raw"), "{several}");
     assert!(several.contains("/gate/image_raw (sensor_msgs/msg/Image, 24 messages)"), "{several}");
-    assert!(told("two_cameras_zstd.mcap", Some("/nothing")).contains("there is no topic /nothing"));
-    let intrinsics = told("two_cameras_zstd.mcap", Some("/gate/camera_info"));
+    assert!(reported("two_cameras_zstd.mcap", Some("/nothing")).contains("there is no topic /nothing"));
+    let intrinsics = reported("two_cameras_zstd.mcap", Some("/gate/camera_info"));
     assert!(
         intrinsics.contains("holds sensor_msgs/msg/CameraInfo, which shows no camera's sight"),
         "{intrinsics}"
@@ -145,13 +145,13 @@ fn a_file_cut_anywhere_gives_its_whole_messages_and_a_reason() {
         "rosbags_plain.mcap",
     ] {
         let whole = bytes(name);
-        let (expected, told) = messages(&whole);
-        assert!(told.is_empty() && !expected.is_empty(), "{name}: {told:?}");
+        let (expected, reported) = messages(&whole);
+        assert!(reported.is_empty() && !expected.is_empty(), "{name}: {reported:?}");
         let mut most = 0;
         for cut in (0..whole.len()).step_by(whole.len() / 97) {
-            let (found, told) = messages(&whole[..cut]);
+            let (found, reported) = messages(&whole[..cut]);
             assert!(expected.starts_with(&found), "{name} cut at {cut}");
-            assert_eq!(told.len(), 1, "{name} cut at {cut}: {told:?}");
+            assert_eq!(reported.len(), 1, "{name} cut at {cut}: {reported:?}");
             assert!(found.len() >= most, "more of the file gives no fewer messages");
             most = found.len();
         }
@@ -164,19 +164,19 @@ fn a_file_cut_anywhere_gives_its_whole_messages_and_a_reason() {
 fn a_torn_chunk_gives_its_whole_messages() {
     let whole = bytes("rosbags_plain.mcap");
     let (expected, _) = messages(&whole);
-    let (half, told) = messages(&whole[..40_000]);
+    let (half, reported) = messages(&whole[..40_000]);
     assert!(8 < half.len() && half.len() < expected.len(), "{} of {}", half.len(), expected.len());
-    assert!(told[0].contains("cut off") && told[0].contains("whole messages of it"), "{told:?}");
+    assert!(reported[0].contains("cut off") && reported[0].contains("whole messages of it"), "{reported:?}");
 }
 
 #[test]
-fn a_damaged_chunk_is_told_and_the_others_are_read() {
+fn a_damaged_chunk_is_reported_and_the_others_are_read() {
     let mut damaged = bytes("two_cameras_zstd.mcap");
     let (expected, _) = messages(&damaged);
     damaged[6000] ^= 0x55;
-    let (found, told) = messages(&damaged);
+    let (found, reported) = messages(&damaged);
     assert!(!found.is_empty() && found.len() < expected.len(), "{} of {}", found.len(), expected.len());
-    assert!(told.len() == 1 && told[0].contains("damaged chunk"), "{told:?}");
+    assert!(reported.len() == 1 && reported[0].contains("damaged chunk"), "{reported:?}");
 }
 
 /// A recorder that is at work: what it adds is read, and a half-written record waits until it is whole.
@@ -293,8 +293,11 @@ fn a_torn_chunk_that_claims_too_little_gives_what_it_claims() {
     for claimed in (0..word(size)).step_by(97) {
         let mut bytes = whole[..torn].to_vec();
         bytes[size..size + 8].copy_from_slice(&(claimed as u64).to_le_bytes());
-        let (found, told) = messages(&bytes);
-        assert!(found.len() <= all && told.iter().any(|t| t.contains("cut off")), "{claimed}: {told:?}");
+        let (found, reported) = messages(&bytes);
+        assert!(
+            found.len() <= all && reported.iter().any(|t| t.contains("cut off")),
+            "{claimed}: {reported:?}"
+        );
         least = least.min(found.len());
     }
     assert!(0 < all && least == 0, "{least} of {all}");
@@ -303,7 +306,7 @@ fn a_torn_chunk_that_claims_too_little_gives_what_it_claims() {
 fn look(message: &Message) {
     if let (Some(kind), Ok(decoder)) = (Kind::of(&message.channel.kind), decoder(&message.channel))
         && let Ok(value) = decoder.read(&message.data)
-        && let Ok(Sight::Image(image)) = sight(kind, &value)
+        && let Ok(MessageContent::Image(image)) = decode_content(kind, &value)
     {
         assert_eq!(image.data.len(), image.width_px as usize * image.height_px as usize);
     }

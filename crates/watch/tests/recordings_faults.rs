@@ -120,16 +120,16 @@ fn a_chunk_that_never_got_its_length_is_saved() {
     assert_eq!(n, 3, "{cut}");
     assert!(cut.contains("cut off") && cut.contains("1 whole messages of it"), "{cut}");
     let mut source = McapTopic::open(&path, None).unwrap().as_it_is();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     loop {
         match source.next(PATIENCE) {
-            source::Next::Frame(frame) => told.push(frame.name),
-            source::Next::Lost(reason) => told.push(reason.to_string()),
+            source::Next::Frame(frame) => reported.push(frame.name),
+            source::Next::Lost(reason) => reported.push(reason.to_string()),
             source::Next::End => break,
             source::Next::Nothing => {}
         }
     }
-    assert!(told.len() == 4 && told[3].contains("cut off"), "{told:?}");
+    assert!(reported.len() == 4 && reported[3].contains("cut off"), "{reported:?}");
 }
 
 /// Sizes that are not there yet let nothing through that is larger than what is read otherwise.
@@ -163,7 +163,7 @@ fn info(extra: &str) -> String {
     )
 }
 
-/// P of a part of the picture, or of a binned one, belongs to other pixels than those that come.
+/// P of a part of the image, or of a binned one, belongs to other pixels than those that come.
 #[test]
 fn rectified_pictures_are_whole_ones() {
     let path = path("crops.mcap");
@@ -184,13 +184,13 @@ fn rectified_pictures_are_whole_ones() {
     assert_eq!(whole.matrix().unwrap().cx_px, 160.5);
     for (topic, word) in [("/binned", "binning_x: is 2"), ("/part", "roi: is a part of the image")] {
         for name in [topic.to_string(), format!("{topic}/rectified")] {
-            let told = read(&name).unwrap_err().to_string();
-            assert!(told.contains(word), "{name}: {told}");
+            let reported = read(&name).unwrap_err().to_string();
+            assert!(reported.contains(word), "{name}: {reported}");
         }
     }
 }
 
-/// What one topic lacks is told when it is asked for; the others are read.
+/// What one topic lacks is reported when it is asked for; the others are read.
 #[test]
 fn a_camera_that_cannot_be_read_does_not_harm_the_others() {
     let path = path("one_bad.mcap");
@@ -210,8 +210,8 @@ fn a_camera_that_cannot_be_read_does_not_harm_the_others() {
         ("#/strange", "/strange: messages are encoded as `protobuf`"),
         ("#/text", "/text: the message has no fields"),
     ] {
-        let told = read(topic).unwrap_err().to_string();
-        assert!(told.contains(word), "{topic}: {told}");
+        let reported = read(topic).unwrap_err().to_string();
+        assert!(reported.contains(word), "{topic}: {reported}");
     }
 }
 

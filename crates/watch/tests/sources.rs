@@ -1,6 +1,6 @@
 //! Sources of frames: folders that fill up, lists, lines of text.
 
-use resight_watch::source::pictures::{Clock, Folder, Pictures};
+use resight_watch::source::pictures::{Clock, Folder, ImageFiles};
 use resight_watch::source::{Content, Frame, Next, Source, lines};
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -43,18 +43,18 @@ fn a_folder_gives_what_appears_in_it_by_name_and_only_once() {
     assert!(first[0].name.ends_with("a.PNG") && first[1].name.ends_with("b.png"));
     assert_eq!(first.map(|frame| frame.capture_s), [0.0, 2.0]);
     assert!(matches!(source.next(SOON), Next::Nothing));
-    std::fs::write(path.join("d.png"), b"half a picture").expect("written");
+    std::fs::write(path.join("d.png"), b"half an image").expect("written");
     let torn = frame(&mut source);
     assert!(matches!(&torn.content, Content::Unreadable(reason) if reason.contains("d.png")), "{torn:?}");
     std::fs::copy(picture(), path.join("e.png")).expect("copied");
     assert!(matches!(frame(&mut source).content, Content::Image(_)));
 }
 
-/// The first half of a picture, and the rest when the uplink rests for longer than a writer does.
+/// The first half of an image, and the rest when the uplink rests for longer than a writer does.
 #[test]
 fn a_slow_upload_is_read_when_it_is_whole() {
     let path = folder("slow");
-    let whole = std::fs::read(picture()).expect("a picture");
+    let whole = std::fs::read(picture()).expect("an image");
     let slow = path.join("a.png");
     std::fs::write(&slow, &whole[..whole.len() / 2]).expect("written");
     let mut source = Folder::open(&path, Clock::Every(1.0)).expect("a folder").as_it_is();
@@ -72,19 +72,19 @@ fn a_slow_upload_is_read_when_it_is_whole() {
 #[test]
 fn a_torn_picture_that_grows_after_all_is_read() {
     let path = folder("torn");
-    let whole = std::fs::read(picture()).expect("a picture");
+    let whole = std::fs::read(picture()).expect("an image");
     let torn = path.join("a.png");
     std::fs::write(&torn, &whole[..whole.len() / 2]).expect("written");
     let mut source = Folder::open(&path, Clock::Every(1.0)).expect("a folder");
     assert!(matches!(frame(&mut source).content, Content::Unreadable(_)));
     for _ in 0..20 {
-        assert!(matches!(source.next(SOON), Next::Nothing), "it is told once");
+        assert!(matches!(source.next(SOON), Next::Nothing), "it is reported once");
     }
     std::fs::write(&torn, &whole).expect("written");
     assert!(matches!(frame(&mut source).content, Content::Image(_)));
 }
 
-/// A ring of few names, the oldest deleted: a name that comes again is a new picture, and nothing is kept of what is gone.
+/// A ring of few names, the oldest deleted: a name that comes again is a new image, and nothing is kept of what is gone.
 #[test]
 fn a_name_that_comes_again_is_a_new_picture() {
     let path = folder("ring");
@@ -113,7 +113,7 @@ fn a_folder_that_goes_away_is_lost_and_may_come_back() {
 
 #[test]
 fn a_list_ends() {
-    let mut source = Pictures::new([picture()], Clock::Every(1.0));
+    let mut source = ImageFiles::new([picture()], Clock::Every(1.0));
     assert!(matches!(frame(&mut source).content, Content::Image(_)));
     assert!(matches!(source.next(SOON), Next::End));
     assert!(!source.is_live());
@@ -149,12 +149,12 @@ no JSON
 {"camera": "c", "t_s": 7.0, "detections": []}
 "#;
     let mut sources = lines::sources(Cursor::new(text), &["a".to_string(), "b".to_string()]);
-    let mut told = |camera: usize, n: usize| {
+    let mut reported = |camera: usize, n: usize| {
         (0..n).map(|_| frame(&mut sources[camera])).map(|f| (f.name, f.capture_s)).collect::<Vec<_>>()
     };
     let line = |number: u32, t_s: f64| (format!("line {number}"), t_s);
-    assert_eq!(told(0, 3), [line(1, 5.0), line(4, 5.0), line(5, 5.0)]);
-    assert_eq!(told(1, 2), [line(2, 90000.0), line(3, 90000.0)]);
+    assert_eq!(reported(0, 3), [line(1, 5.0), line(4, 5.0), line(5, 5.0)]);
+    assert_eq!(reported(1, 2), [line(2, 90000.0), line(3, 90000.0)]);
 }
 
 /// A line without end, as of a front end that runs wild, 64 MB of it: it is passed over, and the next is read.

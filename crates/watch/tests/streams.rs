@@ -26,7 +26,7 @@ fn has_ffmpeg() -> bool {
     found
 }
 
-/// Ten frames a second of a picture that moves.
+/// Ten frames a second of an image that moves.
 fn film(name: &str, size: &str, frames: u32, how: &[&str]) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("streams");
     std::fs::create_dir_all(&folder).expect("a folder");
@@ -155,8 +155,8 @@ fn frames_that_are_too_large_are_the_reason() {
 /// How many frames ffmpeg itself complains of.
 fn complaints(film: &Path) -> usize {
     let arguments = ["-v", "repeat+warning", "-f", "null", "-"];
-    let told = Command::new("ffmpeg").arg("-i").arg(film).args(arguments).output().expect("ffmpeg");
-    String::from_utf8_lossy(&told.stderr).matches("corrupt decoded frame").count()
+    let reported = Command::new("ffmpeg").arg("-i").arg(film).args(arguments).output().expect("ffmpeg");
+    String::from_utf8_lossy(&reported.stderr).matches("corrupt decoded frame").count()
 }
 
 /// Every seventh frame lacks a packet, and each stands for itself. ffmpeg notices most of these; each complaint finds its frame, and none

@@ -52,7 +52,7 @@ pub enum Object {
 
 /// Why an object of unknown class was left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Doubt {
+pub enum UnknownReason {
     /// No circle, ellipse or rectangle explains the contacts.
     NoShapeFits {
         /// Of the best.
@@ -124,7 +124,7 @@ pub struct Calibrated {
     /// Covariance of its free parameters: shift x, shift y, turn (not of a circle), sizes; m, rad.
     pub object_covariance: DMatrix<f64>,
     /// Why an object of unknown class was left out; none where it was not.
-    pub doubt: Option<Doubt>,
+    pub unknown_reason: Option<UnknownReason>,
     /// Squared misfit of the samples, in the noise stated.
     pub chi2: f64,
     /// Its degrees of freedom.
@@ -174,7 +174,10 @@ pub fn calibrate(
     if *object == Object::Unclassified {
         return Ok(match classes::classified(&job, &before) {
             Ok(best) => job.answer(best.outcome, &best.object, Some(&best.outline)),
-            Err(doubt) => Calibrated { doubt: Some(doubt), ..job.answer(before, &Object::Unknown, None) },
+            Err(unknown_reason) => Calibrated {
+                unknown_reason: Some(unknown_reason),
+                ..job.answer(before, &Object::Unknown, None)
+            },
         });
     }
     let Some(outline) = Outline::of(object) else { return Ok(job.answer(before, object, None)) };

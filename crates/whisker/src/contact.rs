@@ -46,7 +46,7 @@ pub type ByLoad = SMatrix<f64, 5, 3>;
 /// Derivatives of `[x, y, θ, s, friction angle]` by `[ln EI, κ₀, clamp angle]` (1, 1/m, rad).
 ///
 /// ln EI: a common factor on the stiffness of the whole rod (divide by EI for ∂/∂EI). κ₀: curvature added everywhere. Clamp
-/// angle: the clamped whisker turned counter-clockwise within the frame of the load cell, in which load and contact are then given.
+/// angle: the clamped whisker rotated counter-clockwise within the frame of the load cell, in which load and contact are then given.
 pub type ByRod = SMatrix<f64, 5, 3>;
 
 /// How many later zeros of the moment are listed.

@@ -82,13 +82,13 @@ pub enum Error {
     },
     /// A polygon is not convex, or its corners run clockwise.
     #[error(
-        "corner {corner} of the polygon turns by {turn_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
+        "corner {corner} of the polygon turns by {rotation_rad:.3e} rad; name the corners of a convex polygon counter-clockwise, none twice and none on a straight line"
     )]
     NotConvex {
         /// Which corner, from 0.
         corner: usize,
         /// By how much the outline turns left there, radians.
-        turn_rad: f64,
+        rotation_rad: f64,
     },
     /// The whisker cuts through the object before anything has moved.
     #[error("the unloaded whisker cuts the object at the first pose; start the path where it is free")]

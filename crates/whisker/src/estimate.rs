@@ -85,7 +85,7 @@ impl Contact {
         let (hub, force) = (&sample.world_from_hub, sample.load.force_n().norm());
         let turn = world_from_hub_axes(hub);
         // Turning or shifting the hub moves the contact: by [x, y, angle] of the hub.
-        let arm = hub.turn(at.x_in_hub);
+        let arm = hub.rotate(at.x_in_hub);
         let by_hub = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
         Contact {
             x_in_world: hub.apply(at.x_in_hub),

@@ -1,4 +1,4 @@
-//! What happens along a sweep: touch, release, slip-off (found, and foreseen), what kind of outline is touched, whether the record
+//! What happens along a sweep: touch, release, slip-off (found, and predicted), what kind of outline is touched, whether the record
 //! agrees with itself.
 
 pub mod touch;
@@ -10,6 +10,6 @@ pub mod timeline;
 
 pub use consistency::{Consistency, Fault, Suspicion, consistency};
 pub use outline::{Label, LocalOutline};
-pub use slip::{End, Ending, Foresight, foresee};
+pub use slip::{End, Ending, Prediction, predict};
 pub use timeline::{Event, EventKind, events, has_several_contacts, labels};
 pub use touch::{Change, TouchDetector};

@@ -117,7 +117,7 @@ fn contact_of(rod: &Rod, cell: &Cell, sample: &Sample, method: Method, projectio
     let in_hub = by_load * covariance * by_load.transpose();
     let contact = Contact::in_world(&moved, &cell.hub_covariance(), at, &in_hub);
     let bent = bend(rod, projection, method).map_or(Matrix3::zeros(), |bend| {
-        let turned = hub.turn(bend.fixed_rows::<2>(0).into_owned());
+        let turned = hub.rotate(bend.fixed_rows::<2>(0).into_owned());
         let bend = Vector3::new(turned.x, turned.y, bend.z);
         bend * bend.transpose() * 0.75
     });

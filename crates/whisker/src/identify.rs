@@ -58,7 +58,7 @@ pub struct Score {
     /// Sum over the contacts of the squared distance to the outline in standard deviations, each bounded as an outlier's is.
     pub chi2: f64,
     /// The same over the contacts that are no outliers to it, by degree of freedom.
-    pub chi2_per_dof: f64,
+    pub chi2_per_degree_of_freedom: f64,
     /// Contacts that are outliers to it.
     pub n_outliers: usize,
     /// Bayesian information criterion: chi2, divided by the excess noise, + n_parameters · ln(contacts). Lower is better; a
@@ -120,7 +120,7 @@ pub struct Coverage {
     pub normals_range_rad: Option<[f64; 2]>,
     /// Arcs inside that range without a contact, wider than [`Config::gap_rad`].
     pub gaps_rad: Vec<[f64; 2]>,
-    /// Corners that the whisker turned about, world, metres; of the answer, or of the best polygon where there is none.
+    /// Corners that the whisker rotated about, world, metres; of the answer, or of the best polygon where there is none.
     pub corners_seen: Vec<Vector2<f64>>,
     /// Faces the whisker lay on; of the same polygon.
     pub faces_seen: usize,
@@ -156,7 +156,7 @@ pub enum Reason {
         /// The better one.
         best: Model,
         /// The other one.
-        rival: Model,
+        alternative: Model,
         /// How much worse the other one is.
         delta_bic: f64,
         /// How much worse it would have to be.
@@ -183,7 +183,7 @@ pub enum Reason {
     /// No hypothesis explains the contacts.
     NothingFits {
         /// χ² per degree of freedom of the best.
-        chi2_per_dof: f64,
+        chi2_per_degree_of_freedom: f64,
         /// Share of contacts that are outliers to it.
         outlier_share: f64,
     },
@@ -209,7 +209,7 @@ pub struct Identification {
     /// What was touched.
     pub coverage: Coverage,
     /// χ² per degree of freedom of the best hypothesis.
-    pub chi2_per_dof: f64,
+    pub chi2_per_degree_of_freedom: f64,
     /// Whether the best hypothesis explains the contacts.
     pub fits: bool,
     /// What became of each touch, in the order given.
@@ -236,7 +236,7 @@ pub struct Config {
     /// A polygon is closed only where normals over at least this arc were seen, radians.
     pub polygon_arc_rad: f64,
     /// A model fits where χ² per degree of freedom is at most this.
-    pub fits_chi2_per_dof: f64,
+    pub fits_chi2_per_degree_of_freedom: f64,
     /// A model fits where at most this share of the contacts are outliers to it.
     pub fits_outlier_share: f64,
 }
@@ -252,13 +252,13 @@ impl Default for Config {
             along_sigma_limit_m: 0.02,
             gap_rad: 10_f64.to_radians(),
             polygon_arc_rad: 150_f64.to_radians(),
-            fits_chi2_per_dof: 2.5,
+            fits_chi2_per_degree_of_freedom: 2.5,
             fits_outlier_share: 0.2,
         }
     }
 }
 
-/// The simplest object that explains the touches, or why none is told.
+/// The simplest object that explains the touches, or why none is reported.
 ///
 /// Fails only on a configuration that asks for nothing; touches of any kind and number have an answer.
 pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Error> {
@@ -280,7 +280,7 @@ pub fn identify(touches: &[Touch], config: &Config) -> Result<Identification, Er
     }
     let candidates = Candidates::of(&evidence, config);
     if candidates.list.is_empty() {
-        let reason = Reason::NothingFits { chi2_per_dof: f64::INFINITY, outlier_share: 1.0 };
+        let reason = Reason::NothingFits { chi2_per_degree_of_freedom: f64::INFINITY, outlier_share: 1.0 };
         return Ok(nothing(&evidence, reason, uses, config));
     }
     let decided = decide::decide(&evidence, &candidates, config);
@@ -323,7 +323,7 @@ fn nothing(evidence: &Evidence, reason: Reason, uses: Vec<Use>, config: &Config)
         covariance: DMatrix::zeros(0, 0),
         scores: Vec::new(),
         coverage,
-        chi2_per_dof: 0.0,
+        chi2_per_degree_of_freedom: 0.0,
         fits: false,
         uses,
     }
@@ -361,7 +361,7 @@ fn answer(
         covariance,
         scores: candidates.list.iter().map(|candidate| candidate.score.clone()).collect(),
         coverage,
-        chi2_per_dof: chosen.score.chi2_per_dof,
+        chi2_per_degree_of_freedom: chosen.score.chi2_per_degree_of_freedom,
         fits: decide::fits(chosen, evidence.rows.len(), config).is_ok(),
         uses: std::mem::take(uses),
     }

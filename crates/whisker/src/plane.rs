@@ -16,25 +16,25 @@ pub struct PlanarPose {
 
 impl PlanarPose {
     /// A vector of the hub frame in world axes (a force, a direction).
-    pub fn turn(&self, in_hub: Vector2<f64>) -> Vector2<f64> {
+    pub fn rotate(&self, in_hub: Vector2<f64>) -> Vector2<f64> {
         let (sin, cos) = self.angle_rad.sin_cos();
         Vector2::new(cos * in_hub.x - sin * in_hub.y, sin * in_hub.x + cos * in_hub.y)
     }
 
     /// A vector of the world in hub axes.
-    pub fn turn_back(&self, in_world: Vector2<f64>) -> Vector2<f64> {
+    pub fn rotate_back(&self, in_world: Vector2<f64>) -> Vector2<f64> {
         let (sin, cos) = self.angle_rad.sin_cos();
         Vector2::new(cos * in_world.x + sin * in_world.y, -sin * in_world.x + cos * in_world.y)
     }
 
     /// A point of the hub frame in the world, metres.
     pub fn apply(&self, x_in_hub: Vector2<f64>) -> Vector2<f64> {
-        self.turn(x_in_hub) + Vector2::new(self.x_m, self.y_m)
+        self.rotate(x_in_hub) + Vector2::new(self.x_m, self.y_m)
     }
 
     /// A point of the world in the hub frame, metres.
     pub fn apply_inverse(&self, x_in_world: Vector2<f64>) -> Vector2<f64> {
-        self.turn_back(x_in_world - Vector2::new(self.x_m, self.y_m))
+        self.rotate_back(x_in_world - Vector2::new(self.x_m, self.y_m))
     }
 
     /// The same motion of space, z out of the plane.

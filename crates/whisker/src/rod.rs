@@ -52,7 +52,7 @@ pub(crate) const THICKEST_SHARE: f64 = 0.2;
 const EI_N_M2: [f64; 2] = [1e-20, 1e8];
 /// Softest over stiffest part: a tip of a thousandth of the diameter at the clamp.
 const LEAST_EI_RATIO: f64 = 1e-12;
-/// Most of a turn that an unloaded whisker is curled up by, radians: two whole turns.
+/// Most of a rotation that an unloaded whisker is curled up by, radians: two whole turns.
 const MOST_TURN_RAD: f64 = 4.0 * std::f64::consts::PI;
 
 /// A whisker.

@@ -282,7 +282,7 @@ fn clip(functions: impl Iterator<Item = (f64, f64)>) -> bool {
     enter < leave
 }
 
-/// Every corner turns left, and all together by one turn.
+/// Every corner turns left, and all together by one rotation.
 fn check_corners(corners: &[Vector2<f64>]) -> Result<(), Error> {
     if !corners.iter().all(|c| c.x.is_finite() && c.y.is_finite()) {
         return Err(Error::NotFinite { what: "a corner of the polygon" });
@@ -295,14 +295,14 @@ fn check_corners(corners: &[Vector2<f64>]) -> Result<(), Error> {
     let mut total = 0.0;
     for (i, edge) in edges.iter().enumerate() {
         let before = edges[(i + edges.len() - 1) % edges.len()];
-        let turn_rad = before.perp(edge).atan2(before.dot(edge));
+        let rotation_rad = before.perp(edge).atan2(before.dot(edge));
         // Below 1e-9 rad a corner is none, and its two faces one.
-        if !(1e-9 < turn_rad) {
-            return Err(Error::NotConvex { corner: i, turn_rad });
+        if !(1e-9 < rotation_rad) {
+            return Err(Error::NotConvex { corner: i, rotation_rad });
         }
-        total += turn_rad;
+        total += rotation_rad;
     }
-    if PI < (total - TAU).abs() { Err(Error::NotConvex { corner: 0, turn_rad: total }) } else { Ok(()) }
+    if PI < (total - TAU).abs() { Err(Error::NotConvex { corner: 0, rotation_rad: total }) } else { Ok(()) }
 }
 
 fn positive(what: &'static str, seen: f64) -> Result<(), Error> {

@@ -180,7 +180,7 @@ fn reading(follower: &Follower, sweep: u32, sample: u32) -> Simulated {
 /// The load at the hub and the contact behind it.
 fn felt(rod: &Rod, outline: &Outline, state: &State, hub: &PlanarPose) -> (HubLoad, Option<TruthContact>) {
     let truth = state.truth(rod, outline);
-    let in_hub = hub.turn_back(truth.force_in_world_n);
+    let in_hub = hub.rotate_back(truth.force_in_world_n);
     let arm = truth.x_in_world - Vector2::new(hub.x_m, hub.y_m);
     let mz_n_m = arm.perp(&truth.force_in_world_n);
     (HubLoad { fx_n: in_hub.x, fy_n: in_hub.y, mz_n_m }, Some(truth))

@@ -159,10 +159,10 @@ fn reduction(
     // Half a turn of the plane mirrors the load: of the two the one whose moment is positive.
     let side = if at[2] < 0.0 { -1.0 } else { 1.0 };
     let mirror = Matrix4::from_diagonal(&Vector4::new(1.0, side, side, 1.0));
-    let half_turn = if side < 0.0 { std::f64::consts::PI } else { 0.0 };
+    let half_rotation = if side < 0.0 { std::f64::consts::PI } else { 0.0 };
     Reduction {
         load: HubLoad { fx_n: at[0], fy_n: side * at[1], mz_n_m: side * at[2] },
-        roll_rad: (at[3] + half_turn).sin().atan2((at[3] + half_turn).cos()),
+        roll_rad: (at[3] + half_rotation).sin().atan2((at[3] + half_rotation).cos()),
         covariance: mirror * covariance * mirror,
         chi2,
         p_value: (-0.5 * chi2).exp(),

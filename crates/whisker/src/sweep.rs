@@ -23,7 +23,7 @@ use batch::{Prior, Smoothed};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3};
 use node::{Instrument, Linear, Node, Role, direction, left_of};
 use record::{Chained, Run};
-use tip::Doubt;
+use tip::Undecided;
 
 /// Standard deviation of the friction angle where nothing is known of it, radians: half of all pairings lie below 0.35.
 const UNKNOWN_FRICTION_RAD: f64 = 0.5;
@@ -96,7 +96,7 @@ pub struct Sweep {
     pub degrees_of_freedom: usize,
     /// Whether all this can be: the sum of squares chance, jumps true leaps and at most one per run of contacts, friction not negative. If not,
     /// no estimate has the status ok: stiffness, gains or zero are wrong. (A hub off by a fixed offset or angle moves the whole
-    /// outline and cannot be told here.)
+    /// outline and cannot be reported here.)
     pub consistent: bool,
     /// Samples in contact.
     pub contacts: usize,
@@ -104,7 +104,7 @@ pub struct Sweep {
     pub iterations: usize,
 }
 
-/// Smooths a whole record, one or several sweeps told apart by `sweep`; one coefficient of friction for all of it.
+/// Smooths a whole record, one or several sweeps distinguished by `sweep`; one coefficient of friction for all of it.
 /// Errors: a rod that is none, a load cell without noise, a negative μ. Rows that are no numbers get the status
 /// `inconsistent`, rows without load `no_contact`.
 pub fn smooth(rod: &Rod, cell: &Cell, samples: &[Sample], options: &Options) -> Result<Sweep, Error> {
@@ -220,13 +220,13 @@ fn answers(
     for seen in runs.iter().flatten() {
         estimates[seen.row].status = Status::NoZero;
     }
-    let doubts = if smoothed.linear.is_empty() { Vec::new() } else { tip::doubts(problem, smoothed) };
+    let undecided = if smoothed.linear.is_empty() { Vec::new() } else { tip::undecided(problem, smoothed) };
     for (i, linear) in smoothed.linear.iter().enumerate() {
         if let Some((run, index)) = chained.place[i] {
             let seen = &runs[run][index];
             let covariance = &smoothed.solution.covariances[i];
             let (node, state) = (&problem.nodes[i], &problem.states[i]);
-            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &doubts[i]);
+            estimates[seen.row] = doubted(estimate(with, node, state, linear, covariance), &undecided[i]);
         }
     }
     estimates
@@ -276,12 +276,12 @@ pub(crate) fn estimate(
 }
 
 /// Widened by what the borders between mid-whisker and tip leave undecided.
-fn doubted(mut estimate: ContactEstimate, doubt: &Doubt) -> ContactEstimate {
-    estimate.mode_probability = doubt.probability;
+fn doubted(mut estimate: ContactEstimate, undecided_node: &Undecided) -> ContactEstimate {
+    estimate.mode_probability = undecided_node.probability;
     if let Some(contact) = &mut estimate.contact {
-        contact.covariance += doubt.spread;
+        contact.covariance += undecided_node.spread;
         let along = direction(contact.theta_rad).push(0.0);
-        contact.s_sigma_m = contact.s_sigma_m.hypot(doubt.along(&along).max(0.0).sqrt());
+        contact.s_sigma_m = contact.s_sigma_m.hypot(undecided_node.along(&along).max(0.0).sqrt());
     }
     estimate
 }

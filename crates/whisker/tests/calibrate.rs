@@ -5,8 +5,8 @@
 use crate::calibrate_support::*;
 use nalgebra::{Vector2, Vector3};
 use resight_whisker::calibrate::{
-    Calibration, Covariance, Doubt, Gravity, Object, Options, Parameter, Priors, Role, Values, calibrate,
-    tare, unit_weight,
+    Calibration, Covariance, Gravity, Object, Options, Parameter, Priors, Role, UnknownReason, Values,
+    calibrate, tare, unit_weight,
 };
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Mode;
@@ -49,17 +49,22 @@ fn parameters_scatter_as_their_covariance_says() {
         let record = ideal(&rod, &shape, mu);
         let mut truth = wrong();
         truth[Parameter::FrictionAngle.index()] = mu.atan();
-        let (mut sum, mut count, mut chi2, mut dof) = (0.0, 0.0, 0.0, 0.0);
+        let (mut sum, mut count, mut chi2, mut degrees_of_freedom) = (0.0, 0.0, 0.0, 0.0);
         for seed in 1..=20 {
             let samples = read(&truth, &record.samples, &cell, seed);
             let found = calibrate(&rod, &cell, &samples, &object, &options).expect("a calibration");
             let (nees, k) = nees(&found, &truth, &free_but(&found.priors, without));
             (sum, count) = (sum + nees, count + k);
-            (chi2, dof) = (chi2 + found.chi2, dof + found.degrees_of_freedom as f64);
+            (chi2, degrees_of_freedom) =
+                (chi2 + found.chi2, degrees_of_freedom + found.degrees_of_freedom as f64);
         }
-        println!("{object:?}: NEES per parameter {:.3}, chi2 per dof {:.4}", sum / count, chi2 / dof);
+        println!(
+            "{object:?}: NEES per parameter {:.3}, chi2 per dof {:.4}",
+            sum / count,
+            chi2 / degrees_of_freedom
+        );
         assert!((sum / count - 1.0).abs() < 4.0 * (2.0 / count).sqrt(), "NEES {:.3}", sum / count);
-        assert!((chi2 / dof - 1.0).abs() < 0.03, "chi2 {:.4}", chi2 / dof);
+        assert!((chi2 / degrees_of_freedom - 1.0).abs() < 0.03, "chi2 {:.4}", chi2 / degrees_of_freedom);
     }
 }
 
@@ -153,7 +158,7 @@ fn contacts_move_with_parameters_as_differences_say() {
             let alone = Calibration { values, covariance, ..Calibration::ideal(&rod) };
             let seen = alone.systematic_covariance(&cell, &sample, mode).expect("a contact");
             let expected = slope * slope.transpose();
-            // The cell's own turn is left out of the noise that the projection weighs by: 1e-3 of what the constraint moves.
+            // The cell's own rotation is left out of the noise that the projection weighs by: 1e-3 of what the constraint moves.
             let error = (seen - expected).norm();
             assert!(error < 5e-3 * expected.norm() + 1e-9, "{mode:?} {parameter:?}: {seen} {expected}");
         }
@@ -210,8 +215,8 @@ fn a_wrong_object_is_inconsistent() {
     let record = ideal(&rod, &circle(), 0.0);
     let samples = read(&wrong(), &record.samples, &cell, 5);
     let options = Options::of_a_new_rig(&cell);
-    for told in [Shape::Circle { centre_m: Vector2::new(0.0, 0.16), radius_m: 0.026 }, square(0.0)] {
-        let found = calibrate(&rod, &cell, &samples, &Object::Known(told), &options).expect("an answer");
+    for reported in [Shape::Circle { centre_m: Vector2::new(0.0, 0.16), radius_m: 0.026 }, square(0.0)] {
+        let found = calibrate(&rod, &cell, &samples, &Object::Known(reported), &options).expect("an answer");
         println!("p {:.1e}, {:?}", found.p_value, found.counts());
         assert!(!found.is_consistent);
     }
@@ -228,7 +233,7 @@ fn two_objects_are_not_taken_for_one() {
     let samples = read(&wrong(), &samples, &cell, 5);
     let found = calibrate(&rod, &cell, &samples, &Object::Unclassified, &Options::of_a_new_rig(&cell))
         .expect("a rig");
-    assert!(matches!(found.doubt, Some(Doubt::NoShapeFits { .. })), "{:?}", found.object);
+    assert!(matches!(found.unknown_reason, Some(UnknownReason::NoShapeFits { .. })), "{:?}", found.object);
     assert!(found.object.is_none() && found.is_consistent);
     assert!(HUB.iter().all(|p| found.calibration.sigma(*p) == found.priors.sigma(*p)));
 }
@@ -263,7 +268,7 @@ fn further_parameters_are_found_where_asked_for() {
 
 /// The weight of the whisker, from free air at several hub angles, by tare and by calibration.
 #[test]
-fn weight_is_told_from_zeros_where_the_hub_turns() {
+fn weight_is_reported_from_zeros_where_the_hub_turns() {
     let cell = cell();
     let gravity = Gravity { direction_rad: -std::f64::consts::FRAC_PI_2, lever_m: 0.125 };
     let free: Vec<Sample> = (0..200)

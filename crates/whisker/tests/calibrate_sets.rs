@@ -93,7 +93,7 @@ fn a_known_object_puts_every_recorded_set_right() {
     }
 }
 
-/// With an object of which nothing is told but that it is one: the same, without the hub's place, which stays open.
+/// With an object of which nothing is reported but that it is one: the same, without the hub's place, which stays open.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn an_object_of_unknown_class_does_so_but_for_the_hubs_place() {
@@ -106,7 +106,7 @@ fn an_object_of_unknown_class_does_so_but_for_the_hubs_place() {
         let after = contact_nees(&found.calibration, &set.cell, &samples, &contacts(set), true);
         println!("    NEES {squared:.1} of {k}; contacts {after:.2} calibrated; {:?}", found.object);
         // χ² of 8 exceeds 26.1 once in a thousand. All contacts share the hub's offset, half a prior σ: below 2.
-        assert!(found.is_consistent && found.doubt.is_none() && squared < 26.1 && after < 2.0);
+        assert!(found.is_consistent && found.unknown_reason.is_none() && squared < 26.1 && after < 2.0);
         assert!((c_mu(&found) - truth[Parameter::FrictionAngle.index()].tan()).abs() < 0.002);
         if set.name != "f6_slipoff_peg" {
             assert!((found.calibration.value(Parameter::Stiffness)).abs() < 1e-3, "{}", set.name);

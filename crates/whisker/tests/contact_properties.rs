@@ -252,7 +252,7 @@ fn a_free_whisker_is_drawn_in_its_natural_shape() {
     // An arc of radius 1/κ₀.
     let arc = shape_in_hub(&rod(4.0), &HubLoad::default(), Method::Auto, 50);
     assert!((arc[49] - Vector2::new(1.0_f64.sin(), 1.0 - 1.0_f64.cos()) / 4.0).norm() < 1e-9);
-    // Beyond the contact a bent straight rod goes on straight.
+    // Beyond the contact a bent straight rod continues straight.
     let bent = shape_in_hub(&rod(0.0), &load(-0.01, 0.5, 0.04), Method::Auto, 101);
     let (a, b, c) = (bent[80], bent[90], bent[100]);
     assert!(((b - a) - (c - b)).norm() < 1e-12 && 0.01 < bent[100].y.abs());

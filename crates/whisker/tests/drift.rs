@@ -64,7 +64,7 @@ fn false_alarms_of_the_monitor_are_as_stated() {
                     Watch::Filling => {}
                     Watch::Steady(_) => windows += 1,
                     Watch::Drifted(_) => (windows, alarms) = (windows + 1, alarms + 1),
-                    Watch::Unseen { .. } => panic!("contacts and free air are in every window"),
+                    Watch::Stale { .. } => panic!("contacts and free air are in every window"),
                 }
             }
         }
@@ -131,7 +131,7 @@ fn what_may_change_raises_no_alarm_and_blindness_is_not_steadiness() {
         ..Sample::default()
     };
     let last = (0..40).map(|_| monitor.push(&nonsense)).last();
-    assert_eq!(last, Some(Watch::Unseen { seen: 0, needed: 20 }));
+    assert_eq!(last, Some(Watch::Stale { seen: 0, needed: 20 }));
     let short = DriftMonitor::new(&reference, &cell, &DriftOptions { window: 3, ..options });
     assert!(matches!(short, Err(Error::TooFew { seen: 3, .. })));
 }

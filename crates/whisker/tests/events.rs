@@ -1,4 +1,4 @@
-//! Touch, slip-off found and foreseen, labels, self-consistency: on the records, where RESIGHT_DATA names them, and on loads made here.
+//! Touch, slip-off found and predicted, labels, self-consistency: on the records, where RESIGHT_DATA names them, and on loads made here.
 
 use crate::noise::Chance;
 use crate::real_support::{SETS, Set, sets};
@@ -7,9 +7,9 @@ use nalgebra::Vector2;
 use resight_core::statistics::SplitMix64;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Status;
-use resight_whisker::events::consistency::{mark, widen};
+use resight_whisker::events::consistency::{flag, widen};
 use resight_whisker::events::{
-    Change, EventKind, Fault, Label, TouchDetector, consistency, events, foresee, labels,
+    Change, EventKind, Fault, Label, TouchDetector, consistency, events, labels, predict,
 };
 use resight_whisker::friction::{Mu, Record, solve_record};
 use resight_whisker::{Cell, HubLoad, Sample};
@@ -132,15 +132,15 @@ fn slip_off_is_foreseen() {
                 let at = |i: usize| samples[i].t_s.expect("a time");
                 let truth = (t_off_s - at(now)) / (at(1) - at(0));
                 let (seen, estimates) = (&samples[..=now], &record.estimates[..=now]);
-                let ahead = foresee(&set.rod, &set.cell, seen, estimates, record.friction, Method::Auto);
+                let ahead = predict(&set.rod, &set.cell, seen, estimates, record.friction, Method::Auto);
                 let ending = ahead.and_then(|ahead| ahead.ending).expect("an end");
                 let (steps, sigma) = (ending.steps, ending.steps_sigma);
                 println!(
-                    "{} sweep {sweep} at {share}: {truth:.2} steps, foreseen {steps:.2} ± {sigma:.2}",
+                    "{} sweep {sweep} at {share}: {truth:.2} steps, predicted {steps:.2} ± {sigma:.2}",
                     set.name
                 );
                 assert!((steps - truth).abs() < 1.0 + 3.0 * sigma, "{} {sweep} {share}", set.name);
-                // Foreseen means: not merely excused by a sigma of its own length.
+                // Predicted means: not merely excused by a sigma of its own length.
                 assert!(sigma < 0.6 * truth + 3.0, "{} {sweep} {share}", set.name);
             }
         }
@@ -171,7 +171,7 @@ fn labels_of_the_records() {
         );
         // The peg is 3 mm round: near a corner for contacts that err by a millimetre.
         let is_peg = set.name == SETS[5];
-        // Three sigmas of radius: at most one in a hundred is wrong, and three in five corners are told.
+        // Three sigmas of radius: at most one in a hundred is wrong, and three in five corners are reported.
         let corners = set.truth.iter().filter(|truth| truth.mode.starts_with("corner")).count();
         assert!(100 * count("corner", tangent) <= corners, "{}", set.name);
         assert!(5 * count("corner", corner) >= 3 * corners, "{}", set.name);
@@ -217,7 +217,7 @@ fn faults_are_found_or_carried() {
             let verdict = consistency(&set.rod, &set.cell, &samples, &record, true, Method::Auto)
                 .expect("enough contacts");
             let (before, _) = nees(set, &record);
-            mark(&set.rod, &set.cell, &samples, &mut record, &verdict, Mu::Auto, Method::Auto);
+            flag(&set.rod, &set.cell, &samples, &mut record, &verdict, Mu::Auto, Method::Auto);
             let (marked, left) = nees(set, &record);
             let tolerances = Fault::ALL.map(|fault| fault.tolerance(&set.cell));
             widen(&set.rod, &set.cell, &samples, &mut record, &verdict, &tolerances, Method::Auto);

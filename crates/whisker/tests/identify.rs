@@ -77,7 +77,7 @@ fn exact_contacts_give_the_exact_object() {
             assert!(error < 2e-7, "{class:?} at {angle}: {error:e}");
         }
         assert_eq!((found.coverage.used, found.coverage.gated), (240, 0));
-        assert!(found.fits && found.chi2_per_dof < 1e-3 && found.advice.is_empty());
+        assert!(found.fits && found.chi2_per_degree_of_freedom < 1e-3 && found.advice.is_empty());
     }
 }
 
@@ -128,7 +128,7 @@ fn outliers_are_left_out_and_counted() {
     }
 }
 
-/// One corner, seen over 60°: its place is told, its radius bounded, its class not.
+/// One corner, seen over 60°: its place is reported, its radius bounded, its class not.
 #[test]
 fn one_corner_is_not_a_class() {
     let square = Shape::square(Vector2::new(0.0, 0.165), 0.06, PI / 4.0);
@@ -269,7 +269,7 @@ fn the_recorded_objects_are_identified() {
             .iter()
             .map(|p| format!("{} {:.3} ± {:.3}", p.name, 1e3 * p.value, 1e3 * p.sigma))
             .collect();
-        println!("{}: {} mm, mrad; χ²/n {:.2}", set.name, sizes.join(", "), found.chi2_per_dof);
+        println!("{}: {} mm, mrad; χ²/n {:.2}", set.name, sizes.join(", "), found.chi2_per_degree_of_freedom);
         for (name, truth) in truth_of(set) {
             // 0.1 mm, 0.15°.
             let bar = if name == "angle_rad" { 0.15_f64.to_radians() } else { 1e-4 };

@@ -33,17 +33,17 @@ fn no_recorded_set_is_called_something_else() {
         let class = class_of(&set);
         for how in HOWS {
             let all = touches(&set.rod, &set.cell, &set.noisy, how);
-            let mut told = vec![answer(&all)];
+            let mut reported = vec![answer(&all)];
             for sweep in 0..3 {
                 let noisy: Vec<Sample> = set.noisy.iter().filter(|s| s.sweep == sweep).copied().collect();
-                told.push(answer(&touches(&set.rod, &set.cell, &noisy, how)));
+                reported.push(answer(&touches(&set.rod, &set.cell, &noisy, how)));
             }
-            let verdicts: Vec<_> = told.iter().map(|found| found.verdict).collect();
+            let verdicts: Vec<_> = reported.iter().map(|found| found.verdict).collect();
             println!(
                 "{} {how:?}: {verdicts:?}; {:?} {:?}",
                 set.name,
-                told[0].reason,
-                told[0].parameters.iter().map(|p| (p.value, p.sigma)).collect::<Vec<_>>()
+                reported[0].reason,
+                reported[0].parameters.iter().map(|p| (p.value, p.sigma)).collect::<Vec<_>>()
             );
             for verdict in verdicts {
                 assert!(
@@ -52,7 +52,7 @@ fn no_recorded_set_is_called_something_else() {
                     set.name
                 );
             }
-            if told[0].verdict != Verdict::Is(class) {
+            if reported[0].verdict != Verdict::Is(class) {
                 undecided.push((set.name, how));
             }
         }
@@ -85,8 +85,10 @@ struct Fate {
 impl Fate {
     fn note(&mut self, place: usize, class: Class, truth: &Shape, found: &Identification) {
         match found.verdict {
-            Verdict::Is(told) if told == class => self.right[place] += 1,
-            Verdict::Is(told) => self.wrong.push(format!("{place} {truth:?} {told:?} {:?}", found.scores)),
+            Verdict::Is(reported) if reported == class => self.right[place] += 1,
+            Verdict::Is(reported) => {
+                self.wrong.push(format!("{place} {truth:?} {reported:?} {:?}", found.scores))
+            }
             Verdict::InsufficientCoverage => {
                 if place == 0 {
                     println!("undecided: {truth:?} {:?}", found.reason);

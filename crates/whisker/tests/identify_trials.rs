@@ -21,9 +21,9 @@ struct Tally {
 impl Tally {
     fn note(&mut self, class: Class, found: &Identification, truth: &Shape) {
         match found.verdict {
-            Verdict::Is(told) if told == class => self.right += 1,
-            Verdict::Is(told) => {
-                println!("{truth:?} was called {told:?}");
+            Verdict::Is(reported) if reported == class => self.right += 1,
+            Verdict::Is(reported) => {
+                println!("{truth:?} was called {reported:?}");
                 self.wrong += 1;
             }
             Verdict::InsufficientCoverage => self.undecided += 1,

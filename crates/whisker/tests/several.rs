@@ -1,4 +1,4 @@
-//! Two contacts at once: the load of a whisker that leans on two pegs, integrated here independently of the library, is told from one.
+//! Two contacts at once: the load of a whisker that leans on two pegs, integrated here independently of the library, is distinguished from one.
 
 use crate::noise::Chance;
 use resight_core::statistics::SplitMix64;

@@ -115,7 +115,7 @@ fn cut_segments_have_points_inside() {
 
 /// A cut of known depth: seen above it, not below.
 #[test]
-fn depth_of_a_cut_is_told() {
+fn depth_of_a_cut_is_reported() {
     for shape in shapes() {
         // Along the first face, or the tangent across the first semi-axis.
         let normal_rad = match &shape {

@@ -136,7 +136,7 @@ fn forces_at_the_touch_are_far_below_the_instruments() {
     }
 }
 
-/// Times of slip-off: of the files to their 1e-6, except where the peg's truth goes on inside the object.
+/// Times of slip-off: of the files to their 1e-6, except where the peg's truth continues inside the object.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn the_whisker_slips_off_when_the_sets_say() {
@@ -188,7 +188,7 @@ fn a_standard_sweep_is_laid_out_as_the_sets_are() {
 /// The peg's sweeps are other motions; they come out as well.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
-fn motions_of_the_peg_are_told_by_their_ends() {
+fn motions_of_the_peg_are_reported_by_their_ends() {
     let sets = sets();
     let set = sets.iter().find(|set| set.name.contains("peg")).expect("the peg");
     let (_, _, sweeps) = hidden(set.name);

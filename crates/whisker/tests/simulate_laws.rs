@@ -211,7 +211,7 @@ fn friction_is_at_its_limit_and_against_the_slip() {
 /// What the hub does on a whisker over a path, by the trapezoidal rule, joules.
 fn work_j(rows: &[Simulated]) -> f64 {
     let power = |row: &Simulated, by: [f64; 3]| {
-        let force = row.sample.world_from_hub.turn(row.sample.load.force_n());
+        let force = row.sample.world_from_hub.rotate(row.sample.load.force_n());
         -(force.x * by[0] + force.y * by[1] + row.sample.load.mz_n_m * by[2])
     };
     rows.windows(2)

@@ -203,8 +203,8 @@ fn wrong_reductions_are_found() {
     // A whisker with a bend of 2/m (7 mm of sag), touched across it.
     let curved = one(Vector3::new(0.0, 0.05, 0.4), none, 2.0);
     assert!(share_found(&mut chance, &curved) > 0.95);
-    let told = rod(Stiffness::Uniform { ei_n_m2: EI_N_M2 }, 2.0);
-    let verdict = spatial::estimate(&told, &curved, &noise()).expect("numbers").verdict;
+    let reported = rod(Stiffness::Uniform { ei_n_m2: EI_N_M2 }, 2.0);
+    let verdict = spatial::estimate(&reported, &curved, &noise()).expect("numbers").verdict;
     assert_eq!(verdict, Verdict::CurvedWhisker);
 }
 

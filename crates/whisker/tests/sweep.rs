@@ -212,7 +212,7 @@ fn noised_anew_the_bars_hold_and_so_do_the_covariances() {
 /// Every row is answered, whatever it holds.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
-fn rows_that_are_no_numbers_are_told_not_dropped() {
+fn rows_that_are_no_numbers_are_reported_not_dropped() {
     let sets = sets();
     let set = &sets[2];
     let mut samples = set.noisy.clone();
@@ -309,9 +309,9 @@ fn a_leap_to_another_object_is_found_and_survived() {
 /// friction of 0.008. No false alarm without a fault: the other tests demand it.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
-fn a_wrong_stiffness_or_gain_is_told() {
+fn a_wrong_stiffness_or_gain_is_reported() {
     let sets = sets();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for set in &sets {
         for (fault, ratio) in
             [("force gain", 1.01), ("force gain", 0.99), ("stiffness", 1.01), ("stiffness", 0.99)]
@@ -338,12 +338,12 @@ fn a_wrong_stiffness_or_gain_is_told() {
                 sweep.mu,
                 sweep.mu_sigma,
                 sweep.jumps.len(),
-                if sweep.consistent { "not told" } else { "told" }
+                if sweep.consistent { "not reported" } else { "told" }
             );
-            told.push(!sweep.consistent);
+            reported.push(!sweep.consistent);
         }
     }
-    assert!(22 <= told.iter().filter(|told| **told).count(), "{told:?}");
+    assert!(22 <= reported.iter().filter(|reported| **reported).count(), "{reported:?}");
 }
 
 /// A record without noise, from a load cell that claims to be exact: what bends the outline between contacts, |Δ| times the

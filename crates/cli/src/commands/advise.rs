@@ -1,4 +1,4 @@
-//! `advise`: where to put the next point, target or board, and how sure it will make the answer.
+//! `advise`: where to put the next point, target or board, and how uncertain it will make the answer.
 
 mod words;
 
@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 
 /// Where to put the next point, target or board for the smallest uncertainty. Nothing has to be photographed yet.
 ///
-/// Three questions, told apart by what is given: --points, marks measured so far (where should the next one go?); --target with one
-/// camera (how sure over a volume, and which change of the target helps?); --target with a file of several cameras (where should the
+/// Three questions, distinguished by what is given: --points, control points measured so far (where should the next one go?); --target with one
+/// camera (how uncertain over a volume, and which change of the target helps?); --target with a file of several cameras (where should the
 /// next board go?). Every figure is one standard deviation; where a first-order figure does not hold, the answer says so.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -32,13 +32,13 @@ use std::path::{Path, PathBuf};
   resight advise --camera camera.toml --target dots.toml --distance-m 0.5..2 --tilt-deg 10..60 -o advice
   resight advise --camera rig.toml --target board.toml --views views.jsonl --distance-m 1..3 -o advice
 
-marks.csv has columns x_m,y_m,z_m and, where the marks were seen already, u_px,v_px (then no --pose is needed); optionally id, sigma_m.
+marks.csv has columns x_m,y_m,z_m and, where the control points were seen already, u_px,v_px (then no --pose is needed); optionally id, sigma_m.
 pose.json is a pose object as `solve --json` or `locate --json` prints it; views.jsonl has one object with rig_from_target a line.")]
 pub struct Advise {
     /// Camera file; one that holds several cameras with poses is a rig. FILE#NAME picks one.
     #[arg(long, value_name = "FILE")]
     camera: String,
-    /// Marks measured so far.
+    /// Control points measured so far.
     #[arg(long, value_name = "FILE.csv", required_unless_present = "target", conflicts_with = "target")]
     points: Option<PathBuf>,
     /// The target or board.
@@ -47,7 +47,7 @@ pub struct Advise {
     /// Standard deviation of u and v.
     #[arg(long, value_name = "S", default_value = "0.5", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: f64,
-    /// Points: about where the camera is, where the marks have no pixels yet.
+    /// Points: about where the camera is, where the control points have no pixels yet.
     #[arg(long, value_name = "FILE.json", requires = "points")]
     pose: Option<PathBuf>,
     /// Points: the places to choose from, columns x_m,y_m,z_m and optionally id, sigma_m [default: a grid over the region]
@@ -56,7 +56,7 @@ pub struct Advise {
     /// Points: height of the ground in the target frame.
     #[arg(long, value_name = "Z", default_value = "0", allow_negative_numbers = true, value_parser = number)]
     ground_z_m: f64,
-    /// Points: where on the ground the next one may go [default: around the marks]
+    /// Points: where on the ground the next one may go [default: around the control points]
     #[arg(long, value_name = "X0,Y0,X1,Y1", requires = "points", allow_hyphen_values = true, value_parser = region)]
     region_m: Option<[f64; 4]>,
     /// Points: ends of a length that will be measured on the ground.
@@ -89,7 +89,7 @@ pub struct Advise {
     /// JSON Lines on stdout, one object a suggestion, and nothing else.
     #[arg(long)]
     json: bool,
-    /// Folder for pictures (PNG).
+    /// Folder for images (PNG).
     #[arg(long, short, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -97,7 +97,7 @@ pub struct Advise {
 /// What is to become sure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum AimName {
-    /// The camera's place, worst direction.
+    /// The camera's position, worst direction.
     Place,
     /// Its rotation, worst axis.
     Rotation,
@@ -145,7 +145,7 @@ pub fn run(args: &Advise) -> Result<Outcome> {
     match (&args.points, cameras.as_slice()) {
         (Some(file), [one]) => points(args, &one.camera, file),
         (Some(_), several) => bail!(
-            "{}: holds {} cameras; marks are seen by one, pick it: {}#{}",
+            "{}: holds {} cameras; control points are seen by one, pick it: {}#{}",
             args.camera,
             several.len(),
             args.camera,

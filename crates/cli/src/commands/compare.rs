@@ -11,11 +11,11 @@ use resight::compare::{
 use resight::report::verdict::figures;
 use std::path::{Path, PathBuf};
 
-/// What moved between two calibrations, by how much, and how sure that is; exit status 3 when something did.
+/// What moved between two calibrations, by how much, and how uncertain that is; exit status 3 when something did.
 ///
 /// A and B are two rigs (rig.toml of `rig -o`, the JSON of `rig --joint-covariance --json`, or any camera file with poses), or two
 /// files of poses (JSON Lines of `locate` and `solve`; poses of one view are compared). Rigs need no common frame: the largest
-/// set of cameras whose relative poses agree is taken to have stayed, so a knocked reference camera is itself what moved.
+/// set of cameras whose relative poses agree is taken to have stayed, so a suddenly moved reference camera is itself what moved.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight compare monday.toml tuesday.toml
@@ -31,10 +31,10 @@ pub struct Compare {
     /// Chance of saying that something moved when nothing did.
     #[arg(long, value_name = "CHANCE", default_value = "1e-3", value_parser = chance)]
     alpha: f64,
-    /// Standard deviation of each coordinate of a camera's place, for files that state no covariance.
+    /// Standard deviation of each coordinate of a camera's position, for files that state no covariance.
     #[arg(long, value_name = "MM", requires = "sigma_deg", allow_negative_numbers = true, value_parser = positive)]
     sigma_mm: Option<f64>,
-    /// Standard deviation of a camera's turn about each axis, for files that state no covariance.
+    /// Standard deviation of a camera's rotation about each axis, for files that state no covariance.
     #[arg(long, value_name = "DEG", requires = "sigma_mm", allow_negative_numbers = true, value_parser = positive)]
     sigma_deg: Option<f64>,
     #[command(flatten)]
@@ -81,7 +81,7 @@ fn read(path: &Path) -> Result<Compared> {
 fn rigs_in_words(rigs: &RigsCompared) -> String {
     let n_compared = rigs.unmoved.len() + rigs.moved.len();
     let mut out = format!("{}   {n_compared} cameras compared\n", rigs.verdict.name().to_uppercase());
-    let evidence = evidence(rigs.chi2, rigs.dof, rigs.p);
+    let evidence = evidence(rigs.chi2, rigs.degrees_of_freedom, rigs.p);
     line(&mut out, "verdict", &format!("{}; of all together {evidence}.", capital(&rigs.message)));
     for moved in &rigs.moved {
         line(&mut out, &moved.camera, &moved.message);
@@ -94,7 +94,7 @@ fn rigs_in_words(rigs: &RigsCompared) -> String {
             line(&mut out, "left out", &format!("{}: only in {side}", only.join(", ")));
         }
     }
-    if let Some(degrees) = rigs.noise_dof {
+    if let Some(degrees) = rigs.noise_degrees_of_freedom {
         let noise = format!(
             "estimated from loops of pairs with {} degrees of freedom; the chances allow for that",
             figures(degrees)

@@ -1,8 +1,8 @@
-//! `demo`: the whole path on shipped pictures whose truth is known.
+//! `demo`: the whole path on shipped images whose truth is known.
 
 mod shipped;
 
-use super::locate::Seen;
+use super::locate::LocatedImage;
 use crate::args::OutputArgs;
 use crate::output::{Outcome, Printer, error, print};
 use anyhow::{Context, Result, bail};
@@ -16,24 +16,24 @@ use resight::report::html::Page;
 use resight::report::truth::{self, CHI2_6_99, point_covariance};
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, degrees, length, percent, place_sigma_m, place_with_sigma_m, with_sigma,
+    coordinate, degrees, length, percent, position_sigma_m, position_with_sigma_m, with_sigma,
 };
 use serde::Serialize;
 use shipped::Truth;
 use std::path::{Path, PathBuf};
 
-/// The whole path on shipped pictures with known truth: two cameras, four dots, a grid of tags, seconds.
+/// Shows the main job on images that come with the program, without any arguments.
 ///
-/// Shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
-/// answers, and a camera file that is wrong; writes pictures and a page to look at.
+/// It takes seconds. Two cameras see four dots and a grid of tags, and their true poses are known. The demo shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
+/// answers, and a camera file that is wrong; writes images and a page to look at.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  resight demo -o resight-demo\n\n\
     Exit status: 0 when every answer is as the known truth demands, also the two that are shown because they are not `ok`; 1 otherwise.")]
 pub struct Demo {
-    /// Folder for pictures, results and report.html.
+    /// Folder for images, results and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "resight-demo")]
     output: PathBuf,
-    /// JSON Lines on stdout: the pose objects, then the relative extrinsics.
+    /// Prints JSON Lines on stdout: the pose objects, then the relative extrinsics.
     #[arg(long)]
     json: bool,
 }
@@ -71,6 +71,9 @@ struct Story {
     page: Page,
     rows: Vec<Vec<String>>,
     surprises: Vec<String>,
+    /// Of the answers that are ok: metres off the truth, and error² in σ².
+    worst: Option<f64>,
+    worst_squared: Option<f64>,
 }
 
 /// Relative extrinsics as JSON.
@@ -96,17 +99,19 @@ impl Story {
             page: Page::new("Resight demo"),
             rows: Vec::new(),
             surprises: Vec::new(),
+            worst: None,
+            worst_squared: None,
         })
     }
 
     fn introduction(&mut self) -> Result<()> {
-        let text = "Two cameras look at a wall with a card of four dots and a grid of tags. The pictures were drawn by \
+        let text = "Two cameras look at a wall with a card of four dots and a grid of tags. The images were drawn by \
                     this project from known poses, so every answer below stands beside the truth.";
         self.page.paragraph(text);
         self.say(&format!("Resight demo\n{}\n\n", wrapped(text)))
     }
 
-    /// One picture through the whole path.
+    /// One image through the whole path.
     fn view(
         &mut self,
         number: &str,
@@ -115,19 +120,19 @@ impl Story {
         target: &str,
         camera: &str,
         expected: Status,
-    ) -> Result<Seen> {
+    ) -> Result<LocatedImage> {
         let path = self.folder.join(format!("{image}.png"));
         let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
         let camera_path = self.folder.join(camera);
         let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
         let options = LocateOptions::default();
-        let seen = Seen::look(&mut ImageLocator::new(&camera_file, &target_file, &options)?, &path);
+        let seen = LocatedImage::look(&mut ImageLocator::new(&camera_file, &target_file, &options)?, &path);
         let status = seen.located.answer.verdict.status;
         if status != expected {
             self.surprises.push(format!("{number}: expected {}, got {}", expected.name(), status.name()));
         }
         let truth = self.truth.pose(&format!("{image}_from_{target}"))?;
-        let words = told(&seen, &truth);
+        let words = reported(&seen, &truth);
         let picture = self.picture(&seen, number, &target_file)?;
         self.page.heading(&format!("{number}  {title}"));
         self.page.pictures(&[(&picture, &format!("{image}.png, {target}, {camera}"))]).preformatted(&words);
@@ -137,7 +142,7 @@ impl Story {
         Ok(seen)
     }
 
-    fn picture(&self, seen: &Seen, number: &str, target: &resight::core::Target) -> Result<Vec<u8>> {
+    fn picture(&self, seen: &LocatedImage, number: &str, target: &resight::core::Target) -> Result<Vec<u8>> {
         let Some(image) = &seen.image else { bail!("{}", seen.located.answer.verdict.message) };
         let png = seen.png(image, target)?;
         let stem = Path::new(&seen.located.answer.view)
@@ -151,13 +156,16 @@ impl Story {
         Ok(png)
     }
 
-    fn row(&mut self, number: &str, title: &str, seen: &Seen, truth: &Pose) {
+    fn row(&mut self, number: &str, title: &str, seen: &LocatedImage, truth: &Pose) {
         let answer = &seen.located.answer;
         let mut cells = vec![format!("{number}  {title}"), answer.verdict.status.name().to_string()];
         if let Some(e) = &answer.estimate {
             let check = truth::check(&e.cam_from_target, &e.covariance, truth);
             if answer.verdict.status == Status::Ok && check.is_none_or(|c| CHI2_6_99 < c.normalized_squared) {
                 self.surprises.push(format!("{number}: further from the truth than its error bar allows"));
+            }
+            if let Some(c) = check.filter(|_| answer.verdict.status == Status::Ok) {
+                self.is_off(c.distance_m, c.normalized_squared);
             }
             let off =
                 check.map(|c| (length(c.distance_m), degrees(c.angle_rad), figures(c.normalized_squared)));
@@ -167,14 +175,19 @@ impl Story {
         self.rows.push(cells);
     }
 
+    fn is_off(&mut self, distance_m: f64, squared: f64) {
+        self.worst = Some(self.worst.map_or(distance_m, |worst| worst.max(distance_m)));
+        self.worst_squared = Some(self.worst_squared.map_or(squared, |worst| worst.max(squared)));
+    }
+
     /// Eqs. (13), (14) of the paper: R12 = R1 R2ᵀ, p12 = p1 − R12 p2, in one product; no absolute place is needed.
-    fn pair(&mut self, number: &str, title: &str, left: &Seen, right: &Seen) -> Result<()> {
+    fn pair(&mut self, number: &str, title: &str, left: &LocatedImage, right: &LocatedImage) -> Result<()> {
         let (l, r) = (estimate(left)?, estimate(right)?);
         let left_from_right = l.cam_from_target * r.cam_from_target.inverse();
         let target_covariance = r.cam_from_target.inverse_covariance(&r.covariance);
         let covariance = l.cam_from_target.product_covariance(&l.covariance, &target_covariance);
         let truth = self.truth.pose("left_from_right")?;
-        let words = told_pair(&left_from_right, &covariance, &truth);
+        let words = reported_pair(&left_from_right, &covariance, &truth);
         let check = truth::check(&left_from_right, &covariance, &truth);
         if check.is_none_or(|c| CHI2_6_99 < c.normalized_squared) {
             self.surprises.push(format!("{number}: further from the truth than its error bar allows"));
@@ -182,6 +195,7 @@ impl Story {
         self.page.heading(&format!("{number}  {title}")).preformatted(&words);
         if let Some(c) = check {
             let off = (left_from_right.translation - truth.translation).norm();
+            self.is_off(off, c.normalized_squared);
             let squared = figures(c.normalized_squared);
             self.rows.push(vec![
                 format!("{number}  {title}"),
@@ -210,17 +224,37 @@ impl Story {
             "Error² in σ² weighs all six numbers of a pose by the covariance that came with it: 6 on average, above 16.8 once \
              in a hundred. Answer 7 is given with a second pose; answer 8 says itself that it must not be trusted.",
         );
-        let head = ["", "status", "rms", "off by", "turned by", "error² in σ²"];
+        let head = ["", "status", "rms", "off by", "rotated by", "error² in σ²"];
         self.page.table(&head, &self.rows);
+        let status = as_expected(self.surprises.is_empty());
+        let (sentence, figures) = self.verdict();
+        self.page.verdict(status, &sentence, &figures);
         let report = self.folder.join("report.html");
         resight::formats::write_atomically(&report, self.page.html().as_bytes())?;
         self.say(&closing(&self.folder, &report))?;
         for surprise in &self.surprises {
             error(&format!("error: {surprise}"));
         }
-        let surprised = !self.surprises.is_empty();
         let outcome = self.printer.finish()?;
-        Ok(outcome.and(Outcome::of([as_expected(!surprised)])))
+        Ok(outcome.and(Outcome::of([status])))
+    }
+
+    /// Whether every answer is what the truth demands, and how far off the worst `ok` one is.
+    fn verdict(&self) -> (String, [(&'static str, String); 4]) {
+        let sentence = match self.surprises.as_slice() {
+            [] => "Every answer agrees with the known truth to within its own error bar, and the two that must not be trusted say so.".into(),
+            several => format!("Not as the known truth demands: {}.", several.join("; ")),
+        };
+        let figures = [
+            ("answers", self.rows.len().to_string()),
+            (
+                "answers that are ok",
+                self.rows.iter().filter(|row| row[1] == Status::Ok.name()).count().to_string(),
+            ),
+            ("farthest of them from the truth", self.worst.map(length).unwrap_or_default()),
+            ("greatest error² in σ² (6 expected)", self.worst_squared.map(figures).unwrap_or_default()),
+        ];
+        (sentence, figures)
     }
 
     fn say(&self, text: &str) -> Result<()> {
@@ -228,18 +262,18 @@ impl Story {
     }
 }
 
-/// The demo's own result is whether the program answers pictures of known truth as it must: two of the answers are shown because they are
+/// The demo's own result is whether the program answers images of known truth as it must: two of the answers are shown because they are
 /// not `ok`, and a demo that shows them so has succeeded. Their own statuses are printed.
 fn as_expected(is_as_expected: bool) -> Status {
     if is_as_expected { Status::Ok } else { Status::Error }
 }
 
-fn estimate(seen: &Seen) -> Result<&PoseEstimate> {
+fn estimate(seen: &LocatedImage) -> Result<&PoseEstimate> {
     seen.located.answer.estimate.as_ref().with_context(|| seen.located.answer.verdict.message.clone())
 }
 
 /// A view in words: status, place beside the truth, and what follows.
-fn told(seen: &Seen, truth: &Pose) -> String {
+fn reported(seen: &LocatedImage, truth: &Pose) -> String {
     let verdict = &seen.located.answer.verdict;
     let mut out = String::new();
     crate::text::line(&mut out, "status", &verdict.status.name().to_uppercase());
@@ -247,13 +281,14 @@ fn told(seen: &Seen, truth: &Pose) -> String {
         crate::text::line(&mut out, "why", &verdict.message);
         return out;
     };
-    let (place, sigma) = place_with_sigma_m(e);
-    let fitting: Vec<Hypothesis> = e.minima().filter(|h| h.is_rival).collect();
+    let (place, sigma) = position_with_sigma_m(e);
+    let fitting: Vec<Hypothesis> = e.minima().filter(|h| h.is_alternative).collect();
     for (i, fits) in fitting.iter().enumerate() {
         let pose = &fits.minimum.cam_from_target;
-        let row = place_row(&pose.origin(), &place_sigma_m(pose, &fits.minimum.covariance));
+        let row = place_row(&pose.origin(), &position_sigma_m(pose, &fits.minimum.covariance));
         let label = if i == 0 { "camera at" } else { "or at" };
-        let chance = if 1 < fitting.len() { format!("   ({})", percent(fits.weight)) } else { String::new() };
+        let chance =
+            if 1 < fitting.len() { format!("   ({})", percent(fits.probability)) } else { String::new() };
         crate::text::line(&mut out, label, &(row + &chance));
     }
     crate::text::line(&mut out, "truth", &truth_row(&truth.origin(), &sigma));
@@ -272,7 +307,7 @@ fn told(seen: &Seen, truth: &Pose) -> String {
             (other.cam_from_target.origin() - truth.origin()).norm() < (place - truth.origin()).norm();
         let which = if nearer { "second" } else { "first" };
         let text =
-            format!("the true one is the {which}; the picture alone cannot tell, and the answer says so");
+            format!("the true one is the {which}; the image alone cannot tell, and the answer says so");
         crate::text::line(&mut out, "in truth", &text);
     }
     match truth::check(&e.cam_from_target, &e.covariance, truth) {
@@ -282,7 +317,7 @@ fn told(seen: &Seen, truth: &Pose) -> String {
     out
 }
 
-fn told_pair(left_from_right: &Pose, covariance: &Matrix6, truth: &Pose) -> String {
+fn reported_pair(left_from_right: &Pose, covariance: &Matrix6, truth: &Pose) -> String {
     let mut out = String::new();
     let place = left_from_right.translation;
     let spread = point_covariance(&place, covariance);
@@ -302,7 +337,7 @@ fn told_pair(left_from_right: &Pose, covariance: &Matrix6, truth: &Pose) -> Stri
 
 fn error_row(check: truth::TruthCheck) -> String {
     format!(
-        "off by {}, turned by {}; error² in σ² {} (6 expected, above 16.8 once in a hundred)",
+        "off by {}, rotated by {}; error² in σ² {} (6 expected, above 16.8 once in a hundred)",
         length(check.distance_m),
         degrees(check.angle_rad),
         figures(check.normalized_squared)
@@ -332,7 +367,7 @@ fn truth_row(place: &Vector3, sigma: &Vector3) -> String {
 fn closing(folder: &Path, report: &Path) -> String {
     let f = folder.display();
     format!(
-        "\nLook at {} (one file, no network needed) or at the pictures in {f}/pictures.\n\
+        "\nLook at {} (one file, no network needed) or at the images in {f}/pictures.\n\
          Then try it by hand:\n  resight locate {f}/left.png --camera {f}/left.toml --target {f}/dots.toml --overlay {f}/mine\n  \
          resight explain {f}/left.toml\n",
         report.display()

@@ -7,14 +7,14 @@ use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{HandEyeAnswer, SolvedHandEye};
-use resight::core::multiview::hand_eye::{HandEyeConfig, HandNoise, Height, Mount};
+use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
 use resight::formats::write_atomically;
 use resight::report::words::{degrees, length, sigmas};
 use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
 use std::path::PathBuf;
 
-/// Where a camera or rig is mounted on a robot's gripper or a vehicle, and where the target stands (hand–eye calibration).
+/// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
 ///
 /// A rig of several cameras is solved first. The robot's own noise is estimated from the views unless it is given.
 #[derive(Debug, Args)]
@@ -23,36 +23,44 @@ use std::path::PathBuf;
   resight hand-eye --motions motions.csv --poses poses.jsonl
   resight hand-eye --motions motions.csv --poses poses.jsonl --eye-to-hand")]
 pub struct HandEyeArgs {
-    /// Poses of the gripper (or of the vehicle's body): columns view,qw,qx,qy,qz,x_m,y_m,z_m
-    /// (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
-    #[arg(long, value_name = "FILE.csv")]
+    /// Poses of the gripper, or of the vehicle's body (CSV).
+    ///
+    /// The columns are view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
+    #[arg(long, help_heading = "Robot", value_name = "FILE.csv")]
     motions: PathBuf,
-    /// Poses found already, instead of images or detections: what `locate` and `solve` wrote with -o.
+    /// Poses from `locate` or `solve` (-o), instead of images or detections.
     #[arg(long, value_name = "POSES.jsonl", conflicts_with_all = ["images", "detections", "cameras", "targets"])]
     poses: Option<PathBuf>,
     #[command(flatten)]
     observed: ObservationArgs,
     #[command(flatten)]
     solving: SolvingArgs,
-    /// The target is on the gripper and the camera stands still.
-    #[arg(long)]
+    /// States that the target is on the gripper and the camera stands still.
+    #[arg(long, help_heading = "Robot")]
     eye_to_hand: bool,
-    /// Standard deviation of the robot's orientation where the file has no sigma_deg; 0 for an exact robot [default: estimated from the views]
-    #[arg(long, value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
+    /// Standard deviation of the robot's orientation [default: estimated from the views].
+    ///
+    /// It is used where the file has no sigma_deg; 0 means an exact robot.
+    #[arg(long, help_heading = "Robot", value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
     robot_sigma_deg: Option<f64>,
-    /// Standard deviation of the robot's position where the file has no sigma_mm; 0 for an exact robot [default: estimated from the views]
-    #[arg(long, value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
+    /// Standard deviation of the robot's position [default: estimated from the views].
+    ///
+    /// It is used where the file has no sigma_mm; 0 means an exact robot.
+    #[arg(long, help_heading = "Robot", value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
     robot_sigma_mm: Option<f64>,
-    /// The camera's position along --height-axis, m from the gripper's origin (from the base's with --eye-to-hand): needed where the
-    /// robot rotates about parallel axes only, as vehicles do.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    /// Height of the camera above the gripper's origin, where the robot rotates about parallel axes only.
+    ///
+    /// It is the camera's position along --height-axis in metres, from the base's origin with --eye-to-hand. Vehicles need it.
+    #[arg(long, help_heading = "Robot", value_name = "M", allow_negative_numbers = true)]
     known_height_m: Option<f64>,
     /// Standard deviation of that height.
-    #[arg(long, value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]
+    #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]
     height_sigma_mm: f64,
-    /// Its direction in the gripper's frame (the base's with --eye-to-hand).
+    /// Direction of that height in the gripper's frame (the base's with --eye-to-hand).
     #[arg(
         long,
+        hide_short_help = true,
+        help_heading = "Robot",
         value_name = "X,Y,Z",
         requires = "known_height_m",
         default_value = "0,0,1",
@@ -87,14 +95,14 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
 }
 
 impl HandEyeArgs {
-    fn robot_noise(&self) -> Option<HandNoise> {
+    fn robot_noise(&self) -> Option<GripperNoise> {
         let sigmas = self.robot_sigma_deg.zip(self.robot_sigma_mm);
-        sigmas.map(|(deg, mm)| HandNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
+        sigmas.map(|(deg, mm)| GripperNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
     }
 
     fn config(&self) -> Result<HandEyeConfig> {
-        let mount = if self.eye_to_hand { Mount::TargetOnHand } else { Mount::CameraOnHand };
-        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mount, height: None }) };
+        let mounting = if self.eye_to_hand { Mounting::TargetOnGripper } else { Mounting::CameraOnGripper };
+        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mounting, height: None }) };
         let numbers: Vec<f64> = self.height_axis.split(',').filter_map(|x| x.trim().parse().ok()).collect();
         let [x, y, z] = numbers[..] else {
             bail!("--height-axis {}: three numbers separated by commas are needed", self.height_axis);
@@ -104,7 +112,7 @@ impl HandEyeArgs {
             height_m,
             sigma_m: 1e-3 * self.height_sigma_mm,
         };
-        Ok(HandEyeConfig { mount, height: Some(height) })
+        Ok(HandEyeConfig { mounting, height: Some(height) })
     }
 }
 
@@ -129,7 +137,7 @@ fn words(solved: &SolvedHandEye) -> String {
     let (carrier, holder) = solved.pose_names();
     line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
     line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
-    let [first, second, third] = found.turns_rad.map(degrees);
+    let [first, second, third] = found.rotations_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "rotations", &text);
     line(
@@ -137,7 +145,7 @@ fn words(solved: &SolvedHandEye) -> String {
         "fit",
         &format!("χ² {:.1} for {} degrees of freedom", found.chi2, found.degrees_of_freedom),
     );
-    if let Some(noise) = &found.hand_noise {
+    if let Some(noise) = &found.gripper_noise {
         let text = format!(
             "{} and {} (1σ per axis), estimated from the views",
             degrees(noise.sigma_rad),

@@ -11,7 +11,9 @@ use resight_watch::history::{History as File, PairSummary, Selection, StoredEven
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Says what a history holds: cameras, times, states, drifts. With --export, writes it as a table.
+/// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
+///
+/// The summary has cameras, times, states and motions.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     resight history gate.sqlite\n  \
@@ -31,13 +33,13 @@ pub struct History {
     /// Only this camera; may be given several times.
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
-    /// Only from this time on: seconds, or 2026-11-22, or 2026-11-22T06:30:00 (UTC).
+    /// Only from this time on: seconds, 2026-11-22, or 2026-11-22T06:30:00 (UTC).
     #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
     from: Option<f64>,
     /// Only before this time.
     #[arg(long, value_name = "TIME", value_parser = when::parse, allow_hyphen_values = true)]
     to: Option<f64>,
-    /// The summary as one JSON object.
+    /// Prints the summary as one JSON object.
     #[arg(long)]
     json: bool,
 }
@@ -70,7 +72,7 @@ pub fn run(args: &History) -> Result<Outcome> {
 }
 
 /// Drifts told in words; a history may have many more.
-const TOLD: usize = 20;
+const REPORTED: usize = 20;
 
 fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Selection) -> Result<()> {
     let is_asked = |pair: &&PairSummary| args.camera.is_empty() || args.camera.contains(&pair.camera);
@@ -106,10 +108,10 @@ fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Se
     }
     let events: Vec<String> = events.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
     print(&format!("events: {}\n", if events.is_empty() { "none".to_string() } else { events.join(", ") }))?;
-    for drift in drifts.iter().rev().take(TOLD).rev() {
+    for drift in drifts.iter().rev().take(REPORTED).rev() {
         print(&drift_words(drift))?;
     }
-    let earlier = drifts.len().saturating_sub(TOLD);
+    let earlier = drifts.len().saturating_sub(REPORTED);
     if 0 < earlier {
         print(&format!("and {earlier} earlier drifts; --export events.csv --events has all\n"))
     } else {
@@ -121,17 +123,17 @@ fn words(pair: &PairSummary) -> String {
     let [frames, minutes, hours] = pair.rows;
     let total: u64 = pair.states.iter().map(|share| share.frames).sum();
     let seen: u64 = pair.states.iter().map(|share| share.readings).sum();
-    let turns: u64 = pair.states.iter().map(|share| share.turns).sum();
+    let rotations: u64 = pair.states.iter().map(|share| share.rotations).sum();
     let share = |n: u64| 100.0 * n as f64 / total.max(1) as f64;
     let states: Vec<String> =
         pair.states.iter().map(|s| format!("{} {:.1} %", s.state, share(s.frames))).collect();
     let rms = pair.rms_px.map_or(String::new(), |rms_px| format!(", rms {rms_px:.3} px"));
-    let turned = match turns {
+    let rotated = match rotations {
         0 => String::new(),
-        _ => format!(", a turn of landmarks in {:.1} %", share(turns)),
+        _ => format!(", a rotation of landmarks in {:.1} %", share(rotations)),
     };
     format!(
-        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}{turned}\n    {}\n",
+        "{} with {}: {} to {}\n    {total} frames ({frames} single, the others in {minutes} rows of a minute and {hours} of an hour), a pose in {:.1} %{rms}{rotated}\n    {}\n",
         pair.camera,
         pair.target,
         when::words(pair.span_s.0),
@@ -145,7 +147,9 @@ fn object(pair: &PairSummary) -> Value {
     let states: serde_json::Map<String, Value> = pair
         .states
         .iter()
-        .map(|s| (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "turns": s.turns})))
+        .map(|s| {
+            (s.state.clone(), json!({"frames": s.frames, "readings": s.readings, "rotations": s.rotations}))
+        })
         .collect();
     let [frames, minutes, hours] = pair.rows;
     json!({"camera": pair.camera, "target": pair.target, "from_s": pair.span_s.0, "to_s": pair.span_s.1,

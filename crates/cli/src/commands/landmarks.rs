@@ -1,4 +1,4 @@
-//! `landmarks`: how a camera turned since a reference picture, picture by picture.
+//! `landmarks`: how a camera rotated since a reference image, image by image.
 
 use super::locate::picture_paths;
 use crate::args::OutputArgs;
@@ -7,19 +7,21 @@ use anyhow::{Context, Result};
 use clap::Args;
 use resight::GrayImage;
 use resight::answer::SCHEMA;
-use resight::landmarks::{Landmarks as Reference, NotSighted, Sighting};
+use resight::landmarks::{LandmarkObservation, Landmarks as Reference, NotObserved};
 use resight::report::turned;
 use resight::report::verdict::Status;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// How a camera turned since a reference picture: far scenes, or cameras that only turn about their own centre.
+/// Measures how a camera has rotated since a reference image, without any target.
+///
+/// The scene must be far away, or the camera must rotate about its own centre only.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  resight landmarks reference.png night/*.png --camera camera.toml --overlay drawn"
 )]
 pub struct Landmarks {
-    /// The picture (PNG or JPEG) with which the others are compared.
+    /// The image (PNG or JPEG) with which the others are compared.
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
     /// PNG or JPEG images, or patterns such as 'night/*.png'.
@@ -28,17 +30,17 @@ pub struct Landmarks {
     /// Camera file in any supported format.
     #[arg(long, value_name = "FILE")]
     camera: String,
-    /// Draw the landmarks of each picture into this folder: green lines from where they were, red ones disagree.
+    /// Draws the landmarks of each image into this folder: green lines start where they were, red ones disagree.
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
 }
 
-/// What one picture said.
+/// What one image said.
 struct Compared {
     view: String,
-    seen: Result<Sighting, (Status, String)>,
+    seen: Result<LandmarkObservation, (Status, String)>,
 }
 
 /// See `Landmarks`.
@@ -65,35 +67,35 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     printer.finish()
 }
 
-/// Also draws it: pictures of a whole night do not wait in memory for their turn to be told.
+/// Also draws it: images of a whole night do not wait in memory for their turn to be reported.
 fn compared(reference: &Reference, path: &Path, drawn: Option<&Path>) -> Result<Compared> {
     let view = path.display().to_string();
     let image = match GrayImage::read(path) {
         Ok(image) => image,
         Err(reason) => return Ok(Compared { view, seen: Err((Status::Error, reason.to_string())) }),
     };
-    let seen = reference.sight(&image, None).map_err(|reason| {
-        let is_other_size = matches!(reason, NotSighted::Size { .. });
+    let seen = reference.observe(&image, None).map_err(|reason| {
+        let is_other_size = matches!(reason, NotObserved::Size { .. });
         (if is_other_size { Status::Error } else { Status::NotFound }, reason.to_string())
     });
-    if let (Some(file), Ok(sighting)) = (drawn, &seen) {
-        draw(&image, sighting, file)?;
+    if let (Some(file), Ok(landmark_observation)) = (drawn, &seen) {
+        draw(&image, landmark_observation, file)?;
     }
     Ok(Compared { view, seen })
 }
 
-fn draw(image: &GrayImage, sighting: &Sighting, file: &Path) -> Result<()> {
-    let png = resight::landmarks::draw(image, sighting)
+fn draw(image: &GrayImage, landmark_observation: &LandmarkObservation, file: &Path) -> Result<()> {
+    let png = resight::landmarks::draw(image, landmark_observation)
         .png()
         .map_err(|reason| anyhow::anyhow!("{}: {reason}", file.display()))?;
     Ok(resight::formats::write_atomically(file, &png)?)
 }
 
 impl Compared {
-    /// A turn that most landmarks contradict is shown, but not to be used.
+    /// A rotation that most landmarks contradict is shown, but not to be used.
     fn status(&self) -> Status {
         match &self.seen {
-            Ok(sighting) if sighting.turn.is_consistent() => Status::Ok,
+            Ok(landmark_observation) if landmark_observation.relative_rotation.is_consistent() => Status::Ok,
             Ok(_) => Status::Inconsistent,
             Err((status, _)) => *status,
         }
@@ -101,7 +103,7 @@ impl Compared {
 
     fn words(&self) -> String {
         match &self.seen {
-            Ok(sighting) => format!("{}\n  {}\n", self.view, turned::words(sighting)),
+            Ok(landmark_observation) => format!("{}\n  {}\n", self.view, turned::words(landmark_observation)),
             Err((_, reason)) => format!("{}\n  {reason}\n", self.view),
         }
     }
@@ -109,7 +111,7 @@ impl Compared {
     fn object(&self) -> Value {
         let mut object = json!({"schema": SCHEMA, "view": self.view, "status": self.status().name()});
         match &self.seen {
-            Ok(sighting) => turned::add_to(&mut object, sighting),
+            Ok(landmark_observation) => turned::add_to(&mut object, landmark_observation),
             Err((_, reason)) => object["message"] = json!(reason),
         }
         object

@@ -10,10 +10,12 @@ use resight::locate::{ImageLocator, LocateOptions, Located, Method};
 use resight::{GrayImage, PoseAnswer};
 use std::path::{Path, PathBuf};
 
-/// Finds the target in each image and says where the camera was, how sure that is, and whether another pose fits.
+/// Finds the target in images and prints the pose of the camera for each.
+///
+/// Every pose has its covariance, and a status that states whether another pose fits as well and whether the residuals agree with the noise.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay pictures\n  \
+    after_help = "Examples:\n  resight locate photos/*.png --camera camera.toml --target target.toml --overlay images\n  \
         resight locate field.jpg --camera camera.yml --target 2023-chargedup.json --tag-family tag16h5 --tag-size-m 0.1524"
 )]
 pub struct Locate {
@@ -29,7 +31,7 @@ pub struct Locate {
     /// Draws each answer over its photograph into this folder (PNG).
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
-    /// auto, wang2004, line_plus_one, p3p, planar or sqpnp.
+    /// Solver: auto, wang2004, line_plus_one, p3p, planar or sqpnp.
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
     #[command(flatten)]
@@ -60,7 +62,7 @@ pub fn run(args: &Locate) -> Result<Outcome> {
     let options = LocateOptions { method: args.method, intrinsics, corner_window };
     let work =
         |locator: &mut ImageLocator, (path, picture): &(PathBuf, Option<PathBuf>)| -> Result<PoseAnswer> {
-            let mut seen = Seen::look(locator, path);
+            let mut seen = LocatedImage::look(locator, path);
             if let (Some(picture), Some(image)) = (picture, &seen.image) {
                 resight::formats::write_atomically(picture, &seen.png(image, &target)?)?;
             }
@@ -97,20 +99,20 @@ pub(super) fn picture_paths(folder: &Path, images: &[PathBuf]) -> Result<Vec<Pat
 }
 
 /// One image, looked at.
-pub struct Seen {
+pub struct LocatedImage {
     /// The image, when it could be read.
     pub image: Option<GrayImage>,
     /// What was found, and what it means.
     pub located: Located,
 }
 
-impl Seen {
+impl LocatedImage {
     /// Reads an image and answers.
     pub fn look(locator: &mut ImageLocator, path: &Path) -> Self {
         let view = super::detect::view_name(path);
         match GrayImage::read(path) {
-            Ok(image) => Seen { located: locator.locate(&image, view), image: Some(image) },
-            Err(reason) => Seen { image: None, located: Located::error(view, reason.to_string()) },
+            Ok(image) => LocatedImage { located: locator.locate(&image, view), image: Some(image) },
+            Err(reason) => LocatedImage { image: None, located: Located::error(view, reason.to_string()) },
         }
     }
 

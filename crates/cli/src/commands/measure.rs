@@ -6,7 +6,7 @@ use clap::Args;
 use resight::GrayImage;
 use resight::answer::MeasureAnswer;
 use resight::answer::measure::SurveyAnswer;
-use resight::core::multiview::network::SurveyStatus;
+use resight::core::multiview::network::NetworkStatus;
 use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
     Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,
@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 
 /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
 ///
-/// SCENE.toml names photographs, cameras, marks (coordinates or known distances), the ground, clicks and questions: docs/measuring.md.
-/// With --views the cameras of a rig file look at points from known places instead. The exit status is 0 if the survey and every answer
+/// SCENE.toml names photographs, cameras, marks (coordinates or known distances), the ground, image points and questions: docs/measuring.md.
+/// With --views the cameras of a rig file look at points from known places instead. The exit status is 0 if the network and every answer
 /// are ok, 1 if anything is not (contradicted, ambiguous, without a value), 2 if the scene file is wrong.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -27,16 +27,16 @@ pub struct Measure {
     /// The scene file.
     #[arg(value_name = "SCENE.toml", required_unless_present = "views", conflicts_with = "views")]
     scene: Option<PathBuf>,
-    /// Rig file whose cameras have places; points are triangulated in its frame.
-    #[arg(long, value_name = "RIG.toml", requires = "clicks")]
+    /// Rig file whose cameras have poses; points are triangulated in its frame.
+    #[arg(long, value_name = "RIG.toml", requires = "image_points")]
     views: Option<PathBuf>,
     /// With --views: where each camera saw each point; columns photo (a camera's name), point, u_px, v_px and optionally sigma_px.
-    #[arg(long, value_name = "CLICKS.csv", requires = "views")]
-    clicks: Option<PathBuf>,
+    #[arg(long, alias = "clicks", value_name = "POINTS.csv", requires = "views")]
+    image_points: Option<PathBuf>,
     /// With --views: standard deviation of u and v where the file has no sigma_px [default: 1]
     #[arg(long, value_name = "S", requires = "views", allow_negative_numbers = true, value_parser = crate::args::positive)]
     sigma_px: Option<f64>,
-    /// JSON Lines on stdout: one object per question, then one for the whole survey.
+    /// JSON Lines on stdout: one object per question, then one for the whole network.
     #[arg(long)]
     json: bool,
     /// Folder for table.csv, plan.svg, plan.png and birdseye-PHOTO.png.
@@ -63,12 +63,12 @@ pub fn run(args: &Measure) -> Result<Outcome> {
 
 fn json(answer: &MeasureAnswer) -> Result<String> {
     let answers = answer.answers.iter().map(serde_json::to_string);
-    let lines = answers.chain([serde_json::to_string(&answer.survey)]);
+    let lines = answers.chain([serde_json::to_string(&answer.network)]);
     Ok(lines.collect::<Result<Vec<String>, _>>()?.join("\n") + "\n")
 }
 
 fn in_words(scene: &NamedScene, answer: &MeasureAnswer) -> String {
-    match (&answer.solved, &answer.survey) {
+    match (&answer.solved, &answer.network) {
         (Some(solved), _) => solved_in_words(scene, solved),
         (None, SurveyAnswer::Refused(refused)) => {
             let rows = scene.queries.iter().map(|q| format!("{}  {}  no value\n", q.name, q.kind.name()));
@@ -80,17 +80,17 @@ fn in_words(scene: &NamedScene, answer: &MeasureAnswer) -> String {
 
 fn scene(args: &Measure) -> Result<(NamedScene, String)> {
     let title = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    match (&args.scene, &args.views, &args.clicks) {
+    match (&args.scene, &args.views, &args.image_points) {
         (Some(path), _, _) => {
             crate::files::must_exist(path)?;
             Ok((read_scene(path)?, title(path)))
         }
-        (None, Some(rig), Some(clicks)) => {
+        (None, Some(rig), Some(image_points)) => {
             crate::files::must_exist(rig)?;
-            crate::files::must_exist(clicks)?;
+            crate::files::must_exist(image_points)?;
             let warnings = resight::formats::read_cameras(rig)?.warnings;
             warnings.iter().for_each(|w| crate::output::remark(&format!("warning: {}: {w}", rig.display())));
-            Ok((rig_scene(rig, clicks, args.sigma_px)?, title(rig)))
+            Ok((rig_scene(rig, image_points, args.sigma_px)?, title(rig)))
         }
         _ => bail!("give a scene file, or --views with --clicks"),
     }
@@ -115,7 +115,7 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         if let Some(other) = &a.other {
             said += &format!("   or   {}", values_in_words(a.query.kind, other));
         }
-        if a.result.is_ok() && a.status != SurveyStatus::Ok {
+        if a.result.is_ok() && a.status != NetworkStatus::Ok {
             said += &format!("   {}", a.status.name().to_uppercase());
         }
         out += &format!("{:name_width$}  {:kind_width$}  {said}\n", a.query.name, a.query.kind.name());
@@ -135,7 +135,7 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
     out
 }
 
-/// Writes the table and the pictures; the names of the files.
+/// Writes the table and the images; the names of the files.
 fn write_files(folder: &Path, scene: &NamedScene, answers: &Answers, title: &str) -> Result<Vec<String>> {
     let mut written = Vec::new();
     let mut write = |name: String, bytes: &[u8]| -> Result<()> {

@@ -15,7 +15,7 @@ use resight::rig::pairs::read_pairs;
 use resight::rig::{PoseGraphMethod, PoseGraphRequest};
 use std::path::PathBuf;
 
-/// The poses of several cameras in one frame, from the relative poses of pairs of them.
+/// Computes the extrinsics of several cameras from the relative poses of pairs of them.
 ///
 /// All pairs are weighed together; pairs that contradict the others are named. Without stated sigmas the noise of a pair is estimated
 /// from how well loops of pairs close.
@@ -24,28 +24,34 @@ use std::path::PathBuf;
   resight pose-graph pairs.csv --reference cam1 -o rig.toml
   resight pose-graph stereograph.json --reference 8 --chain --json")]
 pub struct PoseGraphArgs {
-    /// Relative poses of pairs of cameras: columns a,b,qw,qx,qy,qz,x_m,y_m,z_m (x_in_b = b_from_a · x_in_a) and
-    /// sigma_deg,sigma_mm, or rmse, or neither; or Caliscope's stereograph JSON.
+    /// Relative poses of pairs of cameras (CSV), or Caliscope's stereograph JSON.
+    ///
+    /// The columns are a,b,qw,qx,qy,qz,x_m,y_m,z_m (x_in_b = b_from_a · x_in_a) and sigma_deg,sigma_mm, or rmse, or neither.
     #[arg(value_name = "PAIRS")]
     pairs: PathBuf,
-    /// Camera files whose intrinsics go into the file of -o, which holds poses only without them. Without NAME= every camera of the
-    /// file under its own name.
+    /// Camera files whose intrinsics are written into the file of -o.
+    ///
+    /// Without them that file holds poses only. Without NAME= every camera of a file has its own name.
     #[arg(long = "camera", value_name = "[NAME=]FILE", num_args = 1..)]
     cameras: Vec<String>,
     /// The camera whose frame is the rig's [default: the first by name]
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
-    /// Every camera by the chain of pairs whose errors add up to least, instead of all pairs weighed together.
+    /// Uses for each camera the one chain of pairs whose errors add up to least, instead of all pairs.
     #[arg(long)]
     chain: bool,
-    /// Standard deviation of the rotation of a pair of median rmse [default: from how well the pairs agree]
-    #[arg(long, value_name = "DEG", requires = "pair_sigma_mm", value_parser = positive)]
+    /// Standard deviation of the rotation of a pair of median rmse [default: estimated].
+    ///
+    /// It is estimated from how well the pairs agree.
+    #[arg(long, help_heading = "Noise", value_name = "DEG", requires = "pair_sigma_mm", value_parser = positive)]
     pair_sigma_deg: Option<f64>,
     /// Standard deviation of the translation of a pair of median rmse.
-    #[arg(long, value_name = "MM", requires = "pair_sigma_deg", value_parser = positive)]
+    #[arg(long, help_heading = "Noise", value_name = "MM", requires = "pair_sigma_deg", value_parser = positive)]
     pair_sigma_mm: Option<f64>,
-    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
-    #[arg(long)]
+    /// Adds the joint covariance of all cameras to the JSON.
+    ///
+    /// `compare` uses it. The file of -o always holds it.
+    #[arg(long, help_heading = "Output")]
     joint_covariance: bool,
     #[command(flatten)]
     output: AnswerArgs,

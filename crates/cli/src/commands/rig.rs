@@ -16,10 +16,10 @@ use resight::rig::{
 use resight::scene::rig_scene;
 use std::path::PathBuf;
 
-/// Where several cameras sit relative to each other, from targets that they see through time.
+/// Computes the extrinsics of several cameras from targets that they see together.
 ///
-/// Intrinsics stay as they are given. Needed: one or more targets, moved about so that cameras see them together, two at a time
-/// is enough; nothing surveyed. Prints every camera's place in the rig (the reference camera's frame) with its covariance.
+/// Intrinsics stay as they are given. Move one or more targets so that cameras see them together; two cameras at a time are enough, and
+/// nothing needs to be surveyed. The answer is every camera's pose in the rig (the reference camera's frame) with its covariance.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\
@@ -32,55 +32,70 @@ A rig from relative poses of pairs of cameras: resight pose-graph. A camera or r
 pub struct Rig {
     #[command(flatten)]
     observed: ObservationArgs,
-    /// The target (surveyed points, a tag map) that stands still beside the cameras and whose frame is the world: the answer then
-    /// has world_from_rig and world_from_cam.
-    #[arg(long, value_name = "TARGET")]
+    /// The target that stands still beside the cameras and whose frame is the world.
+    ///
+    /// Surveyed points or a tag map. The answer then has world_from_rig and world_from_cam.
+    #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "TARGET")]
     world: Option<String>,
     #[command(flatten)]
     solving: SolvingArgs,
-    /// Adds the covariance of all cameras together to the JSON, as `compare` uses it (the file of -o always holds it).
-    #[arg(long)]
+    /// Adds the joint covariance of all cameras to the JSON.
+    ///
+    /// `compare` uses it. The file of -o always holds it.
+    #[arg(long, hide_short_help = true, help_heading = "Output")]
     joint_covariance: bool,
     #[command(flatten)]
     output: AnswerArgs,
-    /// Writes one self-contained page to FILE (HTML): the rig to rotate, residuals, views, pairs, input hashes.
-    #[arg(long, value_name = "FILE.html")]
+    /// Writes a self-contained page (HTML) to FILE.
+    ///
+    /// It shows the rig in space, residuals, views, pairs and hashes of the input.
+    #[arg(long, help_heading = "Output", value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// Writes cameras, targets and frames to FILE (MCAP) for Foxglove and Rerun.
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, hide_short_help = true, help_heading = "Output", value_name = "FILE.mcap")]
     scene: Option<PathBuf>,
 }
 
 /// What was observed, and by which cameras.
 #[derive(Debug, Args)]
 pub struct ObservationArgs {
-    /// Camera file in any supported format, under the name it is to have; without NAME= every camera of the file under its own
-    /// name. FILE#NAME picks one of several.
+    /// Camera file in any supported format.
+    ///
+    /// NAME is the name that the camera gets; without NAME= every camera of the file has its own. FILE#NAME picks one of several.
     #[arg(long = "camera", value_name = "[NAME=]FILE", num_args = 1..)]
     cameras: Vec<String>,
-    /// Target file; several targets move independently of each other. The name is the file's unless given.
+    /// Target file.
+    ///
+    /// Several targets move independently of each other. The name is the file's unless given.
     #[arg(long = "target", value_name = "[NAME=]FILE", num_args = 1..)]
     targets: Vec<String>,
-    /// Images of a camera (a path or a pattern such as 'left*.png'), or its video file. Images of one name are one view; where
-    /// the cameras' names differ, as left01 and right01, what the pattern's * stands for names the view.
+    /// Images of a camera, a path or a pattern such as 'left*.png', or its video file.
+    ///
+    /// Images of one name are one view; where the names differ between cameras, as left01 and right01, the part that the pattern's * stands
+    /// for names the view.
     #[arg(long, value_name = "NAME=GLOB", conflicts_with = "detections", num_args = 1..)]
     images: Vec<String>,
-    /// Points found already, instead of images. Columns camera,view,id,x_m,y_m,z_m,u_px,v_px and optionally target, body, corner,
-    /// sigma_px, sigma_m, t_s; x_m,y_m,z_m may be missing where --target knows the id.
+    /// Points that were detected already (CSV), instead of images.
+    ///
+    /// The columns are camera,view,id,x_m,y_m,z_m,u_px,v_px and optionally target, body, corner, sigma_px, sigma_m, t_s; x_m,y_m,z_m may be
+    /// missing where --target knows the id.
     #[arg(long, value_name = "FILE.csv", num_args = 1..)]
     detections: Vec<PathBuf>,
-    /// When each frame was taken. Columns camera,frame,t_s: frame is the image's name without its ending, or the number of the
-    /// video's frame counted from 0.
-    #[arg(long, value_name = "FILE.csv", requires = "images")]
+    /// Times of the frames (CSV).
+    ///
+    /// The columns are camera,frame,t_s: frame is the image's name without its ending, or the number of the video's frame counted from 0.
+    #[arg(long, help_heading = "Synchronisation", value_name = "FILE.csv", requires = "images")]
     timestamps: Option<PathBuf>,
-    /// Frames within this time of each other are one synchronised frame set, whatever their names; needs time stamps.
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
+    /// Frames within this time of each other are one synchronised frame set.
+    ///
+    /// Their names do not count then; time stamps are needed.
+    #[arg(long, help_heading = "Synchronisation", value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
     sync_tolerance_s: Option<f64>,
-    /// Targets mounted on one body, whose places relative to each other are not known but stay.
-    #[arg(long, value_name = "TARGET,TARGET…")]
+    /// Targets on one rigid body, whose poses relative to each other are unknown but constant.
+    #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "TARGET,TARGET…")]
     fixed_together: Vec<String>,
-    /// Standard deviation of u_px and v_px where the detections have no sigma_px [default: 0.5]
-    #[arg(long, value_name = "S", requires = "detections", allow_negative_numbers = true, value_parser = positive)]
+    /// Standard deviation of u_px and v_px where the detections have no sigma_px [default: 0.5].
+    #[arg(long, help_heading = "Solving", value_name = "S", requires = "detections", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: Option<f64>,
     #[command(flatten)]
     corners: CornerArgs,
@@ -89,23 +104,26 @@ pub struct ObservationArgs {
 /// How it is solved.
 #[derive(Debug, Args)]
 pub struct SolvingArgs {
-    /// The camera whose frame is the rig's [default: the first by name]
-    #[arg(long, value_name = "NAME")]
+    /// The camera whose frame is the rig's [default: the first by name].
+    #[arg(long, help_heading = "Solving", value_name = "NAME")]
     reference: Option<String>,
-    /// A distance between the centres of two cameras, measured otherwise, and its standard deviation, metres: it joins the
-    /// adjustment, and with it the target's size can be checked.
-    #[arg(long, value_name = "A,B,METRES,SIGMA")]
+    /// A measured distance between the centres of two cameras and its standard deviation, in metres.
+    ///
+    /// It joins the adjustment, and with it the target's size can be checked.
+    #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "A,B,METRES,SIGMA")]
     known_distance_m: Vec<String>,
 }
 
 /// How an answer about cameras leaves the program.
 #[derive(Debug, Args)]
 pub struct AnswerArgs {
-    /// One JSON object on stdout and nothing else.
-    #[arg(long)]
+    /// Prints one JSON object on stdout and nothing else.
+    #[arg(long, help_heading = "Output")]
     pub json: bool,
-    /// Writes the answer to FILE, which other commands read: the cameras with their poses and covariances (TOML), of hand-eye its JSON.
-    #[arg(long, short, value_name = "FILE")]
+    /// Writes the answer to FILE, which other commands read.
+    ///
+    /// It holds the cameras with their poses and covariances (TOML), that of hand-eye its JSON.
+    #[arg(long, short, help_heading = "Output", value_name = "FILE")]
     pub output: Option<PathBuf>,
 }
 

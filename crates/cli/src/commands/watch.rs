@@ -19,7 +19,7 @@ use outputs::OutputArgs;
 use resight::core::Camera;
 use resight::core::temporal::monitor::learn::LEAST_READINGS;
 use resight::formats::NamedCamera;
-use resight_watch::live::{LiveCamera, LiveConfig, LookError, Watched, reference};
+use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, reference};
 use resight_watch::names::{Names, by_name, split};
 use resight_watch::outputs::said::{self, Verdict};
 use resight_watch::{Ended, Error, Log, Request, signals};
@@ -46,7 +46,7 @@ use std::sync::atomic::AtomicBool;
     detector | resight watch --camera gate.yaml --target tag.toml --source - --json\n  \
     detector | resight watch --rig rig.toml --moving-target --target board.toml --source - --once\n  \
     resight watch --camera gate=gate.yaml --landmarks gate=reference.png --source gate=night.mp4 --once\n\n\
-    Exit status with --once: 0 all steady, 3 something moved (also while it was learned), 1 of a camera it cannot be said: not seen, contradicts itself, still learning or settling.")]
+    Exit status with --once: 0 all steady, 3 something moved (also while it was learned), 1 of a camera it cannot be said: not seen, contradicts itself, still learning or checking.")]
 pub struct Watch {
     /// Session file: its keys are the flags, with _ for -.
     ///
@@ -74,13 +74,13 @@ pub struct Watch {
     #[command(flatten)]
     landmarks: LandmarkArgs,
     #[command(flatten)]
-    sources: SourceArgs,
+    pub sources: SourceArgs,
     /// What a camera is compared with, written by --save-reference [default: learned].
     ///
     /// NAME is a camera, or CAMERA/TARGET where there are several targets.
     #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
     reference: Vec<String>,
-    /// Readings from which a missing reference is learned; with --moving-target, moments.
+    /// Readings from which a missing reference is learned; with --moving-target, synchronised frame sets.
     #[arg(long, value_name = "N", default_value_t = 50, help_heading = "Reference and state")]
     learn: usize,
     /// Where a learned reference is written.
@@ -182,7 +182,9 @@ fn writable(flag: &str, files: Vec<Option<String>>) -> Result<Vec<Option<String>
 /// Which reference image it is that a camera cannot be watched by.
 fn with_file(args: &Watch, names: &Names, reason: Error) -> anyhow::Error {
     let file = match &reason {
-        Error::Camera { camera, source: LookError::Landmarks(_), .. } => args.landmarks.file(names, *camera),
+        Error::Camera { camera, source: CameraWatcherError::Landmarks(_), .. } => {
+            args.landmarks.file(names, *camera)
+        }
         _ => None,
     };
     let reason = anyhow::Error::new(reason);
@@ -202,7 +204,7 @@ fn verdict(args: &Watch, names: &Names, ended: &Ended, log: &Log) -> Result<Outc
         }
     } else {
         for (name, state) in names.pairs().iter().zip(&ended.states) {
-            log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("unseen", said::word)));
+            log.say("verdict", &format!("{name}: {}", state.as_ref().map_or("stale", said::word)));
         }
     }
     Ok(match ended.verdict() {
@@ -268,7 +270,7 @@ fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Resul
         monitor: args.alarm.monitor(tests),
         track: args.motion.track()?,
         learn_readings: args.learn,
-        lasting: args.alarm.lasting(rig.is_some()),
+        correlated: args.alarm.correlated(rig.is_some()),
         rig,
         ..LiveConfig::default()
     })

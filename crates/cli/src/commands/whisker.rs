@@ -3,7 +3,7 @@
 mod calibrate;
 mod check;
 mod drift;
-mod foresight;
+mod prediction;
 mod identify;
 mod input;
 mod picture;

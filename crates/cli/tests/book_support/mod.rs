@@ -100,7 +100,7 @@ pub fn prose(page: &str) -> String {
     outside.map(|text| text.split('`').step_by(2).collect::<String>()).collect()
 }
 
-/// Where the links and pictures of a page lead, those to other hosts left out.
+/// Where the links and images of a page lead, those to other hosts left out.
 pub fn links(page: &str) -> Vec<String> {
     let text = prose(page);
     let linked = text.split("](").skip(1).filter_map(|rest| rest.split_once(')').map(|(link, _)| link));

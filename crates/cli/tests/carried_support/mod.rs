@@ -34,8 +34,8 @@ pub fn corners() -> Vec<Point> {
 }
 
 /// Where a hand holds the board, a little further on each time.
-pub fn carried(moment: usize, chance: &mut Chance) -> Pose {
-    let phase = 0.21 * moment as f64;
+pub fn carried(frame_set: usize, chance: &mut Chance) -> Pose {
+    let phase = 0.21 * frame_set as f64;
     let mut shake = || 0.02 * chance.normal();
     let turn = Vector6::new(
         0.4 * phase.sin() + shake(),
@@ -71,21 +71,21 @@ pub fn line(
     json!({"camera": camera, "t_s": t_s, "detections": detections})
 }
 
-/// A hand-held board, 10 moments a second. `old_from_new` of each camera and whether it sees, for each moment.
+/// A hand-held board, 10 frame sets a second. `old_from_new` of each camera and whether it sees, for each frame set.
 pub fn carried_lines(
     cameras: usize,
-    moments: usize,
+    frame_sets: usize,
     seed: u64,
     camera: impl Fn(usize, usize) -> Option<Vector6<f64>>,
 ) -> String {
     let mut chance = Chance(seed);
     let mut text = String::new();
-    for moment in 0..moments {
-        let rig_from_board = carried(moment, &mut chance);
+    for frame_set in 0..frame_sets {
+        let rig_from_board = carried(frame_set, &mut chance);
         for (i, place) in cam_from_rig().iter().enumerate().take(cameras) {
-            let moved = camera(i, moment);
+            let moved = camera(i, frame_set);
             let pose = moved.map(|moved| Pose::exp(&moved).inverse() * *place * rig_from_board);
-            let t_s = 0.1 * moment as f64 + 0.003 * i as f64;
+            let t_s = 0.1 * frame_set as f64 + 0.003 * i as f64;
             writeln!(text, "{}", line(NAMES[i], t_s, pose.as_ref(), 0, &mut chance)).expect("text");
         }
     }
@@ -93,13 +93,13 @@ pub fn carried_lines(
 }
 
 /// Board and rig as files. With a covariance the rig's places are what the cameras are compared with.
-pub fn rig_arguments(name: &str, cameras: usize, is_sure: bool) -> Vec<String> {
+pub fn rig_arguments(name: &str, cameras: usize, is_certain: bool) -> Vec<String> {
     let folder = folder(name);
     let mut rig = String::new();
     for (name, place) in NAMES.iter().zip(cam_from_rig()).take(cameras) {
         let (q, t) = (place.quaternion_wxyz(), place.translation);
         let rows = (0..6).map(|i| (0..6).map(|j| if i == j { 1e-7 } else { 0.0 }).collect::<Vec<_>>());
-        let covariance = match is_sure {
+        let covariance = match is_certain {
             true => format!(", covariance = {:?}", rows.collect::<Vec<_>>()),
             false => String::new(),
         };

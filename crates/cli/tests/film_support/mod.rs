@@ -28,7 +28,8 @@ pub fn has_ffmpeg() -> bool {
 /// Whether there is an ffmpeg that speaks a protocol, at both ends; says so where there is none.
 pub fn speaks(protocol: &str) -> bool {
     let asked = Command::new("ffmpeg").args(["-v", "error", "-protocols"]).output();
-    let listed = asked.map(|told| String::from_utf8_lossy(&told.stdout).into_owned()).unwrap_or_default();
+    let listed =
+        asked.map(|reported| String::from_utf8_lossy(&reported.stdout).into_owned()).unwrap_or_default();
     let both = listed.lines().filter(|line| line.trim() == protocol).count() == 2;
     if !both {
         println!("no ffmpeg that reads and writes {protocol}: this test is skipped");
@@ -47,7 +48,7 @@ pub fn studio(name: &str) -> PathBuf {
     path
 }
 
-/// Grey frames, one after the other, of a camera whose turn to the right is given for each, degrees.
+/// Grey frames, one after the other, of a camera whose rotation to the right is given for each, degrees.
 pub fn frames(studio: &Path, pan_deg: impl IntoIterator<Item = f64>) -> Vec<u8> {
     let file = studio.join("camera.toml");
     let camera: Camera =
@@ -58,7 +59,7 @@ pub fn frames(studio: &Path, pan_deg: impl IntoIterator<Item = f64>) -> Vec<u8> 
         let old_from_new = Pose::exp(&Vector6::new(0.0, pan_deg.to_radians(), 0.0, 0.0, 0.0, 0.0));
         let scene = Scene::of(target.clone(), old_from_new.inverse() * cam_from_target, Style::default());
         let finish = Finish { noise_sigma: 2.0, seed: 1000 + i as u64, ..Finish::default() };
-        render(&scene, &camera, &finish).expect("a picture").data
+        render(&scene, &camera, &finish).expect("an image").data
     };
     pan_deg.into_iter().enumerate().flat_map(|(i, pan_deg)| frame((i, pan_deg))).collect()
 }
@@ -77,7 +78,7 @@ pub fn encode(frames: &[u8], rate: u32, output: &[&str]) {
     assert!(encoder.wait().expect("an end").success(), "{output:?}");
 }
 
-/// A good picture, frames to and from, a key frame every ten.
+/// A good image, frames to and from, a key frame every ten.
 pub const H264: [&str; 12] =
     ["-c:v", "libx264", "-preset", "veryfast", "-crf", "12", "-bf", "2", "-g", "10", "-pix_fmt", "yuv420p"];
 
@@ -210,7 +211,7 @@ pub fn watch_once(studio: &Path, more: &[&str]) -> Run {
     Run { code: run.status.code().expect("an exit status"), events, stderr: text(&run.stderr) }
 }
 
-/// Whether a process runs whose command line holds `text`, except `but`; none where that cannot be told.
+/// Whether a process runs whose command line holds `text`, except `but`; none where that cannot be reported.
 pub fn runs(text: &str, but: &[u32]) -> Option<bool> {
     let processes = std::fs::read_dir("/proc").ok()?.flatten();
     let is_one = |entry: std::fs::DirEntry| -> Option<bool> {

@@ -13,8 +13,8 @@ pub fn film(studio: &Path) -> PathBuf {
     film
 }
 
-pub fn is_source(event: &Value, is_there: bool) -> bool {
-    event["event"] == "source" && event["is_there"] == is_there
+pub fn is_source(event: &Value, connected: bool) -> bool {
+    event["event"] == "source" && event["connected"] == connected
 }
 
 /// Frames were taken a tenth of a second apart, and about now.

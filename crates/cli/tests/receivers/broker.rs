@@ -18,7 +18,7 @@ pub struct Came {
 
 /// What the broker has seen.
 #[derive(Debug, Default)]
-pub struct Seen {
+pub struct Observed {
     pub came: Vec<Came>,
     /// Those that came and those that were lost.
     pub sent: usize,
@@ -33,7 +33,7 @@ pub struct Seen {
 /// The broker; its threads end with the test.
 pub struct Broker {
     pub place: String,
-    seen: Arc<Mutex<Seen>>,
+    seen: Arc<Mutex<Observed>>,
 }
 
 /// What it does with the n-th message.
@@ -51,7 +51,7 @@ impl Broker {
 
     pub fn at(listener: TcpListener, deeds: fn(usize) -> Deed) -> Self {
         let place = listener.local_addr().expect("an address").to_string();
-        let seen = Arc::new(Mutex::new(Seen::default()));
+        let seen = Arc::new(Mutex::new(Observed::default()));
         let shared = Arc::clone(&seen);
         thread::spawn(move || {
             for stream in listener.incoming() {
@@ -62,12 +62,12 @@ impl Broker {
         Broker { place, seen }
     }
 
-    pub fn see<T>(&self, look: impl FnOnce(&Seen) -> T) -> T {
+    pub fn see<T>(&self, look: impl FnOnce(&Observed) -> T) -> T {
         look(&self.seen.lock().expect("what was seen"))
     }
 }
 
-fn serve(mut stream: TcpStream, seen: &Mutex<Seen>, deeds: fn(usize) -> Deed) {
+fn serve(mut stream: TcpStream, seen: &Mutex<Observed>, deeds: fn(usize) -> Deed) {
     stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a socket");
     let mut will = None;
     while let Some((kind, body)) = packet(&mut stream) {

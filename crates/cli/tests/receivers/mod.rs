@@ -1,4 +1,4 @@
-//! Those who are told: small servers on 127.0.0.1, and sessions that tell them.
+//! Those who are reported: small servers on 127.0.0.1, and sessions that tell them.
 
 pub mod broker;
 pub mod web;
@@ -35,8 +35,8 @@ pub fn lines(camera: Option<&str>, seconds: std::ops::Range<usize>, moved_at: us
     let cam_from_target = Pose::exp(&[0.35, -0.25, 0.1, -0.03, -0.02, 0.6].into());
     let mut all = String::new();
     for second in seconds {
-        let turn_rad = if second < moved_at { 0.0 } else { f64::to_radians(1.0) };
-        let now = Pose::exp(&[0.0, turn_rad, 0.0, 0.0, 0.0, 0.0].into()).inverse() * cam_from_target;
+        let rotation_rad = if second < moved_at { 0.0 } else { f64::to_radians(1.0) };
+        let now = Pose::exp(&[0.0, rotation_rad, 0.0, 0.0, 0.0, 0.0].into()).inverse() * cam_from_target;
         let seen: Vec<Value> = target
             .features()
             .into_iter()
@@ -44,7 +44,7 @@ pub fn lines(camera: Option<&str>, seconds: std::ops::Range<usize>, moved_at: us
             .map(|(i, feature)| {
                 let Feature { id, corner } = feature;
                 let point = target.point(feature).expect("a known point").position;
-                let pixel = lens.project(&(now.rotation * point + now.translation)).expect("in the picture");
+                let pixel = lens.project(&(now.rotation * point + now.translation)).expect("in the image");
                 let [u_px, v_px] = [pixel.x + noise_px(second, 2 * i), pixel.y + noise_px(second, 2 * i + 1)];
                 json!({"id": id, "corner": corner, "u_px": u_px, "v_px": v_px, "sigma_px": 0.2})
             })
@@ -97,7 +97,7 @@ impl Session {
     pub fn of(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_resight"))
             // A machine that is busy elsewhere is not blind.
-            .args(["watch", "--source", "-", "--once", "--json", "--unseen-after-s", "600"])
+            .args(["watch", "--source", "-", "--once", "--json", "--stale-after-s", "600"])
             .args(arguments)
             .envs([("NO_PROXY", "*"), ("no_proxy", "*")])
             .stdin(Stdio::piped())
@@ -132,7 +132,7 @@ impl Session {
     }
 
     /// The part of the log's first line with this text that follows it.
-    pub fn told(&self, text: &str) -> String {
+    pub fn reported(&self, text: &str) -> String {
         wait_for(text, || {
             let log = self.log();
             log.lines().find_map(|line| line.split_once(text).map(|(_, rest)| rest.to_string()))
@@ -161,9 +161,9 @@ impl Session {
 impl Ended {
     /// The JSON lines that others are told, as they are.
     pub fn notices(&self) -> Vec<&Value> {
-        let is_told =
+        let is_reported =
             |e: &&Value| ["state", "source", "moved"].contains(&e["event"].as_str().unwrap_or_default());
-        self.events.iter().filter(is_told).collect()
+        self.events.iter().filter(is_reported).collect()
     }
 }
 

@@ -106,7 +106,7 @@ pub fn get(place: &str, head: &str) -> Option<(u16, String)> {
 
 /// Where the metrics are, as the log says.
 pub fn metrics_place(session: &super::Session) -> String {
-    session.told("metrics: http://").trim_end_matches("/metrics").to_string()
+    session.reported("metrics: http://").trim_end_matches("/metrics").to_string()
 }
 
 /// Samples by name and labels.

@@ -36,7 +36,7 @@ impl Chance {
 
 /// One row of detections.
 #[derive(Clone)]
-pub struct Seen {
+pub struct Observed {
     pub camera: &'static str,
     pub view: usize,
     pub id: usize,
@@ -75,13 +75,13 @@ pub fn rig_from_board(i: usize, chance: &mut Chance) -> Pose {
 }
 
 /// What every camera sees of points at `rig_from_target`, with noise; views and cameras filtered by `sees`.
-pub fn sightings(
+pub fn observations(
     n_views: usize,
     points: &[Point],
     chance: &mut Chance,
     rig_from_target: impl Fn(usize, &mut Chance) -> Pose,
     sees: impl Fn(usize, &str) -> bool,
-) -> Vec<Seen> {
+) -> Vec<Observed> {
     let mut seen = Vec::new();
     for view in 0..n_views {
         let place = rig_from_target(view, chance);
@@ -90,7 +90,7 @@ pub fn sightings(
                 let noise = Vector2::new(chance.normal(), chance.normal()) * SIGMA_PX;
                 let pixel = lens().project(&(cam_from_rig * place * *x)).unwrap() + noise;
                 if sees(view, camera) {
-                    seen.push(Seen { camera, view, id, x: *x, pixel });
+                    seen.push(Observed { camera, view, id, x: *x, pixel });
                 }
             }
         }
@@ -99,12 +99,12 @@ pub fn sightings(
 }
 
 /// The simulated recording: 12 views of the board.
-pub fn recording(seed: u64) -> Vec<Seen> {
-    sightings(12, &board(), &mut Chance(seed), rig_from_board, |_, _| true)
+pub fn recording(seed: u64) -> Vec<Observed> {
+    observations(12, &board(), &mut Chance(seed), rig_from_board, |_, _| true)
 }
 
 /// As the contract's columns.
-pub fn csv(seen: &[Seen]) -> String {
+pub fn csv(seen: &[Observed]) -> String {
     let mut text = "camera,view,id,x_m,y_m,z_m,u_px,v_px\n".to_string();
     for s in seen {
         let (x, p) = (s.x, s.pixel);

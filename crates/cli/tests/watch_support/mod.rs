@@ -33,7 +33,7 @@ pub fn lines(
                 let Feature { id, corner } = feature;
                 let known = target.point(feature).expect("a known point");
                 let x_in_cam = now.rotation * known.position + now.translation;
-                let pixel = camera.project(&x_in_cam).expect("in the picture");
+                let pixel = camera.project(&x_in_cam).expect("in the image");
                 let (u, v) = (pixel.x + SIGMA_PX * chance.normal(), pixel.y + SIGMA_PX * chance.normal());
                 json!({"id": id, "corner": corner, "u_px": u, "v_px": v, "sigma_px": SIGMA_PX})
             })
@@ -47,7 +47,7 @@ pub fn still(_: usize) -> Vector6<f64> {
     Vector6::zeros()
 }
 
-/// A session that runs while the test goes on.
+/// A session that runs while the test continues.
 pub struct Session {
     pub child: Child,
     pub stdin: Option<ChildStdin>,

@@ -1,8 +1,8 @@
 //! Where should the next board of a rig go? Each view has an unknown board pose of its own, which is eliminated:
 //! docs/math/advise.md eqs. (14)–(17).
 
-use super::expect::{Doubt, View, expect, sight_of};
-use super::volume::{Shape, image_place};
+use super::expect::{FirstOrderLimit, View, correspondence_of, expect};
+use super::volume::{Shape, pixel_of_image_share};
 use crate::least_squares::PivotedPose;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, normal_equations};
@@ -62,7 +62,7 @@ pub struct CameraOutlook {
     /// Greatest standard deviation of rotation.
     pub rotation_rad: f64,
     /// Greatest standard deviation of place.
-    pub place_m: f64,
+    pub position_m: f64,
     /// Whether the views tell its rotation at all (to better than half a radian).
     pub is_determined: bool,
 }
@@ -77,7 +77,7 @@ pub struct Suggestion {
     /// How well each camera but the reference would be known, in order.
     pub cameras: Vec<CameraOutlook>,
     /// The doubts of the camera that doubts least: empty where one camera alone tells the board's pose beyond doubt.
-    pub doubts: Vec<Doubt>,
+    pub first_order_limits: Vec<FirstOrderLimit>,
     /// The information with this view.
     pub information: RigInformation,
 }
@@ -108,13 +108,13 @@ impl RigInformation {
 
     fn camera(&self, row: usize, joint: &DMatrix<f64>) -> CameraOutlook {
         let covariance: Matrix6 = joint.fixed_view::<6, 6>(6 * row, 6 * row).into_owned();
-        let (rotation_rad, place_m) = super::expect::worst_sigmas(&covariance);
+        let (rotation_rad, position_m) = super::expect::worst_sigmas(&covariance);
         let camera = if row < self.reference { row } else { row + 1 };
         CameraOutlook {
             camera,
             covariance,
             rotation_rad,
-            place_m,
+            position_m,
             is_determined: rotation_rad < DETERMINED_RAD,
         }
     }
@@ -190,7 +190,8 @@ impl RigPlan<'_> {
         }
         let view =
             View { camera: own.camera, cam_from_target, points: &shape.points, sigma_px: self.sigma_px };
-        let seen: Vec<Correspondence> = shape.points.iter().filter_map(|p| sight_of(&view, p)).collect();
+        let seen: Vec<Correspondence> =
+            shape.points.iter().filter_map(|p| correspondence_of(&view, p)).collect();
         let whole = seen.len() == shape.points.len() && 4 <= seen.len();
         (whole || shape.works_in_part && LEAST_POINTS <= seen.len()).then_some(seen)
     }
@@ -207,7 +208,7 @@ impl RigPlan<'_> {
     fn candidate(&self, index: usize, [near, far]: [f64; 2]) -> Option<Pose> {
         let own = &self.cameras[index % self.cameras.len()];
         let [d, t, a, r, u, v] = super::volume::even(index);
-        let ray = own.camera.bearing(&image_place(own.camera, u, v)).ok()?.into_inner();
+        let ray = own.camera.bearing(&pixel_of_image_share(own.camera, u, v)).ok()?.into_inner();
         let rig_from_cam = own.cam_from_rig.inverse();
         let centre_in_rig = rig_from_cam * (ray * (near + (far - near) * d));
         Some(self.rig_from_board_at(
@@ -282,20 +283,28 @@ impl RigPlan<'_> {
     /// What one board would make of the rig; none where fewer than two cameras see it.
     pub fn suggestion(&self, so_far: &RigInformation, rig_from_board: &Pose) -> Option<Suggestion> {
         let (information, seen_by) = self.with(so_far, rig_from_board)?;
-        let doubts =
-            seen_by.iter().map(|camera| self.doubts(*camera, rig_from_board)).min_by_key(Vec::len)?;
+        let first_order_limits = seen_by
+            .iter()
+            .map(|camera| self.first_order_limits(*camera, rig_from_board))
+            .min_by_key(Vec::len)?;
         let cameras = information.cameras()?;
-        Some(Suggestion { rig_from_board: *rig_from_board, seen_by, cameras, doubts, information })
+        Some(Suggestion {
+            rig_from_board: *rig_from_board,
+            seen_by,
+            cameras,
+            first_order_limits,
+            information,
+        })
     }
 
-    fn doubts(&self, camera: usize, rig_from_board: &Pose) -> Vec<Doubt> {
+    fn first_order_limits(&self, camera: usize, rig_from_board: &Pose) -> Vec<FirstOrderLimit> {
         let Some(seen) = self.seen(camera, rig_from_board) else { return Vec::new() };
         let known = |c: &Correspondence| KnownPoint { position: c.x_in_target, sigma_m: c.sigma_m };
         let points: Vec<KnownPoint> = seen.iter().map(known).collect();
         let own = &self.cameras[camera];
         let cam_from_target = own.cam_from_rig * *rig_from_board;
         let view = View { camera: own.camera, cam_from_target, points: &points, sigma_px: self.sigma_px };
-        expect(&view).map(|e| e.doubts()).unwrap_or_default()
+        expect(&view).map(|e| e.first_order_limits()).unwrap_or_default()
     }
 }
 
@@ -305,7 +314,7 @@ fn score(information: &RigInformation, criterion: Criterion) -> Option<(usize, f
     let undetermined = cameras.iter().filter(|c| !c.is_determined).count();
     let determined = || cameras.iter().filter(|c| c.is_determined);
     let value = match criterion {
-        Criterion::Worst => determined().map(|c| c.place_m).fold(0.0, f64::max),
+        Criterion::Worst => determined().map(|c| c.position_m).fold(0.0, f64::max),
         Criterion::Trace => determined().map(|c| c.covariance.fixed_view::<3, 3>(3, 3).trace()).sum::<f64>(),
         Criterion::Determinant => -information.log_determinant(),
     };

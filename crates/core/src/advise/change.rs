@@ -16,7 +16,7 @@ pub struct Change {
     /// The target so changed.
     pub target: Target,
     /// Whether it becomes larger, and may not fit its place or the image.
-    pub grows: bool,
+    pub enlarges_target: bool,
 }
 
 /// The changes worth trying, per kind of target; none for surveyed points and tag maps, which stand where they stand.
@@ -46,8 +46,8 @@ pub fn changes(target: &Target) -> Vec<Change> {
     }
 }
 
-fn change(key: &'static str, from: f64, to: f64, target: Target, grows: bool) -> Change {
-    Change { key, from, to, target, grows }
+fn change(key: &'static str, from: f64, to: f64, target: Target, enlarges_target: bool) -> Change {
+    Change { key, from, to, target, enlarges_target }
 }
 
 fn scaled(key: &'static str, from: f64, with: impl Fn(f64) -> Target) -> Vec<Change> {
@@ -61,15 +61,15 @@ fn line_changes(t: &LinePlusOne) -> Vec<Change> {
     let length = high - low;
     let middle = t.line_m.iter().position(|x| low < *x && *x < high).unwrap_or(1);
     let mut found = Vec::new();
-    let mut push = |key, from: f64, to: f64, changed: LinePlusOne, grows| {
+    let mut push = |key, from: f64, to: f64, changed: LinePlusOne, enlarges_target| {
         if 1e-6 * length < (to - from).abs() {
-            found.push(change(key, from, to, Target::LinePlusOne(changed), grows));
+            found.push(change(key, from, to, Target::LinePlusOne(changed), enlarges_target));
         }
     };
     for part in [-0.25, 0.0, 0.25, 0.75, 1.0, 1.25] {
         let to = low + part * length;
-        let grows = !(0.0..=1.0).contains(&part);
-        push("off_m[0]", t.off_m[0], to, LinePlusOne { off_m: [to, t.off_m[1]], ..*t }, grows);
+        let enlarges_target = !(0.0..=1.0).contains(&part);
+        push("off_m[0]", t.off_m[0], to, LinePlusOne { off_m: [to, t.off_m[1]], ..*t }, enlarges_target);
     }
     for factor in [1.5, 2.0] {
         let to = t.off_m[1] * factor;
@@ -108,11 +108,11 @@ pub fn tried(target: &Target, camera: &Camera, sigma_px: f64, volume: &Volume, n
     all
 }
 
-/// What ranks a target over a volume: the median of the camera's place over the share of views that give one answer.
+/// What ranks a target over a volume: the median of the camera's position over the share of views that give one answer.
 /// Infinite where none does.
 pub fn cost(outlook: &Outlook) -> f64 {
     let views = outlook.n_views.max(1) as f64;
-    let seen = 1.0 - (outlook.n_out_of_sight + outlook.n_undetermined) as f64 / views;
+    let seen = 1.0 - (outlook.n_out_of_view + outlook.n_undetermined) as f64 / views;
     let usable = seen * (1.0 - outlook.ambiguous);
-    outlook.place_m.map_or(f64::INFINITY, |place| place.median / usable.max(1e-9))
+    outlook.position_m.map_or(f64::INFINITY, |place| place.median / usable.max(1e-9))
 }

@@ -1,6 +1,6 @@
 //! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
 
-use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Minimum, TWIN_SIGMAS};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, DUPLICATE_SIGMAS, Minimum};
 use crate::locate::curvature::with_curvature;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, refine};
@@ -26,7 +26,7 @@ pub struct View<'a> {
 /// Why the first-order figures of a view are not to be trusted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub enum Doubt {
+pub enum FirstOrderLimit {
     /// The likelihood is bent: along its worst direction the standard deviation that `locate` will state is `ratio` times the
     /// first-order one. Usual for flat targets seen nearly straight on.
     Bent {
@@ -37,16 +37,16 @@ pub enum Doubt {
     },
     /// Another pose shows the points `separation_sigma` standard deviations of the pixels apart.
     Ambiguous {
-        /// See above; 0 where nothing in the picture tells the two apart.
+        /// See above; 0 where nothing in the image tells the two apart.
         separation_sigma: f64,
-        /// From here on hardly one picture in a hundred has two answers.
+        /// From here on hardly one image in a hundred has two answers.
         needed_sigma: f64,
     },
 }
 
 /// A bend that adds this much to the worst standard deviation spoils it by 5 %: docs/math/advise.md section 2.
-pub const ALLOWED_BEND: f64 = 1.05;
-/// Two poses this many standard deviations apart leave a doubt in 1.2 % of pictures: docs/math/advise.md eq. (5).
+pub(crate) const ALLOWED_BEND: f64 = 1.05;
+/// Two poses this many standard deviations apart leave a doubt in 1.2 % of images: docs/math/advise.md eq. (5).
 pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 
 /// What a view will be worth.
@@ -76,12 +76,18 @@ impl Expectation {
     }
 
     /// What the first-order figures do not tell, the graver first; empty where they hold within 5 %.
-    pub fn doubts(&self) -> Vec<Doubt> {
+    pub fn first_order_limits(&self) -> Vec<FirstOrderLimit> {
         let (ratio, separation_sigma) = (self.bend_ratio, self.separation_sigma);
-        let ambiguous = Doubt::Ambiguous { separation_sigma, needed_sigma: NEEDED_SEPARATION_SIGMA };
-        let bent = Doubt::Bent { ratio, allowed: ALLOWED_BEND };
-        let holds = [NEEDED_SEPARATION_SIGMA <= separation_sigma, ratio <= ALLOWED_BEND];
-        [ambiguous, bent].into_iter().zip(holds).filter(|(_, holds)| !holds).map(|(doubt, _)| doubt).collect()
+        let ambiguous =
+            FirstOrderLimit::Ambiguous { separation_sigma, needed_sigma: NEEDED_SEPARATION_SIGMA };
+        let bent = FirstOrderLimit::Bent { ratio, allowed: ALLOWED_BEND };
+        let first_order_valid = [NEEDED_SEPARATION_SIGMA <= separation_sigma, ratio <= ALLOWED_BEND];
+        [ambiguous, bent]
+            .into_iter()
+            .zip(first_order_valid)
+            .filter(|(_, first_order_valid)| !first_order_valid)
+            .map(|(first_order_limit, _)| first_order_limit)
+            .collect()
     }
 }
 
@@ -98,12 +104,12 @@ pub(crate) fn chance_below(separation_sigma: f64, gate: f64) -> f64 {
 }
 
 /// The exact pixels of a view; none where a point falls outside the image or the lens's field.
-pub fn sight(view: &View) -> Option<Vec<Correspondence>> {
-    view.points.iter().map(|p| sight_of(view, p)).collect()
+pub fn correspondences_in_view(view: &View) -> Option<Vec<Correspondence>> {
+    view.points.iter().map(|p| correspondence_of(view, p)).collect()
 }
 
 /// The exact pixel of one point.
-pub(crate) fn sight_of(view: &View, p: &KnownPoint) -> Option<Correspondence> {
+pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspondence> {
     let pixel = view.camera.project(&(view.cam_from_target * p.position))?;
     let is_inside = view.camera.size.is_none_or(|size| {
         let within = |x: f64, n: u32| -0.5 <= x && x <= f64::from(n) - 0.5;
@@ -119,12 +125,12 @@ pub(crate) fn sight_of(view: &View, p: &KnownPoint) -> Option<Correspondence> {
 /// `InvalidSetting` for a sigma that is not positive or a point that is out of sight, and those of `locate`: too few points,
 /// points on a line, …
 pub fn expect(view: &View) -> Result<Expectation, Error> {
-    let seen = sight(view).ok_or_else(|| out_of_sight(view))?;
+    let seen = correspondences_in_view(view).ok_or_else(|| out_of_view(view))?;
     let estimate = locate(&seen, view.camera, &Config::default())?;
     let minimum = refine(&view.cam_from_target, &seen, view.camera)?;
     let turns: f64 = (0..3).map(|i| minimum.covariance[(i, i)]).sum();
     let is_other =
-        |m: &Minimum| TWIN_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target);
+        |m: &Minimum| DUPLICATE_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target);
     let others = estimate.minima().map(|h| h.minimum).filter(is_other);
     let nearest = others.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let stated_covariance = with_curvature(&minimum, &Problem::new(&seen, view.camera));
@@ -142,8 +148,8 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
 }
 
 /// The first point out of sight, in a named error.
-pub(crate) fn out_of_sight(view: &View) -> Error {
-    let hidden = view.points.iter().position(|p| sight_of(view, p).is_none()).unwrap_or(0);
+pub(crate) fn out_of_view(view: &View) -> Error {
+    let hidden = view.points.iter().position(|p| correspondence_of(view, p).is_none()).unwrap_or(0);
     Error::InvalidSetting {
         setting: "the place of a point",
         seen: hidden as f64,
@@ -159,7 +165,7 @@ fn greatest_ratio(large: &Matrix6, small: &Matrix6) -> f64 {
     whole.symmetric_eigenvalues().max().max(1.0).sqrt()
 }
 
-/// Greatest standard deviation of rotation over all axes, radians, and of the camera's place over all directions, metres.
+/// Greatest standard deviation of rotation over all axes, radians, and of the camera's position over all directions, metres.
 pub fn worst_sigmas(covariance: &Matrix6) -> (f64, f64) {
     let worst = |at: usize| {
         let block: nalgebra::Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();

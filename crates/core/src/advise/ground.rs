@@ -1,4 +1,4 @@
-//! Places and lengths read off a plane in one picture, and how sure they are: docs/math/advise.md eqs. (8)–(10).
+//! Places and lengths read off a plane in one image, and how uncertain they are: docs/math/advise.md eqs. (8)–(10).
 
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose, Vector6};
 use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, Matrix3x6, Vector3};
@@ -12,7 +12,7 @@ pub struct Plane {
     pub offset_m: f64,
 }
 
-/// A place on a plane as one picture shows it.
+/// A place on a plane as one image shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundPoint {
     /// Where it is, target frame.
@@ -23,7 +23,7 @@ pub struct GroundPoint {
     pub by_pixel: Matrix3x2<f64>,
 }
 
-/// A length read off a plane in one picture.
+/// A length read off a plane in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundLength {
     /// The length.
@@ -31,7 +31,7 @@ pub struct GroundLength {
     /// How it changes with the pose's small left motion.
     pub by_motion: Vector6,
     /// Its variance by the two pixels pointed at.
-    pub click_variance_m2: f64,
+    pub image_point_variance_m2: f64,
 }
 
 /// Flatter than this (sine of the angle between ray and plane) nothing on a plane is measured.
@@ -54,7 +54,7 @@ impl Plane {
         (GRAZING < sine.abs() && 0.0 < depth_m).then(|| origin + ray * depth_m)
     }
 
-    /// How a place on the plane, read off a picture, depends on pose and pixel; none where it cannot be seen.
+    /// How a place on the plane, read off an image, depends on pose and pixel; none where it cannot be seen.
     pub fn point(&self, camera: &Camera, cam_from_target: &Pose, x_in_target: &Point) -> Option<GroundPoint> {
         let x_in_cam = cam_from_target * x_in_target;
         let (_, by_point): (_, Matrix2x3<f64>) = camera.project_with_jacobian(&x_in_cam)?;
@@ -89,11 +89,11 @@ impl Plane {
         let between = b.x_in_target - a.x_in_target;
         let length_m = between.norm();
         let u = between.try_normalize(0.0).ok_or(refused(length_m, "its two ends must differ"))?;
-        let click = u.tr_mul(&a.by_pixel).norm_squared() + u.tr_mul(&b.by_pixel).norm_squared();
+        let image_point = u.tr_mul(&a.by_pixel).norm_squared() + u.tr_mul(&b.by_pixel).norm_squared();
         Ok(GroundLength {
             length_m,
             by_motion: (b.by_motion - a.by_motion).tr_mul(&u),
-            click_variance_m2: click * sigma_px * sigma_px,
+            image_point_variance_m2: image_point * sigma_px * sigma_px,
         })
     }
 
@@ -122,6 +122,6 @@ impl GroundPoint {
 impl GroundLength {
     /// Standard deviation of the length for a pose of this covariance.
     pub fn sigma_m(&self, covariance: &Matrix6) -> f64 {
-        (self.by_motion.dot(&(covariance * self.by_motion)) + self.click_variance_m2).max(0.0).sqrt()
+        (self.by_motion.dot(&(covariance * self.by_motion)) + self.image_point_variance_m2).max(0.0).sqrt()
     }
 }

@@ -1,16 +1,16 @@
 //! What is wrong with a choice of points, in numbers a person can act on: docs/math/advise.md eqs. (11)–(13).
 
-use super::expect::{Expectation, NEEDED_SEPARATION_SIGMA, View, sight};
+use super::expect::{Expectation, NEEDED_SEPARATION_SIGMA, View, correspondences_in_view};
 use crate::Correspondence;
-use crate::solve::configuration::{Configuration, survey};
+use crate::solve::configuration::{Configuration, describe_geometry};
 use crate::solve::line_plus_one::Weakness;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 /// A fault of a layout as seen from a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub enum Concern {
-    /// The points lie near one line: the turn about it is known this much worse than the others.
+pub enum LayoutWarning {
+    /// The points lie near one line: the rotation about it is known this much worse than the others.
     NearCollinear {
         /// Extent across the line over extent along it.
         width_ratio: f64,
@@ -28,7 +28,7 @@ pub enum Concern {
     Frontal {
         /// Angle between the plane's normal and the line of sight.
         tilt_rad: f64,
-        /// From here on the two tilts can be told apart.
+        /// From here on the two tilts can be distinguished.
         needed_rad: f64,
     },
     /// All points are about as far from the camera.
@@ -38,35 +38,35 @@ pub enum Concern {
         /// What is needed.
         needed: f64,
     },
-    /// A line and one point off it, from a place where the two do not show the turn about the line.
+    /// A line and one point off it, from a place where the two do not show the rotation about the line.
     Weak(Weakness),
 }
 
-/// Below this ratio the turn about the line is known five times worse than the others.
-pub const NEEDED_WIDTH: f64 = 0.2;
+/// Below this ratio the rotation about the line is known five times worse than the others.
+pub(crate) const NEEDED_WIDTH: f64 = 0.2;
 /// Three points span a plane; more are taken as flat up to this thickness over width.
 const FLAT: f64 = 0.05;
 
 /// The faults of a view, the gravest first. Those that only matter where a figure is in doubt are named only there.
-pub fn concerns(view: &View, expectation: &Expectation) -> Vec<Concern> {
-    let Some(seen) = sight(view) else { return Vec::new() };
-    let mut found: Vec<Concern> = expectation.weakness.map(Concern::Weak).into_iter().collect();
+pub fn layout_warnings(view: &View, expectation: &Expectation) -> Vec<LayoutWarning> {
+    let Some(seen) = correspondences_in_view(view) else { return Vec::new() };
+    let mut found: Vec<LayoutWarning> = expectation.weakness.map(LayoutWarning::Weak).into_iter().collect();
     found.extend(near_collinear(&seen));
-    if !expectation.doubts().is_empty() {
-        found.extend(Sight::of(view, &seen).into_iter().flat_map(|s| s.concerns()));
+    if !expectation.first_order_limits().is_empty() {
+        found.extend(Spread::of(view, &seen).into_iter().flat_map(|s| s.layout_warnings()));
     }
     found
 }
 
 /// Whether points lie near one line.
-pub fn near_collinear(seen: &[Correspondence]) -> Option<Concern> {
-    let geometry = survey(seen).ok()?;
+pub(crate) fn near_collinear(seen: &[Correspondence]) -> Option<LayoutWarning> {
+    let geometry = describe_geometry(seen).ok()?;
     // Three of four on a line, and one well off it, is a layout of its own; its width is that of the whole.
     let width_ratio = match geometry.configuration {
         Configuration::LinePlusOne { .. } => geometry.width.ratio,
         _ => geometry.width.ratio.min(spread_ratio(seen)),
     };
-    (width_ratio < NEEDED_WIDTH).then_some(Concern::NearCollinear { width_ratio, needed: NEEDED_WIDTH })
+    (width_ratio < NEEDED_WIDTH).then_some(LayoutWarning::NearCollinear { width_ratio, needed: NEEDED_WIDTH })
 }
 
 /// Second principal extent of the points over the first.
@@ -87,7 +87,7 @@ fn principal(seen: &[Correspondence]) -> SymmetricEigen<f64, nalgebra::U3> {
 }
 
 /// A set of points as the camera sees it.
-struct Sight {
+struct Spread {
     span_rad: f64,
     sigma_rad: f64,
     range_spread: f64,
@@ -95,7 +95,7 @@ struct Sight {
     tilt_rad: Option<f64>,
 }
 
-impl Sight {
+impl Spread {
     fn of(view: &View, seen: &[Correspondence]) -> Option<Self> {
         let pairs = || {
             seen.iter().enumerate().flat_map(|(i, a)| seen[..i].iter().map(move |b| (a.bearing, b.bearing)))
@@ -107,23 +107,25 @@ impl Sight {
         let beside = first.pixel + nalgebra::Vector2::new(view.sigma_px, 0.0);
         let sigma_rad = view.camera.bearing(&beside).ok()?.cross(&first.bearing).norm();
         let range_spread = 2.0 * (most - least) / (most + least);
-        Some(Sight { span_rad, sigma_rad, range_spread, tilt_rad: tilt_rad(view, seen) })
+        Some(Spread { span_rad, sigma_rad, range_spread, tilt_rad: tilt_rad(view, seen) })
     }
 
-    fn concerns(&self) -> Vec<Concern> {
+    fn layout_warnings(&self) -> Vec<LayoutWarning> {
         let relief = 2.0 * NEEDED_SEPARATION_SIGMA * self.sigma_rad / self.span_rad;
         let far = (4.0 * NEEDED_SEPARATION_SIGMA * self.sigma_rad).sqrt();
         let mut found = Vec::new();
         if self.tilt_rad.is_some() && self.span_rad < far {
-            found.push(Concern::FarClustered { span_rad: self.span_rad, needed_rad: far });
+            found.push(LayoutWarning::FarClustered { span_rad: self.span_rad, needed_rad: far });
         }
         let needed_rad = (relief / self.span_rad).atan();
         match self.tilt_rad {
-            Some(tilt_rad) if tilt_rad < needed_rad => found.push(Concern::Frontal { tilt_rad, needed_rad }),
+            Some(tilt_rad) if tilt_rad < needed_rad => {
+                found.push(LayoutWarning::Frontal { tilt_rad, needed_rad })
+            }
             _ => {}
         }
         if self.range_spread < relief {
-            found.push(Concern::EqualRange { spread: self.range_spread, needed: relief });
+            found.push(LayoutWarning::EqualRange { spread: self.range_spread, needed: relief });
         }
         found
     }

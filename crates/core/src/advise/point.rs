@@ -1,9 +1,11 @@
 //! Where should the next point go? Points already measured, one more tried anywhere: docs/math/advise.md eqs. (1), (2), (7).
 
-use super::expect::{NEEDED_SEPARATION_SIGMA, View, sight, sight_of, worst_sigmas};
+use super::expect::{
+    NEEDED_SEPARATION_SIGMA, View, correspondence_of, correspondences_in_view, worst_sigmas,
+};
 use super::ground::GroundLength;
 use crate::least_squares::PivotedPose;
-use crate::locate::choose::{Minimum, TWIN_SIGMAS};
+use crate::locate::choose::{DUPLICATE_SIGMAS, Minimum};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, normal_equations};
 use crate::locate::{Config, locate};
@@ -14,7 +16,7 @@ use nalgebra::{Matrix2, Matrix2x6, Vector2};
 /// What is to become sure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
-    /// The camera's place, in its worst direction, metres.
+    /// The camera's position, in its worst direction, metres.
     Place,
     /// The rotation, about its worst axis, radians.
     Rotation,
@@ -50,7 +52,7 @@ pub struct NextPoint<'a> {
     place: PivotedPose,
     information: Matrix6,
     /// The other poses that the points so far leave possible.
-    rivals: Vec<Minimum>,
+    alternatives: Vec<Minimum>,
 }
 
 impl<'a> NextPoint<'a> {
@@ -59,7 +61,7 @@ impl<'a> NextPoint<'a> {
     /// # Errors
     /// Those of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is out of sight.
     pub fn new(view: View<'a>) -> Result<Self, Error> {
-        let seen = sight(&view).ok_or_else(|| super::expect::out_of_sight(&view))?;
+        let seen = correspondences_in_view(&view).ok_or_else(|| super::expect::out_of_view(&view))?;
         let estimate = locate(&seen, view.camera, &Config::default())?;
         let pivot = centroid(&seen);
         let place = PivotedPose::new(&view.cam_from_target, &pivot);
@@ -67,10 +69,10 @@ impl<'a> NextPoint<'a> {
         let information = normal.ok_or(Error::NoSolution { n_points: seen.len() })?.information();
         let is_other = |m: &Minimum| {
             let turns: f64 = (0..3).map(|i| m.covariance[(i, i)]).sum();
-            TWIN_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target)
+            DUPLICATE_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target)
         };
-        let rivals = estimate.minima().map(|h| h.minimum).filter(is_other).collect();
-        Ok(NextPoint { view, pivot, place, information, rivals })
+        let alternatives = estimate.minima().map(|h| h.minimum).filter(is_other).collect();
+        Ok(NextPoint { view, pivot, place, information, alternatives })
     }
 
     /// The covariance by the points so far; none where they do not determine the pose.
@@ -80,12 +82,12 @@ impl<'a> NextPoint<'a> {
 
     /// What a further point would make of it; none where the camera cannot see it.
     pub fn with(&self, further: &KnownPoint) -> Option<Gain> {
-        let c = sight_of(&self.view, further)?;
+        let c = correspondence_of(&self.view, further)?;
         let problem = Problem::new(core::slice::from_ref(&c), self.view.camera);
         let added = normal_equations(&self.place, &self.pivot, &problem)?.information();
         let covariance = self.at_camera(&(self.information + added))?;
         let separation = |m: &Minimum| self.separation_squared(m, further, &c.pixel);
-        let least = self.rivals.iter().map(separation).fold(f64::INFINITY, f64::min);
+        let least = self.alternatives.iter().map(separation).fold(f64::INFINITY, f64::min);
         Some(Gain { covariance, separation_sigma: least.max(0.0).sqrt() })
     }
 
@@ -108,9 +110,9 @@ impl<'a> NextPoint<'a> {
         covariance.sum().is_finite().then_some(covariance)
     }
 
-    /// χ² of a rival once it has to explain a further point too: docs/math/advise.md eq. (7).
-    fn separation_squared(&self, rival: &Minimum, further: &KnownPoint, pixel: &Vector2<f64>) -> f64 {
-        let x_in_cam = rival.cam_from_target * further.position;
+    /// χ² of a second solution once it has to explain a further point too: docs/math/advise.md eq. (7).
+    fn separation_squared(&self, alternative: &Minimum, further: &KnownPoint, pixel: &Vector2<f64>) -> f64 {
+        let x_in_cam = alternative.cam_from_target * further.position;
         let Some((elsewhere, by_point)) = self.view.camera.project_with_jacobian(&x_in_cam) else {
             return f64::INFINITY;
         };
@@ -120,8 +122,8 @@ impl<'a> NextPoint<'a> {
         let d = pixel - elsewhere;
         let own = Matrix2::identity() * self.view.sigma_px.powi(2)
             + by_point * by_point.transpose() * further.sigma_m.powi(2);
-        let spread = own + by_motion * rival.covariance * by_motion.transpose();
-        spread.try_inverse().map_or(0.0, |inverse| rival.chi2 + d.dot(&(inverse * d)))
+        let spread = own + by_motion * alternative.covariance * by_motion.transpose();
+        spread.try_inverse().map_or(0.0, |inverse| alternative.chi2 + d.dot(&(inverse * d)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A target over a volume: views of every distance, tilt, roll and place in the image, and what they are worth.
 //! docs/math/advise.md section 5.
 
-use super::expect::{ALLOWED_BEND, Expectation, View, expect, sight, worst_sigmas};
+use super::expect::{ALLOWED_BEND, Expectation, View, correspondences_in_view, expect, worst_sigmas};
 use crate::locate::choose::Ambiguity;
 use crate::locate::{Config, locate};
 use crate::statistics::SplitMix64;
@@ -28,7 +28,7 @@ pub struct Shape {
     pub points: Vec<KnownPoint>,
     /// Unit normal of its front, target frame: the camera is on that side. ±z.
     pub front_in_target: Vector3<f64>,
-    /// Whether a part of its points can be told from the rest, so that it need not be in the image whole.
+    /// Whether a part of its points can be distinguished from the rest, so that it need not be in the image whole.
     pub works_in_part: bool,
 }
 
@@ -55,21 +55,21 @@ impl Shape {
         direction_rad: f64,
         roll_rad: f64,
     ) -> Pose {
-        let sight = centre_in_cam.try_normalize(0.0).unwrap_or(Vector3::z());
+        let correspondences_in_view = centre_in_cam.try_normalize(0.0).unwrap_or(Vector3::z());
         let around = Vector3::new(direction_rad.cos(), direction_rad.sin(), 0.0);
         let to_camera = self.front_in_target * tilt_rad.cos() + around * tilt_rad.sin();
-        let w = sight * roll_rad;
+        let w = correspondences_in_view * roll_rad;
         let roll = Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
-        let turned = roll * turn_between(&to_camera, &-sight);
+        let turned = roll * turn_between(&to_camera, &-correspondences_in_view);
         Pose::new(turned, centre_in_cam - turned * self.centre())
     }
 }
 
-/// The shortest turn from one unit vector to another; opposite ones are turned about x.
+/// The shortest turn from one unit vector to another; opposite ones are rotated about x.
 fn turn_between(from: &Vector3<f64>, to: &Vector3<f64>) -> nalgebra::Matrix3<f64> {
-    let half_turn =
+    let half_rotation =
         || UnitQuaternion::from_axis_angle(&Unit::new_normalize(Vector3::x()), core::f64::consts::PI);
-    UnitQuaternion::rotation_between(from, to).unwrap_or_else(half_turn).to_rotation_matrix().into_inner()
+    UnitQuaternion::rotation_between(from, to).unwrap_or_else(half_rotation).to_rotation_matrix().into_inner()
 }
 
 /// Roberts' additive recurrence in six dimensions: powers of 1/φ, φ⁷ = φ + 1. Fills a box evenly whatever the number of points.
@@ -87,18 +87,18 @@ pub fn poses(shape: &Shape, camera: &Camera, volume: &Volume, n: usize) -> Vec<O
         let (distance_m, tilt_rad) = (between(volume.distance_m, d), between(volume.tilt_rad, t));
         let (direction_rad, roll_rad) = (between(volume.direction_rad, a), r * core::f64::consts::TAU);
         [1.0, 0.8, 0.6, 0.4, 0.2, 0.0].iter().find_map(|outwards| {
-            let pixel = image_place(camera, 0.5 + (u - 0.5) * outwards, 0.5 + (v - 0.5) * outwards);
+            let pixel = pixel_of_image_share(camera, 0.5 + (u - 0.5) * outwards, 0.5 + (v - 0.5) * outwards);
             let centre_in_cam = camera.bearing(&pixel).ok()?.into_inner() * distance_m;
             let cam_from_target = shape.cam_from_target(&centre_in_cam, tilt_rad, direction_rad, roll_rad);
             let view = View { camera, cam_from_target, points: &shape.points, sigma_px: 1.0 };
-            sight(&view).map(|_| cam_from_target)
+            correspondences_in_view(&view).map(|_| cam_from_target)
         })
     };
     (0..n).map(one).collect()
 }
 
 /// A place in the image by its parts of width and height; a camera without an image has its middle only.
-pub(crate) fn image_place(camera: &Camera, u: f64, v: f64) -> Pixel {
+pub(crate) fn pixel_of_image_share(camera: &Camera, u: f64, v: f64) -> Pixel {
     match camera.size {
         Some(size) => Vector2::new(u * f64::from(size.width_px) - 0.5, v * f64::from(size.height_px) - 0.5),
         None => camera.project(&Point::z()).unwrap_or_else(Vector2::zeros),
@@ -122,42 +122,42 @@ pub struct Outlook {
     /// Views tried.
     pub n_views: usize,
     /// Views in which the target is not whole in the image.
-    pub n_out_of_sight: usize,
+    pub n_out_of_view: usize,
     /// Views in which its points determine no pose.
     pub n_undetermined: usize,
     /// Greatest standard deviation of rotation, radians, as `locate` will state it; none where no view has a pose.
     pub rotation_rad: Option<Spread>,
-    /// Greatest standard deviation of the camera's place, metres.
-    pub place_m: Option<Spread>,
+    /// Greatest standard deviation of the camera's position, metres.
+    pub position_m: Option<Spread>,
     /// Share of the answers, 0 to 1, that will be `ambiguous`.
     pub ambiguous: f64,
     /// Share of the answers whose first pose will be the wrong one.
     pub wrong: f64,
     /// Share of the views in which the first-order figures do not hold within 5 %.
-    pub doubtful: f64,
+    pub first_order_fails: f64,
 }
 
-/// Pictures drawn of a view whose likelihood is bent: there the shares follow no formula.
+/// Images drawn of a view whose likelihood is bent: there the shares follow no formula.
 const DRAWS: usize = 12;
 
 /// What a target is worth over views of it; none stands for a view in which it cannot be seen.
 pub fn outlook(shape: &Shape, camera: &Camera, sigma_px: f64, views: &[Option<Pose>]) -> Outlook {
     let mut chance = SplitMix64::scattered(0x5EED);
-    let (mut tally, mut n_out_of_sight, mut n_undetermined) = (Tally::default(), 0, 0);
+    let (mut tally, mut n_out_of_view, mut n_undetermined) = (Tally::default(), 0, 0);
     for pose in views {
         let view =
             pose.map(|cam_from_target| View { camera, cam_from_target, points: &shape.points, sigma_px });
-        let Some((view, seen)) = view.and_then(|view| Some((view, sight(&view)?))) else {
-            n_out_of_sight += 1;
+        let Some((view, seen)) = view.and_then(|view| Some((view, correspondences_in_view(&view)?))) else {
+            n_out_of_view += 1;
             continue;
         };
         match expect(&view) {
-            Ok(e) if e.bend_ratio <= ALLOWED_BEND => tally.foretold(&e),
+            Ok(e) if e.bend_ratio <= ALLOWED_BEND => tally.predicted(&e),
             Ok(_) => tally.tried(&view, &seen, &mut chance),
             Err(_) => n_undetermined += 1,
         }
     }
-    tally.outlook(views.len(), n_out_of_sight, n_undetermined)
+    tally.outlook(views.len(), n_out_of_view, n_undetermined)
 }
 
 /// Figures of views, each with the part of a view it stands for.
@@ -167,24 +167,24 @@ struct Tally {
     places: Vec<(f64, f64)>,
     ambiguous: f64,
     wrong: f64,
-    doubtful: f64,
+    first_order_fails: f64,
     n: f64,
 }
 
 impl Tally {
     /// A view that keeps to its first-order figures: docs/math/advise.md eqs. (4)–(5).
-    fn foretold(&mut self, e: &Expectation) {
+    fn predicted(&mut self, e: &Expectation) {
         self.ambiguous += e.chance_ambiguous();
         self.wrong += e.chance_wrong();
-        self.doubtful += f64::from(u8::from(!e.doubts().is_empty()));
+        self.first_order_fails += f64::from(u8::from(!e.first_order_limits().is_empty()));
         self.n += 1.0;
         self.sigmas(&e.stated_covariance, 1.0);
     }
 
-    /// A view whose likelihood is bent, by pictures drawn of it.
+    /// A view whose likelihood is bent, by images drawn of it.
     fn tried(&mut self, view: &View, exact: &[Correspondence], chance: &mut SplitMix64) {
         const PART: f64 = 1.0 / DRAWS as f64;
-        self.doubtful += 1.0;
+        self.first_order_fails += 1.0;
         self.n += 1.0;
         for _ in 0..DRAWS {
             let Some(seen) = disturbed(view, exact, chance) else { continue };
@@ -200,16 +200,26 @@ impl Tally {
     }
 
     fn sigmas(&mut self, covariance: &crate::Matrix6, part: f64) {
-        let (rotation_rad, place_m) = worst_sigmas(covariance);
+        let (rotation_rad, position_m) = worst_sigmas(covariance);
         self.turns.push((rotation_rad, part));
-        self.places.push((place_m, part));
+        self.places.push((position_m, part));
     }
 
-    fn outlook(self, n_views: usize, n_out_of_sight: usize, n_undetermined: usize) -> Outlook {
+    fn outlook(self, n_views: usize, n_out_of_view: usize, n_undetermined: usize) -> Outlook {
         let share = |sum: f64| if 0.0 < self.n { (sum / self.n).clamp(0.0, 1.0) } else { 0.0 };
-        let [ambiguous, wrong, doubtful] = [self.ambiguous, self.wrong, self.doubtful].map(share);
-        let (rotation_rad, place_m) = (spread(self.turns), spread(self.places));
-        Outlook { n_views, n_out_of_sight, n_undetermined, rotation_rad, place_m, ambiguous, wrong, doubtful }
+        let [ambiguous, wrong, first_order_fails] =
+            [self.ambiguous, self.wrong, self.first_order_fails].map(share);
+        let (rotation_rad, position_m) = (spread(self.turns), spread(self.places));
+        Outlook {
+            n_views,
+            n_out_of_view,
+            n_undetermined,
+            rotation_rad,
+            position_m,
+            ambiguous,
+            wrong,
+            first_order_fails,
+        }
     }
 }
 
@@ -228,7 +238,7 @@ fn spread(mut values: Vec<(f64, f64)>) -> Option<Spread> {
     Some(Spread { median: at(0.5), p95: at(0.95), worst })
 }
 
-/// One picture of a view, with the noise it will have.
+/// One image of a view, with the noise it will have.
 fn disturbed(view: &View, exact: &[Correspondence], chance: &mut SplitMix64) -> Option<Vec<Correspondence>> {
     let one = |c: &Correspondence| {
         let pixel = c.pixel + Vector2::new(chance.normal(), chance.normal()) * c.sigma_px;

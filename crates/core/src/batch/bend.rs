@@ -1,16 +1,16 @@
 //! `curvature::is_bent` on several problems at once.
 
 use super::lanes::{Lanes, Mask, Matrix, Vector};
-use super::refine::{Minimum, Place, Seen};
+use super::refine::{Minimum, ObservedPoints, Place};
 use crate::locate::curvature::{PROBE, STRAIGHT};
 use pulp::Simd;
 
 /// Squared angle up to which the series below are exact to rounding: the next term is (0.25)⁷/15! of the first.
 const SERIES_ANGLE_SQUARED: f64 = 0.25;
 
-/// Where χ² rises quadratically along the weakest turn, so that neither the covariance nor the search needs more.
+/// Where χ² rises quadratically along the weakest rotation, so that neither the covariance nor the search needs more.
 #[inline(always)]
-pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &Seen<S, N>) -> Mask<S> {
+pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &ObservedPoints<S, N>) -> Mask<S> {
     let (w, v) = weakest_turn(m);
     let mut straight = w.x.is_finite();
     for side in [PROBE, -PROBE] {
@@ -22,7 +22,7 @@ pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &Seen<S
     straight
 }
 
-/// One standard deviation of the weakest turn, as `curvature::Turn::weakest`: rotation and translation.
+/// One standard deviation of the weakest rotation, as `curvature::Turn::weakest`: rotation and translation.
 #[inline(always)]
 fn weakest_turn<S: Simd>(m: &Minimum<S>) -> (Vector<S>, Vector<S>) {
     let rotation = &m.covariance.rotation;

@@ -1,16 +1,19 @@
-//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` goes on
+//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` continues
 //! from there, with the start left over and those of P3P, here of many views side by side.
 
 use super::starts::{End, Start, refine_all};
 use super::{Views, alone, correspondences};
 use crate::camera::CameraMatrix;
+use crate::locate::answer::conclude;
 use crate::locate::choose::{Minima, Minimum, insert};
+use crate::locate::classify::{Allowed, View};
 use crate::locate::consistency::is_unlikely;
 use crate::locate::curvature;
-use crate::locate::multi_start::{closed_form, is_in_doubt, three_of};
+use crate::locate::minima::Found;
+use crate::locate::multi_start::{is_in_doubt, of_method, three_of};
 use crate::locate::problem::Problem;
 use crate::locate::refine::refine_against;
-use crate::locate::{Allowed, Method, PoseEstimate, conclude};
+use crate::locate::{Method, PoseEstimate};
 use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;
 use crate::{Correspondence, Error, Pose};
@@ -83,7 +86,7 @@ impl<'a> Case<'a> {
         let problem = &Problem::new(&seen, views.camera);
         let weakness = match known.is_strong {
             true => None,
-            false => closed_form(Method::LinePlusOne, &known.geometry.configuration, problem).1,
+            false => of_method(Method::LinePlusOne, &known.geometry.configuration, problem).1,
         };
         let starts = known.left_over.into_iter().chain(three_of(&seen)).collect();
         Some(Case { known, seen, starts, weakness })
@@ -97,42 +100,43 @@ impl<'a> Case<'a> {
         self.starts.iter().map(|start| Start {
             seen: &self.seen,
             cam_from_target: *start,
-            rival_chi2: self.lowest_chi2(),
+            alternative_chi2: self.lowest_chi2(),
         })
     }
 
     /// As `search` and `locate` end; `ends` are those of this view's starts.
     fn answer(&self, views: &Views, ends: &[End]) -> Result<PoseEstimate, Error> {
         let problem = &Problem::new(&self.seen, views.camera);
-        let mut minima: Minima = self.known.minima.iter().copied().collect();
+        let mut found = Found::default();
+        let minima = &mut found.minima;
+        minima.extend(self.known.minima.iter().copied());
         let (starts, n_left_over) = (&self.starts, usize::from(self.known.left_over.is_some()));
-        self.follow(&starts[..n_left_over], &ends[..n_left_over], problem, &mut minima);
+        self.follow(&starts[..n_left_over], &ends[..n_left_over], problem, minima);
         let is_known = minima.first().map(|m| m.chi2) == Some(self.lowest_chi2());
         let is_bent = !(is_known && self.known.is_straight)
             && minima.first().is_some_and(|m| curvature::is_bent(m, problem));
         let is_between_layouts = self.known.geometry.is_between_layouts();
-        if is_between_layouts || self.weakness.is_some() || is_bent || is_in_doubt(&minima) {
-            self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, &mut minima);
+        if is_between_layouts || self.weakness.is_some() || is_bent || is_in_doubt(minima) {
+            self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, minima);
         }
-        let (geometry, bends) = (Some(self.known.geometry), [Some(is_bent), None, None, None]);
-        conclude(
-            problem,
-            geometry,
-            Method::LinePlusOne,
-            Allowed::default(),
-            self.weakness,
-            bends,
-            &mut minima,
-        )
+        let view = View {
+            problem: *problem,
+            geometry: Some(self.known.geometry),
+            method: Method::LinePlusOne,
+            allowed: Allowed::default(),
+        };
+        found.weakness = self.weakness;
+        found.bends[0] = Some(is_bent);
+        conclude(&view, &mut found)
     }
 
-    /// As `search::refine_each`, the refinements being done.
+    /// As `multi_start::refine_each`, the refinements being done.
     fn follow(&self, starts: &[Pose], ends: &[End], problem: &Problem, minima: &mut Minima) {
         for (start, end) in starts.iter().zip(ends) {
-            let rival_chi2 = minima.first().map(|m| m.chi2);
+            let alternative_chi2 = minima.first().map(|m| m.chi2);
             // Once a start has led below the minima known before, the next are measured by that one.
-            let known = end.minimum.filter(|_| rival_chi2 == Some(self.lowest_chi2()));
-            if let Some(minimum) = known.or_else(|| refine_against(start, rival_chi2, problem).ok()) {
+            let known = end.minimum.filter(|_| alternative_chi2 == Some(self.lowest_chi2()));
+            if let Some(minimum) = known.or_else(|| refine_against(start, alternative_chi2, problem).ok()) {
                 insert(minima, minimum);
             }
         }

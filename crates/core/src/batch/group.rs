@@ -1,7 +1,7 @@
 //! Views and minima transposed: a column holds one number of each, a view or a start a lane.
 
 use super::lanes::{Column, Lanes, Matrix, Symmetric, Vector};
-use super::refine::{Minimum, Place, Seen};
+use super::refine::{Minimum, ObservedPoints, Place};
 use crate::camera::CameraMatrix;
 use crate::{Matrix6, Pixel, Point, Pose, locate::choose};
 use nalgebra::{Matrix3, Vector3};
@@ -46,9 +46,9 @@ impl<const N: usize> Group<N> {
     }
 
     #[inline(always)]
-    pub fn seen<S: Simd>(&self, simd: S, matrix: &CameraMatrix) -> Seen<S, N> {
+    pub fn seen<S: Simd>(&self, simd: S, matrix: &CameraMatrix) -> ObservedPoints<S, N> {
         let zero = Lanes::splat(simd, 0.0);
-        let mut seen = Seen {
+        let mut seen = ObservedPoints {
             from_pivot: [Vector::new(zero, zero, zero); N],
             pixel: [[zero; 2]; N],
             weight: [zero; N],

@@ -5,12 +5,12 @@ use super::closed_form::{Candidates, candidates, mirrored};
 use super::doubtful::{DEGREES_OF_FREEDOM, Doubtful, settle};
 use super::group::{Group, Kept, KeptPlace, load};
 use super::lanes::{Column, Mask, Vector, WIDTH};
-use super::refine::{Minimum, Place, Seen};
+use super::refine::{Minimum, ObservedPoints, Place};
 use super::{Given, Views, alone, geometry_of};
 use crate::camera::{CameraMatrix, pinhole::R2_MAX};
-use crate::least_squares::RIVAL_MARGIN_CHI2;
+use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{
-    AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minima, Others, ROUNDING_PX, TWIN_SIGMAS,
+    AMBIGUITY_GATE_CHI2, Ambiguity, DUPLICATE_SIGMAS, Hypothesis, Minima, Others, ROUNDING_PX,
 };
 use crate::locate::consistency::Consistency;
 use crate::locate::multi_start::HOPELESS_CHI2;
@@ -140,7 +140,7 @@ impl Sights {
 
 /// Unit vectors towards the pixels, and where the camera has them all, apart from each other, with a sigma each.
 #[inline(always)]
-fn bearings<S: Simd>(seen: &Seen<S, 4>) -> ([Vector<S>; 4], Mask<S>) {
+fn bearings<S: Simd>(seen: &ObservedPoints<S, 4>) -> ([Vector<S>; 4], Mask<S>) {
     let mut bearings = seen.from_pivot;
     let mut valid = seen.focal[0].is_finite();
     for k in 0..4 {
@@ -176,7 +176,7 @@ struct Pair<S: Simd> {
 
 /// As `search::search` and `search::refine_pair` for views without doubt.
 #[inline(always)]
-fn two_minima<S: Simd>(seen: &Seen<S, 4>, candidates: &Candidates<S>, valid: Mask<S>) -> Pair<S> {
+fn two_minima<S: Simd>(seen: &ObservedPoints<S, 4>, candidates: &Candidates<S>, valid: Mask<S>) -> Pair<S> {
     let [a, b] = &candidates.places;
     let [has_a, has_b] = candidates.exist;
     let infinite = seen.focal[0].like(f64::INFINITY);
@@ -190,7 +190,7 @@ fn two_minima<S: Simd>(seen: &Seen<S, 4>, candidates: &Candidates<S>, valid: Mas
     let is_second = chi2_second.less(chi2_mirror);
     let other = seen.refine(&Place::choose(is_second, &second, &mirror), first.chi2, first.found);
     let left_over = Place::choose(is_second, &mirror, &second);
-    let (paired, alone, strong) = (other.found, are_twins(&first, &other), candidates.strong);
+    let (paired, alone, strong) = (other.found, are_duplicates(&first, &other), candidates.strong);
     let unsettled = alone & chi2_mirror.below(HOPELESS_CHI2) & chi2_second.below(HOPELESS_CHI2);
     let swap = !alone & other.chi2.less(first.chi2);
     let (best, other) = (Minimum::choose(swap, &other, &first), Minimum::choose(swap, &first, &other));
@@ -201,12 +201,12 @@ fn two_minima<S: Simd>(seen: &Seen<S, 4>, candidates: &Candidates<S>, valid: Mas
     Pair { best, other, alone, paired, left_over, unsettled, straight, strong, sure }
 }
 
-/// As `choose::are_twins`.
+/// As `choose::are_duplicates`.
 #[inline(always)]
-fn are_twins<S: Simd>(a: &Minimum<S>, b: &Minimum<S>) -> Mask<S> {
+fn are_duplicates<S: Simd>(a: &Minimum<S>, b: &Minimum<S>) -> Mask<S> {
     let [x, y, z] = a.place.rotation.minus(&b.place.rotation).rows;
     let angle_squared = (x.norm_squared() + y.norm_squared() + z.norm_squared()) * 0.5;
-    let scale = TWIN_SIGMAS * TWIN_SIGMAS;
+    let scale = DUPLICATE_SIGMAS * DUPLICATE_SIGMAS;
     let ([xx, _, _, yy, _, zz], [uu, _, _, vv, _, ww]) = (a.covariance.rotation.0, b.covariance.rotation.0);
     angle_squared.less((xx + yy + zz) * scale) & angle_squared.less((uu + vv + ww) * scale)
 }
@@ -244,7 +244,7 @@ impl Found {
     #[inline(always)]
     fn estimate(&self, lane: usize, geometry: Option<Geometry>) -> PoseEstimate {
         let best = self.best.minimum(lane);
-        let (weight, others) = self.others(lane);
+        let (probability, others) = self.others(lane);
         PoseEstimate {
             cam_from_target: best.cam_from_target,
             covariance: best.covariance,
@@ -258,7 +258,7 @@ impl Found {
             method: Method::LinePlusOne,
             ambiguity: Ambiguity::Unique { ratio: (self.alone[lane] == 0.0).then_some(self.ratio[lane]) },
             consistency: Consistency::Consistent,
-            weight,
+            probability,
             others,
             weakness: None,
             geometry,
@@ -273,8 +273,9 @@ impl Found {
         }
         let minimum = self.other.minimum(lane);
         let delta_chi2 = minimum.chi2 - self.best.chi2[lane];
-        let [first, weight] = if delta_chi2 < RIVAL_MARGIN_CHI2 { self.weights(lane) } else { [1.0, 0.0] };
-        (first, [Some(Hypothesis { minimum, delta_chi2, weight, is_rival: false }), None, None])
+        let [first, probability] =
+            if delta_chi2 < ALTERNATIVE_MARGIN_CHI2 { self.weights(lane) } else { [1.0, 0.0] };
+        (first, [Some(Hypothesis { minimum, delta_chi2, probability, is_alternative: false }), None, None])
     }
 
     /// Of both minima.

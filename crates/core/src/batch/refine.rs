@@ -4,8 +4,8 @@
 
 use super::lanes::{Lanes, Mask, Matrix, Symmetric, Vector};
 use crate::least_squares::{
-    FIRST_DAMPING, FORESEEN_CHI2, LAST_DAMPING, LEAST_GAIN, NEAR_CHI2, RIVAL_MARGIN_CHI2, TOLERANCE_CHI2,
-    TOLERANCE_COMPARED, TOLERANCE_RELATIVE,
+    ALTERNATIVE_MARGIN_CHI2, FIRST_DAMPING, LAST_DAMPING, LEAST_GAIN, NEAR_CHI2, PREDICTED_CHI2,
+    TOLERANCE_CHI2, TOLERANCE_COMPARED, TOLERANCE_RELATIVE,
 };
 use pulp::Simd;
 
@@ -16,7 +16,7 @@ const USABLE: (f64, f64) = (1e-200, 1e200);
 
 /// What each problem saw: a pinhole camera and N points.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<S: Simd, const N: usize> {
+pub(super) struct ObservedPoints<S: Simd, const N: usize> {
     /// Points from their centroid, target frame.
     pub from_pivot: [Vector<S>; N],
     pub pixel: [[Lanes<S>; 2]; N],
@@ -94,7 +94,7 @@ fn turned<S: Simd>(x: Vector<S>, a: Vector<S>, s: Lanes<S>, scale: Lanes<S>) -> 
     x.times_plus(-s, kx).times_plus(scale, x)
 }
 
-impl<S: Simd, const N: usize> Seen<S, N> {
+impl<S: Simd, const N: usize> ObservedPoints<S, N> {
     /// A pixel on the plane z = 1.
     #[inline(always)]
     pub fn on_plane(&self, [u, v]: [Lanes<S>; 2]) -> Vector<S> {
@@ -145,27 +145,27 @@ impl<S: Simd, const N: usize> Seen<S, N> {
 
     /// Refines every lane of `wanted` to its minimum, with covariance; as `refine::refine_against`.
     #[inline(always)]
-    pub fn refine(&self, start: &Place<S>, rival_chi2: Lanes<S>, wanted: Mask<S>) -> Minimum<S> {
-        let (place, normal, reached) = self.minimize(start, rival_chi2, wanted);
+    pub fn refine(&self, start: &Place<S>, alternative_chi2: Lanes<S>, wanted: Mask<S>) -> Minimum<S> {
+        let (place, normal, reached) = self.minimize(start, alternative_chi2, wanted);
         let (covariance, determined) = normal.covariance_at_camera(place.pivot_in_cam);
         let place = Place { rotation: place.rotation.orthonormalized(), ..place };
         let (chi2, sum) = self.residual_sums(&place);
         Minimum { place, covariance, chi2, sum, found: reached & determined & chi2.is_finite() }
     }
 
-    /// As `least_squares::minimize_pose`. Without a rival `rival_chi2` is infinite.
+    /// As `least_squares::minimize_pose`. Without a second solution `alternative_chi2` is infinite.
     #[inline(always)]
     fn minimize(
         &self,
         start: &Place<S>,
-        rival_chi2: Lanes<S>,
+        alternative_chi2: Lanes<S>,
         wanted: Mask<S>,
     ) -> (Place<S>, Normal<S>, Mask<S>) {
-        let zero = Normal::zero(rival_chi2.like(0.0));
+        let zero = Normal::zero(alternative_chi2.like(0.0));
         let (mut place, mut trial, mut normal) = (*start, *start, zero);
         normal.chi2 = normal.chi2.like(f64::INFINITY);
-        let mut damping = Damping { value: rival_chi2.like(0.0), growth: rival_chi2.like(2.0) };
-        let mut promised = rival_chi2.like(1.0);
+        let mut damping = Damping { value: alternative_chi2.like(0.0), growth: alternative_chi2.like(2.0) };
+        let mut promised = alternative_chi2.like(1.0);
         let (mut active, mut reached) = (wanted, wanted & !wanted);
         for _ in 0..MAX_STEPS {
             let (n, usable) = self.normal(&trial, &zero);
@@ -179,7 +179,7 @@ impl<S: Simd, const N: usize> Seen<S, N> {
             let (w, v, promise, positive) = normal.step(damping.value);
             (trial, promised) = (place.moved(w, v), promise);
             active = active & positive & !lost;
-            let ends = active & ends(promised, before, normal.chi2, rival_chi2);
+            let ends = active & ends(promised, before, normal.chi2, alternative_chi2);
             place = Place::choose(ends, &trial, &place);
             (reached, active) = (reached | ends, active & !ends);
             if !active.any() {
@@ -192,11 +192,16 @@ impl<S: Simd, const N: usize> Seen<S, N> {
 
 /// Where the loop ends: the step promises little, or the one after it will.
 #[inline(always)]
-fn ends<S: Simd>(promised: Lanes<S>, before: Lanes<S>, chi2: Lanes<S>, rival_chi2: Lanes<S>) -> Mask<S> {
-    let foreseen = promised.below(NEAR_CHI2) & !(before * FORESEEN_CHI2).less(promised * promised);
-    let excess = (chi2 - rival_chi2 - RIVAL_MARGIN_CHI2).max(0.0);
+fn ends<S: Simd>(
+    promised: Lanes<S>,
+    before: Lanes<S>,
+    chi2: Lanes<S>,
+    alternative_chi2: Lanes<S>,
+) -> Mask<S> {
+    let predicted = promised.below(NEAR_CHI2) & !(before * PREDICTED_CHI2).less(promised * promised);
+    let excess = (chi2 - alternative_chi2 - ALTERNATIVE_MARGIN_CHI2).max(0.0);
     let tolerance = chi2 * TOLERANCE_RELATIVE + excess * TOLERANCE_COMPARED + TOLERANCE_CHI2;
-    foreseen | !tolerance.less(promised)
+    predicted | !tolerance.less(promised)
 }
 
 /// As `least_squares::Damping`.

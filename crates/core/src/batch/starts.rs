@@ -15,7 +15,7 @@ use pulp::{Arch, Simd, WithSimd};
 pub(super) struct Start<'a, const N: usize> {
     pub seen: &'a [Correspondence; N],
     pub cam_from_target: Pose,
-    pub rival_chi2: f64,
+    pub alternative_chi2: f64,
 }
 
 /// Where a start led.
@@ -63,7 +63,7 @@ struct Places<const N: usize> {
     group: Group<N>,
     rotation: [[Column; 3]; 3],
     pivot_in_cam: [Column; 3],
-    rival_chi2: Column,
+    alternative_chi2: Column,
     kept: Kept,
     found: Column,
     straight: Column,
@@ -85,7 +85,7 @@ impl<const N: usize> Places<N> {
                 self.rotation[i][j][lane] = pose.rotation[(i, j)];
             }
         }
-        self.rival_chi2[lane] = start.rival_chi2;
+        self.alternative_chi2[lane] = start.alternative_chi2;
     }
 
     #[inline(always)]
@@ -95,7 +95,7 @@ impl<const N: usize> Places<N> {
         let rotation = Matrix { rows: [load(simd, x), load(simd, y), load(simd, z)] };
         let start = Place { rotation, pivot_in_cam: load(simd, &self.pivot_in_cam) };
         let every = Lanes::splat(simd, 0.0).is_finite();
-        let m = seen.refine(&start, Lanes::load(simd, &self.rival_chi2), every);
+        let m = seen.refine(&start, Lanes::load(simd, &self.alternative_chi2), every);
         let pivot: Vector<S> = load(simd, &self.group.pivot);
         let total = self.kept.keep(&m, pivot, N);
         (m.found & total.is_finite()).store(&mut self.found);

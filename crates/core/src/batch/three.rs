@@ -6,12 +6,14 @@
 use super::starts::{End, Start, refine_all};
 use super::{Given, Views, alone, correspondences, geometry_of};
 use crate::camera::CameraMatrix;
+use crate::locate::answer::conclude;
 use crate::locate::choose::{Minima, Minimum, insert};
-use crate::locate::curvature::Bends;
+use crate::locate::classify::{Allowed, View};
+use crate::locate::minima::Found;
 use crate::locate::multi_start::three_of;
 use crate::locate::problem::Problem;
 use crate::locate::refine::refine_against;
-use crate::locate::{Allowed, Method, PoseEstimate, conclude};
+use crate::locate::{Method, PoseEstimate};
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
 use crate::{Correspondence, Error, Point};
@@ -34,9 +36,9 @@ pub(super) fn locate_each(
         for (view, case) in some.zip(&cases) {
             let (own, others) = ends.split_at(case.as_ref().map_or(0, |case| case.starts.len()));
             ends = others;
-            let mut minima = Minima::new();
-            match case.as_ref().filter(|case| case.find(views, own, &mut minima)) {
-                Some(case) => answers.push(case.answer(views, own, &mut minima)),
+            let mut found = Found::default();
+            match case.as_ref().filter(|case| case.find(views, own, &mut found.minima)) {
+                Some(case) => answers.push(case.answer(views, own, &mut found)),
                 None => {
                     answers.push(alone(views, view));
                     singly += 1;
@@ -84,19 +86,23 @@ impl Case {
     }
 
     fn starts(&self) -> impl Iterator<Item = Start<'_, 3>> {
-        let rival_chi2 = f64::INFINITY; // they fit exactly: none ends early
-        self.starts.iter().map(move |start| Start { seen: &self.seen, cam_from_target: *start, rival_chi2 })
+        let alternative_chi2 = f64::INFINITY; // they fit exactly: none ends early
+        self.starts.iter().map(move |start| Start {
+            seen: &self.seen,
+            cam_from_target: *start,
+            alternative_chi2,
+        })
     }
 
-    /// As `search::refine_each`, the refinements being done. Returns whether any start led to a minimum.
+    /// As `multi_start::refine_each`, the refinements being done. Returns whether any start led to a minimum.
     fn find(&self, views: &Views<3>, ends: &[End], minima: &mut Minima) -> bool {
         for (start, end) in self.starts.iter().zip(ends) {
             match end.minimum {
                 Some(minimum) => insert(minima, minimum),
                 None => {
-                    let rival_chi2 = minima.first().map(|m| m.chi2);
+                    let alternative_chi2 = minima.first().map(|m| m.chi2);
                     let problem = &Problem::new(&self.seen, views.camera);
-                    if let Ok(minimum) = refine_against(start, rival_chi2, problem) {
+                    if let Ok(minimum) = refine_against(start, alternative_chi2, problem) {
                         insert(minima, minimum);
                     }
                 }
@@ -106,15 +112,15 @@ impl Case {
     }
 
     /// As `locate` ends.
-    fn answer(&self, views: &Views<3>, ends: &[End], minima: &mut Minima) -> Result<PoseEstimate, Error> {
+    fn answer(&self, views: &Views<3>, ends: &[End], found: &mut Found) -> Result<PoseEstimate, Error> {
         let leads_to = |end: &End, m: &Minimum| {
             end.minimum.as_ref().is_some_and(|n| n.cam_from_target == m.cam_from_target)
         };
-        let mut bends = Bends::default();
-        for (bend, m) in bends.iter_mut().zip(minima.iter()) {
+        for (bend, m) in found.bends.iter_mut().zip(found.minima.iter()) {
             *bend = ends.iter().any(|end| end.is_straight && leads_to(end, m)).then_some(false);
         }
-        let problem = &Problem::new(&self.seen, views.camera);
-        conclude(problem, Some(self.geometry), Method::P3p, Allowed::default(), None, bends, minima)
+        let problem = Problem::new(&self.seen, views.camera);
+        let geometry = Some(self.geometry);
+        conclude(&View { problem, geometry, method: Method::P3p, allowed: Allowed::default() }, found)
     }
 }

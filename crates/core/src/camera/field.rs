@@ -172,7 +172,7 @@ fn newton_plane(
     let mut q = into_disc(start, radius);
     let (value, mut slope) = map(&q);
     let mut miss = value - target;
-    // Two roundings of the map: no step can be told from noise below that.
+    // Two roundings of the map: no step can be distinguished from noise below that.
     let converged = (2.0 * f64::EPSILON).powi(2) * target.norm_squared();
     for _ in 0..60 {
         if miss.norm_squared() <= converged {

@@ -1,4 +1,4 @@
-//! The seed paper's camera: closed-form correction from measured to ideal coordinates, negated perspective.
+//! The paper of Wang (2004)'s camera: closed-form correction from measured to ideal coordinates, negated perspective.
 //!
 //! Paper: F.-Y. Wang, A Simple and Analytical Procedure for Calibrating Extrinsic Camera Parameters, IEEE Trans. Robotics
 //! and Automation, 2004, eq. (1) and Table I.

@@ -46,7 +46,7 @@ struct Scatter {
     total: f64,
 }
 
-/// A cluster's leverage above this is not told from one: its blocks rest on it alone.
+/// A cluster's leverage above this is not distinguished from one: its blocks rest on it alone.
 const RIDGE: f64 = 1e-6;
 /// Added to a cluster's information, relative, where it shows less than all directions …
 const ROUNDING: f64 = 1e-11;

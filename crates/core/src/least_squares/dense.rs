@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
-//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/survey.md eq. (12)
+//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/network.md eq. (12)
 //! ```
 
 use super::{Ending, LeastSquares, Minimum, Tolerance, minimize};
@@ -106,7 +106,7 @@ const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
 
 /// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
 /// steps do not settle.
-pub fn minimize_on_level<S: Clone>(
+pub(crate) fn minimize_on_level<S: Clone>(
     start: &S,
     level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
     evaluate: impl Fn(&S) -> Option<DenseEquations>,

@@ -8,8 +8,6 @@
 use super::{LeastSquares, Minimum, Tolerance, minimize};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
-#[cfg(not(feature = "std"))]
-use num_traits::Float as _;
 
 /// A pose held by the place of a pivot instead of the origin of the target frame.
 #[derive(Debug, Clone, Copy)]
@@ -21,7 +19,7 @@ pub struct PivotedPose {
 }
 
 impl PivotedPose {
-    /// The same pose, turned about `pivot_in_target`.
+    /// The same pose, rotated about `pivot_in_target`.
     pub fn new(cam_from_target: &Pose, pivot_in_target: &Point) -> Self {
         PivotedPose { rotation: cam_from_target.rotation, pivot_in_cam: cam_from_target * pivot_in_target }
     }
@@ -99,14 +97,14 @@ impl<F: Fn(&PivotedPose) -> Option<NormalEquations>> LeastSquares for PoseCost<F
     }
 }
 
-/// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field; for `rival_chi2` see [`Tolerance`].
+/// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field; for `alternative_chi2` see [`Tolerance`].
 #[inline]
 pub fn minimize_pose(
     start: PivotedPose,
-    rival_chi2: Option<f64>,
+    alternative_chi2: Option<f64>,
     evaluate: impl Fn(&PivotedPose) -> Option<NormalEquations>,
 ) -> Option<PoseMinimum> {
-    minimize(&PoseCost(evaluate), start, &Tolerance { rival_chi2, ..Tolerance::FINE })
+    minimize(&PoseCost(evaluate), start, &Tolerance { alternative_chi2, ..Tolerance::FINE })
 }
 
 impl NormalEquations {

@@ -1,7 +1,7 @@
-//! The one loop on the places of cameras, of targets on their bodies, and of every body in every view.
+//! The one loop on the poses of cameras, of targets on their bodies, and of every body in every view.
 //!
-//! A sighting feels all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
-//! sum is carried to each of the three by a motion matrix. A body's place in a view touches the sightings of that view only: its block
+//! An observation feels all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
+//! sum is carried to each of the three by a motion matrix. A body's place in a view touches the observations of that view only: its block
 //! is eliminated (Schur complement); what is left is as large as cameras and targets. Derivation: docs/math/rig.md eqs. (2)–(8).
 //!
 //!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
@@ -13,7 +13,7 @@ use super::{LeastSquares, Minimum, NormalEquations, PivotedPose, Tolerance, mini
 use crate::{Matrix6, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix};
 use places::Chain;
-pub use places::{RigGraph, RigLink, RigPlaces};
+pub use places::{RigGraph, RigLink, RigPoses};
 
 /// Gauss–Newton's view of the whole cost.
 #[derive(Debug, Clone)]
@@ -22,8 +22,8 @@ pub struct RigEquations {
     pub chi2: f64,
     bodies: Vec<BodyBlock>,
     couplings: Vec<Coupling>,
-    /// Information and gradient of each sighting's own pose; zero where it takes no part.
-    sightings: Vec<(Matrix6, Vector6)>,
+    /// Information and gradient of each observation's own pose; zero where it takes no part.
+    observations: Vec<(Matrix6, Vector6)>,
     /// Lower triangle.
     information: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -46,7 +46,7 @@ struct Coupling {
 }
 
 /// A minimum over all places.
-pub type RigMinimum = Minimum<RigPlaces, RigEquations>;
+pub type RigMinimum = Minimum<RigPoses, RigEquations>;
 
 /// A motion for each body in a view, and a change of all shared blocks.
 #[derive(Debug)]
@@ -60,12 +60,12 @@ struct RigCost<'a, F> {
     evaluate: F,
 }
 
-impl<F: Fn(&RigPlaces) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> {
-    type State = RigPlaces;
+impl<F: Fn(&RigPoses) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> {
+    type State = RigPoses;
     type Equations = RigEquations;
     type Step = RigStep;
 
-    fn evaluate(&self, places: &RigPlaces) -> Option<RigEquations> {
+    fn evaluate(&self, places: &RigPoses) -> Option<RigEquations> {
         (self.evaluate)(places)
     }
 
@@ -77,7 +77,7 @@ impl<F: Fn(&RigPlaces) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> 
         equations.step(damping)
     }
 
-    fn apply(&self, places: &RigPlaces, step: &RigStep) -> Option<RigPlaces> {
+    fn apply(&self, places: &RigPoses, step: &RigStep) -> Option<RigPoses> {
         Some(places.moved(&step.motions, &step.change, self.graph))
     }
 }
@@ -85,19 +85,19 @@ impl<F: Fn(&RigPlaces) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> 
 /// Minimises a cost over all places. `evaluate` returns none where a point leaves its camera's field. The loop also ends where a step
 /// promises less than `tolerance_relative` of the cost.
 pub fn minimize_rig(
-    start: RigPlaces,
+    start: RigPoses,
     graph: &RigGraph,
     tolerance_relative: f64,
-    evaluate: impl Fn(&RigPlaces) -> Option<RigEquations>,
+    evaluate: impl Fn(&RigPoses) -> Option<RigEquations>,
 ) -> Option<RigMinimum> {
-    let tolerance = Tolerance { relative: tolerance_relative, rival_chi2: None };
+    let tolerance = Tolerance { relative: tolerance_relative, alternative_chi2: None };
     minimize(&RigCost { graph, evaluate }, start, &tolerance)
 }
 
 impl RigEquations {
-    /// The sums of all sightings at `places`; `normal` gives those of one sighting about its target's pivot.
+    /// The sums of all observations at `places`; `normal` gives those of one observation about its target's pivot.
     pub fn new(
-        places: &RigPlaces,
+        places: &RigPoses,
         graph: &RigGraph,
         normal: impl Fn(usize, &PivotedPose) -> Option<NormalEquations>,
     ) -> Option<Self> {
@@ -106,7 +106,7 @@ impl RigEquations {
             chi2: 0.0,
             bodies: Vec::with_capacity(places.rig_from_body.len()),
             couplings: Vec::with_capacity(graph.links.len()),
-            sightings: vec![(Matrix6::zeros(), Vector6::zeros()); graph.links.len()],
+            observations: vec![(Matrix6::zeros(), Vector6::zeros()); graph.links.len()],
             information: DMatrix::zeros(n, n),
             gradient: DVector::zeros(n),
         };
@@ -115,7 +115,7 @@ impl RigEquations {
             if graph.is_active[link.body] {
                 let chain = places.chain(link, graph);
                 let normal = normal(i, &chain.place)?;
-                sums.sightings[i] = (normal.information(), normal.gradient());
+                sums.observations[i] = (normal.information(), normal.gradient());
                 sums.add(link, graph, &chain, &places.cam_from_rig[link.camera].rotation, &normal);
             }
         }
@@ -186,7 +186,7 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the sightings of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
+    /// Whether the observations of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
     /// rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
         const ROUNDING: f64 = 1e-10;
@@ -258,7 +258,7 @@ impl RigEquations {
     }
 
     /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
-    pub fn lost_to_places(&self, eliminated: &Eliminated, common: &Common) -> f64 {
+    pub fn lost_to_poses(&self, eliminated: &Eliminated, common: &Common) -> f64 {
         common.dot(&self.following(eliminated, common, false))
     }
 
@@ -279,11 +279,11 @@ impl RigEquations {
         solved
     }
 
-    /// By how much the pose of a sighting moves with `following`, of several at once, about its target's pivot; and its motion by each
+    /// By how much the pose of an observation moves with `following`, of several at once, about its target's pivot; and its motion by each
     /// shared block.
     pub fn moved<const N: usize>(
         &self,
-        places: &RigPlaces,
+        places: &RigPoses,
         graph: &RigGraph,
         link: &RigLink,
         following: &[Common; N],
@@ -301,9 +301,9 @@ impl RigEquations {
         (SMatrix::from_columns(&moved), [camera, target])
     }
 
-    /// Information and gradient of a sighting's own pose.
-    pub fn of_sighting(&self, sighting: usize) -> &(Matrix6, Vector6) {
-        &self.sightings[sighting]
+    /// Information and gradient of an observation's own pose.
+    pub fn of_observation(&self, observation: usize) -> &(Matrix6, Vector6) {
+        &self.observations[observation]
     }
 
     /// h with the bodies' places eliminated, and A⁻¹h of each of those.
@@ -346,8 +346,8 @@ impl Common {
         Common { shared: DVector::zeros(6 * graph.n_blocks), bodies }
     }
 
-    /// Adds what one sighting brings, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
-    pub fn add(&mut self, places: &RigPlaces, graph: &RigGraph, link: &RigLink, by_motion: &Vector6) {
+    /// Adds what one observation brings, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
+    pub fn add(&mut self, places: &RigPoses, graph: &RigGraph, link: &RigLink, by_motion: &Vector6) {
         let chain = places.chain(link, graph);
         self.bodies[link.body] += chain.by_body(&places.cam_from_rig[link.camera].rotation).tr_mul(by_motion);
         let camera = graph.block_of_camera[link.camera].map(|block| (block, chain.by_camera()));

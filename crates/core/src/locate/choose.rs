@@ -52,18 +52,18 @@ impl Minimum {
 /// A minimum beside the others: how far above the lowest, and how probable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hypothesis {
-    /// The minimum. Its covariance is as whole as the answer's own where it rivals it; farther above than the gate it is that
+    /// The minimum. Its covariance is as whole as the answer's own where it second solutions it; farther above than the gate it is that
     /// of the pixels alone.
     pub minimum: Minimum,
     /// χ² above that of the lowest minimum; with uncertain points or intrinsics minus twice the log-likelihood instead (`log_determinant`).
     pub delta_chi2: f64,
     /// Its probability, all minima found being all there are and no pose expected beforehand: docs/math/posterior.md.
-    pub weight: f64,
+    pub probability: f64,
     /// Within the gate: it explains the pixels about as well as the lowest.
-    pub is_rival: bool,
+    pub is_alternative: bool,
 }
 
-/// The minima beside the answer: those that rival it, the more probable first, then the others, lowest χ² first; four points in space
+/// The minima beside the answer: those that second solution it, the more probable first, then the others, lowest χ² first; four points in space
 /// have no more.
 pub type Others = [Option<Hypothesis>; 3];
 
@@ -106,12 +106,12 @@ pub const AMBIGUITY_GATE_CHI2: f64 = 9.0;
 /// Residuals below this are rounding: they take no part in a ratio.
 pub(crate) const ROUNDING_PX: f64 = 1e-9;
 /// Two refinements that end closer than this many standard deviations of rotation ended in one minimum.
-pub(crate) const TWIN_SIGMAS: f64 = 0.1;
+pub(crate) const DUPLICATE_SIGMAS: f64 = 0.1;
 
 /// Adds a minimum unless the list has it already; keeps the list ordered by cost (χ², and the spread of what is uncertain), dropping
 /// the worst when full.
 pub fn insert(minima: &mut Minima, found: Minimum) {
-    if !found.cost().is_finite() || minima.iter().any(|m| are_twins(m, &found)) {
+    if !found.cost().is_finite() || minima.iter().any(|m| are_duplicates(m, &found)) {
         return;
     }
     if minima.is_full() {
@@ -139,7 +139,7 @@ pub(crate) fn is_within_gate(other: &Minimum, best: &Minimum, noise_scale: f64) 
     other.cost_above(best, noise_scale) < gate * noise_scale
 }
 
-/// The first minimum and what rivals it.
+/// The first minimum and what second solutions it.
 #[derive(Debug, Clone, Copy)]
 pub struct Choice<'a> {
     /// The pose: the lowest minimum, or the most probable of those within the gate where they were ordered so.
@@ -147,15 +147,15 @@ pub struct Choice<'a> {
     /// Residual sum of squares of the next minimum over that of the first; none when there is no other.
     pub ratio: Option<f64>,
     /// The next minimum, where it lies within the gate.
-    pub rival: Option<&'a Minimum>,
+    pub alternative: Option<&'a Minimum>,
 }
 
 /// The first minimum, and whether the next is within the gate.
 pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<Choice<'_>, Error> {
     let best = minima.first().ok_or(Error::NoSolution { n_points })?;
     let other = minima.get(1);
-    let rival = other.filter(|other| is_within_gate(other, best, noise_scale));
-    Ok(Choice { best, ratio: other.map(|other| residual_ratio(best, other)), rival })
+    let alternative = other.filter(|other| is_within_gate(other, best, noise_scale));
+    Ok(Choice { best, ratio: other.map(|other| residual_ratio(best, other)), alternative })
 }
 
 fn residual_ratio(first: &Minimum, other: &Minimum) -> f64 {
@@ -164,14 +164,14 @@ fn residual_ratio(first: &Minimum, other: &Minimum) -> f64 {
 }
 
 /// How many of the first four minima, in order of χ², lie within the gate.
-pub(crate) fn count_rivals(minima: &Minima, noise_scale: f64) -> usize {
+pub(crate) fn count_alternatives(minima: &Minima, noise_scale: f64) -> usize {
     let Some(lowest) = minima.first() else { return 0 };
     minima.iter().take(4).take_while(|m| is_within_gate(m, lowest, noise_scale)).count()
 }
 
 /// Rotations closer than a fraction of their own standard deviation (‖R − R′‖ = √2 θ for small angles).
-fn are_twins(a: &Minimum, b: &Minimum) -> bool {
+fn are_duplicates(a: &Minimum, b: &Minimum) -> bool {
     let variance = |m: &Minimum| (0..3).map(|i| m.covariance[(i, i)]).sum::<f64>();
     let angle_squared = 0.5 * (a.cam_from_target.rotation - b.cam_from_target.rotation).norm_squared();
-    angle_squared < TWIN_SIGMAS * TWIN_SIGMAS * variance(a).min(variance(b))
+    angle_squared < DUPLICATE_SIGMAS * DUPLICATE_SIGMAS * variance(a).min(variance(b))
 }

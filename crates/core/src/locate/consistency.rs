@@ -13,10 +13,10 @@ use arrayvec::ArrayVec;
 pub enum Consistency {
     /// As large as the sigmas say, or no redundancy to tell.
     Consistent,
-    /// Far larger: wrong intrinsics, target or labels. The covariance is widened by `chi2_per_dof`.
+    /// Far larger: wrong intrinsics, target or labels. The covariance is widened by `chi2_per_degree_of_freedom`.
     Inconsistent {
         /// χ² over degrees of freedom.
-        chi2_per_dof: f64,
+        chi2_per_degree_of_freedom: f64,
         /// Index of the point with the largest normalised residual.
         worst_point: usize,
         /// Its residual, px.
@@ -30,8 +30,8 @@ impl Consistency {
     /// Every number in it is one.
     pub(crate) fn is_finite(&self) -> bool {
         match self {
-            Consistency::Inconsistent { chi2_per_dof, worst_px, .. } => {
-                chi2_per_dof.is_finite() && worst_px.is_finite()
+            Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_px, .. } => {
+                chi2_per_degree_of_freedom.is_finite() && worst_px.is_finite()
             }
             Consistency::Consistent => true,
         }
@@ -59,16 +59,16 @@ pub fn is_inconsistent(chi2: f64, degrees_of_freedom: usize) -> bool {
     is_unlikely(chi2, degrees_of_freedom) && FAR_ABOVE * degrees_of_freedom as f64 <= chi2
 }
 
-/// Spoilt data leave out at most so many of a camera's sightings, of a sighting's points, of a graph's pairs: on recordings with right
-/// files cameras lose up to 4 of 47 sightings and 2 % of their points (chessboard pairs: none of 13, 1 to 14 of 702 points; four
+/// Spoilt data leave out at most so many of a camera's observations, of an observation's points, of a graph's pairs: on recordings with right
+/// files cameras lose up to 4 of 47 observations and 2 % of their points (chessboard pairs: none of 13, 1 to 14 of 702 points; four
 /// webcams, not synchronised: 0 to 4 of 23 to 47, 2 % of points), halves and thirds of them up to 2 of 15; with a wrong file, swapped
 /// detections or labels of another view 17 % and more.
 const SPOILT_SHARE: f64 = 0.15;
-/// Up to so many may be spoilt whatever the share: a flipped tag and a blurred picture.
+/// Up to so many may be spoilt whatever the share: a flipped tag and a blurred image.
 const FEW: usize = 2;
 
 /// The other half of the rule: whether a camera, a target, a view or a graph loses more of what was seen than a few spoilt images
-/// explain, most of it in any case. What is counted (sightings, points, pairs, stations) is for the caller to say, one kind at a time.
+/// explain, most of it in any case. What is counted (observations, points, pairs, stations) is for the caller to say, one kind at a time.
 pub fn loses_too_many(n_lost: usize, n_seen: usize) -> bool {
     n_seen < 2 * n_lost || (FEW < n_lost && SPOILT_SHARE * (n_seen as f64) < n_lost as f64)
 }
@@ -98,8 +98,9 @@ pub(crate) fn consistency(best: &Minimum, problem: &Problem) -> Consistency {
             (worst_point, worst_px, worst) = (i, e.norm(), whitened);
         }
     }
-    let (chi2_per_dof, worst_prior) = (chi2 / degrees_of_freedom as f64, contradicting_prior(best, problem));
-    Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior }
+    let (chi2_per_degree_of_freedom, worst_prior) =
+        (chi2 / degrees_of_freedom as f64, contradicting_prior(best, problem));
+    Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_point, worst_px, worst_prior }
 }
 
 /// More priors than this are not taken out one by one.

@@ -50,7 +50,7 @@ impl Cost for Problem<'_> {
     }
 }
 
-/// Whether χ² rises otherwise than quadratically along the weakest turn, so that the covariance needs the bend's share and
+/// Whether χ² rises otherwise than quadratically along the weakest rotation, so that the covariance needs the bend's share and
 /// another minimum may lie along the ridge.
 pub(crate) fn is_bent(m: &Minimum, cost: &impl Cost) -> bool {
     let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
@@ -76,7 +76,7 @@ fn rotation_block(covariance: &Matrix6) -> Matrix3<f64> {
     covariance.fixed_view::<3, 3>(0, 0).into_owned()
 }
 
-/// A weak turn: its axis w and the motion d that goes with one standard deviation of it.
+/// A weak rotation: its axis w and the motion d that goes with one standard deviation of it.
 struct Turn {
     axis: Vector3<f64>,
     motion: Vector6,

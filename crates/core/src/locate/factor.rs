@@ -23,7 +23,7 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
-    /// The derivative by a turn about a pivot instead of the camera centre: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
+    /// The derivative by a rotation about a pivot instead of the camera centre: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
     pub(crate) fn by_rotation_about(&self, pivot_in_cam: &Point) -> Vector3<f64> {
         self.by_rotation + self.by_translation.cross(pivot_in_cam)
     }
@@ -137,11 +137,11 @@ fn tangents(direction: &Vector3<f64>) -> [Vector3<f64>; 2] {
     [first, direction.cross(&first).normalize()]
 }
 
-/// `place_m` = where the camera centre is expected along the normal.
-fn of_height(cam_from_target: &Pose, normal: &Vector3<f64>, place_m: f64, sigma_m: f64) -> Factor {
+/// `position_m` = where the camera centre is expected along the normal.
+fn of_height(cam_from_target: &Pose, normal: &Vector3<f64>, position_m: f64, sigma_m: f64) -> Factor {
     let predicted_m = normal.dot(&cam_from_target.origin());
     Factor {
-        residual: (place_m - predicted_m) / sigma_m,
+        residual: (position_m - predicted_m) / sigma_m,
         by_rotation: Vector3::zeros(),
         by_translation: -(cam_from_target.rotation * normal) / sigma_m,
     }
@@ -213,7 +213,7 @@ mod tests {
         let (pivot, turn) = (Point::new(0.4, -0.3, 2.5), Vector3::new(0.1, 0.2, -0.3));
         for prior in priors(&Vector3::new(0.1, 0.0, 0.2)) {
             for factor in factors(&prior, &at) {
-                let shift = pivot.cross(&turn); // ν_left of a turn about the pivot
+                let shift = pivot.cross(&turn); // ν_left of a rotation about the pivot
                 let left = factor.by_rotation.dot(&turn) + factor.by_translation.dot(&shift);
                 assert!(
                     (factor.by_rotation_about(&pivot).dot(&turn) - left).abs() < 1e-12 * (1.0 + left.abs())

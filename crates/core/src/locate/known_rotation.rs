@@ -4,7 +4,7 @@
 //! itself with a covariance (the last one: then this is a Kalman update). Own derivation, docs/math/known_rotation.md.
 //!
 //!   x = R X + t  a point in the camera frame, on its bearing b at depth λ   ·   Π = ∂pixel/∂x at λ b, so that Π b = 0
-//!   N t = r, the normal equations   ·   K: N δt = −K ω for a left turn ω of R
+//!   N t = r, the normal equations   ·   K: N δt = −K ω for a left rotation ω of R
 
 use crate::line::LineCorrespondence;
 use crate::locate::refine::{information, whitened_residual};
@@ -18,11 +18,11 @@ use num_traits::Float as _;
 pub struct KnownRotation {
     /// Rotation matrix, target to camera.
     pub cam_from_target: Matrix3<f64>,
-    /// Covariance of its small left turn, rad² (3×3); zero where it is exact.
+    /// Covariance of its small left rotation, rad² (3×3); zero where it is exact.
     pub covariance: Matrix3<f64>,
 }
 
-/// Something known about the camera's place besides what it sees; errors independent of each other and of the rotation's.
+/// Something known about the camera's position besides what it sees; errors independent of each other and of the rotation's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known {
     /// The distance of the camera centre from one of the points. One number.
@@ -45,7 +45,7 @@ pub enum Known {
         /// Its standard deviation.
         sigma_m: f64,
     },
-    /// The camera's place as far as it is known already: three numbers.
+    /// The camera's position as far as it is known already: three numbers.
     Place {
         /// The camera centre, target frame, metres.
         origin_in_target: Point,
@@ -56,7 +56,7 @@ pub enum Known {
 
 /// A pose whose rotation was known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placed {
+pub struct PositionEstimate {
     /// The pose.
     pub cam_from_target: Pose,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame: the rotation's own, carried into the
@@ -78,7 +78,7 @@ const PASSES: usize = 4;
 impl Known {
     /// The place of an earlier pose, with the covariance of its small left motion, both as `locate` returns them. A camera that has
     /// moved since wants `covariance_m2` widened by what it may have moved.
-    pub fn place_of(cam_from_target: &Pose, covariance: &Matrix6) -> Known {
+    pub fn position_of(cam_from_target: &Pose, covariance: &Matrix6) -> Known {
         let r = &cam_from_target.rotation;
         let covariance_m2 = r.tr_mul(&covariance.fixed_view::<3, 3>(3, 3)) * r;
         Known::Place { origin_in_target: cam_from_target.origin(), covariance_m2 }
@@ -127,35 +127,35 @@ impl Known {
 /// `TooFewPoints` when nothing is seen; `NotFinite`, `NotPositive`, `InvalidPrior` for numbers that cannot be right; `DegenerateView`
 /// when the place is open in some direction, to rounding or compared with the distance; `NoSolution` when a point would lie behind the
 /// camera.
-pub fn place(
+pub fn position_with_rotation(
     rotation: &KnownRotation,
     seen: &[Correspondence],
     lines: &[LineCorrespondence],
     camera: &Camera,
     known: &[Known],
-) -> Result<Placed, Error> {
-    let sight = Sight { r: rotation.cam_from_target, seen, lines, camera, known };
-    sight.check(rotation)?;
-    let mut t = sight.start();
-    let mut rows = sight.rows(t.as_ref())?;
+) -> Result<PositionEstimate, Error> {
+    let inputs = Inputs { r: rotation.cam_from_target, seen, lines, camera, known };
+    inputs.check(rotation)?;
+    let mut t = inputs.start();
+    let mut rows = inputs.rows(t.as_ref())?;
     for _ in 0..PASSES {
         let solved = rows.inverse()? * rows.r;
-        rows = sight.rows(Some(&solved))?;
+        rows = inputs.rows(Some(&solved))?;
         t = Some(solved);
     }
     let translation = t.ok_or(Error::NoSolution { n_points: seen.len() })?;
-    let cam_from_target = Pose { rotation: sight.r, translation };
-    let covariance = rows.covariance(rotation, sight.nearest(&translation))?;
-    let chi2 = sight.chi2(&cam_from_target)?;
-    let degrees_of_freedom = sight.numbers() - 3;
+    let cam_from_target = Pose { rotation: inputs.r, translation };
+    let covariance = rows.covariance(rotation, inputs.nearest(&translation))?;
+    let chi2 = inputs.chi2(&cam_from_target)?;
+    let degrees_of_freedom = inputs.numbers() - 3;
     if !covariance.sum().is_finite() {
         return Err(Error::NoSolution { n_points: seen.len() });
     }
-    Ok(Placed { cam_from_target, covariance, chi2, degrees_of_freedom })
+    Ok(PositionEstimate { cam_from_target, covariance, chi2, degrees_of_freedom })
 }
 
 /// What is seen and known.
-struct Sight<'a> {
+struct Inputs<'a> {
     r: Matrix3<f64>,
     seen: &'a [Correspondence],
     lines: &'a [LineCorrespondence],
@@ -163,7 +163,7 @@ struct Sight<'a> {
     known: &'a [Known],
 }
 
-impl Sight<'_> {
+impl Inputs<'_> {
     fn check(&self, rotation: &KnownRotation) -> Result<(), Error> {
         let off = (self.r * self.r.transpose() - Matrix3::identity()).amax();
         if !(off < 1e-6 && 0.0 < self.r.determinant() && rotation.covariance.sum().is_finite()) {
@@ -246,7 +246,7 @@ impl Sight<'_> {
         Some(())
     }
 
-    /// Eqs. (3)–(4): a turn about the camera changes neither of them.
+    /// Eqs. (3)–(4): a rotation about the camera changes neither of them.
     fn add_known(&self, rows: &mut Rows, known: &Known) {
         match known {
             Known::Distance { point, distance_m, sigma_m } => {
@@ -304,7 +304,7 @@ impl Sight<'_> {
     }
 }
 
-/// The normal equations N t = r, and K: what a left turn of the rotation does, N δt = −K ω.
+/// The normal equations N t = r, and K: what a left rotation of the rotation does, N δt = −K ω.
 #[derive(Default)]
 struct Rows {
     n: Matrix3<f64>,
@@ -313,7 +313,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// One number: j · t = `value`, which a left turn ω moves by `by_rotation` · ω.
+    /// One number: j · t = `value`, which a left rotation ω moves by `by_rotation` · ω.
     fn add(&mut self, j: &Vector3<f64>, value: f64, by_rotation: &Vector3<f64>) {
         self.n += j * j.transpose();
         self.r += j * value;

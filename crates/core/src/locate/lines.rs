@@ -8,7 +8,7 @@
 use crate::least_squares::{NormalEquations, PivotedPose, minimize_pose};
 use crate::line::LineCorrespondence;
 use crate::locate::choose::{Ambiguity, Minima, Minimum, choose, insert};
-use crate::locate::known_rotation::{Known, KnownRotation, place};
+use crate::locate::known_rotation::{Known, KnownRotation, position_with_rotation};
 use crate::locate::prior::Prior;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{log_determinant, normal_equations, residual_sums};
@@ -21,7 +21,7 @@ use nalgebra::{Matrix3, Unit, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// A pose from lines, how sure, and whether another one fits as well.
+/// A pose from lines, how uncertain, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinesEstimate {
     /// The pose: x_in_cam = cam_from_target · x_in_target.
@@ -70,8 +70,8 @@ pub fn locate_lines(lines: &[LineCorrespondence], problem: &Problem) -> Result<L
         return Err(refusal);
     }
     let choice = choose(&minima, n_seen, 1.0)?;
-    let ambiguity = match (choice.rival, choice.ratio) {
-        (Some(rival), Some(ratio)) => Ambiguity::Ambiguous { ratio, other: *rival },
+    let ambiguity = match (choice.alternative, choice.ratio) {
+        (Some(alternative), Some(ratio)) => Ambiguity::Ambiguous { ratio, other: *alternative },
         (_, ratio) => Ambiguity::Unique { ratio },
     };
     // Once more from the minimum: to rounding, where the loop ended within 3·10⁻⁴ standard deviations.
@@ -207,7 +207,7 @@ fn starts(lines: &[LineCorrespondence], problem: &Problem) -> (ArrayVec<Pose, MA
             line_rotation(&chosen.map(|l| l.seen.normal()), &chosen.map(|l| l.direction_in_target))
         {
             let rotation = KnownRotation { cam_from_target, covariance: Matrix3::zeros() };
-            match place(&rotation, problem.seen, lines, problem.camera, &known) {
+            match position_with_rotation(&rotation, problem.seen, lines, problem.camera, &known) {
                 Ok(placed) if !found.is_full() => found.push(placed.cam_from_target),
                 Ok(_) => {}
                 Err(reason) => refusal = reason,
@@ -230,7 +230,7 @@ fn known(problem: &Problem) -> ArrayVec<Known, 4> {
         | Prior::Plane { normal_in_target, offset_m, height_m, sigma_m, .. } => {
             Some(height(normal_in_target, *offset_m, *height_m, *sigma_m))
         }
-        Prior::Pose { cam_from_target, covariance } => Some(Known::place_of(cam_from_target, covariance)),
+        Prior::Pose { cam_from_target, covariance } => Some(Known::position_of(cam_from_target, covariance)),
         Prior::Gravity { .. } => None,
     };
     problem.priors.iter().filter_map(known).take(4).collect()

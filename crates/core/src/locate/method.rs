@@ -10,7 +10,7 @@ pub enum Method {
     /// Decide from the configuration.
     #[default]
     Auto,
-    /// The seed paper, literally: no refinement, the solution of least residual in its eq. (3).
+    /// The paper of Wang (2004), literally: no refinement, the solution of least residual in its eq. (3).
     Wang2004,
     /// Three collinear points and one off the line.
     LinePlusOne,

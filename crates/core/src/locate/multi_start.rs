@@ -17,41 +17,34 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 /// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
 pub(crate) const HOPELESS_CHI2: f64 = 1e4;
 
-/// What the search saw besides the minima.
-pub(crate) struct Findings {
-    /// What makes the view weak.
-    pub weakness: Option<Weakness>,
-    /// Whether the likelihood is bent at the best minimum.
-    pub is_bent: bool,
-}
-
-/// The minima reached from the closed form's candidates, and from more starts where those leave a doubt.
+/// Adds the minima reached from the closed form's candidates, and from more starts where those leave a doubt. Returns whether the
+/// likelihood is bent at the lowest minimum that the candidates lead to.
 pub(crate) fn search(
-    method: Method,
+    candidates: &Candidates,
+    is_weak: bool,
     geometry: &Geometry,
     problem: &Problem,
     minima: &mut Minima,
-) -> Findings {
+) -> bool {
     let configuration = &geometry.configuration;
-    let (candidates, weakness) = closed_form(method, configuration, problem);
     let seen = problem.seen;
     let flat = matches!(configuration, Configuration::Planar | Configuration::LinePlusOne { .. });
     if flat {
         let normal = plane_normal(configuration, seen);
-        refine_pair(&candidates, &normal, problem, minima);
+        refine_pair(candidates, &normal, problem, minima);
     } else {
-        refine_each(&candidates, problem, minima);
+        refine_each(candidates, problem, minima);
     }
     let is_bent = minima.first().is_some_and(|m| is_bent(m, &problem.held_at(&m.cam_from_target)));
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, problem.degrees_of_freedom())) {
         refine_each(&sqpnp::sqpnp(seen), problem, minima);
         refine_each(&three_of(seen), problem, minima);
-    } else if (geometry.is_between_layouts() || weakness.is_some() || is_bent || is_in_doubt(minima))
+    } else if (geometry.is_between_layouts() || is_weak || is_bent || is_in_doubt(minima))
         && are_four_places(seen)
     {
         refine_each(&three_of(seen), problem, minima);
     }
-    Findings { weakness, is_bent }
+    is_bent
 }
 
 /// The two minima of a flat target: from the first, better candidate, then from its mirror pose or the other candidate, whichever
@@ -82,15 +75,15 @@ pub(crate) fn is_in_doubt(minima: &Minima) -> bool {
 
 fn refine_each(candidates: &[Pose], problem: &Problem, minima: &mut Minima) {
     for candidate in candidates {
-        let rival = minima.first().map(|m| m.chi2);
-        if let Ok(minimum) = refine_against(candidate, rival, problem) {
+        let alternative = minima.first().map(|m| m.chi2);
+        if let Ok(minimum) = refine_against(candidate, alternative, problem) {
             insert(minima, minimum);
         }
     }
 }
 
 /// The closed form of a method, and what makes the view weak.
-pub(crate) fn closed_form(
+pub(crate) fn of_method(
     method: Method,
     configuration: &Configuration,
     problem: &Problem,
@@ -119,20 +112,26 @@ fn better_first(mut candidates: Candidates, problem: &Problem) -> Candidates {
 }
 
 /// Why two refined poses fit alike, where the closed form's candidates were too noisy to tell.
-pub(crate) fn weakness_of_rivals(
+pub(crate) fn weakness_of_alternatives(
     configuration: &Configuration,
     choice: &Choice,
     problem: &Problem,
 ) -> Option<Weakness> {
-    let (Configuration::LinePlusOne { order }, Some(rival)) = (configuration, choice.rival) else {
+    let (Configuration::LinePlusOne { order }, Some(alternative)) = (configuration, choice.alternative)
+    else {
         return None;
     };
     // By the one that fits best, whichever is the more probable: a flat minimum is not known well enough to measure by.
-    let is_first = choice.best.chi2 <= rival.chi2;
-    let (first, second) = if is_first { (choice.best, rival) } else { (rival, choice.best) };
-    let rivals: Candidates = [first.cam_from_target, second.cam_from_target].into_iter().collect();
+    let is_first = choice.best.chi2 <= alternative.chi2;
+    let (first, second) = if is_first { (choice.best, alternative) } else { (alternative, choice.best) };
+    let alternatives: Candidates = [first.cam_from_target, second.cam_from_target].into_iter().collect();
     let (bearings, points) = four_of(problem.seen, order);
-    line_plus_one::weakness(&rivals, &bearings, &points, sigma_rad(&problem.seen[order[3]], problem.camera))
+    line_plus_one::weakness(
+        &alternatives,
+        &bearings,
+        &points,
+        sigma_rad(&problem.seen[order[3]], problem.camera),
+    )
 }
 
 /// The four points of a line-plus-one layout, in order along the line, the one off it last.

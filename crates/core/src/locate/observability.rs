@@ -4,7 +4,7 @@
 //!   ω, ν  turn about the target's centre c (mean of its points) and shift of c, camera frame: nearly independent of each other
 //!   Σ_c = U Σ Uᵀ, U = [ I 0 ; −[c]× I ]  ·  D = diag(1, 1, 1, 1/d, 1/d, 1/d), d = |c|: shifts as parts of the distance
 //! ```
-//! The weakest motion is the eigenvector of D Σ_c D with the largest eigenvalue, the weakest turn and shift those of the blocks of Σ_c:
+//! The weakest motion is the eigenvector of D Σ_c D with the largest eigenvalue, the weakest rotation and shift those of the blocks of Σ_c:
 //! docs/math/posterior.md eqs. (11)–(13).
 
 use crate::locate::PoseEstimate;
@@ -36,24 +36,24 @@ pub enum Axis {
     },
 }
 
-/// The motion that the points show least: as a whole, and its turn and its shift for themselves.
+/// The motion that the points show least: as a whole, and its rotation and its shift for themselves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observability {
-    /// The weakest motion, one standard deviation long: `[turn_rad; shift_m]` about and of the target's centre, camera frame.
+    /// The weakest motion, one standard deviation long: `[rotation_rad; shift_m]` about and of the target's centre, camera frame.
     pub motion: Vector6,
-    /// Whether it is more of a shift than of a turn, shifts taken as parts of the distance.
+    /// Whether it is more of a shift than of a rotation, shifts taken as parts of the distance.
     pub is_shift: bool,
     /// Its standard deviation over that of the next weakest direction.
     pub ratio: f64,
     /// The axis about which turns are known worst.
-    pub turn_axis: Axis,
-    /// Standard deviation of the turn about it, whatever else moves.
+    pub rotation_axis: Axis,
+    /// Standard deviation of the rotation about it, whatever else moves.
     pub sigma_rad: f64,
     /// The direction in which the target's centre is known worst.
     pub shift_axis: Axis,
     /// Standard deviation of the shift along it, whatever else moves.
     pub sigma_m: f64,
-    /// Correlation of that turn with that shift, 0 to 1: near 1 the two go together.
+    /// Correlation of that rotation with that shift, 0 to 1: near 1 the two go together.
     pub correlation: f64,
 }
 
@@ -61,7 +61,7 @@ pub struct Observability {
 const NAMED_COSINE: f64 = 0.85;
 /// The line of points is a direction that the user laid: named within 18°.
 const LINE_COSINE: f64 = 0.95;
-/// Correlation from which a turn and a shift are said to go together: half the variance of each is the other's.
+/// Correlation from which a rotation and a shift are said to go together: half the variance of each is the other's.
 const TOGETHER: f64 = 0.7;
 
 impl Observability {
@@ -98,7 +98,7 @@ impl Observability {
         let axes = Axes::new(centre_in_cam, line);
         Observability {
             motion,
-            turn_axis: axes.name(&w, true),
+            rotation_axis: axes.name(&w, true),
             sigma_rad,
             shift_axis: axes.name(&u, false),
             sigma_m,
@@ -108,8 +108,8 @@ impl Observability {
         }
     }
 
-    /// Whether the turn and the shift are one motion: about half the variance of each comes with the other.
-    pub fn go_together(&self) -> bool {
+    /// Whether the rotation and the shift are one motion: about half the variance of each comes with the other.
+    pub fn correlated(&self) -> bool {
         TOGETHER <= self.correlation
     }
 }

@@ -6,8 +6,8 @@
 //! ```
 //! The prior is flat over poses: rotations alike, places alike. Derivation, and where it fails: docs/math/posterior.md eqs. (1)–(6).
 
-use crate::least_squares::RIVAL_MARGIN_CHI2;
-use crate::locate::choose::{Minima, Minimum, count_rivals};
+use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
+use crate::locate::choose::{Minima, Minimum, count_alternatives};
 use crate::locate::curvature::Bends;
 use arrayvec::ArrayVec;
 use nalgebra::Matrix3;
@@ -19,11 +19,11 @@ pub(crate) type Weights = ArrayVec<f64, 8>;
 
 /// The share of the likelihood's mass that each minimum holds.
 ///
-/// Farther above the first than `RIVAL_MARGIN_CHI2` it is given as 0: it is below e⁻⁵⁰ times a ratio of volumes.
+/// Farther above the first than `ALTERNATIVE_MARGIN_CHI2` it is given as 0: it is below e⁻⁵⁰ times a ratio of volumes.
 pub(crate) fn weights(minima: &Minima, noise_scale: f64) -> Weights {
     let Some((best, others)) = minima.split_first() else { return Weights::new() };
     let above = |m: &Minimum| m.cost_above(best, noise_scale) / noise_scale;
-    let is_near = |m: &Minimum| above(m) < RIVAL_MARGIN_CHI2;
+    let is_near = |m: &Minimum| above(m) < ALTERNATIVE_MARGIN_CHI2;
     let mut weights: Weights = core::iter::once(1.0).collect();
     if !others.iter().any(is_near) {
         weights.extend(others.iter().map(|_| 0.0));
@@ -41,11 +41,11 @@ pub(crate) fn weights(minima: &Minima, noise_scale: f64) -> Weights {
     weights
 }
 
-/// A minimum whose turn is known worse than this leads no sharper one: there the quadratic form that its mass is taken from reaches around
+/// A minimum whose rotation is known worse than this leads no sharper one: there the quadratic form that its mass is taken from reaches around
 /// the whole circle, and the determinant of so bad a covariance is rounding. One view in 10,000 at 4–15 m and 1 px.
 const FLAT_RAD: f64 = 0.5;
 
-/// Puts the minima that rival each other in order of probability, the more probable first, with what belongs to each: of two poses that
+/// Puts the minima that second solution each other in order of probability, the more probable first, with what belongs to each: of two poses that
 /// fit, the broader one may be the more probable though its χ² is a little higher. What lies outside the gate stays where it is, and a
 /// minimum too flat for its probability to mean much overtakes nothing.
 pub(crate) fn lead_with_the_most_probable(
@@ -54,7 +54,7 @@ pub(crate) fn lead_with_the_most_probable(
     bends: &mut Bends,
     noise_scale: f64,
 ) {
-    for i in 1..count_rivals(minima, noise_scale) {
+    for i in 1..count_alternatives(minima, noise_scale) {
         let mut place = i;
         while 0 < place && weights[place - 1] < weights[place] && !is_flat(&minima[place]) {
             minima.swap(place - 1, place);

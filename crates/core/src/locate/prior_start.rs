@@ -1,13 +1,11 @@
 //! Starts that priors give, and poses that only points and priors together determine.
 //!
 //! A pose prior is a start as it stands. Fewer than three points, or points on one line, have no closed form of their own: a
-//! direction known in both frames leaves one turn, which is tried all around; the translation then follows from the rays by
+//! direction known in both frames leaves one rotation, which is tried all around; the translation then follows from the rays by
 //! linear least squares. Whether a pose is determined is read off the information matrix, docs/math/priors.md eqs. (10), (11).
 
 use crate::least_squares::PivotedPose;
 use crate::locate::choose::{Minima, insert};
-use crate::locate::curvature::is_bent;
-use crate::locate::multi_start::Findings;
 use crate::locate::prior::Prior;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, normal_equations, refine_against};
@@ -39,11 +37,11 @@ pub(crate) fn start_from_priors(problem: &Problem, minima: &mut Minima) {
     }
 }
 
-/// All minima of points that have no pose of their own.
+/// Adds all minima of points that have no pose of their own.
 ///
 /// # Errors
 /// `DegenerateView` where points and priors together leave a direction free.
-pub(crate) fn hold(problem: &Problem, minima: &mut Minima) -> Result<Findings, Error> {
+pub(crate) fn hold(problem: &Problem, minima: &mut Minima) -> Result<(), Error> {
     if problem.rows() < 6 {
         return Err(Error::DegenerateView { reason: TOO_FEW, metric: problem.rows() as f64, needed: 6.0 });
     }
@@ -55,8 +53,7 @@ pub(crate) fn hold(problem: &Problem, minima: &mut Minima) -> Result<Findings, E
             }
         });
     }
-    let best = minima.first().ok_or(refusal)?;
-    Ok(Findings { weakness: None, is_bent: is_bent(best, &problem.held_at(&best.cam_from_target)) })
+    if minima.is_empty() { Err(refusal) } else { Ok(()) }
 }
 
 const TOO_FEW: &str =

@@ -53,11 +53,11 @@ pub fn refine_problem(start: &Pose, problem: &Problem) -> Result<Minimum, Error>
     checked(refine_against(start, None, problem)?)
 }
 
-/// As `refine_problem`, for a minimum that will be compared with a rival of known χ²: it may end early
-/// where it stays far above the rival.
+/// As `refine_problem`, for a minimum that will be compared with a second solution of known χ²: it may end early
+/// where it stays far above the second solution.
 pub(crate) fn refine_against(
     start: &Pose,
-    rival_chi2: Option<f64>,
+    alternative_chi2: Option<f64>,
     problem: &Problem,
 ) -> Result<Minimum, Error> {
     let pivot = centroid(problem.seen);
@@ -65,9 +65,11 @@ pub(crate) fn refine_against(
     let found = match &problem.camera.lens {
         _ if problem.has_uncertain_points() => &minimize_uncertain(start, &pivot, problem),
         Lens::Pinhole(model) if problem.is_points_alone() => {
-            &minimize_pose(start, rival_chi2, |place| accumulate_pinhole(place, &pivot, problem.seen, model))
+            &minimize_pose(start, alternative_chi2, |place| {
+                accumulate_pinhole(place, &pivot, problem.seen, model)
+            })
         }
-        _ => &minimize_any(start, rival_chi2, &pivot, problem),
+        _ => &minimize_any(start, alternative_chi2, &pivot, problem),
     };
     match found {
         Some(solution) => minimum_of(solution, &pivot, problem),
@@ -97,19 +99,19 @@ fn minimum_of(solution: &PoseMinimum, pivot: &Point, problem: &Problem) -> Resul
 #[inline(never)]
 fn minimize_any(
     mut start: PivotedPose,
-    rival_chi2: Option<f64>,
+    alternative_chi2: Option<f64>,
     pivot: &Point,
     problem: &Problem,
 ) -> Option<PoseMinimum> {
-    let descend = |start: PivotedPose, rival_chi2: Option<f64>, problem: &Problem| {
-        minimize_pose(start, rival_chi2, |place| normal_equations(place, pivot, problem))
+    let descend = |start: PivotedPose, alternative_chi2: Option<f64>, problem: &Problem| {
+        minimize_pose(start, alternative_chi2, |place| normal_equations(place, pivot, problem))
     };
     if let Loss::Truncated { sigmas } = problem.loss {
         // It sees nothing from a start farther off than its threshold: Cauchy's of the same size leads it there.
         start = descend(start, None, &Problem { loss: Loss::Cauchy { sigmas }, ..*problem })?.state;
     }
     // Every digit of a loss counts: its sandwich needs the minimum itself.
-    descend(start, rival_chi2.filter(|_| problem.loss == Loss::Squared), problem)
+    descend(start, alternative_chi2.filter(|_| problem.loss == Loss::Squared), problem)
 }
 
 /// As `minimize_any`, where the weights of points depend on the pose.

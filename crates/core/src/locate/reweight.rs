@@ -2,8 +2,8 @@
 //!
 //! A point known to σ spreads over more pixels the nearer it is, so that by weights taken at each pose anew χ² falls as the camera runs into
 //! the points: it is no likelihood without its log-determinant, and Gauss–Newton's gradient, which holds the weights, is not that of
-//! it. Here a descent holds the weights, takes them anew where it ends, and goes on until they hold still. Which minimum is the
-//! likelier is told with the log-determinant (`Minimum::log_determinant`). Derivation: docs/math/refine.md section 4.
+//! it. Here a descent holds the weights, takes them anew where it ends, and continues until they hold still. Which minimum is the
+//! likelier is reported with the log-determinant (`Minimum::log_determinant`). Derivation: docs/math/refine.md section 4.
 
 use crate::least_squares::{Ending, NormalEquations, PivotedPose, PoseMinimum, minimize_pose};
 use crate::{Point, Pose};

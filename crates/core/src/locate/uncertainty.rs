@@ -1,6 +1,6 @@
 //! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics explain of their residuals.
 
-use crate::least_squares::RIVAL_MARGIN_CHI2;
+use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
 use crate::locate::curvature::{self, Bends, with_curvature};
 use crate::locate::intrinsics::Dependence;
@@ -23,7 +23,7 @@ pub(crate) fn allow_for_intrinsics(
     let lowest = found.first().map_or(0.0, |m| m.chi2);
     for m in &found {
         // Farther off the search ends early, for by the pixels' sigmas alone it cannot come near; here it may.
-        let is_exact = m.chi2 - lowest < RIVAL_MARGIN_CHI2;
+        let is_exact = m.chi2 - lowest < ALTERNATIVE_MARGIN_CHI2;
         let end = if is_exact { Ok(*m) } else { refine_against(&m.cam_from_target, None, problem) };
         insert(minima, end.unwrap_or(*m));
     }
@@ -114,22 +114,22 @@ impl Doubts<'_> {
         let mut others = Others::default();
         let Some((_, rest)) = minima.split_first() else { return Ok(others) };
         let known = weights[1..].iter().zip(&bends[1..]);
-        for (i, ((place, m), (weight, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
+        for (i, ((place, m), (probability, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
             let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
-            let is_rival = is_within_gate(m, &self.lowest, self.noise_scale);
-            let covariance = if is_rival {
+            let is_alternative = is_within_gate(m, &self.lowest, self.noise_scale);
+            let covariance = if is_alternative {
                 self.covariance(m, *is_bent)?.covariance
             } else {
                 m.covariance * self.noise_scale
             };
             let minimum = Minimum { covariance, ..*m };
-            let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + weight;
+            let numbers = covariance.sum() + m.chi2 + m.rms_px + delta_chi2 + probability;
             // A pose of which nothing is known is no alternative; the next to the answer decides whether that is the only one.
-            let is_needed = is_rival && i == 0;
+            let is_needed = is_alternative && i == 0;
             if !is_needed && !numbers.is_finite() {
                 continue;
             }
-            *place = Some(Hypothesis { minimum, delta_chi2, weight: *weight, is_rival });
+            *place = Some(Hypothesis { minimum, delta_chi2, probability: *probability, is_alternative });
         }
         Ok(others)
     }

@@ -4,8 +4,6 @@
 //! refinement. Two points are enough: four pixels and two angles are six numbers.
 
 use crate::locate::choose::{Minima, Minimum};
-use crate::locate::curvature::is_bent;
-use crate::locate::multi_start::Findings;
 use crate::locate::prior::Prior;
 use crate::locate::prior_start::determined;
 use crate::locate::problem::Problem;
@@ -24,40 +22,56 @@ const MAX_PAIRED: usize = 16;
 /// A direction known in both frames: target, camera.
 type Vertical = [Unit<Vector3<f64>>; 2];
 
-/// All minima reached from the two-point poses of a few wide pairs.
+/// The two-point poses of a few wide pairs.
+pub(crate) struct Upright {
+    starts: ArrayVec<Pose, { 4 * MAX_PAIRS }>,
+    vertical: Vertical,
+}
+
+/// The poses from two points and the vertical.
 ///
 /// # Errors
 /// `WrongLayout` without a direction known in both frames; `TooFewPoints`; those of `upright_p2p` for the last pair tried where no
-/// pair gives a pose; `DegenerateView` where points and priors leave a direction free.
-pub(crate) fn upright(problem: &Problem, minima: &mut Minima) -> Result<Findings, Error> {
+/// pair gives a pose.
+pub(crate) fn upright(problem: &Problem) -> Result<Upright, Error> {
     let vertical = vertical(problem.priors).ok_or(NO_VERTICAL)?;
     if problem.seen.len() < 2 {
         return Err(Error::TooFewPoints { seen: problem.seen.len(), needed: 2 });
     }
     let mut refusal = Error::NoSolution { n_points: problem.seen.len() };
+    let mut all = ArrayVec::new();
     for pair in wide_pairs(problem, &vertical[0]) {
         match starts(problem, pair, &vertical) {
-            Ok(starts) => {
-                for start in starts {
-                    if let Err(refused @ Error::DegenerateView { .. }) = determined(&start, problem, minima) {
-                        refusal = refused;
-                    }
-                }
-            }
+            Ok(starts) => all.extend(starts),
             Err(refused) => refusal = refused,
         }
     }
-    let best = minima.first().ok_or(refusal)?;
-    let is_bent = is_bent(best, &problem.held_at(&best.cam_from_target));
-    if let [a, b] = problem.seen {
-        minima.iter().try_for_each(|minimum| check_turn([a, b], minimum, &vertical))?;
+    if all.is_empty() { Err(refusal) } else { Ok(Upright { starts: all, vertical }) }
+}
+
+impl Upright {
+    /// Adds all minima reached.
+    ///
+    /// # Errors
+    /// `DegenerateView` where points and priors leave a direction free, or two points say too little.
+    pub(crate) fn refine(&self, problem: &Problem, minima: &mut Minima) -> Result<(), Error> {
+        let mut refusal = Error::NoSolution { n_points: problem.seen.len() };
+        for start in &self.starts {
+            if let Err(refused @ Error::DegenerateView { .. }) = determined(start, problem, minima) {
+                refusal = refused;
+            }
+        }
+        match (minima.is_empty(), problem.seen) {
+            (true, _) => Err(refusal),
+            (false, [a, b]) => minima.iter().try_for_each(|m| check_rotation([a, b], m, &self.vertical)),
+            (false, _) => Ok(()),
+        }
     }
-    Ok(Findings { weakness: None, is_bent })
 }
 
 /// Two points have nothing to spare: near their double root, or level with the camera, no covariance describes the answer.
 /// docs/math/upright_p2p.md eqs. (7), (8).
-fn check_turn(
+fn check_rotation(
     [a, b]: [&Correspondence; 2],
     minimum: &Minimum,
     [_, down_in_cam]: &Vertical,
@@ -83,7 +97,7 @@ fn check_turn(
     Ok(())
 }
 
-/// Half the angle between the two turns, in standard deviations of the turn.
+/// Half the angle between the two turns, in standard deviations of the rotation.
 const MIN_TURN_SIGMA: f64 = 5.0;
 /// Distance of the nearer point, in standard deviations of the place.
 const MIN_DISTANCE_SIGMA: f64 = 5.0;
@@ -119,7 +133,7 @@ fn starts(problem: &Problem, [i, j]: [usize; 2], vertical: &Vertical) -> Result<
     upright_p2p(&[a.bearing, b.bearing], &[a.x_in_target, b.x_in_target], in_target, in_cam).map_err(renamed)
 }
 
-/// The pairs that see the turn about the vertical best: far apart across it.
+/// The pairs that see the rotation about the vertical best: far apart across it.
 fn wide_pairs(problem: &Problem, vertical: &Unit<Vector3<f64>>) -> ArrayVec<[usize; 2], MAX_PAIRS> {
     let n = problem.seen.len();
     let stride = n.div_ceil(MAX_PAIRED);

@@ -1,8 +1,8 @@
-//! The seed paper's answer with a covariance of its own: what `solve::wang2004` gives, nothing refined.
+//! The paper of Wang (2004)'s answer with a covariance of its own: what `solve::wang2004` gives, nothing refined.
 
-use crate::locate::choose::{Minima, Minimum};
+use crate::locate::choose::Minimum;
 use crate::locate::loss::Loss;
-use crate::locate::multi_start::{Findings, four_of};
+use crate::locate::multi_start::four_of;
 use crate::locate::problem::Problem;
 use crate::locate::refine::residual_sums;
 use crate::solve::configuration::Configuration;
@@ -12,12 +12,8 @@ use nalgebra::Vector2;
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The seed paper's answer as it stands, its covariance propagated from the pixels by central differences.
-pub(crate) fn literal(
-    configuration: &Configuration,
-    problem: &Problem,
-    minima: &mut Minima,
-) -> Result<Findings, Error> {
+/// The paper of Wang (2004)'s answer as it stands, its covariance propagated from the pixels by central differences.
+pub(crate) fn literal(configuration: &Configuration, problem: &Problem) -> Result<Minimum, Error> {
     let (Configuration::LinePlusOne { order }, 4) = (configuration, problem.seen.len()) else {
         return Err(Error::WrongLayout {
             method: "wang2004",
@@ -54,8 +50,7 @@ pub(crate) fn literal(
         }
     }
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
-    minima.push(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant: 0.0 });
-    Ok(Findings { weakness: None, is_bent: false })
+    Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant: 0.0 })
 }
 
 /// Columns of a triangular root of the pixel's covariance: two independent errors of one standard deviation each, px.

@@ -7,7 +7,7 @@ mod equations;
 mod check;
 mod refined;
 
-pub use check::{Blame, Doubt, FALSE_ALARM_RATE, IntrinsicsCheck, check_intrinsics};
+pub use check::{Blame, FALSE_ALARM_RATE, IntrinsicsCheck, ParameterOffset, check_intrinsics};
 pub use refined::{Focal, Free, RefinedFrame, RefinedIntrinsics, refine_intrinsics};
 
 use crate::camera::Parameters;

@@ -1,6 +1,6 @@
 //! Measuring in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all that is known.
 //!
-//! Facts in (clicks, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
+//! Constraints in (image points, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
 //! covariance out, and of them lengths, angles, areas and heights with their 95 % intervals. Derivation: docs/math/survey.md.
 //!
 //! starts → adjust → drop what is undetermined → check → explain a contradiction. Each step is one file.
@@ -31,11 +31,11 @@ pub use interval::Measured;
 pub use query::Query;
 pub use snoop::{DecimalSlip, Suspect};
 pub use spread::OnLine;
-pub use verdict::SurveyStatus;
+pub use verdict::NetworkStatus;
 
 /// A camera and how well its intrinsics are known; photographs of one camera share its errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurveyCamera<'a> {
+pub struct NetworkCamera<'a> {
     /// Lens as calibrated.
     pub camera: &'a Camera,
     /// Covariance of the intrinsic parameters, row by row, in the order of `Camera::parameters`; none where exact.
@@ -58,17 +58,17 @@ pub enum Plane {
 
 /// Something known about the scene. Points, photographs and planes are named by their index.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[allow(clippy::large_enum_variant)] // A survey has a few hundred facts; a box would take away Copy.
-pub enum Fact {
+#[allow(clippy::large_enum_variant)] // A network has a few hundred constraints; a box would take away Copy.
+pub enum Constraint {
     /// A point was seen at a pixel of a photograph.
-    Click {
+    ImagePoint {
         /// Which photograph.
         photo: usize,
         /// Which point.
         point: usize,
         /// Where, px.
         pixel: Pixel,
-        /// How sure, px².
+        /// How uncertain, px².
         covariance_px2: PixelCovariance,
     },
     /// The point's coordinates.
@@ -135,17 +135,17 @@ pub enum Fact {
 
 /// All that is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Survey<'a> {
+pub struct NetworkProblem<'a> {
     /// The cameras.
-    pub cameras: &'a [SurveyCamera<'a>],
+    pub cameras: &'a [NetworkCamera<'a>],
     /// The camera that took each photograph.
     pub camera_of_photo: &'a [usize],
     /// How many points there are.
     pub n_points: usize,
     /// The planes.
     pub planes: &'a [Plane],
-    /// The facts, in any order.
-    pub facts: &'a [Fact],
+    /// The constraints, in any order.
+    pub constraints: &'a [Constraint],
 }
 
 /// The frame that positions are given in. Lengths, angles and areas do not depend on it.
@@ -154,12 +154,12 @@ pub enum Frame {
     /// That of the given coordinates, poses and planes.
     Given,
     /// First mark at the origin, second on the x axis, third in the xy-plane, z towards the cameras' side.
-    Marks([usize; 3]),
-    /// That of the given coordinates as far as they go; what they leave free (a turn, a shift) is held at the start.
+    ControlPoints([usize; 3]),
+    /// That of the given coordinates as far as they go; what they leave free (a rotation, a shift) is held at the start.
     Held,
 }
 
-/// A photograph, point or plane of a survey.
+/// A photograph, point or plane of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Item {
     /// A photograph.
@@ -177,8 +177,8 @@ pub struct Adjusted {
     pub(crate) state: state::State,
     /// Which unknown is which.
     pub(crate) layout: state::Layout,
-    /// The survey's own copy of what later questions need.
-    pub(crate) facts: Vec<Fact>,
+    /// The network's own copy of what later questions need.
+    pub(crate) constraints: Vec<Constraint>,
     /// Covariance of all unknowns, widened by `noise_scale`.
     pub(crate) covariance: DMatrix<f64>,
     /// Sum of squared residuals over their variances.
@@ -187,50 +187,50 @@ pub struct Adjusted {
     pub degrees_of_freedom: usize,
     /// Factor by which every variance was widened because the residuals prove the sigmas too small; 1 where they agree.
     pub noise_scale: f64,
-    /// Whether facts as sure as stated would hardly ever disagree so much (once in ten thousand).
+    /// Whether constraints as sure as stated would hardly ever disagree so much (once in ten thousand).
     pub is_inconsistent: bool,
-    /// Facts that contradict the others, the worst first.
+    /// Constraints that contradict the others, the worst first.
     pub suspects: Vec<Suspect>,
-    /// The fact that took no part because it alone contradicts the rest; the places are those of the rest.
+    /// The constraint that took no part because it alone contradicts the rest; the places are those of the rest.
     pub left_out: Vec<usize>,
-    /// The line that all marks stand on, if they do.
+    /// The line that all control points stand on, if they do.
     pub on_line: Option<OnLine>,
-    /// Whether a mark that a photograph shows has no place, so that what is known of it took no part.
-    pub has_lost_marks: bool,
-    /// What the facts leave undetermined, and why; facts about it took no part.
+    /// Whether a control point that a photograph shows has no place, so that what is known of it took no part.
+    pub has_lost_control_points: bool,
+    /// What the constraints leave undetermined, and why; constraints about it took no part.
     pub undetermined: Vec<(Item, Error)>,
-    /// How much worse, in χ², the second best arrangement of photographs and marks fits; none where no other was found.
-    pub rival_delta_chi2: Option<f64>,
+    /// How much worse, in χ², the second best arrangement of photographs and control points fits; none where no other was found.
+    pub alternative_delta_chi2: Option<f64>,
     /// That second best arrangement.
-    pub rival: Option<Box<Adjusted>>,
+    pub alternative: Option<Box<Adjusted>>,
     /// The frame of the positions.
     pub frame: Frame,
     /// Steps of the adjustment.
     pub steps: usize,
 }
 
-/// A rival arrangement closer than this in χ² cannot be told from the best.
-pub const RIVAL_GATE_CHI2: f64 = 9.0;
+/// A second solution arrangement closer than this in χ² cannot be distinguished from the best.
+pub const ALTERNATIVE_GATE_CHI2: f64 = 9.0;
 
 /// Finds everything's place.
 ///
 /// # Errors
-/// `InvalidFact` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `MarksOnLine` where the marks
-/// stand on one line; `InconsistentDistances` where the distances between marks contradict each other and no single fact explains it; `Undetermined` where nothing at all can be
+/// `InvalidConstraint` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `ControlPointsOnLine` where the control points
+/// stand on one line; `InconsistentDistances` where the distances between control points contradict each other and no single constraint explains it; `Undetermined` where nothing at all can be
 /// placed. Single points and photographs that cannot be placed are listed in [`Adjusted::undetermined`].
-pub fn adjust(survey: &Survey) -> Result<Adjusted, Error> {
-    survey.check()?;
-    if let Some(on_line) = spread::of_coordinates(survey) {
+pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
+    network.check()?;
+    if let Some(on_line) = spread::of_coordinates(network) {
         return Err(on_line);
     }
-    let found = blunder::explained(survey, blunder::attempt(survey, Depth::Together));
+    let found = blunder::explained(network, blunder::attempt(network, Depth::Together));
     let mut adjusted = found.map_err(|reason| match reason {
         Error::NoLength | Error::InconsistentDistances { .. } => reason,
-        reason => spread::of_lengths(survey).unwrap_or(reason),
+        reason => spread::of_lengths(network).unwrap_or(reason),
     })?;
-    let has_lost_marks = adjusted.lost_marks(survey).next().is_some();
-    adjusted.has_lost_marks = has_lost_marks;
-    adjusted.on_line = spread::of_adjusted(survey, &adjusted);
+    let has_lost_control_points = adjusted.lost_control_points(network).next().is_some();
+    adjusted.has_lost_control_points = has_lost_control_points;
+    adjusted.on_line = spread::of_adjusted(network, &adjusted);
     Ok(adjusted)
 }
 
@@ -268,36 +268,31 @@ impl Adjusted {
         Some((found.normal, found.normal.dot(&found.pivot) + found.height_m))
     }
 
-    /// The cameras as the facts correct them, where their intrinsics were uncertain.
+    /// The cameras as the constraints correct them, where their intrinsics were uncertain.
     pub fn camera(&self, camera: usize) -> Option<&Camera> {
         self.state.lenses.get(camera).map(|lens| &lens.camera)
     }
-
-    /// The 2 px residual (observed − predicted) of a click; none for other facts and where it took no part.
-    pub fn click_residual_px(&self, fact: usize) -> Option<nalgebra::Vector2<f64>> {
-        let Fact::Click { photo, point, pixel, .. } = self.facts.get(fact)? else { return None };
-        let x_in_cam = self.cam_from_world(*photo)? * self.point(*point)?;
-        Some(pixel - self.state.lenses[self.state.camera_of_photo[*photo]].camera.project(&x_in_cam)?)
-    }
 }
 
-impl Fact {
+impl Constraint {
     /// The points it speaks of.
     pub fn points(&self) -> [Option<usize>; 2] {
         match *self {
-            Fact::Click { point, .. } | Fact::Place { point, .. } | Fact::OnPlane { point, .. } => {
-                [Some(point), None]
-            }
-            Fact::Distance { a, b, .. } => [Some(a), Some(b)],
-            Fact::Upright { foot, top, .. } => [Some(foot), Some(top)],
-            Fact::Gravity { .. } | Fact::Pose { .. } => [None, None],
+            Constraint::ImagePoint { point, .. }
+            | Constraint::Place { point, .. }
+            | Constraint::OnPlane { point, .. } => [Some(point), None],
+            Constraint::Distance { a, b, .. } => [Some(a), Some(b)],
+            Constraint::Upright { foot, top, .. } => [Some(foot), Some(top)],
+            Constraint::Gravity { .. } | Constraint::Pose { .. } => [None, None],
         }
     }
 
     /// The photograph it speaks of.
     pub fn photo(&self) -> Option<usize> {
         match *self {
-            Fact::Click { photo, .. } | Fact::Gravity { photo, .. } | Fact::Pose { photo, .. } => Some(photo),
+            Constraint::ImagePoint { photo, .. }
+            | Constraint::Gravity { photo, .. }
+            | Constraint::Pose { photo, .. } => Some(photo),
             _ => None,
         }
     }
@@ -305,9 +300,9 @@ impl Fact {
     /// The plane it speaks of.
     pub fn plane(&self) -> Option<usize> {
         match *self {
-            Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } | Fact::Gravity { plane, .. } => {
-                Some(plane)
-            }
+            Constraint::OnPlane { plane, .. }
+            | Constraint::Upright { plane, .. }
+            | Constraint::Gravity { plane, .. } => Some(plane),
             _ => None,
         }
     }

@@ -1,6 +1,6 @@
-//! Where the cameras of a rig sit, from the relative poses of pairs of them: no picture, no point.
+//! Where the cameras of a rig sit, from the relative poses of pairs of them: no image, no point.
 //!
-//! `chain` follows the best chain of pairs from an anchor, `solve_pose_graph` weighs all pairs together: maximum likelihood, with the pairs
+//! `chain` follows the best chain of pairs from an reference camera, `solve_pose_graph` weighs all pairs together: maximum likelihood, with the pairs
 //! that contradict the rest named and left out. Derivation: docs/math/pose_graph.md.
 
 mod chain;
@@ -27,11 +27,11 @@ pub struct RelativePose {
     pub b: usize,
     /// x_in_b = b_from_a · x_in_a, metres.
     pub b_from_a: Pose,
-    /// How sure.
+    /// How uncertain.
     pub noise: PairNoise,
 }
 
-/// How sure a pair is; one kind for all pairs of a graph.
+/// How uncertain a pair is; one kind for all pairs of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // A few hundred pairs: copying is simpler than a box each.
 pub enum PairNoise {
@@ -56,7 +56,7 @@ pub struct PoseGraph<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseGraphConfig {
     /// The camera whose frame is the rig's.
-    pub anchor: usize,
+    pub reference_camera: usize,
     /// For pairs with `PairNoise::Error`: standard deviations of a pair whose error is the median; none to estimate both.
     pub median_sigma: Option<PairSigma>,
 }
@@ -64,18 +64,18 @@ pub struct PoseGraphConfig {
 /// Standard deviations of a relative pose, the same about and along every axis of its frame b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairSigma {
-    /// Of each turn, rad.
+    /// Of each rotation, rad.
     pub sigma_rad: f64,
     /// Of each shift, m.
     pub sigma_m: f64,
 }
 
-/// A camera's place.
+/// A camera's position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraInGraph {
-    /// x_in_cam = cam_from_rig · x_in_rig; identity for the anchor.
+    /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference camera.
     pub cam_from_rig: Pose,
-    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame; zero for the anchor.
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame; zero for the reference camera.
     pub covariance: Matrix6,
 }
 
@@ -96,11 +96,11 @@ pub struct PairResult {
     pub is_suspicious: bool,
 }
 
-/// Every camera's place, how sure, and which pairs disagree.
+/// Every camera's position, how uncertain, and which pairs disagree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGraphSolution {
     /// The camera whose frame is the rig's.
-    pub anchor: usize,
+    pub reference_camera: usize,
     /// One entry a camera.
     pub cameras: Vec<CameraInGraph>,
     /// One entry a pair, in the order given.
@@ -117,7 +117,7 @@ pub struct PoseGraphSolution {
     /// Where those were estimated: from how many redundant numbers each, 3 (pairs used − cameras + 1). With 0 nothing was redundant, and the
     /// covariances say nothing. None where the noise was given.
     pub noise_degrees_of_freedom: Option<usize>,
-    /// Covariance of all cameras together, 6 rows a camera, zero for the anchor.
+    /// Covariance of all cameras together, 6 rows a camera, zero for the reference camera.
     pub joint_covariance: DMatrix<f64>,
     /// Steps of the last adjustment.
     pub steps: usize,
@@ -165,15 +165,15 @@ pub fn groups(graph: &PoseGraph) -> Vec<Vec<usize>> {
 /// `InvalidPose` and `InvalidSetting` name a number that cannot be right; `Disconnected` when no chain of pairs joins all cameras;
 /// `NotConverged` when no minimum is reached.
 pub fn solve_pose_graph(graph: &PoseGraph, config: &PoseGraphConfig) -> Result<PoseGraphSolution, Error> {
-    check(graph, config.anchor)?;
-    let start = chain(graph, config.anchor)?;
+    check(graph, config.reference_camera)?;
+    let start = chain(graph, config.reference_camera)?;
     let poses: Vec<Pose> = start.cameras.iter().map(|camera| camera.cam_from_rig).collect();
     let noise = noise::Noise::of(graph, config.median_sigma, &poses)?;
-    let settled = snooping::settle(graph, config.anchor, poses, noise)?;
-    Ok(answer(graph, config.anchor, settled))
+    let settled = snooping::settle(graph, config.reference_camera, poses, noise)?;
+    Ok(answer(graph, config.reference_camera, settled))
 }
 
-fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseGraphSolution {
+fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled) -> PoseGraphSolution {
     let snooping::Settled { adjustment, noise, pairs } = settled;
     let Adjustment { poses, covariance, chi2, steps } = adjustment;
     let used = pairs.iter().filter(|pair| pair.is_used).count();
@@ -189,7 +189,7 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
     let median_sigma = noise.median_sigma();
     let verdict = verdict::verdict(graph, &pairs, &noise, (chi2, degrees_of_freedom));
     PoseGraphSolution {
-        anchor,
+        reference_camera,
         cameras,
         pairs,
         chi2,
@@ -204,10 +204,14 @@ fn answer(graph: &PoseGraph, anchor: usize, settled: snooping::Settled) -> PoseG
 }
 
 /// Every number of the graph.
-fn check(graph: &PoseGraph, anchor: usize) -> Result<(), Error> {
-    if graph.n_cameras <= anchor {
+fn check(graph: &PoseGraph, reference_camera: usize) -> Result<(), Error> {
+    if graph.n_cameras <= reference_camera {
         let needed = "it must be one of the cameras, counted from 0";
-        return Err(Error::InvalidSetting { setting: "the anchor camera", seen: anchor as f64, needed });
+        return Err(Error::InvalidSetting {
+            setting: "the reference camera camera",
+            seen: reference_camera as f64,
+            needed,
+        });
     }
     for (index, pair) in graph.pairs.iter().enumerate() {
         let invalid =

@@ -1,6 +1,6 @@
 //! Where the cameras of a rig sit relative to each other, from targets that they see through time; nothing surveyed is needed.
 //!
-//! canonical order → poses of each sighting → a start that the most sightings agree with → joint adjustment, wrong points left out →
+//! canonical order → poses of each observation → a start that the most observations agree with → joint adjustment, wrong points left out →
 //! covariances, weakest link, scales, verdict. Derivation: docs/math/rig.md.
 
 mod views;
@@ -28,10 +28,10 @@ pub use views::shared_views;
 
 /// What one camera saw of one target in one view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sighting {
+pub struct Observation {
     /// Which camera, index into `RigProblem::cameras`.
     pub camera: usize,
-    /// Which view: sightings of one view were taken at the same time.
+    /// Which view: observations of one view were taken at the same time.
     pub view: usize,
     /// Which target, index into `RigProblem::body_of_target`.
     pub target: usize,
@@ -50,7 +50,7 @@ pub struct RigProblem<'a> {
     /// Number of views (moments).
     pub n_views: usize,
     /// In any order: the answer does not depend on it.
-    pub sightings: &'a [Sighting],
+    pub observations: &'a [Observation],
 }
 
 /// Settings of `solve_rig`.
@@ -65,7 +65,7 @@ pub struct RigConfig<'a> {
     pub joint_covariance: bool,
     /// Distances between cameras that were measured otherwise: they join the cost, and with them a target's size can be checked.
     pub known_distances: &'a [KnownDistance],
-    /// Whether errors that a whole sighting shares are estimated from how far views contradict each other, and put into every covariance.
+    /// Whether errors that a whole observation shares are estimated from how far views contradict each other, and put into every covariance.
     /// Without, the points' errors are taken as independent.
     pub shared_errors: bool,
     /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
@@ -113,7 +113,7 @@ pub struct SharedViews {
     pub groups: Vec<Vec<usize>>,
 }
 
-/// A camera's place in the rig.
+/// A camera's position in the rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraInRig {
     /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference.
@@ -156,29 +156,29 @@ pub struct BodyInView {
     pub rms_px: f64,
 }
 
-/// What became of a sighting.
+/// What became of an observation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SightingResult {
+pub struct ObservationResult {
     /// For each of its points: the residual (observed − predicted, px) and whether it took part. None where it projects nowhere.
     pub residuals_px: Vec<Option<(nalgebra::Vector2<f64>, bool)>>,
     /// Why none of it took part.
-    pub rejected: Option<RejectedSighting>,
+    pub rejected: Option<RejectedObservation>,
 }
 
-/// Why a whole sighting took no part.
+/// Why a whole observation took no part.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub enum RejectedSighting {
+pub enum RejectedObservation {
     /// Its points do not determine a pose and nothing else in the view does.
     Undetermined(Error),
-    /// It contradicts the other sightings: wrong labels, a moved target, a wrong view.
+    /// It contradicts the other observations: wrong labels, a moved target, a wrong view.
     Contradicts {
         /// Root mean square of its residuals, px.
         rms_px: f64,
     },
 }
 
-/// The cameras of a rig, how sure, and how well everything fits.
+/// The cameras of a rig, how uncertain, and how well everything fits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSolution {
     /// The camera whose frame is the rig's.
@@ -189,13 +189,13 @@ pub struct RigSolution {
     pub targets: Vec<TargetOnBody>,
     /// By view, then body.
     pub bodies: Vec<BodyInView>,
-    /// One entry a sighting, in the order given.
-    pub sightings: Vec<SightingResult>,
+    /// One entry an observation, in the order given.
+    pub observations: Vec<ObservationResult>,
     /// Shared views before anything was rejected.
     pub shared: SharedViews,
     /// The link that the rig hangs on: two groups of cameras joined by the least information. None for one camera.
     pub weakest_link: Option<WeakestLink>,
-    /// What the sightings say about each target's stated size.
+    /// What the observations say about each target's stated size.
     pub scales: Vec<TargetScale>,
     /// Root mean square reprojection error over the points used, px.
     pub rms_px: f64,
@@ -203,7 +203,7 @@ pub struct RigSolution {
     pub chi2: f64,
     /// Numbers used beyond the unknowns.
     pub degrees_of_freedom: usize,
-    /// Points seen, over all sightings.
+    /// Points seen, over all observations.
     pub n_seen: usize,
     /// Points that took part.
     pub n_used: usize,
@@ -212,9 +212,9 @@ pub struct RigSolution {
     /// Factor by which every covariance was widened because the residuals are larger than the sigmas say; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
-    /// other by more than their points: errors that a whole sighting shares. 1 where no such error shows.
+    /// other by more than their points: errors that a whole observation shares. 1 where no such error shows.
     pub view_scale: f64,
-    /// The largest standard deviation of a camera's place along an axis, m, with intrinsics as uncertain as views agree that they are off;
+    /// The largest standard deviation of a camera's position along an axis, m, with intrinsics as uncertain as views agree that they are off;
     /// none where nothing contradicts them. The covariances hold this with `RigConfig::lens_errors`.
     pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
@@ -249,15 +249,15 @@ pub struct TargetScale {
     pub extent_m: f64,
 }
 
-/// Every camera's place in the rig.
+/// Every camera's position in the rig.
 ///
 /// # Errors
-/// `NoSuchIndex`, `InvalidSighting`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraUnseen`, `CamerasUnconnected`,
+/// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,
 /// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
     let layout = layout::Layout::new(problem, config)?;
-    let sighted = sighted::poses_of_sightings(&layout);
-    let start = start::start(&layout, &sighted)?;
-    let adjusted = adjust::adjust(&layout, &sighted, start, config)?;
-    answer::answer(&layout, &sighted, adjusted, config)
+    let located_views = sighted::poses_of_observations(&layout);
+    let start = start::start(&layout, &located_views)?;
+    let adjusted = adjust::adjust(&layout, &located_views, start, config)?;
+    answer::answer(&layout, &located_views, adjusted, config)
 }

@@ -75,10 +75,10 @@ pub enum RigAmbiguity {
 pub enum RigConsistency {
     /// As large as the sigmas say, or no redundancy to tell.
     Consistent,
-    /// Far larger: a camera that moved, wrong intrinsics, target or labels. The covariance is widened by `chi2_per_dof`.
+    /// Far larger: a camera that moved, wrong intrinsics, target or labels. The covariance is widened by `chi2_per_degree_of_freedom`.
     Inconsistent {
         /// χ² over degrees of freedom.
-        chi2_per_dof: f64,
+        chi2_per_degree_of_freedom: f64,
         /// Index of the view with the largest mean squared normalised residual.
         worst_camera: usize,
         /// Index, in that view, of the point with the largest normalised residual.
@@ -88,7 +88,7 @@ pub enum RigConsistency {
     },
 }
 
-/// The pose of a rig, how sure, and whether another one fits as well.
+/// The pose of a rig, how uncertain, and whether another one fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigPoseEstimate {
     /// The pose: x_in_rig = rig_from_target · x_in_target.
@@ -134,10 +134,10 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let minima = minima(cost, &extents)?;
     let degrees_of_freedom = 2 * cost.n_points() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
-    let Choice { best, ratio, rival } = choose(&minima, cost.n_points(), noise_scale)?;
-    let ambiguity = match (rival, ratio) {
-        (Some(rival), Some(ratio)) => {
-            RigAmbiguity::Ambiguous { ratio, other: widened(rival, noise_scale, cost)? }
+    let Choice { best, ratio, alternative } = choose(&minima, cost.n_points(), noise_scale)?;
+    let ambiguity = match (alternative, ratio) {
+        (Some(alternative), Some(ratio)) => {
+            RigAmbiguity::Ambiguous { ratio, other: widened(alternative, noise_scale, cost)? }
         }
         (_, ratio) => RigAmbiguity::Unique { ratio },
     };
@@ -199,11 +199,11 @@ fn minima(cost: &RigCost, extents: &Extents) -> Result<Minima, Error> {
 fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<Error> {
     let mut failure = None;
     for (chi2, start) in starts {
-        let rival = minima.first().map(|m| m.chi2);
-        if rival.is_some_and(|rival| rival + HOPELESS_CHI2 < *chi2) {
+        let alternative = minima.first().map(|m| m.chi2);
+        if alternative.is_some_and(|alternative| alternative + HOPELESS_CHI2 < *chi2) {
             break;
         }
-        match cost.refine(start, rival) {
+        match cost.refine(start, alternative) {
             Ok(minimum) if minimum.is_finite() => insert(minima, minimum),
             Ok(_) => {}
             Err(error) => failure = failure.or(Some(error)),
@@ -256,8 +256,8 @@ fn consistency(
             (worst_camera, worst_point, worst_px, largest_mean) = (camera, worst.0, worst.1, mean);
         }
     }
-    let chi2_per_dof = chi2 / degrees_of_freedom as f64;
-    RigConsistency::Inconsistent { chi2_per_dof, worst_camera, worst_point, worst_px }
+    let chi2_per_degree_of_freedom = chi2 / degrees_of_freedom as f64;
+    RigConsistency::Inconsistent { chi2_per_degree_of_freedom, worst_camera, worst_point, worst_px }
 }
 
 /// What `locate` says, carried into the rig frame, docs/math/rig_pose.md eq. (7).
@@ -278,8 +278,13 @@ fn seen_by_one(e: &PoseEstimate, view: &RigView, camera: usize) -> RigPoseEstima
     };
     let consistency = match e.consistency {
         Consistency::Consistent => RigConsistency::Consistent,
-        Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, .. } => {
-            RigConsistency::Inconsistent { chi2_per_dof, worst_camera: camera, worst_point, worst_px }
+        Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_point, worst_px, .. } => {
+            RigConsistency::Inconsistent {
+                chi2_per_degree_of_freedom,
+                worst_camera: camera,
+                worst_point,
+                worst_px,
+            }
         }
     };
     RigPoseEstimate {

@@ -210,16 +210,21 @@ impl<'a> TagView<'a> {
 /// The estimate of tags that contradict each other, widened by as much as the worst of them exceeds what it may.
 fn contradicted(e: PoseEstimate, excess: f64) -> PoseEstimate {
     let (worst_point, worst_px) = (0, e.rms_px);
-    let chi2_per_dof = match e.consistency {
+    let chi2_per_degree_of_freedom = match e.consistency {
         Consistency::Inconsistent { .. } => return e,
         Consistency::Consistent => (excess / agreement::DEGREES_OF_FREEDOM as f64)
             .max(inconsistent_above(e.degrees_of_freedom) / e.degrees_of_freedom.max(1) as f64),
     };
     let applied = crate::locate::consistency::noise_scale(e.chi2, e.degrees_of_freedom);
-    let widening = (chi2_per_dof / applied).max(1.0);
+    let widening = (chi2_per_degree_of_freedom / applied).max(1.0);
     PoseEstimate {
         covariance: e.covariance * widening,
-        consistency: Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior: None },
+        consistency: Consistency::Inconsistent {
+            chi2_per_degree_of_freedom,
+            worst_point,
+            worst_px,
+            worst_prior: None,
+        },
         ..e
     }
 }

@@ -28,15 +28,15 @@ pub struct PointView<'a> {
     /// different views are taken as independent.
     pub covariance: Option<Matrix6>,
     /// Covariance of the intrinsic parameters, row by row, in the order of `Camera::parameters`; none where exact. Views are taken
-    /// as independent: photographs of one camera go through `survey`.
+    /// as independent: photographs of one camera go through `network`.
     pub intrinsics_covariance: Option<&'a [f64]>,
     /// Where the point was seen.
     pub pixel: Pixel,
-    /// How sure that is.
+    /// How uncertain that is.
     pub covariance_px2: PixelCovariance,
 }
 
-/// A point's place, how sure, and how well the views agree.
+/// A point's place, how uncertain, and how well the views agree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriangulatedPoint {
     /// The place.
@@ -62,14 +62,14 @@ pub struct TriangulatedPoint {
 }
 
 /// Standard deviations that the parallax must differ from zero by: a point at infinity passes once in 740 times.
-pub const LEAST_PARALLAX_SIGMAS: f64 = 3.0;
+pub(crate) const LEAST_PARALLAX_SIGMAS: f64 = 3.0;
 /// Rounds of new weights: V depends on the point, by a part in 10⁴ once the start is good.
 const REWEIGHTINGS: usize = 4;
 /// Variance of a pixel below which it is no measurement (1e-12 px).
 const LEAST_VARIANCE_PX2: f64 = 1e-24;
 
 /// A view with its ray, and the metric of pixels about it.
-pub(crate) struct Sight<'a> {
+pub(crate) struct BearingObservation<'a> {
     pub(crate) view: &'a PointView<'a>,
     pub(crate) bearing: Bearing,
     pub(crate) bearing_in_world: Vector3<f64>,
@@ -80,7 +80,7 @@ pub(crate) struct Sight<'a> {
 ///
 /// # Errors
 /// `TooFewPoints` below two views, `InvalidView` for numbers that cannot be right, `OutsideField`, `ParallaxTooSmall` where the point
-/// cannot be told from one at infinity (also: one camera centre, or a point on the line through both), `BehindView`.
+/// cannot be distinguished from one at infinity (also: one camera centre, or a point on the line through both), `BehindView`.
 pub fn triangulate(views: &[PointView]) -> Result<TriangulatedPoint, Error> {
     if views.len() < 2 {
         return Err(Error::TooFewPoints { seen: views.len(), needed: 2 });
@@ -88,32 +88,43 @@ pub fn triangulate(views: &[PointView]) -> Result<TriangulatedPoint, Error> {
     for (index, view) in views.iter().enumerate() {
         check(index, view)?;
     }
-    let sights = views.iter().map(Sight::new).collect::<Result<Vec<_>, Error>>()?;
-    let pair = widest_pair(&sights);
-    let corrected = two_view::correct(&sights[pair.0], &sights[pair.1]);
-    let parallax = Parallax::of(&sights[pair.0], &sights[pair.1], corrected.as_ref());
+    let bearing_observations =
+        views.iter().map(BearingObservation::new).collect::<Result<Vec<_>, Error>>()?;
+    let pair = widest_pair(&bearing_observations);
+    let corrected = two_view::correct(&bearing_observations[pair.0], &bearing_observations[pair.1]);
+    let parallax =
+        Parallax::of(&bearing_observations[pair.0], &bearing_observations[pair.1], corrected.as_ref());
     parallax.check(pair)?;
-    let best = starts(&sights, corrected.as_ref().map(|c| c.x_in_world))
-        .filter_map(|start| refine(&start, &sights))
+    let best = starts(&bearing_observations, corrected.as_ref().map(|c| c.x_in_world))
+        .filter_map(|start| refine(&start, &bearing_observations))
         .min_by(|a, b| a.equations.chi2.total_cmp(&b.equations.chi2))
         .ok_or(Error::NoSolution { n_points: 1 })?;
-    conclude(&best, &sights, &parallax)
+    conclude(&best, &bearing_observations, &parallax)
 }
 
 /// Where the refinement starts: the optimum of the widest pair, and the linear estimate from all.
-fn starts(sights: &[Sight], of_pair: Option<Point>) -> impl Iterator<Item = Point> {
-    let of_all = if 2 < sights.len() || of_pair.is_none() { linear::nearest_to_rays(sights) } else { None };
+fn starts(
+    bearing_observations: &[BearingObservation],
+    of_pair: Option<Point>,
+) -> impl Iterator<Item = Point> {
+    let of_all = if 2 < bearing_observations.len() || of_pair.is_none() {
+        linear::nearest_to_rays(bearing_observations)
+    } else {
+        None
+    };
     of_pair.into_iter().chain(of_all)
 }
 
 /// The minimum over the exact pixels, weights following the point.
-fn refine(start: &Point, sights: &[Sight]) -> Option<PointMinimum> {
+fn refine(start: &Point, bearing_observations: &[BearingObservation]) -> Option<PointMinimum> {
     let mut place = *start;
     let mut found = None;
     for _ in 0..REWEIGHTINGS {
-        let weights: Vec<Matrix2<f64>> =
-            sights.iter().map(|s| s.covariance_at(&place)?.try_inverse()).collect::<Option<_>>()?;
-        let solution = minimize_point(&place, |x| equations(x, sights, &weights))?;
+        let weights: Vec<Matrix2<f64>> = bearing_observations
+            .iter()
+            .map(|s| s.covariance_at(&place)?.try_inverse())
+            .collect::<Option<_>>()?;
+        let solution = minimize_point(&place, |x| equations(x, bearing_observations, &weights))?;
         let moved2 = {
             let step = solution.state - place;
             step.dot(&(solution.equations.information * step))
@@ -127,25 +138,33 @@ fn refine(start: &Point, sights: &[Sight]) -> Option<PointMinimum> {
     found
 }
 
-fn equations(x_in_world: &Point, sights: &[Sight], weights: &[Matrix2<f64>]) -> Option<PointEquations> {
+fn equations(
+    x_in_world: &Point,
+    bearing_observations: &[BearingObservation],
+    weights: &[Matrix2<f64>],
+) -> Option<PointEquations> {
     let mut sum = PointEquations::zero();
-    for (sight, weight) in sights.iter().zip(weights) {
-        let (pixel, by_point) = sight.predict(x_in_world)?;
-        sum.add(&(sight.view.pixel - pixel), weight, &by_point);
+    for (bearing_observation, weight) in bearing_observations.iter().zip(weights) {
+        let (pixel, by_point) = bearing_observation.predict(x_in_world)?;
+        sum.add(&(bearing_observation.view.pixel - pixel), weight, &by_point);
     }
     Some(sum)
 }
 
-fn conclude(found: &PointMinimum, sights: &[Sight], parallax: &Parallax) -> Result<TriangulatedPoint, Error> {
+fn conclude(
+    found: &PointMinimum,
+    bearing_observations: &[BearingObservation],
+    parallax: &Parallax,
+) -> Result<TriangulatedPoint, Error> {
     let lost = Error::NoSolution { n_points: 1 };
     let x_in_world = found.state;
-    check_in_front(&x_in_world, sights)?;
+    check_in_front(&x_in_world, bearing_observations)?;
     let (mut chi2, mut information) = (0.0, Matrix3::zeros());
-    let mut seen = Vec::with_capacity(sights.len());
-    for sight in sights {
-        let (pixel, by_point) = sight.predict(&x_in_world).ok_or(lost.clone())?;
-        let residual = sight.view.pixel - pixel;
-        let v = sight.covariance_at(&x_in_world).ok_or(lost.clone())?;
+    let mut seen = Vec::with_capacity(bearing_observations.len());
+    for bearing_observation in bearing_observations {
+        let (pixel, by_point) = bearing_observation.predict(&x_in_world).ok_or(lost.clone())?;
+        let residual = bearing_observation.view.pixel - pixel;
+        let v = bearing_observation.covariance_at(&x_in_world).ok_or(lost.clone())?;
         let weight = v.try_inverse().ok_or(lost.clone())?;
         chi2 += residual.dot(&(weight * residual));
         information += by_point.tr_mul(&(weight * by_point));
@@ -154,7 +173,7 @@ fn conclude(found: &PointMinimum, sights: &[Sight], parallax: &Parallax) -> Resu
     let covariance_m2 = information.cholesky().ok_or(lost.clone())?.inverse();
     let worst_view = worst(&seen, &covariance_m2);
     let residuals_px: Vec<Vector2<f64>> = seen.iter().map(|s| s.0).collect();
-    let degrees_of_freedom = 2 * sights.len() - 3;
+    let degrees_of_freedom = 2 * bearing_observations.len() - 3;
     let squares: f64 = residuals_px.iter().map(|r| r.norm_squared()).sum();
     if !(x_in_world.sum() + covariance_m2.sum() + chi2).is_finite() {
         return Err(lost);
@@ -162,7 +181,7 @@ fn conclude(found: &PointMinimum, sights: &[Sight], parallax: &Parallax) -> Resu
     Ok(TriangulatedPoint {
         x_in_world,
         covariance_m2,
-        rms_px: (squares / sights.len() as f64).sqrt(),
+        rms_px: (squares / bearing_observations.len() as f64).sqrt(),
         residuals_px,
         chi2,
         degrees_of_freedom,
@@ -173,9 +192,10 @@ fn conclude(found: &PointMinimum, sights: &[Sight], parallax: &Parallax) -> Resu
     })
 }
 
-fn check_in_front(x_in_world: &Point, sights: &[Sight]) -> Result<(), Error> {
-    for (view, sight) in sights.iter().enumerate() {
-        let depth_m = (x_in_world - sight.centre_in_world).dot(&sight.bearing_in_world);
+fn check_in_front(x_in_world: &Point, bearing_observations: &[BearingObservation]) -> Result<(), Error> {
+    for (view, bearing_observation) in bearing_observations.iter().enumerate() {
+        let depth_m =
+            (x_in_world - bearing_observation.centre_in_world).dot(&bearing_observation.bearing_in_world);
         if !(0.0 < depth_m) {
             return Err(Error::BehindView { view, depth_m });
         }
@@ -195,10 +215,10 @@ fn worst(seen: &[(Vector2<f64>, Matrix2<f64>, Matrix2x3<f64>)], covariance_m2: &
     (0..statistics.len()).max_by(|a, b| statistics[*a].total_cmp(&statistics[*b])).unwrap_or(0)
 }
 
-impl<'a> Sight<'a> {
+impl<'a> BearingObservation<'a> {
     fn new(view: &'a PointView<'a>) -> Result<Self, Error> {
         let bearing = view.camera.bearing(&view.pixel)?;
-        Ok(Sight {
+        Ok(BearingObservation {
             view,
             bearing,
             bearing_in_world: view.cam_from_world.rotation.tr_mul(&bearing),
@@ -258,7 +278,7 @@ impl<'a> Sight<'a> {
             turns
         });
         let view = PointView { covariance: turns_only, ..*self.view };
-        Sight { view: &view, ..*self }.covariance_at(x_in_world)
+        BearingObservation { view: &view, ..*self }.covariance_at(x_in_world)
     }
 }
 
@@ -272,7 +292,11 @@ struct Parallax {
 
 impl Parallax {
     /// Of the rays as corrected onto a common plane; of the rays as seen where there is none. docs/math/triangulate.md eq. (9).
-    fn of(first: &Sight, second: &Sight, corrected: Option<&two_view::Corrected>) -> Self {
+    fn of(
+        first: &BearingObservation,
+        second: &BearingObservation,
+        corrected: Option<&two_view::Corrected>,
+    ) -> Self {
         let rays =
             corrected.map_or([first.bearing_in_world, second.bearing_in_world], |c| c.bearings_in_world);
         let baseline = second.centre_in_world - first.centre_in_world;
@@ -282,9 +306,9 @@ impl Parallax {
         let sign = if 0.0 <= turn.dot(&normal) { 1.0 } else { -1.0 };
         let angle_rad = turn.norm().atan2(rays[0].dot(&rays[1])) * sign;
         let plane = if 0.0 < normal.norm() { normal.normalize() } else { two_view::tangents(&rays[0]).0 };
-        let variance = |sight: &Sight, ray: &Vector3<f64>| {
+        let variance = |bearing_observation: &BearingObservation, ray: &Vector3<f64>| {
             let across = plane.cross(ray).normalize();
-            sight.angular_variance(&across)
+            bearing_observation.angular_variance(&across)
         };
         let sigma_rad = (variance(first, &rays[0]) + variance(second, &rays[1])).sqrt();
         Parallax { angle_rad, sigma_rad, depths_m: corrected.map(|c| c.depths_m) }
@@ -306,12 +330,16 @@ impl Parallax {
 }
 
 /// The two views whose rays differ most in direction.
-fn widest_pair(sights: &[Sight]) -> (usize, usize) {
+fn widest_pair(bearing_observations: &[BearingObservation]) -> (usize, usize) {
     let (mut best, mut widest) = ((0, 1), -1.0);
-    for j in 1..sights.len() {
+    for j in 1..bearing_observations.len() {
         for i in 0..j {
-            let sine = sights[i].bearing_in_world.cross(&sights[j].bearing_in_world).norm();
-            let baseline = (sights[i].centre_in_world - sights[j].centre_in_world).norm();
+            let sine = bearing_observations[i]
+                .bearing_in_world
+                .cross(&bearing_observations[j].bearing_in_world)
+                .norm();
+            let baseline =
+                (bearing_observations[i].centre_in_world - bearing_observations[j].centre_in_world).norm();
             // Without a baseline a wide angle is a contradiction, not parallax.
             let width = if 0.0 < baseline { sine } else { -0.5 };
             if widest < width {

@@ -162,18 +162,18 @@ mod tests {
     fn arcs_hold_what_the_conditions_say() {
         let bounds = [-7.0, -0.99, -0.7, -0.2, 0.0, 0.3, 0.9, 1.5];
         for (least, least_turned) in bounds.iter().flat_map(|a| bounds.map(|b| (*a, b))) {
-            for turn_rad in [0.1, 0.9, 1.7, 3.0] {
-                let arcs = arcs_above(least, least_turned, &direction(turn_rad));
+            for rotation_rad in [0.1, 0.9, 1.7, 3.0] {
+                let arcs = arcs_above(least, least_turned, &direction(rotation_rad));
                 for i in 0..97 {
                     let angle = TAU * f64::from(i) / 97.0 + 0.001;
-                    let wanted = least < angle.sin() && least_turned < (angle - turn_rad).sin();
+                    let wanted = least < angle.sin() && least_turned < (angle - rotation_rad).sin();
                     let within = |arc: &Arc| {
                         let place = |d: &Vector2<f64>| d.y.atan2(d.x);
                         let length = (place(&arc.end) - place(&arc.start)).rem_euclid(TAU);
                         (angle - place(&arc.start)).rem_euclid(TAU) < length
                     };
                     let count = arcs.iter().filter(|arc| within(arc)).count();
-                    assert_eq!(count, usize::from(wanted), "{least} {least_turned} {turn_rad} {angle}");
+                    assert_eq!(count, usize::from(wanted), "{least} {least_turned} {rotation_rad} {angle}");
                 }
             }
         }

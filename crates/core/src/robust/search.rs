@@ -4,7 +4,7 @@ use super::Config;
 use super::evidence::{Evidence, confidence, ln_triples, samples_for};
 use super::order::shuffled;
 use super::sampling::{Groups, Sampler, chance_of_good};
-use super::sights::{Sights, Wald};
+use super::sights::{ObservationBlocks, Wald};
 use crate::least_squares::{PivotedPose, minimize_pose};
 use crate::solve::p3p::p3p;
 use crate::statistics::SplitMix64;
@@ -44,7 +44,7 @@ struct Agreement {
 
 struct Search<'a> {
     config: &'a Config<'a>,
-    sights: Sights,
+    blocks_of_observations: ObservationBlocks,
     groups: Option<Groups>,
     evidence: Evidence,
     needed: usize,
@@ -59,8 +59,9 @@ pub(super) fn search(seen: &[Correspondence], camera: &Camera, config: &Config) 
     let groups = config.groups.map(|labels| Groups::new(labels, &order));
     let evidence = evidence(seen, groups.as_ref(), config.threshold_px);
     let needed = evidence.needed(config.max_false_alarms.ln());
-    let sights = Sights::new(seen, &order, camera);
-    let mut search = Search { config, sights, groups, evidence, needed, best: None, refused: None };
+    let blocks_of_observations = ObservationBlocks::new(seen, &order, camera);
+    let mut search =
+        Search { config, blocks_of_observations, groups, evidence, needed, best: None, refused: None };
     let n_samples = search.run(seen, &order);
     match search.best {
         Some(best) => Ok(Found {
@@ -118,8 +119,8 @@ impl Search<'_> {
             }
             let rows = sample.map(|at| &seen[order[at] as usize]);
             for candidate in p3p(&rows.map(|c| c.bearing), &rows.map(|c| c.x_in_target)) {
-                let first_block = chance.below(self.sights.n_blocks());
-                let count = self.sights.count(&candidate, limit, first_block, &test);
+                let first_block = chance.below(self.blocks_of_observations.n_blocks());
+                let count = self.blocks_of_observations.count(&candidate, limit, first_block, &test);
                 if count.is_some_and(|count| self.is_promising(count)) && self.follow(&candidate, rows[0]) {
                     (test, enough) = (self.test(n_samples), self.enough());
                 }
@@ -159,7 +160,7 @@ impl Search<'_> {
     /// Eq. (8): a good pose against one that agrees with a point now and then. Before anything is found, good means a share that
     /// would be met once in as many samples as have been drawn: a larger one would have been met.
     fn test(&self, n_samples: usize) -> Wald {
-        let n = self.sights.n_points() as f64;
+        let n = self.blocks_of_observations.n_points() as f64;
         let unmet = if self.best.is_none() { (n_samples as f64).powf(-1.0 / 3.0) } else { 0.0 };
         let good = (RECALL * (self.least_points() / n).max(unmet)).clamp(1e-6, 0.9);
         Wald::new(good, (2.0 * self.evidence.chance).max(good / 20.0).min(0.5 * good))
@@ -204,7 +205,9 @@ impl Search<'_> {
     fn polished(&self, candidate: &Pose, about: &Correspondence) -> Option<(Pose, f64)> {
         let pivot = about.x_in_target;
         let descend = |start: PivotedPose, limit_squared: f64| {
-            minimize_pose(start, None, |place| self.sights.normal_equations(place, &pivot, limit_squared))
+            minimize_pose(start, None, |place| {
+                self.blocks_of_observations.normal_equations(place, &pivot, limit_squared)
+            })
         };
         let wide = descend(PivotedPose::new(candidate, &pivot), self.wide_limit())?;
         let narrow = descend(wide.state, self.config.threshold_px.powi(2))?;
@@ -212,7 +215,8 @@ impl Search<'_> {
     }
 
     fn agreement(&self, cam_from_target: Pose, cost: f64) -> Agreement {
-        let mut is_in = self.sights.within(&cam_from_target, self.config.threshold_px.powi(2));
+        let mut is_in =
+            self.blocks_of_observations.within(&cam_from_target, self.config.threshold_px.powi(2));
         let (n_units, n_single) = match &self.groups {
             None => {
                 let n = is_in.iter().filter(|is_in| **is_in).count();
@@ -225,7 +229,12 @@ impl Search<'_> {
             None => i == j,
         };
         let limit = self.wide_limit();
-        let others = self.sights.chance_of_others(&cam_from_target, limit, SHUFFLED_PAIRS, is_same_unit);
+        let others = self.blocks_of_observations.chance_of_others(
+            &cam_from_target,
+            limit,
+            SHUFFLED_PAIRS,
+            is_same_unit,
+        );
         let evidence = Evidence { chance: self.evidence.chance.max(others), ..self.evidence };
         let chance_per_sample = USABLE * chance_of_good(n_units, evidence.n_units, n_single);
         Agreement { cam_from_target, is_in, n_units, cost, chance_per_sample, evidence }

@@ -31,7 +31,7 @@ struct Residuals {
 }
 
 /// Points and their rays, in an order of chance.
-pub(super) struct Sights {
+pub(super) struct ObservationBlocks {
     blocks: Vec<Block>,
     n: usize,
 }
@@ -134,7 +134,7 @@ fn parts(cam_from_target: &Pose) -> ([f64; 9], [f64; 3]) {
     (r, cam_from_target.translation.into())
 }
 
-impl Sights {
+impl ObservationBlocks {
     /// In the given order of rows. A bearing that the lens does not project agrees with no pose.
     pub(super) fn new(seen: &[Correspondence], order: &[u32], camera: &Camera) -> Self {
         let mut blocks = Vec::with_capacity(order.len().div_ceil(LANES));
@@ -143,7 +143,7 @@ impl Sights {
             rows.iter().enumerate().for_each(|(lane, row)| block.set(lane, &seen[*row as usize], camera));
             blocks.push(block);
         }
-        Sights { blocks, n: order.len() }
+        ObservationBlocks { blocks, n: order.len() }
     }
 
     /// How many points there are.
@@ -289,9 +289,9 @@ mod tests {
         (0..10).map(point).collect()
     }
 
-    fn sights(seen: &[Correspondence], camera: &Camera) -> Sights {
+    fn blocks_of_observations(seen: &[Correspondence], camera: &Camera) -> ObservationBlocks {
         let order: Vec<u32> = (0..).take(seen.len()).collect();
-        Sights::new(seen, &order, camera)
+        ObservationBlocks::new(seen, &order, camera)
     }
 
     /// To rounding for a pinhole; for a fisheye to the square of the residual over the focal length, (3 px)²/500 px = 0.02 px.
@@ -299,10 +299,10 @@ mod tests {
     fn residuals_are_those_of_the_lens() {
         for (camera, tolerance_px) in cameras().iter().zip([1e-11, 0.02]) {
             let seen = seen(camera);
-            let sights = sights(&seen, camera);
+            let blocks_of_observations = blocks_of_observations(&seen, camera);
             let (r, t) = parts(&Pose::identity());
             for (i, c) in seen.iter().enumerate() {
-                let residuals = sights.blocks[i / LANES].residuals(&r, &t);
+                let residuals = blocks_of_observations.blocks[i / LANES].residuals(&r, &t);
                 let e = residual_px(&Pose::identity(), c, camera).expect("in the field");
                 let off = (e.x + residuals.e[0][i % LANES]).hypot(e.y + residuals.e[1][i % LANES]);
                 assert!(off < tolerance_px, "{} {i}: {off}", camera.model_name());
@@ -315,9 +315,11 @@ mod tests {
     fn jacobian_matches_central_difference() {
         let pivot = Point::new(0.1, -0.2, 2.4);
         for camera in &cameras() {
-            let sights = sights(&seen(camera), camera);
+            let blocks_of_observations = blocks_of_observations(&seen(camera), camera);
             let start = PivotedPose::new(&Pose::identity(), &pivot);
-            let at = |place: &PivotedPose| sights.normal_equations(place, &pivot, 5.0).expect("a cost");
+            let at = |place: &PivotedPose| {
+                blocks_of_observations.normal_equations(place, &pivot, 5.0).expect("a cost")
+            };
             let normal = at(&start);
             // Turned and moved about the pivot: the gradient at a camera that stands in it.
             let gradient = normal.gradient_at_camera(&Point::zeros());

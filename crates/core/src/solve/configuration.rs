@@ -15,14 +15,14 @@ use num_traits::Float as _;
 
 /// Width over length at which the points are one line: survey coordinates given to 1e-9 of their extent are no straighter,
 /// and the rotation about such a line would need 1e-9 of the image's width to be seen.
-pub const MIN_WIDTH: f64 = 1e-9;
+pub(crate) const MIN_WIDTH: f64 = 1e-9;
 /// Height over base up to which three of four points are three points on a line. Up to here four points fix a homography so badly
 /// that noise of a thousandth of the image's width spoils it; the start from the line is off by no more than this angle, and
 /// refinement uses the true coordinates. Evidence: docs/math/configuration.md, table 1.
-pub const MAX_LINE_HEIGHT: f64 = 0.03;
+pub(crate) const MAX_LINE_HEIGHT: f64 = 0.03;
 /// Thickness over width up to which the points are one plane: up to here the planar solver misses no pose and the mirrored minimum, which it
 /// returns by construction, exists in nearly every view. Evidence: docs/math/configuration.md, table 2.
-pub const MAX_PLANE_THICKNESS: f64 = 0.05;
+pub(crate) const MAX_PLANE_THICKNESS: f64 = 0.05;
 /// Points closer than this part of the extent are one place.
 const MIN_DISTANCE: f64 = 1e-12;
 /// Coordinates carry a relative rounding: below this multiple of their size a length is noise.
@@ -35,9 +35,9 @@ const MIN_PIXELS: usize = 3;
 /// Which configuration the points are in, from their places in the target.
 ///
 /// # Errors
-/// As `survey`.
+/// As `describe_geometry`.
 pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
-    Ok(survey(points)?.configuration)
+    Ok(describe_geometry(points)?.configuration)
 }
 
 /// Which configuration the points are in, from their places in the target, and the measures that decided it.
@@ -47,7 +47,7 @@ pub fn classify(points: &[Correspondence]) -> Result<Configuration, Error> {
 /// # Errors
 /// `TooFewPoints` (different places), `NotFinite`, `NotPositive` (sigma), `Coincident` (all pixels, to the last bit, at two places of the
 /// image or one), `Collinear`.
-pub fn survey(points: &[Correspondence]) -> Result<Geometry, Error> {
+pub fn describe_geometry(points: &[Correspondence]) -> Result<Geometry, Error> {
     check_numbers(points)?;
     if points.len() < 3 {
         return Err(Error::TooFewPoints { seen: points.len(), needed: 3 });
@@ -81,17 +81,17 @@ pub(crate) fn are_four_places(points: &[Correspondence]) -> bool {
 /// one line of sight; if a label slipped, the residual says so.
 fn check_pixels(points: &[Correspondence]) -> Result<(), Error> {
     let mut different = ArrayVec::<usize, MIN_PIXELS>::new();
-    let mut twins = None;
+    let mut duplicates = None;
     for (second, point) in points.iter().enumerate() {
         match different.iter().find(|first| points[**first].pixel == point.pixel) {
-            Some(first) => twins = twins.or(Some((*first, second))),
+            Some(first) => duplicates = duplicates.or(Some((*first, second))),
             None => different.push(second),
         }
         if different.is_full() {
             return Ok(());
         }
     }
-    let (first, second) = twins.unwrap_or((0, 0));
+    let (first, second) = duplicates.unwrap_or((0, 0));
     Err(Error::Coincident { first, second, where_: "in the image" })
 }
 

@@ -1,7 +1,7 @@
 //! Three rays of a rig: up to eight poses. Own derivation, docs/math/gp3p.md; equation numbers refer to it.
 //!
 //! The triangle is hung on one side, A–B, as in `p3p`. The rays of A and B need not meet: the part of A–B along their common
-//! perpendicular is fixed, the rest turns by an angle φ. Two linear equations then give the turn (u, v) of C about A–B, and
+//! perpendicular is fixed, the rest turns by an angle φ. Two linear equations then give the rotation (u, v) of C about A–B, and
 //! u² + v² = 1
 //! is of degree 8 in the half angle. Its roots are sought only on the arcs where A and B lie in front of their cameras.
 //!
@@ -73,7 +73,10 @@ pub fn gp3p(rays: &[Ray; 3], points_in_target: &[Point; 3]) -> RigCandidates {
         for place in roots_in_unit_interval(&hinge.octic(&arc)) {
             for start in hinge.turns(&arc.direction(place)) {
                 let Some(turn) = hinge.polished(start) else { continue };
-                if !taken.is_full() && hinge.all_in_front(&turn) && !taken.iter().any(|t| t.is_twin(&turn)) {
+                if !taken.is_full()
+                    && hinge.all_in_front(&turn)
+                    && !taken.iter().any(|t| t.is_duplicate(&turn))
+                {
                     poses.push(hinge.pose(&turn));
                     taken.push(turn);
                 }
@@ -240,12 +243,12 @@ struct Turn {
 
 impl Turn {
     #[inline]
-    fn is_twin(&self, other: &Turn) -> bool {
+    fn is_duplicate(&self, other: &Turn) -> bool {
         (self.direction - other.direction).amax() < MERGE && (self.circle - other.circle).amax() < MERGE
     }
 }
 
-/// Turned by an angle, given by its half's tangent times two: equal to second order, and a rotation.
+/// Rotated by an angle, given by its half's tangent times two: equal to second order, and a rotation.
 #[inline]
 fn turned(direction: &Vector2<f64>, angle: f64) -> Vector2<f64> {
     let t = 0.5 * angle;

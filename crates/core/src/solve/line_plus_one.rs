@@ -57,7 +57,7 @@ pub enum Weakness {
 /// Above this cosine between the fourth ray and the line the camera is away from the critical plane, and two poses that look
 /// alike do so because the target is far.
 pub(crate) const NEAR_CRITICAL: f64 = 0.1;
-/// Two candidates seen closer together than this cannot be told apart: the ambiguity gate is 3 σ, and refinement closes
+/// Two candidates seen closer together than this cannot be distinguished: the ambiguity gate is 3 σ, and refinement closes
 /// about half of the gap.
 pub(crate) const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 /// A shorter image of the line leaves its direction to chance (measured: docs/math/line_plus_one.md section 5).

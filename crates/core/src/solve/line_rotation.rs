@@ -29,7 +29,7 @@ const DIP: f64 = 1e-3;
 /// What a zero leaves of the closing condition; a jump leaves much more.
 const CLOSED: f64 = 1e-9;
 /// Two rotations closer than this (chordal) are one, found from two hinges.
-const TWIN: f64 = 1e-5;
+const DUPLICATE: f64 = 1e-5;
 
 /// Every rotation with nᵢ·R dᵢ = 0: up to eight (four for two parallel lines). Exact data give the true one, double roots to the root
 /// of rounding. Empty when a direction is open: three parallel lines, or parallel lines in one plane with the camera.
@@ -47,8 +47,8 @@ fn hinged(n: &[Direction; 3], d: &[Direction; 3]) -> LineRotations {
     let mut found = LineRotations::new();
     for [i, j, k] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
         for rotation in Hinge::new([n[i], n[j], n[k]], [d[i], d[j], d[k]]).rotations() {
-            let is_twin = found.iter().any(|other| (other - rotation).norm() < TWIN);
-            if !is_twin && !found.is_full() {
+            let is_duplicate = found.iter().any(|other| (other - rotation).norm() < DUPLICATE);
+            if !is_duplicate && !found.is_full() {
                 found.push(rotation);
             }
         }

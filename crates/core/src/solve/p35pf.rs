@@ -75,8 +75,8 @@ fn solutions(scene: &Scene) -> ArrayVec<Vector6<f64>, 10> {
             let Some(zeta) = system.polished(system.basis.tr_mul(&start)).map(|v| system.basis * v) else {
                 continue;
             };
-            let is_twin = |other: &Vector6<f64>| 1.0 - SAME < other.dot(&zeta).abs();
-            if !found.is_full() && !found.iter().any(is_twin) && scene.is_rotation(&zeta) {
+            let is_duplicate = |other: &Vector6<f64>| 1.0 - SAME < other.dot(&zeta).abs();
+            if !found.is_full() && !found.iter().any(is_duplicate) && scene.is_rotation(&zeta) {
                 found.push(zeta);
             }
         }

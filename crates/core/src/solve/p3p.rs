@@ -72,8 +72,8 @@ fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) -> bool 
         }
         let angles = hinge.angles(&turn);
         let Angles { u, v, .. } = angles;
-        let twin = |other: &[f64; 2]| (other[0] - u).abs() + (other[1] - v).abs() < MERGE;
-        if !taken.iter().any(twin) {
+        let duplicate = |other: &[f64; 2]| (other[0] - u).abs() + (other[1] - v).abs() < MERGE;
+        if !taken.iter().any(duplicate) {
             poses.push(frames.pose(&angles));
             taken.push([u, v]);
         }
@@ -357,7 +357,7 @@ impl Frames {
     }
 }
 
-/// The turn of C about A–B that belongs to one root.
+/// The rotation of C about A–B that belongs to one root.
 struct Turn {
     x: f64,
     n: f64,

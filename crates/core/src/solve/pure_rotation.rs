@@ -1,6 +1,6 @@
 //! Rotation between two frames from directions seen in both: own derivation, docs/math/pure_rotation.md, whose equations are cited.
 //!
-//! A pan–tilt head that turns about its lens, far points in two pictures, stars: no distance enters. The answer comes with its covariance
+//! A pan–tilt head that turns about its lens, far points in two images, stars: no distance enters. The answer comes with its covariance
 //! and with a χ² that betrays a camera that also moved.
 //!
 //!   aᵢ, bᵢ  one direction in the first and in the second frame   ·   wᵢ = 1/σᵢ²   ·   W = Σ wᵢ
@@ -23,12 +23,12 @@ pub struct DirectionPair {
     pub sigma_rad: f64,
 }
 
-/// A rotation, how sure, and how well the directions agree with it.
+/// A rotation, how uncertain, and how well the directions agree with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rotation {
     /// Rotation matrix: direction in the second frame = second_from_first · direction in the first.
     pub second_from_first: Matrix3<f64>,
-    /// Covariance of its small left turn (second frame), rad².
+    /// Covariance of its small left rotation (second frame), rad².
     pub covariance: Matrix3<f64>,
     /// Sum of squared angles between `in_second` and the turned `in_first`, over their variances.
     pub chi2: f64,
@@ -38,7 +38,7 @@ pub struct Rotation {
 
 /// Sine off a common axis (root mean square) below which directions are parallel to rounding.
 const MIN_SPREAD: f64 = 1e-6;
-/// The same in standard deviations: below it the turn about the common direction is known to no better than a tenth of a radian, and a
+/// The same in standard deviations: below it the rotation about the common direction is known to no better than a tenth of a radian, and a
 /// covariance no longer describes it.
 const MIN_SPREAD_SIGMA: f64 = 10.0;
 /// (s₁ + s₂)(s₂ + s₃)(s₃ + s₁) below which two rotations fit alike; two directions 1e-6 apart have 1e-12.
@@ -102,7 +102,7 @@ fn check_spread(pairs: &[DirectionPair], sum: f64) -> Result<(), Error> {
     let first = moment(pairs, sum, |p| (p.in_first, p.in_first));
     let second = moment(pairs, sum, |p| (p.in_second, p.in_second));
     let metric = minors(&first).min(minors(&second)).max(0.0).sqrt();
-    let reason = "all directions are nearly parallel, which leaves the turn about them open; add one well beside the others";
+    let reason = "all directions are nearly parallel, which leaves the rotation about them open; add one well beside the others";
     let needed = MIN_SPREAD.max(MIN_SPREAD_SIGMA / sum.sqrt());
     if needed < metric { Ok(()) } else { Err(Error::DegenerateView { reason, metric, needed }) }
 }
@@ -183,7 +183,7 @@ impl Normal {
     }
 }
 
-/// Turned by a small rotation vector, orthonormal to rounding.
+/// Rotated by a small rotation vector, orthonormal to rounding.
 fn turned(rotation: &Matrix3<f64>, turn: &Vector3<f64>) -> Matrix3<f64> {
     let k = turn.cross_matrix();
     crate::pose::orthonormalized(&((Matrix3::identity() + k + k * k * 0.5) * rotation))

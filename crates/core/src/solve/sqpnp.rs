@@ -223,7 +223,7 @@ impl Cost {
         (!is_known).then_some(Minimum { rotation: r, value })
     }
 
-    /// Half the gradient and half the Hessian by a left turn, eqs. (5), (6).
+    /// Half the gradient and half the Hessian by a left rotation, eqs. (5), (6).
     fn slope(&self, r: &Matrix3<f64>, gradient_of_r: &Vector9) -> (Vector3<f64>, Matrix3<f64>) {
         let m = Matrix3::from_fn(|i, j| gradient_of_r[3 * i + j]);
         let w = m * r.transpose();

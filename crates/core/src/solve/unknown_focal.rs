@@ -24,7 +24,7 @@ pub type FocalCandidates = ArrayVec<FocalPose, 4>;
 pub(super) const MAX_MISS: f64 = 0.05;
 /// An algebraic solution that misses by more than this part of the spread solves the eliminated equations only.
 const MAX_START: f64 = 0.5;
-/// With a better candidate than this, in parts of the spread, no more are sought: a pixel or two in a picture.
+/// With a better candidate than this, in parts of the spread, no more are sought: a pixel or two in an image.
 const GOOD_MISS: f64 = 3e-3;
 /// A miss below this part of the spread is rounding: no step can lower it.
 const ROUNDING: f64 = 1e-13;
@@ -79,12 +79,12 @@ impl<const N: usize> Scene<N> {
     }
 
     /// Polishes a candidate in the scene's units, and keeps it if it fits, is in front and is new.
-    pub fn admit(&self, candidate: Fit, found: &mut ArrayVec<Fit, 4>) {
+    pub(crate) fn admit(&self, candidate: Fit, found: &mut ArrayVec<Fit, 4>) {
         let Some(fit) = self.polished(candidate) else { return };
-        let is_twin = |other: &Fit| {
+        let is_duplicate = |other: &Fit| {
             (other.rotation - fit.rotation).norm() < SAME && (other.focal / fit.focal - 1.0).abs() < SAME
         };
-        if !(fit.miss < MAX_MISS * self.spread) || found.iter().any(is_twin) {
+        if !(fit.miss < MAX_MISS * self.spread) || found.iter().any(is_duplicate) {
             return;
         }
         let place = found.iter().position(|other| fit.miss < other.miss).unwrap_or(found.len());

@@ -18,7 +18,7 @@ use num_traits::Float as _;
 /// Candidate poses `rig_from_target`, on the stack; no order promised.
 pub type UprightCandidates = ArrayVec<Pose, 2>;
 
-/// Horizontal length over length below which B stands on A: the turn about the vertical is lost.
+/// Horizontal length over length below which B stands on A: the rotation about the vertical is lost.
 const MIN_HORIZONTAL: f64 = 1e-10;
 /// |q| below this: both rays are horizontal, or parallel.
 const MIN_MOTION: f64 = 1e-12;
@@ -26,7 +26,7 @@ const MIN_MOTION: f64 = 1e-12;
 const MAX_DEFECT: f64 = 1e-12;
 
 /// Every upright pose that puts both points onto their rays, in front of their cameras. `up_in_rig` and `up_in_target` are one
-/// direction in the two frames. None where that does not fix the turn: one point above the other, both rays horizontal, parallel rays.
+/// direction in the two frames. None where that does not fix the rotation: one point above the other, both rays horizontal, parallel rays.
 pub fn upright_gp2p(
     rays: &[Ray; 2],
     points_in_target: &[Point; 2],

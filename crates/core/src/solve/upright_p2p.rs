@@ -1,7 +1,7 @@
 //! Two points and the vertical: up to two poses. Own derivation, docs/math/upright_p2p.md; equation numbers refer to it.
 //!
 //! The chord between the points is known in height and in length; it lies in the plane of the two rays. A height, a length and a
-//! plane leave two chords. No half angles, no frame turned upright first.
+//! plane leave two chords. No half angles, no frame rotated upright first.
 //!
 //!   w, u  the vertical in the camera and in the target: w = R u   ·   a, b  bearings of the points A, B
 //!   D = B − A = u h + d, d ⟂ u, |d| = ρ   ·   C = R D = w h + c, c ⟂ w: the chord in the camera frame
@@ -18,7 +18,7 @@ use num_traits::Float as _;
 const MIN_SINE: f64 = 1e-10;
 /// Sine between the plane of the rays and the horizon below which height says nothing about the place.
 const MIN_TILT: f64 = 1e-9;
-/// Horizontal part of the chord (of its length) below which no turn about the vertical is seen.
+/// Horizontal part of the chord (of its length) below which no rotation about the vertical is seen.
 const MIN_LEVEL: f64 = 1e-9;
 /// Coordinates carry a relative rounding ε; a chord shorter than this multiple of it is rounding.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -33,7 +33,7 @@ const MERGE: f64 = 3e-8;
 /// true one. Near a double root noise leaves no such pose; then the nearest turn is returned, which reprojects up to that noise.
 ///
 /// # Errors
-/// `Coincident` for points or bearings that are one; `DegenerateView` for points above each other (no turn about the vertical is
+/// `Coincident` for points or bearings that are one; `DegenerateView` for points above each other (no rotation about the vertical is
 /// seen) and for rays in the horizon (the distance is open); `NoSolution` where every root lies behind the camera, or there is none.
 #[inline]
 pub fn upright_p2p(
@@ -100,7 +100,7 @@ impl Chord {
         Ok(Chord { origin: *a, u, h, d, rho: rho_squared.sqrt() })
     }
 
-    /// The turn that lays d along `level` and u along w, eq. (6), and the place of the first point at `depth`.
+    /// The rotation that lays d along `level` and u along w, eq. (6), and the place of the first point at `depth`.
     #[inline]
     fn cam_from_target(&self, rays: &Rays, level: &Vector3<f64>, depth: f64) -> Pose {
         let (w, scale) = (&rays.w, 1.0 / (self.rho * self.rho));
@@ -155,7 +155,7 @@ impl Rays {
 #[cold]
 fn one_above_the_other(metric: f64) -> Error {
     let reason =
-        "one point is above the other, so no turn about the vertical is seen; use points side by side";
+        "one point is above the other, so no rotation about the vertical is seen; use points side by side";
     Error::DegenerateView { reason, metric, needed: MIN_LEVEL }
 }
 

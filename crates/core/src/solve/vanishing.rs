@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Unit, Vector2, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The common direction of parallel lines, as a picture shows it.
+/// The common direction of parallel lines, as an image shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VanishingPoint {
     /// Unit vector along the lines, camera frame; lines have no arrow, so its opposite is as good. At right angles to the optical axis
@@ -34,7 +34,7 @@ const MAX_SIGMA_RAD: f64 = 0.1;
 /// Gauss–Newton's steps; three are usual.
 const MAX_STEPS: usize = 20;
 /// Most line directions taken; vanishing points are few.
-pub const MAX_DIRECTIONS: usize = 8;
+pub(crate) const MAX_DIRECTIONS: usize = 8;
 /// Sign choices whose χ² is within this of the best explain the directions as well: five standard deviations.
 const SIGN_GATE_CHI2: f64 = 25.0;
 

@@ -1,6 +1,6 @@
 //! Paper: F.-Y. Wang, "A Simple and Analytical Procedure for Calibrating Extrinsic Camera Parameters", IEEE T-RA 2004.
 //!
-//! The seed paper, literally: rotation first, from relative positions only; then translation. Solves (7a), (7b) for pitch
+//! The paper of Wang (2004), literally: rotation first, from relative positions only; then translation. Solves (7a), (7b) for pitch
 //! and roll by (8), (9), then (10) for yaw, then (4).
 //!   u, v  negated perspective image coordinates, eq. (1): u = −X/Z, v = −Y/Z  ·  Δu = u − u₀  ·  W = R P + p, eq. (2)
 //!   G₀, G₁, G₂ on the line, G₃ off it  ·  L₁, L₂ abscissae of G₁, G₂ from G₀
@@ -40,7 +40,7 @@ impl Solution {
     /// The solution with the other sign in (8) and in (9). It turns the signs of cos φ, sin φ and cos ϕ; every coefficient
     /// of (10) on the left changes its sign with them and none on the right, so cos ω and sin ω do too, and the same R comes
     /// out: "both lead to the same rotation matrix".
-    fn twin(&self) -> Self {
+    fn duplicate(&self) -> Self {
         let [(cw, sw), (c2, s2), (c3, s3)] = self.yaw_pitch_roll_cos_sin;
         Solution { yaw_pitch_roll_cos_sin: [(-cw, -sw), (-c2, s2), (-c3, -s3)], ..*self }
     }
@@ -69,7 +69,7 @@ pub fn wang2004(bearings: &[Bearing; 4], points_in_target: &[Point; 4]) -> Resul
     };
     let (first, second) = (solve(1.0)?, solve(-1.0)?);
     let mut solutions = Solutions::new();
-    for solution in [first, second, second.twin(), first.twin()] {
+    for solution in [first, second, second.duplicate(), first.duplicate()] {
         solutions.push(solution);
     }
     Ok(solutions)
@@ -86,7 +86,8 @@ pub fn least_residual(solutions: &Solutions) -> Option<&Solution> {
 /// `cam1_from_cam2` by (13), (14): needs no absolute position, any target frame and any G₀ give the same.
 ///
 /// R12 = R1 R2ᵀ, p12 = p1 − R12 p2.
-pub fn cam1_from_cam2(cam1_from_target: &Pose, cam2_from_target: &Pose) -> Pose {
+#[cfg(test)]
+fn cam1_from_cam2(cam1_from_target: &Pose, cam2_from_target: &Pose) -> Pose {
     let r12 = cam1_from_target.rotation * cam2_from_target.rotation.transpose();
     Pose::new(r12, cam1_from_target.translation - r12 * cam2_from_target.translation)
 }
@@ -365,12 +366,12 @@ mod tests {
     /// Section IV: "two correct solutions have been found for both cameras, and both lead to the same rotation matrix".
     #[test]
     fn both_printed_euler_triples_and_translations_of_both_cameras() {
-        for (camera, twin) in [(CAMERA1, [-135.0, 150.0, -120.0]), (CAMERA2, [-127.0, 143.0, -99.0])] {
+        for (camera, duplicate) in [(CAMERA1, [-135.0, 150.0, -120.0]), (CAMERA2, [-127.0, 143.0, -99.0])] {
             let solutions = solved(camera);
             let correct: Vec<_> = solutions.iter().filter(|s| s.residual_3 < 1e-18 && s.in_front).collect();
             assert_eq!(solutions.len(), 4);
             assert_eq!(correct.len(), 2);
-            for printed in [camera.0, twin] {
+            for printed in [camera.0, duplicate] {
                 let found = correct.iter().any(|s| {
                     (0..3).all(|i| (s.yaw_pitch_roll_rad()[i].to_degrees() - printed[i]).abs() < 1e-9)
                 });

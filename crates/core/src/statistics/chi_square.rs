@@ -63,7 +63,7 @@ pub fn quantile(degrees_of_freedom: usize, probability: f64) -> f64 {
 
 /// The statistic that χ² exceeds as rarely as a standard normal number exceeds `normal`: Wilson and Hilferty (1931), within 5 % from
 /// two degrees of freedom on where that is once in ten thousand, docs/math/refine.md eq. (17). Fast, and for any real number of degrees.
-pub fn quick_quantile(degrees_of_freedom: f64, normal: f64) -> f64 {
+pub(crate) fn quick_quantile(degrees_of_freedom: f64, normal: f64) -> f64 {
     let k = 2.0 / (9.0 * degrees_of_freedom);
     degrees_of_freedom * (1.0 - k + normal * k.sqrt()).powi(3)
 }
@@ -116,7 +116,7 @@ mod tests {
     /// Values by mpmath's regularised gamma function at 50 digits.
     #[test]
     fn quantiles_match_50_digits() {
-        for (dof, statistic, expected) in [
+        for (degrees_of_freedom, statistic, expected) in [
             (1, 3.841_458_820_694_124, 0.05),
             (2, 9.210_340_371_976_18, 0.01),
             (3, 16.266_236_196_238_13, 0.001),
@@ -124,17 +124,21 @@ mod tests {
             (700, 700.0, 0.492_891_767_271_808_2),
             (701, 800.0, 5.440_773_998_736_698e-3),
         ] {
-            assert!((quantile(dof, expected) / statistic - 1.0).abs() < 1e-9, "{dof} {expected}");
+            assert!(
+                (quantile(degrees_of_freedom, expected) / statistic - 1.0).abs() < 1e-9,
+                "{degrees_of_freedom} {expected}"
+            );
         }
     }
 
     /// One in ten thousand and one in a hundred (standard normal 3.719 and 2.326), beside the exact ones.
     #[test]
     fn quick_quantiles_are_near() {
-        for dof in [2, 3, 6, 10, 100, 1000] {
+        for degrees_of_freedom in [2, 3, 6, 10, 100, 1000] {
             for (normal, probability) in [(3.719_016_485_455_709, 1e-4), (2.326_347_874_040_841, 1e-2)] {
-                let ratio = quick_quantile(dof as f64, normal) / quantile(dof, probability);
-                assert!((ratio - 1.0).abs() < 0.05, "{dof} {probability}: {ratio}");
+                let ratio = quick_quantile(degrees_of_freedom as f64, normal)
+                    / quantile(degrees_of_freedom, probability);
+                assert!((ratio - 1.0).abs() < 0.05, "{degrees_of_freedom} {probability}: {ratio}");
             }
         }
     }

@@ -1,12 +1,14 @@
 //! Ratios of variances: the F distribution.
 
 use super::chi_square::tail;
-#[cfg(not(feature = "std"))]
-use num_traits::Float as _;
 
 /// Chance that χ² exceeds `statistic` when the covariance it was weighed with is known up to a factor that `noise_degrees` numbers estimated:
 /// χ²/k follows F(k, ν) then, docs/math/compare.md eq. (10). k = `degrees_of_freedom` must be even; an infinite ν gives `tail`.
-pub fn tail_with_estimated_noise(degrees_of_freedom: usize, noise_degrees: f64, statistic: f64) -> f64 {
+pub(crate) fn tail_with_estimated_noise(
+    degrees_of_freedom: usize,
+    noise_degrees: f64,
+    statistic: f64,
+) -> f64 {
     debug_assert!(degrees_of_freedom.is_multiple_of(2));
     if !noise_degrees.is_finite() || degrees_of_freedom == 0 || !(0.0 < statistic) {
         return tail(degrees_of_freedom, statistic);
@@ -26,7 +28,7 @@ pub fn tail_with_estimated_noise(degrees_of_freedom: usize, noise_degrees: f64, 
 }
 
 /// The normal number as unlikely as a ratio of variances of n and m degrees of freedom (Paulson 1942; Wilson and Hilferty 1931).
-pub fn as_normal(ratio: f64, n: f64, m: f64) -> f64 {
+pub(crate) fn as_normal(ratio: f64, n: f64, m: f64) -> f64 {
     let (a, b) = (2.0 / (9.0 * n), 2.0 / (9.0 * m));
     let root = ratio.cbrt();
     ((1.0 - b) * root - (1.0 - a)) / (b * root * root + a).sqrt()

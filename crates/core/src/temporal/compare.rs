@@ -1,4 +1,4 @@
-//! What moved between two calibrations: cameras of a rig relative to each other, or one pose; how far, and how sure that is.
+//! What moved between two calibrations: cameras of a rig relative to each other, or one pose; how far, and how uncertain that is.
 //!
 //! Derivation: docs/math/compare.md. Notation: A_i, B_i are cam_from_rig of camera i before and after; S is a set of cameras that
 //! did not move relative to each other, b its first; M_i = A_i A_b⁻¹ (B_i B_b⁻¹)⁻¹ is old_from_new of camera i if b stayed;
@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The cameras of a rig as one calibration places them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RigPlaces {
+pub struct RigPoses {
     /// x_in_cam = cam_from_rig · x_in_rig, one entry a camera. The rig's frame may be any: it need not be the same twice.
     pub cam_from_rig: Vec<Pose>,
     /// Covariance of all cameras together, 6 rows a camera, left motions `[rotation_rad; translation_m]`, camera frames. Zero
@@ -66,7 +66,7 @@ pub struct RigComparison {
     /// The others, with their motion relative to that set.
     pub moved: Vec<Moved>,
     /// Other sets as large that explain the poses about as well: when there are any, which cameras moved is not decided.
-    pub rivals: Vec<Vec<usize>>,
+    pub alternatives: Vec<Vec<usize>>,
 }
 
 /// Sets of cameras looked at exhaustively; beyond, the camera that fits worst is left out, one after the other.
@@ -78,13 +78,13 @@ const MAX_SETS: usize = 20_000;
 /// # Errors
 /// `CountMismatch` for lists of different lengths; `InvalidSetting` for fewer than two cameras, a chance outside (0, 1), numbers that
 /// are none, or a covariance that is not positive definite once the rig's frame is divided out.
-pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<RigComparison, Error> {
+pub fn compare_rigs(before: &RigPoses, after: &RigPoses, false_alarm: f64) -> Result<RigComparison, Error> {
     check(before, after, false_alarm)?;
     let differences = Differences { before, after };
     let n = before.cam_from_rig.len();
     let all: Vec<usize> = (0..n).collect();
     let (whole, degrees_of_freedom) = (differences.statistic(&all)?, 6 * (n - 1));
-    let (unmoved, rivals) = differences.largest_agreeing(all, false_alarm)?;
+    let (unmoved, alternatives) = differences.largest_agreeing(all, false_alarm)?;
     let moved = (0..n)
         .filter(|camera| !unmoved.contains(camera))
         .map(|camera| differences.motion(camera, &unmoved))
@@ -102,7 +102,7 @@ pub fn compare_rigs(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> 
         probability,
         unmoved,
         moved,
-        rivals,
+        alternatives,
     })
 }
 
@@ -129,7 +129,7 @@ pub fn compare_poses(before: (&Pose, &Matrix6), after: (&Pose, &Matrix6)) -> Res
     Ok(Moved { camera: 0, old_from_new, covariance, chi2, probability: tail(6, chi2) })
 }
 
-fn check(before: &RigPlaces, after: &RigPlaces, false_alarm: f64) -> Result<(), Error> {
+fn check(before: &RigPoses, after: &RigPoses, false_alarm: f64) -> Result<(), Error> {
     let n = before.cam_from_rig.len();
     if after.cam_from_rig.len() != n {
         return Err(Error::CountMismatch { what: "cameras", seen: after.cam_from_rig.len(), needed: n });
@@ -190,8 +190,8 @@ fn not_positive() -> Error {
 
 /// Two calibrations of the same cameras.
 struct Differences<'a> {
-    before: &'a RigPlaces,
-    after: &'a RigPlaces,
+    before: &'a RigPoses,
+    after: &'a RigPoses,
 }
 
 /// e and E of some cameras, as seen from a camera that is taken to have stayed: eqs. (2)–(4).
@@ -236,7 +236,7 @@ impl Statistic {
 impl Differences<'_> {
     /// M_i, eq. (2).
     fn old_from_new(&self, camera: usize, base: usize) -> Pose {
-        let cam_from_base = |rig: &RigPlaces| rig.cam_from_rig[camera] * rig.cam_from_rig[base].inverse();
+        let cam_from_base = |rig: &RigPoses| rig.cam_from_rig[camera] * rig.cam_from_rig[base].inverse();
         cam_from_base(self.before) * cam_from_base(self.after).inverse()
     }
 
@@ -270,7 +270,7 @@ impl Differences<'_> {
             put(&mut by_after, camera, -moved.adjoint());
             put(&mut by_after, base, from_base);
         }
-        let part = |by: &DMatrix<f64>, rig: &RigPlaces, bound: f64| {
+        let part = |by: &DMatrix<f64>, rig: &RigPoses, bound: f64| {
             let part = by * &rig.covariance * by.transpose() * bound;
             (&part + part.transpose()) * 0.5
         };
@@ -300,7 +300,7 @@ impl Differences<'_> {
 
     /// Degrees of freedom of the noise in a covariance that is the sum of each calibration's part, eq. (11).
     fn noise_degrees(&self, parts: &[DMatrix<f64>; 2], sum: &Cholesky<f64, Dyn>) -> f64 {
-        let share = |(rig, part): (&RigPlaces, &DMatrix<f64>)| {
+        let share = |(rig, part): (&RigPoses, &DMatrix<f64>)| {
             rig.noise_degrees_of_freedom.map_or(0.0, |degrees| {
                 let x = sum.solve(part);
                 x.component_mul(&x.transpose()).sum() / degrees
@@ -383,7 +383,7 @@ impl Differences<'_> {
         Ok(true)
     }
 
-    /// The largest set that agrees, the likeliest of its size, and its rivals.
+    /// The largest set that agrees, the likeliest of its size, and its alternatives.
     fn largest_agreeing(
         &self,
         all: Vec<usize>,

@@ -1,6 +1,6 @@
-//! Did it move? The drift sentry of one relative pose: a camera and a target, or two cameras that see the same target.
+//! Did it move? The drift change detector of one relative pose: a camera and a target, or two cameras that see the same target.
 //!
-//! A sequential test with a stated rate of false alarms compares the stream with its reference; correlated errors and the daily wobble are
+//! A sequential test with a stated rate of false alarms compares the stream with its reference; correlated errors and the diurnal variation are
 //! part of what it expects. It never says "steady" while it sees nothing. Which of several cameras and targets moved, `attribute` says.
 //! Time enters as data. Derivation: docs/math/monitor.md.
 //!
@@ -10,6 +10,7 @@
 
 mod log_sum;
 mod axis;
+mod priors;
 mod transients;
 mod models;
 mod bank;
@@ -29,9 +30,9 @@ pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Alone, Drift, Rate, turn_alone};
-pub use onsets::Course;
-pub use promise::{Detectable, LastingError, MeasuredNoise};
+pub use drift::{Alone, Drift, Rate, rotation_alone};
+pub use priors::MotionKind;
+pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 
@@ -54,7 +55,7 @@ pub struct MonitorConfig {
     /// Readings within this time are joined to one decision, seconds.
     pub decision_period_s: f64,
     /// Without a usable reading for this long the monitor is blind, seconds.
-    pub unseen_after_s: f64,
+    pub stale_after_s: f64,
     /// Rotations up to this are nobody's concern, radians.
     pub tolerance_rotation_rad: f64,
     /// Translations up to this are nobody's concern, metres; one that chance explains is none.
@@ -66,7 +67,7 @@ impl Default for MonitorConfig {
         MonitorConfig {
             false_alarms_per_day: 1.0 / 30.0,
             decision_period_s: 0.2,
-            unseen_after_s: 5.0,
+            stale_after_s: 5.0,
             tolerance_rotation_rad: 0.0,
             tolerance_translation_m: 0.0,
         }
@@ -93,7 +94,7 @@ pub struct Reference {
 /// One estimate of the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// When the picture was taken, seconds.
+    /// When the image was taken, seconds.
     pub t_s: f64,
     /// The pose.
     pub a_from_b: Pose,
@@ -110,21 +111,21 @@ pub enum Watch {
     /// Seen, and where it was.
     Steady,
     /// No usable reading.
-    Unseen {
+    Stale {
         /// Since when, seconds.
         for_s: f64,
     },
     /// Something is different, but not yet often enough to be more than a wrong reading.
-    Settling,
+    Checking,
     /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
-    Doubted,
+    CorrelatedErrors,
     /// It moved.
     Drifted(Drift),
     /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
     Inconsistent,
 }
 
-/// The sentry of one relative pose.
+/// The change detector of one relative pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Monitor {
     reference: Reference,
@@ -211,13 +212,13 @@ impl Monitor {
         let for_s = t_s - self.last_usable_s;
         match self.drift {
             // Contradictions of long ago say nothing of now.
-            _ if self.config.unseen_after_s < t_s - self.last_s => Watch::Unseen { for_s },
+            _ if self.config.stale_after_s < t_s - self.last_s => Watch::Stale { for_s },
             _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
-            _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
-            Some(_) if self.is_held(t_s) => Watch::Settling,
+            _ if self.config.stale_after_s < for_s => Watch::Stale { for_s },
+            Some(_) if self.is_held(t_s) => Watch::Checking,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
-            None if self.gate.is_waiting() => Watch::Settling,
-            None if self.aftermath.is_doubted(t_s) => Watch::Doubted,
+            None if self.gate.is_waiting() => Watch::Checking,
+            None if self.aftermath.is_doubted(t_s) => Watch::CorrelatedErrors,
             None => Watch::Steady,
         }
     }
@@ -277,12 +278,12 @@ impl Monitor {
         self.test.measured().is_some()
     }
 
-    /// All of its state: what `restore` makes of it goes on as this one would.
+    /// All of its state: what `restore` makes of it continues as this one would.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is stale, and what is no drift has had time to wander.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
@@ -333,7 +334,7 @@ impl Monitor {
         self.test.measured().map(|measured| measured.noise())
     }
 
-    /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while errors that last are
+    /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while correlated errors are
     /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
     pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
         let (threshold, period_s) =
@@ -383,7 +384,7 @@ fn check(config: &MonitorConfig) -> Result<(), Error> {
     let positive = [
         ("false_alarms_per_day", config.false_alarms_per_day),
         ("decision_period_s", config.decision_period_s),
-        ("unseen_after_s", config.unseen_after_s),
+        ("stale_after_s", config.stale_after_s),
     ];
     for (setting, seen) in positive {
         if !(seen.is_finite() && 0.0 < seen) {
@@ -422,7 +423,7 @@ numbers!(Monitor {
 numbers!(MonitorConfig {
     false_alarms_per_day,
     decision_period_s,
-    unseen_after_s,
+    stale_after_s,
     tolerance_rotation_rad,
     tolerance_translation_m,
 });

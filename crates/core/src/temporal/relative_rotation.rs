@@ -1,4 +1,4 @@
-//! How a camera turned about its own centre, from landmarks of a reference picture that were found again: consensus, maximum
+//! How a camera rotated about its own centre, from landmarks of a reference image that were found again: consensus, maximum
 //! likelihood, covariance. Derivation: docs/math/turn.md.
 //!
 //! It holds where the landmarks are far off, or where the camera did not move but only turned: a translation is not seen. What
@@ -35,13 +35,13 @@ pub struct Landmark {
     pub bent_px: Vector2<f64>,
     /// Errors common to all landmarks that no residual shows (reading between pixels): column k is how far one standard deviation of
     /// error k puts this one beside its place, px. They widen the covariance. Zero where there are none.
-    pub unseen_px: Matrix2<f64>,
+    pub unobserved_px: Matrix2<f64>,
 }
 
 /// What counts as agreeing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnConfig {
-    /// A landmark farther than this from where a turn puts it does not agree with that turn, px.
+pub struct RelativeRotationConfig {
+    /// A landmark farther than this from where a rotation puts it does not agree with that rotation, px.
     pub threshold_px: f64,
     /// Landmarks that must agree, four at least.
     pub least: usize,
@@ -51,19 +51,19 @@ pub struct TurnConfig {
     pub seed: u64,
 }
 
-impl TurnConfig {
+impl RelativeRotationConfig {
     /// The defaults for a threshold in px.
     pub fn with_threshold_px(threshold_px: f64) -> Self {
-        TurnConfig { threshold_px, least: 15, max_samples: 500, seed: 0 }
+        RelativeRotationConfig { threshold_px, least: 15, max_samples: 500, seed: 0 }
     }
 }
 
-/// A turn.
+/// A rotation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Turn {
+pub struct RelativeRotation {
     /// Rotation matrix: bearing now = now_from_reference · bearing in the reference.
     pub now_from_reference: Matrix3<f64>,
-    /// Covariance of its small left turn (camera frame now), rad²: docs/math/turn.md eq. (6).
+    /// Covariance of its small left rotation (camera frame now), rad²: docs/math/turn.md eq. (6).
     pub covariance: Matrix3<f64>,
     /// Landmarks that agree, ascending, by number in the input.
     pub used: Vec<usize>,
@@ -82,7 +82,7 @@ pub struct Turn {
 /// A share of landmarks in agreement below which they contradict each other: no single turn explains what is seen.
 const MOSTLY: f64 = 0.5;
 
-impl Turn {
+impl RelativeRotation {
     /// Rotation vector of old_from_new (where the camera is now in its own old frame), radians about x, y, z, and its covariance.
     pub fn old_from_new(&self) -> (Vector3<f64>, Matrix3<f64>) {
         let r = &self.now_from_reference;
@@ -90,23 +90,23 @@ impl Turn {
         (vector, r.transpose() * self.covariance * r)
     }
 
-    /// Whether most of the landmarks given agree with one turn.
+    /// Whether most of the landmarks given agree with one rotation.
     pub fn is_consistent(&self) -> bool {
         MOSTLY * self.given as f64 <= self.used.len() as f64
     }
 }
 
-/// The turn that the most landmarks agree with, refined over them. `near` is tried first. Landmarks outside the lens' field are left out.
+/// The rotation that the most landmarks agree with, refined over them. `near` is tried first. Landmarks outside the lens' field are left out.
 ///
 /// # Errors
 /// `InvalidSetting`, `NotFinite` and `CovarianceNotPositive` for input that cannot be; `TooFewPoints` for fewer landmarks than must
 /// agree; `NoConsensus` where fewer agree; `DegenerateView` where those that agree lie too close together.
-pub fn turn(
+pub fn relative_rotation(
     landmarks: &[Landmark],
     camera: &Camera,
     near: Option<&Matrix3<f64>>,
-    config: &TurnConfig,
-) -> Result<Turn, Error> {
+    config: &RelativeRotationConfig,
+) -> Result<RelativeRotation, Error> {
     let least = check(landmarks, config)?;
     let prepared = Prepared::all(landmarks, camera)?;
     if prepared.len() < least {
@@ -127,10 +127,10 @@ pub fn turn(
     if fit.used.len() < least {
         return Err(found(fit.used.len()));
     }
-    fit.turn(&prepared, landmarks)
+    fit.relative_rotation(&prepared, landmarks)
 }
 
-fn check(landmarks: &[Landmark], config: &TurnConfig) -> Result<usize, Error> {
+fn check(landmarks: &[Landmark], config: &RelativeRotationConfig) -> Result<usize, Error> {
     let seen = config.threshold_px;
     if !(0.0 < seen && seen.is_finite()) {
         return Err(Error::InvalidSetting { setting: "threshold_px", seen, needed: "it must be positive" });
@@ -141,7 +141,7 @@ fn check(landmarks: &[Landmark], config: &TurnConfig) -> Result<usize, Error> {
     }
     for (index, landmark) in landmarks.iter().enumerate() {
         let numbers = landmark.in_reference.sum() + landmark.pixel.sum() + landmark.covariance_px2.sum();
-        let numbers = numbers + landmark.bent_px.sum() + landmark.unseen_px.sum();
+        let numbers = numbers + landmark.bent_px.sum() + landmark.unobserved_px.sum();
         if !numbers.is_finite() {
             return Err(Error::NotFinite { what: "a number", index });
         }

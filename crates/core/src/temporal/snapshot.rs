@@ -1,6 +1,6 @@
 //! The state of a tracker or monitor as plain numbers, so that a program can put it into a file and go on later.
 //!
-//! A snapshot holds every number of the state, in the order of its fields; what is restored goes on exactly as the original would have.
+//! A snapshot holds every number of the state, in the order of its fields; what is restored continues exactly as the original would have.
 //! Its version changes with the fields: numbers of another version mean something else and are refused.
 
 use crate::{Error, Pose};

@@ -21,12 +21,12 @@ use filter::{Filter, Noise};
 pub enum Motion {
     /// It stays, but for a random walk.
     Static {
-        /// Standard deviation of the turn about each axis after one second, radians.
+        /// Standard deviation of the rotation about each axis after one second, radians.
         rotation_rad_per_sqrt_s: f64,
         /// Standard deviation of the shift along each axis after one second, metres.
         translation_m_per_sqrt_s: f64,
     },
-    /// It goes on as it went, but for a random change of its velocity.
+    /// It continues as it went, but for a random change of its velocity.
     ConstantVelocity {
         /// Standard deviation of the change of turning speed in one second, radians per second.
         rotation_rad_per_s_sqrt_s: f64,
@@ -54,15 +54,15 @@ impl Default for TrackConfig {
     }
 }
 
-/// One of the poses that a picture allows.
+/// One of the poses that an image allows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// The pose.
     pub cam_from_target: Pose,
     /// Its 6×6 covariance, left motion in the camera frame.
     pub covariance: Matrix6,
-    /// Its probability among the candidates of the picture.
-    pub weight: f64,
+    /// Its probability among the candidates of the image.
+    pub probability: f64,
 }
 
 /// Where it is.
@@ -99,7 +99,7 @@ const SAME_CHI2: f64 = 4.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Track {
     filter: Filter,
-    weight: f64,
+    probability: f64,
     innovation_chi2: Option<f64>,
     candidate: Option<usize>,
 }
@@ -135,7 +135,7 @@ impl Tracker {
         Ok(Tracker { config: *config, noise, tracks: ArrayVec::new(), t_s: f64::MIN })
     }
 
-    /// All of its state: what `restore` makes of it goes on as this one would.
+    /// All of its state: what `restore` makes of it continues as this one would.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
@@ -181,7 +181,7 @@ impl Tracker {
             let filter = Filter::begin(&self.noise, candidate);
             all.push(Track {
                 filter,
-                weight: begun * candidate.weight * density,
+                probability: begun * candidate.probability * density,
                 innovation_chi2: None,
                 candidate: Some(*index),
             });
@@ -191,7 +191,7 @@ impl Tracker {
         }
         let density = nowhere_special(candidates[0].1);
         all.extend(self.tracks.iter().map(|track| Track {
-            weight: track.weight * self.config.outlier_probability * density,
+            probability: track.probability * self.config.outlier_probability * density,
             innovation_chi2: None,
             candidate: None,
             ..*track
@@ -202,35 +202,36 @@ impl Tracker {
     fn continued(&self, track: &Track, index: usize, candidate: &Candidate) -> Option<Track> {
         let (filter, chi2, density) = track.filter.updated(candidate)?;
         let stays = 1.0 - self.config.outlier_probability - self.config.jump_probability;
-        let weight = track.weight * stays.max(f64::EPSILON) * candidate.weight * density;
-        Some(Track { filter, weight, innovation_chi2: Some(chi2), candidate: Some(index) })
+        let probability = track.probability * stays.max(f64::EPSILON) * candidate.probability * density;
+        Some(Track { filter, probability, innovation_chi2: Some(chi2), candidate: Some(index) })
     }
 
-    /// The most probable tracks, twins joined, weights adding up to one.
+    /// The most probable tracks, duplicates joined, weights adding up to one.
     fn keep(&mut self, all: &mut [Track]) {
-        all.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         self.tracks.clear();
-        let largest = all.first().map_or(0.0, |track| track.weight);
-        for track in all.iter().filter(|track| LEAST_WEIGHT * largest < track.weight) {
-            let twin = self.tracks.iter().position(|kept| kept.filter.chi2_to(&track.filter) < SAME_CHI2);
-            match twin {
-                Some(twin) => self.tracks[twin].weight += track.weight,
+        let largest = all.first().map_or(0.0, |track| track.probability);
+        for track in all.iter().filter(|track| LEAST_WEIGHT * largest < track.probability) {
+            let duplicate =
+                self.tracks.iter().position(|kept| kept.filter.chi2_to(&track.filter) < SAME_CHI2);
+            match duplicate {
+                Some(duplicate) => self.tracks[duplicate].probability += track.probability,
                 None if self.tracks.is_full() => {}
                 None => self.tracks.push(*track),
             }
         }
-        let total: f64 = self.tracks.iter().map(|track| track.weight).sum();
-        self.tracks.iter_mut().for_each(|track| track.weight /= total);
+        let total: f64 = self.tracks.iter().map(|track| track.probability).sum();
+        self.tracks.iter_mut().for_each(|track| track.probability /= total);
     }
 
     fn best(&self) -> Option<Tracked> {
-        let best = self.tracks.iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let best = self.tracks.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
         Some(Tracked {
             t_s: self.t_s,
             cam_from_target: best.filter.cam_from_target,
             covariance: best.filter.pose_covariance(),
             velocity: best.filter.velocity,
-            probability: best.weight,
+            probability: best.probability,
             innovation_chi2: best.innovation_chi2,
             candidate: best.candidate,
         })
@@ -239,8 +240,8 @@ impl Tracker {
 
 impl Candidate {
     fn is_usable(&self) -> bool {
-        0.0 < self.weight
-            && self.weight.is_finite()
+        0.0 < self.probability
+            && self.probability.is_finite()
             && check_pose("candidate", 0, &self.cam_from_target).is_ok()
             && is_covariance(&self.covariance)
     }
@@ -252,7 +253,7 @@ fn nowhere_special(candidate: &Candidate) -> f64 {
     1.0 / (8.0 * std::f64::consts::PI.powi(2) * reach_m.powi(3))
 }
 
-numbers!(Track { filter, weight, innovation_chi2, candidate });
+numbers!(Track { filter, probability, innovation_chi2, candidate });
 numbers!(Tracker { config, noise, tracks, t_s });
 numbers!(TrackConfig { motion, outlier_probability, jump_probability });
 

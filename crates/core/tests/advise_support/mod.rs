@@ -2,7 +2,7 @@
 
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector6};
-use resight_core::advise::expect::{View, sight};
+use resight_core::advise::expect::{View, correspondences_in_view};
 use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
 use resight_core::target::KnownPoint;
@@ -13,7 +13,7 @@ pub fn known(places: &[[f64; 3]]) -> Vec<KnownPoint> {
     places.iter().map(|x| KnownPoint { position: Point::from(*x), sigma_m: 0.0 }).collect()
 }
 
-/// What many noisy pictures of one view gave.
+/// What many noisy images of one view gave.
 pub struct Trial {
     /// Left motions from the truth to the minimum nearest to it.
     pub errors: Vec<Vector6<f64>>,
@@ -27,7 +27,7 @@ pub struct Trial {
 
 /// A view's points with noise of their own sigma.
 pub fn noisy(rng: &mut Rng, view: &View) -> Vec<Correspondence> {
-    let exact = sight(view).expect("in sight");
+    let exact = correspondences_in_view(view).expect("in sight");
     let moved = |c: &Correspondence| {
         let by = Vector2::new(rng.normal(), rng.normal()) * c.sigma_px;
         Correspondence::new(view.camera, c.x_in_target, c.pixel + by, c.sigma_px).expect("in the field")
@@ -35,7 +35,7 @@ pub fn noisy(rng: &mut Rng, view: &View) -> Vec<Correspondence> {
     exact.iter().map(moved).collect()
 }
 
-/// `n` pictures of a view, answered.
+/// `n` images of a view, answered.
 pub fn trial(view: &View, n: usize, seed: u64) -> Trial {
     let mut rng = Rng::new(seed);
     let mut t = Trial { errors: Vec::new(), poses: Vec::new(), ambiguous: 0.0, wrong: 0.0 };

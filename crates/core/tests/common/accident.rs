@@ -1,9 +1,9 @@
-//! The scene of an accident with known truth: a road, marks on it, points on and above it, photographs from eye height.
+//! The scene of an accident with known truth: a road, control points on it, points on and above it, photographs from eye height.
 
 use super::Rng;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use resight_core::camera::Pinhole;
-use resight_core::multiview::network::{Fact, Plane, Survey, SurveyCamera};
+use resight_core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, Plane};
 use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, CameraMatrix, Lens, Point, Pose};
 
@@ -28,7 +28,7 @@ pub fn looking_at(centre: Point, at: Point) -> Pose {
     Pose::new(rotation, -(rotation * centre))
 }
 
-/// Marks 0–3 on the road, 4–6 on the road too, 7–8 on a vehicle, 9 the top of a post on 4.
+/// Control points 0–3 on the road, 4–6 on the road too, 7–8 on a vehicle, 9 the top of a post on 4.
 pub fn points() -> Vec<Point> {
     [
         [0.0, 0.0, 0.0],
@@ -60,7 +60,7 @@ pub struct Scene {
     pub photos: Vec<Pose>,
     pub planes: Vec<Plane>,
     /// As the truth has them, labelled with their sigmas.
-    pub facts: Vec<Fact>,
+    pub constraints: Vec<Constraint>,
     pub camera_of_photo: Vec<usize>,
 }
 
@@ -74,37 +74,46 @@ impl Scene {
             points,
             photos,
             planes,
-            facts: Vec::new(),
+            constraints: Vec::new(),
             camera_of_photo,
         }
     }
 
-    pub fn click(&mut self, photo: usize, point: usize, sigma_px: f64) {
+    pub fn image_point(&mut self, photo: usize, point: usize, sigma_px: f64) {
         let pixel = self.camera.project(&(self.photos[photo] * self.points[point])).expect("in front");
-        self.facts.push(Fact::Click { photo, point, pixel, covariance_px2: isotropic(sigma_px) });
+        self.constraints.push(Constraint::ImagePoint {
+            photo,
+            point,
+            pixel,
+            covariance_px2: isotropic(sigma_px),
+        });
     }
 
-    pub fn click_all(&mut self, points: &[usize], sigma_px: f64) {
+    pub fn image_point_all(&mut self, points: &[usize], sigma_px: f64) {
         for photo in 0..self.photos.len() {
-            points.iter().for_each(|p| self.click(photo, *p, sigma_px));
+            points.iter().for_each(|p| self.image_point(photo, *p, sigma_px));
         }
     }
 
     pub fn distance(&mut self, a: usize, b: usize, sigma_m: f64) {
         let distance_m = (self.points[a] - self.points[b]).norm();
-        self.facts.push(Fact::Distance { a, b, distance_m, sigma_m });
+        self.constraints.push(Constraint::Distance { a, b, distance_m, sigma_m });
     }
 
     pub fn place(&mut self, point: usize, sigma_m: f64) {
         let (x_in_world, sigma_m) = (self.points[point], Vector3::repeat(sigma_m));
-        self.facts.push(Fact::Place { point, x_in_world, sigma_m });
+        self.constraints.push(Constraint::Place { point, x_in_world, sigma_m });
     }
 
     pub fn on_plane(&mut self, points: &[usize], sigma_m: f64) {
-        self.facts.extend(points.iter().map(|point| Fact::OnPlane { plane: 0, point: *point, sigma_m }));
+        self.constraints.extend(points.iter().map(|point| Constraint::OnPlane {
+            plane: 0,
+            point: *point,
+            sigma_m,
+        }));
     }
 
-    /// The same facts with noise from their sigmas, the true lens being another than the stated one, the road as uneven as stated.
+    /// The same constraints with noise from their sigmas, the true lens being another than the stated one, the road as uneven as stated.
     pub fn drawn(&self, rng: &mut Rng) -> Drawn {
         let mut lens = self.camera.clone();
         if let Some(c) = &self.intrinsics {
@@ -114,56 +123,60 @@ impl Scene {
             lens = lens.with_parameters(&values).expect("a camera");
         }
         let mut points = self.points.clone();
-        for fact in &self.facts {
-            if let Fact::OnPlane { point, sigma_m, .. } = fact {
+        for constraint in &self.constraints {
+            if let Constraint::OnPlane { point, sigma_m, .. } = constraint {
                 points[*point].z += rng.normal() * sigma_m;
             }
         }
-        for fact in &self.facts {
-            if let Fact::Upright { foot, top, sigma_rad, .. } = fact {
+        for constraint in &self.constraints {
+            if let Constraint::Upright { foot, top, sigma_rad, .. } = constraint {
                 let lean = Vector3::new(rng.normal(), rng.normal(), 0.0) * *sigma_rad;
                 let height = points[*top].z - self.points[*foot].z;
                 points[*top] = points[*foot] + (Vector3::z() + lean).normalize() * height;
             }
         }
-        let mut noisy = |fact: &Fact| {
-            let mut fact = *fact;
-            match &mut fact {
-                Fact::Click { photo, point, pixel, covariance_px2 } => {
+        let mut noisy = |constraint: &Constraint| {
+            let mut constraint = *constraint;
+            match &mut constraint {
+                Constraint::ImagePoint { photo, point, pixel, covariance_px2 } => {
                     let seen = lens.project(&(self.photos[*photo] * points[*point])).expect("in front");
                     *pixel = seen + Vector2::new(rng.normal(), rng.normal()) * covariance_px2.sigma_px();
                 }
-                Fact::Distance { a, b, distance_m, sigma_m } => {
+                Constraint::Distance { a, b, distance_m, sigma_m } => {
                     *distance_m = (points[*a] - points[*b]).norm() + rng.normal() * *sigma_m;
                 }
-                Fact::Place { point, x_in_world, sigma_m } => {
+                Constraint::Place { point, x_in_world, sigma_m } => {
                     *x_in_world = points[*point] + sigma_m.map(|s| s * rng.normal());
                 }
                 _ => {}
             }
-            fact
+            constraint
         };
-        let facts = self.facts.iter().map(&mut noisy).collect();
-        Drawn { points, facts }
+        let constraints = self.constraints.iter().map(&mut noisy).collect();
+        Drawn { points, constraints }
     }
 
-    pub fn survey<'a>(&'a self, cameras: &'a [SurveyCamera<'a>], facts: &'a [Fact]) -> Survey<'a> {
-        Survey {
+    pub fn network<'a>(
+        &'a self,
+        cameras: &'a [NetworkCamera<'a>],
+        constraints: &'a [Constraint],
+    ) -> NetworkProblem<'a> {
+        NetworkProblem {
             cameras,
             camera_of_photo: &self.camera_of_photo,
             n_points: self.points.len(),
             planes: &self.planes,
-            facts,
+            constraints,
         }
     }
 
-    pub fn cameras(&self) -> [SurveyCamera<'_>; 1] {
-        [SurveyCamera { camera: &self.camera, intrinsics_covariance: self.intrinsics.as_deref() }]
+    pub fn cameras(&self) -> [NetworkCamera<'_>; 1] {
+        [NetworkCamera { camera: &self.camera, intrinsics_covariance: self.intrinsics.as_deref() }]
     }
 }
 
-/// One draw: the points as they truly were, and the facts as they were stated.
+/// One draw: the points as they truly were, and the constraints as they were stated.
 pub struct Drawn {
     pub points: Vec<Point>,
-    pub facts: Vec<Fact>,
+    pub constraints: Vec<Constraint>,
 }

@@ -5,7 +5,7 @@ use super::conditions::Condition;
 use nalgebra::{Vector2, Vector6};
 use resight_core::camera::Pinhole;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::temporal::monitor::rig::{Glance, RigMoment};
+use resight_core::temporal::monitor::rig::{FrameSet, TargetObservation};
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 
 /// Of the board.
@@ -38,18 +38,18 @@ pub fn places(n: usize) -> Vec<Pose> {
 pub struct Scene {
     pub places: Vec<Pose>,
     pub chance: Rng,
-    /// What the lens model leaves, px at the picture's corner: constant and linear, for each camera.
+    /// What the lens model leaves, px at the image's corner: constant and linear, for each camera.
     pub lens_error: Vec<[Vector2<f64>; 3]>,
     /// When each camera fires after the first, seconds.
     pub late_s: Vec<f64>,
-    moment: usize,
+    frame_set: usize,
     pub period_s: f64,
     pub condition: Condition,
     /// AR(1) errors of each corner of each camera, of variance one.
     correlated: Vec<[Vector2<f64>; CORNERS]>,
 }
 
-pub struct Seen {
+pub struct Observed {
     pub camera: usize,
     pub points: Vec<Correspondence>,
     pub estimate: PoseEstimate,
@@ -66,7 +66,7 @@ impl Scene {
             chance,
             lens_error,
             late_s,
-            moment: 0,
+            frame_set: 0,
             period_s: PERIOD_S,
             condition: Condition::White,
             correlated: vec![[Vector2::zeros(); CORNERS]; n],
@@ -88,10 +88,10 @@ impl Scene {
             * shift(-0.12, -0.08, 0.0)
     }
 
-    /// The next moment, `old_from_new` of each camera given; a camera in four does not look.
-    pub fn next(&mut self, moved: impl Fn(usize) -> Vector6<f64>) -> (f64, Vec<Seen>) {
-        let t_s = self.period_s * self.moment as f64;
-        self.moment += 1;
+    /// The next frame set, `old_from_new` of each camera given; a camera in four does not look.
+    pub fn next(&mut self, moved: impl Fn(usize) -> Vector6<f64>) -> (f64, Vec<Observed>) {
+        let t_s = self.period_s * self.frame_set as f64;
+        self.frame_set += 1;
         let mut all = Vec::new();
         for camera in 0..self.places.len() {
             let is_away = 2 < self.places.len() && self.chance.uniform(0.0, 1.0) < 0.25;
@@ -101,7 +101,7 @@ impl Scene {
             if let Some(estimate) =
                 (!is_away).then(|| locate(&points, &lens(), &Config::default()).ok()).flatten()
             {
-                all.push(Seen { camera, points, estimate });
+                all.push(Observed { camera, points, estimate });
             }
         }
         (t_s, all)
@@ -113,15 +113,15 @@ impl Scene {
         match self.condition {
             Condition::Understated(factor) => white * factor,
             Condition::NightDoubled => {
-                let hour = (self.period_s * self.moment as f64 / 3600.0 + NIGHT_SOON_H) % 24.0;
+                let hour = (self.period_s * self.frame_set as f64 / 3600.0 + NIGHT_SOON_H) % 24.0;
                 white * if (6.0..18.0).contains(&hour) { 1.0 } else { 2.0 }
             }
             Condition::Correlated { share, time_s } => {
                 let kept = (-self.period_s / time_s).exp();
                 let fresh = Vector2::new(self.chance.normal(), self.chance.normal());
-                let lasting = &mut self.correlated[camera][corner];
-                *lasting = *lasting * kept + fresh * (1.0 - kept * kept).sqrt();
-                white * (1.0 - share).sqrt() + *lasting * share.sqrt()
+                let persistent = &mut self.correlated[camera][corner];
+                *persistent = *persistent * kept + fresh * (1.0 - kept * kept).sqrt();
+                white * (1.0 - share).sqrt() + *persistent * share.sqrt()
             }
             _ => white,
         }
@@ -143,13 +143,13 @@ impl Scene {
     }
 }
 
-pub fn moment<'a>(lens: &'a Camera, (t_s, seen): &'a (f64, Vec<Seen>)) -> RigMoment<'a> {
-    let glance = |seen: &'a Seen| Glance {
+pub fn frame_set<'a>(lens: &'a Camera, (t_s, seen): &'a (f64, Vec<Observed>)) -> FrameSet<'a> {
+    let target_observation = |seen: &'a Observed| TargetObservation {
         camera: seen.camera,
         target: 0,
         lens,
         seen: &seen.points,
         estimate: &seen.estimate,
     };
-    RigMoment { t_s: *t_s, glances: seen.iter().map(glance).collect() }
+    FrameSet { t_s: *t_s, target_observations: seen.iter().map(target_observation).collect() }
 }

@@ -57,7 +57,7 @@ pub struct Scene {
     /// Motion of the camera from errors of the corners.
     motion_from_corners: SMatrix<f64, 6, 8>,
     covariance: Matrix6<f64>,
-    lasting: SVector<f64, 8>,
+    persistent: SVector<f64, 8>,
     walk_deg: f64,
     biased_until_s: f64,
     bias: SVector<f64, 8>,
@@ -94,13 +94,13 @@ impl Scene {
         }
         let inverse = (jacobian.transpose() * jacobian).try_inverse().expect("six motions");
         let mut chance = Rng::new(seed);
-        let lasting = SVector::from_fn(|_, _| chance.normal());
+        let persistent = SVector::from_fn(|_, _| chance.normal());
         let phase = chance.uniform(0.0, 1.0);
         Scene {
             condition,
             motion_from_corners: inverse * jacobian.transpose(),
             covariance: inverse * SIGMA_PX * SIGMA_PX,
-            lasting,
+            persistent,
             walk_deg: 0.0,
             biased_until_s: f64::MIN,
             bias: SVector::zeros(),
@@ -125,8 +125,8 @@ impl Scene {
     fn correlated(&mut self, time_s: f64, elapsed_s: f64) -> SVector<f64, 8> {
         let kept = (-elapsed_s / time_s).exp();
         let fresh = self.white();
-        self.lasting = self.lasting * kept + fresh * (1.0 - kept * kept).sqrt();
-        self.lasting
+        self.persistent = self.persistent * kept + fresh * (1.0 - kept * kept).sqrt();
+        self.persistent
     }
 
     /// Errors of the corners in units of the stated sigma, and a motion of the camera.
@@ -144,8 +144,8 @@ impl Scene {
                 (self.white() * if is_night { 2.0 } else { 1.0 }, still)
             }
             Condition::Correlated { share, time_s } => {
-                let lasting = self.correlated(time_s, elapsed_s) * share.sqrt();
-                (self.white() * (1.0 - share).sqrt() + lasting, still)
+                let persistent = self.correlated(time_s, elapsed_s) * share.sqrt();
+                (self.white() * (1.0 - share).sqrt() + persistent, still)
             }
             Condition::Sine { amplitude_deg, period_s } => {
                 let degrees = amplitude_deg * turn(self.t_s, period_s, self.phase);
@@ -182,9 +182,9 @@ impl Scene {
                 (self.white(), about(0, self.walk_deg))
             }
             Condition::CorrelatedAndDaily => {
-                let lasting = self.correlated(120.0, elapsed_s) * 0.5_f64.sqrt();
+                let persistent = self.correlated(120.0, elapsed_s) * 0.5_f64.sqrt();
                 let degrees = 0.02 * turn(self.t_s, DAY_S, self.phase);
-                (self.white() * 0.5_f64.sqrt() + lasting, about(1, degrees))
+                (self.white() * 0.5_f64.sqrt() + persistent, about(1, degrees))
             }
         }
     }
@@ -207,7 +207,7 @@ impl Scene {
     /// A monitor as a session makes it: the reference learned from the next readings, nothing declared.
     pub fn learned(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
         let readings: Vec<Reading> = (0..readings).map(|_| self.next(&Vector6::zeros())).collect();
-        let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+        let nothing = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, diurnal: Matrix6::zeros() };
         let reference = learn(&readings, &nothing).expect("a reference");
         let mut monitor = Monitor::new(&reference, config, self.t_s).expect("a monitor");
         monitor.measure_noise(&readings);
@@ -232,14 +232,14 @@ impl Scene {
             reading: self.covariance * (1.0 - share),
             bias: self.covariance * share,
             bias_time_s,
-            daily: Matrix6::zeros(),
+            diurnal: Matrix6::zeros(),
         };
         let a_from_b = Pose::exp(&(-sum / n)) * cam_from_target();
         Monitor::new(&Reference { a_from_b, noise }, config, self.t_s).expect("a monitor")
     }
 }
 
-/// Alarms while nothing moves: each drift that is told for the first time. One that does not come back within a quarter of an hour is
+/// Alarms while nothing moves: each drift that is reported for the first time. One that does not come back within a quarter of an hour is
 /// accepted, so that there may be another.
 pub fn alarms(condition: Condition, period_s: f64, rate: f64, days: f64, seed: u64) -> u32 {
     let mut scene = Scene::new(condition, period_s, seed);

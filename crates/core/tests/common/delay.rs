@@ -1,4 +1,4 @@
-//! How late the sentry is, for which rate of false alarms: the numbers of docs/images/watch-delay.csv.
+//! How late the change detector is, for which rate of false alarms: the numbers of docs/images/watch-delay.csv.
 
 use super::conditions::{Condition, Scene as Tag};
 use super::rivals::{alarms, cusum_delays, cusum_threshold, lorden, three_in_a_row};
@@ -9,14 +9,14 @@ use resight_core::temporal::monitor::{Monitor, MonitorConfig, Watch};
 /// A row: what changed, at which rate of false alarms, which test, and how late it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// `white` or `lasting` (errors that last, and a daily wobble): steps; `slow`: drifts under such errors; `tag 10 s after 3600 s`: steps
+    /// `white` or `correlated` (correlated errors, and a diurnal variation): steps; `slow`: drifts under such errors; `tag 10 s after 3600 s`: steps
     /// of a tag whose corners err by 30 % correlated over 10 s, after 3600 s of watching.
     pub noise: String,
     /// σ of a reading of a step; degrees an hour of a slow drift; degrees of a tag's step.
     pub size: f64,
     /// False alarms a day that are promised.
     pub per_day: f64,
-    /// `sentry`, `lorden`, `cusum` or `three`; of a tag `measured` (nothing declared) or `known` (share and time constant stated); `cusum_false` and `three_false`: alarms a day while nothing moves, in `mean`.
+    /// `detector`, `lorden`, `cusum` or `three`; of a tag `measured` (nothing declared) or `known` (share and time constant stated); `cusum_false` and `three_false`: alarms a day while nothing moves, in `mean`.
     pub test: String,
     /// Of the delay: readings (seconds) of steps, degrees that a slow drift has gone.
     pub mean: f64,
@@ -31,7 +31,7 @@ pub struct Row {
 pub const RATES: [f64; 6] = [24.0, 4.0, 1.0, 1.0 / 7.0, 1.0 / 30.0, 1.0 / 365.0];
 pub const FEW_RATES: [f64; 4] = [24.0, 1.0, 1.0 / 30.0, 1.0 / 365.0];
 pub const SIZES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// Steps under errors that last as large as a reading's; no larger than those, a step hides in them for hours.
+/// Steps under correlated errors as large as a reading's; no larger than those, a step hides in them for hours.
 pub const LARGE: [f64; 3] = [2.0, 4.0, 8.0];
 pub const SLOPES_DEG_PER_H: [f64; 5] = [0.005, 0.01, 0.02, 0.05, 0.1];
 /// Readings before a step.
@@ -85,7 +85,7 @@ pub fn step(noise: &str, size: f64, per_day: f64, trials: std::ops::Range<u64>) 
     Row::of(noise, size, per_day, "sentry", delays_s(scene, per_day, QUIET_S, trials, moved))
 }
 
-/// A pan that goes on, after a quiet day, at a reading every ten seconds.
+/// A pan that continues, after a quiet day, at a reading every ten seconds.
 pub fn slow(slope_deg_per_h: f64, per_day: f64, trials: std::ops::Range<u64>) -> Row {
     let scene = Scene { period_s: 10.0, ..REALISTIC };
     let moved = |since_s: f64| pan(slope_deg_per_h * since_s / 3600.0);
@@ -129,7 +129,7 @@ fn tag_alarm_s(monitor: &mut Monitor, tag: &mut Tag, moved: &Vector6<f64>, until
 }
 
 /// What others are, for the same step in white noise.
-pub fn rivals(size: f64, per_day: f64, trials: u64) -> Vec<Row> {
+pub fn alternatives(size: f64, per_day: f64, trials: u64) -> Vec<Row> {
     let between = DAY_S / per_day;
     let threshold = cusum_threshold(size, between);
     let cusum = cusum_delays(size, threshold, QUIET_S as usize, trials);
@@ -151,8 +151,8 @@ pub fn rivals(size: f64, per_day: f64, trials: u64) -> Vec<Row> {
     ]
 }
 
-/// Alarms a day of the others while nothing moves, under errors that last, when they are set for white noise and this rate.
-pub fn rivals_false(size: f64, per_day: f64, days: u64) -> Vec<Row> {
+/// Alarms a day of the others while nothing moves, under correlated errors, when they are set for white noise and this rate.
+pub fn alternatives_false(size: f64, per_day: f64, days: u64) -> Vec<Row> {
     let mut stream = Stream::new(Scene { reference: 0.0, ..REALISTIC }, 0xfa15e);
     let mut next = || stream.next_motion(&Vector6::zeros()).component_div(&Vector6::from(SIGMA));
     let readings = (0..days * DAY_S as u64).map(|_| next());

@@ -3,45 +3,45 @@
 use super::{Rng, views};
 use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
 use resight_core::Pose;
-use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandView, Mount};
+use resight_core::multiview::hand_eye::{Candidate, HandEye, HandEyeConfig, HandEyeView, Mounting};
 
 pub type Vector12 = SMatrix<f64, 12, 1>;
 pub type Matrix12 = SMatrix<f64, 12, 12>;
 
-/// X, Z and stations, all exact.
+/// X, Z and robot poses, all exact.
 #[derive(Clone)]
 pub struct World {
-    pub mount: Mount,
+    pub mounting: Mounting,
     pub cam_from_carrier: Pose,
     pub holder_from_target: Pose,
-    pub base_from_hand: Vec<Pose>,
+    pub base_from_gripper: Vec<Pose>,
 }
 
 impl World {
-    pub fn carrier_from_holder(&self, base_from_hand: &Pose) -> Pose {
-        match self.mount {
-            Mount::CameraOnHand => base_from_hand.inverse(),
-            Mount::TargetOnHand => *base_from_hand,
+    pub fn carrier_from_holder(&self, base_from_gripper: &Pose) -> Pose {
+        match self.mounting {
+            Mounting::CameraOnGripper => base_from_gripper.inverse(),
+            Mounting::TargetOnGripper => *base_from_gripper,
         }
     }
 
     pub fn cam_from_target(&self, view: usize) -> Pose {
-        let h = self.carrier_from_holder(&self.base_from_hand[view]);
+        let h = self.carrier_from_holder(&self.base_from_gripper[view]);
         self.cam_from_carrier * h * self.holder_from_target
     }
 
     /// Stations from which the camera sees the target as `cam_from_target` says.
-    pub fn standing(mount: Mount, x: Pose, z: Pose, cam_from_target: &[Pose]) -> World {
+    pub fn standing(mounting: Mounting, x: Pose, z: Pose, cam_from_target: &[Pose]) -> World {
         let station = |t: &Pose| {
             let h = x.inverse() * *t * z.inverse();
-            if mount == Mount::CameraOnHand { h.inverse() } else { h }
+            if mounting == Mounting::CameraOnGripper { h.inverse() } else { h }
         };
-        let base_from_hand = cam_from_target.iter().map(station).collect();
-        World { mount, cam_from_carrier: x, holder_from_target: z, base_from_hand }
+        let base_from_gripper = cam_from_target.iter().map(station).collect();
+        World { mounting, cam_from_carrier: x, holder_from_target: z, base_from_gripper }
     }
 
     /// A robot cell: the target seen from all over a cap of 45°, 0.6 to 1.2 m away.
-    pub fn cell(rng: &mut Rng, mount: Mount, n: usize) -> World {
+    pub fn cell(rng: &mut Rng, mounting: Mounting, n: usize) -> World {
         let x = Pose::new(rng.rotation(), rng.unit_vector() * 0.15);
         let z = Pose::new(rng.rotation(), Vector3::new(0.8, -0.3, 0.2));
         let seen = |rng: &mut Rng| {
@@ -52,7 +52,7 @@ impl World {
             Pose::exp(&roll) * views::looking_at(centre, Vector3::zeros())
         };
         let seen: Vec<Pose> = (0..n).map(|_| seen(rng)).collect();
-        World::standing(mount, x, z, &seen)
+        World::standing(mounting, x, z, &seen)
     }
 
     pub fn motion_error(&self, found: &HandEye) -> Vector12 {
@@ -62,7 +62,7 @@ impl World {
     }
 
     pub fn config(&self) -> HandEyeConfig {
-        HandEyeConfig { mount: self.mount, height: None }
+        HandEyeConfig { mounting: self.mounting, height: None }
     }
 }
 
@@ -89,17 +89,17 @@ pub struct Stated {
 }
 
 /// Every pose disturbed by its own covariance.
-pub fn measured(rng: &mut Rng, world: &World, stated: &[Stated]) -> Vec<HandView<'static>> {
+pub fn measured(rng: &mut Rng, world: &World, stated: &[Stated]) -> Vec<HandEyeView<'static>> {
     let view = |(i, stated): (usize, &Stated)| {
-        let exact = world.base_from_hand[i];
-        let base_from_hand = match &stated.hand {
+        let exact = world.base_from_gripper[i];
+        let base_from_gripper = match &stated.hand {
             Some(covariance) => Pose::exp(&drawn(rng, covariance)) * exact,
             None => exact,
         };
         let cam_from_target = Pose::exp(&drawn(rng, &stated.seen)) * world.cam_from_target(i);
-        HandView {
-            base_from_hand,
-            hand_covariance: stated.hand,
+        HandEyeView {
+            base_from_gripper,
+            gripper_covariance: stated.hand,
             candidates: vec![Candidate { cam_from_target, covariance: stated.seen, delta_chi2: 0.0 }],
             seen: &[],
         }
@@ -115,11 +115,11 @@ pub fn all_stated(rng: &mut Rng, n: usize, with_hand: bool) -> Vec<Stated> {
     (0..n).map(|_| one(rng)).collect()
 }
 
-pub fn exact(world: &World) -> Vec<HandView<'static>> {
+pub fn exact(world: &World) -> Vec<HandEyeView<'static>> {
     let covariance = Matrix6::from_diagonal_element(1e-6);
-    let view = |i: usize| HandView {
-        base_from_hand: world.base_from_hand[i],
-        hand_covariance: None,
+    let view = |i: usize| HandEyeView {
+        base_from_gripper: world.base_from_gripper[i],
+        gripper_covariance: None,
         candidates: vec![Candidate {
             cam_from_target: world.cam_from_target(i),
             covariance,
@@ -127,10 +127,10 @@ pub fn exact(world: &World) -> Vec<HandView<'static>> {
         }],
         seen: &[],
     };
-    (0..world.base_from_hand.len()).map(view).collect()
+    (0..world.base_from_gripper.len()).map(view).collect()
 }
 
-/// Fisher information of both motions at the truth: derivatives by central differences of the predicted poses, the hand's noise by
+/// Fisher information of both motions at the truth: derivatives by central differences of the predicted poses, the gripper's noise by
 /// differences too. Shares nothing with the product but Exp and Log.
 pub fn information(world: &World, stated: &[Stated]) -> Matrix12 {
     linearised(world, stated).iter().map(|(by_both, weight)| by_both.transpose() * weight * by_both).sum()
@@ -138,10 +138,10 @@ pub fn information(world: &World, stated: &[Stated]) -> Matrix12 {
 
 /// The error of both motions that the best linear estimator makes on the same measurements, who knows every covariance: on average six in units of
 /// its covariance for each, whatever is measured. What another estimator has more than it on the same data says more than its own mean.
-pub fn best_linear(world: &World, linearised: &[Linearised], views: &[HandView]) -> Vector12 {
+pub fn best_linear(world: &World, linearised: &[Linearised], views: &[HandEyeView]) -> Vector12 {
     let (mut sum, mut right) = (Matrix12::zeros(), Vector12::zeros());
     for ((by_both, weight), view) in linearised.iter().zip(views) {
-        let h = world.carrier_from_holder(&view.base_from_hand);
+        let h = world.carrier_from_holder(&view.base_from_gripper);
         let expected = world.cam_from_carrier * h * world.holder_from_target;
         let r = (view.candidates[0].cam_from_target * expected.inverse()).log();
         sum += by_both.transpose() * weight * by_both;
@@ -160,7 +160,7 @@ pub fn linearised(world: &World, stated: &[Stated]) -> Vec<Linearised> {
         let seen = |by: &Vector12, hand: &Vector6<f64>| {
             let x = Pose::exp(&by.fixed_rows::<6>(0).into_owned()) * world.cam_from_carrier;
             let z = Pose::exp(&by.fixed_rows::<6>(6).into_owned()) * world.holder_from_target;
-            let h = world.carrier_from_holder(&(Pose::exp(hand) * world.base_from_hand[i]));
+            let h = world.carrier_from_holder(&(Pose::exp(hand) * world.base_from_gripper[i]));
             (x * h * z * truth.inverse()).log()
         };
         let still = Vector6::zeros();

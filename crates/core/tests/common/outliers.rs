@@ -58,13 +58,19 @@ pub fn scene(rng: &mut Rng, n: usize, n_wrong: usize, sigma_px: f64) -> Scene {
     Scene { cam_from_target, seen, is_good }
 }
 
-/// As `scene`, of which `n_good` rows agree with the truth and `n_rival` others with one other pose.
-pub fn with_rival(rng: &mut Rng, n: usize, n_good: usize, n_rival: usize, sigma_px: f64) -> Scene {
+/// As `scene`, of which `n_good` rows agree with the truth and `n_alternative` others with one other pose.
+pub fn with_alternative(
+    rng: &mut Rng,
+    n: usize,
+    n_good: usize,
+    n_alternative: usize,
+    sigma_px: f64,
+) -> Scene {
     let mut scene = scene(rng, n, n - n_good, sigma_px);
     let camera = camera();
     let turned = rng.rotation();
-    for c in &mut scene.seen[..n_rival] {
-        // The rival's pixel is drawn first, and the point put onto its ray as another camera at the same place would see it.
+    for c in &mut scene.seen[..n_alternative] {
+        // The second solution's pixel is drawn first, and the point put onto its ray as another camera at the same place would see it.
         let (pixel, depth_m) = (any_pixel(rng), rng.uniform(4.0, 20.0));
         let ray = camera.bearing(&pixel).expect("in the field").into_inner();
         let x_in_cam = turned * ray * (depth_m / ray.z);

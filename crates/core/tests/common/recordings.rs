@@ -1,7 +1,7 @@
 //! Real recordings of rigs: lenses as their files say, and the corners that came with them. Needs the folder named by RESIGHT_DATA.
 
 use resight_core::camera::BrownConrady;
-use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, RigSolution, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -93,13 +93,13 @@ pub fn webcams(root: &Path) -> Recording {
 }
 
 impl Recording {
-    pub fn sightings(&self) -> Vec<Sighting> {
-        let sighting = |(&(view, camera), seen): (&(usize, usize), &Vec<(Point, Pixel)>)| {
+    pub fn observations(&self) -> Vec<Observation> {
+        let observation = |(&(view, camera), seen): (&(usize, usize), &Vec<(Point, Pixel)>)| {
             let lens = &self.cameras[camera];
             let point = |(x, u): &(Point, Pixel)| Correspondence::new(lens, *x, *u, self.sigma_px).ok();
-            Sighting { camera, view, target: 0, seen: seen.iter().filter_map(point).collect() }
+            Observation { camera, view, target: 0, seen: seen.iter().filter_map(point).collect() }
         };
-        self.seen.iter().map(sighting).collect()
+        self.seen.iter().map(observation).collect()
     }
 
     /// # Errors
@@ -109,7 +109,7 @@ impl Recording {
             cameras: &self.cameras,
             body_of_target: &[0],
             n_views: self.n_views,
-            sightings: &self.sightings(),
+            observations: &self.observations(),
         };
         solve_rig(&problem, config)
     }

@@ -21,7 +21,7 @@ pub struct Scene {
     pub rig_from_target: Pose,
 }
 
-/// The same views with an uncertainty of each camera's place.
+/// The same views with an uncertainty of each camera's position.
 pub fn views_of<'a>(
     cameras: &'a [Made],
     camera: &'a Camera,

@@ -1,4 +1,4 @@
-//! What the drift sentry is compared with, for white noise of one σ around a reference that is known exactly: what the best test tends
+//! What the drift change detector is compared with, for white noise of one σ around a reference that is known exactly: what the best test tends
 //! to, the CUSUM tuned to the step's size, and three readings in a row beyond a threshold, which is what many do.
 //!
 //! ```text
@@ -83,7 +83,7 @@ pub fn alarms(
     readings: impl Iterator<Item = nalgebra::Vector6<f64>>,
 ) -> (usize, usize) {
     let (high, beyond) = (cusum_threshold(delta, between), three_threshold(between));
-    let (mut sums, mut runs, mut told) = ([[0.0_f64; 6]; 2], [[0; 6]; 2], (0, 0));
+    let (mut sums, mut runs, mut reported) = ([[0.0_f64; 6]; 2], [[0; 6]; 2], (0, 0));
     for y in readings {
         for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
             for axis in 0..6 {
@@ -93,13 +93,13 @@ pub fn alarms(
             }
         }
         if sums.as_flattened().iter().any(|sum| high <= *sum) {
-            (sums, told.0) = (Default::default(), told.0 + 1);
+            (sums, reported.0) = (Default::default(), reported.0 + 1);
         }
         if runs.as_flattened().iter().any(|run| 3 <= *run) {
-            (runs, told.1) = (Default::default(), told.1 + 1);
+            (runs, reported.1) = (Default::default(), reported.1 + 1);
         }
     }
-    told
+    reported
 }
 
 /// Mean readings until three in a row of probability q each.

@@ -3,7 +3,7 @@
 use super::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3};
 use resight_core::camera::{BrownConrady, Pinhole};
-use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, RigSolution, solve_rig};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point, Pose, Vector6};
 
 /// A rig with its truth.
@@ -15,7 +15,7 @@ pub struct Room {
     pub body_of_target: Vec<usize>,
     pub body_from_target: Vec<Pose>,
     pub n_views: usize,
-    pub sightings: Vec<Sighting>,
+    pub observations: Vec<Observation>,
     /// (view, body, rig_from_body).
     pub bodies: Vec<(usize, usize, Pose)>,
 }
@@ -73,7 +73,7 @@ fn in_image(pixel: &Pixel) -> bool {
 impl Room {
     pub fn new(cameras: Vec<Camera>, cam_from_rig: Vec<Pose>) -> Self {
         let (points, body_of_target, body_from_target) = (Vec::new(), Vec::new(), Vec::new());
-        let (sightings, bodies) = (Vec::new(), Vec::new());
+        let (observations, bodies) = (Vec::new(), Vec::new());
         Room {
             cameras,
             cam_from_rig,
@@ -81,7 +81,7 @@ impl Room {
             body_of_target,
             body_from_target,
             n_views: 0,
-            sightings,
+            observations,
             bodies,
         }
     }
@@ -104,7 +104,7 @@ impl Room {
                     self.cam_from_rig[camera] * rig_from_body * self.body_from_target[target];
                 let seen = self.seen(camera, target, &cam_from_target, sigma_px);
                 if seen.len() == self.points[target].len() {
-                    self.sightings.push(Sighting { camera, view, target, seen });
+                    self.observations.push(Observation { camera, view, target, seen });
                 }
             }
         }
@@ -130,9 +130,9 @@ impl Room {
         self.points[target].iter().filter_map(point).collect()
     }
 
-    /// Sightings with noise of their sigma.
-    pub fn disturbed(&self, rng: &mut Rng) -> Vec<Sighting> {
-        let moved = |s: &Sighting, c: &Correspondence, rng: &mut Rng| {
+    /// Observations with noise of their sigma.
+    pub fn disturbed(&self, rng: &mut Rng) -> Vec<Observation> {
+        let moved = |s: &Observation, c: &Correspondence, rng: &mut Rng| {
             let pixel = c.pixel + Vector2::new(rng.normal(), rng.normal()) * c.sigma_px;
             let seen = Correspondence::new(&self.cameras[s.camera], c.x_in_target, pixel, c.sigma_px);
             Correspondence {
@@ -141,17 +141,19 @@ impl Room {
                 ..seen.expect("in the field")
             }
         };
-        let noisy =
-            |s: &Sighting| Sighting { seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(), ..s.clone() };
-        self.sightings.iter().map(noisy).collect()
+        let noisy = |s: &Observation| Observation {
+            seen: s.seen.iter().map(|c| moved(s, c, rng)).collect(),
+            ..s.clone()
+        };
+        self.observations.iter().map(noisy).collect()
     }
 
-    pub fn solve(&self, sightings: &[Sighting], config: &RigConfig) -> Result<RigSolution, Error> {
+    pub fn solve(&self, observations: &[Observation], config: &RigConfig) -> Result<RigSolution, Error> {
         let problem = RigProblem {
             cameras: &self.cameras,
             body_of_target: &self.body_of_target,
             n_views: self.n_views,
-            sightings,
+            observations,
         };
         solve_rig(&problem, config)
     }
@@ -208,7 +210,7 @@ pub fn pair_with(rng: &mut Rng, points: Vec<Point>, n_views: usize, sigma_px: f6
         let rig_from_body = somewhere(rng, around, 0.9, Vector3::new(0.3, 0.0, 0.95), 0.9);
         let mut trial = room.clone();
         trial.see(room.n_views, 0, rig_from_body, sigma_px);
-        if trial.sightings.len() == room.sightings.len() + 2 {
+        if trial.observations.len() == room.observations.len() + 2 {
             room = trial;
         }
     }

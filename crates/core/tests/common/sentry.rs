@@ -1,4 +1,4 @@
-//! What the drift sentry is tried on: streams of readings with all the errors of a real camera that stays, or moves as a test says.
+//! What the drift change detector is tried on: streams of readings with all the errors of a real camera that stays, or moves as a test says.
 
 use super::Rng;
 use nalgebra::{Matrix6, Vector6};
@@ -27,14 +27,14 @@ pub struct Scene {
     pub reference: f64,
     pub bias: f64,
     pub bias_time_s: f64,
-    pub daily: f64,
+    pub diurnal: f64,
     pub period_s: f64,
 }
 
-/// A board's bias of 0.05° over two minutes, a daily wobble of 0.025°.
+/// A board's bias of 0.05° over two minutes, a diurnal variation of 0.025°.
 pub const REALISTIC: Scene =
-    Scene { reference: 0.3, bias: 1.0, bias_time_s: 120.0, daily: 0.5, period_s: 1.0 };
-pub const WHITE: Scene = Scene { reference: 0.3, bias: 0.0, bias_time_s: 1.0, daily: 0.0, period_s: 1.0 };
+    Scene { reference: 0.3, bias: 1.0, bias_time_s: 120.0, diurnal: 0.5, period_s: 1.0 };
+pub const WHITE: Scene = Scene { reference: 0.3, bias: 0.0, bias_time_s: 1.0, diurnal: 0.0, period_s: 1.0 };
 
 impl Scene {
     pub fn reference(&self) -> Reference {
@@ -43,7 +43,7 @@ impl Scene {
             reading: covariance(1.0),
             bias: covariance(self.bias),
             bias_time_s: self.bias_time_s,
-            daily: covariance(self.daily),
+            diurnal: covariance(self.diurnal),
         };
         Reference { a_from_b: cam_from_target(), noise }
     }
@@ -64,7 +64,7 @@ impl Stream {
         let mut chance = Rng::new(seed);
         let constant = errors(&mut chance, scene.reference);
         let bias = errors(&mut chance, scene.bias);
-        let wobble = [errors(&mut chance, scene.daily), errors(&mut chance, scene.daily)];
+        let wobble = [errors(&mut chance, scene.diurnal), errors(&mut chance, scene.diurnal)];
         Stream { scene, chance, constant, bias, wobble, t_s: 0.0 }
     }
 
@@ -112,11 +112,11 @@ pub fn delays_s(
     moved: impl Fn(f64) -> Vector6<f64>,
 ) -> Vec<f64> {
     let delay = |trial: u64| {
-        let (mut stream, mut sentry) = (Stream::new(scene, 0xde1a_0000 + trial), monitor(&scene, rate));
+        let (mut stream, mut detector) = (Stream::new(scene, 0xde1a_0000 + trial), monitor(&scene, rate));
         loop {
             let since_s = stream.t_s + scene.period_s - quiet_s;
             let motion = if since_s < 0.0 { Vector6::zeros() } else { moved(since_s) };
-            if let Watch::Drifted(_) = sentry.push(&stream.next(&motion)) {
+            if let Watch::Drifted(_) = detector.push(&stream.next(&motion)) {
                 return since_s + scene.period_s;
             }
         }

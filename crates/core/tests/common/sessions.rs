@@ -2,14 +2,14 @@
 
 use super::{Rng, hands::World, views};
 use nalgebra::{Vector2, Vector3, Vector6};
-use resight_core::multiview::hand_eye::{HandEye, HandEyeConfig, HandView, Mount, solve_hand_eye};
+use resight_core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, Mounting, solve_hand_eye};
 use resight_core::multiview::rig_pose::RigView;
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// How the robot's poses are wrong.
 #[derive(Debug, Clone, Copy)]
 pub enum Robot {
-    /// Orientation and position of the hand, independently: rad, m.
+    /// Orientation and position of the gripper, independently: rad, m.
     AtHand(f64, f64),
     /// A left motion in the base: its turns are about the base's origin.
     AtBase(f64, f64),
@@ -48,14 +48,14 @@ impl Session {
     /// `bent_m`: how far the board's edges stand off its plane.
     pub fn new(
         rng: &mut Rng,
-        mount: Mount,
+        mounting: Mounting,
         n: usize,
         robot: Robot,
         camera: &Camera,
         sigma_px: f64,
         bent_m: f64,
     ) -> Session {
-        let middle = World::cell(rng, mount, n);
+        let middle = World::cell(rng, mounting, n);
         let world = aside(rng, &middle);
         let points = board();
         let bent = |p: &Point| Point::new(p.x, p.y, bent_m * (p.x / 0.105).powi(2));
@@ -69,7 +69,7 @@ impl Session {
             points.iter().filter_map(one).collect()
         };
         let seen = (0..n).map(|view| look(rng, view)).collect();
-        let reported = world.base_from_hand.iter().map(|truth| robot.reported(rng, truth)).collect();
+        let reported = world.base_from_gripper.iter().map(|truth| robot.reported(rng, truth)).collect();
         Session { world, camera: camera.clone(), reported, seen }
     }
 
@@ -82,18 +82,18 @@ impl Session {
     }
 
     pub fn solved(&self) -> HandEye {
-        solved(&self.reported, &self.seen, &self.camera, self.world.mount).unwrap()
+        solved(&self.reported, &self.seen, &self.camera, self.world.mounting).unwrap()
     }
 }
 
-/// The same stations with the camera turned, so that the board is not always in the middle of the image.
+/// The same robot poses with the camera turned, so that the board is not always in the middle of the image.
 fn aside(rng: &mut Rng, world: &World) -> World {
     let mut turned = |view: usize| {
         let turn = Vector6::new(rng.uniform(-0.12, 0.12), rng.uniform(-0.2, 0.2), 0.0, 0.0, 0.0, 0.0);
         Pose::exp(&turn) * world.cam_from_target(view)
     };
-    let seen: Vec<Pose> = (0..world.base_from_hand.len()).map(&mut turned).collect();
-    World::standing(world.mount, world.cam_from_carrier, world.holder_from_target, &seen)
+    let seen: Vec<Pose> = (0..world.base_from_gripper.len()).map(&mut turned).collect();
+    World::standing(world.mounting, world.cam_from_carrier, world.holder_from_target, &seen)
 }
 
 /// Hand–eye on pixels, the robot's noise open.
@@ -101,19 +101,19 @@ pub fn solved(
     reported: &[Pose],
     seen: &[Vec<Correspondence>],
     camera: &Camera,
-    mount: Mount,
+    mounting: Mounting,
 ) -> Result<HandEye, Error> {
     let identity = Pose::identity();
     let mut rigs: Vec<[RigView; 1]> = Vec::new();
     for seen in seen {
         rigs.push([RigView { camera, cam_from_rig: identity, cam_from_rig_covariance: None, seen }]);
     }
-    let mut views: Vec<HandView> = Vec::new();
-    for (base_from_hand, seen) in reported.iter().zip(&rigs) {
-        let (base_from_hand, hand_covariance) = (*base_from_hand, None);
-        views.push(HandView { base_from_hand, hand_covariance, candidates: Vec::new(), seen });
+    let mut views: Vec<HandEyeView> = Vec::new();
+    for (base_from_gripper, seen) in reported.iter().zip(&rigs) {
+        let (base_from_gripper, gripper_covariance) = (*base_from_gripper, None);
+        views.push(HandEyeView { base_from_gripper, gripper_covariance, candidates: Vec::new(), seen });
     }
-    solve_hand_eye(&views, &HandEyeConfig { mount, height: None })
+    solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })
 }
 
 /// f = 800 px, no distortion.

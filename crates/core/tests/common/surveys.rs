@@ -1,9 +1,9 @@
-//! Many scenes of accidents, drawn at random: marks on the road, points on and above it, one to four photographs that show everything.
+//! Many scenes of accidents, drawn at random: control points on the road, points on and above it, one to four photographs that show everything.
 
 use super::Rng;
 use super::accident::{camera, looking_at};
 use nalgebra::{Vector2, Vector3};
-use resight_core::multiview::network::{Fact, Plane, Query, Survey, SurveyCamera};
+use resight_core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, Plane, Query};
 use resight_core::multiview::triangulate::isotropic;
 use resight_core::{Camera, Pixel, Point, Pose};
 
@@ -12,45 +12,45 @@ pub const TAPE_SIGMA_M: f64 = 0.01;
 const ROAD_SIGMA_M: f64 = 0.005;
 const SIZE_PX: Vector2<f64> = Vector2::new(1919.0, 1279.0);
 
-/// A scene, its facts drawn from their sigmas.
+/// A scene, its constraints drawn from their sigmas.
 pub struct Drawn {
     pub camera: Camera,
-    /// Marks, three road points, three of a vehicle, the top of a post on the first road point.
+    /// Control points, three road points, three of a vehicle, the top of a post on the first road point.
     pub points: Vec<Point>,
-    pub n_marks: usize,
+    pub n_control_points: usize,
     pub photos: Vec<Pose>,
     pub camera_of_photo: Vec<usize>,
     pub planes: Vec<Plane>,
-    pub facts: Vec<Fact>,
+    pub constraints: Vec<Constraint>,
 }
 
-/// What is known of the marks.
+/// What is known of the control points.
 pub enum Known {
     /// This many of their mutual distances.
     Tapes(usize),
     Coordinates,
 }
 
-/// Marks around the middle of the road.
+/// Control points around the middle of the road.
 pub fn ring(rng: &mut Rng, n: usize) -> Vec<Point> {
     let first = rng.uniform(0.0, std::f64::consts::TAU);
-    let mark = |i: usize| {
+    let control_point = |i: usize| {
         let angle = first + std::f64::consts::TAU * i as f64 / n as f64 + rng.uniform(-0.35, 0.35);
         Point::new(angle.cos(), angle.sin(), 0.0) * rng.uniform(2.2, 5.5)
     };
-    (0..n).map(mark).collect()
+    (0..n).map(control_point).collect()
 }
 
-/// Marks along a line, each off it by up to `width_m`.
+/// Control points along a line, each off it by up to `width_m`.
 pub fn row(rng: &mut Rng, n: usize, width_m: f64) -> Vec<Point> {
     let angle = rng.uniform(0.0, std::f64::consts::TAU);
     let (along, across) =
         (Vector3::new(angle.cos(), angle.sin(), 0.0), Vector3::new(-angle.sin(), angle.cos(), 0.0));
-    let mark = |i: usize| {
+    let control_point = |i: usize| {
         let s = -4.5 + 9.0 * i as f64 / (n - 1) as f64 + rng.uniform(-0.5, 0.5);
         along * s + across * rng.uniform(-width_m, width_m)
     };
-    (0..n).map(mark).collect()
+    (0..n).map(control_point).collect()
 }
 
 fn shows(camera: &Camera, pose: &Pose, x: &Point) -> bool {
@@ -87,11 +87,11 @@ impl Drawn {
         n_photos: usize,
         known: &Known,
         highest_m: f64,
-        marks: impl Fn(&mut Rng) -> Vec<Point>,
+        control_points: impl Fn(&mut Rng) -> Vec<Point>,
     ) -> Self {
         loop {
-            let mut points = marks(rng);
-            let n_marks = points.len();
+            let mut points = control_points(rng);
+            let n_control_points = points.len();
             for _ in 0..3 {
                 points.push(Point::new(rng.uniform(-3.5, 3.5), rng.uniform(-3.5, 3.5), 0.0));
             }
@@ -102,19 +102,19 @@ impl Drawn {
                     rng.uniform(0.3, 1.5),
                 ));
             }
-            points.push(points[n_marks] + Vector3::z() * rng.uniform(1.0, 2.0));
+            points.push(points[n_control_points] + Vector3::z() * rng.uniform(1.0, 2.0));
             if let Some(photos) = eyes(rng, n_photos, highest_m, &points) {
                 let mut scene = Drawn {
                     camera: camera(),
                     points,
-                    n_marks,
+                    n_control_points,
                     camera_of_photo: vec![0; photos.len()],
                     photos,
                     planes: vec![Plane::Unknown],
-                    facts: Vec::new(),
+                    constraints: Vec::new(),
                 };
                 scene.see(rng);
-                scene.measure_marks(rng, known);
+                scene.measure_control_points(rng, known);
                 return scene;
             }
         }
@@ -124,16 +124,20 @@ impl Drawn {
         for photo in 0..self.photos.len() {
             for point in 0..self.points.len() {
                 // One photograph says nothing of what stands on no plane.
-                let is_vehicle = (self.n_marks + 3..self.n_marks + 6).contains(&point);
+                let is_vehicle = (self.n_control_points + 3..self.n_control_points + 6).contains(&point);
                 if !(self.photos.len() == 1 && is_vehicle) {
-                    self.click(rng, photo, point);
+                    self.image_point(rng, photo, point);
                 }
             }
         }
-        let on_road = 0..self.n_marks + 3;
-        self.facts.extend(on_road.map(|point| Fact::OnPlane { plane: 0, point, sigma_m: ROAD_SIGMA_M }));
-        let (foot, top) = (self.n_marks, self.points.len() - 1);
-        self.facts.push(Fact::Upright { plane: 0, foot, top, sigma_rad: 0.02 });
+        let on_road = 0..self.n_control_points + 3;
+        self.constraints.extend(on_road.map(|point| Constraint::OnPlane {
+            plane: 0,
+            point,
+            sigma_m: ROAD_SIGMA_M,
+        }));
+        let (foot, top) = (self.n_control_points, self.points.len() - 1);
+        self.constraints.push(Constraint::Upright { plane: 0, foot, top, sigma_rad: 0.02 });
     }
 
     /// A road whose only known lengths are dashes of about 3 m, some on each lane line of `lines_m` (its distance from the middle), and
@@ -148,7 +152,7 @@ impl Drawn {
                 points.extend([Point::new(x, y, 0.0), Point::new(x, y + 3.0 + rng.uniform(-0.2, 0.2), 0.0)]);
             }
         }
-        let n_marks = points.len();
+        let n_control_points = points.len();
         points.extend((0..3).map(|_| Point::new(rng.uniform(-4.0, 4.0), rng.uniform(2.0, 18.0), 0.0)));
         let eye = |rng: &mut Rng| {
             let centre = Point::new(rng.uniform(-2.0, 2.0), rng.uniform(-14.0, -10.0), rng.uniform(2.0, 6.0));
@@ -158,73 +162,84 @@ impl Drawn {
         let mut scene = Drawn {
             camera: camera(),
             points,
-            n_marks,
+            n_control_points,
             camera_of_photo: vec![0; n_photos],
             photos,
             planes: vec![Plane::Unknown],
-            facts: Vec::new(),
+            constraints: Vec::new(),
         };
         for point in 0..scene.points.len() {
-            (0..n_photos).for_each(|photo| scene.click(rng, photo, point));
-            scene.facts.push(Fact::OnPlane { plane: 0, point, sigma_m: ROAD_SIGMA_M });
+            (0..n_photos).for_each(|photo| scene.image_point(rng, photo, point));
+            scene.constraints.push(Constraint::OnPlane { plane: 0, point, sigma_m: ROAD_SIGMA_M });
         }
-        (0..n_marks / 2).for_each(|k| scene.tape(rng, 2 * k, 2 * k + 1));
+        (0..n_control_points / 2).for_each(|k| scene.tape(rng, 2 * k, 2 * k + 1));
         scene
     }
 
-    fn click(&mut self, rng: &mut Rng, photo: usize, point: usize) {
+    fn image_point(&mut self, rng: &mut Rng, photo: usize, point: usize) {
         let seen = self.camera.project(&(self.photos[photo] * self.points[point])).expect("in front");
         let pixel = seen + Pixel::new(rng.normal(), rng.normal()) * SIGMA_PX;
-        self.facts.push(Fact::Click { photo, point, pixel, covariance_px2: isotropic(SIGMA_PX) });
+        self.constraints.push(Constraint::ImagePoint {
+            photo,
+            point,
+            pixel,
+            covariance_px2: isotropic(SIGMA_PX),
+        });
     }
 
     pub fn tape(&mut self, rng: &mut Rng, a: usize, b: usize) {
         let distance_m = (self.points[a] - self.points[b]).norm() + TAPE_SIGMA_M * rng.normal();
-        self.facts.push(Fact::Distance { a, b, distance_m, sigma_m: TAPE_SIGMA_M });
+        self.constraints.push(Constraint::Distance { a, b, distance_m, sigma_m: TAPE_SIGMA_M });
     }
 
-    fn measure_marks(&mut self, rng: &mut Rng, known: &Known) {
+    fn measure_control_points(&mut self, rng: &mut Rng, known: &Known) {
         match known {
             Known::Tapes(n) => {
                 let mut pairs: Vec<(usize, usize)> =
-                    (0..self.n_marks).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
+                    (0..self.n_control_points).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
                 while *n < pairs.len() {
                     pairs.remove(rng.index(pairs.len()));
                 }
                 pairs.into_iter().for_each(|(a, b)| self.tape(rng, a, b));
             }
             Known::Coordinates => {
-                for point in 0..self.n_marks {
+                for point in 0..self.n_control_points {
                     let noise = Vector3::new(rng.normal(), rng.normal(), rng.normal()) * TAPE_SIGMA_M;
                     let sigma_m = Vector3::repeat(TAPE_SIGMA_M);
-                    self.facts.push(Fact::Place { point, x_in_world: self.points[point] + noise, sigma_m });
+                    self.constraints.push(Constraint::Place {
+                        point,
+                        x_in_world: self.points[point] + noise,
+                        sigma_m,
+                    });
                 }
             }
         }
     }
 
-    pub fn cameras(&self) -> [SurveyCamera<'_>; 1] {
-        [SurveyCamera { camera: &self.camera, intrinsics_covariance: None }]
+    pub fn cameras(&self) -> [NetworkCamera<'_>; 1] {
+        [NetworkCamera { camera: &self.camera, intrinsics_covariance: None }]
     }
 
-    pub fn survey<'a>(&'a self, cameras: &'a [SurveyCamera<'a>]) -> Survey<'a> {
-        Survey {
+    pub fn network<'a>(&'a self, cameras: &'a [NetworkCamera<'a>]) -> NetworkProblem<'a> {
+        NetworkProblem {
             cameras,
             camera_of_photo: &self.camera_of_photo,
             n_points: self.points.len(),
             planes: &self.planes,
-            facts: &self.facts,
+            constraints: &self.constraints,
         }
     }
 
-    /// The distances among the facts.
+    /// The distances among the constraints.
     pub fn tapes(&self) -> Vec<usize> {
-        (0..self.facts.len()).filter(|i| matches!(self.facts[*i], Fact::Distance { .. })).collect()
+        (0..self.constraints.len())
+            .filter(|i| matches!(self.constraints[*i], Constraint::Distance { .. }))
+            .collect()
     }
 
     /// Lengths and heights, with the truth.
     pub fn queries(&self) -> Vec<(Query, f64)> {
-        let (n, last) = (self.n_marks, self.points.len() - 1);
+        let (n, last) = (self.n_control_points, self.points.len() - 1);
         let mut pairs = vec![(n, n + 1), (n + 2, 0)];
         let mut heights = vec![last];
         if 1 < self.photos.len() {

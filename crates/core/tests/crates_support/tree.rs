@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// A path of re-exports that goes on longer than this leads nowhere.
+/// A path of re-exports that continues longer than this leads nowhere.
 const MAX_STEPS: usize = 20;
 
 type Module = Vec<String>;

@@ -102,20 +102,27 @@ pub fn modules_use_only_those_above_them(at_least: usize) {
     assert!(at_least < checked, "only {checked} imports seen: does the parser still read them?");
 }
 
-/// The same below a module with files of its own: `solve/planar.rs` uses `sqpnp`, so `sqpnp` stands above it.
+/// The same below a module with files of its own: `solve/planar.rs` uses `sqpnp`, so `sqpnp` stands above it in `solve.rs`; and
+/// `multiview/rig/start.rs` uses `crate::multiview::relative` only if `relative` stands above `rig` in `multiview.rs`.
 pub fn submodules_use_only_those_above_them(at_least: usize) {
     let files = files();
     let mut checked = 0;
     for (name, text) in &files {
-        let Some((parent, own)) = name.trim_end_matches(".rs").rsplit_once('/') else { continue };
-        let parent_text = &files.iter().find(|f| f.0 == format!("{parent}.rs")).expect("the parent").1;
-        let order = modules(parent_text);
-        let place = |module: &str| order.iter().position(|m| m == module);
-        let own_place = place(own).unwrap_or_else(|| panic!("{name} is not listed in {parent}.rs"));
-        for used in used(text, "super::") {
-            if let Some(used_place) = place(&used) {
-                assert!(used_place < own_place, "{name} uses {used}, which stands below it in {parent}.rs");
-                checked += 1;
+        let path: Vec<&str> = name.trim_end_matches(".rs").split('/').collect();
+        for depth in 1..path.len() {
+            let (parent, own) = (path[..depth].join("/"), path[depth]);
+            let parent_text = &files.iter().find(|f| f.0 == format!("{parent}.rs")).expect("the parent").1;
+            let order = modules(parent_text);
+            let place = |module: &str| order.iter().position(|m| m == module);
+            let own_place = place(own).unwrap_or_else(|| panic!("{name} is not listed in {parent}.rs"));
+            let by_path = used(text, &format!("crate::{}::", parent.replace('/', "::")));
+            let by_parent = if depth + 1 == path.len() { used(text, "super::") } else { Vec::new() };
+            for used in by_path.iter().chain(&by_parent).filter(|used| *used != own) {
+                if let Some(used_place) = place(used) {
+                    let below = format!("{name} uses {used}, which stands below {own} in {parent}.rs");
+                    assert!(used_place < own_place, "{below}");
+                    checked += 1;
+                }
             }
         }
     }

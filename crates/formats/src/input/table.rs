@@ -53,8 +53,9 @@ impl Table {
                 "the cells are separated by {mark}; write commas between cells and points in numbers ({wanted},… and 0.5)"
             )));
         }
-        let is_twin = |(i, name): &(usize, &String)| !name.is_empty() && self.header[..*i].contains(name);
-        match self.header.iter().enumerate().find(is_twin) {
+        let is_duplicate =
+            |(i, name): &(usize, &String)| !name.is_empty() && self.header[..*i].contains(name);
+        match self.header.iter().enumerate().find(is_duplicate) {
             Some((_, name)) => Err(self.complaint(format!("column `{name}` appears twice"))),
             None => Ok(()),
         }

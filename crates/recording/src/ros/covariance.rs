@@ -1,11 +1,11 @@
 //! Our covariance of a camera's pose to that of `geometry_msgs/PoseWithCovariance`.
 //!
 //! Ours is of ξ = [ω; ν] with cam_from_target ← Exp(ξ) · cam_from_target. ROS's is of the pose of the camera in the target frame:
-//! (x, y, z, turns about the fixed axes x, y, z of that frame), target_from_cam ← turned by θ about its own origin, shifted by δ. Now
+//! (x, y, z, turns about the fixed axes x, y, z of that frame), target_from_cam ← rotated by θ about its own origin, shifted by δ. Now
 //!
 //! (Exp(ξ) · cam_from_target)⁻¹ = target_from_cam · Exp(−ξ), and with R the rotation of target_from_cam
 //!
-//! * its place becomes p − R ν, so δ = −R ν (a turn about the camera's own centre moves no centre);
+//! * its place becomes p − R ν, so δ = −R ν (a rotation about the camera's own centre moves no centre);
 //! * its rotation becomes R exp(−[ω]) = exp(−[R ω]) R, so θ = −R ω.
 //!
 //! [δ; θ] = −[0 R; R 0] ξ: both blocks change places and are turned into the target's axes; the sign is lost in the square.
@@ -35,7 +35,7 @@ mod tests {
         (cam_from_target, root)
     }
 
-    /// What ROS would read off a pose beside another: place, and the turn about fixed axes (small).
+    /// What ROS would read off a pose beside another: place, and the rotation about fixed axes (small).
     fn difference(target_from_cam: &Pose, now: &Pose) -> Vector6 {
         let turn = Pose::new(now.rotation * target_from_cam.rotation.transpose(), Default::default()).log();
         let shift = now.translation - target_from_cam.translation;

@@ -118,13 +118,13 @@ impl<'a> Reader<'a> {
     }
 
     fn field(&mut self, field: &'a Field, depth: usize) -> Result<Value<'a>, String> {
-        let told = |reason| format!("{}: {reason}", field.name);
+        let reported = |reason| format!("{}: {reason}", field.name);
         let length = match field.count {
-            Count::One => return self.one(&field.kind, depth).map_err(told),
+            Count::One => return self.one(&field.kind, depth).map_err(reported),
             Count::Fixed(length) => length,
-            Count::Sequence => self.length().map_err(told)?,
+            Count::Sequence => self.length().map_err(reported)?,
         };
-        self.array(&field.kind, length, depth).map_err(told)
+        self.array(&field.kind, length, depth).map_err(reported)
     }
 
     fn one(&mut self, kind: &'a Kind, depth: usize) -> Result<Value<'a>, String> {

@@ -8,9 +8,9 @@ use super::value::Value;
 /// A type of message that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A picture.
+    /// An image.
     Image,
-    /// A PNG or JPEG picture.
+    /// A PNG or JPEG image.
     CompressedImage,
     /// Tags found by `apriltag_ros`.
     AprilTags,
@@ -37,13 +37,13 @@ impl Kind {
         })
     }
 
-    /// Whether it is a picture.
+    /// Whether it is an image.
     pub fn is_image(self) -> bool {
         matches!(self, Kind::Image | Kind::CompressedImage)
     }
 
     /// Whether it shows what a camera sees.
-    pub fn is_sight(self) -> bool {
+    pub fn is_camera_message(self) -> bool {
         self != Kind::CameraInfo
     }
 }

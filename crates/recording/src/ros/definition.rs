@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_arrays_constants_and_neighbours_are_told_apart() {
+    fn fields_arrays_constants_and_neighbours_are_reported_apart() {
         let text = "# comment\nuint8 RED=1\nstring NAME = \"a # b\"\nHeader header\nfloat64[9] k  # row by row\nuint8[] data\n\
             string<=8 short\nint32[<=4] few\nint32 with_default 5\nPart[2] parts\n====\nMSG: other/msg/Part\nPiece piece\n\
             ===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n";
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_definition_is_told_with_its_line() {
+    fn what_is_no_definition_is_reported_with_its_line() {
         for text in ["uint8 a\nnothing", "uint8[x] a", "wstring a"] {
             let error = Definition::parse("a/B", text).unwrap_err();
             assert!(error.contains("a/B, line"), "{error}");

@@ -2,7 +2,9 @@
 
 use super::maps::BoardMaps;
 use crate::Error;
-use crate::answer::advise::{BoardAdvice, BoardSuggestion, CameraFigures, Picture, RigNow, doubts};
+use crate::answer::advise::{
+    BoardAdvice, BoardSuggestion, CameraFigures, Picture, RigNow, first_order_limits,
+};
 use crate::answer::{SchemaNumber, Status};
 use crate::core::advise::board::{CameraOutlook, Criterion, RigCamera, RigInformation, RigPlan, Suggestion};
 use crate::core::advise::volume::Shape;
@@ -122,7 +124,7 @@ impl Planning<'_> {
         let one = |c: &CameraOutlook| {
             let figures = CameraFigures {
                 determined: c.is_determined,
-                sigma_place_m: c.place_m,
+                sigma_position_m: c.position_m,
                 sigma_rotation_rad: c.rotation_rad,
             };
             (self.names[c.camera].clone(), figures)
@@ -146,19 +148,19 @@ impl Planning<'_> {
     }
 
     fn suggestion(&self, rank: usize, s: &Suggestion) -> BoardSuggestion {
-        let doubts = doubts(&s.doubts);
+        let first_order_limits = first_order_limits(&s.first_order_limits);
         BoardSuggestion {
             schema: SchemaNumber,
             kind: "suggestion",
-            status: if doubts.is_empty() { Status::Ok } else { Status::Degenerate },
+            status: if first_order_limits.is_empty() { Status::Ok } else { Status::Degenerate },
             rank,
             rig_from_target: s.rig_from_board.into(),
             centre_in_rig_m: (s.rig_from_board * self.plan.board.centre()).into(),
             front_in_rig: (s.rig_from_board.rotation * self.plan.board.front_in_target).into(),
             seen_by: s.seen_by.iter().map(|i| self.names[*i].clone()).collect(),
             cameras: self.cameras(&s.cameras),
-            holds: doubts.is_empty(),
-            doubts,
+            first_order_valid: first_order_limits.is_empty(),
+            first_order_limits,
         }
     }
 

@@ -1,4 +1,4 @@
-//! A map of one figure: colours, lines of equal value with their values, marks, axes and a scale.
+//! A map of one figure: colours, lines of equal value with their values, control points, axes and a scale.
 
 use super::contour::{Grid, levels};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
@@ -35,26 +35,26 @@ pub enum Under {
     },
 }
 
-/// How a mark is drawn.
+/// How a control point is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MarkKind {
+pub enum MapMarkerKind {
     /// What is there already.
     Known,
     /// What is advised.
     Best,
-    /// A camera, and where it looks: towards `Mark::towards`.
+    /// A camera, and where it looks: towards `MapMarker::towards`.
     Camera,
 }
 
 /// Something shown on a map, in its coordinates.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mark {
+pub struct MapMarker {
     /// Where.
     pub at: [f64; 2],
     /// Its name, written beside it.
     pub name: String,
     /// How it looks.
-    pub kind: MarkKind,
+    pub kind: MapMarkerKind,
     /// For a camera: a place it looks at.
     pub towards: Option<[f64; 2]>,
 }
@@ -75,7 +75,7 @@ pub struct HeatMap {
     /// Values at the centres of the cells, row by row: from the top of an image, from the bottom of a plan. None where there is none.
     pub values: Vec<Option<f64>>,
     /// What is shown on it.
-    pub marks: Vec<Mark>,
+    pub control_points: Vec<MapMarker>,
     /// Lines shown on it, such as the length to be measured.
     pub lines: Vec<[[f64; 2]; 2]>,
 }
@@ -231,9 +231,13 @@ impl Sheet<'_> {
     }
 
     fn contours(&mut self) {
-        // Marks and their names stay readable.
-        self.labels =
-            self.map.marks.iter().map(|mark| self.place(mark.at) + Vector2::new(20.0, 0.0)).collect();
+        // Control points and their names stay readable.
+        self.labels = self
+            .map
+            .control_points
+            .iter()
+            .map(|control_point| self.place(control_point.at) + Vector2::new(20.0, 0.0))
+            .collect();
         for level in self.levels() {
             let found = self.grid().contour(level);
             let segments: Vec<Path> =
@@ -272,24 +276,24 @@ impl Sheet<'_> {
         let lines: Vec<Path> =
             self.map.lines.iter().map(|ends| ends.iter().map(|e| self.place(*e)).collect()).collect();
         self.canvas.stroke_with_rim(&lines, Pen { color: PAPER, width: 2.5, opacity: 1.0 });
-        for mark in &self.map.marks {
-            self.mark(mark);
+        for control_point in &self.map.control_points {
+            self.control_point(control_point);
         }
     }
 
-    fn mark(&mut self, mark: &Mark) {
-        let at = self.place(mark.at);
-        let (color, paths) = match mark.kind {
-            MarkKind::Known => (KNOWN, vec![ring(at, 6.0), vec![at]]),
-            MarkKind::Best => (BEST, vec![diamond(at, 10.0), diamond(at, 4.0)]),
-            MarkKind::Camera => (CAMERA, camera_sign(at, mark.towards.map(|t| self.place(t)))),
+    fn control_point(&mut self, control_point: &MapMarker) {
+        let at = self.place(control_point.at);
+        let (color, paths) = match control_point.kind {
+            MapMarkerKind::Known => (KNOWN, vec![ring(at, 6.0), vec![at]]),
+            MapMarkerKind::Best => (BEST, vec![diamond(at, 10.0), diamond(at, 4.0)]),
+            MapMarkerKind::Camera => (CAMERA, camera_sign(at, control_point.towards.map(|t| self.place(t)))),
         };
         self.canvas.stroke_with_rim(&paths, Pen { color, width: 2.4, opacity: 1.0 });
-        let width = font::width(&mark.name, TEXT);
+        let width = font::width(&control_point.name, TEXT);
         let right = at + Vector2::new(14.0, 4.0);
         let fits = right.x + width < LEFT + self.width;
         let baseline = if fits { right } else { at + Vector2::new(-14.0 - width, 4.0) };
-        self.write(&mark.name, baseline, TEXT, color);
+        self.write(&control_point.name, baseline, TEXT, color);
     }
 
     /// Title, notes, border, ticks with numbers.
@@ -419,12 +423,17 @@ mod tests {
             under: Under::Plan { least_m: [0.0, 0.0], greatest_m: [8.0, 4.0], axes: ["x m", "y m"] },
             columns: 40,
             values: (0..800).map(value).collect(),
-            marks: vec![Mark { at: [6.0, 1.0], name: "P".into(), kind: MarkKind::Known, towards: None }],
+            control_points: vec![MapMarker {
+                at: [6.0, 1.0],
+                name: "P".into(),
+                kind: MapMarkerKind::Known,
+                towards: None,
+            }],
             lines: Vec::new(),
         }
     }
 
-    /// Colours follow the values, the second axis runs up, what has no value is grey, a mark is where its place is.
+    /// Colours follow the values, the second axis runs up, what has no value is grey, a control point is where its place is.
     #[test]
     fn what_is_drawn_is_where_it_belongs() {
         let map = map();

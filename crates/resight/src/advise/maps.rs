@@ -4,7 +4,7 @@ mod boards;
 
 pub use boards::BoardMaps;
 
-use super::heat::{Figure, HeatMap, Mark, MarkKind, Under};
+use super::heat::{Figure, HeatMap, MapMarker, MapMarkerKind, Under};
 use crate::core::advise::expect::{NEEDED_SEPARATION_SIGMA, View, expect, worst_sigmas};
 use crate::core::advise::ground::Plane;
 use crate::core::advise::point::{Aim, NextPoint};
@@ -119,7 +119,7 @@ impl FurtherPoint<'_> {
 
     fn place_value(&self, x: &Point, covariance: &Matrix6) -> Option<f64> {
         let seen = View { points: &[KnownPoint { position: *x, sigma_m: 0.0 }], ..self.view };
-        crate::core::advise::sight(&seen)?;
+        crate::core::advise::correspondences_in_view(&seen)?;
         let place = self.plane().point(self.view.camera, &self.view.cam_from_target, x)?;
         Some(2.0 * place.worst_sigma_m(covariance, self.view.sigma_px))
     }
@@ -166,26 +166,43 @@ impl FurtherPoint<'_> {
             }
             Some(self.view.camera.project(&(self.view.cam_from_target * *x))?.into())
         };
-        let mark = |x: &Point, name: String, kind| {
-            project(x).filter(|at| is_inside(&under, at)).map(|at| Mark { at, name, kind, towards: None })
+        let control_point = |x: &Point, name: String, kind| {
+            project(x).filter(|at| is_inside(&under, at)).map(|at| MapMarker {
+                at,
+                name,
+                kind,
+                towards: None,
+            })
         };
         let known = self.view.points.iter().zip(self.names);
-        let mut marks: Vec<Mark> =
-            known.filter_map(|(p, name)| mark(&p.position, name.clone(), MarkKind::Known)).collect();
+        let mut control_points: Vec<MapMarker> = known
+            .filter_map(|(p, name)| control_point(&p.position, name.clone(), MapMarkerKind::Known))
+            .collect();
         let best = self.best.iter().enumerate().rev();
-        marks.extend(best.filter_map(|(i, x)| mark(x, format!("{}", i + 1), MarkKind::Best)));
+        control_points
+            .extend(best.filter_map(|(i, x)| control_point(x, format!("{}", i + 1), MapMarkerKind::Best)));
         if is_plan {
             let r = &self.view.cam_from_target.rotation;
             let (foot, ahead) = (self.view.cam_from_target.origin(), r.tr_mul(&Vector3::z()));
-            let sign = mark(&foot, "camera".into(), MarkKind::Camera);
-            marks.extend(sign.map(|m| Mark { towards: Some([foot.x + ahead.x, foot.y + ahead.y]), ..m }));
+            let sign = control_point(&foot, "camera".into(), MapMarkerKind::Camera);
+            control_points
+                .extend(sign.map(|m| MapMarker { towards: Some([foot.x + ahead.x, foot.y + ahead.y]), ..m }));
         }
         let ends = self.length_m.map(|[a, b, c, d]| [[a, b], [c, d]]);
         let ends = ends.and_then(|e| {
             let [p, q] = e.map(|[x, y]| project(&Point::new(x, y, self.ground_z_m)));
             Some([p?, q?])
         });
-        HeatMap { title, notes, figure, under, columns, values, marks, lines: ends.into_iter().collect() }
+        HeatMap {
+            title,
+            notes,
+            figure,
+            under,
+            columns,
+            values,
+            control_points,
+            lines: ends.into_iter().collect(),
+        }
     }
 }
 
@@ -213,7 +230,7 @@ pub struct TargetMaps<'a> {
 }
 
 impl TargetMaps<'_> {
-    /// 2σ of the camera's place; none out of sight, where answers will be ambiguous, or where the likelihood is badly bent.
+    /// 2σ of the camera's position; none out of sight, where answers will be ambiguous, or where the likelihood is badly bent.
     fn value(&self, cam_from_target: Pose) -> Option<f64> {
         let view = View {
             camera: self.camera,
@@ -240,7 +257,7 @@ impl TargetMaps<'_> {
             self.value(self.shape.cam_from_target(&(ray * distance_m), tilt, direction, 0.0))
         };
         let values = centres.iter().map(at).collect();
-        let title = "2σ of the camera's place with the target's centre at this pixel".to_string();
+        let title = "2σ of the camera's position with the target's centre at this pixel".to_string();
         let note = format!(
             "{distance_m:.2} m away, tilted by {:.0}°; hatched: not whole in the image, ambiguous, or too nearly frontal",
             tilt.to_degrees()
@@ -252,12 +269,12 @@ impl TargetMaps<'_> {
             under,
             columns,
             values,
-            marks: Vec::new(),
+            control_points: Vec::new(),
             lines: Vec::new(),
         })
     }
 
-    /// Seen along the target's plane: the camera stands in the plane of the target's front normal (up in the picture) and its x
+    /// Seen along the target's plane: the camera stands in the plane of the target's front normal (up in the image) and its x
     /// axis (`along_x`) or its y axis, and looks at the target's centre.
     pub fn around(&self, along_x: bool) -> HeatMap {
         let far = self.volume.distance_m[1];
@@ -279,9 +296,9 @@ impl TargetMaps<'_> {
         };
         let values = centres.iter().map(at).collect();
         let axis = if along_x { "x" } else { "y" };
-        let marks = self.outline(along_x);
+        let control_points = self.outline(along_x);
         HeatMap {
-            title: format!("2σ of the camera's place if it stands here, over the target's {axis} axis"),
+            title: format!("2σ of the camera's position if it stands here, over the target's {axis} axis"),
             notes: vec![
                 "up: along the front normal, looking at the target's centre".into(),
                 "hatched: out of sight, ambiguous, or too nearly frontal".into(),
@@ -294,8 +311,8 @@ impl TargetMaps<'_> {
             },
             columns,
             values,
-            marks: Vec::new(),
-            lines: marks,
+            control_points: Vec::new(),
+            lines: control_points,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::answer::advise::{Figures, Picture, PointSuggestion, PointsAdvice, Poi
 use crate::answer::{SchemaNumber, Status};
 use crate::core::advise::expect::{NEEDED_SEPARATION_SIGMA, View, expect};
 use crate::core::advise::ground::{GroundLength, Plane};
-use crate::core::advise::layout::concerns;
+use crate::core::advise::layout::layout_warnings;
 use crate::core::advise::point::{Aim, Gain, NextPoint, spread_out};
 use crate::core::locate::{Config, locate};
 use crate::core::target::KnownPoint;
@@ -108,8 +108,9 @@ fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, E
     };
     let seen: Vec<Correspondence> = request.points.iter().map(one).collect::<Result<_, Error>>()?;
     let answer = locate(&seen, request.camera, &Config::default())
-        .map_err(|reason| Error::request(format!("the marks' pixels give no pose: {reason}")))?;
-    let all: Vec<Pose> = answer.minima().filter(|h| h.is_rival).map(|h| h.minimum.cam_from_target).collect();
+        .map_err(|reason| Error::request(format!("the control points' pixels give no pose: {reason}")))?;
+    let all: Vec<Pose> =
+        answer.minima().filter(|h| h.is_alternative).map(|h| h.minimum.cam_from_target).collect();
     // Of poses that fit alike, the one above the ground; the user can say otherwise.
     let above = |pose: &&Pose| request.ground_z_m < pose.origin().z;
     let taken = all.iter().find(above).copied().unwrap_or(answer.cam_from_target);
@@ -117,7 +118,7 @@ fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, E
         let at = |p: &Pose| format!("({:.2}, {:.2}, {:.2}) m", p.origin().x, p.origin().y, p.origin().z);
         let list = all.iter().map(at).collect::<Vec<_>>().join(", ");
         remarks.push(format!(
-            "{} poses fit these marks, camera at {list}; {} is taken, say otherwise with --pose",
+            "{} poses fit these control points, camera at {list}; {} is taken, say otherwise with --pose",
             all.len(),
             at(&taken)
         ));
@@ -137,7 +138,7 @@ fn aim(request: &NextPointRequest, length: Option<GroundLength>) -> Result<(Aim,
         (Some(AimFor::Length) | None, Some(length)) => Ok((Aim::Length(length), "length")),
         (Some(AimFor::Length), None) => Err(Error::request("--minimise length needs --length-m X1,Y1,X2,Y2")),
         (Some(AimFor::Rotation), _) => Ok((Aim::Rotation, "rotation")),
-        (Some(AimFor::Place) | None, _) => Ok((Aim::Place, "camera's place")),
+        (Some(AimFor::Place) | None, _) => Ok((Aim::Place, "camera's position")),
     }
 }
 
@@ -152,7 +153,7 @@ impl Question<'_> {
     }
 
     fn answer(&self, mut remarks: Vec<String>) -> Result<PointsAdvice, Error> {
-        let so_far = |reason| Error::request(format!("the marks so far: {reason}"));
+        let so_far = |reason| Error::request(format!("the control points so far: {reason}"));
         let view = self.view(&self.known);
         let next = NextPoint::new(view).map_err(so_far)?;
         let candidates = self.candidates();
@@ -196,7 +197,7 @@ impl Question<'_> {
     fn figures(&self, view: &View) -> Result<Figures, crate::core::Error> {
         let e = expect(view)?;
         let sigma_length = self.length.map(|l| l.sigma_m(&e.covariance));
-        Ok(Figures::new(&e, sigma_length, &concerns(view, &e)))
+        Ok(Figures::new(&e, sigma_length, &layout_warnings(view, &e)))
     }
 
     /// Of a region places apart from each other, of a list all.
@@ -220,7 +221,7 @@ impl Question<'_> {
         Ok(PointSuggestion {
             schema: SchemaNumber,
             kind: "suggestion",
-            status: if figures.holds { Status::Ok } else { Status::Degenerate },
+            status: if figures.first_order_valid { Status::Ok } else { Status::Degenerate },
             rank,
             id: id.to_owned(),
             x_in_target_m: candidate.position.into(),

@@ -60,7 +60,7 @@ pub fn advise_target(request: &TargetRequest) -> Result<TargetAdvice, Error> {
 }
 
 fn status(o: &Outlook) -> Status {
-    if o.place_m.is_some() { Status::Ok } else { Status::Degenerate }
+    if o.position_m.is_some() { Status::Ok } else { Status::Degenerate }
 }
 
 fn row(volume: &Volume, o: &Outlook) -> VolumeOutlook {
@@ -84,7 +84,7 @@ fn change(rank: usize, tried: Tried, now: &Outlook) -> TargetChange {
         key: change.key,
         from: change.from,
         to: change.to,
-        grows: change.grows,
+        enlarges_target: change.enlarges_target,
         cost_ratio: cost(&outlook) / cost(now),
         outlook: OutlookObject::from(&outlook),
         change,

@@ -4,9 +4,9 @@ use super::{SchemaNumber, Status, TransformObject};
 use crate::advise::heat::HeatMap;
 use crate::advise::words;
 use crate::core::advise::change::Change;
-use crate::core::advise::layout::Concern;
+use crate::core::advise::layout::LayoutWarning;
 use crate::core::advise::volume::{Outlook, Spread};
-use crate::core::advise::{Doubt, Expectation};
+use crate::core::advise::{Expectation, FirstOrderLimit};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Figures {
     /// Greatest of the camera's position over all directions; null where the points do not determine it.
-    pub sigma_place_m: Option<f64>,
+    pub sigma_position_m: Option<f64>,
     /// Greatest of its rotation over all axes.
     pub sigma_rotation_rad: Option<f64>,
     /// Of the length asked for.
@@ -25,36 +25,40 @@ pub struct Figures {
     /// Probability that the answer will be ambiguous.
     pub chance_ambiguous: f64,
     /// Whether these first-order figures hold within 5 %.
-    pub holds: bool,
+    pub first_order_valid: bool,
     /// Why not.
-    pub doubts: Vec<String>,
+    pub first_order_limits: Vec<String>,
     /// What is wrong with the layout.
-    pub concerns: Vec<String>,
+    pub layout_warnings: Vec<String>,
 }
 
 impl Figures {
-    pub(crate) fn new(e: &Expectation, sigma_length_m: Option<f64>, concerns: &[Concern]) -> Self {
+    pub(crate) fn new(
+        e: &Expectation,
+        sigma_length_m: Option<f64>,
+        layout_warnings: &[LayoutWarning],
+    ) -> Self {
         let (rotation, place) = crate::core::advise::expect::worst_sigmas(&e.covariance);
-        let doubts = doubts(&e.doubts());
+        let first_order_limits = first_order_limits(&e.first_order_limits());
         Figures {
-            sigma_place_m: Some(place),
+            sigma_position_m: Some(place),
             sigma_rotation_rad: Some(rotation),
             sigma_length_m,
             separation_sigma: Some(e.separation_sigma).filter(|d| d.is_finite()),
             chance_ambiguous: e.chance_ambiguous(),
-            holds: doubts.is_empty(),
-            doubts,
-            concerns: concerns.iter().map(words::concern).collect(),
+            first_order_valid: first_order_limits.is_empty(),
+            first_order_limits,
+            layout_warnings: layout_warnings.iter().map(words::layout_warning).collect(),
         }
     }
 }
 
 /// Why a view's figures do not hold, in sentences.
-pub(crate) fn doubts(doubts: &[Doubt]) -> Vec<String> {
-    doubts.iter().map(words::doubt).collect()
+pub(crate) fn first_order_limits(first_order_limits: &[FirstOrderLimit]) -> Vec<String> {
+    first_order_limits.iter().map(words::first_order_limit).collect()
 }
 
-/// A picture to go with advice: its file name and what it shows.
+/// An image to go with advice: its file name and what it shows.
 pub type Picture = (String, HeatMap);
 
 /// Where to put the next point.
@@ -66,7 +70,7 @@ pub struct PointsAdvice {
     pub suggestions: Vec<PointSuggestion>,
     /// What the other places would give.
     pub tried: TriedPlaces,
-    /// What the figures are made small of: `length`, `rotation`, `camera's place`.
+    /// What the figures are made small of: `length`, `rotation`, `camera's position`.
     pub aim: &'static str,
     /// What is unusual.
     pub remarks: Vec<String>,
@@ -163,11 +167,11 @@ pub struct OutlookObject {
     /// Views tried.
     pub n_views: usize,
     /// In these the target does not fit into the image.
-    pub n_out_of_sight: usize,
+    pub n_out_of_view: usize,
     /// These do not determine the pose.
     pub n_undetermined: usize,
     /// Of the camera's position, worst direction, over the views.
-    pub sigma_place_m: Option<SpreadObject>,
+    pub sigma_position_m: Option<SpreadObject>,
     /// Of its rotation, worst axis.
     pub sigma_rotation_rad: Option<SpreadObject>,
     /// Share of answers that will be ambiguous.
@@ -182,13 +186,13 @@ impl From<&Outlook> for OutlookObject {
     fn from(o: &Outlook) -> Self {
         OutlookObject {
             n_views: o.n_views,
-            n_out_of_sight: o.n_out_of_sight,
+            n_out_of_view: o.n_out_of_view,
             n_undetermined: o.n_undetermined,
-            sigma_place_m: o.place_m.map(SpreadObject::from),
+            sigma_position_m: o.position_m.map(SpreadObject::from),
             sigma_rotation_rad: o.rotation_rad.map(SpreadObject::from),
             ambiguous: o.ambiguous,
             wrong: o.wrong,
-            first_order_fails: o.doubtful,
+            first_order_fails: o.first_order_fails,
         }
     }
 }
@@ -229,7 +233,7 @@ pub struct TargetChange {
     /// What it would be.
     pub to: f64,
     /// Whether the target becomes larger.
-    pub grows: bool,
+    pub enlarges_target: bool,
     /// Median of the position's sigma over the share of answers of use, over that of the target as it is: below 1 it helps.
     pub cost_ratio: f64,
     /// What the target is worth then.
@@ -259,7 +263,7 @@ pub struct CameraFigures {
     /// Whether the views determine its pose.
     pub determined: bool,
     /// Worst direction, relative to the reference.
-    pub sigma_place_m: f64,
+    pub sigma_position_m: f64,
     /// Worst axis.
     pub sigma_rotation_rad: f64,
 }
@@ -304,7 +308,7 @@ pub struct BoardSuggestion {
     /// The cameras by name, with it and those before it.
     pub cameras: BTreeMap<String, CameraFigures>,
     /// Whether these first-order figures hold.
-    pub holds: bool,
+    pub first_order_valid: bool,
     /// Why not.
-    pub doubts: Vec<String>,
+    pub first_order_limits: Vec<String>,
 }

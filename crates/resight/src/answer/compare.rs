@@ -70,15 +70,15 @@ pub struct Motion {
     /// Standard deviation along that way.
     pub moved_sigma_m: f64,
     /// By how much it rotated.
-    pub turned_rad: f64,
+    pub rotation_rad: f64,
     /// Standard deviation about that axis.
-    pub turned_sigma_rad: f64,
+    pub rotation_sigma_rad: f64,
     /// Axis of the rotation in the old frame; null where the rotation is less than two standard deviations.
-    pub turn_axis: Option<[f64; 3]>,
+    pub rotation_axis: Option<[f64; 3]>,
     /// Squared motion over its covariance.
     pub chi2: f64,
     /// Numbers behind it.
-    pub dof: usize,
+    pub degrees_of_freedom: usize,
     /// Probability of as much or more if nothing moved.
     pub p: f64,
 }
@@ -111,10 +111,10 @@ pub struct RigsCompared {
     /// Of all relative poses together, if nothing moved.
     pub chi2: f64,
     /// Numbers behind it.
-    pub dof: usize,
+    pub degrees_of_freedom: usize,
     /// Degrees of freedom of the noise, where A or B estimated it: `p` is of an F distribution then.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub noise_dof: Option<f64>,
+    pub noise_degrees_of_freedom: Option<f64>,
     /// Probability of as much or more if nothing moved.
     pub p: f64,
     /// Cameras that kept their relative poses.
@@ -122,7 +122,7 @@ pub struct RigsCompared {
     /// Cameras that moved.
     pub moved: Vec<CameraMotion>,
     /// Other sets of unmoved cameras that explain the poses about as well.
-    pub rivals: Vec<Vec<String>>,
+    pub alternatives: Vec<Vec<String>>,
     /// Cameras of A alone.
     pub only_in_a: Vec<String>,
     /// Cameras of B alone.

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_of_a_square_are_one_group_and_other_twins_are_not() {
+    fn corners_of_a_square_are_one_group_and_other_duplicates_are_not() {
         let tag = [
             row("7", 0.0, 0.0),
             row("a", 5.0, 5.0),

@@ -3,7 +3,7 @@
 use super::placed::UncertainObject;
 use super::{SchemaNumber, Status, Unsolved};
 use crate::core::multiview::hand_eye::{
-    HandEye, HandEyeCause, HandViewResult, Mount, RejectedView as Rejection,
+    HandEye, HandEyeCause, HandEyeViewResult, Mounting, RejectedView as Rejection,
 };
 use crate::report::verdict::figures;
 use crate::rig::relative::UncertainPose;
@@ -90,15 +90,15 @@ impl SolvedHandEye {
     /// Names of the two poses: `cam_from_gripper` and `base_from_target`, with the camera at rest `cam_from_base` and
     /// `gripper_from_target`; `rig` for `cam` where several cameras observe.
     pub fn pose_names(&self) -> (String, &'static str) {
-        match self.solution.mount {
-            Mount::CameraOnHand => (format!("{}_from_gripper", self.eye), "base_from_target"),
-            Mount::TargetOnHand => (format!("{}_from_base", self.eye), "gripper_from_target"),
+        match self.solution.mounting {
+            Mounting::CameraOnGripper => (format!("{}_from_gripper", self.eye), "base_from_target"),
+            Mounting::TargetOnGripper => (format!("{}_from_base", self.eye), "gripper_from_target"),
         }
     }
 
     /// How well each view agrees with all.
     pub fn agreements(&self) -> Vec<ViewAgreement> {
-        let view = |(name, result): (&String, &HandViewResult)| ViewAgreement {
+        let view = |(name, result): (&String, &HandEyeViewResult)| ViewAgreement {
             view: name.clone(),
             residual_rad: result.residual.map(|r| r.fixed_rows::<3>(0).norm()),
             residual_m: result.residual.map(|r| r.fixed_rows::<3>(3).norm()),
@@ -157,7 +157,7 @@ impl SolvedHandEye {
         HandEyeObject {
             schema: SchemaNumber,
             status: self.status(),
-            mount: if found.mount == Mount::CameraOnHand { "eye_in_hand" } else { "eye_to_hand" },
+            mounting: if found.mounting == Mounting::CameraOnGripper { "eye_in_hand" } else { "eye_to_hand" },
             poses,
             n_views: found.views.len(),
             n_used: found.n_used,
@@ -167,12 +167,12 @@ impl SolvedHandEye {
             pose_degrees_of_freedom: found.pose_degrees_of_freedom,
             noise_scale: found.noise_scale,
             robot_noise: found
-                .hand_noise
+                .gripper_noise
                 .map(|noise| RobotNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
             target_size: found
                 .target_size
                 .map(|size| TargetSizeObject { ratio: size.ratio, sigma: size.sigma }),
-            rotations_rad: found.turns_rad,
+            rotations_rad: found.rotations_rad,
             views: self.agreements(),
             rejected: self.rejected(),
             causes: self.causes(),
@@ -201,7 +201,7 @@ impl Serialize for SolvedHandEye {
 pub(super) struct HandEyeObject {
     schema: SchemaNumber,
     status: Status,
-    mount: &'static str,
+    mounting: &'static str,
     /// `cam_from_gripper` (or `rig_from_gripper`, `cam_from_base`, `rig_from_base`) and `base_from_target` (or `gripper_from_target`).
     #[serde(flatten)]
     poses: BTreeMap<String, UncertainObject>,

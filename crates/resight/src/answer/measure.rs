@@ -1,29 +1,29 @@
-//! The answer of the job that measures in photographs: one object a question, then one of the whole survey.
+//! The answer of the job that measures in photographs: one object a question, then one of the whole network.
 
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::multiview::network::{Measured, SurveyStatus};
+use crate::core::multiview::network::{Measured, NetworkStatus};
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// What a scene says of every question, and what the survey behind the answers is worth.
+/// What a scene says of every question, and what the network behind the answers is worth.
 #[derive(Debug, Clone)]
 pub struct MeasureAnswer {
     /// The solution; none where there is none.
     pub solved: Option<Answers>,
     /// One a question, in order.
     pub answers: Vec<QueryObject>,
-    /// The survey behind them.
-    pub survey: SurveyAnswer,
+    /// The network behind them.
+    pub network: SurveyAnswer,
 }
 
-/// The survey behind the answers, or why there is none.
+/// The network behind the answers, or why there is none.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum SurveyAnswer {
     /// Where everything is.
-    Solved(Box<SurveyObject>),
+    Solved(Box<NetworkObject>),
     /// Why there is no answer at all.
     Refused(RefusedObject),
 }
@@ -32,24 +32,24 @@ impl MeasureAnswer {
     pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
         MeasureAnswer {
             answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
-            survey: SurveyAnswer::Solved(Box::new(survey_object(scene, &answers))),
+            network: SurveyAnswer::Solved(Box::new(network_object(scene, &answers))),
             solved: Some(answers),
         }
     }
 
-    pub(crate) fn refused(scene: &NamedScene, status: SurveyStatus, reason: &str) -> Self {
+    pub(crate) fn refused(scene: &NamedScene, status: NetworkStatus, reason: &str) -> Self {
         let message = reason.to_string();
-        let refused = RefusedObject { schema: SchemaNumber, kind: "survey", status: status.into(), message };
+        let refused = RefusedObject { schema: SchemaNumber, kind: "network", status: status.into(), message };
         MeasureAnswer {
             solved: None,
             answers: scene.queries.iter().map(|query| base(scene, query, status, reason)).collect(),
-            survey: SurveyAnswer::Refused(refused),
+            network: SurveyAnswer::Refused(refused),
         }
     }
 
-    /// Whether the survey and every answer may be relied on.
+    /// Whether the network and every answer may be relied on.
     pub fn is_ok(&self) -> bool {
-        let is_ok = |status: SurveyStatus| status == SurveyStatus::Ok;
+        let is_ok = |status: NetworkStatus| status == NetworkStatus::Ok;
         self.solved
             .as_ref()
             .is_some_and(|solved| is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status)))
@@ -79,12 +79,12 @@ struct PhotoObject {
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 struct PointObject {
     name: String,
-    is_mark: bool,
+    is_control_point: bool,
     position_m: Option<[f64; 3]>,
     covariance_m2: Option<Vec<Vec<f64>>>,
 }
 
-/// A survey without any answer.
+/// A network without any answer.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct RefusedObject {
     schema: SchemaNumber,
@@ -95,9 +95,9 @@ pub struct RefusedObject {
     pub message: String,
 }
 
-/// The survey behind the answers.
+/// The network behind the answers.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct SurveyObject {
+pub struct NetworkObject {
     schema: SchemaNumber,
     kind: &'static str,
     status: Status,
@@ -107,7 +107,7 @@ pub struct SurveyObject {
     chi2: f64,
     degrees_of_freedom: usize,
     noise_scale: f64,
-    rival_delta_chi2: Option<f64>,
+    alternative_delta_chi2: Option<f64>,
     photos: Vec<PhotoObject>,
     points: Vec<PointObject>,
     suspects: Vec<String>,
@@ -135,7 +135,7 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
 }
 
 /// An answer without values.
-fn base(scene: &NamedScene, query: &NamedQuery, status: SurveyStatus, message: &str) -> QueryObject {
+fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: &str) -> QueryObject {
     QueryObject {
         schema: SchemaNumber,
         query: query.name.clone(),
@@ -162,7 +162,7 @@ fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_j
     entries.map(|(key, value)| (format!("{key}_{suffix}"), value)).into_iter().collect()
 }
 
-fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
+fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
     let adjusted = &answers.adjusted;
     let photo = |(i, photo): (usize, &ScenePhoto)| PhotoObject {
         name: photo.name.clone(),
@@ -173,22 +173,22 @@ fn survey_object(scene: &NamedScene, answers: &Answers) -> SurveyObject {
     };
     let point = |(i, name): (usize, &String)| PointObject {
         name: name.clone(),
-        is_mark: scene.is_mark[i],
+        is_control_point: scene.is_control_point[i],
         position_m: adjusted.point(i).map(|x| (x + scene.origin_m).into()),
         covariance_m2: adjusted
             .point_covariance_m2(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
     };
-    SurveyObject {
+    NetworkObject {
         schema: SchemaNumber,
-        kind: "survey",
+        kind: "network",
         status: answers.status.into(),
         message: answers.verdict.join("; "),
         frame: frame_words(scene, adjusted.frame),
         chi2: adjusted.chi2,
         degrees_of_freedom: adjusted.degrees_of_freedom,
         noise_scale: adjusted.noise_scale,
-        rival_delta_chi2: adjusted.rival_delta_chi2,
+        alternative_delta_chi2: adjusted.alternative_delta_chi2,
         photos: scene.photos.iter().enumerate().map(photo).collect(),
         points: scene.points.iter().enumerate().map(point).collect(),
         suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),

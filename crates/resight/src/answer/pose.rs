@@ -14,6 +14,7 @@ use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// The answer about one view: status and sentence, and the pose where there is one. Serialises to the JSON object of the command line.
@@ -101,7 +102,7 @@ struct MinimumObject {
     rms_px: f64,
     chi2: f64,
     delta_chi2: f64,
-    weight: f64,
+    probability: f64,
     within_gate: bool,
 }
 
@@ -109,14 +110,14 @@ struct MinimumObject {
 #[derive(Debug, Serialize, JsonSchema)]
 struct ObservabilityObject {
     weakest: &'static str,
-    /// `[turn_rad; shift_m]` about and of the target's centre, camera frame, one standard deviation.
+    /// `[rotation_rad; shift_m]` about and of the target's centre, camera frame, one standard deviation.
     motion: [f64; 6],
-    turn_axis: &'static str,
+    rotation_axis: &'static str,
     sigma_rad: f64,
     shift_axis: &'static str,
     sigma_m: f64,
     correlation: f64,
-    go_together: bool,
+    correlated: bool,
     ratio: f64,
 }
 
@@ -166,11 +167,11 @@ pub struct PoseObject {
     covariance: Option<[[f64; 6]; 6]>,
     sigma_rad: Option<[f64; 3]>,
     sigma_m: Option<[f64; 3]>,
-    /// Of the vector `cam_from_target.translation_m` itself, which a turn of the camera changes too.
+    /// Of the vector `cam_from_target.translation_m` itself, which a rotation of the camera changes too.
     sigma_translation_m: Option<[f64; 3]>,
     rms_px: Option<f64>,
     chi2: Option<f64>,
-    dof: Option<usize>,
+    degrees_of_freedom: Option<usize>,
     /// Root mean square of what all points share along one axis of the image, where that shows; `covariance` holds it.
     #[serde(skip_serializing_if = "Option::is_none")]
     shared_error_px: Option<f64>,
@@ -223,7 +224,29 @@ impl From<&DisplacedTag> for LeftOutTag {
 
 impl Serialize for PoseAnswer {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.json().serialize(serializer)
+        match self.image_unit {
+            "px" => self.json().serialize(serializer),
+            unit => {
+                let object = serde_json::to_value(self.json()).map_err(serde::ser::Error::custom)?;
+                in_unit(object, &unit.replace(' ', "_")).serialize(serializer)
+            }
+        }
+    }
+}
+
+/// Keys end in the unit of their value: `rms_px` of normalised coordinates is `rms_normalized`, of a photogrammetric camera
+/// `rms_unit_of_f`. The size of the image stays in pixels.
+fn in_unit(value: Value, unit: &str) -> Value {
+    let renamed = |key: String| match key.strip_suffix("_px") {
+        Some(stem) if key != "intrinsics_scaled_from_px" => format!("{stem}_{unit}"),
+        _ => key,
+    };
+    match value {
+        Value::Object(keys) => {
+            keys.into_iter().map(|(key, value)| (renamed(key), in_unit(value, unit))).collect()
+        }
+        Value::Array(values) => values.into_iter().map(|value| in_unit(value, unit)).collect(),
+        other => other,
     }
 }
 
@@ -265,7 +288,7 @@ impl PoseAnswer {
             status: self.verdict.status,
             method: e.map(|e| crate::locate::method_name(e.method)),
             n_points: e.map_or(self.n_points, |e| e.n_points),
-            probability: e.map(|e| e.weight),
+            probability: e.map(|e| e.probability),
             cam_from_target: e.map(|e| e.cam_from_target.into()),
             target_from_cam: e.map(|e| e.cam_from_target.inverse().into()),
             covariance: e.map(|e| rows(&e.covariance)),
@@ -274,7 +297,7 @@ impl PoseAnswer {
             sigma_translation_m: e.map(translation_sigmas),
             rms_px: e.map(|e| e.rms_px),
             chi2: e.map(|e| e.chi2),
-            dof: e.map(|e| e.degrees_of_freedom),
+            degrees_of_freedom: e.map(|e| e.degrees_of_freedom),
             shared_error_px: e.map(|e| e.shared_error_px).filter(|px| 0.0 < *px),
             sigma_px: self.sigma_px,
             image_unit: self.image_unit,
@@ -331,7 +354,7 @@ fn ambiguity(estimate: &PoseEstimate) -> AmbiguityObject {
             verdict: "ambiguous",
             ratio: Some(*ratio).filter(|r| r.is_finite()),
             delta_chi2: Some(other.chi2 - estimate.chi2),
-            other: Some(other_object(other, estimate.others[0].map_or(0.0, |h| h.weight))),
+            other: Some(other_object(other, estimate.others[0].map_or(0.0, |h| h.probability))),
         },
     }
 }
@@ -359,21 +382,21 @@ fn minimum(h: Hypothesis) -> MinimumObject {
         rms_px: m.rms_px,
         chi2: m.chi2,
         delta_chi2: h.delta_chi2,
-        weight: h.weight,
-        within_gate: h.is_rival,
+        probability: h.probability,
+        within_gate: h.is_alternative,
     }
 }
 
 fn observability(o: &Observability) -> ObservabilityObject {
     ObservabilityObject {
-        weakest: if o.is_shift { "shift" } else { "turn" },
+        weakest: if o.is_shift { "shift" } else { "rotation" },
         motion: o.motion.into(),
-        turn_axis: axis_name(&o.turn_axis),
+        rotation_axis: axis_name(&o.rotation_axis),
         sigma_rad: o.sigma_rad,
         shift_axis: axis_name(&o.shift_axis),
         sigma_m: o.sigma_m,
         correlation: o.correlation,
-        go_together: o.go_together(),
+        correlated: o.correlated(),
         ratio: o.ratio,
     }
 }

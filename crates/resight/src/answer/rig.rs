@@ -119,9 +119,9 @@ pub(super) struct RigObject {
     reference: String,
     rms_px: f64,
     chi2: f64,
-    dof: usize,
+    degrees_of_freedom: usize,
     noise_scale: f64,
-    /// Variances beyond that, for errors that whole sightings share.
+    /// Variances beyond that, for errors that whole observations share.
     view_scale: f64,
     /// The largest standard deviation of a place with intrinsics as uncertain as views agree that they are off.
     lens_sigma_m: Option<f64>,
@@ -162,7 +162,7 @@ struct CameraObject {
     /// Views in which it took part, of those in which it saw something.
     n_views: usize,
     n_views_seen: usize,
-    n_sightings_rejected: usize,
+    n_observations_rejected: usize,
     n_seen: usize,
     n_used: usize,
     n_rejected: usize,
@@ -236,7 +236,7 @@ fn object(solved: &SolvedRig) -> RigObject {
         reference: camera_name(solved, s.reference),
         rms_px: s.rms_px,
         chi2: s.chi2,
-        dof: s.degrees_of_freedom,
+        degrees_of_freedom: s.degrees_of_freedom,
         noise_scale: s.noise_scale,
         view_scale: s.view_scale,
         lens_sigma_m: s.lens_sigma_m,
@@ -296,7 +296,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
             sigma_m,
             n_views: c.n_views,
             n_views_seen,
-            n_sightings_rejected: losses.n_lost,
+            n_observations_rejected: losses.n_lost,
             n_seen: c.n_seen,
             n_used: c.n_used,
             n_rejected: c.n_seen - c.n_used,

@@ -141,9 +141,10 @@ fn view(line: &Value) -> Result<ViewPoses, String> {
         Ok((cam_from_target, matrix6(&object["covariance"]).map_err(key("covariance"))?))
     };
     let mut poses = vec![read(line)?];
-    let rivals = line["minima"].as_array().into_iter().flatten().skip(1).filter(|m| m["within_gate"] == true);
-    for rival in rivals {
-        poses.push(read(rival)?);
+    let alternatives =
+        line["minima"].as_array().into_iter().flatten().skip(1).filter(|m| m["within_gate"] == true);
+    for alternative in alternatives {
+        poses.push(read(alternative)?);
     }
     Ok(ViewPoses { view, poses })
 }

@@ -5,11 +5,11 @@ use super::words::{motion, motion_sentence};
 use crate::Error;
 use crate::answer::SchemaNumber;
 use crate::answer::compare::{CameraMotion, RigsCompared, Verdict};
-use crate::core::temporal::compare::{Correlation, Moved, RigComparison, RigPlaces, compare_rigs};
+use crate::core::temporal::compare::{Correlation, Moved, RigComparison, RigPoses, compare_rigs};
 use crate::rig::names::natural;
 use crate::rig::places::PlacedRig;
 
-/// Rivals named in words; the JSON names all.
+/// Alternatives named in words; the JSON names all.
 const MAX_RIVALS: usize = 3;
 
 /// A rig and what messages call it.
@@ -39,12 +39,12 @@ pub(super) fn compare(before: Named, after: Named, options: &CompareOptions) -> 
         verdict,
         alpha: options.alpha,
         chi2: found.chi2,
-        dof: found.degrees_of_freedom,
-        noise_dof: found.noise_degrees_of_freedom,
+        degrees_of_freedom: found.degrees_of_freedom,
+        noise_degrees_of_freedom: found.noise_degrees_of_freedom,
         p: found.probability,
         unmoved: found.unmoved.iter().map(name).collect(),
         moved: found.moved.iter().map(moved).collect(),
-        rivals: found.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
+        alternatives: found.alternatives.iter().map(|set| set.iter().map(name).collect()).collect(),
         only_in_a,
         only_in_b,
         joint_covariance: before.1.joint.is_some() && after.1.joint.is_some(),
@@ -56,10 +56,10 @@ pub(super) fn compare(before: Named, after: Named, options: &CompareOptions) -> 
 /// What is not stated of the cameras' common errors, and what the test does about it.
 fn assumed(
     options: &CompareOptions,
-    a: (&PlacedRig, &RigPlaces),
-    b: (&PlacedRig, &RigPlaces),
+    a: (&PlacedRig, &RigPoses),
+    b: (&PlacedRig, &RigPoses),
 ) -> Option<String> {
-    let is_silent = |(rig, places): (&PlacedRig, &RigPlaces)| {
+    let is_silent = |(rig, places): (&PlacedRig, &RigPoses)| {
         places.correlation == Correlation::Unknown && 2 < rig.cameras.len()
     };
     let who = match (is_silent(a), is_silent(b)) {
@@ -81,7 +81,7 @@ fn assumed(
 }
 
 fn verdict(found: &RigComparison) -> Verdict {
-    match (found.moved.is_empty(), found.rivals.is_empty()) {
+    match (found.moved.is_empty(), found.alternatives.is_empty()) {
         (true, _) => Verdict::Unmoved,
         (false, true) => Verdict::Moved,
         (false, false) => Verdict::Undecided,
@@ -107,7 +107,7 @@ fn listed(rig: &PlacedRig) -> String {
     rig.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-fn places((name, rig): Named, options: &CompareOptions, names: &[String]) -> Result<RigPlaces, Error> {
+fn places((name, rig): Named, options: &CompareOptions, names: &[String]) -> Result<RigPoses, Error> {
     rig.places(names, options.stated.as_ref()).ok_or_else(|| {
         Error::request(format!(
             "{name}: states no covariance for its cameras; state the uncertainty of their poses, e.g. --sigma-mm 0.5 --sigma-deg 0.02"
@@ -130,9 +130,9 @@ fn message(found: &RigComparison, names: &[String]) -> String {
         }
         _ => {
             let mut others: Vec<String> =
-                found.rivals.iter().take(MAX_RIVALS).map(|set| listed(stayed(set))).collect();
-            if MAX_RIVALS < found.rivals.len() {
-                others.push(format!("{} other sets", found.rivals.len() - MAX_RIVALS));
+                found.alternatives.iter().take(MAX_RIVALS).map(|set| listed(stayed(set))).collect();
+            if MAX_RIVALS < found.alternatives.len() {
+                others.push(format!("{} other sets", found.alternatives.len() - MAX_RIVALS));
             }
             format!(
                 "something moved, but which is not decided: {} or {} (a camera more that stayed would decide)",

@@ -14,11 +14,11 @@ pub(super) fn motion(moved: &Moved) -> Motion {
         covariance: rows(&moved.covariance),
         moved_m: figures.moved_m,
         moved_sigma_m: figures.moved_sigma_m,
-        turned_rad: figures.turned_rad,
-        turned_sigma_rad: figures.turned_sigma_rad,
-        turn_axis: figures.axis,
+        rotation_rad: figures.rotation_rad,
+        rotation_sigma_rad: figures.rotation_sigma_rad,
+        rotation_axis: figures.axis,
         chi2: moved.chi2,
-        dof: 6,
+        degrees_of_freedom: 6,
         p: moved.probability,
     }
 }
@@ -30,10 +30,10 @@ struct Figures {
     /// Along that way, m.
     moved_sigma_m: f64,
     /// By how much it turned, rad.
-    turned_rad: f64,
+    rotation_rad: f64,
     /// About that axis, rad.
-    turned_sigma_rad: f64,
-    /// About which, in its own old frame; none where it turned by less than twice its standard deviation.
+    rotation_sigma_rad: f64,
+    /// About which, in its own old frame; none where it rotated by less than twice its standard deviation.
     axis: Option<[f64; 3]>,
 }
 
@@ -43,10 +43,10 @@ impl Figures {
         let xi = moved.old_from_new.log();
         let turn = [xi[0], xi[1], xi[2]];
         let shift: [f64; 3] = moved.old_from_new.translation.into();
-        let (turned_rad, turned_sigma_rad) = along(turn, moved, 0);
+        let (rotation_rad, rotation_sigma_rad) = along(turn, moved, 0);
         let (moved_m, moved_sigma_m) = along(shift, moved, 3);
-        let axis = (2.0 * turned_sigma_rad < turned_rad).then(|| turn.map(|x| x / turned_rad));
-        Figures { moved_m, moved_sigma_m, turned_rad, turned_sigma_rad, axis }
+        let axis = (2.0 * rotation_sigma_rad < rotation_rad).then(|| turn.map(|x| x / rotation_rad));
+        Figures { moved_m, moved_sigma_m, rotation_rad, rotation_sigma_rad, axis }
     }
 }
 
@@ -64,7 +64,7 @@ fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
     (norm, variance.max(0.0).sqrt())
 }
 
-/// `moved by 12.3 mm ± 200 µm (…), turned by 0.42° ± 0.01° (…); χ² 812 …`.
+/// `moved by 12.3 mm ± 200 µm (…), rotated by 0.42° ± 0.01° (…); χ² 812 …`.
 pub(super) fn motion_sentence(moved: &Moved) -> String {
     let f = Figures::of(moved);
     let [x, y, z]: [f64; 3] = moved.old_from_new.translation.into();
@@ -76,19 +76,19 @@ pub(super) fn motion_sentence(moved: &Moved) -> String {
         format!("{} {shown}", if x < 0.0 && !is_nothing { minus } else { plus })
     };
     let places = [way(x, "right", "left"), way(y, "down", "up"), way(z, "forward", "back")].join(", ");
-    let axis = f.axis.map(|axis| format!(" ({})", turn_words(axis))).unwrap_or_default();
+    let axis = f.axis.map(|axis| format!(" ({})", rotation_words(axis))).unwrap_or_default();
     format!(
-        "moved by {} ± {} ({places} mm in its own old view), turned by {} ± {}{axis}; {}",
+        "moved by {} ± {} ({places} mm in its own old view), rotated by {} ± {}{axis}; {}",
         length(f.moved_m),
         length(f.moved_sigma_m),
-        degrees(f.turned_rad),
-        degrees(f.turned_sigma_rad),
+        degrees(f.rotation_rad),
+        degrees(f.rotation_sigma_rad),
         evidence(moved.chi2, 6, moved.probability)
     )
 }
 
-/// The sense of the turn about the camera's axis nearest to its own: a camera's x points right, y down, z forward.
-fn turn_words(axis: [f64; 3]) -> String {
+/// The sense of the rotation about the camera's axis nearest to its own: a camera's x points right, y down, z forward.
+fn rotation_words(axis: [f64; 3]) -> String {
     let i = (0..3).fold(0, |best, i| if axis[best].abs() < axis[i].abs() { i } else { best });
     let senses = [["upwards", "downwards"], ["to the right", "to the left"], ["clockwise", "anticlockwise"]];
     let sense = senses[i][usize::from(axis[i] < 0.0)];
@@ -99,11 +99,14 @@ fn turn_words(axis: [f64; 3]) -> String {
 }
 
 /// `χ² 20.1 for 18 degrees of freedom, chance 0.33 if nothing moved`.
-pub fn evidence(chi2: f64, dof: usize, p: f64) -> String {
+pub fn evidence(chi2: f64, degrees_of_freedom: usize, p: f64) -> String {
     let chance = match p {
         p if p < 1e-12 => "below 1e-12".to_string(),
         p if p < 1e-3 => format!("{p:.1e}"),
         p => figures(p),
     };
-    format!("χ² {} for {dof} degrees of freedom, chance {chance} if nothing moved", figures(chi2))
+    format!(
+        "χ² {} for {degrees_of_freedom} degrees of freedom, chance {chance} if nothing moved",
+        figures(chi2)
+    )
 }

@@ -14,7 +14,7 @@ use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
 use super::region::{Region, joined, longer_side_px};
 use super::tags::FoundTag;
-use super::tiles::{self, Look};
+use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use print::{Corners, GridPrint};
@@ -142,7 +142,7 @@ impl AprilGridFinder {
             let inside = joints.iter().filter(|joint| region.contains(&joint.pixel));
             let inside = inside.map(|joint| Joint { pixel: joint.pixel - region.origin(), ..*joint });
             let cut = cut_joints(&part, &inside.collect::<Vec<_>>(), 1.0);
-            let look = Look { decimate: 1.0, edges: Edges::FullSize };
+            let look = CameraWatcher { decimate: 1.0, edges: Edges::FullSize };
             let mut found = tiles::search(&mut self.decoder, &cut, look);
             found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
             all.extend(found);
@@ -186,7 +186,7 @@ fn first_look(
     decimate: f32,
 ) -> Vec<DecodedTag> {
     decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
-    let look = Look { decimate, edges: Edges::FullSize };
+    let look = CameraWatcher { decimate, edges: Edges::FullSize };
     let tags = one_border(tiles::search(decoder, &cut_joints(quiet.image(), joints, decimate), look));
     if !tags.is_empty() || !quiet.is_smoothed() {
         return tags;

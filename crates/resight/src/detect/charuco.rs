@@ -16,7 +16,7 @@ use super::homography::{Homography, PlanePoint};
 use super::joints::CornerWindow;
 use super::noise::Quietened;
 use super::region::{Region, joined, longer_side_px};
-use super::tiles::{self, Look};
+use super::tiles::{self, CameraWatcher};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -42,7 +42,7 @@ const MIRRORED: [bool; 4] = [false, false, true, true];
 const CONSISTENT_SQUARES: f64 = 0.4;
 /// Least contrast of an outline, grey levels: what a board of a seventh of full contrast has left when it is blurred.
 const LEAST_CONTRAST: u8 = 8;
-/// Most pixels of an image in which markers are sought first, with 4/3 for 4:3 pictures of whole megapixels.
+/// Most pixels of an image in which markers are sought first, with 4/3 for 4:3 images of whole megapixels.
 const FIRST_PIXELS: f64 = 1.4e6;
 /// A marker is looked for where its neighbours put it when one of them is this near, squares: two on.
 const GROW_SQUARES: f64 = 3.0;
@@ -95,7 +95,8 @@ impl CharucoFinder {
     }
 
     fn look(&mut self, image: &GrayImage, decimate: f32) -> Vec<DecodedTag> {
-        let mut seen = tiles::search(&mut self.decoder, image, Look { decimate, edges: Edges::FullSize });
+        let mut seen =
+            tiles::search(&mut self.decoder, image, CameraWatcher { decimate, edges: Edges::FullSize });
         seen.iter_mut()
             .filter(|m| MIRRORED[m.family])
             .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));

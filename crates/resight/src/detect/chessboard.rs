@@ -24,7 +24,7 @@ use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParam
 use calib_targets::core::DetectorConfig;
 use grow::{MOST_NODES, Pattern};
 use lattice::Lattice;
-use place::{MIN_LABELLED, Place, Placement, Seen};
+use place::{MIN_LABELLED, Observed, Place, Placement};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Chessboard, Feature};
@@ -102,7 +102,7 @@ impl ChessboardFinder {
         for detector in &self.detectors {
             for found in detector.detect_all(&corners) {
                 let lattice = Lattice::labelled(&found);
-                let seen = Seen::new(&lattice, &self.board, image);
+                let seen = Observed::new(&lattice, &self.board, image);
                 if let Some(Place::Known(p)) = seen.map(|seen| seen.place_whole()) {
                     return search.whole(lattice, &p);
                 }
@@ -144,9 +144,11 @@ impl ChessboardFinder {
             nodes.into_iter().filter_map(|(id, joint, place)| Some(((id, joint), place?))).unzip();
         let said = print::measure(image, noise::noise_gray(image), &places);
         let corners = joints.into_iter().zip(said).filter_map(|((id, joint), said)| match said {
-            print::Seen::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
-            print::Seen::Otherwise if !is_printed => None,
-            print::Seen::Outside | print::Seen::Otherwise => Some(detection(id, joint.pixel, joint.sigma_px)),
+            print::Observed::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
+            print::Observed::Otherwise if !is_printed => None,
+            print::Observed::Outside | print::Observed::Otherwise => {
+                Some(detection(id, joint.pixel, joint.sigma_px))
+            }
         });
         corners.collect()
     }
@@ -272,7 +274,7 @@ impl Search<'_> {
         let most = board.rows.max(board.columns) as i32 + 1;
         pattern.grow(&mut lattice, most);
         let n = lattice.nodes.len();
-        let outcome = match Seen::new(&lattice, board, self.image) {
+        let outcome = match Observed::new(&lattice, board, self.image) {
             Some(seen) if LEAST_NODES.min((board.rows * board.columns) as usize) <= n => {
                 seen.place(pattern.ends(&lattice))
             }

@@ -127,7 +127,7 @@ fn patch(image: &GrayImage, centre: &Pixel, reach: i32) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Four squares meeting at (20.3, 19.6), turned by 20°, edges about two pixels wide.
+    /// Four squares meeting at (20.3, 19.6), rotated by 20°, edges about two pixels wide.
     fn crossing() -> GrayImage {
         let mut image = GrayImage::filled(40, 40, 0);
         for v in 0..40 {

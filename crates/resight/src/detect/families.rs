@@ -51,7 +51,7 @@ impl Family {
     }
 
     /// The markers as seen in a mirror (or printed on the back of a board). The reported corners are those of the
-    /// mirrored picture: its top-left is the marker's top-right.
+    /// mirrored image: its top-left is the marker's top-right.
     pub fn mirrored(self) -> Self {
         let cells: Vec<(i32, i32)> = self.bit_x.iter().copied().zip(self.bit_y.iter().copied()).collect();
         let n_bits = cells.len();
@@ -121,7 +121,7 @@ impl Family {
     }
 }
 
-/// OpenCV's copies of AprilTag families (turned by half against the originals) state their distance in the name.
+/// OpenCV's copies of AprilTag families (rotated by half against the originals) state their distance in the name.
 fn stated_distance(dictionary: &str) -> u32 {
     let stated = dictionary.strip_prefix("DICT_APRILTAG_").and_then(|name| name.split_once('h'));
     stated.and_then(|(_, distance)| distance.parse().ok()).unwrap_or(0)
@@ -151,9 +151,9 @@ fn unknown(name: &str) -> DetectError {
 /// own data ring.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MarkerPattern {
-    /// Cells along the edge of the whole picture.
+    /// Cells along the edge of the whole image.
     pub width_cells: usize,
-    /// Cells from the picture's edge to the square whose edge is `size_m` and whose corners are detected.
+    /// Cells from the image's edge to the square whose edge is `size_m` and whose corners are detected.
     pub inset_cells: usize,
     /// Row by row, true where white.
     pub white: Vec<bool>,
@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    /// A turned marker reads as the code turned by a quarter of its bits: what the decoder relies on.
+    /// A turned marker reads as the code rotated by a quarter of its bits: what the decoder relies on.
     #[test]
     fn turning_the_cells_rotates_the_code() {
         for n in [4, 5, 6, 7] {
@@ -246,7 +246,7 @@ mod tests {
         }
     }
 
-    /// A mirror swaps left and right of the picture.
+    /// A mirror swaps left and right of the image.
     #[test]
     fn mirrored_and_inverted_families_draw_so() {
         for name in ["DICT_5X5_50", "tag36h11"] {

@@ -1,9 +1,9 @@
-//! Following a target through the pictures of one camera: searched where it is expected, everywhere once it is not there.
+//! Following a target through the images of one camera: searched where it is expected, everywhere once it is not there.
 //!
-//! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole picture, so corners are the same.
-//! A target that left its place is looked for in the whole picture at once. What takes long (a look for copies and for tags out of
-//! place, small tags at full size) goes strip by strip, a share of the picture for the time that has passed, so no frame waits for it.
-//! Capture times and pictures alone decide what is searched, not how long it took: the same film gives the same answers.
+//! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole image, so corners are the same.
+//! A target that left its place is looked for in the whole image at once. What takes long (a look for copies and for tags out of
+//! place, small tags at full size) goes strip by strip, a share of the image for the time that has passed, so no frame waits for it.
+//! Capture times and images alone decide what is searched, not how long it took: the same film gives the same answers.
 
 mod board;
 mod tags;
@@ -17,7 +17,7 @@ use resight_core::target::Feature;
 use resight_core::{Camera, Pixel, Target};
 use tags::TagFollower;
 
-/// How much of a picture was searched.
+/// How much of an image was searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// Where the target was expected, and perhaps a strip besides.
@@ -28,7 +28,7 @@ pub enum Extent {
     Share,
 }
 
-/// Finds one target in the pictures of one camera, in order; built once per camera and target.
+/// Finds one target in the images of one camera, in order; built once per camera and target.
 pub struct Follower {
     kind: Kind,
     clock: Clock,
@@ -38,7 +38,7 @@ pub struct Follower {
 enum Kind {
     Tags(Box<TagFollower>),
     Board(Box<BoardFollower>),
-    /// Dots are found by comparing all spots of a picture.
+    /// Dots are found by comparing all spots of an image.
     Dots(Box<DotDetector>),
 }
 
@@ -60,7 +60,7 @@ impl Follower {
         Ok(Follower { kind, clock: Clock::default(), extent: Extent::Whole })
     }
 
-    /// Features found in the picture taken at `t_s`, ids then corners ascending; empty when the target is not there. `expected` is where
+    /// Features found in the image taken at `t_s`, ids then corners ascending; empty when the target is not there. `expected` is where
     /// they would be by what is known of the pose, in pixels; empty where nothing is known.
     ///
     /// # Errors
@@ -84,27 +84,27 @@ impl Follower {
         Ok(found)
     }
 
-    /// How much of the last picture was searched.
+    /// How much of the last image was searched.
     pub fn extent(&self) -> Extent {
         self.extent
     }
 }
 
-/// The whole picture is looked through once in this time, seconds, while the target is found near its place.
+/// The whole image is looked through once in this time, seconds, while the target is found near its place.
 pub const ROUND_S: f64 = 2.0;
-/// A target that is gone is looked for in every whole picture for this long, seconds,
+/// A target that is gone is looked for in every whole image for this long, seconds,
 const SOON_S: f64 = 1.0;
 /// and then once in this time (of a tag; small tags, which show at full size only, within [`SMALL_ROUND_S`]),
 const TAG_EVERY_S: f64 = 0.2;
-/// or once in this time, of a board: looking through a whole picture for its corners takes some tenths of a second.
+/// or once in this time, of a board: looking through a whole image for its corners takes some tenths of a second.
 const BOARD_EVERY_S: f64 = 1.0;
-/// The whole picture is looked through at full size once in this time, seconds, while a tag is gone.
+/// The whole image is looked through at full size once in this time, seconds, while a tag is gone.
 const SMALL_ROUND_S: f64 = 1.0;
 
-/// Pictures nearer than this have no times of their own (copied files): each is taken for the first of its kind.
+/// Images nearer than this have no times of their own (copied files): each is taken for the first of its kind.
 const UNTIMED_S: f64 = 1e-3;
 
-/// The seconds between pictures; infinite where none are known.
+/// The seconds between images; infinite where none are known.
 #[derive(Debug, Default)]
 struct Clock {
     last_s: Option<f64>,
@@ -119,12 +119,12 @@ impl Clock {
     }
 }
 
-/// When to look through the whole picture for a target that is not near its place.
+/// When to look through the whole image for a target that is not near its place.
 #[derive(Debug)]
 struct Absence {
     /// Since it was last found.
     gone_s: f64,
-    /// Since the last look through the whole picture.
+    /// Since the last look through the whole image.
     unlooked_s: f64,
     every_s: f64,
 }
@@ -139,7 +139,7 @@ impl Absence {
         self.unlooked_s += elapsed_s;
     }
 
-    /// Whether this picture is looked through; then the next wait begins.
+    /// Whether this image is looked through; then the next wait begins.
     fn is_due(&mut self) -> bool {
         // The sum of the times of thirty frames may fall short of a second by its rounding.
         let is_due = self.gone_s <= SOON_S || self.every_s - UNTIMED_S <= self.unlooked_s;
@@ -154,7 +154,7 @@ impl Absence {
     }
 }
 
-/// Parts searched in turn, as many in each picture as belong to the time that has passed.
+/// Parts searched in turn, as many in each image as belong to the time that has passed.
 #[derive(Debug)]
 struct Round {
     count: u32,

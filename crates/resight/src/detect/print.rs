@@ -47,7 +47,7 @@ pub(super) struct Place<Ink> {
 
 /// What the print says of a corner.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Seen {
+pub(super) enum Observed {
     /// The print is there.
     Print { pixel: Pixel, sigma_px: f64 },
     /// Something else is: the corner is covered, or was none.
@@ -73,7 +73,7 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
     image: &GrayImage,
     noise_gray: f64,
     places: &[Place<Ink>],
-) -> Vec<Seen> {
+) -> Vec<Observed> {
     let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
     let every = (places.len() / BLUR_CORNERS).max(1);
     let share = |blur_px: f64| -> f64 {
@@ -87,9 +87,11 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
     let seen: Vec<Fit> = fits.iter().flatten().flatten().copied().collect();
     let mut sigmas_px = sigmas_px(&seen).into_iter();
     let said = fits.into_iter().map(|fit| match fit {
-        Some(Some(fit)) => Seen::Print { pixel: fit.pixel, sigma_px: sigmas_px.next().unwrap_or(f64::NAN) },
-        Some(None) => Seen::Otherwise,
-        None => Seen::Outside,
+        Some(Some(fit)) => {
+            Observed::Print { pixel: fit.pixel, sigma_px: sigmas_px.next().unwrap_or(f64::NAN) }
+        }
+        Some(None) => Observed::Otherwise,
+        None => Observed::Outside,
     });
     said.collect()
 }

@@ -1,10 +1,10 @@
-//! Parts of a picture: what is searched where a target is expected, and strips of a picture searched in turn.
+//! Parts of an image: what is searched where a target is expected, and strips of an image searched in turn.
 
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Parts start and end on multiples of this, pixels: the tag decoder thresholds in 4 × 4 tiles of the picture at half size, and in a
-/// part whose tiles are those of the whole picture it sees the same outlines.
+/// Parts start and end on multiples of this, pixels: the tag decoder thresholds in 4 × 4 tiles of the image at half size, and in a
+/// part whose tiles are those of the whole image it sees the same outlines.
 const TILE_PX: u32 = 8;
 
 /// A rectangle of pixels, ends excluded, never empty.
@@ -15,7 +15,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// The part of a picture that holds these points with a margin; none where that is outside, or a point is no number.
+    /// The part of an image that holds these points with a margin; none where that is outside, or a point is no number.
     pub fn around(points: &[Pixel], margin_px: f64, size_px: [u32; 2]) -> Option<Self> {
         let span = |axis: usize| {
             let values = points.iter().map(|point| point[axis]);
@@ -23,7 +23,7 @@ impl Region {
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
             let (first, end) = (least - margin_px, most + margin_px + 1.0);
             let is_inside = first < end && first < size_px[axis] as f64 && 0.0 < end;
-            // The conversion cuts at the picture's edges.
+            // The conversion cuts at the image's edges.
             is_inside.then(|| tiles(first.max(0.0) as u32, end.ceil() as u32, size_px[axis]))
         };
         let is_finite = points.iter().all(|point| point.iter().all(|x| x.is_finite()));
@@ -31,7 +31,7 @@ impl Region {
         Some(Region { first: [u0, v0], end: [u1, v1] })
     }
 
-    /// Strip `index` of `count`, which tile the picture from top to bottom, and `overlap_px` more to both sides.
+    /// Strip `index` of `count`, which tile the image from top to bottom, and `overlap_px` more to both sides.
     pub fn strip(index: u32, count: u32, overlap_px: u32, size_px: [u32; 2]) -> Self {
         let row = |i: u32| (size_px[1] as u64 * i as u64 / count as u64) as u32;
         let (first, end) = (row(index).saturating_sub(overlap_px), row(index + 1).saturating_add(overlap_px));
@@ -39,7 +39,7 @@ impl Region {
         Region { first: [0, first], end: [size_px[0], end] }
     }
 
-    /// Tile `[column, row]` of `counts` columns and rows, which tile the picture, and `overlap_px` more to all sides.
+    /// Tile `[column, row]` of `counts` columns and rows, which tile the image, and `overlap_px` more to all sides.
     pub fn tile(tile: [u32; 2], counts: [u32; 2], overlap_px: u32, size_px: [u32; 2]) -> Self {
         let span = |axis: usize| {
             let edge = |i: u32| (size_px[axis] as u64 * i as u64 / counts[axis] as u64) as u32;
@@ -81,7 +81,7 @@ impl Region {
         }
     }
 
-    /// Copies this part of a picture; the memory of `part` is used again. None where the region was made for a larger picture.
+    /// Copies this part of an image; the memory of `part` is used again. None where the region was made for a larger image.
     pub fn cut(&self, image: &GrayImage, part: &mut GrayImage) -> Option<()> {
         let width = image.width_px as usize;
         let columns = self.first[0] as usize..self.end[0] as usize;
@@ -94,7 +94,7 @@ impl Region {
     }
 }
 
-/// From `first` to `end`, widened to whole tiles, in a picture of `size` pixels; not empty where `first` lies in it.
+/// From `first` to `end`, widened to whole tiles, in an image of `size` pixels; not empty where `first` lies in it.
 fn tiles(first: u32, end: u32, size: u32) -> (u32, u32) {
     let start = first.min(size.saturating_sub(1)) / TILE_PX * TILE_PX;
     (start, end.min(size).next_multiple_of(TILE_PX).min(size).max(start + 1))

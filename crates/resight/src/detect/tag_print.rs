@@ -32,7 +32,7 @@ type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 const LONGEST_PX: f64 = 130.0;
 /// Of a tag with longer edges every second pixel is compared, of one of twice this size every third, pixels: enough, and in the time of a small tag.
 const EVERY_PX: f64 = 56.0;
-/// From so many tags in one picture on each is compared at half of these lengths.
+/// From so many tags in one image on each is compared at half of these lengths.
 const MANY: usize = 4;
 /// A part with fewer pixels that are compared is compared with all of them from the first round on.
 const FEW: usize = 1000;
@@ -60,7 +60,7 @@ const REACH_EDGES: f64 = 0.3;
 const REACH_PX: f64 = 1.5;
 
 /// How far the blur may depart from a round one, pixels² of its variance; how far ink spreads, pixels; what a lens bends an edge by in its
-/// middle, in squares of the edge over the longer side of the picture (0.04 px at an edge of 50 px in a picture of 1280).
+/// middle, in squares of the edge over the longer side of the image (0.04 px at an edge of 50 px in an image of 1280).
 const BLUR_PRIOR_PX2: f64 = 2.0;
 const SPREAD_PRIOR_PX: f64 = 0.3;
 const BOW_PRIOR: f64 = 0.02;
@@ -134,7 +134,7 @@ struct State {
     x: Option<Row>,
     /// Contrasts beyond which a pixel is foreign.
     foreign: f64,
-    /// Longer side of the picture, pixels of the part.
+    /// Longer side of the image, pixels of the part.
     view_px: f64,
 }
 

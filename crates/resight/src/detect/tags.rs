@@ -5,7 +5,7 @@ use super::families::Family;
 use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
 use super::tag_print::{self, Print};
-use super::tiles::{self, Look};
+use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -175,7 +175,7 @@ impl TagFinder {
     fn find_at(&mut self, image: &GrayImage, level: f32, known: &[DecodedTag]) -> Vec<DecodedTag> {
         let clear = self.min_margin_gray;
         let edges = if level < COARSE { Edges::FullSize } else { Edges::Outline };
-        let mut tags = tiles::search(&mut self.decoder, image, Look { decimate: level, edges });
+        let mut tags = tiles::search(&mut self.decoder, image, CameraWatcher { decimate: level, edges });
         tags.retain(|tag| clear <= tag.margin_gray);
         if edges == Edges::FullSize {
             return tags;

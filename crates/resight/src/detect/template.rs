@@ -58,7 +58,7 @@ const LATTICE: usize = 21;
 /// Pixels around the window in which the shifted print and its slopes are known.
 const RIM: usize = 3;
 
-/// A print's picture around the pixel nearest to its corner.
+/// A print's image around the pixel nearest to its corner.
 struct Picture {
     side: usize,
     values: Vec<f32>,
@@ -293,14 +293,14 @@ impl Sums {
     }
 }
 
-/// A print's picture where it lies on the image.
+/// A print's image where it lies on the image.
 struct Laid<'a> {
     image: &'a GrayImage,
     picture: &'a Picture,
-    /// The pixel the picture is drawn around, and how far the picture is shifted from where it was drawn.
+    /// The pixel the image is drawn around, and how far the image is shifted from where it was drawn.
     middle: Pixel,
     shift: Pixel,
-    /// Where the corner is in the picture, from its middle.
+    /// Where the corner is in the image, from its middle.
     corner: Pixel,
     window: Window,
 }

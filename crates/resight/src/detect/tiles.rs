@@ -1,7 +1,7 @@
-//! Pictures too large for the tag library at once: searched tile by tile.
+//! Images too large for the tag library at once: searched tile by tile.
 //!
-//! The library keeps coordinates in 16 bits and ends the program where an edge has 32,768 px or more, so no picture reaches it before
-//! its size is known to fit. It also takes 9 to 23 bytes for each pixel it searches; tiles bound that, whatever the picture's size.
+//! The library keeps coordinates in 16 bits and ends the program where an edge has 32,768 px or more, so no image reaches it before
+//! its size is known to fit. It also takes 9 to 23 bytes for each pixel it searches; tiles bound that, whatever the image's size.
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::region::{Region, longer_side_px};
@@ -9,13 +9,13 @@ use super::sigma;
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Most pixels of the reduced picture searched at once; more are searched in tiles.
+/// Most pixels of the reduced image searched at once; more are searched in tiles.
 const WHOLE_PIXELS: f64 = 8e6;
 /// Most pixels of a reduced tile.
 const TILE_PIXELS: f64 = 4e6;
-/// Longest edge of a reduced picture or tile; the library's own limit is 32,767.
+/// Longest edge of a reduced image or tile; the library's own limit is 32,767.
 const LONGEST_EDGE: f64 = 32_000.0;
-/// What a tile takes of its neighbours on each side, pixels of the reduced picture: a tag of up to this size lies whole in one tile, and
+/// What a tile takes of its neighbours on each side, pixels of the reduced image: a tag of up to this size lies whole in one tile, and
 /// larger ones show at the next reduction.
 const OVERLAP: f64 = 64.0;
 /// Tags from the next reduction are taken where they are this long, pixels of it: their edges are then measured clear of their bits.
@@ -23,15 +23,15 @@ const LARGE: f64 = 32.0;
 
 /// What one search of the library sees.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Look {
-    /// How many times the picture is reduced before outlines are sought; at least 1.
+pub(super) struct CameraWatcher {
+    /// How many times the image is reduced before outlines are sought; at least 1.
     pub decimate: f32,
     /// Where edges are taken from.
     pub edges: Edges,
 }
 
-/// The tags of a picture of any size.
-pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: Look) -> Vec<DecodedTag> {
+/// The tags of an image of any size.
+pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraWatcher) -> Vec<DecodedTag> {
     let size = [image.width_px, image.height_px];
     let counts = tile_counts(size, look.decimate as f64);
     if counts == [1, 1] {
@@ -52,7 +52,7 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: Look) -
     drop(part);
     // At full size nothing is looked for that half the size did not show (see the callers), so that is not searched again.
     if 1.0 < look.decimate {
-        let wider = Look { decimate: 2.0 * look.decimate, ..look };
+        let wider = CameraWatcher { decimate: 2.0 * look.decimate, ..look };
         let mut large = search(decoder, image, wider);
         large.retain(|tag| LARGE * wider.decimate as f64 <= longer_side_px(&tag.corners));
         add_new(&mut all, large);
@@ -60,7 +60,7 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: Look) -
     all
 }
 
-/// How many columns and rows of tiles a picture takes at this reduction.
+/// How many columns and rows of tiles an image takes at this reduction.
 fn tile_counts(size_px: [u32; 2], decimate: f64) -> [u32; 2] {
     let reduced = size_px.map(|edge| edge as f64 / decimate);
     if reduced[0] * reduced[1] <= WHOLE_PIXELS && reduced.iter().all(|edge| *edge <= LONGEST_EDGE) {

@@ -1,4 +1,4 @@
-//! Large pictures decoded to grey without a copy of their colours: a picture of 64 megapixels takes 64 MB, not 256.
+//! Large images decoded to grey without a copy of their colours: an image of 64 megapixels takes 64 MB, not 256.
 
 use super::GrayImage;
 use zune_jpeg::JpegDecoder;
@@ -8,10 +8,10 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// A PNG row by row; none where its rows do not come in order (interlaced).
 pub(super) fn png_rows(bytes: &[u8]) -> Result<Option<GrayImage>, String> {
-    let told = |e: png::DecodingError| format!("not a readable PNG or JPEG image: {e}");
+    let reported = |e: png::DecodingError| format!("not a readable PNG or JPEG image: {e}");
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(told)?;
+    let mut reader = decoder.read_info().map_err(reported)?;
     let (width, height) = (reader.info().width, reader.info().height);
     if reader.info().interlaced {
         return Ok(None);
@@ -19,7 +19,7 @@ pub(super) fn png_rows(bytes: &[u8]) -> Result<Option<GrayImage>, String> {
     let (color, depth) = reader.output_color_type();
     let channels = color.samples();
     let mut data = Vec::with_capacity(width as usize * height as usize);
-    while let Some(row) = reader.next_row().map_err(told)? {
+    while let Some(row) = reader.next_row().map_err(reported)? {
         match depth {
             png::BitDepth::Sixteen => {
                 let wide = |pair: &[u8]| u16::from_be_bytes([pair[0], pair[1]]);
@@ -56,17 +56,17 @@ fn luma([red, green, blue]: [u64; 3], most: u64) -> u8 {
 
 /// The brightness of a JPEG, whose colours stay undecoded.
 pub(super) fn jpeg_luma(bytes: &[u8]) -> Result<GrayImage, String> {
-    let told = |e: &dyn std::fmt::Display| format!("not a readable PNG or JPEG image: {e}");
+    let reported = |e: &dyn std::fmt::Display| format!("not a readable PNG or JPEG image: {e}");
     let options = DecoderOptions::default()
         .set_strict_mode(false)
         .set_max_width(usize::from(u16::MAX))
         .set_max_height(usize::from(u16::MAX))
         .jpeg_set_out_colorspace(ColorSpace::Luma);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let data = decoder.decode().map_err(|e| told(&e))?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| told(&"it has no size"))?;
+    let data = decoder.decode().map_err(|e| reported(&e))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| reported(&"it has no size"))?;
     if data.len() != width * height {
-        return Err(told(&"its colours cannot be told from its brightness"));
+        return Err(reported(&"its colours cannot be distinguished from its brightness"));
     }
     Ok(GrayImage { width_px: width as u32, height_px: height as u32, data })
 }

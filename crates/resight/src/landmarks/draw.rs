@@ -1,6 +1,6 @@
-//! A picture of what was found: where each landmark was and is, green where it agrees with the turn, red where not.
+//! An image of what was found: where each landmark was and is, green where it agrees with the rotation, red where not.
 
-use super::{Found, Sighting};
+use super::{Found, LandmarkObservation};
 use crate::GrayImage;
 use crate::overlay::canvas::{Canvas, Path, Pen};
 use nalgebra::Vector2;
@@ -12,11 +12,14 @@ const BLACK: [u8; 3] = [0, 0, 0];
 const RING_PX: f64 = 5.0;
 const CORNERS: usize = 12;
 
-/// The picture with its landmarks.
-pub fn draw(image: &GrayImage, sighting: &Sighting) -> Canvas {
+/// The image with its landmarks.
+pub fn draw(image: &GrayImage, landmark_observation: &LandmarkObservation) -> Canvas {
     let mut canvas = Canvas::from_photograph(image, 1, 0, BLACK);
-    let (used, others): (Vec<_>, Vec<_>) =
-        sighting.found.iter().enumerate().partition(|(i, _)| sighting.turn.used.binary_search(i).is_ok());
+    let (used, others): (Vec<_>, Vec<_>) = landmark_observation
+        .found
+        .iter()
+        .enumerate()
+        .partition(|(i, _)| landmark_observation.relative_rotation.used.binary_search(i).is_ok());
     for (found, color) in [(others, DISAGREES), (used, AGREES)] {
         let paths: Vec<Path> = found.iter().flat_map(|(_, found)| paths(found)).collect();
         canvas.stroke_with_rim(&paths, Pen { color, width: 1.2, opacity: 1.0 });

@@ -1,6 +1,6 @@
 //! Landmarks found again wherever they are: FAST corners and BRIEF descriptors of the `imageproc` crate.
 //!
-//! They are looked for in a picture reduced to some 640 columns and tell the turn to about a pixel of it; `patch` does the rest.
+//! They are looked for in an image reduced to some 640 columns and tell the rotation to about a pixel of it; `patch` does the rest.
 
 use super::pyramid::Reduced;
 use crate::GrayImage;
@@ -12,7 +12,7 @@ use imageproc::point::Point;
 use imageproc::suppress::local_maxima;
 use nalgebra::Vector2;
 
-/// Corners described in each picture, at most.
+/// Corners described in each image, at most.
 const MOST: usize = 500;
 /// Contrasts at which corners are looked for, until there are enough: 8-bit greys.
 const CONTRASTS: [u8; 3] = [20, 10, 5];
@@ -33,12 +33,12 @@ const PATTERN_SIGMA_PX: f64 = 6.6;
 /// Side of its window, px.
 const WINDOW_PX: f64 = 31.0;
 
-/// Corners of a picture with their descriptors.
+/// Corners of an image with their descriptors.
 pub(super) struct Features {
     described: Vec<BriefDescriptor>,
 }
 
-/// The same place in two pictures, full-size pixels.
+/// The same place in two images, full-size pixels.
 pub(super) struct Match {
     /// Number in the reference.
     pub reference: usize,
@@ -46,7 +46,7 @@ pub(super) struct Match {
     pub pixel: Vector2<f64>,
 }
 
-/// Where the tests of a descriptor are; the same in every run, so that pictures can be compared.
+/// Where the tests of a descriptor are; the same in every run, so that images can be compared.
 pub(super) struct Pattern(Vec<TestPair>);
 
 impl Pattern {
@@ -66,7 +66,7 @@ impl Pattern {
 }
 
 impl Features {
-    /// Of a reduced picture. Empty where it shows none.
+    /// Of a reduced image. Empty where it shows none.
     pub fn of(picture: &Reduced, pattern: &Pattern) -> Self {
         let none = Features { described: Vec::new() };
         let Some(image) = foreign(&picture.image) else { return none };
@@ -110,7 +110,7 @@ fn place(described: &BriefDescriptor) -> Vector2<f64> {
     Vector2::new(f64::from(described.corner.x), f64::from(described.corner.y))
 }
 
-/// As the feature library has pictures.
+/// As the feature library has images.
 pub(super) fn foreign(image: &GrayImage) -> Option<image::GrayImage> {
     image::GrayImage::from_raw(image.width_px, image.height_px, image.data.clone())
 }

@@ -1,6 +1,6 @@
-//! A small window of the reference, and where it is in another picture to a fraction of a pixel.
+//! A small window of the reference, and where it is in another image to a fraction of a pixel.
 //!
-//! Both pictures are read through the uniform cubic B-spline: it smooths a little, is twice continuously differentiable, and
+//! Both images are read through the uniform cubic B-spline: it smooths a little, is twice continuously differentiable, and
 //! so has no preferred fractions of a pixel. Light is free: gain and offset are fitted with the shift.
 //!
 //! ```text
@@ -38,7 +38,7 @@ pub(super) struct Patch {
 /// Where a window was found.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aligned {
-    /// Its centre, px of this picture.
+    /// Its centre, px of this image.
     pub pixel: Vector2<f64>,
     /// Covariance of that from the grey values that the window leaves unexplained, px².
     pub covariance: Matrix2<f64>,
@@ -108,7 +108,7 @@ impl Patch {
     }
 
     /// The window near `start`, whose neighbourhood is drawn by `slope` (pixels here by pixels of the reference). None where it
-    /// leaves the picture, goes farther than `reach_px`, is clipped or shows something else.
+    /// leaves the image, goes farther than `reach_px`, is clipped or shows something else.
     pub fn find(
         &self,
         image: &GrayImage,
@@ -189,7 +189,7 @@ fn smeared(window: &Window) -> Smeared {
     out
 }
 
-/// Pixels of a window that are black or white as pictures can be.
+/// Pixels of a window that are black or white as images can be.
 fn saturated(image: &GrayImage, u: u32, v: u32) -> usize {
     let is_clipped = |(du, dv): &(i32, i32)| {
         let grey = image.at((u as i32 + du) as u32, (v as i32 + dv) as u32);
@@ -231,7 +231,7 @@ fn weights(f: f32) -> [f32; 4] {
 /// what is left out does not shift them.
 const NOT_DRAWN_PX: f64 = 0.05;
 
-/// Reads the window around `pixel`; none where it leaves the picture.
+/// Reads the window around `pixel`; none where it leaves the image.
 fn read(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &mut Window) -> Option<()> {
     let drawn = (slope - Matrix2::identity()).abs();
     let rim = f64::from(RADIUS);

@@ -1,15 +1,15 @@
-//! Pictures reduced by powers of two.
+//! Images reduced by powers of two.
 
 use crate::GrayImage;
 use nalgebra::Vector2;
 use std::borrow::Cow;
 
-/// Columns that a reduced picture has at most.
+/// Columns that a reduced image has at most.
 const MOST_COLUMNS: u32 = 800;
 
-/// A picture whose pixels are means of `factor` × `factor` ones.
+/// An image whose pixels are means of `factor` × `factor` ones.
 pub(super) struct Reduced<'a> {
-    /// That picture itself where it is small enough.
+    /// That image itself where it is small enough.
     pub image: Cow<'a, GrayImage>,
     pub factor: u32,
 }
@@ -23,13 +23,13 @@ impl<'a> Reduced<'a> {
         Reduced { image, factor }
     }
 
-    /// A place of this picture in the full-size one.
+    /// A place of this image in the full-size one.
     pub fn full_size(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let factor = f64::from(self.factor);
         pixel.map(|x| factor * x + 0.5 * (factor - 1.0))
     }
 
-    /// A place of the full-size picture in this one.
+    /// A place of the full-size image in this one.
     pub fn reduced(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let factor = f64::from(self.factor);
         pixel.map(|x| (x - 0.5 * (factor - 1.0)) / factor)

@@ -1,4 +1,4 @@
-//! Which places of the reference are landmarks: corners whose window fixes their place, spread over the picture.
+//! Which places of the reference are landmarks: corners whose window fixes their place, spread over the image.
 
 use super::features::foreign;
 use super::patch::Patch;
@@ -10,21 +10,21 @@ use nalgebra::{Vector2, Vector3};
 use resight_core::{Bearing, Camera};
 
 /// A landmark of the reference.
-pub(super) struct Mark {
+pub(super) struct LandmarkPatch {
     /// Where it is, px.
     pub pixel: Vector2<f64>,
     pub bearing: Bearing,
     /// What a pixel to the right, and one down, adds to the bearing.
     pub by_pixel: [Vector3<f64>; 2],
-    /// Landmarks of one part of the picture, for errors that they may share.
+    /// Landmarks of one part of the image, for errors that they may share.
     pub neighbourhood: u32,
     /// Its window, full size.
     pub fine: Patch,
-    /// Its window in the reduced picture, where that fixes its place too, and that window's centre, full-size px.
+    /// Its window in the reduced image, where that fixes its place too, and that window's centre, full-size px.
     pub coarse: Option<(Patch, Vector2<f64>)>,
 }
 
-/// Cells along the sides of the picture; each gives a few landmarks.
+/// Cells along the sides of the image; each gives a few landmarks.
 const CELLS: [u32; 2] = [12, 9];
 /// Landmarks of a cell, at most.
 const IN_A_CELL: usize = 3;
@@ -38,10 +38,10 @@ const APART_PX: u32 = 6;
 const WORST_SENSITIVITY: f64 = 0.0225;
 
 /// The best corners of every cell.
-pub(super) fn select(picture: &GrayImage, reduced: &Reduced, camera: &Camera) -> Vec<Mark> {
+pub(super) fn select(picture: &GrayImage, reduced: &Reduced, camera: &Camera) -> Vec<LandmarkPatch> {
     let Some(image) = foreign(picture) else { return Vec::new() };
     let corners = local_maxima(&corners_fast9(&image, CONTRAST), APART_PX);
-    let mut cells: Vec<Vec<(f64, Mark)>> = (0..CELLS[0] * CELLS[1]).map(|_| Vec::new()).collect();
+    let mut cells: Vec<Vec<(f64, LandmarkPatch)>> = (0..CELLS[0] * CELLS[1]).map(|_| Vec::new()).collect();
     for corner in corners {
         let Some(fine) = Patch::new(picture, corner.x, corner.y) else { continue };
         let sensitivity = fine.sensitivity();
@@ -53,7 +53,7 @@ pub(super) fn select(picture: &GrayImage, reduced: &Reduced, camera: &Camera) ->
             cells[cell as usize].push((sensitivity, mark));
         }
     }
-    let best = |mut cell: Vec<(f64, Mark)>| {
+    let best = |mut cell: Vec<(f64, LandmarkPatch)>| {
         cell.sort_by(|a, b| a.0.total_cmp(&b.0));
         cell.truncate(IN_A_CELL);
         cell.into_iter().map(|(_, mark)| mark)
@@ -68,7 +68,7 @@ fn mark(
     camera: &Camera,
     (u, v): (u32, u32),
     fine: Patch,
-) -> Option<Mark> {
+) -> Option<LandmarkPatch> {
     let pixel = Vector2::new(f64::from(u), f64::from(v));
     let bearing_at = |du: f64, dv: f64| camera.bearing(&(pixel + Vector2::new(du, dv))).ok();
     let by = |du: f64, dv: f64| {
@@ -79,7 +79,7 @@ fn mark(
     let coarse = Patch::new(&reduced.image, at.x as u32, at.y as u32)
         .filter(|patch| patch.sensitivity() <= WORST_SENSITIVITY)
         .map(|patch| (patch, reduced.full_size(at)));
-    Some(Mark {
+    Some(LandmarkPatch {
         pixel,
         bearing: bearing_at(0.0, 0.0)?,
         by_pixel: [by(1.0, 0.0)?, by(0.0, 1.0)?],

@@ -4,7 +4,7 @@ use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
 use crate::core::multiview::network::{
-    Adjusted, Fact, Frame, Measured, RIVAL_GATE_CHI2, SurveyStatus, adjust,
+    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, NetworkStatus, adjust,
 };
 use crate::formats::plausible;
 
@@ -13,8 +13,8 @@ use crate::formats::plausible;
 pub struct QueryAnswer {
     /// The question.
     pub query: NamedQuery,
-    /// What the answer is worth: that of the survey, unless it has no value or both solutions give the same.
-    pub status: SurveyStatus,
+    /// What the answer is worth: that of the network, unless it has no value or both solutions give the same.
+    pub status: NetworkStatus,
     /// One value, three for a position; or why there is none.
     pub result: Result<Vec<Measured>, String>,
     /// What the second solution says, where the answer is ambiguous.
@@ -26,11 +26,11 @@ pub struct QueryAnswer {
 pub struct Answers {
     /// Places of everything.
     pub adjusted: Adjusted,
-    /// The word for the whole survey.
-    pub status: SurveyStatus,
+    /// The word for the whole network.
+    pub status: NetworkStatus,
     /// One a question, in order.
     pub answers: Vec<QueryAnswer>,
-    /// What is wrong, to be read before any number: contradictions, second solutions, marks on a line.
+    /// What is wrong, to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
     /// What a reader must know besides: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
@@ -39,16 +39,16 @@ pub struct Answers {
 /// Why a scene has no answer at all.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Refusal {
-    /// The word for the survey and all its answers; none where the scene file itself is wrong.
-    pub status: Option<SurveyStatus>,
+    /// The word for the network and all its answers; none where the scene file itself is wrong.
+    pub status: Option<NetworkStatus>,
     /// A sentence, with the scene's names.
     pub reason: String,
 }
 
 /// Solves a scene.
 pub(super) fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
-    let cameras = scene.survey_cameras();
-    let adjusted = adjust(&scene.survey(&cameras)).map_err(|e| refusal(scene, &e))?;
+    let cameras = scene.network_cameras();
+    let adjusted = adjust(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
     let status = adjusted.status();
     let answers = scene.queries.iter().map(|query| answer(scene, &adjusted, status, query)).collect();
     let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
@@ -58,30 +58,30 @@ pub(super) fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
     let status = match error {
         Error::NoLength
-        | Error::InvalidFact { .. }
+        | Error::InvalidConstraint { .. }
         | Error::InvalidCamera { .. }
         | Error::InvalidSetting { .. } => None,
-        Error::InconsistentDistances { .. } => Some(SurveyStatus::Inconsistent),
-        _ => Some(SurveyStatus::Degenerate),
+        Error::InconsistentDistances { .. } => Some(NetworkStatus::Inconsistent),
+        _ => Some(NetworkStatus::Degenerate),
     };
     Refusal { status, reason: words::error(scene, error) }
 }
 
-fn answer(scene: &NamedScene, adjusted: &Adjusted, status: SurveyStatus, query: &NamedQuery) -> QueryAnswer {
+fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
     let base = QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
     let values = match values(scene, adjusted, query) {
         Ok(values) => values,
-        Err(reason) => return QueryAnswer { status: SurveyStatus::Degenerate, result: Err(reason), ..base },
+        Err(reason) => return QueryAnswer { status: NetworkStatus::Degenerate, result: Err(reason), ..base },
     };
     let other = adjusted.second_solution().and_then(|second| self::values(scene, second, query).ok());
     let other = other.filter(|other| differ(&values, other));
     let status = match status {
         // What was left out concerns this answer only if it asks for it.
-        SurveyStatus::Degenerate => SurveyStatus::Ok,
-        SurveyStatus::Ambiguous if other.is_none() => SurveyStatus::Ok,
+        NetworkStatus::Degenerate => NetworkStatus::Ok,
+        NetworkStatus::Ambiguous if other.is_none() => NetworkStatus::Ok,
         status => status,
     };
     QueryAnswer { status, result: Ok(values), other, ..base }
@@ -106,7 +106,7 @@ fn values(scene: &NamedScene, adjusted: &Adjusted, query: &NamedQuery) -> Result
 
 /// Suspects named; the rest follow from the first.
 const MOST_SUSPECTS: usize = 3;
-/// Two statistics that differ by less than this part cannot be told apart.
+/// Two statistics that differ by less than this part cannot be distinguished.
 const TIED: f64 = 0.01;
 
 /// What contradicts what, where anything does.
@@ -114,7 +114,7 @@ fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
     let Some((first, rest)) = adjusted.suspects.split_first() else {
         let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
         return adjusted.is_inconsistent.then(|| format!(
-            "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single fact explains it; the sigmas are too small, or the intrinsics wrong"
+            "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong"
         ));
     };
     let is_tied = |s: &&crate::core::multiview::network::Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
@@ -139,39 +139,40 @@ fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     if 1.0 < adjusted.noise_scale {
         verdict.push(format!("every interval was widened by {:.2} for that", adjusted.noise_scale.sqrt()));
     }
-    if let Some(delta) = adjusted.rival_delta_chi2.filter(|d| *d < RIVAL_GATE_CHI2) {
+    if let Some(delta) = adjusted.alternative_delta_chi2.filter(|d| *d < ALTERNATIVE_GATE_CHI2) {
         verdict.push(format!(
-            "ambiguous: another arrangement of photographs and marks fits about as well (χ² {delta:.1} above, {RIVAL_GATE_CHI2} needed); add a mark off the others' plane, or another photograph"
+            "ambiguous: another arrangement of photographs and control points fits about as well (χ² {delta:.1} above, {ALTERNATIVE_GATE_CHI2} needed); add a control point off the others' plane, or another photograph"
         ));
     }
-    if adjusted.has_lost_marks {
-        verdict.push("degenerate: a mark that was clicked has no place, so that what is known of it took no part; see below".to_string());
+    if adjusted.has_lost_control_points {
+        verdict.push("degenerate: a control point that was clicked has no place, so that what is known of it took no part; see below".to_string());
     }
     verdict
 }
 
 /// What is stated in numbers that are hardly metres.
 fn units(scene: &NamedScene) -> Vec<String> {
-    let distances = scene.facts.iter().filter_map(|fact| match fact {
-        Fact::Distance { distance_m, .. } => Some(*distance_m),
+    let distances = scene.constraints.iter().filter_map(|constraint| match constraint {
+        Constraint::Distance { distance_m, .. } => Some(*distance_m),
         _ => None,
     });
-    let marks = scene.facts.iter().filter_map(|fact| match fact {
-        Fact::Place { x_in_world, .. } => Some(x_in_world + scene.origin_m),
+    let control_points = scene.constraints.iter().filter_map(|constraint| match constraint {
+        Constraint::Place { x_in_world, .. } => Some(x_in_world + scene.origin_m),
         _ => None,
     });
-    let of_marks = plausible::of_points(&marks.collect::<Vec<_>>());
-    of_marks.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>())).collect()
+    let of_control_points = plausible::of_points(&control_points.collect::<Vec<_>>());
+    of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>())).collect()
 }
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = units(scene);
     if adjusted.degrees_of_freedom == 0 {
-        remarks
-            .push("nothing is left over to check anything with: no wrong click could be noticed".to_string());
+        remarks.push(
+            "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),
+        );
     }
     if adjusted.frame == Frame::Held {
-        remarks.push("coordinates leave a turn or a shift free: lengths, angles, areas and heights are right, positions only relative to each other".to_string());
+        remarks.push("coordinates leave a rotation or a shift free: lengths, angles, areas and heights are right, positions only relative to each other".to_string());
     }
     remarks.extend(adjusted.undetermined.iter().map(|(item, reason)| {
         let (name, reason) = (words::item(scene, *item), words::error(scene, reason));

@@ -1,13 +1,13 @@
 //! The ground as seen from straight above: a photograph rectified onto the plane, with a metric grid and its own limits.
 //!
-//! Each pixel of the picture is a place on the plane, sent through pose and lens to the photograph and read there. Hatched is where one
-//! pixel of the photograph covers more ground than a stated size, and where a click would be off by more than a stated length (95 %, by
-//! the click's sigma and what is not known of photograph, lens and plane).
+//! Each pixel of the image is a place on the plane, sent through pose and lens to the photograph and read there. Hatched is where one
+//! pixel of the photograph covers more ground than a stated size, and where an image point would be off by more than a stated length (95 %, by
+//! the image point's sigma and what is not known of photograph, lens and plane).
 
 use super::answers::Answers;
 use super::scene::NamedScene;
 use crate::GrayImage;
-use crate::core::multiview::network::{Adjusted, Fact};
+use crate::core::multiview::network::{Adjusted, Constraint};
 use crate::core::{Camera, Pixel, Pose};
 use crate::drawing::{Anchor, strokes};
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
@@ -35,7 +35,7 @@ const CAPTION_PX: u32 = 62;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 
-/// The plane as a sheet: place = origin + s · right + t · ahead, t upwards in the picture.
+/// The plane as a sheet: place = origin + s · right + t · ahead, t upwards in the image.
 struct Ground {
     origin: Vector3<f64>,
     axes: Matrix3x2<f64>,
@@ -59,7 +59,7 @@ struct Source<'a> {
 struct Worth {
     /// Ground that one pixel covers along its longer side, m.
     pixel_m: f64,
-    /// 95 % error of a click, m.
+    /// 95 % error of an image point, m.
     error_m: f64,
 }
 
@@ -97,8 +97,8 @@ fn ground(scene: &NamedScene, answers: &Answers, source: &Source) -> Option<Grou
     let right = if 0.1 < x.norm() { x.normalize() } else { (Vector3::y() - normal * normal.y).normalize() };
     let axes = Matrix3x2::from_columns(&[right, normal.cross(&right)]);
     let origin = normal * offset_m;
-    let on_it = scene.facts.iter().filter_map(|f| match f {
-        Fact::OnPlane { plane: 0, point, .. } => adjusted.point(*point),
+    let on_it = scene.constraints.iter().filter_map(|f| match f {
+        Constraint::OnPlane { plane: 0, point, .. } => adjusted.point(*point),
         _ => None,
     });
     let flat: Vec<Vector2<f64>> = on_it.map(|x| axes.tr_mul(&(x - origin))).collect();
@@ -117,14 +117,14 @@ impl Ground {
         self.origin + self.axes * flat
     }
 
-    /// Place of a pixel of the picture.
+    /// Place of a pixel of the image.
     fn at(&self, x: f64, y: f64) -> Vector3<f64> {
         let flat =
             Vector2::new(x, -y) / self.px_per_m + Vector2::new(self.least.x, self.least.y + self.size_m.y);
         self.place(&flat)
     }
 
-    /// Pixel of the picture of a place on the plane.
+    /// Pixel of the image of a place on the plane.
     fn px(&self, flat: &Vector2<f64>) -> Vector2<f64> {
         let p = (flat - self.least) * self.px_per_m;
         Vector2::new(p.x, self.size_m.y * self.px_per_m - p.y)
@@ -142,7 +142,8 @@ impl Ground {
         let (_, by_point) = source.camera.project_with_jacobian(&x)?;
         let by_ground: Matrix2<f64> = by_point * source.cam_from_world.rotation * self.axes;
         let inverse = by_ground.try_inverse()?;
-        let full = source.adjusted.click_on_plane_covariance_m2(source.photo, 0, place, source.sigma_px)?;
+        let full =
+            source.adjusted.image_point_on_plane_covariance_m2(source.photo, 0, place, source.sigma_px)?;
         let largest = |m: Matrix2<f64>| m.symmetric_eigenvalues().max().max(0.0).sqrt();
         Some(Worth {
             pixel_m: largest(inverse * inverse.transpose()),
@@ -318,11 +319,11 @@ fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, he
 }
 
 fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &Answers) {
-    for fact in &scene.facts {
-        let Fact::OnPlane { plane: 0, point, .. } = fact else { continue };
+    for constraint in &scene.constraints {
+        let Constraint::OnPlane { plane: 0, point, .. } = constraint else { continue };
         let Some(x) = answers.adjusted.point(*point) else { continue };
         let at = ground.px(&ground.axes.tr_mul(&(x - ground.origin)));
-        let color = if scene.is_mark[*point] { MARK } else { POINT };
+        let color = if scene.is_control_point[*point] { MARK } else { POINT };
         let circle: Path = (0..=24)
             .map(|i| {
                 let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
@@ -338,7 +339,7 @@ fn caption(canvas: &mut Canvas, scene: &NamedScene, photo: usize, step: f64, hei
     let name = &scene.photos[photo].name;
     let first = format!("ground of photo {name} from above; grid {step} m; grey: not in the photograph");
     let second = format!(
-        "hatched / : one pixel covers more than {}; hatched \\ : 95 % error of a click (σ {} px) above {}",
+        "hatched / : one pixel covers more than {}; hatched \\ : 95 % error of an image point (σ {} px) above {}",
         centimetres(scene.pixel_limit_m),
         scene.sigma_px,
         centimetres(scene.error_limit_m)

@@ -1,4 +1,4 @@
-//! Clicks from a CSV file: `photo, point, u_px, v_px` and optionally `sigma_px`, columns by name in any order.
+//! Image points from a CSV file: `photo, point, u_px, v_px` and optionally `sigma_px`, columns by name in any order.
 //!
 //! Cells may be quoted as spreadsheets do; lines that begin with # are remarks. Every complaint has its line.
 
@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// One row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Click {
+pub struct ImagePoint {
     /// Name of the photograph.
     pub photo: String,
     /// Name of the point.
@@ -20,15 +20,15 @@ pub struct Click {
     pub sigma_px: Option<f64>,
 }
 
-/// Rows accepted in one file: a person clicks, no program does.
+/// Rows accepted in one file: a person image points, no program does.
 const MAX_ROWS: usize = 20_000;
 const NEEDED: [&str; 4] = ["photo", "point", "u_px", "v_px"];
 
-/// Reads a file of clicks.
+/// Reads a file of image points.
 ///
 /// # Errors
 /// Unreadable files, missing columns, cells that are no numbers, each with its line.
-pub fn read_clicks(path: &Path) -> Result<Vec<Click>, FileError> {
+pub fn read_image_points(path: &Path) -> Result<Vec<ImagePoint>, FileError> {
     let text = crate::input::read_text(path, crate::input::Kind::Literal)?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let is_row = |(_, line): &(usize, &str)| !line.trim().is_empty() && !line.trim_start().starts_with('#');
@@ -60,13 +60,16 @@ pub fn read_clicks(path: &Path) -> Result<Vec<Click>, FileError> {
         if photo.is_empty() || point.is_empty() {
             return Err(FileError::at_line(path, line, "photo and point must have names"));
         }
-        Ok(Click { photo, point, u_px: number(at[2])?, v_px: number(at[3])?, sigma_px })
+        Ok(ImagePoint { photo, point, u_px: number(at[2])?, v_px: number(at[3])?, sigma_px })
     };
-    let clicks = lines.map(row).collect::<Result<Vec<_>, _>>()?;
-    if MAX_ROWS < clicks.len() {
-        return Err(FileError::new(path, format!("holds {} rows; the limit is {MAX_ROWS}", clicks.len())));
+    let image_points = lines.map(row).collect::<Result<Vec<_>, _>>()?;
+    if MAX_ROWS < image_points.len() {
+        return Err(FileError::new(
+            path,
+            format!("holds {} rows; the limit is {MAX_ROWS}", image_points.len()),
+        ));
     }
-    Ok(clicks)
+    Ok(image_points)
 }
 
 /// Cells of a line, trimmed; commas inside quotes do not part.

@@ -1,4 +1,4 @@
-//! The plan: the scene from above, to scale, with marks, points, lengths, photographs and 95 % ellipses.
+//! The plan: the scene from above, to scale, with control points, points, lengths, photographs and 95 % ellipses.
 
 use super::answers::{Answers, QueryAnswer};
 use super::scene::{NamedScene, QueryKind};
@@ -155,12 +155,12 @@ struct Labels {
     taken: Vec<(Vector2<f64>, f64)>,
 }
 
-/// A place a text may take: a point of its baseline, its anchor, its turn.
+/// A place a text may take: a point of its baseline, its anchor, its rotation.
 type Spot = (Vector2<f64>, Anchor, f64);
 
 impl Labels {
     /// Points along a text, one for each of its letters' heights.
-    fn beads(text: &str, height: f64, (at, anchor, turn_rad): Spot) -> Vec<Vector2<f64>> {
+    fn beads(text: &str, height: f64, (at, anchor, rotation_rad): Spot) -> Vec<Vector2<f64>> {
         let width = font::width(text, height);
         let back = match anchor {
             Anchor::Start => 0.0,
@@ -168,8 +168,8 @@ impl Labels {
             Anchor::End => width,
         };
         let (along, up) = (
-            Vector2::new(turn_rad.cos(), turn_rad.sin()),
-            Vector2::new(turn_rad.sin(), -turn_rad.cos()) * (0.5 * height),
+            Vector2::new(rotation_rad.cos(), rotation_rad.sin()),
+            Vector2::new(rotation_rad.sin(), -rotation_rad.cos()) * (0.5 * height),
         );
         let n = (width / height).ceil().max(1.0);
         (0..=n as usize).map(|i| at + along * (width * i as f64 / n - back) + up).collect()
@@ -187,7 +187,7 @@ impl Labels {
         let free = spots.iter().find(|spot| self.is_free(&Self::beads(text, height, **spot), height));
         let Some(spot) = free.or(spots.first()) else { return };
         self.taken.extend(Self::beads(text, height, *spot).into_iter().map(|b| (b, 0.6 * height)));
-        drawing.turned_text(text, spot.0, height, color, spot.1, spot.2);
+        drawing.rotated_text(text, spot.0, height, color, spot.1, spot.2);
     }
 
     fn keep_clear(&mut self, at: Vector2<f64>, radius: f64) {
@@ -214,9 +214,9 @@ fn around(at: Vector2<f64>) -> Vec<Spot> {
 /// Along a line, never upside down, above it or below, in the middle or towards its ends.
 fn along(a: Vector2<f64>, b: Vector2<f64>) -> Vec<Spot> {
     let (a, b) = if b.x < a.x { (b, a) } else { (a, b) };
-    let turn_rad = (b.y - a.y).atan2(b.x - a.x);
-    let up = Vector2::new(turn_rad.sin(), -turn_rad.cos());
-    let spot = |part: f64, lift: f64| (a.lerp(&b, part) + up * lift, Anchor::Middle, turn_rad);
+    let rotation_rad = (b.y - a.y).atan2(b.x - a.x);
+    let up = Vector2::new(rotation_rad.sin(), -rotation_rad.cos());
+    let spot = |part: f64, lift: f64| (a.lerp(&b, part) + up * lift, Anchor::Middle, rotation_rad);
     let parts = [0.5, 0.35, 0.65, 0.22, 0.78];
     let near = parts.into_iter().flat_map(|part| [spot(part, 6.0), spot(part, -6.0 - TEXT_PX)]);
     near.chain(parts.into_iter().flat_map(|part| [spot(part, 22.0), spot(part, -22.0 - TEXT_PX)])).collect()
@@ -336,7 +336,7 @@ fn lengths(
 /// Points nearer than this on the sheet share one name tag.
 const SAME_PX: f64 = 6.0;
 
-/// Marks as crossed squares, points as dots, names beside them; points above one another share a name tag.
+/// Control points as crossed squares, points as dots, names beside them; points above one another share a name tag.
 fn points(
     drawing: &mut Drawing,
     labels: &mut Labels,
@@ -347,13 +347,13 @@ fn points(
     let all: Vec<(usize, Vector2<f64>)> =
         (0..scene.points.len()).filter_map(|p| Some((p, sheet.at(&adjusted.point(p)?)))).collect();
     for (index, at) in &all {
-        let color = if scene.is_mark[*index] { MARK } else { POINT };
-        if scene.is_mark[*index] {
+        let color = if scene.is_control_point[*index] { MARK } else { POINT };
+        if scene.is_control_point[*index] {
             let corner = |u: f64, v: f64| at + Vector2::new(u, v) * 5.0;
             let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
             drawing.line(square.iter().map(|(u, v)| corner(*u, *v)).collect(), color, 1.6);
         }
-        drawing.line(vec![*at, *at], color, if scene.is_mark[*index] { 3.0 } else { 7.0 });
+        drawing.line(vec![*at, *at], color, if scene.is_control_point[*index] { 3.0 } else { 7.0 });
         labels.keep_clear(*at, 3.0);
     }
     for (i, (index, at)) in all.iter().enumerate() {
@@ -363,7 +363,7 @@ fn points(
         }
         let names: Vec<&str> =
             all[i..].iter().filter(is_near).map(|(p, _)| scene.points[*p].as_str()).collect();
-        let color = if scene.is_mark[*index] { MARK } else { POINT };
+        let color = if scene.is_control_point[*index] { MARK } else { POINT };
         labels.write(drawing, &names.join(", "), TEXT_PX, color, &around(*at));
     }
 }

@@ -1,4 +1,4 @@
-//! The scene file (TOML): photographs, marks, distances, planes, uprights, questions; by name, every key with its unit.
+//! The scene file (TOML): photographs, control points, distances, planes, uprights, questions; by name, every key with its unit.
 //!
 //! The keys are listed in docs/measuring.md. Unknown keys are refused, so that a slip is no silent default.
 
@@ -7,7 +7,7 @@ mod rig;
 mod build;
 
 use crate::FileError;
-use crate::core::multiview::network::{Fact, Plane, Query, Survey, SurveyCamera};
+use crate::core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, Plane, Query};
 use crate::core::{Camera, Point};
 use build::Builder;
 use file::SceneFile;
@@ -64,7 +64,7 @@ pub struct NamedQuery {
 pub struct ScenePhoto {
     /// Its name.
     pub name: String,
-    /// The picture, where one was given.
+    /// The image, where one was given.
     pub file: Option<PathBuf>,
     /// Index into `NamedScene::cameras`.
     pub camera: usize,
@@ -86,27 +86,27 @@ pub struct NamedScene {
     pub cameras: Vec<SceneCamera>,
     /// Photographs in file order.
     pub photos: Vec<ScenePhoto>,
-    /// Camera of each photograph: what `Survey` takes.
+    /// Camera of each photograph: what `NetworkProblem` takes.
     pub camera_of_photo: Vec<usize>,
-    /// Names of the points, in the order they first appear: marks, distances, planes, uprights, clicks.
+    /// Names of the points, in the order they first appear: control points, distances, planes, uprights, image points.
     pub points: Vec<String>,
-    /// Which points are marks: known by coordinates or mutual distances.
-    pub is_mark: Vec<bool>,
+    /// Which points are control points: known by coordinates or mutual distances.
+    pub is_control_point: Vec<bool>,
     /// The ground plane, if any, is plane 0; a level plane that gravity gives, the last.
     pub planes: Vec<Plane>,
     /// Whether plane 0 is a ground plane with points on it.
     pub has_ground: bool,
     /// What is known.
-    pub facts: Vec<Fact>,
+    pub constraints: Vec<Constraint>,
     /// What is asked.
     pub queries: Vec<NamedQuery>,
     /// Added to every coordinate shown: large coordinates are moved near zero for the computation, m.
     pub origin_m: Point,
-    /// Standard deviation of clicks where none is stated, px.
+    /// Standard deviation of image points where none is stated, px.
     pub sigma_px: f64,
-    /// Bird's-eye pictures: size on the ground of one pixel beyond which they are hatched, m.
+    /// Bird's-eye images: size on the ground of one pixel beyond which they are hatched, m.
     pub pixel_limit_m: f64,
-    /// Bird's-eye pictures: 95 % position error beyond which they are hatched, m.
+    /// Bird's-eye images: 95 % position error beyond which they are hatched, m.
     pub error_limit_m: f64,
     /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
     pub is_camera_frame: bool,
@@ -114,22 +114,22 @@ pub struct NamedScene {
 
 impl NamedScene {
     /// The cameras as the solver takes them.
-    pub fn survey_cameras(&self) -> Vec<SurveyCamera<'_>> {
+    pub fn network_cameras(&self) -> Vec<NetworkCamera<'_>> {
         let mut cameras = Vec::with_capacity(self.cameras.len());
         for SceneCamera { camera, intrinsics_covariance } in &self.cameras {
-            cameras.push(SurveyCamera { camera, intrinsics_covariance: intrinsics_covariance.as_deref() });
+            cameras.push(NetworkCamera { camera, intrinsics_covariance: intrinsics_covariance.as_deref() });
         }
         cameras
     }
 
     /// What the solver takes.
-    pub fn survey<'a>(&'a self, cameras: &'a [SurveyCamera<'a>]) -> Survey<'a> {
-        Survey {
+    pub fn network<'a>(&'a self, cameras: &'a [NetworkCamera<'a>]) -> NetworkProblem<'a> {
+        NetworkProblem {
             cameras,
             camera_of_photo: &self.camera_of_photo,
             n_points: self.points.len(),
             planes: &self.planes,
-            facts: &self.facts,
+            constraints: &self.constraints,
         }
     }
 
@@ -147,7 +147,7 @@ impl NamedScene {
     }
 }
 
-/// Reads a scene file, its clicks and its cameras; paths in it are relative to its folder.
+/// Reads a scene file, its image points and its cameras; paths in it are relative to its folder.
 ///
 /// # Errors
 /// Unreadable or wrong files with their line, names that nothing has, numbers that cannot be right.
@@ -160,9 +160,9 @@ pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     let mut builder = Builder::new(path, folder, file.sigma_px)?;
     builder.photos(&file)?;
-    builder.marks(&file)?;
+    builder.control_points(&file)?;
     builder.ground(&file)?;
-    builder.clicks(&file)?;
+    builder.image_points(&file)?;
     builder.queries(&file.query)?;
     builder.limits(file.birdseye)?;
     builder.moved_near_zero();

@@ -2,7 +2,7 @@
 
 use super::answers::Answers;
 use super::words;
-use crate::core::multiview::network::SurveyStatus;
+use crate::core::multiview::network::NetworkStatus;
 
 /// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark, status; one line a value. The remark of an answer that is not
 /// `ok` says why.
@@ -13,7 +13,7 @@ pub fn csv(answers: &Answers) -> String {
         let unit = words::unit(answer.query.kind);
         let status = answer.status.name();
         let why = match answer.status {
-            SurveyStatus::Ok => String::new(),
+            NetworkStatus::Ok => String::new(),
             _ => quoted(&answers.verdict.join("; ")),
         };
         match &answer.result {

@@ -2,7 +2,7 @@
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::multiview::network::{Fact, Frame, Item, Measured, OnLine, Suspect};
+use crate::core::multiview::network::{Constraint, Frame, Item, Measured, OnLine, Suspect};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -14,28 +14,28 @@ pub fn item(scene: &NamedScene, item: Item) -> String {
     }
 }
 
-/// `the click of P in north`, `the distance A–B`.
-pub fn fact(scene: &NamedScene, fact: &Fact) -> String {
+/// `the image_point of P in north`, `the distance A–B`.
+pub fn constraint(scene: &NamedScene, constraint: &Constraint) -> String {
     let point = |p: usize| scene.points[p].as_str();
-    match fact {
-        Fact::Click { photo, point: p, .. } => {
-            format!("the click of {} in {}", point(*p), scene.photos[*photo].name)
+    match constraint {
+        Constraint::ImagePoint { photo, point: p, .. } => {
+            format!("the image point of {} in {}", point(*p), scene.photos[*photo].name)
         }
-        Fact::Place { point: p, .. } => format!("the coordinates of {}", point(*p)),
-        Fact::Distance { a, b, distance_m, .. } => {
+        Constraint::Place { point: p, .. } => format!("the coordinates of {}", point(*p)),
+        Constraint::Distance { a, b, distance_m, .. } => {
             format!("the distance {}–{} of {distance_m} m", point(*a), point(*b))
         }
-        Fact::OnPlane { point: p, .. } => format!("{} lying on the plane", point(*p)),
-        Fact::Upright { foot, top, .. } => format!("{} standing above {}", point(*top), point(*foot)),
-        Fact::Gravity { photo, .. } => format!("down_in_cam of {}", scene.photos[*photo].name),
-        Fact::Pose { photo, .. } => format!("the pose of {}", scene.photos[*photo].name),
+        Constraint::OnPlane { point: p, .. } => format!("{} lying on the plane", point(*p)),
+        Constraint::Upright { foot, top, .. } => format!("{} standing above {}", point(*top), point(*foot)),
+        Constraint::Gravity { photo, .. } => format!("down_in_cam of {}", scene.photos[*photo].name),
+        Constraint::Pose { photo, .. } => format!("the pose of {}", scene.photos[*photo].name),
     }
 }
 
-/// `the click of P in north is off by about 12.3 px (9.1 σ)`.
+/// `the image_point of P in north is off by about 12.3 px (9.1 σ)`.
 pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
-    let named = &scene.facts[suspect.fact];
-    if let (Fact::Distance { a, b, distance_m, .. }, Some(slip)) = (named, &suspect.slip) {
+    let named = &scene.constraints[suspect.constraint];
+    if let (Constraint::Distance { a, b, distance_m, .. }, Some(slip)) = (named, &suspect.slip) {
         let places = decimals(slip.sigma_m);
         let [a, b] = [a, b].map(|p| scene.points[*p].as_str());
         return format!(
@@ -49,19 +49,21 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
         );
     }
     let off = match named {
-        Fact::Click { .. } => format!("{:.1} px", suspect.off.abs()),
-        Fact::Upright { .. } | Fact::Gravity { .. } => format!("{:.1}°", suspect.off.to_degrees()),
-        Fact::Pose { .. } => format!("{:.1} of its standard deviations", suspect.off),
+        Constraint::ImagePoint { .. } => format!("{:.1} px", suspect.off.abs()),
+        Constraint::Upright { .. } | Constraint::Gravity { .. } => {
+            format!("{:.1}°", suspect.off.to_degrees())
+        }
+        Constraint::Pose { .. } => format!("{:.1} of its standard deviations", suspect.off),
         _ => format!("{:.3} m", suspect.off.abs()),
     };
-    format!("{} is off by about {off} ({:.1} σ)", fact(scene, named), suspect.sigmas)
+    format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
 }
 
-/// What marks on one line mean.
+/// What control points on one line mean.
 pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {
     let [a, b] = line.ends.map(|p| scene.points[p].as_str());
     format!(
-        "the marks stand nearly on one line, from {a} to {b} ({:.2} m), none farther off it than {:.3} m ({:.3} m needed); a turn about that line can hardly be seen, so add a mark well off it",
+        "the control points stand nearly on one line, from {a} to {b} ({:.2} m), none farther off it than {:.3} m ({:.3} m needed); a rotation about that line can hardly be seen, so add a control point well off it",
         line.length_m, line.width_m, line.needed_m
     )
 }
@@ -78,16 +80,16 @@ pub fn error(scene: &NamedScene, error: &Error) -> String {
             };
             format!("{name} is undetermined: {reason}")
         }
-        Error::InconsistentDistances { fact: index, off_m, sigmas } => format!(
+        Error::InconsistentDistances { constraint: index, off_m, sigmas } => format!(
             "the known distances contradict each other; worst is {}, off by about {off_m:.3} m ({sigmas:.1} σ): measure it again, or give it a larger sigma_m",
-            fact(scene, &scene.facts[*index])
+            constraint(scene, &scene.constraints[*index])
         ),
-        Error::MarksOnLine { a, b, length_m, width_m, needed_m } => on_line(
+        Error::ControlPointsOnLine { a, b, length_m, width_m, needed_m } => on_line(
             scene,
             &OnLine { ends: [*a, *b], length_m: *length_m, width_m: *width_m, needed_m: *needed_m },
         ),
-        Error::InvalidFact { fact: index, what, seen, needed } => {
-            format!("{}: {what} is {seen}; {needed}", fact(scene, &scene.facts[*index]))
+        Error::InvalidConstraint { constraint: index, what, seen, needed } => {
+            format!("{}: {what} is {seen}; {needed}", constraint(scene, &scene.constraints[*index]))
         }
         other => other.to_string(),
     }
@@ -153,7 +155,7 @@ pub fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
 /// Which frame positions are in.
 pub fn frame_words(scene: &NamedScene, frame: Frame) -> String {
     match frame {
-        Frame::Marks([a, b, c]) => {
+        Frame::ControlPoints([a, b, c]) => {
             let name = |p: usize| &scene.points[p];
             format!("from {}, x towards {}, z up from the plane through {}", name(a), name(b), name(c))
         }

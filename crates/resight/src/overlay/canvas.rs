@@ -1,4 +1,4 @@
-//! An RGB picture with anti-aliased strokes.
+//! An RGB image with anti-aliased strokes.
 //!
 //! Canvas coordinates follow the project's rule: (0, 0) is the centre of the top-left pixel. A stroke's coverage is
 //! collected over all its segments first and blended once, so that joints of translucent lines do not show.
@@ -14,7 +14,7 @@ pub type Color = [u8; 3];
 /// Segments are cut into pieces of this length, px, so that a long diagonal does not visit its whole bounding box.
 const PIECE: f64 = 24.0;
 
-/// A picture being drawn.
+/// An image being drawn.
 pub struct Canvas {
     /// Columns.
     pub width: u32,
@@ -63,7 +63,7 @@ impl Canvas {
         Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
     }
 
-    /// Gives one pixel a colour; outside the picture nothing happens.
+    /// Gives one pixel a colour; outside the image nothing happens.
     pub fn set(&mut self, x: u32, y: u32, color: Color) {
         if x < self.width && y < self.height {
             let i = 3 * (y as usize * self.width as usize + x as usize);
@@ -91,7 +91,7 @@ impl Canvas {
         self.stroke(paths, pen);
     }
 
-    /// The picture as PNG.
+    /// The image as PNG.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         use ::image::ImageEncoder;
         use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -152,7 +152,7 @@ impl Canvas {
         }
     }
 
-    /// The part of a segment inside the picture widened by `margin` (Liang–Barsky).
+    /// The part of a segment inside the image widened by `margin` (Liang–Barsky).
     fn clipped(&self, a: Vector2<f64>, b: Vector2<f64>, margin: f64) -> Option<(Vector2<f64>, Vector2<f64>)> {
         if !(a.iter().chain(b.iter()).all(|x| x.is_finite())) {
             return None;

@@ -53,7 +53,7 @@ const GLYPHS: &[Glyph] = &[
     ('χ', 6.0, "0c 60|00 6c"), ('²', 3.0, "0f 1g 2g 3f 3e 0b 3b"), ('→', 8.0, "0a 8a|5d 8a 57"), ('·', 0.5, "09 0a"),
 ];
 
-/// What a letter without a picture looks like.
+/// What a letter without an image looks like.
 const UNKNOWN: Glyph = ('\u{fffd}', 6.0, "0c 6c 64 04 0c");
 
 /// The strokes of a line of text whose baseline starts at `origin` (canvas pixels), capitals `height` pixels tall.

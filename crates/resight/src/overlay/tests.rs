@@ -1,4 +1,4 @@
-//! The picture against the pose it claims to show.
+//! The image against the pose it claims to show.
 
 use super::*;
 use crate::core::camera::{ImageSize, Pinhole};
@@ -39,7 +39,7 @@ fn drawn() -> (Canvas, PoseEstimate) {
     (draw(&scene), estimate)
 }
 
-/// Half-way along each axis (100 mm for a tag of 200 mm) the picture has that axis' colour.
+/// Half-way along each axis (100 mm for a tag of 200 mm) the image has that axis' colour.
 #[test]
 fn axes_are_where_the_pose_sends_them() {
     let (canvas, estimate) = drawn();

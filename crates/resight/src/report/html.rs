@@ -1,5 +1,6 @@
-//! A page that needs no network: text, tables and pictures in one file.
+//! A page that needs no network: text, tables and images in one file.
 
+use super::verdict::Status;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
@@ -7,6 +8,7 @@ use base64::prelude::BASE64_STANDARD;
 pub struct Page {
     title: String,
     style: String,
+    top: String,
     body: String,
 }
 
@@ -15,18 +17,37 @@ const STYLE: &str = "\
 body{font:16px/1.55 system-ui,sans-serif;max-width:62rem;margin:2.5rem auto;padding:0 1.2rem;color:#1d232b;background:#fbfbf9}\
 h1{font-size:1.9rem;margin:0 0 .3rem}h2{margin:2.4rem 0 .4rem;font-size:1.25rem}p{max-width:46rem}\
 figure{margin:1rem 0}img{max-width:100%;height:auto;border-radius:6px;display:block}figcaption{color:#667;font-size:.9rem;margin-top:.3rem}\
-.row{display:grid;grid-template-columns:repeat(auto-fit,minmax(22rem,1fr));gap:1rem}\
+.row{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(22rem,100%),1fr));gap:1rem}\
 table{border-collapse:collapse;margin:1rem 0;font-variant-numeric:tabular-nums;display:block;overflow-x:auto}\
 th,td{text-align:left;padding:.35rem .9rem .35rem 0;border-bottom:1px solid #d9dbd6;white-space:nowrap}th{font-weight:600;color:#556}\
 pre{background:#eff0ec;padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font-size:.86rem}\
+.verdict{font-size:1.15rem;margin:.2rem 0}\
+.cards{display:flex;flex-wrap:wrap;gap:.4rem 2.4rem;margin:1rem 0}\
+.cards div{margin:0}.cards dt{font-size:.85rem;color:#667}.cards dd{margin:0;font-size:1.2rem;font-variant-numeric:tabular-nums}\
 .ok{color:#147a34}.ambiguous{color:#9a6b00}.inconsistent,.error,.not_found,.degenerate{color:#b3261e}\
 @media(prefers-color-scheme:dark){body{color:#e4e6e8;background:#16181b}pre{background:#22262b}th,td{border-color:#353a40}\
-th,figcaption{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous{color:#f0c04a}.inconsistent,.error,.not_found,.degenerate{color:#ff8078}}";
+th,figcaption,.cards dt{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous{color:#f0c04a}.inconsistent,.error,.not_found,.degenerate{color:#ff8078}}\
+@media(max-width:40rem){body{margin:1rem auto}.cards{gap:.4rem 1.2rem}pre{font-size:.72rem;padding:.6rem}}";
 
 impl Page {
     /// An empty page.
     pub fn new(title: &str) -> Self {
-        Page { title: escaped(title), style: STYLE.into(), body: format!("<h1>{}</h1>\n", escaped(title)) }
+        Page { title: escaped(title), style: STYLE.into(), top: String::new(), body: String::new() }
+    }
+
+    /// What the page begins with, whenever it is known: the status, a sentence, and the key figures with their names.
+    pub fn verdict(&mut self, status: Status, sentence: &str, figures: &[(&str, String)]) -> &mut Self {
+        let role = if status == Status::Ok { "" } else { " role=\"alert\"" };
+        let (name, word) = (status.name(), status.name().to_uppercase().replace('_', " "));
+        let figure = |(name, value): &(&str, String)| {
+            format!("<div><dt>{}</dt><dd>{}</dd></div>", escaped(name), escaped(value))
+        };
+        self.top = format!(
+            "<p class=\"verdict\"{role}><strong class=\"{name}\">{word}</strong> {}</p>\n<dl class=\"cards\">{}</dl>\n",
+            escaped(sentence),
+            figures.iter().map(figure).collect::<String>()
+        );
+        self
     }
 
     /// A heading.
@@ -55,7 +76,7 @@ impl Page {
         self.push(format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// Pictures side by side: PNG bytes and a caption each; they become part of the page.
+    /// Images side by side: PNG bytes and a caption each; they become part of the page.
     pub fn pictures(&mut self, pictures: &[(&[u8], &str)]) -> &mut Self {
         let figure = |(png, caption): &(&[u8], &str)| {
             let (data, caption) = (base64(png), escaped(caption));
@@ -83,8 +104,8 @@ impl Page {
         format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title><style>{}</style></head>\n\
-             <body>\n{}</body></html>\n",
-            self.title, self.style, self.body
+             <body>\n<h1>{}</h1>\n{}{}</body></html>\n",
+            self.title, self.style, self.title, self.top, self.body
         )
     }
 

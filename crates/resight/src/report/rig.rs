@@ -1,6 +1,6 @@
-//! A rig's page: one file that shows where the cameras are, how sure that is, and what it rests on, without a network.
+//! A rig's page: one file that shows where the cameras are, how uncertain that is, and what it rests on, without a network.
 //!
-//! Everything on it is there without scripts too: tables, drawings and a picture in space. With scripts the picture turns and every
+//! Everything on it is there without scripts too: tables, drawings and an image in space. With scripts the image turns and every
 //! single residual can be looked at. Same run, same bytes.
 
 mod cameras;
@@ -58,7 +58,7 @@ pub fn rig_page(run: &RigRun) -> String {
     let packed = residuals::packed(run);
     let n = run.rig.cameras.len();
     let mut page = Page::new(&format!("Rig of {n} camera{}", if n == 1 { "" } else { "s" }));
-    page.style(STYLE).markup(&judged(run)).markup(&summary(run)).markup(controls());
+    page.style(STYLE).verdict(rig_status(&run.solution), &judged(run), &summary(run)).markup(controls());
     page.heading("Cameras").markup(&cameras::table(run)).markup(&cameras::legend(run));
     page.heading("In space").markup(&space::figure(&drawn)).markup(&plan::figure(&drawn));
     page.heading("Residuals").markup(&residuals::figures(&drawn, &packed));
@@ -74,38 +74,29 @@ fn script() -> String {
     format!("<script>\n\"use strict\";(()=>{{\n{}}})();\n</script>", SCRIPTS.concat())
 }
 
-/// The verdict comes first.
 fn judged(run: &RigRun) -> String {
     match rig_verdict_sentence(run) {
-        Some(sentence) => {
-            format!(
-                "<p class=\"verdict\" role=\"alert\"><strong>INCONSISTENT</strong> {}.</p>",
-                escaped(&sentence)
-            )
-        }
-        None => "<p class=\"verdict\"><strong>OK</strong> Nothing seen contradicts this rig.</p>".to_string(),
+        Some(sentence) => format!("{sentence}."),
+        None => "Nothing seen contradicts this rig.".to_string(),
     }
 }
 
 /// The figures that say at once whether the run went well.
-fn summary(run: &RigRun) -> String {
+fn summary(run: &RigRun) -> [(&'static str, String); 6] {
     let s = &run.solution;
     let share = 100.0 * s.n_used as f64 / s.n_seen.max(1) as f64;
     let per_dof = s.chi2 / s.degrees_of_freedom.max(1) as f64;
-    let cards = [
+    [
         ("reprojection error, rms", format!("{} px", pieces::fixed(s.rms_px, 3))),
         ("points used", format!("{} of {} ({share:.1} %)", grouped(s.n_used), grouped(s.n_seen))),
         ("views", grouped(run.rig.views.len())),
         ("χ² per degree of freedom", pieces::fixed(per_dof, 2)),
         ("every ± widened by", format!("× {}", pieces::fixed((s.noise_scale * s.view_scale).sqrt(), 2))),
         ("frame of the rig", run.rig.cameras.get(s.reference).map_or(String::new(), |c| c.name.clone())),
-    ];
-    let card =
-        |(name, value): &(&str, String)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", escaped(value));
-    format!("<dl class=\"cards\">{}</dl>", cards.iter().map(card).collect::<String>())
+    ]
 }
 
-/// One choice of view for picture and residuals alike; shown once scripts run.
+/// One choice of view for image and residuals alike; shown once scripts run.
 fn controls() -> &'static str {
     "<div class=\"bar\" id=\"bar\" hidden><label>View <select id=\"view\"></select></label>\
      <button type=\"button\" id=\"before\" aria-label=\"view before\">◀</button>\

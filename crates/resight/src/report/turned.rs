@@ -1,11 +1,11 @@
-//! Small motions in words, and the turn since a reference picture in words and as JSON.
+//! Small motions in words, and the rotation since a reference image in words and as JSON.
 
 use crate::core::Vector6;
-use crate::landmarks::Sighting;
+use crate::landmarks::LandmarkObservation;
 use nalgebra::Vector2;
 use serde_json::{Value, json};
 
-/// About x right, y down, z forward: the sign of a turn or shift, and its opposite.
+/// About x right, y down, z forward: the sign of a rotation or shift, and its opposite.
 const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
 const SHIFTS: [[&str; 2]; 3] = [["right", "left"], ["down", "up"], ["forward", "backward"]];
 
@@ -21,40 +21,41 @@ pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
     (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
 }
 
-/// Why the turn is no answer: most of what was found contradicts it.
-pub fn contradiction(sighting: &Sighting) -> Option<String> {
-    let (agree, found) = (sighting.turn.used.len(), sighting.turn.given);
-    (!sighting.turn.is_consistent()).then(|| {
+/// Why the rotation is no answer: most of what was found contradicts it.
+pub fn contradiction(landmark_observation: &LandmarkObservation) -> Option<String> {
+    let (agree, found) =
+        (landmark_observation.relative_rotation.used.len(), landmark_observation.relative_rotation.given);
+    (!landmark_observation.relative_rotation.is_consistent()).then(|| {
         format!(
             "inconsistent: {agree} of the {found} landmarks found agree, half are needed: near things as the camera shifts, or much that moves"
         )
     })
 }
 
-/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A turn that most of what was found
-/// contradicts is told as that first.
-pub fn words(sighting: &Sighting) -> String {
-    let turned = turned_words(sighting);
-    match contradiction(sighting) {
+/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A rotation that most of what was found
+/// contradicts is reported as that first.
+pub fn words(landmark_observation: &LandmarkObservation) -> String {
+    let turned = rotation_words(landmark_observation);
+    match contradiction(landmark_observation) {
         Some(why) => format!("{why}; they say: {turned}"),
         None => turned,
     }
 }
 
-fn turned_words(sighting: &Sighting) -> String {
-    let (turn, covariance) = sighting.turn.old_from_new();
+fn rotation_words(landmark_observation: &LandmarkObservation) -> String {
+    let (relative_rotation, covariance) = landmark_observation.relative_rotation.old_from_new();
     let part = |i: usize| {
-        let direction = TURNS[i][usize::from(turn[i] < 0.0)];
-        let [size, sigma] = [turn[i].abs(), covariance[(i, i)].sqrt()].map(f64::to_degrees);
+        let direction = TURNS[i][usize::from(relative_rotation[i] < 0.0)];
+        let [size, sigma] = [relative_rotation[i].abs(), covariance[(i, i)].sqrt()].map(f64::to_degrees);
         format!("{direction} {size:.4}° ± {sigma:.4}°")
     };
-    let shift = sighting.shift.map(|shift| format!("; image shifted {}", shift_words(&shift.px)));
+    let shift = landmark_observation.shift.map(|shift| format!("; image shifted {}", shift_words(&shift.px)));
     format!(
-        "turned {}{}; {} of {} landmarks agree",
+        "rotated {}{}; {} of {} landmarks agree",
         [0, 1, 2].map(part).join(", "),
         shift.unwrap_or_default(),
-        sighting.turn.used.len(),
-        sighting.in_view
+        landmark_observation.relative_rotation.used.len(),
+        landmark_observation.in_view
     )
 }
 
@@ -65,34 +66,34 @@ fn shift_words(px: &Vector2<f64>) -> String {
 }
 
 /// The turn's numbers, beside what `object` holds already.
-pub fn add_to(object: &mut Value, sighting: &Sighting) {
-    let turn = &sighting.turn;
-    let (rotation_rad, covariance) = turn.old_from_new();
+pub fn add_to(object: &mut Value, landmark_observation: &LandmarkObservation) {
+    let relative_rotation = &landmark_observation.relative_rotation;
+    let (rotation_rad, covariance) = relative_rotation.old_from_new();
     let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| covariance[(i, j)]).collect()).collect();
     object["rotation_rad"] = json!(rotation_rad.as_slice());
     object["sigma_rad"] = json!(covariance.diagonal().map(f64::sqrt).as_slice());
     object["rotation_covariance_rad2"] = json!(rows);
-    if let Some(shift) = &sighting.shift {
+    if let Some(shift) = &landmark_observation.shift {
         object["shift_px"] = json!(shift.px.as_slice());
         object["shift_sigma_px"] = json!(shift.covariance_px2.diagonal().map(f64::sqrt).as_slice());
     }
-    object["n_landmarks"] = json!(turn.used.len());
-    object["n_matched"] = json!(turn.given);
-    object["n_in_view"] = json!(sighting.in_view);
-    object["rms_px"] = json!(turn.rms_px);
-    object["is_consistent"] = json!(turn.is_consistent());
+    object["n_landmarks"] = json!(relative_rotation.used.len());
+    object["n_matched"] = json!(relative_rotation.given);
+    object["n_in_view"] = json!(landmark_observation.in_view);
+    object["rms_px"] = json!(relative_rotation.rms_px);
+    object["is_consistent"] = json!(relative_rotation.is_consistent());
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::temporal::relative_rotation::Turn;
+    use crate::core::temporal::relative_rotation::RelativeRotation;
     use nalgebra::Matrix3;
 
     #[test]
-    fn a_contradictory_turn_is_told_as_one() {
+    fn a_contradictory_turn_is_reported_as_one() {
         let said = |agree: usize| {
-            let turn = Turn {
+            let relative_rotation = RelativeRotation {
                 now_from_reference: Matrix3::identity(),
                 covariance: Matrix3::identity() * 1e-8,
                 used: (0..agree).collect(),
@@ -102,7 +103,7 @@ mod tests {
                 coherence: 1.0,
                 rms_px: 0.1,
             };
-            words(&Sighting { turn, shift: None, found: Vec::new(), in_view: 120 })
+            words(&LandmarkObservation { relative_rotation, shift: None, found: Vec::new(), in_view: 120 })
         };
         assert!(said(49).starts_with("inconsistent: 49 of the 100 landmarks found agree"), "{}", said(49));
         assert!(said(50).starts_with("turned "), "{}", said(50));

@@ -4,7 +4,7 @@ use crate::core::Error;
 use crate::core::locate::choose::Ambiguity;
 use crate::core::locate::consistency::Consistency;
 use crate::core::locate::{Method, PoseEstimate};
-use crate::core::multiview::network::SurveyStatus;
+use crate::core::multiview::network::NetworkStatus;
 use crate::core::multiview::tag_map::{DisplacedTag, TargetPose};
 use crate::core::solve::line_plus_one::Weakness;
 use crate::report::words::percent;
@@ -54,13 +54,13 @@ impl Status {
     }
 }
 
-impl From<SurveyStatus> for Status {
-    fn from(status: SurveyStatus) -> Self {
+impl From<NetworkStatus> for Status {
+    fn from(status: NetworkStatus) -> Self {
         match status {
-            SurveyStatus::Ok => Status::Ok,
-            SurveyStatus::Ambiguous => Status::Ambiguous,
-            SurveyStatus::Inconsistent => Status::Inconsistent,
-            SurveyStatus::Degenerate => Status::Degenerate,
+            NetworkStatus::Ok => Status::Ok,
+            NetworkStatus::Ambiguous => Status::Ambiguous,
+            NetworkStatus::Inconsistent => Status::Inconsistent,
+            NetworkStatus::Degenerate => Status::Degenerate,
         }
     }
 }
@@ -78,34 +78,44 @@ pub struct Verdict {
 pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
     let uniqueness = uniqueness(estimate);
     match (&estimate.consistency, &estimate.ambiguity) {
-        (Consistency::Inconsistent { chi2_per_dof, .. }, _) if estimate.method == Method::Wang2004 => {
+        (Consistency::Inconsistent { chi2_per_degree_of_freedom, .. }, _)
+            if estimate.method == Method::Wang2004 =>
+        {
             Verdict {
                 status: Status::Inconsistent,
                 message: format!(
-                    "the printed procedure is not refined, and its residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, \
+                    "the printed procedure is not refined, and its residual is far above the stated noise (χ²/dof {chi2_per_degree_of_freedom:.1}, \
                  expected 1); use method auto for the best pose of these points"
                 ),
             }
         }
-        (Consistency::Inconsistent { chi2_per_dof, worst_prior: Some(prior), .. }, _) => Verdict {
-            status: Status::Inconsistent,
-            message: format!(
-                "what is stated of the pose besides the points (prior {}) contradicts them (χ²/dof {chi2_per_dof:.1}, expected 1; without it \
-                 they agree with their sigmas); check it and its stated uncertainty before using this pose",
-                prior + 1
-            ),
-        },
-        (Consistency::Inconsistent { chi2_per_dof, worst_point, worst_px, worst_prior: None }, _) => {
+        (Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_prior: Some(prior), .. }, _) => {
             Verdict {
                 status: Status::Inconsistent,
                 message: format!(
-                    "the residual is far above the stated noise (χ²/dof {chi2_per_dof:.1}, expected 1; worst is {}, {} {unit} off); \
-                 check the intrinsics, the target's dimensions and the labels before using this pose",
-                    name_of(*worst_point),
-                    figures(*worst_px),
+                    "what is stated of the pose besides the points (prior {}) contradicts them (χ²/dof {chi2_per_degree_of_freedom:.1}, expected 1; without it \
+                 they agree with their sigmas); check it and its stated uncertainty before using this pose",
+                    prior + 1
                 ),
             }
         }
+        (
+            Consistency::Inconsistent {
+                chi2_per_degree_of_freedom,
+                worst_point,
+                worst_px,
+                worst_prior: None,
+            },
+            _,
+        ) => Verdict {
+            status: Status::Inconsistent,
+            message: format!(
+                "the residual is far above the stated noise (χ²/dof {chi2_per_degree_of_freedom:.1}, expected 1; worst is {}, {} {unit} off); \
+                 check the intrinsics, the target's dimensions and the labels before using this pose",
+                name_of(*worst_point),
+                figures(*worst_px),
+            ),
+        },
         (_, Ambiguity::Ambiguous { .. }) => Verdict { status: Status::Ambiguous, message: uniqueness },
         _ => Verdict { status: Status::Ok, message: uniqueness },
     }
@@ -157,7 +167,9 @@ fn length(m: f64) -> String {
 
 fn contradiction(ids: &[u32], e: &PoseEstimate) -> String {
     let chi2 = match e.consistency {
-        Consistency::Inconsistent { chi2_per_dof, .. } => format!(" (χ²/dof {chi2_per_dof:.1}, expected 1)"),
+        Consistency::Inconsistent { chi2_per_degree_of_freedom, .. } => {
+            format!(" (χ²/dof {chi2_per_degree_of_freedom:.1}, expected 1)")
+        }
         Consistency::Consistent => String::new(),
     };
     let names: Vec<String> = ids.iter().map(u32::to_string).collect();
@@ -198,13 +210,13 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
     }
     match &estimate.ambiguity {
         Ambiguity::Ambiguous { ratio, other } => {
-            let (count, all) = match estimate.n_rivals() {
+            let (count, all) = match estimate.n_alternatives() {
                 ..=2 => ("two", "both"),
                 3 => ("three", "all"),
                 _ => ("four", "all"),
             };
-            let rivals = estimate.minima().filter(|h| h.is_rival);
-            let probable: Vec<String> = rivals.map(|h| percent(h.weight)).collect();
+            let alternatives = estimate.minima().filter(|h| h.is_alternative);
+            let probable: Vec<String> = alternatives.map(|h| percent(h.probability)).collect();
             format!(
                 "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude one; \
                  probabilities {}); {all} are given, the more probable first: {}",

@@ -24,13 +24,13 @@ pub fn distance_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> (f64, f64) {
 }
 
 /// Where the camera is in the target frame and the standard deviation along each axis of that frame, metres.
-pub fn place_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
-    let sigma_m = place_sigma_m(&estimate.cam_from_target, &estimate.covariance);
+pub fn position_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
+    let sigma_m = position_sigma_m(&estimate.cam_from_target, &estimate.covariance);
     (estimate.cam_from_target.origin(), sigma_m)
 }
 
-/// Standard deviation of the camera's place along each axis of frame a, metres, of `cam_from_a` and its covariance.
-pub fn place_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> Vector3<f64> {
+/// Standard deviation of the camera's position along each axis of frame a, metres, of `cam_from_a` and its covariance.
+pub fn position_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> Vector3<f64> {
     let r = &cam_from_a.rotation;
     let translation: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into();
     (r.transpose() * translation * r).diagonal().map(|x| x.max(0.0).sqrt())
@@ -84,15 +84,17 @@ pub fn degrees(angle_rad: f64) -> String {
     format!("{degrees:.decimals$}°")
 }
 
-/// The turn and the shift that the points show least, `0.8°` and `12 mm`, the weaker first.
+/// The rotation and the shift that the points show least, `0.8°` and `12 mm`, the weaker first.
 pub fn weakest(o: &Observability) -> String {
     let shift = format!("{}, ± {}", shift_words(&o.shift_axis), length(o.sigma_m));
     let turn = match o.sigma_rad {
-        all_round if std::f64::consts::PI < all_round => format!("{}, > 180°", turn_words(&o.turn_axis)),
-        sigma => format!("{}, ± {}", turn_words(&o.turn_axis), degrees(sigma)),
+        all_round if std::f64::consts::PI < all_round => {
+            format!("{}, > 180°", rotation_words(&o.rotation_axis))
+        }
+        sigma => format!("{}, ± {}", rotation_words(&o.rotation_axis), degrees(sigma)),
     };
     let (first, second) = if o.is_shift { (shift, turn) } else { (turn, shift) };
-    let together = if o.go_together() { "; the two go together" } else { "" };
+    let together = if o.correlated() { "; the two go together" } else { "" };
     format!("{first}; {second}{together}")
 }
 
@@ -108,21 +110,21 @@ fn shift_words(axis: &Axis) -> String {
     }
 }
 
-/// A turn about an axis that lies rather across the sight tilts the target, one along it spins its image.
-fn turn_words(axis: &Axis) -> String {
+/// A rotation about an axis that lies rather across the sight tilts the target, one along it spins its image.
+fn rotation_words(axis: &Axis) -> String {
     match axis {
-        Axis::LineOfSight => "turn about the line of sight".into(),
+        Axis::LineOfSight => "rotation about the line of sight".into(),
         Axis::Horizontal => "tilt about the horizontal axis".into(),
         Axis::Vertical => "tilt about the vertical axis".into(),
-        Axis::LineOfPoints => "turn about the line of three points".into(),
+        Axis::LineOfPoints => "rotation about the line of three points".into(),
         Axis::Oblique { from_sight_rad, in_image_rad } if ACROSS_RAD < *from_sight_rad => {
             let sense = if *in_image_rad < 0.0 { "anticlockwise" } else { "clockwise" };
             format!("tilt about an axis {:.0}° {sense} of the horizontal", in_image_rad.abs().to_degrees())
         }
         Axis::Oblique { from_sight_rad, .. } => {
-            format!("turn about an axis {:.0}° from the line of sight", from_sight_rad.to_degrees())
+            format!("rotation about an axis {:.0}° from the line of sight", from_sight_rad.to_degrees())
         }
-        _ => "turn".into(),
+        _ => "rotation".into(),
     }
 }
 
@@ -169,7 +171,7 @@ mod tests {
             motion: Vector6::zeros(),
             is_shift: true,
             ratio: 2.0,
-            turn_axis: Axis::Horizontal,
+            rotation_axis: Axis::Horizontal,
             sigma_rad: 0.014,
             shift_axis: Axis::LineOfSight,
             sigma_m: 0.012,
@@ -179,7 +181,7 @@ mod tests {
         assert_eq!(weakest(&weak), format!("{both}; the two go together"));
         assert_eq!(weakest(&Observability { correlation: 0.2, ..weak }), both);
         let oblique = Axis::Oblique { from_sight_rad: 1.4, in_image_rad: -0.5 };
-        let turned = weakest(&Observability { turn_axis: oblique, is_shift: false, ..weak });
+        let turned = weakest(&Observability { rotation_axis: oblique, is_shift: false, ..weak });
         assert!(
             turned.starts_with("tilt about an axis 29° anticlockwise of the horizontal, ± 0.80°; distance")
         );
@@ -205,7 +207,7 @@ mod tests {
         assert!((yaw - 0.5).abs() + (pitch + 0.4).abs() + (roll - 0.3).abs() < 1e-12);
     }
 
-    /// σ of the camera's place and distance are those of the places that small motions of one σ lead to.
+    /// σ of the camera's position and distance are those of the places that small motions of one σ lead to.
     #[test]
     fn place_and_distance_sigmas_match_small_motions() {
         use crate::core::locate::{Config, locate};
@@ -225,7 +227,7 @@ mod tests {
             estimate.covariance = Matrix6::zeros();
             estimate.covariance[(i, i)] = 1e-10;
             let moved = Pose::exp(&xi) * estimate.cam_from_target;
-            let (place, sigma) = place_with_sigma_m(&estimate);
+            let (place, sigma) = position_with_sigma_m(&estimate);
             assert!(((moved.origin() - place).abs() - sigma).norm() < 1e-9);
             let (distance, sigma) = distance_with_sigma_m(&estimate);
             assert!(((moved.origin().norm() - distance).abs() - sigma).abs() < 1e-9);

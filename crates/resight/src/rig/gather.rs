@@ -3,14 +3,14 @@
 use super::names::natural;
 use super::{NamedRig, NamedTarget};
 use crate::core::Correspondence;
-use crate::core::multiview::rig::Sighting;
+use crate::core::multiview::rig::Observation;
 use crate::formats::NamedCamera;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 /// What one frame of one camera shows of one target.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Observation {
+pub struct NamedObservation {
     /// Which camera, index into the cameras given.
     pub camera: usize,
     /// Name of its view.
@@ -26,15 +26,15 @@ pub struct Observation {
 pub struct Gathered {
     /// Ready for the solver.
     pub rig: NamedRig,
-    /// For each sighting the view it was taken in (that of a target at rest is not the rig's view of it).
+    /// For each observation the view it was taken in (that of a target at rest is not the rig's view of it).
     pub taken_in: Vec<String>,
-    /// For each sighting the names of its points.
+    /// For each observation the names of its points.
     pub points: Vec<Vec<String>>,
-    /// The view that holds all sightings of the target at rest.
+    /// The view that holds all observations of the target at rest.
     pub world_view: Option<usize>,
 }
 
-/// A sighting on its way: whose it is by the new numbers, and its points.
+/// An observation on its way: whose it is by the new numbers, and its points.
 struct Found {
     view: usize,
     camera: usize,
@@ -46,24 +46,24 @@ struct Found {
 /// Everything by name: the same rig, to the bit, whatever order cameras, targets, observations and points come in.
 ///
 /// Observations of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
-/// the cameras, so all its sightings belong to one moment: a view of its own, after all others.
+/// the cameras, so all its observations belong to one moment: a view of its own, after all others.
 pub fn gather(
     cameras: Vec<NamedCamera>,
     targets: Vec<NamedTarget>,
-    observations: Vec<Observation>,
+    observations: Vec<NamedObservation>,
     world: Option<usize>,
 ) -> Gathered {
     let (cameras, camera_numbers) = sorted(cameras, |camera| &camera.name);
     let (targets, target_numbers) = sorted(targets, |target| &target.name);
     let targets = bodies_in_order(targets);
-    let seen: Vec<Observation> =
+    let seen: Vec<NamedObservation> =
         observations.into_iter().filter(|observation| !observation.points.is_empty()).collect();
     let (mut views, numbers) = view_numbers(&seen, world);
     let world_view = seen.iter().any(|g| Some(g.target) == world).then_some(views.len());
     if world_view.is_some() {
         views.push(unused_name(&views));
     }
-    let number = |observation: Observation| Found {
+    let number = |observation: NamedObservation| Found {
         view: match world_view {
             Some(view) if Some(observation.target) == world => view,
             _ => numbers[&observation.view],
@@ -81,13 +81,13 @@ pub fn gather(
             cameras,
             views,
             targets,
-            sightings: Vec::with_capacity(found.len()),
+            observations: Vec::with_capacity(found.len()),
         },
         taken_in: Vec::with_capacity(found.len()),
         points: Vec::with_capacity(found.len()),
         world_view,
     };
-    found.into_iter().for_each(|sighting| gathered.push(sighting));
+    found.into_iter().for_each(|observation| gathered.push(observation));
     gathered
 }
 
@@ -95,7 +95,7 @@ impl Gathered {
     fn push(&mut self, found: Found) {
         let Found { view, camera, target, taken_in, points } = found;
         let (names, seen) = points.into_iter().unzip();
-        self.rig.sightings.push(Sighting { camera, view, target, seen });
+        self.rig.observations.push(Observation { camera, view, target, seen });
         self.points.push(names);
         self.taken_in.push(taken_in);
     }
@@ -121,8 +121,8 @@ fn bodies_in_order(targets: Vec<NamedTarget>) -> Vec<NamedTarget> {
     renumbered.collect()
 }
 
-/// Views in order, and the number of each name; sightings of the target at rest need none.
-fn view_numbers(seen: &[Observation], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
+/// Views in order, and the number of each name; observations of the target at rest need none.
+fn view_numbers(seen: &[NamedObservation], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
     let moving = seen.iter().filter(|observation| Some(observation.target) != world);
     let mut views: Vec<String> = moving.map(|observation| observation.view.clone()).collect();
     views.sort_by(|a, b| natural(a, b));
@@ -153,7 +153,7 @@ fn in_order(mut found: Vec<Found>) -> Vec<Found> {
             _ => joined.push(next),
         }
     }
-    joined.iter_mut().for_each(|sighting| sighting.points.sort_by(by_name_then_place));
+    joined.iter_mut().for_each(|observation| observation.points.sort_by(by_name_then_place));
     joined
 }
 
@@ -183,9 +183,9 @@ mod tests {
         (name.to_string(), seen.unwrap())
     }
 
-    fn observation(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> Observation {
+    fn observation(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> NamedObservation {
         let points = points.iter().map(|(name, u)| point(name, *u)).collect();
-        Observation { camera, view: view.into(), target, points }
+        NamedObservation { camera, view: view.into(), target, points }
     }
 
     #[test]
@@ -219,7 +219,7 @@ mod tests {
         assert_eq!(straight.rig.body_of_target, [0, 1]);
     }
 
-    /// Two targets of one body keep it; the world's sightings stay apart but share a view.
+    /// Two targets of one body keep it; the world's observations stay apart but share a view.
     #[test]
     fn the_world_is_one_view() {
         let gathered = gather(
@@ -238,7 +238,7 @@ mod tests {
         assert_eq!(gathered.rig.body_of_target, [0, 0, 1]);
         let of_world: Vec<&str> = gathered
             .rig
-            .sightings
+            .observations
             .iter()
             .zip(&gathered.taken_in)
             .filter(|(s, _)| s.view == 2)

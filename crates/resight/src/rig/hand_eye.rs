@@ -3,7 +3,7 @@
 use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
-use crate::core::multiview::hand_eye::{HandEyeConfig, HandView, solve_hand_eye};
+use crate::core::multiview::hand_eye::{HandEyeConfig, HandEyeView, solve_hand_eye};
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Error as MathError, Pose};
 use crate::error::Error;
@@ -59,7 +59,7 @@ pub fn hand_eye(request: HandEyeRequest) -> Result<HandEyeAnswer, Error> {
     match views {
         HandEyeViews::Poses(poses) => {
             let (robot_views, left_out) = joined(robot, poses);
-            let views: Vec<HandView> = robot_views.iter().map(|view| view.view(&[])).collect();
+            let views: Vec<HandEyeView> = robot_views.iter().map(|view| view.view(&[])).collect();
             let names = names(&robot_views);
             Ok(solved(&views, &config, Named { eye: "cam", views: names, left_out, rig_contradiction: None }))
         }
@@ -88,7 +88,7 @@ fn from_points(
     let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect());
     let of_view = |robot_view: &RobotView| -> Vec<RigView> {
         let number = rig.views.iter().position(|view| *view == robot_view.view);
-        let observations = rig.sightings.iter().filter(|s| Some(s.view) == number);
+        let observations = rig.observations.iter().filter(|s| Some(s.view) == number);
         let view = observations.map(|s| RigView {
             camera: &rig.lenses[s.camera],
             cam_from_rig: cam_from_rig[s.camera],
@@ -98,7 +98,7 @@ fn from_points(
         view.collect()
     };
     let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
-    let views: Vec<HandView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
+    let views: Vec<HandEyeView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
     let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction };
     Ok(solved(&views, config, named))
@@ -131,7 +131,7 @@ struct Named {
     rig_contradiction: Option<String>,
 }
 
-fn solved(views: &[HandView], config: &HandEyeConfig, named: Named) -> HandEyeAnswer {
+fn solved(views: &[HandEyeView], config: &HandEyeConfig, named: Named) -> HandEyeAnswer {
     let Named { eye, views: names, left_out, rig_contradiction } = named;
     match solve_hand_eye(views, config) {
         Ok(solution) => HandEyeAnswer::Solved(Box::new(SolvedHandEye {

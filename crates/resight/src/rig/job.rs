@@ -117,7 +117,7 @@ impl ObservedRig {
         request.fix_together(&mut collected.targets)?;
         let world = request.world_target(&collected.targets)?;
         let sets = name_views(&mut collected.frames, request.sync_tolerance_s)?;
-        collected.check_twins()?;
+        collected.check_duplicates()?;
         let inputs = inputs(&collected.files)?;
         let Collected { cameras, targets, frames, left_out, mut remarks, .. } = collected;
         let FrameSets { n_alone, remarks: of_sets } = sets;
@@ -165,7 +165,7 @@ impl ObservedRig {
             .map(|view| in_world(&rig.problem(), &config, &solution, view))
             .transpose()
             .map_err(failed)?;
-        let world_target = rig.sightings.iter().find(|s| Some(s.view) == world_view);
+        let world_target = rig.observations.iter().find(|s| Some(s.view) == world_view);
         let world_target = world_target.map(|s| rig.targets[s.target].name.clone());
         Ok(SolvedRig {
             run: RigRun { rig, solution, inputs: self.inputs, command: self.command },
@@ -202,14 +202,16 @@ fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> Strin
     let target = |i: usize| rig.targets[i].name.as_str();
     let listed = |cameras: &[usize]| cameras.iter().map(|i| camera(*i)).collect::<Vec<_>>().join(", ");
     match reason {
-        MathError::CameraUnseen { camera: i, n_sightings } => format!(
-            "camera {} has {n_sightings} sightings and none gives a pose; add views in which it sees a target with four or more points, or leave it out",
+        MathError::CameraNotObserved { camera: i, n_observations } => format!(
+            "camera {} has {n_observations} observations and none gives a pose; add views in which it sees a target with four or more points, or leave it out",
             camera(*i)
         ),
         MathError::CamerasUnconnected { first, second, n_rejected, needed } => {
             let aside = match n_rejected {
                 0 => String::new(),
-                n => format!(" once {n} sightings that contradict the others or give no pose are set aside"),
+                n => {
+                    format!(" once {n} observations that contradict the others or give no pose are set aside")
+                }
             };
             format!("cameras [{}] and [{}] are not connected{aside}; {needed}", listed(first), listed(second))
         }
@@ -217,8 +219,8 @@ fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> Strin
             "target {} is never seen together with another target of its body; add a view in which one camera sees both, or leave --fixed-together (column body) out",
             target(*i)
         ),
-        MathError::InvalidSighting { camera: c, view, target: t, reason } => {
-            let found = rig.sightings.iter().position(|s| (s.camera, s.view, s.target) == (*c, *view, *t));
+        MathError::InvalidObservation { camera: c, view, target: t, reason } => {
+            let found = rig.observations.iter().position(|s| (s.camera, s.view, s.target) == (*c, *view, *t));
             let reason = match (&**reason, found) {
                 (MathError::Coincident { first, second, where_ }, Some(i)) => {
                     let (first, second) = (&points[i][*first], &points[i][*second]);

@@ -1,7 +1,7 @@
 //! What the cameras of a rig observed, on its way from images or detections to the solver.
 
 use super::NamedTarget;
-use super::gather::Observation;
+use super::gather::NamedObservation;
 use super::request::RigRequest;
 use crate::core::Correspondence;
 use crate::error::Error;
@@ -60,15 +60,18 @@ impl Collected {
     }
 
     /// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
-    pub fn check_twins(&self) -> Result<(), Error> {
+    pub fn check_duplicates(&self) -> Result<(), Error> {
         for frame in &self.frames {
             for (target, points) in &frame.targets {
                 let mut names: Vec<&str> = points.iter().map(|(name, _)| name.as_str()).collect();
                 names.sort_unstable();
-                if let Some(twins) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+                if let Some(duplicates) = names.windows(2).find(|pair| pair[0] == pair[1]) {
                     return Err(Error::request(format!(
                         "camera {}, view {}: point {} of target {} is there twice; remove one (corners of a tag need the column `corner`, several targets the column `target`)",
-                        self.cameras[frame.camera].name, frame.name, twins[0], self.targets[*target].name
+                        self.cameras[frame.camera].name,
+                        frame.name,
+                        duplicates[0],
+                        self.targets[*target].name
                     )));
                 }
             }
@@ -78,10 +81,11 @@ impl Collected {
 }
 
 /// Frames target by target, as they are gathered.
-pub(super) fn observations(frames: Vec<Frame>) -> Vec<Observation> {
+pub(super) fn observations(frames: Vec<Frame>) -> Vec<NamedObservation> {
     let of_frame = |frame: Frame| {
         let Frame { camera, name, targets, .. } = frame;
-        let of_target = move |(target, points)| Observation { camera, view: name.clone(), target, points };
+        let of_target =
+            move |(target, points)| NamedObservation { camera, view: name.clone(), target, points };
         targets.into_iter().map(of_target)
     };
     frames.into_iter().flat_map(of_frame).collect()

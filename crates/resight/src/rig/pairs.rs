@@ -113,7 +113,7 @@ fn columns(header: &csv::StringRecord) -> Result<Columns, String> {
         find(name).ok_or_else(|| {
             let seen: Vec<&str> = header.iter().collect();
             let order = if name.starts_with('q') {
-                "; which number of the quaternion is the scalar must be said by name"
+                "; which number of the quaternion is the scalar must be stated by name"
             } else {
                 ""
             };

@@ -1,11 +1,11 @@
 //! Where a file's cameras are, all in one frame, however the file chains their poses.
 
-use crate::core::temporal::compare::{Correlation, RigPlaces};
+use crate::core::temporal::compare::{Correlation, RigPoses};
 use crate::core::{Matrix6, Pose};
 use crate::formats::{NamedCamera, Placement};
 use nalgebra::DMatrix;
 
-/// A camera's place in the frame that a file's cameras have in common.
+/// A camera's position in the frame that a file's cameras have in common.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedCamera {
     /// Its name.
@@ -76,13 +76,13 @@ impl PlacedRig {
     /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance the correlations of a file's own covariances
     /// are unknown; cameras of a file that states none get `stated`, independent of each other. None where neither is there, or a camera
     /// of that name.
-    pub fn places(&self, names: &[String], stated: Option<&Matrix6>) -> Option<RigPlaces> {
+    pub fn places(&self, names: &[String], stated: Option<&Matrix6>) -> Option<RigPoses> {
         let at = |name: &String| self.cameras.iter().position(|camera| camera.name == *name);
         let order: Vec<usize> = names.iter().map(at).collect::<Option<_>>()?;
         let is_exact = order.iter().all(|i| self.cameras[*i].covariance == Some(Matrix6::zeros()));
         let mut covariance = DMatrix::zeros(6 * order.len(), 6 * order.len());
         for (row, &i) in order.iter().enumerate() {
-            let own = self.cameras[i].covariance.filter(|_| !is_exact && self.is_sure());
+            let own = self.cameras[i].covariance.filter(|_| !is_exact && self.has_covariances());
             covariance.fixed_view_mut::<6, 6>(6 * row, 6 * row).copy_from(&own.or(stated.copied())?);
         }
         if let Some(joint) = &self.joint {
@@ -91,14 +91,15 @@ impl PlacedRig {
                 DMatrix::from_fn(6 * order.len(), 6 * order.len(), |i, j| joint[(index(i), index(j))]);
         }
         let cam_from_rig = order.iter().map(|i| self.cameras[*i].cam_from_rig).collect();
-        let is_known = self.joint.is_some() || is_exact || !self.is_sure();
+        let is_known = self.joint.is_some() || is_exact || !self.has_covariances();
         let correlation = if is_known { Correlation::Known } else { Correlation::Unknown };
-        let noise_degrees_of_freedom = self.noise_degrees_of_freedom.filter(|_| !is_exact && self.is_sure());
-        Some(RigPlaces { cam_from_rig, covariance, correlation, noise_degrees_of_freedom })
+        let noise_degrees_of_freedom =
+            self.noise_degrees_of_freedom.filter(|_| !is_exact && self.has_covariances());
+        Some(RigPoses { cam_from_rig, covariance, correlation, noise_degrees_of_freedom })
     }
 
     /// Whether every camera has a covariance: a file that gives it for some only says nothing about the others.
-    pub fn is_sure(&self) -> bool {
+    pub fn has_covariances(&self) -> bool {
         self.cameras.iter().all(|camera| camera.covariance.is_some())
     }
 }
@@ -158,11 +159,11 @@ mod tests {
     use crate::core::{Camera, Vector6};
 
     fn camera(name: &str, placement: Option<(&str, &str, f64, bool)>) -> NamedCamera {
-        let placement = placement.map(|(b, a, x, is_sure)| Placement {
+        let placement = placement.map(|(b, a, x, has_covariances)| Placement {
             b: b.into(),
             a: a.into(),
             b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
-            covariance: is_sure.then(|| Matrix6::from_diagonal_element(1e-6)),
+            covariance: has_covariances.then(|| Matrix6::from_diagonal_element(1e-6)),
         });
         NamedCamera { name: name.into(), camera: Camera::normalized(), placement }
     }

@@ -127,7 +127,7 @@ fn solved(
             (cam_from_rig, Some(cameras.into_iter().map(|c| c.path).collect()), None)
         }
         PoseGraphMethod::Joint => {
-            let config = PoseGraphConfig { anchor: reference, median_sigma: request.median_sigma };
+            let config = PoseGraphConfig { reference_camera: reference, median_sigma: request.median_sigma };
             let solution = solve_pose_graph(graph, &config)?;
             // Without a loop nothing says how well the pairs are known.
             let is_known = solution.noise_degrees_of_freedom != Some(0);

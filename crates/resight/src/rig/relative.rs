@@ -51,7 +51,7 @@ pub struct InWorld {
 /// the same points. Solved once more with that camera as the reference, its frame is the rig's and the covariance comes whole.
 ///
 /// # Errors
-/// As `solve_rig`; `NoSolution` when no sighting of the view took part.
+/// As `solve_rig`; `NoSolution` when no observation of the view took part.
 pub fn in_world(
     problem: &RigProblem,
     config: &RigConfig,

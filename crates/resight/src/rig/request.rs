@@ -113,7 +113,7 @@ impl RigRequest {
     }
 
     fn check_target_names(&self) -> Result<(), Error> {
-        match twin(self.targets.iter().map(|(name, _)| name.as_str())) {
+        match duplicate(self.targets.iter().map(|(name, _)| name.as_str())) {
             Some(name) => Err(Error::request(format!(
                 "two targets are called `{name}`; give each a name: --target NAME=FILE"
             ))),
@@ -203,7 +203,7 @@ pub(super) fn number_of(reference: Option<&str>, names: &[String]) -> Result<usi
 
 /// Refuses two cameras of one name.
 pub(super) fn check_camera_names(cameras: &[NamedCamera]) -> Result<(), Error> {
-    match twin(cameras.iter().map(|camera| camera.name.as_str())) {
+    match duplicate(cameras.iter().map(|camera| camera.name.as_str())) {
         Some(name) => Err(Error::request(format!(
             "two cameras are called `{name}`; give each a name: --camera NAME=FILE"
         ))),
@@ -212,7 +212,7 @@ pub(super) fn check_camera_names(cameras: &[NamedCamera]) -> Result<(), Error> {
 }
 
 /// A name that comes a second time.
-fn twin<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+fn duplicate<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let mut seen = std::collections::BTreeSet::new();
     names.find(|name| !seen.insert(*name))
 }

@@ -2,7 +2,7 @@
 
 use super::pairs::{isotropic, pose_from_numbers};
 use crate::FileError;
-use crate::core::multiview::hand_eye::{Candidate, HandNoise, HandView};
+use crate::core::multiview::hand_eye::{Candidate, GripperNoise, HandEyeView};
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Matrix6, Pose};
 use crate::input::table::Table;
@@ -40,10 +40,10 @@ pub(super) struct RobotView {
 
 impl RobotView {
     /// As the solver takes it.
-    pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandView<'a> {
-        HandView {
-            base_from_hand: self.robot.base_from_gripper,
-            hand_covariance: self.robot.covariance,
+    pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandEyeView<'a> {
+        HandEyeView {
+            base_from_gripper: self.robot.base_from_gripper,
+            gripper_covariance: self.robot.covariance,
             candidates: self.candidates.clone(),
             seen,
         }
@@ -54,7 +54,7 @@ impl RobotView {
 ///
 /// # Errors
 /// With its line: a quaternion whose order is not named or that is not unit, a view that comes twice, numbers that are none.
-pub fn read_robot_poses(path: &Path, noise: Option<HandNoise>) -> Result<Vec<RobotPose>, FileError> {
+pub fn read_robot_poses(path: &Path, noise: Option<GripperNoise>) -> Result<Vec<RobotPose>, FileError> {
     let table = Table::open(path, "view,qw,qx,qy,qz,x_m,y_m,z_m")?;
     let order = "the order of the quaternion must be named: qw is its scalar";
     let view = table.need("view", None)?;
@@ -80,7 +80,7 @@ pub fn read_robot_poses(path: &Path, noise: Option<HandNoise>) -> Result<Vec<Rob
         }
         let base_from_gripper = pose_from_numbers(&v).map_err(|reason| row.complaint_of(&reason))?;
         let own = row.optional_number(rotation)?.zip(row.optional_number(translation)?);
-        let own = own.map(|(deg, mm)| HandNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm });
+        let own = own.map(|(deg, mm)| GripperNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm });
         let covariance = own.or(noise).map(|noise| isotropic(noise.sigma_rad, noise.sigma_m));
         poses.push(RobotPose { view: name.to_string(), base_from_gripper, covariance });
         Ok(())

@@ -39,7 +39,8 @@ pub(crate) fn image_area(rig: &NamedRig, camera: usize) -> Area {
         let greatest = Pixel::new(size.width_px as f64 - 0.5, size.height_px as f64 - 0.5);
         return Area { least: Pixel::new(-0.5, -0.5), greatest };
     }
-    let pixels = rig.sightings.iter().filter(|s| s.camera == camera).flat_map(|s| &s.seen).map(|c| c.pixel);
+    let pixels =
+        rig.observations.iter().filter(|s| s.camera == camera).flat_map(|s| &s.seen).map(|c| c.pixel);
     let (mut least, mut greatest) = (Pixel::repeat(f64::INFINITY), Pixel::repeat(f64::NEG_INFINITY));
     for pixel in pixels {
         least = least.inf(&pixel);
@@ -94,10 +95,10 @@ fn outermost_valid(camera: &Camera, centre: Pixel, pixel: Pixel) -> Option<Pixel
 /// The points of each target that were seen at all, each once, in order of their coordinates.
 pub(crate) fn target_points(rig: &NamedRig) -> Vec<Vec<Point>> {
     let mut points: Vec<BTreeMap<[u64; 3], Point>> = vec![BTreeMap::new(); rig.targets.len()];
-    for sighting in &rig.sightings {
-        for c in &sighting.seen {
+    for observation in &rig.observations {
+        for c in &observation.seen {
             let x = c.x_in_target;
-            points[sighting.target].insert([ordered(x.z), ordered(x.y), ordered(x.x)], x);
+            points[observation.target].insert([ordered(x.z), ordered(x.y), ordered(x.x)], x);
         }
     }
     points.into_iter().map(|of_target| of_target.into_values().collect()).collect()
@@ -154,7 +155,7 @@ pub(crate) struct TargetInView {
 pub(crate) fn targets_in_views(run: &RigRun) -> Vec<TargetInView> {
     let bodies: BTreeMap<(usize, usize), Pose> =
         run.solution.bodies.iter().map(|b| ((b.view, b.body), b.rig_from_body)).collect();
-    let mut seen: Vec<(usize, usize)> = run.rig.sightings.iter().map(|s| (s.view, s.target)).collect();
+    let mut seen: Vec<(usize, usize)> = run.rig.observations.iter().map(|s| (s.view, s.target)).collect();
     seen.sort_unstable();
     seen.dedup();
     seen.into_iter()
@@ -166,19 +167,19 @@ pub(crate) fn targets_in_views(run: &RigRun) -> Vec<TargetInView> {
         .collect()
 }
 
-/// Cameras whose sighting of a target in a view took part, and their places in the rig. Sightings are sorted by view.
+/// Cameras whose observation of a target in a view took part, and their places in the rig. Observations are sorted by view.
 pub(crate) fn cameras_that_saw(run: &RigRun, view: usize, target: usize) -> Vec<(usize, Point)> {
-    let sightings = &run.rig.sightings;
-    let first = sightings.partition_point(|s| s.view < view);
-    let of_view = (first..sightings.len()).take_while(|&i| sightings[i].view == view);
+    let observations = &run.rig.observations;
+    let first = observations.partition_point(|s| s.view < view);
+    let of_view = (first..observations.len()).take_while(|&i| observations[i].view == view);
     of_view
-        .filter(|&i| sightings[i].target == target && run.solution.sightings[i].rejected.is_none())
-        .map(|i| (sightings[i].camera, run.solution.cameras[sightings[i].camera].cam_from_rig.origin()))
+        .filter(|&i| observations[i].target == target && run.solution.observations[i].rejected.is_none())
+        .map(|i| (observations[i].camera, run.solution.cameras[observations[i].camera].cam_from_rig.origin()))
         .collect()
 }
 
-/// Covariance of a camera's place along the axes of the rig, m²: Rᵀ Σ_νν R, since a small motion ν moves it by −Rᵀν.
-pub(crate) fn place_covariance(cam_from_rig: &Pose, covariance: &Matrix6) -> Matrix3<f64> {
+/// Covariance of a camera's position along the axes of the rig, m²: Rᵀ Σ_νν R, since a small motion ν moves it by −Rᵀν.
+pub(crate) fn position_covariance(cam_from_rig: &Pose, covariance: &Matrix6) -> Matrix3<f64> {
     let r = &cam_from_rig.rotation;
     r.transpose() * covariance.fixed_view::<3, 3>(3, 3) * r
 }
@@ -219,7 +220,7 @@ pub(crate) fn extent(run: &RigRun, targets: &[TargetInView]) -> Extent {
     places.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
     places.truncate((places.len() * 95).div_ceil(100));
     places.extend(&cameras);
-    // The middle of the box, not the mean: where most targets were held must not push the cameras out of the picture.
+    // The middle of the box, not the mean: where most targets were held must not push the cameras out of the image.
     let centre = middle_of_box(&places);
     let radius_m = places.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
     Extent { centre, radius_m: if 1e-6 < radius_m && radius_m.is_finite() { radius_m } else { 1.0 } }
@@ -263,7 +264,7 @@ pub(crate) fn magnification(largest: f64, wanted: f64) -> f64 {
 /// One magnification for all cameras: the longest half axis becomes a sixth of the reach.
 pub(crate) fn ellipse_magnification(run: &RigRun, extent: &Extent) -> f64 {
     let longest = |c: &crate::core::multiview::rig::CameraInRig| {
-        half_axes(&place_covariance(&c.cam_from_rig, &c.covariance), CHI2_3_95.sqrt()).column(0).norm()
+        half_axes(&position_covariance(&c.cam_from_rig, &c.covariance), CHI2_3_95.sqrt()).column(0).norm()
     };
     let largest = run.solution.cameras.iter().map(longest).fold(0.0, f64::max);
     magnification(largest, extent.radius_m / 6.0)
@@ -311,13 +312,13 @@ mod tests {
         assert!(border.iter().all(|x| x.norm().is_finite() && x.norm() < 1.0 / LEAST_DEPTH + 1e-9));
     }
 
-    /// A hundred thousand small motions drawn from Σ move the camera as `place_covariance` says; the ellipse holds 95 % of a plane of it.
+    /// A hundred thousand small motions drawn from Σ move the camera as `position_covariance` says; the ellipse holds 95 % of a plane of it.
     #[test]
     fn places_scatter_as_their_covariance_says() {
         let pose = Pose::exp(&Vector6::new(0.4, -1.1, 0.3, 0.2, -0.5, 1.4));
         let sigma = [1e-3, 2e-3, 3e-3, 2e-3, 1e-3, 4e-3];
         let covariance = Matrix6::from_diagonal(&Vector6::from_iterator(sigma.map(|s| s * s)));
-        let expected = place_covariance(&pose, &covariance);
+        let expected = position_covariance(&pose, &covariance);
         let plane = expected.fixed_view::<2, 2>(0, 0).into_owned();
         let (long, short, direction) = ellipse(&plane, CHI2_2_95.sqrt());
         let mut chance = resight_core::statistics::SplitMix64::new(7);

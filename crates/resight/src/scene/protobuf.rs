@@ -108,7 +108,7 @@ impl Message {
     }
 }
 
-/// To 1e-9; what is not finite has no place in a picture and becomes 0.
+/// To 1e-9; what is not finite has no place in an image and becomes 0.
 pub(super) fn rounded(value: f64) -> f64 {
     let rounded = (value * 1e9).round() / 1e9;
     if rounded.is_finite() { rounded + 0.0 } else { 0.0 }

@@ -7,7 +7,7 @@ use crate::core::{Camera, Point, Pose};
 /// Red, green, blue and opacity, 0 to 1.
 pub(super) type Rgba = [f64; 4];
 
-/// Okabe and Ito's colours without black: told apart with every kind of colour vision. The report page uses the same.
+/// Okabe and Ito's colours without black: distinguished with every kind of colour vision. The report page uses the same.
 pub(super) const COLORS: [[f64; 3]; 7] = [
     [0.0, 0.447, 0.698],
     [0.835, 0.369, 0.0],

@@ -5,7 +5,7 @@
 //! W × H bytes. The filter `showinfo` says on stderr, before each frame goes out, when it was taken (its stamp, exact, in units of the
 //! stream's time base) and how large it was. Behind that filter frames are stamped 0, 1, 2, … and passed through, so that nothing drops
 //! or doubles one: the n-th line is that of the n-th frame. Containers that carry stamps (NUT, Matroska) do not do: their muxers round
-//! to a time base of their own, refuse a stamp that goes back, and the picture's size is stated only once.
+//! to a time base of their own, refuse a stamp that goes back, and the image's size is stated only once.
 
 mod release;
 mod torn;
@@ -22,9 +22,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 use torn::Torn;
-use words::Told;
+use words::Reported;
 
-/// Largest frame accepted, pixels, as for pictures.
+/// Largest frame accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
 /// A longer line is no header.
 const MAX_HEADER_BYTES: u64 = 1024;
@@ -101,9 +101,9 @@ impl Ffmpeg {
     /// # Errors
     /// Not installed (how to get it is said), or it does not run.
     pub fn find() -> Result<Self, String> {
-        let told =
+        let reported =
             Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output().map_err(cannot_start)?;
-        Ok(Ffmpeg { release: Release::read(&String::from_utf8_lossy(&told.stdout)) })
+        Ok(Ffmpeg { release: Release::read(&String::from_utf8_lossy(&reported.stdout)) })
     }
 
     /// Starts to decode the first video stream of an input.
@@ -119,7 +119,7 @@ impl Ffmpeg {
     ///
     /// # Errors
     /// It cannot be started, or is too old to be told so.
-    pub fn decode_unseen(
+    pub fn decode_without_arguments(
         &self,
         options: &[String],
         playlist: String,
@@ -139,13 +139,13 @@ impl Ffmpeg {
 
     /// Whether its TLS verifies certificates when asked to.
     pub fn verifies_certificates(&self) -> bool {
-        let told = Command::new("ffmpeg")
+        let reported = Command::new("ffmpeg")
             .args(["-hide_banner", "-h", "protocol=tls"])
             .stdin(Stdio::null())
             .output()
-            .map(|told| String::from_utf8_lossy(&told.stdout).into_owned())
+            .map(|reported| String::from_utf8_lossy(&reported.stdout).into_owned())
             .unwrap_or_default();
-        told.contains("-tls_verify") && told.contains("-ca_file")
+        reported.contains("-tls_verify") && reported.contains("-ca_file")
     }
 
     fn start(
@@ -179,16 +179,16 @@ impl Ffmpeg {
         let (to_reader, spent) = channel();
         let last_words = Arc::new(Mutex::new(None));
         if let (Some(stdout), Some(stderr)) = pipes {
-            let (to_pictures, told) = channel();
+            let (to_pictures, reported) = channel();
             let words = Arc::clone(&last_words);
             let input = name.to_string();
             thread::spawn(move || {
-                listen(stderr, &input, &words, |told| {
-                    // Whoever reads the pictures may have stopped; ffmpeg's words are taken to the end all the same.
-                    let _ = to_pictures.send(told);
+                listen(stderr, &input, &words, |reported| {
+                    // Whoever reads the images may have stopped; ffmpeg's words are taken to the end all the same.
+                    let _ = to_pictures.send(reported);
                 });
             });
-            thread::spawn(move || Pictures::new(stdout, to_taker, spent).read(told));
+            thread::spawn(move || ImageFiles::new(stdout, to_taker, spent).read(reported));
         }
         Ok(Decoder { process, decoded, to_reader, last_words })
     }
@@ -205,7 +205,7 @@ impl Decoder {
         }
     }
 
-    /// Takes back a picture whose memory may hold one to come.
+    /// Takes back an image whose memory may hold one to come.
     pub fn reuse(&mut self, spent: GrayImage) {
         // The reader may have ended.
         let _ = self.to_reader.send(spent);
@@ -258,7 +258,7 @@ fn listen(
     stderr: ChildStderr,
     input: &str,
     last_words: &Mutex<Option<Words>>,
-    mut hand_on: impl FnMut(Told),
+    mut hand_on: impl FnMut(Reported),
 ) {
     let mut stderr = BufReader::new(stderr);
     let mut line = Vec::new();
@@ -275,15 +275,15 @@ fn listen(
                 *last = Some(Words { said: Instant::now(), words });
             }
         }
-        words::told(&line).into_iter().for_each(&mut hand_on);
+        words::reported(&line).into_iter().for_each(&mut hand_on);
     }
 }
 
 /// The pipe of frames.
-struct Pictures {
+struct ImageFiles {
     pipe: BufReader<ChildStdout>,
     to_taker: SyncSender<Decoded>,
-    /// Pictures that were looked at.
+    /// Images that were looked at.
     spent: Receiver<GrayImage>,
     /// Columns and rows, once the header has come.
     size_px: Option<[u32; 2]>,
@@ -291,16 +291,16 @@ struct Pictures {
     next_number: u64,
     first_number: u64,
     /// What was said of a later frame.
-    kept: Option<Told>,
+    kept: Option<Reported>,
     time_base_s: Option<f64>,
     /// Frames that are not to be trusted.
     torn: Torn,
 }
 
-impl Pictures {
+impl ImageFiles {
     fn new(stdout: ChildStdout, to_taker: SyncSender<Decoded>, spent: Receiver<GrayImage>) -> Self {
         let pipe = BufReader::with_capacity(1 << 20, stdout);
-        Pictures {
+        ImageFiles {
             pipe,
             to_taker,
             spent,
@@ -315,15 +315,15 @@ impl Pictures {
 
     /// Every frame with what was said of it, until the pipe ends or nobody takes them. The pipe of frames leads: ffmpeg waits while it
     /// is full, whatever became of a line.
-    fn read(mut self, told: Receiver<Told>) {
+    fn read(mut self, reported: Receiver<Reported>) {
         loop {
-            let decoded = match self.frame(&told) {
+            let decoded = match self.frame(&reported) {
                 Ok(decoded) => decoded,
                 Err(reason) => Decoded::End(reason),
             };
             let is_over = matches!(decoded, Decoded::End(_));
             if is_over {
-                self.said_of_next(&told); // What was said after the last frame.
+                self.said_of_next(&reported); // What was said after the last frame.
             }
             // The taker may be gone.
             if self.to_taker.send(decoded).is_err() || is_over {
@@ -333,7 +333,7 @@ impl Pictures {
     }
 
     /// The next frame; an error, with or without a reason of its own, where the pipe ends instead.
-    fn frame(&mut self, told: &Receiver<Told>) -> Result<Decoded, Option<String>> {
+    fn frame(&mut self, reported: &Receiver<Reported>) -> Result<Decoded, Option<String>> {
         let size_px = match self.size_px {
             Some(size_px) => size_px,
             None => self.header()?,
@@ -341,7 +341,7 @@ impl Pictures {
         self.size_px = Some(size_px);
         let data = self.pixels(size_px)?;
         let arrived = Instant::now();
-        let said = self.said_of_next(told);
+        let said = self.said_of_next(reported);
         self.next_number += 1;
         // ffmpeg scales every later frame to the size of the first.
         if let Some((_, to_px)) = said
@@ -363,21 +363,21 @@ impl Pictures {
     }
 
     /// Stamp and size of the next frame; none where its line was not understood, because those of several threads ran into each other.
-    fn said_of_next(&mut self, told: &Receiver<Told>) -> Option<(Option<i64>, [u32; 2])> {
+    fn said_of_next(&mut self, reported: &Receiver<Reported>) -> Option<(Option<i64>, [u32; 2])> {
         loop {
-            let next = self.kept.take().or_else(|| told.recv_timeout(LINE_PATIENCE).ok())?;
+            let next = self.kept.take().or_else(|| reported.recv_timeout(LINE_PATIENCE).ok())?;
             match next {
                 // Numbers begin again with every configuration of the filter.
-                Told::TimeBase { seconds } => {
+                Reported::TimeBase { seconds } => {
                     (self.time_base_s, self.first_number) = (Some(seconds), self.next_number);
                 }
-                Told::CorruptFrame(words) => self.torn.complain(words),
-                Told::Decoded { time_s } => self.torn.name(time_s),
-                Told::NoFrame(words) => {
+                Reported::CorruptFrame(words) => self.torn.complain(words),
+                Reported::Decoded { time_s } => self.torn.name(time_s),
+                Reported::NoFrame(words) => {
                     // The taker may be gone.
                     let _ = self.to_taker.send(Decoded::Damaged(words));
                 }
-                Told::Frame { number, ticks, size_px } => {
+                Reported::Frame { number, ticks, size_px } => {
                     match (self.first_number.saturating_add(number)).cmp(&self.next_number) {
                         Ordering::Less => {}
                         Ordering::Equal => return Some((ticks, size_px)),

@@ -1,4 +1,4 @@
-//! What the detector tests share: pictures of known geometry, and the tables beside real ones.
+//! What the detector tests share: images of known geometry, and the tables beside real ones.
 
 use nalgebra::{Matrix3, Vector3};
 use resight::GrayImage;
@@ -75,7 +75,7 @@ fn blur(values: &mut [f64], width: usize, stride: usize) {
     }
 }
 
-/// Ink of a marker at (x, y) in units of its black square, centred; none outside its printed picture.
+/// Ink of a marker at (x, y) in units of its black square, centred; none outside its printed image.
 pub fn marker_ink(pattern: &MarkerPattern, x: f64, y: f64) -> Option<f64> {
     let square_cells = (pattern.width_cells - 2 * pattern.inset_cells) as f64;
     let cell = |x: f64| (x + 0.5) * square_cells + pattern.inset_cells as f64;

@@ -35,7 +35,7 @@ pub fn map() -> Target {
     Target::TagMap(TagMap { family: "tag36h11".to_string(), tags: (0..12).map(tag).collect() })
 }
 
-/// A tilted tag of about `edge_px`, its centre `u_px`, `v_px` from the middle of the picture.
+/// A tilted tag of about `edge_px`, its centre `u_px`, `v_px` from the middle of the image.
 pub fn tag_pose(edge_px: f64, u_px: f64, v_px: f64) -> Pose {
     let z_m = FOCAL_PX * TAG_M / edge_px;
     Pose::exp(&Vector6::new(0.0, 0.0, 0.0, u_px * z_m / FOCAL_PX, v_px * z_m / FOCAL_PX, z_m))
@@ -48,10 +48,10 @@ pub fn picture(target: &Target, cam_from_target: Pose, seed: u64) -> GrayImage {
     all.extend(clutter::dots(100, [WIDTH_PX, HEIGHT_PX], [3.0, 40.0], 60.0, 9));
     let scene = Scene { clutter: all, ..Scene::of(target.clone(), cam_from_target, Style::default()) };
     let finish = Finish { seed, samples_per_axis: 3, ..Finish::default() };
-    render(&scene, &camera(), &finish).expect("a picture")
+    render(&scene, &camera(), &finish).expect("an image")
 }
 
-/// A picture of each pose, with a noise of its own, drawn on two threads.
+/// An image of each pose, with a noise of its own, drawn on two threads.
 pub fn film(target: &Target, poses: &[Pose], seed: u64) -> Arc<Vec<GrayImage>> {
     let half = poses.len().div_ceil(2).max(1);
     let draw = |(part, poses): (usize, &[Pose])| -> Vec<GrayImage> {

@@ -1,4 +1,4 @@
-//! A scene at infinity whose picture is known from every direction: patches of grey that meet at corners, coarse and fine.
+//! A scene at infinity whose image is known from every direction: patches of grey that meet at corners, coarse and fine.
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use resight::GrayImage;
@@ -49,7 +49,7 @@ pub fn grey(direction: &Vector3<f64>, seed: u64) -> f64 {
     30.0 + 190.0 * (0.6 * mosaic(14.0 * x, 14.0 * y, seed) + 0.4 * mosaic(45.0 * x, 45.0 * y, seed + 1))
 }
 
-/// The picture of a camera turned by `now_from_reference`, before noise; each pixel the mean of 3 × 3 directions.
+/// The image of a camera rotated by `now_from_reference`, before noise; each pixel the mean of 3 × 3 directions.
 pub fn picture(camera: &Camera, now_from_reference: &Matrix3<f64>, seed: u64) -> Vec<f64> {
     let size = camera.size.expect("a size");
     let reference_from_now = now_from_reference.transpose();
@@ -73,7 +73,7 @@ pub fn exposed(camera: &Camera, grey: &[f64], light: f64, noise: f64, chance: &m
     GrayImage { width_px: size.width_px, height_px: size.height_px, data: grey.iter().map(value).collect() }
 }
 
-/// now_from_reference of a camera that turned by `old_from_new`, degrees about x, y, z.
+/// now_from_reference of a camera that rotated by `old_from_new`, degrees about x, y, z.
 pub fn turned(degrees: [f64; 3]) -> Matrix3<f64> {
     Rotation3::new(Vector3::from(degrees.map(f64::to_radians))).inverse().into_inner()
 }
@@ -136,7 +136,7 @@ pub fn picture_with_floor(camera: &Camera, place: Vector3<f64>, seed: u64) -> Ve
     (0..size.height_px).flat_map(|v| (0..size.width_px).map(move |u| (u, v))).map(pixel).collect()
 }
 
-/// A passer-by: something with a pattern of its own over `columns` × `rows` of the picture, its left top corner at (u, v).
+/// A passer-by: something with a pattern of its own over `columns` × `rows` of the image, its left top corner at (u, v).
 pub fn pass_by(image: &mut GrayImage, (u, v): (u32, u32), (columns, rows): (u32, u32), seed: u64) {
     for (i, j) in (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j))) {
         if u + i < image.width_px && v + j < image.height_px {

@@ -1,4 +1,4 @@
-//! What the tests of poses on real data share: the folder, the tables, the cameras that were published with the pictures.
+//! What the tests of poses on real data share: the folder, the tables, the cameras that were published with the images.
 
 use nalgebra::Vector3;
 use resight::core::camera::{BrownConrady, KannalaBrandt, Pinhole};
@@ -99,7 +99,7 @@ pub fn apart(a: &Pose, b: &Pose) -> (f64, f64) {
     (a.angle_to_rad(b).to_degrees(), 1e3 * (a.translation - b.translation).norm())
 }
 
-pub fn chi2_per_dof(estimate: &PoseEstimate) -> f64 {
+pub fn chi2_per_degree_of_freedom(estimate: &PoseEstimate) -> f64 {
     estimate.chi2 / estimate.degrees_of_freedom as f64
 }
 

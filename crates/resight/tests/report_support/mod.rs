@@ -8,8 +8,8 @@ pub mod page;
 use nalgebra::{DMatrix, Vector2};
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize};
 use resight::core::multiview::rig::{
-    BodyInView, CameraInRig, RejectedSighting, RigSolution, RigVerdict, SharedViews, Sighting,
-    SightingResult, TargetOnBody, TargetScale, WeakestLink,
+    BodyInView, CameraInRig, Observation, ObservationResult, RejectedObservation, RigSolution, RigVerdict,
+    SharedViews, TargetOnBody, TargetScale, WeakestLink,
 };
 use resight::core::target::Chessboard;
 use resight::core::{Camera, Correspondence, Matrix6, Point, Pose, Target, Vector6};
@@ -79,14 +79,14 @@ pub fn question(n_cameras: usize, n_views: usize, seed: u64) -> (NamedRig, Vec<P
     let mut chance = Chance(seed);
     let lens = lens();
     let mut boards = Vec::new();
-    let mut sightings = Vec::new();
+    let mut observations = Vec::new();
     for view in 0..n_views {
         let rig_from_target = rig_from_board(view, &mut chance);
         boards.push(rig_from_target);
         for camera in 0..n_cameras {
             let seen = seen_by(&lens, &(cam_from_rig(camera, n_cameras) * rig_from_target), &mut chance);
             if COLUMNS as usize <= seen.len() {
-                sightings.push(Sighting { camera, view, target: 0, seen });
+                observations.push(Observation { camera, view, target: 0, seen });
             }
         }
     }
@@ -98,7 +98,7 @@ pub fn question(n_cameras: usize, n_views: usize, seed: u64) -> (NamedRig, Vec<P
         views: (0..n_views).map(|i| format!("{i:04}")).collect(),
         targets: vec![NamedTarget { name: "board".into(), target: Some(board), body: 0 }],
         body_of_target: vec![0],
-        sightings,
+        observations,
     };
     (rig, boards)
 }
@@ -121,28 +121,28 @@ fn seen_by(lens: &Camera, cam_from_target: &Pose, chance: &mut Chance) -> Vec<Co
 /// Question and an answer put together from the truth.
 pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
     let (rig, boards) = question(n_cameras, n_views, seed);
-    let mut sightings: Vec<SightingResult> =
-        rig.sightings.iter().map(|s| result_of(s, &boards[s.view], n_cameras)).collect();
-    if let Some(last) = sightings.last_mut() {
-        last.rejected = Some(RejectedSighting::Contradicts { rms_px: 41.5 });
+    let mut observations: Vec<ObservationResult> =
+        rig.observations.iter().map(|s| result_of(s, &boards[s.view], n_cameras)).collect();
+    if let Some(last) = observations.last_mut() {
+        last.rejected = Some(RejectedObservation::Contradicts { rms_px: 41.5 });
         last.residuals_px.iter_mut().flatten().for_each(|r| r.1 = false);
     }
-    let cameras = (0..n_cameras).map(|i| camera_in_rig(i, n_cameras, &rig, &sightings)).collect();
+    let cameras = (0..n_cameras).map(|i| camera_in_rig(i, n_cameras, &rig, &observations)).collect();
     let used = |r: &&(Vector2<f64>, bool)| r.1;
-    let all: Vec<f64> = sightings
+    let all: Vec<f64> = observations
         .iter()
         .flat_map(|s| s.residuals_px.iter().flatten())
         .filter(used)
         .map(|r| r.0.norm_squared())
         .collect();
-    let n_seen = rig.sightings.iter().map(|s| s.seen.len()).sum();
+    let n_seen = rig.observations.iter().map(|s| s.seen.len()).sum();
     let bodies = boards.iter().enumerate().map(|(view, pose)| body(view, *pose)).collect();
     let solution = RigSolution {
         reference: 0,
         cameras,
         targets: vec![TargetOnBody { body_from_target: Pose::identity(), covariance: Matrix6::zeros() }],
         bodies,
-        sightings,
+        observations,
         shared: shared(&rig, n_cameras),
         weakest_link: (1 < n_cameras).then(|| WeakestLink {
             camera: n_cameras - 1,
@@ -170,14 +170,14 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
     RigRun { rig, solution, inputs, command: Some(command) }
 }
 
-fn result_of(sighting: &Sighting, rig_from_target: &Pose, n_cameras: usize) -> SightingResult {
-    let cam_from_target = cam_from_rig(sighting.camera, n_cameras) * *rig_from_target;
+fn result_of(observation: &Observation, rig_from_target: &Pose, n_cameras: usize) -> ObservationResult {
+    let cam_from_target = cam_from_rig(observation.camera, n_cameras) * *rig_from_target;
     let lens = lens();
     let residual = |c: &Correspondence| {
         let error = c.pixel - lens.project(&(cam_from_target * c.x_in_target))?;
         Some((error, error.norm() < 4.0 * SIGMA_PX))
     };
-    SightingResult { residuals_px: sighting.seen.iter().map(residual).collect(), rejected: None }
+    ObservationResult { residuals_px: observation.seen.iter().map(residual).collect(), rejected: None }
 }
 
 pub fn covariance_of(camera: usize) -> Matrix6 {
@@ -206,8 +206,13 @@ fn joint(n_cameras: usize) -> DMatrix<f64> {
     joint
 }
 
-fn camera_in_rig(camera: usize, n_cameras: usize, rig: &NamedRig, results: &[SightingResult]) -> CameraInRig {
-    let own = || rig.sightings.iter().zip(results).filter(|(s, _)| s.camera == camera);
+fn camera_in_rig(
+    camera: usize,
+    n_cameras: usize,
+    rig: &NamedRig,
+    results: &[ObservationResult],
+) -> CameraInRig {
+    let own = || rig.observations.iter().zip(results).filter(|(s, _)| s.camera == camera);
     let used: Vec<f64> = own()
         .flat_map(|(_, r)| r.residuals_px.iter().flatten())
         .filter(|r| r.1)
@@ -230,7 +235,7 @@ fn body(view: usize, rig_from_body: Pose) -> BodyInView {
 
 fn shared(rig: &NamedRig, n_cameras: usize) -> SharedViews {
     let sees =
-        |camera: usize, view: usize| rig.sightings.iter().any(|s| s.camera == camera && s.view == view);
+        |camera: usize, view: usize| rig.observations.iter().any(|s| s.camera == camera && s.view == view);
     let seen: Vec<Vec<bool>> =
         (0..n_cameras).map(|c| (0..rig.views.len()).map(|v| sees(c, v)).collect()).collect();
     let both = |a: usize, b: usize| seen[a].iter().zip(&seen[b]).filter(|(x, y)| **x && **y).count();

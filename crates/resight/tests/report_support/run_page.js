@@ -2,7 +2,7 @@
 //
 //   node run_page.js PAGE.html      prints {"space": [[[x, y], …] of each stroke], "fields": {camera: {…}}, "said": …} as JSON
 //
-// Numbers only: that the page looks right, eyes decide. The canvas is 960 × 560, as the still picture.
+// Numbers only: that the page looks right, eyes decide. The canvas is 960 × 560, as the still image.
 "use strict";
 const html = require("fs").readFileSync(process.argv[2], "utf8");
 const [WIDTH, HEIGHT] = [960, 560];
@@ -78,25 +78,25 @@ const drain = () => { while (queue.length) queue.shift()(); };
 drain();
 const space = document.getElementById("space");
 const fields = document.querySelectorAll("canvas[data-camera]");
-const picture = () => ({
+const image = () => ({
   space: space.pen.strokes,
   fields: fields.map((f) => ({ n: f.pen.strokes.length, caption: f.caption.textContent })),
   said: document.getElementById("said").textContent,
 });
-const answer = { scripted: root.classList.contains("scripted"), start: picture() };
+const answer = { scripted: root.classList.contains("scripted"), start: image() };
 document.getElementById("after").fire("click");
 drain();
-answer.first_view = picture();
+answer.first_view = image();
 space.fire("keydown", { key: "ArrowLeft" });
 drain();
-answer.turned = picture();
+answer.turned = image();
 space.fire("keydown", { key: "0" });
 drain();
-answer.back = picture();
+answer.back = image();
 space.fire("pointerdown", { pointerId: 1, clientX: 10, clientY: 10 });
 space.fire("pointermove", { pointerId: 1, clientX: 40, clientY: 10, buttons: 1 });
 space.fire("wheel", { deltaY: -100 });
 drain();
-answer.dragged = picture();
+answer.dragged = image();
 answer.views = document.getElementById("view").options.map((o) => o.text);
 console.log(JSON.stringify(answer));

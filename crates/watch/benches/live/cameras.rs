@@ -1,4 +1,4 @@
-//! The four cameras: a tag of middle size, a small one, a wall of twelve, and one that is knocked four times a second.
+//! The four cameras: a tag of middle size, a small one, a wall of twelve, and one that moves suddenly four times a second.
 
 use crate::live_support::{Pace, Replay, film, map, tag, tag_pose, trembling, watched};
 use nalgebra::Vector6;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub const RATE_HZ: f64 = 30.0;
 pub const CAMERAS: usize = 4;
-/// Pictures drawn for each camera, shown over and over.
+/// Images drawn for each camera, shown over and over.
 const PICTURES: usize = 16;
 
 pub fn target(camera: usize) -> Target {

@@ -27,7 +27,7 @@ pub fn cameras(seconds: f64) -> Result<Vec<LiveCamera>, String> {
     (0..CAMERAS).map(camera).collect()
 }
 
-/// Writes a camera's pictures as a film with the bits of a network camera, 4 Mbit/s.
+/// Writes a camera's images as a film with the bits of a network camera, 4 Mbit/s.
 fn encode(camera: usize, path: &Path) -> Result<(), String> {
     let size = format!("{WIDTH_PX}x{HEIGHT_PX}");
     let rate = RATE_HZ.to_string();
@@ -91,7 +91,7 @@ impl Source for Camera {
         match self.video.next() {
             None => Next::End,
             Some(Ok(picture)) => {
-                // The first picture sets the clock.
+                // The first image sets the clock.
                 self.started.get_or_insert_with(Instant::now);
                 let (number, name) = (self.next, String::new());
                 self.next += 1;

@@ -4,7 +4,7 @@
 //! cargo bench -p resight-watch --bench live                                  # a minute of each part
 //! cargo bench -p resight-watch --bench live -- --part memory --seconds 3600  # memory over an hour
 //! ```
-//! `search`: one picture. `memory`: rendered pictures held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
+//! `search`: one image. `memory`: rendered images held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
 //! Exit status 1 when a bar is missed.
 #![allow(missing_docs)]
 
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
         readings::run(&mut bars);
     }
     if is_run("memory") {
-        println!("\nfour cameras, rendered pictures from memory");
+        println!("\nfour cameras, rendered images from memory");
         session::run(cameras::from_memory(arguments.seconds), arguments.seconds, &mut bars);
     }
     if is_run("films") {

@@ -7,7 +7,7 @@ use crate::live_support::{Pace, Replay, camera, config, tag_pose, trembling, wat
 use resight::core::correspondence::Detection;
 use resight::core::{Pixel, Pose, Target};
 use resight::render::Pcg;
-use resight_watch::live::Look;
+use resight_watch::live::CameraWatcher;
 use resight_watch::source::{Content, Frame};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
@@ -46,7 +46,8 @@ pub fn run(bars: &mut Bars) {
     let mut chance = Pcg::new(17);
     let frames: Vec<Frame> = poses.iter().map(|pose| frame(&target, pose, &mut chance)).collect();
     let nothing = Replay::new(&Arc::new(Vec::new()), Pace::AsTaken, 30.0, 0);
-    let mut look = Look::new(&watched(&target, nothing), &config()).expect("a camera that can be watched");
+    let mut look =
+        CameraWatcher::new(&watched(&target, nothing), &config()).expect("a camera that can be watched");
     let (mut solve, mut decide, mut both) =
         (Quantiles::default(), Quantiles::default(), Quantiles::default());
     let calls = CALLS.load(Relaxed);
@@ -78,7 +79,7 @@ fn frame(target: &Target, cam_from_target: &Pose, chance: &mut Pcg) -> Frame {
     let mut normal = || (0..12).map(|_| chance.uniform()).sum::<f64>() - 6.0;
     let detection = |feature| {
         let x_in_target = target.point(feature).expect("a corner").position;
-        let pixel = camera().project(&(*cam_from_target * x_in_target)).expect("in the picture");
+        let pixel = camera().project(&(*cam_from_target * x_in_target)).expect("in the image");
         let noise = Pixel::new(normal(), normal()) * SIGMA_PX;
         Detection {
             feature,

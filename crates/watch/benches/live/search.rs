@@ -1,4 +1,4 @@
-//! What a picture costs: the target near its place, and the whole picture, least of many rounds.
+//! What an image costs: the target near its place, and the whole image, least of many rounds.
 
 use crate::cameras::RATE_HZ;
 use crate::live_support::{camera, film, map, tag, tag_pose, trembling};
@@ -12,7 +12,7 @@ const ROUNDS: usize = 240;
 const PICTURES: usize = 6;
 
 pub fn run() {
-    println!("\none picture of 1280 × 960, least of {ROUNDS} rounds");
+    println!("\none image of 1280 × 960, least of {ROUNDS} rounds");
     for edge_px in [25.0, 40.0, 80.0, 160.0, 320.0] {
         row(&format!("tag of {edge_px} px"), &tag(), tag_pose(edge_px, 150.0, -80.0));
     }

@@ -2,7 +2,7 @@
 //! here with that version; files of earlier versions lack it, and it reads as nothing there.
 
 use super::bytes::{of_matrix, of_vector, to_matrix, to_vector};
-use super::rows::{FrameRow, Measured, Span, StoredRow, Summary, TurnSummary, Turned};
+use super::rows::{FrameRow, Measured, RotationSummary, Span, StoredRotation, StoredRow, Summary};
 use nalgebra::{SMatrix, SVector};
 use resight_core::Pose;
 use rusqlite::types::FromSql;
@@ -24,7 +24,7 @@ const fn second(name: &'static str, kind: &'static str) -> Column {
 }
 
 /// In the order in which `Written` is written and `row` reads. A covariance is 21 doubles, the upper triangle row by row, of the left motion
-/// `[rotation_rad; translation_m]` in the camera frame; least and most are six doubles. A turn is its rotation vector and the six doubles of
+/// `[rotation_rad; translation_m]` in the camera frame; least and most are six doubles. A rotation is its rotation vector and the six doubles of
 /// its covariance; of turns, scatter is six doubles, least and most are three.
 const COLUMNS: [Column; 29] = [
     first("pair", "INTEGER NOT NULL REFERENCES pair"),
@@ -77,8 +77,18 @@ pub(super) fn additions(version: i64) -> String {
     lacking.map(|column| format!("ALTER TABLE frame ADD COLUMN {} {};", column.name, column.kind)).collect()
 }
 
+/// The state in `column` by its name of today: programs of version 1 wrote others.
+pub(super) fn state(column: &str) -> String {
+    let earlier =
+        "WHEN 'unseen' THEN 'stale' WHEN 'settling' THEN 'checking' WHEN 'followed' THEN 'tracking'"; // earlier word
+    format!("CASE {column} {earlier} ELSE {column} END")
+}
+
 /// A column as a file of this version has it.
 pub(super) fn selected(name: &str, version: i64) -> String {
+    if name == "state" {
+        return state("frame.state");
+    }
     let is_lacking = COLUMNS.iter().any(|column| column.name == name && version < column.since);
     if is_lacking { "NULL".to_string() } else { format!("frame.{name}") }
 }
@@ -95,14 +105,14 @@ pub(super) struct Written<'a> {
     t_s: f64,
     span: Span,
     number: Option<i64>,
-    /// Frames in it, those with a pose, those with a turn.
+    /// Frames in it, those with a pose, those with a rotation.
     counts: [u64; 3],
     state: &'a str,
     n_points: f64,
     measured: Option<&'a Measured>,
     summary: Option<&'a Summary>,
-    turned: Option<&'a Turned>,
-    turn_summary: Option<&'a TurnSummary>,
+    rotated: Option<&'a StoredRotation>,
+    rotation_summary: Option<&'a RotationSummary>,
     reason: Option<&'a str>,
 }
 
@@ -114,13 +124,13 @@ impl<'a> Written<'a> {
             t_s: row.t_s,
             span: Span::Frame,
             number: Some(row.number as i64),
-            counts: [1, u64::from(row.measured.is_some()), u64::from(row.turned.is_some())],
+            counts: [1, u64::from(row.measured.is_some()), u64::from(row.rotated.is_some())],
             state: row.state,
             n_points: row.n_points as f64,
             measured: row.measured.as_ref(),
             summary: None,
-            turned: row.turned.as_ref(),
-            turn_summary: None,
+            rotated: row.rotated.as_ref(),
+            rotation_summary: None,
             reason: row.reason.as_deref(),
         }
     }
@@ -133,13 +143,13 @@ impl<'a> Written<'a> {
             t_s: row.t_s,
             span: row.span,
             number: None,
-            counts: [row.frames, row.readings, row.turns],
+            counts: [row.frames, row.readings, row.rotations],
             state: &row.state,
             n_points: row.n_points,
             measured: row.measured.as_ref(),
             summary: row.summary.as_ref(),
-            turned: row.turned.as_ref(),
-            turn_summary: row.turn_summary.as_ref(),
+            rotated: row.rotated.as_ref(),
+            rotation_summary: row.rotation_summary.as_ref(),
             reason: row.reason.as_deref(),
         }
     }
@@ -151,8 +161,8 @@ impl<'a> Written<'a> {
     }
 
     pub fn insert(&self, statement: &mut Statement) -> rusqlite::Result<()> {
-        let (measured, summary, turned, turns) =
-            (self.measured, self.summary, self.turned, self.turn_summary);
+        let (measured, summary, rotated, rotations) =
+            (self.measured, self.summary, self.rotated, self.rotation_summary);
         let q = measured.map(|m| m.cam_from_target.quaternion_wxyz());
         let x_m = measured.map(|m| m.cam_from_target.translation);
         let [frames, readings, with_turn] = self.counts.map(|count| count as i64);
@@ -181,11 +191,11 @@ impl<'a> Written<'a> {
             &summary.map(|s| of_vector(&s.most)),
             &summary.map(|s| s.most_rms_px),
             &with_turn,
-            &turned.map(turn_to_bytes),
-            &turned.map(|t| t.n_landmarks),
-            &turns.map(|s| of_matrix(&s.scatter_rad2)),
-            &turns.map(|s| of_vector(&s.least_rad)),
-            &turns.map(|s| of_vector(&s.most_rad)),
+            &rotated.map(turn_to_bytes),
+            &rotated.map(|t| t.n_landmarks),
+            &rotations.map(|s| of_matrix(&s.scatter_rad2)),
+            &rotations.map(|s| of_vector(&s.least_rad)),
+            &rotations.map(|s| of_vector(&s.most_rad)),
         ];
         statement.execute(values.as_slice()).map(|_| ())
     }
@@ -201,7 +211,7 @@ pub(super) fn row(row: &Row) -> rusqlite::Result<StoredRow> {
     let (frames, readings) = (cells.count()?, cells.count()?);
     let (state, n_points) = (cells.take()?, cells.take()?);
     let (measured, reason, summary) = (measured(cells)?, cells.take()?, summary(cells)?);
-    let (turns, turned, turn_summary) = (cells.count()?, turned(cells)?, turn_summary(cells)?);
+    let (rotations, rotated, rotation_summary) = (cells.count()?, rotated(cells)?, rotation_summary(cells)?);
     Ok(StoredRow {
         camera,
         target,
@@ -210,13 +220,13 @@ pub(super) fn row(row: &Row) -> rusqlite::Result<StoredRow> {
         span,
         frames,
         readings,
-        turns,
+        rotations,
         state,
         n_points,
         measured,
         summary,
-        turned,
-        turn_summary,
+        rotated,
+        rotation_summary,
         reason,
     })
 }
@@ -280,26 +290,46 @@ fn summary(cells: &mut Cells) -> rusqlite::Result<Option<Summary>> {
 /// Doubles of the rotation vector; those of its covariance follow.
 const VECTOR_BYTES: usize = 3 * 8;
 
-fn turn_to_bytes(turned: &Turned) -> Vec<u8> {
-    [of_vector(&turned.rotation_rad), of_matrix(&turned.covariance_rad2)].concat()
+fn turn_to_bytes(rotated: &StoredRotation) -> Vec<u8> {
+    [of_vector(&rotated.rotation_rad), of_matrix(&rotated.covariance_rad2)].concat()
 }
 
-fn turned(cells: &mut Cells) -> rusqlite::Result<Option<Turned>> {
+fn rotated(cells: &mut Cells) -> rusqlite::Result<Option<StoredRotation>> {
     let (bytes, n_landmarks): (Option<Vec<u8>>, Option<f64>) = (cells.take()?, cells.take()?);
     let parts = bytes.as_ref().and_then(|bytes| bytes.split_at_checked(VECTOR_BYTES));
     let read = |(vector, matrix)| Some((to_vector(vector)?, to_matrix(matrix)?));
-    Ok(parts.and_then(read).zip(n_landmarks).map(|((rotation_rad, covariance_rad2), n_landmarks)| Turned {
-        rotation_rad,
-        covariance_rad2,
-        n_landmarks,
+    Ok(parts.and_then(read).zip(n_landmarks).map(|((rotation_rad, covariance_rad2), n_landmarks)| {
+        StoredRotation { rotation_rad, covariance_rad2, n_landmarks }
     }))
 }
 
-fn turn_summary(cells: &mut Cells) -> rusqlite::Result<Option<TurnSummary>> {
+fn rotation_summary(cells: &mut Cells) -> rusqlite::Result<Option<RotationSummary>> {
     Ok(match (cells.matrix()?, cells.vector()?, cells.vector()?) {
         (Some(scatter_rad2), Some(least_rad), Some(most_rad)) => {
-            Some(TurnSummary { scatter_rad2, least_rad, most_rad })
+            Some(RotationSummary { scatter_rad2, least_rad, most_rad })
         }
         _ => None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rusqlite::Connection;
+
+    /// Programs of version 1 wrote other words for the same states.
+    #[test]
+    fn states_of_version_1_are_read() {
+        let connection = Connection::open_in_memory().expect("a database");
+        let select = format!("SELECT {}", state("?1"));
+        for (was, is) in [
+            ("unseen", "stale"),      // earlier word
+            ("settling", "checking"), // earlier word
+            ("followed", "tracking"), // earlier word
+            ("drifted", "drifted"),
+        ] {
+            let read: String = connection.query_row(&select, [was], |row| row.get(0)).expect("a state");
+            assert_eq!(read, is);
+        }
+    }
 }

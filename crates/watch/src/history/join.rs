@@ -2,7 +2,7 @@
 
 use super::Span;
 use super::mean::{Reading, Rotation, Spread, joined};
-use super::rows::{Measured, StoredRow, Summary, TurnSummary, Turned};
+use super::rows::{Measured, RotationSummary, StoredRotation, StoredRow, Summary};
 
 /// Rows of one pair, session and state, as one. `rows` must not be empty.
 pub(super) fn join(rows: &[StoredRow], t_s: f64, span: Span) -> Option<StoredRow> {
@@ -10,19 +10,19 @@ pub(super) fn join(rows: &[StoredRow], t_s: f64, span: Span) -> Option<StoredRow
     let frames = rows.iter().map(|row| row.frames).sum::<u64>();
     let points: f64 = rows.iter().map(|row| row.n_points * row.frames as f64).sum();
     let (measured, summary) = poses(rows).unzip();
-    let (turned, turn_summary) = turns(rows).unzip();
-    let is_blind = measured.is_none() && turned.is_none();
+    let (rotated, rotation_summary) = rotations(rows).unzip();
+    let is_blind = measured.is_none() && rotated.is_none();
     Some(StoredRow {
         t_s,
         span,
         frames,
         readings: rows.iter().map(|row| row.readings).sum(),
-        turns: rows.iter().map(|row| row.turns).sum(),
+        rotations: rows.iter().map(|row| row.rotations).sum(),
         n_points: points / frames as f64,
         measured,
         summary,
-        turned,
-        turn_summary,
+        rotated,
+        rotation_summary,
         reason: if is_blind { common_reason(rows) } else { None },
         ..first.clone()
     })
@@ -62,13 +62,15 @@ fn poses(rows: &[StoredRow]) -> Option<(Measured, Summary)> {
     Some((measured, Summary { scatter, least, most, most_rms_px }))
 }
 
-fn turns(rows: &[StoredRow]) -> Option<(Turned, TurnSummary)> {
-    let seen: Vec<(f64, Turned, Option<TurnSummary>)> =
-        rows.iter().filter_map(|row| Some((row.turns as f64, row.turned?, row.turn_summary))).collect();
-    let reading = |(weight, turned, summary): &(f64, Turned, Option<TurnSummary>)| Reading {
+fn rotations(rows: &[StoredRow]) -> Option<(StoredRotation, RotationSummary)> {
+    let seen: Vec<(f64, StoredRotation, Option<RotationSummary>)> = rows
+        .iter()
+        .filter_map(|row| Some((row.rotations as f64, row.rotated?, row.rotation_summary)))
+        .collect();
+    let reading = |(weight, rotated, summary): &(f64, StoredRotation, Option<RotationSummary>)| Reading {
         weight: *weight,
-        place: Rotation::of(&turned.rotation_rad),
-        covariance: turned.covariance_rad2,
+        place: Rotation::of(&rotated.rotation_rad),
+        covariance: rotated.covariance_rad2,
         spread: summary.map_or_else(Spread::none, |s| Spread {
             scatter: s.scatter_rad2,
             least: s.least_rad,
@@ -76,12 +78,12 @@ fn turns(rows: &[StoredRow]) -> Option<(Turned, TurnSummary)> {
         }),
     };
     let mean = joined(&seen.iter().map(reading).collect::<Vec<_>>())?;
-    let landmarks: f64 = seen.iter().map(|(weight, turned, _)| weight * turned.n_landmarks).sum();
-    let turned = Turned {
+    let landmarks: f64 = seen.iter().map(|(weight, rotated, _)| weight * rotated.n_landmarks).sum();
+    let rotated = StoredRotation {
         rotation_rad: mean.place.vector_rad(),
         covariance_rad2: mean.covariance,
         n_landmarks: landmarks / mean.weight,
     };
     let Spread { scatter, least, most } = mean.spread;
-    Some((turned, TurnSummary { scatter_rad2: scatter, least_rad: least, most_rad: most }))
+    Some((rotated, RotationSummary { scatter_rad2: scatter, least_rad: least, most_rad: most }))
 }

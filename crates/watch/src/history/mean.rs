@@ -4,7 +4,7 @@
 //!   X_i  readings with weights n_i, each itself a mean with scatter S_i   M  mean: Σ n_i ξ_i = 0 with ξ_i = Log(X_i M⁻¹)
 //!   S = Σ n_i (S_i + ξ_i ξ_iᵀ) / Σ n_i      to first order in the ξ; exact where every n_i is 1
 //! ```
-//! Errors that last from frame to frame do not average out, so the covariance kept is that of a single frame: the mean's own lies between
+//! Correlated errors from frame to frame do not average out, so the covariance kept is that of a single frame: the mean's own lies between
 //! it and its n-th part.
 
 use nalgebra::{SMatrix, SVector, Vector3};

@@ -49,8 +49,8 @@ pub struct StateShare {
     pub frames: u64,
     /// Those with a pose.
     pub readings: u64,
-    /// Those with a turn.
-    pub turns: u64,
+    /// Those with a rotation.
+    pub rotations: u64,
 }
 
 impl History {
@@ -80,7 +80,7 @@ impl History {
     /// A damaged file.
     pub fn sessions(&self) -> Result<(u64, u64), HistoryError> {
         let select = "SELECT count(*), count(ended_unix_s) FROM session";
-        self.told(self.connection.query_row(select, [], |row| Ok((count(row, 0)?, count(row, 1)?))))
+        self.reported(self.connection.query_row(select, [], |row| Ok((count(row, 0)?, count(row, 1)?))))
     }
 
     /// What there is of each camera and target, by name.
@@ -88,7 +88,7 @@ impl History {
     /// # Errors
     /// A damaged file.
     pub fn pairs(&self) -> Result<Vec<PairSummary>, HistoryError> {
-        self.told(self.try_pairs())
+        self.reported(self.try_pairs())
     }
 
     /// Hands on the selected rows, pair by pair, in order of time; memory does not grow with their number. Rows stored meanwhile do not
@@ -101,7 +101,7 @@ impl History {
         selection: &Selection,
         mut take: impl FnMut(StoredRow) -> bool,
     ) -> Result<(), HistoryError> {
-        self.told(self.try_rows(selection, &mut take))
+        self.reported(self.try_rows(selection, &mut take))
     }
 
     /// The selected events, in the order in which they were told; `kinds` empty means all.
@@ -114,15 +114,15 @@ impl History {
         kinds: &[&str],
         mut take: impl FnMut(StoredEvent) -> bool,
     ) -> Result<(), HistoryError> {
-        self.told(self.try_events(selection, kinds, &mut take))
+        self.reported(self.try_events(selection, kinds, &mut take))
     }
 
-    fn told<T>(&self, result: rusqlite::Result<T>) -> Result<T, HistoryError> {
+    fn reported<T>(&self, result: rusqlite::Result<T>) -> Result<T, HistoryError> {
         result.map_err(|e| HistoryError::of(&self.path, &e))
     }
 
     fn number(&self, pragma: &str) -> Result<i64, HistoryError> {
-        self.told(schema::number(&self.connection, pragma))
+        self.reported(schema::number(&self.connection, pragma))
     }
 
     /// Of the tables as they are now: a session that begins meanwhile may bring them up to date.
@@ -152,14 +152,15 @@ impl History {
     }
 
     fn states(&self, pair: i64) -> rusqlite::Result<Vec<StateShare>> {
-        let turns = columns::selected("turns", self.version()?);
+        let rotations = columns::selected("turns", self.version()?);
         let select = format!(
-            "SELECT state, sum(frames), sum(readings), sum({turns}) FROM frame WHERE pair = ?1 GROUP BY state ORDER BY 2 DESC"
+            "SELECT {}, sum(frames), sum(readings), sum({rotations}) FROM frame WHERE pair = ?1 GROUP BY 1 ORDER BY 2 DESC",
+            columns::state("state")
         );
         let mut select = self.connection.prepare(&select)?;
         let share = |row: &Row| {
-            let (frames, readings, turns) = (count(row, 1)?, count(row, 2)?, count(row, 3)?);
-            Ok(StateShare { state: row.get(0)?, frames, readings, turns })
+            let (frames, readings, rotations) = (count(row, 1)?, count(row, 2)?, count(row, 3)?);
+            Ok(StateShare { state: row.get(0)?, frames, readings, rotations })
         };
         select.query_map(params![pair], share)?.collect()
     }
@@ -202,7 +203,8 @@ impl History {
     ) -> rusqlite::Result<()> {
         let (condition, values) = condition(selection, kinds);
         let select = format!(
-            "SELECT session, unix_s, t_s, camera, target, kind, state, detail FROM event WHERE ?1 AND {condition} ORDER BY id"
+            "SELECT session, unix_s, t_s, camera, target, kind, {}, detail FROM event WHERE ?1 AND {condition} ORDER BY id",
+            columns::state("state")
         );
         let mut statement = self.connection.prepare(&select)?;
         let all: Vec<&dyn ToSql> =
@@ -219,10 +221,10 @@ impl History {
 
 /// A folder that cannot be written has no room for the shared index of the write-ahead log; then only what the file itself holds is read.
 fn connect(path: &Path) -> Result<Connection, HistoryError> {
-    let told = |e: rusqlite::Error| HistoryError::of(path, &e);
+    let reported = |e: rusqlite::Error| HistoryError::of(path, &e);
     let open = |name: &str, flags| -> Result<Connection, HistoryError> {
-        let connection = Connection::open_with_flags(name, flags).map_err(told)?;
-        connection.busy_timeout(std::time::Duration::from_secs(5)).map_err(told)?;
+        let connection = Connection::open_with_flags(name, flags).map_err(reported)?;
+        connection.busy_timeout(std::time::Duration::from_secs(5)).map_err(reported)?;
         schema::check(&connection, path)?;
         Ok(connection)
     };

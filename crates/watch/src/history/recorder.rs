@@ -51,10 +51,10 @@ pub struct Stored {
 
 /// What the writer has to say.
 #[derive(Debug)]
-pub enum Told {
+pub enum Reported {
     /// More rows are on the disk, for good.
     Stored(Stored),
-    /// They are not, and why; it goes on trying. Said once.
+    /// They are not, and why; it continues trying. Said once.
     Degraded(HistoryError),
     /// They are again, or the disk is slower than rows come: rows given up in between.
     Recovered(NotStored),
@@ -104,7 +104,7 @@ const BATCH: usize = 4096;
 const WORTH_A_COMMIT: usize = 1024;
 /// How often it is looked whether rows have become old.
 const THINNING: Duration = Duration::from_secs(10);
-/// A disk that is too slow all the time is not told all the time.
+/// A disk that is too slow all the time is not reported all the time.
 const SAYING: Duration = Duration::from_secs(10);
 /// At the end of the session the writer tries for this long.
 const LAST_TRIES: Duration = Duration::from_secs(5);
@@ -214,7 +214,7 @@ impl Queue {
 
 impl Writer {
     /// Stores rows until the recorder is closed and the queue is empty, and tells how it goes. Blocks: it needs a thread of its own.
-    pub fn run(mut self, mut told: impl FnMut(Told)) {
+    pub fn run(mut self, mut reported: impl FnMut(Reported)) {
         let commit = Duration::from_secs_f64(self.recording.commit_s);
         loop {
             let is_closed = self.queue.wait(commit);
@@ -223,27 +223,32 @@ impl Writer {
             if is_empty && is_closed {
                 break;
             }
-            if !is_empty && !self.store_all(&frames, &events, &mut told) {
+            if !is_empty && !self.store_all(&frames, &events, &mut reported) {
                 self.queue.give_up(frames.len(), events.len());
                 break;
             }
             if !is_closed {
-                self.thin(&mut told);
+                self.thin(&mut reported);
             }
         }
-        self.finish(&mut told);
+        self.finish(&mut reported);
     }
 
     /// Tries until it is done; false when the session ended before it was.
-    fn store_all(&mut self, frames: &[FrameRow], events: &[EventRow], told: &mut impl FnMut(Told)) -> bool {
+    fn store_all(
+        &mut self,
+        frames: &[FrameRow],
+        events: &[EventRow],
+        reported: &mut impl FnMut(Reported),
+    ) -> bool {
         let mut last_try: Option<Instant> = None;
         loop {
-            match self.try_store(frames, events, told) {
+            match self.try_store(frames, events, reported) {
                 Ok(()) => {
-                    self.count(frames, events, told);
+                    self.count(frames, events, reported);
                     return true;
                 }
-                Err(error) => self.degraded(error, told),
+                Err(error) => self.degraded(error, reported),
             }
             if self.queue.rest(Duration::from_secs_f64(self.recording.retry_s)) {
                 let until = *last_try.get_or_insert_with(|| Instant::now() + LAST_TRIES);
@@ -259,17 +264,17 @@ impl Writer {
         &mut self,
         frames: &[FrameRow],
         events: &[EventRow],
-        told: &mut impl FnMut(Told),
+        reported: &mut impl FnMut(Reported),
     ) -> Result<(), HistoryError> {
         let mut store = match self.store.take() {
             Some(store) => store,
-            None => self.open(told)?,
+            None => self.open(reported)?,
         };
         let done = store.append(frames, events);
         match &done {
             Err(HistoryError::Corrupt { reason, .. }) => {
                 drop(store);
-                told(Told::PutAside(Store::put_aside(&self.recording.path)?, reason.clone()));
+                reported(Reported::PutAside(Store::put_aside(&self.recording.path)?, reason.clone()));
             }
             // Another file in its place, or one that may no longer be written, is opened anew.
             Err(error) if !error.may_pass() => {}
@@ -278,10 +283,10 @@ impl Writer {
         done
     }
 
-    fn open(&mut self, told: &mut impl FnMut(Told)) -> Result<Store, HistoryError> {
+    fn open(&mut self, reported: &mut impl FnMut(Reported)) -> Result<Store, HistoryError> {
         let Opened { store, put_aside } = Store::open(&self.recording.path, &self.recording.pairs)?;
         if let Some((path, reason)) = put_aside {
-            told(Told::PutAside(path, reason));
+            reported(Reported::PutAside(path, reason));
         }
         self.stored = Stored {
             session: store.session(),
@@ -293,14 +298,14 @@ impl Writer {
         Ok(store)
     }
 
-    fn degraded(&mut self, error: HistoryError, told: &mut impl FnMut(Told)) {
+    fn degraded(&mut self, error: HistoryError, reported: &mut impl FnMut(Reported)) {
         if !self.is_degraded {
             self.is_degraded = true;
-            told(Told::Degraded(error));
+            reported(Reported::Degraded(error));
         }
     }
 
-    fn count(&mut self, frames: &[FrameRow], events: &[EventRow], told: &mut impl FnMut(Told)) {
+    fn count(&mut self, frames: &[FrameRow], events: &[EventRow], reported: &mut impl FnMut(Reported)) {
         self.stored.frames += frames.len() as u64;
         self.stored.events += events.len() as u64;
         for frame in frames {
@@ -312,18 +317,18 @@ impl Writer {
         let is_slow = self.said != self.stored.not_stored && self.next_saying <= Instant::now();
         if self.is_degraded || is_slow {
             self.next_saying = Instant::now() + SAYING;
-            self.recovered(told);
+            self.recovered(reported);
         }
-        told(Told::Stored(self.stored.clone()));
+        reported(Reported::Stored(self.stored.clone()));
     }
 
     /// The history itself says what is missing in it.
-    fn recovered(&mut self, told: &mut impl FnMut(Told)) {
+    fn recovered(&mut self, reported: &mut impl FnMut(Reported)) {
         let now = self.stored.not_stored;
         let missing =
             NotStored { frames: now.frames - self.said.frames, events: now.events - self.said.events };
         (self.is_degraded, self.said) = (false, now);
-        told(Told::Recovered(missing));
+        reported(Reported::Recovered(missing));
         if missing != NotStored::default() {
             let detail = format!("{{\"frames\": {}, \"events\": {}}}", missing.frames, missing.events);
             let row = EventRow { kind: "not_stored".to_string(), detail, ..EventRow::default() };
@@ -332,7 +337,7 @@ impl Writer {
     }
 
     /// Old rows are joined while nothing else waits.
-    fn thin(&mut self, told: &mut impl FnMut(Told)) {
+    fn thin(&mut self, reported: &mut impl FnMut(Reported)) {
         let Some(store) = self.store.as_mut().filter(|_| self.next_thinning <= Instant::now()) else {
             return;
         };
@@ -344,13 +349,13 @@ impl Writer {
                 // What needs room to make room waits for the next commit to tell how the disk is.
                 if !error.may_pass() {
                     self.store = None;
-                    self.degraded(error, told);
+                    self.degraded(error, reported);
                 }
             }
         }
     }
 
-    fn finish(mut self, told: &mut impl FnMut(Told)) {
+    fn finish(mut self, reported: &mut impl FnMut(Reported)) {
         if let Some(store) = &mut self.store {
             // A session without its end is one that was cut off; nothing else hangs on it.
             let _ = store.end();
@@ -362,7 +367,7 @@ impl Writer {
         self.queue.give_up(waiting.frames as usize, waiting.events as usize);
         let total = self.queue.not_stored();
         if total != self.said {
-            told(Told::Lost(total));
+            reported(Reported::Lost(total));
         }
     }
 }

@@ -18,8 +18,8 @@ pub struct FrameRow {
     pub n_points: usize,
     /// The pose of this frame alone.
     pub measured: Option<Measured>,
-    /// The turn since the reference picture, where natural landmarks were looked at.
-    pub turned: Option<Turned>,
+    /// The rotation since the reference image, where natural landmarks were looked at.
+    pub rotated: Option<StoredRotation>,
     /// Why there is neither.
     pub reason: Option<String>,
 }
@@ -35,13 +35,13 @@ pub struct Measured {
     pub rms_px: f64,
 }
 
-/// How a camera has turned since the reference picture of its natural landmarks, as `watch --json --frames` says it.
+/// How a camera has rotated since the reference image of its natural landmarks, as `watch --json --frames` says it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turned {
-    /// Rotation vector of old_from_new, where the camera is now in its own frame of the reference picture: radians about x right, y down,
+pub struct StoredRotation {
+    /// Rotation vector of old_from_new, where the camera is now in its own frame of the reference image: radians about x right, y down,
     /// z forward. Positive is up, right, clockwise.
     pub rotation_rad: Vector3<f64>,
-    /// Its 3×3 covariance, rad²: of the small turn ω in Exp(ω) · old_from_new, about the same axes.
+    /// Its 3×3 covariance, rad²: of the small rotation ω in Exp(ω) · old_from_new, about the same axes.
     pub covariance_rad2: Matrix3<f64>,
     /// Landmarks that agree with it; on average, where it stands for several frames.
     pub n_landmarks: f64,
@@ -110,9 +110,9 @@ pub struct Summary {
     pub most_rms_px: f64,
 }
 
-/// The same of turns: small turns from the mean turn, about the axes of the camera in the reference picture.
+/// The same of turns: small turns from the mean turn, about the axes of the camera in the reference image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnSummary {
+pub struct RotationSummary {
     /// Covariance of the turns about their mean, as they were seen, rad².
     pub scatter_rad2: Matrix3<f64>,
     /// Smallest turn from the mean, each coordinate for itself, rad.
@@ -138,8 +138,8 @@ pub struct StoredRow {
     pub frames: u64,
     /// Those with a pose.
     pub readings: u64,
-    /// Those with a turn.
-    pub turns: u64,
+    /// Those with a rotation.
+    pub rotations: u64,
     /// The state in which the frame left the pair; a minute in two states has two rows.
     pub state: String,
     /// Points found, on average.
@@ -148,11 +148,11 @@ pub struct StoredRow {
     pub measured: Option<Measured>,
     /// How several readings lie about their mean.
     pub summary: Option<Summary>,
-    /// The turn, or the mean of those; its covariance is that of a single frame, on average.
-    pub turned: Option<Turned>,
+    /// The rotation, or the mean of those; its covariance is that of a single frame, on average.
+    pub rotated: Option<StoredRotation>,
     /// How several turns lie about their mean.
-    pub turn_summary: Option<TurnSummary>,
-    /// Why there is neither a pose nor a turn.
+    pub rotation_summary: Option<RotationSummary>,
+    /// Why there is neither a pose nor a rotation.
     pub reason: Option<String>,
 }
 
@@ -161,7 +161,7 @@ pub struct StoredRow {
 pub struct StoredEvent {
     /// The run of the program that told it.
     pub session: i64,
-    /// When it was told, seconds since 1970.
+    /// When it was reported, seconds since 1970.
     pub unix_s: f64,
     /// What it was; `pair` is none.
     pub row: EventRow,

@@ -29,11 +29,11 @@ CREATE TABLE event (
 
 /// Opens a file for writing, brings one of an earlier version up to date, and makes the tables where there are none.
 pub(super) fn open(path: &Path) -> Result<Connection, HistoryError> {
-    let told = |e: rusqlite::Error| HistoryError::of(path, &e);
-    let mut connection = Connection::open(path).map_err(told)?;
-    connection.busy_timeout(PATIENCE).map_err(told)?;
+    let reported = |e: rusqlite::Error| HistoryError::of(path, &e);
+    let mut connection = Connection::open(path).map_err(reported)?;
+    connection.busy_timeout(PATIENCE).map_err(reported)?;
     check(&connection, path)?;
-    prepare(&mut connection).map_err(told)?;
+    prepare(&mut connection).map_err(reported)?;
     Ok(connection)
 }
 
@@ -60,11 +60,11 @@ fn prepare(connection: &mut Connection) -> rusqlite::Result<()> {
 
 /// Whether a file is a history that this program can read, or empty.
 pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), HistoryError> {
-    let told = |e: rusqlite::Error| HistoryError::of(path, &e);
+    let reported = |e: rusqlite::Error| HistoryError::of(path, &e);
     let tables: i64 =
-        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0)).map_err(told)?;
+        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0)).map_err(reported)?;
     let (application, seen) = (number(connection, "application_id"), number(connection, "user_version"));
-    let (application, seen) = (application.map_err(told)?, seen.map_err(told)?);
+    let (application, seen) = (application.map_err(reported)?, seen.map_err(reported)?);
     let path_buf = || path.to_path_buf();
     if application != APPLICATION {
         return if tables == 0 { Ok(()) } else { Err(HistoryError::Foreign { path: path_buf() }) };
@@ -74,7 +74,7 @@ pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), HistoryE
     }
     if std::fs::metadata(path).is_ok_and(|file| file.len() <= CHECKED_BYTES) {
         let verdict: String =
-            connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0)).map_err(told)?;
+            connection.query_row("PRAGMA quick_check(1)", [], |row| row.get(0)).map_err(reported)?;
         if verdict != "ok" {
             return Err(HistoryError::Corrupt { path: path_buf(), reason: verdict });
         }

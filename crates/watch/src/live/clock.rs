@@ -59,18 +59,18 @@ impl CaptureClock {
     }
 
     /// Whether a frame of a recording comes so long after the last that its time may be wrong: the next one tells.
-    pub fn doubts(&self, capture_s: f64) -> bool {
+    pub fn is_implausible(&self, capture_s: f64) -> bool {
         self.last.is_some_and(|last| last.gap_s() < capture_s + self.offset_s - last.t_s)
     }
 
-    /// Whether a frame goes on from before a doubtful one, so that the time of that one was wrong.
+    /// Whether a frame continues from before a doubtful one, so that the time of that one was wrong.
     pub fn refutes(&self, capture_s: f64, doubtful_s: f64) -> bool {
         let is_after = |last: Last| last.t_s - DISORDER_S <= capture_s + self.offset_s;
         self.last.is_some_and(is_after) && capture_s < doubtful_s - DISORDER_S
     }
 
-    /// When a frame was taken that could not be read. Its time may be another clock's (the file's date for the picture's), so it is
-    /// believed only where it is near, and changes nothing. What is seen of no frame is unseen for longer and longer, so time goes on.
+    /// When a frame was taken that could not be read. Its time may be another clock's (the file's date for the image's), so it is
+    /// believed only where it is near, and changes nothing. What is seen of no frame is stale for longer and longer, so time continues.
     pub fn guess(&mut self, capture_s: f64, arrived_s: f64, at_own_pace: bool) -> f64 {
         let Some(last) = self.last else { return if capture_s.is_finite() { capture_s } else { 0.0 } };
         self.untimed += 1;
@@ -135,32 +135,32 @@ mod tests {
     #[test]
     fn an_hour_back_is_said_and_time_goes_on() {
         for at_own_pace in [true, false] {
-            let told = stamps(&[100.0, 101.0, -3498.0, -3497.0, -3496.0], at_own_pace);
+            let reported = stamps(&[100.0, 101.0, -3498.0, -3497.0, -3496.0], at_own_pace);
             let step = Stamp::Stepped { t_s: 102.0, step_s: -3600.0 };
-            assert_eq!(told, [at(100.0), at(101.0), step, at(103.0), at(104.0)], "{at_own_pace}");
+            assert_eq!(reported, [at(100.0), at(101.0), step, at(103.0), at(104.0)], "{at_own_pace}");
         }
     }
 
     #[test]
     fn a_step_that_is_undone_leaves_no_trace() {
         for step_s in [-1800.0, -7200.0] {
-            let told = stamps(&[100.0, 101.0, 102.0 + step_s, 103.0, 104.0], true);
+            let reported = stamps(&[100.0, 101.0, 102.0 + step_s, 103.0, 104.0], true);
             let there = Stamp::Stepped { t_s: 102.0, step_s };
             let back = Stamp::Stepped { t_s: 103.0, step_s: -step_s };
-            assert_eq!(told, [at(100.0), at(101.0), there, back, at(104.0)]);
+            assert_eq!(reported, [at(100.0), at(101.0), there, back, at(104.0)]);
         }
     }
 
     #[test]
     fn small_disorder_is_left_out() {
-        let told = stamps(&[10.0, 11.0, 10.5, 11.0, 12.0], true);
+        let reported = stamps(&[10.0, 11.0, 10.5, 11.0, 12.0], true);
         let late = Stamp::Late { t_s: 11.0, by_s: 0.5 };
-        assert_eq!(told, [at(10.0), at(11.0), late, at(11.0), at(12.0)]);
+        assert_eq!(reported, [at(10.0), at(11.0), late, at(11.0), at(12.0)]);
     }
 
     /// Two hours forward: of a camera that sends all the time its clock was set, in a recording there was a pause.
     #[test]
-    fn a_leap_forward_is_told_from_a_pause() {
+    fn a_leap_forward_is_reported_from_a_pause() {
         let frames = [10.0, 11.0, 7212.0, 7213.0];
         let step = Stamp::Stepped { t_s: 12.0, step_s: 7200.0 };
         assert_eq!(stamps(&frames, true), [at(10.0), at(11.0), step, at(13.0)]);
@@ -189,15 +189,15 @@ mod tests {
 
     /// Ten frames a second; one has a time of a thousand years.
     #[test]
-    fn one_wrong_time_is_told_from_a_pause() {
+    fn one_wrong_time_is_reported_from_a_pause() {
         let mut clock = CaptureClock::default();
         for i in 0..10 {
             let t_s = 0.1 * f64::from(i);
-            assert!(!clock.doubts(t_s));
+            assert!(!clock.is_implausible(t_s));
             clock.stamp(t_s, 0.0, false);
         }
-        assert!(clock.doubts(1.7e12) && clock.doubts(3.0) && !clock.doubts(1.5));
-        assert!(clock.refutes(1.1, 1.7e12), "the next frame goes on from before");
+        assert!(clock.is_implausible(1.7e12) && clock.is_implausible(3.0) && !clock.is_implausible(1.5));
+        assert!(clock.refutes(1.1, 1.7e12), "the next frame continues from before");
         assert!(!clock.refutes(1.7e12 + 0.1, 1.7e12), "a pause");
         assert!(!clock.refutes(-500.0, 1.7e12), "a clock that was set back");
         // After a pause frames are as far apart as before.
@@ -206,13 +206,13 @@ mod tests {
         assert!((t_s - 500.1).abs() < 1e-9, "{t_s}");
     }
 
-    /// A torn picture has the date of its file, hours after the clock of the pictures; or its own time. Neither moves the clock.
+    /// A torn image has the date of its file, hours after the clock of the images; or its own time. Neither moves the clock.
     #[test]
     fn what_cannot_be_read_does_not_set_the_clock() {
         let mut clock = CaptureClock::default();
         (0..3).for_each(|i| assert_eq!(clock.stamp(f64::from(i), 0.0, false), at(f64::from(i))));
         let guesses: Vec<f64> = (0..3).map(|_| clock.guess(7200.0, 0.0, false)).collect();
-        assert_eq!(guesses, [3.0, 4.0, 5.0], "time goes on");
+        assert_eq!(guesses, [3.0, 4.0, 5.0], "time continues");
         assert_eq!(clock.guess(6.25, 0.0, false), 6.25);
         assert_eq!(clock.stamp(7.0, 0.0, false), at(7.0));
         let mut live = CaptureClock::default();

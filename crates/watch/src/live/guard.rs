@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_words_of_a_panic_are_told() {
+    fn the_words_of_a_panic_are_reported() {
         assert_eq!(guarded(|| ()), Ok(()));
         let (fixed, made) = (guarded(|| panic!("fixed")), guarded(|| panic!("{} made", 2)));
         assert!(fixed.is_err_and(|words| words.contains("failed here: fixed;")));

@@ -1,11 +1,11 @@
 //! What cameras are compared with, before their session begins.
 
-use super::look::{Look, LookError};
+use super::look::{CameraWatcher, CameraWatcherError};
 use super::{LiveCamera, LiveConfig, StateFile};
 use resight_core::temporal::monitor::Reference;
 
 /// What a camera is compared with, target by target, where that is known when its session begins: what it brings with it, or what an earlier
-/// session learned and left in a state that it goes on from.
+/// session learned and left in a state that it continues from.
 ///
 /// # Errors
 /// A camera that cannot be watched.
@@ -13,8 +13,8 @@ pub fn references(
     camera: &LiveCamera,
     config: &LiveConfig,
     state: Option<&StateFile>,
-) -> Result<Vec<Option<Reference>>, LookError> {
-    let mut look = Look::new(camera, config)?;
+) -> Result<Vec<Option<Reference>>, CameraWatcherError> {
+    let mut look = CameraWatcher::new(camera, config)?;
     let own = state.filter(|_| config.rig.is_none());
     if let Some(record) = own.and_then(|state| state.of(&camera.name)) {
         look.restore(&record, |_, _| ()); // Why a state is not gone on from, the session says.

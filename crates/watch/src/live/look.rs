@@ -9,7 +9,7 @@ use super::state::{CameraRecord, unix_s};
 use super::{LiveCamera, LiveConfig, Observation, Promise, StageTimes, State};
 use crate::source::{Content, Frame};
 use landmarks::LandmarkWatch;
-use pair::{Pair, Sight};
+use pair::{FrameContent, Pair};
 use resight::GrayImage;
 use resight::detect::DetectError;
 use resight::landmarks::LandmarksError;
@@ -18,18 +18,18 @@ use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
 /// Looks at the frames of one camera, in order.
-pub struct Look {
+pub struct CameraWatcher {
     camera: Camera,
     pairs: Vec<Pair>,
     landmarks: Option<LandmarkWatch>,
-    /// Hash of the last picture: a camera that froze sends it again and again.
-    last_picture: Option<u64>,
+    /// Hash of the last image: a camera that froze sends it again and again.
+    last_image: Option<u64>,
     /// Capture time of the last frame of an earlier session: up to then all was taken in already.
     resumed_s: Option<f64>,
 }
 
 /// What a frame changed for one target.
-pub struct Looked {
+pub struct FrameResult {
     /// What it said.
     pub observation: Observation,
     /// How things stand now.
@@ -42,16 +42,22 @@ pub struct Looked {
     pub unsettled: Option<Box<Unsettled>>,
 }
 
-impl Look {
+impl CameraWatcher {
     /// # Errors
-    /// A target that no detector knows, a reference picture with too little to see, or a setting that cannot be.
-    pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, LookError> {
+    /// A target that no detector knows, a reference image with too little to see, or a setting that cannot be.
+    pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, CameraWatcherError> {
         let pair = |watched| Pair::new(&camera.camera, watched, config);
         let pairs = camera.targets.iter().map(pair).collect::<Result<Vec<_>, _>>()?;
         let landmarks = camera.landmarks.as_ref();
         let landmarks =
             landmarks.map(|watched| LandmarkWatch::new(&camera.camera, watched, config)).transpose()?;
-        Ok(Look { camera: camera.camera.clone(), pairs, landmarks, last_picture: None, resumed_s: None })
+        Ok(CameraWatcher {
+            camera: camera.camera.clone(),
+            pairs,
+            landmarks,
+            last_image: None,
+            resumed_s: None,
+        })
     }
 
     /// What each target is compared with, where that is known.
@@ -70,7 +76,7 @@ impl Look {
             name: name.to_string(),
             last_s,
             last_unix_s: unix_s() - ago_s,
-            last_picture: self.last_picture.map(|hash| format!("{hash:016x}")),
+            last_image: self.last_image.map(|hash| format!("{hash:016x}")),
             pairs: self.pairs.iter().map(Pair::record).collect(),
             landmarks: self.landmarks.as_ref().and_then(LandmarkWatch::record),
         }
@@ -94,8 +100,8 @@ impl Look {
         }
         if is_any {
             self.resume(record.last_s);
-            let hash = record.last_picture.as_ref();
-            self.last_picture = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
+            let hash = record.last_image.as_ref();
+            self.last_image = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
         }
         is_any
     }
@@ -112,13 +118,13 @@ impl Look {
     }
 
     /// An old frame says nothing of how things stand: they stand as at `now_s` without it.
-    pub(super) fn passed_over(&self, frame: &Frame, waited_us: f64, now_s: f64) -> Vec<Looked> {
+    pub(super) fn passed_over(&self, frame: &Frame, waited_us: f64, now_s: f64) -> Vec<FrameResult> {
         let states = self.states(now_s).into_iter();
         let reason = Some(format!(
-            "taken before {:.3} s, where the state file goes on; for another recording give another state file",
+            "taken before {:.3} s, where the state file continues; for another recording give another state file",
             self.resumed_s.unwrap_or(now_s)
         ));
-        let looked = |state| Looked {
+        let looked = |state| FrameResult {
             observation: Observation { reason: reason.clone(), ..blank(frame, waited_us, true) },
             state,
             learned: None,
@@ -129,19 +135,19 @@ impl Look {
     }
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.
-    pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<Looked> {
+    pub fn take(&mut self, frame: &Frame, waited_us: f64) -> Vec<FrameResult> {
         let lens = self.lens(frame);
         let blank = blank(frame, waited_us, lens.is_ok() && !matches!(frame.content, Content::Unreadable(_)));
         let look = |pair: &mut Pair| {
             let sight = match (&frame.content, &lens) {
                 (_, Err(reason)) => Err(reason.clone()),
-                (Content::Image(image), Ok(lens)) => Ok(Sight::Image(image, lens)),
-                (Content::Detections(detections), Ok(_)) => Ok(Sight::Detections(detections)),
+                (Content::Image(image), Ok(lens)) => Ok(FrameContent::Image(image, lens)),
+                (Content::Detections(detections), Ok(_)) => Ok(FrameContent::Detections(detections)),
                 (Content::Unreadable(reason), Ok(_)) => Err(reason.clone()),
             };
             pair.take(frame, sight, blank.clone())
         };
-        let mut looked: Vec<Looked> = self.pairs.iter_mut().map(look).collect();
+        let mut looked: Vec<FrameResult> = self.pairs.iter_mut().map(look).collect();
         if let Some(landmarks) = &mut self.landmarks {
             if looked.iter().any(|looked| looked.unsettled.is_some()) {
                 landmarks.begin_anew();
@@ -161,11 +167,11 @@ impl Look {
         }
     }
 
-    /// The lens at the size of this picture, or why the picture is none.
+    /// The lens at the size of this image, or why the image is none.
     fn lens(&mut self, frame: &Frame) -> Result<Camera, String> {
         match &frame.content {
             Content::Image(image) if self.is_frozen(image) => {
-                Err("the same picture as before: the camera or its stream is frozen".to_string())
+                Err("the same image as before: the camera or its stream is frozen".to_string())
             }
             Content::Image(image) => {
                 resight::formats::check_image_size(&self.camera, image.width_px, image.height_px)
@@ -176,7 +182,7 @@ impl Look {
 
     fn is_frozen(&mut self, image: &GrayImage) -> bool {
         let hash = fingerprint(&image.data);
-        self.last_picture.replace(hash) == Some(hash)
+        self.last_image.replace(hash) == Some(hash)
     }
 }
 
@@ -194,11 +200,11 @@ fn blank(frame: &Frame, waited_us: f64, is_readable: bool) -> Observation {
 
 /// Why a camera cannot be watched.
 #[derive(Debug, thiserror::Error)]
-pub enum LookError {
+pub enum CameraWatcherError {
     /// A target that no detector knows.
     #[error(transparent)]
     Detect(#[from] DetectError),
-    /// A reference picture that shows too little.
+    /// A reference image that shows too little.
     #[error(transparent)]
     Landmarks(#[from] LandmarksError),
     /// A setting that cannot be.
@@ -233,7 +239,7 @@ fn fingerprint(data: &[u8]) -> u64 {
 mod tests {
     use super::fingerprint;
 
-    /// Noise of one grey level anywhere makes another picture; the length counts too.
+    /// Noise of one grey level anywhere makes another image; the length counts too.
     #[test]
     fn pictures_that_differ_in_one_pixel_differ() {
         let picture: Vec<u8> = (0..1003u32).map(|i| (i * i % 256) as u8).collect();

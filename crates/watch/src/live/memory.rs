@@ -1,7 +1,7 @@
 //! What a camera remembers from one session to the next.
 
 use super::LiveCamera;
-use super::look::Look;
+use super::look::CameraWatcher;
 use super::state::{EVERY, StateFile, unix_s};
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ pub(super) struct Memory<'a> {
 
 impl<'a> Memory<'a> {
     /// Puts what is known into `look`.
-    pub fn restore(look: &mut Look, camera: &LiveCamera, state: Option<&'a StateFile>) -> Self {
+    pub fn restore(look: &mut CameraWatcher, camera: &LiveCamera, state: Option<&'a StateFile>) -> Self {
         let mut memory = Memory { name: camera.name.clone(), state, resumed: None, due: Instant::now() };
         let Some((state, record)) = state.and_then(|state| Some((state, state.of(&camera.name)?))) else {
             return memory;
@@ -27,14 +27,14 @@ impl<'a> Memory<'a> {
         };
         if look.restore(&record, refused) {
             let ago_s = (unix_s() - record.last_unix_s).max(0.0);
-            state.say(&format!("{} goes on from {:.3} s, {ago_s:.1} s ago", camera.name, record.last_s));
+            state.say(&format!("{} continues from {:.3} s, {ago_s:.1} s ago", camera.name, record.last_s));
             memory.resumed = Some((record.last_s, ago_s));
         }
         memory
     }
 
     /// Hands the state over when it is time, and at the end. True when it did.
-    pub fn keep(&mut self, look: &Look, last: Option<(f64, Instant)>, is_end: bool) -> bool {
+    pub fn keep(&mut self, look: &CameraWatcher, last: Option<(f64, Instant)>, is_end: bool) -> bool {
         let (Some(state), Some((last_s, arrived))) = (self.state, last) else { return false };
         let is_due = is_end || self.due <= Instant::now();
         if is_due {

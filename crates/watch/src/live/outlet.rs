@@ -24,7 +24,7 @@ pub(super) struct Outlet {
 
 #[derive(Default)]
 struct Pair {
-    told: Option<State>,
+    reported: Option<State>,
     /// Of alarms and of the rest: neither uses up what the other may say.
     buckets: [Bucket; 2],
     waiting: Option<(f64, State)>,
@@ -80,11 +80,11 @@ impl Outlet {
             Event::Observed { camera, target, observation } => {
                 let t_s = observation.capture_s;
                 self.now_s = self.now_s.max(t_s);
-                let mut told = vec![Event::Observed { camera, target, observation }];
-                told.extend(self.moved.due(self.now_s));
+                let mut reported = vec![Event::Observed { camera, target, observation }];
+                reported.extend(self.moved.due(self.now_s));
                 let pair = self.pairs.get_mut(&(camera, target));
-                told.extend(pair.and_then(|pair| pair.due((camera, target), t_s)));
-                told
+                reported.extend(pair.and_then(|pair| pair.due((camera, target), t_s)));
+                reported
             }
             other => vec![other],
         }
@@ -95,7 +95,7 @@ impl Outlet {
         let moved = self.moved.waiting.take().into_iter();
         let pairs = self.pairs.iter_mut().filter_map(|(key, pair)| {
             let (t_s, state) = pair.waiting.take()?;
-            let is_new = pair.told.as_ref() != Some(&state);
+            let is_new = pair.reported.as_ref() != Some(&state);
             is_new.then_some(Event::StateChanged { camera: key.0, target: key.1, t_s, state })
         });
         moved.chain(pairs).collect()
@@ -112,11 +112,11 @@ impl Moved {
 impl Pair {
     fn due(&mut self, (camera, target): (usize, usize), t_s: f64) -> Option<Event> {
         let (since_s, state) = self.waiting.as_ref()?;
-        if self.told.as_ref() == Some(state) {
+        if self.reported.as_ref() == Some(state) {
             self.waiting = None;
             return None;
         }
-        let was_in_doubt = matches!(self.told, Some(State::Settling(_)));
+        let was_in_doubt = matches!(self.reported, Some(State::Checking(_)));
         if matches!(state, State::Steady) && was_in_doubt && t_s < since_s + CALM_S {
             return None;
         }
@@ -124,13 +124,13 @@ impl Pair {
             return None;
         }
         let (since_s, state) = self.waiting.take()?;
-        self.told = Some(state.clone());
+        self.reported = Some(state.clone());
         Some(Event::StateChanged { camera, target, t_s: since_s, state })
     }
 }
 
 fn is_alarm(state: &State) -> bool {
-    matches!(state, State::Drifted(_) | State::Unseen { .. } | State::Inconsistent)
+    matches!(state, State::Drifted(_) | State::Stale { .. } | State::Inconsistent)
 }
 
 fn kind(state: &State) -> std::mem::Discriminant<State> {
@@ -140,7 +140,7 @@ fn kind(state: &State) -> std::mem::Discriminant<State> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::{Doubt, Observation};
+    use crate::live::{CheckingReason, Observation};
 
     fn state(t_s: f64, state: State) -> Event {
         Event::StateChanged { camera: 0, target: 0, t_s, state }
@@ -161,34 +161,38 @@ mod tests {
 
     /// Thirty frames a second, every third an outlier, for an hour: the doubt is reported once, and calm when it has lasted.
     #[test]
-    fn a_state_that_flickers_is_told_once() {
-        let (mut outlet, mut told) = (Outlet::default(), Vec::new());
-        told.extend(states(outlet.take(state(0.0, State::Steady))));
+    fn a_state_that_flickers_is_reported_once() {
+        let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
+        reported.extend(states(outlet.take(state(0.0, State::Steady))));
         for i in 0..108_000 {
             let t_s = f64::from(i) / 30.0;
-            let now = if i % 3 == 0 { State::Settling(Doubt::Different) } else { State::Steady };
-            told.extend(states(outlet.take(frame(t_s))));
-            told.extend(states(outlet.take(state(t_s, now))));
+            let now = if i % 3 == 0 { State::Checking(CheckingReason::Different) } else { State::Steady };
+            reported.extend(states(outlet.take(frame(t_s))));
+            reported.extend(states(outlet.take(state(t_s, now))));
         }
-        assert_eq!(told.len(), 2, "{told:?}");
+        assert_eq!(reported.len(), 2, "{reported:?}");
         assert_eq!(states(outlet.finish()).len(), 1, "that it is steady at the end");
     }
 
     /// What comes and goes every five seconds for a day, an alarm each time: no more than is stated, and the last one is reported.
     #[test]
     fn no_output_exceeds_its_stated_rate() {
-        let (mut outlet, mut told) = (Outlet::default(), Vec::new());
+        let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
         let day_s = 86_400;
         for t_s in (0..day_s).step_by(5) {
             let is_unseen = t_s / 5 % 2 == 1;
-            let now = if is_unseen { State::Unseen { for_s: 1.0 } } else { State::Steady };
-            told.extend(states(outlet.take(frame(f64::from(t_s)))));
-            told.extend(states(outlet.take(state(f64::from(t_s), now))));
+            let now = if is_unseen { State::Stale { for_s: 1.0 } } else { State::Steady };
+            reported.extend(states(outlet.take(frame(f64::from(t_s)))));
+            reported.extend(states(outlet.take(state(f64::from(t_s), now))));
         }
         let most = 2.0 * (BURST + f64::from(day_s) / AGAIN_S);
-        assert!((1000.0..=most).contains(&(told.len() as f64)), "{} told, {most} at most", told.len());
-        told.extend(states(outlet.finish()));
-        assert!(matches!(told.last(), Some((_, State::Unseen { .. }))), "{:?}", told.last());
+        assert!(
+            (1000.0..=most).contains(&(reported.len() as f64)),
+            "{} told, {most} at most",
+            reported.len()
+        );
+        reported.extend(states(outlet.finish()));
+        assert!(matches!(reported.last(), Some((_, State::Stale { .. }))), "{:?}", reported.last());
     }
 
     /// An alarm is never kept back by the doubts before it.
@@ -196,10 +200,10 @@ mod tests {
     fn alarms_pass_at_once() {
         let mut outlet = Outlet::default();
         for i in 0..100 {
-            outlet.take(state(0.1 * f64::from(i), State::Settling(Doubt::Different)));
+            outlet.take(state(0.1 * f64::from(i), State::Checking(CheckingReason::Different)));
             outlet.take(state(0.1 * f64::from(i) + 0.05, State::Learning { readings: 1, needed: 50 }));
         }
-        let told = states(outlet.take(state(10.0, State::Inconsistent)));
-        assert_eq!(told, [(10.0, State::Inconsistent)]);
+        let reported = states(outlet.take(state(10.0, State::Inconsistent)));
+        assert_eq!(reported, [(10.0, State::Inconsistent)]);
     }
 }

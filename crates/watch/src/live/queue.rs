@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_writer_is_told_that_nobody_reads() {
+    fn a_writer_is_reported_that_nobody_reads() {
         let queue = Queue::new(1);
         assert!(queue.push_dropping(1));
         queue.close();

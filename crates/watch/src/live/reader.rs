@@ -21,7 +21,7 @@ pub(super) struct Reader<'a> {
     pub camera: usize,
     pub config: &'a LiveConfig,
     pub queue: &'a Queue<(Instant, Frame)>,
-    pub told: &'a SyncSender<Event>,
+    pub event_sender: &'a SyncSender<Event>,
     pub stop: &'a AtomicBool,
     pub pace: &'a Pace,
     /// Capture time of an earlier session's last frame, and how long ago that was, seconds.
@@ -30,7 +30,7 @@ pub(super) struct Reader<'a> {
 
 /// What is remembered between frames.
 struct Progress {
-    is_there: bool,
+    connected: bool,
     pause_s: f64,
     clock: CaptureClock,
     started: Instant,
@@ -78,11 +78,11 @@ impl Reader<'_> {
         self.queue.close();
     }
 
-    /// The clock of frames that come at their own pace goes on where an earlier session stopped; a recording read again has its own times.
+    /// The clock of frames that come at their own pace continues where an earlier session stopped; a recording read again has its own times.
     fn start(&self, is_live: bool) -> Progress {
         let resumed = self.resumed.filter(|_| is_live);
         Progress {
-            is_there: true,
+            connected: true,
             pause_s: self.config.retry_s,
             clock: resumed
                 .map_or_else(CaptureClock::default, |(last_s, ago_s)| CaptureClock::after(last_s, ago_s)),
@@ -96,15 +96,15 @@ impl Reader<'_> {
 
     /// A listener that is gone needs no telling.
     fn tell(&self, event: Event) {
-        let _ = self.told.send(event);
+        let _ = self.event_sender.send(event);
     }
 
     /// False when nobody looks at the frames any more.
     fn take(&self, frame: Frame, is_live: bool, progress: &mut Progress) -> bool {
-        if !progress.is_there {
-            self.tell(Event::Source { camera: self.camera, is_there: true, reason: None });
+        if !progress.connected {
+            self.tell(Event::Source { camera: self.camera, connected: true, reason: None });
         }
-        (progress.is_there, progress.pause_s) = (true, self.config.retry_s);
+        (progress.connected, progress.pause_s) = (true, self.config.retry_s);
         self.pace.gave(self.camera);
         let at_own_pace = is_live || std::mem::take(&mut progress.waited);
         if matches!(frame.content, Content::Unreadable(_)) {
@@ -119,7 +119,7 @@ impl Reader<'_> {
                 return false;
             }
         }
-        if !at_own_pace && progress.clock.doubts(frame.capture_s) {
+        if !at_own_pace && progress.clock.is_implausible(frame.capture_s) {
             progress.doubtful = Some(frame);
             return true;
         }
@@ -180,11 +180,11 @@ impl Reader<'_> {
     }
 
     fn lost(&self, reason: &str, progress: &mut Progress) {
-        if progress.is_there {
+        if progress.connected {
             let reason = Some(reason.to_string());
-            self.tell(Event::Source { camera: self.camera, is_there: false, reason });
+            self.tell(Event::Source { camera: self.camera, connected: false, reason });
         }
-        progress.is_there = false;
+        progress.connected = false;
         self.pace.fell_silent(self.camera, Instant::now());
         self.rest(progress.pause_s);
         progress.pause_s = (2.0 * progress.pause_s).min(LONGEST_RETRY * self.config.retry_s);
@@ -199,7 +199,7 @@ impl Reader<'_> {
     }
 }
 
-/// A frame whose successor goes on from before it.
+/// A frame whose successor continues from before it.
 fn wrongly_timed(frame: Frame, next_s: f64) -> Frame {
     let content = Content::Unreadable(format!(
         "{}: its time is {:.3} s after that of the next frame, so it is wrong",

@@ -16,7 +16,8 @@ struct File {
     reference_covariance: Rows,
     reading_covariance: Rows,
     bias_covariance: Rows,
-    daily_covariance: Rows,
+    #[serde(alias = "daily_covariance")]
+    diurnal_covariance: Rows,
     cam_from_target: Transform,
 }
 
@@ -38,7 +39,7 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
         reference_covariance: rows(&noise.reference),
         reading_covariance: rows(&noise.reading),
         bias_covariance: rows(&noise.bias),
-        daily_covariance: rows(&noise.daily),
+        diurnal_covariance: rows(&noise.diurnal),
         cam_from_target: Transform {
             rotation_wxyz: reference.a_from_b.quaternion_wxyz(),
             translation_m: reference.a_from_b.translation.into(),
@@ -52,25 +53,25 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
 /// # Errors
 /// No such file, no such keys, a quaternion that is none, a covariance that is not symmetric, noise that is none.
 pub fn read(path: &Path) -> Result<Reference, FileError> {
-    let told = |reason: String| FileError::new(path, reason);
+    let reported = |reason: String| FileError::new(path, reason);
     let text = resight::input::read_text(path, resight::input::Kind::Text)
-        .map_err(|fault| told(format!("cannot be read: {}", fault.reason)))?;
-    let file: File = toml::from_str(&text).map_err(|e| told(format!("is no reference: {e}")))?;
+        .map_err(|fault| reported(format!("cannot be read: {}", fault.reason)))?;
+    let file: File = toml::from_str(&text).map_err(|e| reported(format!("is no reference: {e}")))?;
     let wxyz = file.cam_from_target.rotation_wxyz;
     let norm = wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
     if !((norm - 1.0).abs() < 1e-6) {
-        return Err(told(format!("rotation_wxyz has the length {norm}; a rotation's is 1")));
+        return Err(reported(format!("rotation_wxyz has the length {norm}; a rotation's is 1")));
     }
     let noise = DriftNoise {
-        reference: matrix(&file.reference_covariance).map_err(told)?,
-        reading: matrix(&file.reading_covariance).map_err(told)?,
-        bias: matrix(&file.bias_covariance).map_err(told)?,
+        reference: matrix(&file.reference_covariance).map_err(reported)?,
+        reading: matrix(&file.reading_covariance).map_err(reported)?,
+        bias: matrix(&file.bias_covariance).map_err(reported)?,
         bias_time_s: file.bias_time_s,
-        daily: matrix(&file.daily_covariance).map_err(told)?,
+        diurnal: matrix(&file.diurnal_covariance).map_err(reported)?,
     };
     let a_from_b = Pose::from_quaternion_wxyz(wxyz, file.cam_from_target.translation_m.into());
     let reference = Reference { a_from_b, noise };
-    reference.check().map_err(|e| told(e.to_string()))?;
+    reference.check().map_err(|e| reported(e.to_string()))?;
     Ok(reference)
 }
 
@@ -100,7 +101,7 @@ mod tests {
             reading: spread(1e-6),
             bias: Matrix6::zeros(),
             bias_time_s: 60.0,
-            daily: spread(1e-9),
+            diurnal: spread(1e-9),
         };
         let a_from_b = Pose::exp(&Vector6::new(0.1, 0.2, -0.3, 1.0, 2.0, 3.0));
         let path = std::env::temp_dir().join(format!("reference-{}.toml", std::process::id()));
@@ -112,6 +113,25 @@ mod tests {
         assert_eq!(read.a_from_b.translation, a_from_b.translation);
     }
 
+    /// A reference written by version 1.
+    #[test]
+    fn keys_of_version_1_are_read() {
+        let noise = DriftNoise {
+            reference: Matrix6::identity(),
+            reading: Matrix6::identity(),
+            bias: Matrix6::zeros(),
+            bias_time_s: 60.0,
+            diurnal: Matrix6::identity() * 0.25,
+        };
+        let text = to_text(&Reference { a_from_b: Pose::identity(), noise }).expect("text");
+        let earlier = text.replace("diurnal_covariance", "daily_covariance"); // earlier word
+        assert_ne!(text, earlier);
+        let path = std::env::temp_dir().join(format!("earlier-reference-{}.toml", std::process::id()));
+        std::fs::write(&path, earlier).expect("written");
+        assert_eq!(read(&path).expect("read").noise, noise);
+        std::fs::remove_file(&path).expect("removed");
+    }
+
     #[test]
     fn noise_that_is_none_is_named() {
         let noise = DriftNoise {
@@ -119,11 +139,11 @@ mod tests {
             reading: Matrix6::identity(),
             bias: Matrix6::identity(),
             bias_time_s: 0.0,
-            daily: Matrix6::identity(),
+            diurnal: Matrix6::identity(),
         };
         let text = |noise| to_text(&Reference { a_from_b: Pose::identity(), noise }).expect("text");
         let path = std::env::temp_dir().join(format!("no-reference-{}.toml", std::process::id()));
-        let negative = DriftNoise { daily: -noise.daily, bias_time_s: 1.0, ..noise };
+        let negative = DriftNoise { diurnal: -noise.diurnal, bias_time_s: 1.0, ..noise };
         for (noise, named) in [(noise, "bias_time_s"), (negative, "variance in a reference")] {
             std::fs::write(&path, text(noise)).expect("written");
             let error = read(&path).expect_err("no noise").to_string();

@@ -1,7 +1,7 @@
 //! Several cameras and targets: what moved, camera or target, decided from all that they see of each other.
 //!
 //! Where targets stand still every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms
-//! moved. Where a target is carried about only the relations among the cameras are watched, moment by moment.
+//! moved. Where a target is hand-held only the relations among the cameras are watched, frame set by frame set.
 
 mod config;
 mod attributed;
@@ -31,7 +31,7 @@ pub(super) struct Nodes {
     pub references: Vec<Option<Reference>>,
     /// As an earlier session left them, in the same order.
     pub monitors: Vec<Option<Monitor>>,
-    /// What the state of a rig whose targets are carried about depends on, by name.
+    /// What the state of a rig whose targets are hand-held depends on, by name.
     pub settings: BTreeMap<String, String>,
     /// Who must wait for whom.
     pub pace: Arc<Pace>,
@@ -43,16 +43,16 @@ pub(super) enum Relations {
     None,
     /// Targets that stand still.
     Pairs(Box<Pairs>),
-    /// Targets that are carried about.
+    /// Targets that are hand-held.
     Cameras(Box<Cameras>),
 }
 
 impl Relations {
-    /// A rig goes on from what an earlier session left in `state`.
+    /// A rig continues from what an earlier session left in `state`.
     pub fn new(nodes: Nodes, config: &LiveConfig, state: Option<&StateFile>) -> Self {
         match &config.rig {
             Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config, state))),
-            // Landmarks alone tell each camera's turn for itself.
+            // Landmarks alone tell each camera's rotation for itself.
             None if nodes.targets.is_empty() => Relations::None,
             None if 2 < nodes.cameras.len() + nodes.targets.len() => {
                 Relations::Pairs(Box::new(Pairs::new(nodes, config)))

@@ -1,7 +1,7 @@
 //! The threads of a session: for each camera one that reads its source and one that looks at its frames.
 
 use super::guard::{Ending, guarded};
-use super::look::{Look, LookError};
+use super::look::{CameraWatcher, CameraWatcherError};
 use super::memory::Memory;
 use super::outlet::Outlet;
 use super::pace::Pace;
@@ -30,7 +30,7 @@ pub fn run(
     config: &LiveConfig,
     stop: &Arc<AtomicBool>,
     listener: impl FnMut(&Event) -> bool,
-) -> Result<(), LookError> {
+) -> Result<(), CameraWatcherError> {
     run_from(cameras, config, stop, None, listener)
 }
 
@@ -44,7 +44,7 @@ pub fn run_from(
     stop: &Arc<AtomicBool>,
     state: Option<&StateFile>,
     mut listener: impl FnMut(&Event) -> bool,
-) -> Result<(), LookError> {
+) -> Result<(), CameraWatcherError> {
     let mut nodes = nodes(&cameras, config);
     // A rig's cameras go on from where it was heard, and what is remembered is the rig's.
     let own = state.filter(|_| config.rig.is_none());
@@ -68,18 +68,25 @@ pub fn run_from(
         }
         for (camera, Prepared { look, source, memory }) in prepared.into_iter().enumerate() {
             let queue = Arc::new(Queue::new(config.queue_frames));
-            let (to_look, told, resumed, pace) =
+            let (to_look, event_sender, resumed, pace) =
                 (Arc::clone(&queue), sender.clone(), memory.resumed, Arc::clone(&pace));
             scope.spawn(move || {
-                let reader =
-                    Reader { camera, config, queue: &queue, told: &told, stop, pace: &pace, resumed };
+                let reader = Reader {
+                    camera,
+                    config,
+                    queue: &queue,
+                    event_sender: &event_sender,
+                    stop,
+                    pace: &pace,
+                    resumed,
+                };
                 if let Err(reason) = guarded(|| reader.read(source)) {
                     queue.fail(reason);
                 }
             });
-            let told = sender.clone();
+            let event_sender = sender.clone();
             scope.spawn(move || {
-                let mut watcher = Watcher::new(camera, (look, memory), &to_look, told);
+                let mut watcher = Watcher::new(camera, (look, memory), &to_look, event_sender);
                 if let Err(reason) = guarded(|| watcher.watch()) {
                     watcher.fail(reason);
                 }
@@ -106,12 +113,12 @@ fn hear(
 ) {
     let mut outlet = Outlet::default();
     loop {
-        let told = match events.recv_timeout(PATIENCE) {
+        let event_sender = match events.recv_timeout(PATIENCE) {
             Ok(event) => relations.take(event),
             Err(RecvTimeoutError::Timeout) => relations.idle(),
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if !told.into_iter().flat_map(|event| outlet.take(event)).all(|event| tell(&event)) {
+        if !event_sender.into_iter().flat_map(|event| outlet.take(event)).all(|event| tell(&event)) {
             return; // What nobody heard is not remembered: it is looked at again.
         }
         relations.keep(state, false);
@@ -138,7 +145,7 @@ fn nodes(cameras: &[LiveCamera], config: &LiveConfig) -> Nodes {
 }
 
 struct Prepared<'a> {
-    look: Look,
+    look: CameraWatcher,
     source: Box<dyn Source>,
     memory: Memory<'a>,
 }
@@ -147,8 +154,8 @@ fn prepare<'a>(
     camera: LiveCamera,
     config: &LiveConfig,
     state: Option<&'a StateFile>,
-) -> Result<Prepared<'a>, LookError> {
-    let mut look = Look::new(&camera, config)?;
+) -> Result<Prepared<'a>, CameraWatcherError> {
+    let mut look = CameraWatcher::new(&camera, config)?;
     let memory = Memory::restore(&mut look, &camera, state);
     Ok(Prepared { look, source: camera.source, memory })
 }

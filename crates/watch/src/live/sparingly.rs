@@ -9,7 +9,7 @@ const AGAIN: Duration = Duration::from_secs(60);
 #[derive(Default)]
 pub(super) struct Sparingly {
     untold: u64,
-    told: Option<Instant>,
+    reported: Option<Instant>,
 }
 
 impl Sparingly {
@@ -19,11 +19,12 @@ impl Sparingly {
 
     /// How many are to be reported now; at the end all that are not reported yet.
     pub fn due(&mut self, now: Instant, is_end: bool) -> Option<u64> {
-        let is_due = is_end || self.told.is_none_or(|told| AGAIN <= now.saturating_duration_since(told));
+        let is_due =
+            is_end || self.reported.is_none_or(|reported| AGAIN <= now.saturating_duration_since(reported));
         if self.untold == 0 || !is_due {
             return None;
         }
-        self.told = Some(now);
+        self.reported = Some(now);
         Some(std::mem::take(&mut self.untold))
     }
 }
@@ -36,14 +37,14 @@ mod tests {
     #[test]
     fn the_first_at_once_then_a_minute_together_and_the_rest_at_the_end() {
         let (mut count, began) = (Sparingly::default(), Instant::now());
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for i in 0..15_000 {
             count.add(1);
-            told.extend(count.due(began + Duration::from_millis(10 * i), false));
+            reported.extend(count.due(began + Duration::from_millis(10 * i), false));
         }
         let end = began + Duration::from_secs(150);
-        told.extend(count.due(end, true));
-        assert_eq!(told, [1, 6000, 6000, 2999]);
+        reported.extend(count.due(end, true));
+        assert_eq!(reported, [1, 6000, 6000, 2999]);
         assert_eq!(count.due(end, true), None);
     }
 }

@@ -1,4 +1,4 @@
-//! The state file: trackers, monitors and readings learned so far, so that a session goes on where another stopped, or was killed.
+//! The state file: trackers, monitors and readings learned so far, so that a session continues where another stopped, or was killed.
 //!
 //! Two lines of JSON: what the file is with the SHA-256 of the second line, and the state. It is replaced as a whole, at most half a second
 //! after something new. Only a state of the same camera, target, reference and settings is taken up; a damaged one is put aside.

@@ -1,6 +1,6 @@
 //! The thread that looks at the frames of one camera, and tells what it saw and how things stand.
 
-use super::look::{Look, Looked};
+use super::look::{CameraWatcher, FrameResult};
 use super::memory::Memory;
 use super::queue::{Queue, Taken};
 use super::reader::PATIENCE;
@@ -12,7 +12,7 @@ use std::time::Instant;
 
 /// Looks at frames until their queue is closed and empty.
 pub(super) struct Watcher<'a> {
-    look: Look,
+    look: CameraWatcher,
     memory: Memory<'a>,
     queue: &'a Queue<(Instant, Frame)>,
     teller: Teller,
@@ -27,24 +27,24 @@ pub(super) struct Watcher<'a> {
 impl<'a> Watcher<'a> {
     pub fn new(
         camera: usize,
-        (look, memory): (Look, Memory<'a>),
+        (look, memory): (CameraWatcher, Memory<'a>),
         queue: &'a Queue<(Instant, Frame)>,
-        told: SyncSender<Event>,
+        event_sender: SyncSender<Event>,
     ) -> Self {
-        let teller = Teller { camera, told, states: Vec::new(), dropped: Sparingly::default() };
+        let teller = Teller { camera, event_sender, states: Vec::new(), dropped: Sparingly::default() };
         Watcher { look, memory, queue, teller, last: None, has_begun: false, is_new: false }
     }
 
     pub fn watch(&mut self) {
-        let mut is_told = self.resume();
-        while is_told {
-            is_told = match self.queue.take(PATIENCE) {
+        let mut is_reported = self.resume();
+        while is_reported {
+            is_reported = match self.queue.take(PATIENCE) {
                 Taken::Item((arrived, frame)) => self.frame(arrived, frame),
                 Taken::Nothing => self.silence(),
                 Taken::Closed => return self.end(),
             };
             // What nobody heard is not remembered: it is looked at again.
-            self.is_new = self.is_new && !(is_told && self.memory.keep(&self.look, self.last, false));
+            self.is_new = self.is_new && !(is_reported && self.memory.keep(&self.look, self.last, false));
         }
         self.queue.close();
     }
@@ -53,9 +53,9 @@ impl<'a> Watcher<'a> {
     pub fn fail(&mut self, reason: String) {
         self.queue.close();
         let camera = self.teller.camera;
-        self.teller.tell(Event::Source { camera, is_there: false, reason: Some(reason) });
+        self.teller.tell(Event::Source { camera, connected: false, reason: Some(reason) });
         let t_s = self.now_s().unwrap_or(0.0);
-        self.teller.states(t_s, self.teller.states.iter().map(|_| State::Unseen { for_s: 0.0 }).collect());
+        self.teller.states(t_s, self.teller.states.iter().map(|_| State::Stale { for_s: 0.0 }).collect());
         self.teller.tell(Event::Ended { camera });
     }
 
@@ -119,7 +119,7 @@ impl<'a> Watcher<'a> {
 /// Tells what is new. Every method is false once nobody listens.
 struct Teller {
     camera: usize,
-    told: SyncSender<Event>,
+    event_sender: SyncSender<Event>,
     /// As last reported, for each target.
     states: Vec<Option<State>>,
     dropped: Sparingly,
@@ -127,10 +127,10 @@ struct Teller {
 
 impl Teller {
     fn tell(&self, event: Event) -> bool {
-        self.told.send(event).is_ok()
+        self.event_sender.send(event).is_ok()
     }
 
-    fn looked(&mut self, t_s: f64, looked: Vec<Looked>) -> bool {
+    fn looked(&mut self, t_s: f64, looked: Vec<FrameResult>) -> bool {
         let camera = self.camera;
         looked.into_iter().enumerate().all(|(target, looked)| {
             let observation = Box::new(looked.observation);
@@ -140,7 +140,7 @@ impl Teller {
             let moved = looked.unsettled.map(|unsettled| Event::MovedWhileLearning {
                 camera,
                 target,
-                rivals: Vec::new(),
+                alternatives: Vec::new(),
                 unsettled,
             });
             self.tell(Event::Observed { camera, target, observation })
@@ -159,7 +159,7 @@ impl Teller {
         self.states.resize(self.states.len().max(target + 1), None);
         let is_new = match (&self.states[target], &state) {
             (Some(State::Learning { .. }), State::Learning { .. })
-            | (Some(State::Unseen { .. }), State::Unseen { .. }) => false,
+            | (Some(State::Stale { .. }), State::Stale { .. }) => false,
             (Some(State::Drifted(before)), State::Drifted(now)) => before.began_s != now.began_s,
             (before, now) => before.as_ref() != Some(now),
         };

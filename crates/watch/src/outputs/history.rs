@@ -4,14 +4,14 @@ use super::super::log::Log;
 use super::super::names::Names;
 use super::Output;
 use super::measured::measured;
-use super::said::{Said, word};
+use super::said::{EventText, word};
 use crate::history::{
-    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Retention, Store, Stored, Told, Turned,
-    recorder,
+    EventRow, FrameRow, HistoryError, NotStored, Recorder, Recording, Reported, Retention, Store, Stored,
+    StoredRotation, recorder,
 };
 use crate::live::{Event, Observation};
 use anyhow::Result;
-use resight::landmarks::Sighting;
+use resight::landmarks::LandmarkObservation;
 use resight::report::turned::contradiction;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -55,26 +55,26 @@ pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Bo
         retry_s: 1.0,
         retention: config.retention,
     };
-    let told = Teller { pairs: names.pairs(), on_stored: config.on_stored, log: log.clone() };
-    let store = begin(&recording, &told)?;
+    let reported = Teller { pairs: names.pairs(), on_stored: config.on_stored, log: log.clone() };
+    let store = begin(&recording, &reported)?;
     let (recorder, writer) = recorder(recording, store);
-    let thread = thread::spawn(move || writer.run(|what| told.tell(what)));
-    let states = vec!["unseen"; pairs.len()];
-    let said = Said::new(names);
+    let thread = thread::spawn(move || writer.run(|what| reported.tell(what)));
+    let states = vec!["stale"; pairs.len()];
+    let said = EventText::new(names);
     Ok(Box::new(Kept { names: names.clone(), said, states, recorder, thread: Some(thread) }))
 }
 
 /// What somebody must do something about ends the program here; a full disk does not: it is tried again.
-fn begin(recording: &Recording, told: &Teller) -> Result<Option<Store>, HistoryError> {
+fn begin(recording: &Recording, reported: &Teller) -> Result<Option<Store>, HistoryError> {
     match Store::open(&recording.path, &recording.pairs) {
         Ok(opened) => {
             if let Some((path, reason)) = opened.put_aside {
-                told.tell(Told::PutAside(path, reason));
+                reported.tell(Reported::PutAside(path, reason));
             }
             Ok(Some(opened.store))
         }
         Err(error) if error.may_pass() => {
-            told.tell(Told::Degraded(error));
+            reported.tell(Reported::Degraded(error));
             Ok(None)
         }
         Err(error) => Err(error),
@@ -83,8 +83,8 @@ fn begin(recording: &Recording, told: &Teller) -> Result<Option<Store>, HistoryE
 
 struct Kept {
     names: Names,
-    said: Said,
-    /// The state of each pair, as last told.
+    said: EventText,
+    /// The state of each pair, as last reported.
     states: Vec<&'static str>,
     recorder: Recorder,
     thread: Option<JoinHandle<()>>,
@@ -138,10 +138,10 @@ impl Kept {
     }
 }
 
-/// The frame's own pose: a filtered one could not be averaged any more. A turn of natural landmarks is no pose against the target: it has a
+/// The frame's own pose: a filtered one could not be averaged any more. A rotation of natural landmarks is no pose against the target: it has a
 /// place of its own.
 fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
-    let sighting = observation.landmarks.as_deref();
+    let landmark_observation = observation.landmarks.as_deref();
     FrameRow {
         pair,
         t_s: observation.capture_s,
@@ -149,16 +149,20 @@ fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRo
         state,
         n_points: observation.n_points,
         measured: measured(observation),
-        turned: sighting.and_then(turned),
-        reason: observation.reason.clone().or_else(|| sighting.and_then(contradiction)),
+        rotated: landmark_observation.and_then(rotated),
+        reason: observation.reason.clone().or_else(|| landmark_observation.and_then(contradiction)),
     }
 }
 
-/// A turn that most of what was found contradicts is no answer, and must not count in a mean.
-fn turned(sighting: &Sighting) -> Option<Turned> {
-    let (rotation_rad, covariance_rad2) = sighting.turn.old_from_new();
-    let n_landmarks = sighting.turn.used.len() as f64;
-    sighting.turn.is_consistent().then_some(Turned { rotation_rad, covariance_rad2, n_landmarks })
+/// A rotation that most of what was found contradicts is no answer, and must not count in a mean.
+fn rotated(landmark_observation: &LandmarkObservation) -> Option<StoredRotation> {
+    let (rotation_rad, covariance_rad2) = landmark_observation.relative_rotation.old_from_new();
+    let n_landmarks = landmark_observation.relative_rotation.used.len() as f64;
+    landmark_observation.relative_rotation.is_consistent().then_some(StoredRotation {
+        rotation_rad,
+        covariance_rad2,
+        n_landmarks,
+    })
 }
 
 /// Says how it goes.
@@ -169,24 +173,26 @@ struct Teller {
 }
 
 impl Teller {
-    fn tell(&self, what: Told) {
+    fn tell(&self, what: Reported) {
         let say = |text: &str| self.log.say("history", text);
         match what {
-            Told::Stored(stored) => {
+            Reported::Stored(stored) => {
                 if let Some(on_stored) = &self.on_stored {
                     on_stored(&self.object(&stored));
                 }
             }
-            Told::Degraded(reason) => say(&format!(
+            Reported::Degraded(reason) => say(&format!(
                 "degraded: {reason}; frames go on, and what waits is stored as soon as it can be"
             )),
-            Told::Recovered(lost) if lost == NotStored::default() => say("stored again; nothing was lost"),
-            Told::Recovered(lost) => say(&format!("stored again; {} were not stored", count(&lost))),
-            Told::PutAside(path, reason) => say(&format!(
+            Reported::Recovered(lost) if lost == NotStored::default() => {
+                say("stored again; nothing was lost")
+            }
+            Reported::Recovered(lost) => say(&format!("stored again; {} were not stored", count(&lost))),
+            Reported::PutAside(path, reason) => say(&format!(
                 "the file was damaged ({reason}); it is now {}, and a new one begun",
                 path.display()
             )),
-            Told::Lost(lost) => say(&format!("the session ended; {} were not stored", count(&lost))),
+            Reported::Lost(lost) => say(&format!("the session ended; {} were not stored", count(&lost))),
         }
     }
 
@@ -194,7 +200,7 @@ impl Teller {
         let through = self.pairs.iter().zip(&stored.through_s);
         let through: serde_json::Map<_, _> =
             through.filter_map(|(pair, t_s)| Some((pair.clone(), json!((*t_s)?)))).collect();
-        json!({"event": "stored", "session": stored.session, "frames": stored.frames, "events": stored.events,
+        json!({"schema": 2, "event": "stored", "session": stored.session, "frames": stored.frames, "events": stored.events,
             "not_stored": {"frames": stored.not_stored.frames, "events": stored.not_stored.events}, "through_s": through})
     }
 }

@@ -4,7 +4,7 @@ use crate::history::Measured;
 use crate::live::Observation;
 
 /// The one of its minima that time chose, with the residual of that one: the minimum that fits best may be the flipped pose. Where nothing is
-/// followed through time (cameras of a rig against a target that is carried about) it is the one that fits best.
+/// followed through time (cameras of a rig against a target that is hand-held) it is the one that fits best.
 pub fn measured(observation: &Observation) -> Option<Measured> {
     let estimate = observation.estimate.as_ref()?;
     let (cam_from_target, covariance, rms_px) =
@@ -37,7 +37,7 @@ mod tests {
         let corners = [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]];
         let seen = corners.map(|[x, y]| {
             let x_in_target = Point::new(x, y, 0.0);
-            let pixel = camera.project(&(cam_from_target * x_in_target)).expect("in the picture");
+            let pixel = camera.project(&(cam_from_target * x_in_target)).expect("in the image");
             Correspondence::new(&camera, x_in_target, pixel, 0.3).expect("a point")
         });
         locate(&seen, &camera, &Config::default()).expect("a pose")

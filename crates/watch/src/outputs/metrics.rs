@@ -50,17 +50,23 @@ pub(super) fn open(
 }
 
 fn listen(address: &str, has_token: bool, hosts: &[String]) -> Result<(TcpListener, SocketAddr)> {
-    let told = || format!("--metrics {address}");
-    let found: Vec<SocketAddr> = address.to_socket_addrs().with_context(told)?.collect();
-    let Some(place) = found.first() else { bail!("{}: there is no such address", told()) };
+    let reported = || format!("--metrics {address}");
+    let found: Vec<SocketAddr> = address.to_socket_addrs().with_context(reported)?.collect();
+    let Some(place) = found.first() else { bail!("{}: there is no such address", reported()) };
     if !place.ip().is_loopback() && !has_token {
-        bail!("{}: other machines can reach this; give --metrics-token-file, or listen on 127.0.0.1", told());
+        bail!(
+            "{}: other machines can reach this; give --metrics-token-file, or listen on 127.0.0.1",
+            reported()
+        );
     }
     if place.ip().is_unspecified() && hosts.is_empty() {
-        bail!("{}: listens on every address; say by which names it is reached, with --metrics-host", told());
+        bail!(
+            "{}: listens on every address; say by which names it is reached, with --metrics-host",
+            reported()
+        );
     }
-    let listener = TcpListener::bind(place).with_context(told)?;
-    let place = listener.local_addr().with_context(told)?;
+    let listener = TcpListener::bind(place).with_context(reported)?;
+    let place = listener.local_addr().with_context(reported)?;
     Ok((listener, place))
 }
 

@@ -51,15 +51,15 @@ pub(super) fn open(config: &MqttConfig, common: &mut Common<'_>) -> Result<Box<d
         greeting.extend(discovery::messages(prefix, &topics, common.names));
     }
     let options = link::options(&broker, &topics, common.ca.as_deref())?;
-    let is_there = Arc::new(AtomicBool::new(false));
-    let link = Link::new(options, greeting, topics.availability(), Arc::clone(&is_there));
+    let connected = Arc::new(AtomicBool::new(false));
+    let link = Link::new(options, greeting, topics.availability(), Arc::clone(&connected));
     let courier =
         Courier::start("mqtt", &broker.receiver(), WAITING, common, move |outbox, standing, runtime| {
             runtime.block_on(link.run(&outbox, standing));
         })?;
     let notices = Notices::new(common.names);
     let sources = vec![false; common.names.cameras.len()];
-    Ok(Box::new(Mqtt { notices, courier, topics, is_there, frames: config.frames, sources }))
+    Ok(Box::new(Mqtt { notices, courier, topics, connected, frames: config.frames, sources }))
 }
 
 struct Mqtt {
@@ -67,9 +67,9 @@ struct Mqtt {
     courier: Courier<Message>,
     topics: Topics,
     /// Whether the broker is; frames do not wait for it.
-    is_there: Arc<AtomicBool>,
+    connected: Arc<AtomicBool>,
     frames: bool,
-    /// Of which cameras it was told whether the source is there: the broker may still hold what an earlier session said of it.
+    /// Of which cameras it was reported whether the source is there: the broker may still hold what an earlier session said of it.
     sources: Vec<bool>,
 }
 
@@ -77,9 +77,9 @@ impl Output for Mqtt {
     fn take(&mut self, event: &Event) -> Result<()> {
         if let Event::Observed { camera, target, .. } = event {
             if self.sources.get(*camera) == Some(&false) {
-                self.tell(&Event::Source { camera: *camera, is_there: true, reason: None });
+                self.tell(&Event::Source { camera: *camera, connected: true, reason: None });
             }
-            if self.frames && self.is_there.load(Ordering::Relaxed) {
+            if self.frames && self.connected.load(Ordering::Relaxed) {
                 let payload = self.notices.frame(event).to_string();
                 self.courier
                     .tell(Weight::Frame, Message::passing(self.topics.frame(*camera, *target), payload));
@@ -105,12 +105,12 @@ impl Mqtt {
                 Message::kept(self.topics.state(*camera, *target), payload)
             }
             Event::Source { camera, .. } => {
-                if let Some(is_told) = self.sources.get_mut(*camera) {
-                    *is_told = true;
+                if let Some(is_reported) = self.sources.get_mut(*camera) {
+                    *is_reported = true;
                 }
                 Message::kept(self.topics.source(*camera), payload)
             }
-            _ => Message::sure(self.topics.moved(), payload),
+            _ => Message::at_least_once(self.topics.moved(), payload),
         };
         self.courier.tell(notice.weight, message);
     }

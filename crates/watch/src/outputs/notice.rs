@@ -3,7 +3,7 @@
 use super::super::names::Names;
 use super::outbox::Weight;
 use super::retry::random;
-use super::said::Said;
+use super::said::EventText;
 use crate::live::{Event, State};
 use serde_json::{Value, json};
 
@@ -20,7 +20,7 @@ pub struct Notice {
 
 /// Makes notices of events.
 pub struct Notices {
-    said: Said,
+    said: EventText,
     host: String,
     session: u64,
     made: u64,
@@ -28,10 +28,10 @@ pub struct Notices {
 
 impl Notices {
     pub fn new(names: &Names) -> Self {
-        Notices { said: Said::new(names), host: host(), session: random(), made: 0 }
+        Notices { said: EventText::new(names), host: host(), session: random(), made: 0 }
     }
 
-    /// None for what others are not told: frames, counts, references, ends.
+    /// None for what others are not reported: frames, counts, references, ends.
     pub fn of(&mut self, event: &Event) -> Option<Notice> {
         let weight = weight(event)?;
         self.made += 1;
@@ -52,12 +52,12 @@ impl Notices {
 fn weight(event: &Event) -> Option<Weight> {
     match event {
         Event::StateChanged { state, .. } => Some(match state {
-            State::Drifted(_) | State::Inconsistent | State::Unseen { .. } => Weight::Alarm,
+            State::Drifted(_) | State::Inconsistent | State::Stale { .. } => Weight::Alarm,
             _ => Weight::Routine,
         }),
         Event::Attributed { .. }
         | Event::MovedWhileLearning { .. }
-        | Event::Source { is_there: false, .. } => Some(Weight::Alarm),
+        | Event::Source { connected: false, .. } => Some(Weight::Alarm),
         Event::Source { .. } => Some(Weight::Routine),
         _ => None,
     }

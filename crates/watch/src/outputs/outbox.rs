@@ -17,7 +17,7 @@ pub enum Weight {
     Alarm,
 }
 
-/// What became of all that was to be told.
+/// What became of all that was to be reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Put in.
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(all(&outbox), [2, 3]);
     }
 
-    /// Slower than what is to be told, for long: one beginning and, when it has caught up, one end.
+    /// Slower than what is to be reported, for long: one beginning and, when it has caught up, one end.
     #[test]
     fn a_slow_receiver_is_one_story() {
         let outbox = Outbox::new(3);

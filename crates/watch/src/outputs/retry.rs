@@ -65,7 +65,7 @@ pub struct Standing {
     part: &'static str,
     receiver: String,
     trouble: Option<Trouble>,
-    /// As last told; none once something else was taken.
+    /// As last reported; none once something else was taken.
     refusal: Option<String>,
     was_reached: bool,
 }
@@ -101,7 +101,7 @@ impl Standing {
             }
             None => {
                 self.trouble = Some(Trouble { reason: reason.to_string(), since: Instant::now(), tries: 1 });
-                self.say(&format!("{reason}; trying again, what is to be told waits"));
+                self.say(&format!("{reason}; trying again, what is to be reported waits"));
             }
         }
     }
@@ -126,7 +126,7 @@ impl Standing {
         }
     }
 
-    /// A receiver answers that it does not want what it was told: said when its words change.
+    /// A receiver answers that it does not want what it was reported: said when its words change.
     pub fn refused(&mut self, dropped: u64, reason: &str) {
         self.answered(dropped);
         if self.refusal.as_deref() != Some(reason) {

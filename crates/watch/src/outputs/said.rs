@@ -5,7 +5,7 @@ mod promised;
 
 use super::super::names::Names;
 use super::measured::measured;
-use crate::live::{Doubt, Event, Observation, State};
+use crate::live::{CheckingReason, Event, Observation, State};
 use resight::answer::TransformObject;
 use resight::core::temporal::monitor::attribute::MovedNode;
 use resight::core::temporal::monitor::{Unrest, Unsettled};
@@ -15,15 +15,15 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Says events in words and as JSON.
-pub struct Said {
+pub struct EventText {
     names: Names,
 }
 
-/// What moved, as it was last told.
+/// What moved, as it was last reported.
 #[derive(Debug, Clone, Default)]
 pub struct Moved {
     nodes: Vec<String>,
-    rivals: Vec<Vec<String>>,
+    alternatives: Vec<Vec<String>>,
     /// Cameras and targets that moved while their reference was learned.
     while_learning: BTreeSet<(usize, usize)>,
 }
@@ -31,9 +31,9 @@ pub struct Moved {
 impl Moved {
     /// The next event of the session.
     pub fn take(&mut self, event: &Event) {
-        if let Event::Attributed { moved, rivals, .. } = event {
+        if let Event::Attributed { moved, alternatives, .. } = event {
             let nodes = moved.iter().map(|(name, _)| name.clone()).collect();
-            (self.nodes, self.rivals) = (nodes, rivals.clone());
+            (self.nodes, self.alternatives) = (nodes, alternatives.clone());
         }
         if let Event::MovedWhileLearning { camera, target, unsettled, .. } = event
             && unsettled.unrest != Unrest::Wander
@@ -46,7 +46,7 @@ impl Moved {
     fn words(&self, names: &Names) -> String {
         let set =
             |set: &Vec<String>| set.iter().map(|node| names.kind(node)).collect::<Vec<_>>().join(" and ");
-        let others: Vec<String> = self.rivals.iter().map(set).collect();
+        let others: Vec<String> = self.alternatives.iter().map(set).collect();
         match others.as_slice() {
             _ if self.nodes.is_empty() => "all is back where it was".to_string(),
             [] => format!("{} moved", set(&self.nodes)),
@@ -60,19 +60,19 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
     let mut lines = Vec::new();
     if !moved.nodes.is_empty() {
         lines.push(match json {
-            true => json!({"event": "verdict", "moved": moved.nodes, "rivals": moved.rivals,
+            true => json!({"schema": 2, "event": "verdict", "moved": moved.nodes, "alternatives": moved.alternatives,
                 "message": moved.words(names)})
             .to_string(),
             false => moved.words(names),
         });
     }
     for (index, (pair, state)) in names.pairs().iter().zip(states).enumerate() {
-        let word = state.as_ref().map_or("unseen", word);
+        let word = state.as_ref().map_or("stale", word);
         let (camera, target) = names.of_pair(index);
         let has_moved = moved.while_learning.contains(&(camera, target));
         lines.push(match (json, has_moved) {
             (true, _) => {
-                let mut object = json!({"event": "verdict", "camera": names.camera(camera),
+                let mut object = json!({"schema": 2, "event": "verdict", "camera": names.camera(camera),
                     "target": names.target(target), "state": word});
                 if has_moved {
                     object["moved_while_learning"] = json!(true);
@@ -91,16 +91,16 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
 pub enum Verdict {
     /// Every camera is where it was, or followed.
     Steady,
-    /// Of some camera it cannot be said: not seen, contradicts itself, still learning or settling.
+    /// Of some camera it cannot be said: not seen, contradicts itself, still learning or checking.
     Unclear,
     /// Something moved, also while its reference was learned.
     Moved,
 }
 
-/// How a session of these last states ends. Only who is where it was is answered; who may just have been knocked is not.
+/// How a session of these last states ends. Only who is where it was is answered; who may just have moved suddenly is not.
 pub fn verdict(states: &[Option<State>], moved: &Moved) -> Verdict {
     let is_drifted = |state: &Option<State>| matches!(state, Some(State::Drifted(_)));
-    let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Followed));
+    let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Tracking));
     match states {
         _ if !moved.nodes.is_empty() || !moved.while_learning.is_empty() => Verdict::Moved,
         _ if states.iter().any(is_drifted) => Verdict::Moved,
@@ -109,15 +109,16 @@ pub fn verdict(states: &[Option<State>], moved: &Moved) -> Verdict {
     }
 }
 
-impl Said {
+impl EventText {
     /// Of the cameras and targets of these names.
     pub fn new(names: &Names) -> Self {
-        Said { names: names.clone() }
+        EventText { names: names.clone() }
     }
 
     /// Cameras that may have moved instead.
-    fn others(&self, rivals: &[usize]) -> String {
-        let names: Vec<&str> = rivals.iter().map(|rival| self.names.camera(*rival)).collect();
+    fn others(&self, alternatives: &[usize]) -> String {
+        let names: Vec<&str> =
+            alternatives.iter().map(|alternative| self.names.camera(*alternative)).collect();
         if names.is_empty() { String::new() } else { format!("; or {} moved instead", names.join(" or ")) }
     }
 
@@ -140,8 +141,8 @@ impl Said {
                     self.names.pair(*camera, *target)
                 )
             }
-            Event::MovedWhileLearning { camera, target, rivals, unsettled } => {
-                let (pair, others) = (self.names.pair(*camera, *target), self.others(rivals));
+            Event::MovedWhileLearning { camera, target, alternatives, unsettled } => {
+                let (pair, others) = (self.names.pair(*camera, *target), self.others(alternatives));
                 format!("{pair}  {}{others}", unsettled_words(unsettled))
             }
             Event::Attributed { t_s, moved, .. } => {
@@ -164,7 +165,7 @@ impl Said {
             Event::Clock { camera, t_s, step_s } => {
                 format!("{}  {t_s:.3} s  {}", self.names.camera(*camera), clock_words(*step_s))
             }
-            Event::Source { camera, is_there: true, .. } => {
+            Event::Source { camera, connected: true, .. } => {
                 format!("{}  source is back", self.names.camera(*camera))
             }
             Event::Source { camera, reason, .. } => {
@@ -196,23 +197,24 @@ impl Said {
                 object
             }
             Event::Learned { camera, target, reference, promise } => {
-                let mut object = json!({"event": "learned", "camera": self.names.camera(*camera),
+                let mut object = json!({"schema": 2, "event": "learned", "camera": self.names.camera(*camera),
                 "target": self.names.target(*target), "cam_from_target": TransformObject::from(reference.a_from_b)});
                 if let Some(promise) = promise {
                     (object["noise"], object["detectable"]) = promised::objects(promise);
                 }
                 object
             }
-            Event::MovedWhileLearning { camera, target, rivals, unsettled } => {
+            Event::MovedWhileLearning { camera, target, alternatives, unsettled } => {
                 let drift = &unsettled.drift;
-                let rivals: Vec<&str> = rivals.iter().map(|rival| self.names.camera(*rival)).collect();
-                json!({"event": "moved_while_learning", "camera": self.names.camera(*camera),
+                let alternatives: Vec<&str> =
+                    alternatives.iter().map(|alternative| self.names.camera(*alternative)).collect();
+                json!({"schema": 2, "event": "moved_while_learning", "camera": self.names.camera(*camera),
                     "target": self.names.target(*target), "how": unrest_word(unsettled.unrest),
                     "reading": unsettled.reading, "began_s": drift.began_s, "began_sigma_s": drift.began_sigma_s,
                     "old_from_new": drift.old_from_new.as_slice(), "covariance": rows(&drift.covariance),
-                    "rivals": rivals, "message": self.words(event)})
+                    "alternatives": alternatives, "message": self.words(event)})
             }
-            Event::Attributed { t_s, moved, rivals } => {
+            Event::Attributed { t_s, moved, alternatives } => {
                 let mut said = Moved::default();
                 said.take(event);
                 let motions: Vec<Value> = moved
@@ -222,24 +224,26 @@ impl Said {
                             "covariance": rows(&node.covariance)})
                     })
                     .collect();
-                json!({"event": "moved", "t_s": t_s, "moved": said.nodes, "rivals": rivals,
+                json!({"schema": 2, "event": "moved", "t_s": t_s, "moved": said.nodes, "alternatives": alternatives,
                     "motions": motions, "message": said.words(&self.names)})
             }
             Event::Dropped { camera, frames } => {
-                json!({"event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
+                json!({"schema": 2, "event": "dropped", "camera": self.names.camera(*camera), "frames": frames})
             }
             Event::LeftOut { camera, frames, reason } => {
-                json!({"event": "left_out", "camera": self.names.camera(*camera), "frames": frames,
+                json!({"schema": 2, "event": "left_out", "camera": self.names.camera(*camera), "frames": frames,
                 "message": reason})
             }
             Event::Clock { camera, t_s, step_s } => {
-                json!({"event": "clock", "camera": self.names.camera(*camera), "t_s": t_s, "step_s": step_s})
+                json!({"schema": 2, "event": "clock", "camera": self.names.camera(*camera), "t_s": t_s, "step_s": step_s})
             }
-            Event::Source { camera, is_there, reason } => {
-                json!({"event": "source", "camera": self.names.camera(*camera),
-                "is_there": is_there, "reason": reason})
+            Event::Source { camera, connected, reason } => {
+                json!({"schema": 2, "event": "source", "camera": self.names.camera(*camera),
+                "connected": connected, "reason": reason})
             }
-            Event::Ended { camera } => json!({"event": "ended", "camera": self.names.camera(*camera)}),
+            Event::Ended { camera } => {
+                json!({"schema": 2, "event": "ended", "camera": self.names.camera(*camera)})
+            }
         }
     }
 }
@@ -256,18 +260,18 @@ fn clock_words(step_s: f64) -> String {
 
 /// All words of `word`.
 pub const WORDS: [&str; 7] =
-    ["learning", "steady", "settling", "drifted", "unseen", "inconsistent", "followed"];
+    ["learning", "steady", "checking", "drifted", "stale", "inconsistent", "tracking"];
 
-/// The contract's word.
+/// The word of the JSON.
 pub fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
         State::Steady => "steady",
-        State::Unseen { .. } => "unseen",
-        State::Settling(_) => "settling",
+        State::Stale { .. } => "stale",
+        State::Checking(_) => "checking",
         State::Drifted(_) => "drifted",
         State::Inconsistent => "inconsistent",
-        State::Followed => "followed",
+        State::Tracking => "tracking",
     }
 }
 
@@ -275,13 +279,13 @@ pub fn word(state: &State) -> &'static str {
 pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
-        State::Unseen { for_s } => format!("unseen for {for_s:.1} s"),
-        State::Settling(Doubt::Different) => "settling: something is different, not yet decided".to_string(),
-        State::Settling(Doubt::ErrorsLast) => "settling: errors last longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
+        State::Stale { for_s } => format!("stale: no usable reading for {for_s:.1} s"),
+        State::Checking(CheckingReason::Different) => "checking: something is different, not yet decided".to_string(),
+        State::Checking(CheckingReason::CorrelatedErrors) => "checking: errors are correlated for longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
         State::Inconsistent => "inconsistent: intrinsics or target are wrong, part of it is hidden, or landmarks move".to_string(),
         State::Drifted(drift) => drifted::words(drift),
         State::Steady => "steady".to_string(),
-        State::Followed => "followed: the camera moves, that is no drift".to_string(),
+        State::Tracking => "tracking: the camera moves, that is no drift".to_string(),
     }
 }
 
@@ -293,7 +297,7 @@ fn unrest_word(unrest: Unrest) -> &'static str {
     }
 }
 
-/// Why learning goes on.
+/// Why learning continues.
 fn unsettled_words(unsettled: &Unsettled) -> String {
     let Unsettled { unrest, reading, drift } = unsettled;
     let sigma = drift.covariance.diagonal().map(f64::sqrt);
@@ -301,9 +305,9 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
         Some((turn, covariance)) => {
             let motion = Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0);
             let sigma = covariance.diagonal().map(f64::sqrt);
-            format!("turned {}", parts(&motion, |i| sigma.as_slice().get(i).copied()))
+            format!("rotated {}", parts(&motion, |i| sigma.as_slice().get(i).copied()))
         }
-        None => format!("turned and shifted {}", parts(&drift.old_from_new, |i| Some(sigma[i]))),
+        None => format!("rotated and shifted {}", parts(&drift.old_from_new, |i| Some(sigma[i]))),
     };
     let (began_s, began_sigma_s) = (drift.began_s, drift.began_sigma_s);
     match unrest {
@@ -314,13 +318,13 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
             "moves while its reference is learned, since {began_s:.1} s ± {began_sigma_s:.1} s, so far {by}; it is not learned while it moves"
         ),
         Unrest::Wander => format!(
-            "does not keep still while its reference is learned: from the first readings to the last {by}; learning goes on with more readings. If that is an error of the readings, state it with --bias-deg and --bias-mm"
+            "does not keep still while its reference is learned: from the first readings to the last {by}; learning continues with more readings. If that is an error of the readings, state it with --bias-deg and --bias-mm"
         ),
     }
 }
 
 fn state_object(state: &State) -> Value {
-    let mut object = json!({"state": word(state)});
+    let mut object = json!({"schema": 2, "state": word(state)});
     match state {
         State::Drifted(drift) => {
             object["old_from_new"] = json!(drift.old_from_new.as_slice());
@@ -333,16 +337,16 @@ fn state_object(state: &State) -> Value {
             }
             drifted::add_to(&mut object, drift);
         }
-        State::Unseen { for_s } => object["for_s"] = json!(for_s),
+        State::Stale { for_s } => object["for_s"] = json!(for_s),
         State::Learning { readings, needed } => {
             object["readings"] = json!(readings);
             object["needed"] = json!(needed);
         }
-        State::Settling(doubt) => {
-            let errors = *doubt == Doubt::ErrorsLast;
-            object["doubt"] = json!(if errors { "errors_last" } else { "different" });
+        State::Checking(doubt) => {
+            let errors = *doubt == CheckingReason::CorrelatedErrors;
+            object["reason"] = json!(if errors { "correlated_errors" } else { "different" });
         }
-        State::Steady | State::Inconsistent | State::Followed => {}
+        State::Steady | State::Inconsistent | State::Tracking => {}
     }
     object["message"] = json!(state_words(state));
     object
@@ -360,8 +364,8 @@ fn by(node: &MovedNode) -> String {
 }
 
 fn observed_words(observation: &Observation) -> String {
-    if let Some(sighting) = &observation.landmarks {
-        return format!("{}  {}", observation.name, turned::words(sighting));
+    if let Some(landmark_observation) = &observation.landmarks {
+        return format!("{}  {}", observation.name, turned::words(landmark_observation));
     }
     match (&observation.tracked, &observation.reason) {
         (_, Some(reason)) => format!("{}  {reason}", observation.name),
@@ -374,7 +378,7 @@ fn observed_words(observation: &Observation) -> String {
 }
 
 fn observed_object(observation: &Observation) -> Value {
-    let mut object = json!({"event": "frame", "number": observation.number, "t_s": observation.capture_s,
+    let mut object = json!({"schema": 2, "event": "frame", "number": observation.number, "t_s": observation.capture_s,
         "name": observation.name, "n_points": observation.n_points,
         "times_us": {"waited": observation.times.waited_us, "detect": observation.times.detect_us,
             "solve": observation.times.solve_us, "decide": observation.times.decide_us}});
@@ -385,8 +389,8 @@ fn observed_object(observation: &Observation) -> Value {
     if let Some(measured) = measured(observation) {
         object["rms_px"] = json!(measured.rms_px);
     }
-    if let Some(sighting) = &observation.landmarks {
-        turned::add_to(&mut object, sighting);
+    if let Some(landmark_observation) = &observation.landmarks {
+        turned::add_to(&mut object, landmark_observation);
     }
     if let Some(reason) = &observation.reason {
         object["message"] = json!(reason);

@@ -70,7 +70,9 @@ impl Output for Tf {
                 self.reference(*camera, *target, reference, self.last_ns[*camera]);
             }
             Event::StateChanged { camera, target, t_s, state } => self.state(*camera, *target, *t_s, state),
-            Event::Source { camera, is_there, reason } => self.source(*camera, *is_there, reason.as_deref()),
+            Event::Source { camera, connected, reason } => {
+                self.source(*camera, *connected, reason.as_deref())
+            }
             Event::Dropped { .. }
             | Event::LeftOut { .. }
             | Event::Clock { .. }
@@ -137,12 +139,12 @@ impl Tf {
         self.recorder.push(Item::Diagnostics(Some(time_ns), vec![status]));
     }
 
-    fn source(&mut self, camera: usize, is_there: bool, reason: Option<&str>) {
+    fn source(&mut self, camera: usize, connected: bool, reason: Option<&str>) {
         let lost = || format!("source lost: {}", reason.unwrap_or("no reason given"));
         let status = Status {
-            level: if is_there { Level::Ok } else { Level::Stale },
+            level: if connected { Level::Ok } else { Level::Stale },
             name: format!("resight: source of {}", self.names.camera(camera)),
-            message: if is_there { "source is there".to_string() } else { lost() },
+            message: if connected { "source is there".to_string() } else { lost() },
             hardware_id: self.names.camera(camera).to_string(),
             values: Vec::new(),
         };
@@ -150,7 +152,7 @@ impl Tf {
     }
 }
 
-/// The pose of the camera as it is now in its own old frame: a turn alone where it may just have turned, which is known far better.
+/// The pose of the camera as it is now in its own old frame: a rotation alone where it may just have turned, which is known far better.
 fn moved(drift: &Drift) -> Pose {
     let motion = match drift.pure_rotation() {
         Some((turn, _)) => Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0),
@@ -161,10 +163,10 @@ fn moved(drift: &Drift) -> Pose {
 
 fn level(state: &State) -> Level {
     match state {
-        State::Steady | State::Learning { .. } | State::Followed => Level::Ok,
-        State::Settling(_) => Level::Warn,
+        State::Steady | State::Learning { .. } | State::Tracking => Level::Ok,
+        State::Checking(_) => Level::Warn,
         State::Drifted(_) | State::Inconsistent => Level::Error,
-        State::Unseen { .. } => Level::Stale,
+        State::Stale { .. } => Level::Stale,
     }
 }
 

@@ -16,7 +16,7 @@ use super::super::log::{Line, Log, now_unix_s};
 use super::{Output, Session};
 use crate::live::Event;
 use anyhow::{Context, Result, anyhow};
-use board::{Board, Moment};
+use board::{Board, Instants};
 use keys::{Pressed, View};
 use picture::Picture;
 use ratatui::crossterm::event;
@@ -26,7 +26,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use terminal::Screen;
 
-/// Pictures are at least so far apart.
+/// Images are at least so far apart.
 const PERIOD: Duration = Duration::from_millis(100);
 /// How often a session that is over looks whether its view was closed.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -85,8 +85,8 @@ impl Shared {
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn now(&self) -> Moment {
-        Moment { up_s: self.started.elapsed().as_secs_f64(), unix_s: now_unix_s() }
+    fn now(&self) -> Instants {
+        Instants { up_s: self.started.elapsed().as_secs_f64(), unix_s: now_unix_s() }
     }
 }
 
@@ -133,7 +133,7 @@ impl Drop for Tui {
 struct Copied {
     board: Board,
     lines: Vec<Line>,
-    now: Moment,
+    now: Instants,
 }
 
 /// Draws and reads keys until the view is to be closed.
@@ -156,7 +156,7 @@ fn show(mut screen: Screen, shared: &Shared) -> Result<()> {
     Ok(())
 }
 
-/// Takes in keys until the next picture is due.
+/// Takes in keys until the next image is due.
 fn read_keys(until: Instant, view: &mut View, shared: &Shared) -> Result<()> {
     while event::poll(until.saturating_duration_since(Instant::now()))
         .context("--tui: no keys can be read")?

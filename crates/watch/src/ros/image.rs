@@ -1,12 +1,12 @@
 //! `sensor_msgs/Image` and `sensor_msgs/CompressedImage` (Foxglove's `RawImage` and `CompressedImage` have the same fields) to grey.
 //!
-//! Encodings: sensor_msgs/image_encodings.hpp. Colours become luma with the weights of Rec. 709, as in pictures read from files.
+//! Encodings: sensor_msgs/image_encodings.hpp. Colours become luma with the weights of Rec. 709, as in images read from files.
 
 use super::bayer;
 use resight::GrayImage;
 use resight_recording::ros::value::Value;
 
-/// Largest image accepted, pixels, as for pictures.
+/// Largest image accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
 
 /// How pixels lie in memory.
@@ -48,7 +48,7 @@ impl Pixels {
     }
 }
 
-/// The picture of an image message.
+/// The image of an image message.
 ///
 /// # Errors
 /// An encoding that is none of brightness, more than 64 Mpx, fewer bytes than the size needs.
@@ -107,7 +107,7 @@ fn luma(r: u8, g: u8, b: u8) -> u8 {
     ((2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b)) / 10_000) as u8
 }
 
-/// Sensors of 10, 12 and 14 bits leave the high bits empty: the range is the smallest of these that holds the picture.
+/// Sensors of 10, 12 and 14 bits leave the high bits empty: the range is the smallest of these that holds the image.
 fn to_eight_bits(words: &[u16]) -> Vec<u8> {
     let brightest = words.iter().copied().max().unwrap_or_default();
     let bits = [8u32, 10, 12, 14].into_iter().find(|bits| u32::from(brightest) < 1 << bits).unwrap_or(16);
@@ -120,7 +120,7 @@ fn unknown(encoding: &str) -> String {
     format!("encoding `{encoding}` is not read; publish one of {}", names.join(", "))
 }
 
-/// The picture of a compressed image message.
+/// The image of a compressed image message.
 ///
 /// # Errors
 /// Anything but a PNG or JPEG.
@@ -190,15 +190,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_refused_with_what_is_needed() {
-        let told = |value: &Value| raw(value).unwrap_err();
+        let reported = |value: &Value| raw(value).unwrap_err();
         assert!(
-            told(&image("32FC1", (1, 1), 4, false, vec![0; 4]))
+            reported(&image("32FC1", (1, 1), 4, false, vec![0; 4]))
                 .contains("`32FC1` is not read; publish one of mono8")
         );
         let huge = image("mono8", (100_000, 100_000), 0, false, vec![0; 8]);
-        assert!(told(&huge).contains("100000×100000 px; 1 px to 64 Mpx"));
-        assert!(told(&image("rgb8", (4, 4), 4, false, vec![0; 64])).contains("rows of 12"));
-        assert!(told(&image("rgb8", (4, 4), 12, false, vec![0; 47])).contains("need 48 bytes"));
-        assert!(told(&image("mono8", (0, 4), 0, false, Vec::new())).contains("0×4"));
+        assert!(reported(&huge).contains("100000×100000 px; 1 px to 64 Mpx"));
+        assert!(reported(&image("rgb8", (4, 4), 4, false, vec![0; 64])).contains("rows of 12"));
+        assert!(reported(&image("rgb8", (4, 4), 12, false, vec![0; 47])).contains("need 48 bytes"));
+        assert!(reported(&image("mono8", (0, 4), 0, false, Vec::new())).contains("0×4"));
     }
 }

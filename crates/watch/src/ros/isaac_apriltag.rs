@@ -4,9 +4,9 @@
 //! that of the AprilTag C library, round before it publishes: isaac_ros_apriltag, src/apriltag_node.cpp, "Corners are in reverse order
 //! from expected"). That is our order. Where pixel centres lie is not written down; VPI calls itself a drop-in replacement for the
 //! reference detector, whose centre of the top-left pixel is (0.5, 0.5), so half a pixel is taken off here too. If the library in use
-//! should count otherwise, every pose is turned by half a pixel, the same in all pictures: no drift.
+//! should count otherwise, every pose is rotated by half a pixel, the same in all images: no drift.
 
-use super::tags::{ToldTag, detections, four_corners, label};
+use super::tags::{ReportedTag, detections, four_corners, label};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_recording::ros::value::Value;
@@ -19,6 +19,6 @@ pub(super) fn read(message: &Value<'_>) -> Result<Vec<Detection>, String> {
     detections(message, |tag| {
         let (family, id) = label(tag)?;
         let corners = four_corners(tag)?.map(|corner| corner - Pixel::new(0.5, 0.5));
-        Ok(ToldTag { family, id, margin_gray: None, corners })
+        Ok(ReportedTag { family, id, margin_gray: None, corners })
     })
 }

@@ -8,8 +8,8 @@ use resight_recording::ros::value::Value;
 
 /// What a camera sees.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Sight {
-    /// A picture.
+pub enum MessageContent {
+    /// An image.
     Image(GrayImage),
     /// What another program found in one.
     Detections(Vec<Detection>),
@@ -18,13 +18,13 @@ pub enum Sight {
 /// What a message shows.
 ///
 /// # Errors
-/// A message of another shape, a picture that cannot be read.
-pub fn sight(kind: Kind, message: &Value<'_>) -> Result<Sight, String> {
+/// A message of another shape, an image that cannot be read.
+pub fn decode_content(kind: Kind, message: &Value<'_>) -> Result<MessageContent, String> {
     match kind {
-        Kind::Image => image::raw(message).map(Sight::Image),
-        Kind::CompressedImage => image::compressed(message).map(Sight::Image),
-        Kind::AprilTags => apriltag_msgs::read(message).map(Sight::Detections),
-        Kind::IsaacAprilTags => isaac_apriltag::read(message).map(Sight::Detections),
-        Kind::CameraInfo => Err("a camera_info topic holds intrinsics, no pictures".to_string()),
+        Kind::Image => image::raw(message).map(MessageContent::Image),
+        Kind::CompressedImage => image::compressed(message).map(MessageContent::Image),
+        Kind::AprilTags => apriltag_msgs::read(message).map(MessageContent::Detections),
+        Kind::IsaacAprilTags => isaac_apriltag::read(message).map(MessageContent::Detections),
+        Kind::CameraInfo => Err("a camera_info topic holds intrinsics, no images".to_string()),
     }
 }

@@ -7,11 +7,11 @@ use resight_core::target::Feature;
 use resight_recording::ros::value::Value;
 use std::collections::BTreeMap;
 
-/// More tags than this are in no picture.
+/// More tags than this are in no image.
 const MAX_TAGS: usize = 4096;
 
 /// A tag as a message tells it, its corners already in our order and pixels.
-pub(super) struct ToldTag {
+pub(super) struct ReportedTag {
     pub family: String,
     pub id: u32,
     /// Grey levels, where the detector says.
@@ -25,16 +25,16 @@ pub(super) struct ToldTag {
 /// Tags of several families, which would share ids.
 pub(super) fn detections(
     message: &Value<'_>,
-    read: impl Fn(&Value<'_>) -> Result<ToldTag, String>,
+    read: impl Fn(&Value<'_>) -> Result<ReportedTag, String>,
 ) -> Result<Vec<Detection>, String> {
     let list = message.list("detections")?;
     if MAX_TAGS < list.len() {
-        return Err(format!("{} tags in one picture; at most {MAX_TAGS} are read", list.len()));
+        return Err(format!("{} tags in one image; at most {MAX_TAGS} are read", list.len()));
     }
-    let mut by_id: BTreeMap<u32, Vec<ToldTag>> = BTreeMap::new();
+    let mut by_id: BTreeMap<u32, Vec<ReportedTag>> = BTreeMap::new();
     let mut family: Option<String> = None;
-    for (i, told) in list.iter().enumerate() {
-        let tag = read(told).map_err(|reason| format!("detections[{i}]: {reason}"))?;
+    for (i, reported) in list.iter().enumerate() {
+        let tag = read(reported).map_err(|reason| format!("detections[{i}]: {reason}"))?;
         match &family {
             Some(family) if *family != tag.family => {
                 return Err(format!(
@@ -49,7 +49,7 @@ pub(super) fn detections(
     Ok(by_id.into_values().filter(|tags| tags.len() == 1).flatten().flat_map(|tag| corners(&tag)).collect())
 }
 
-fn corners(tag: &ToldTag) -> [Detection; 4] {
+fn corners(tag: &ReportedTag) -> [Detection; 4] {
     let sigma_px = tag_corner_px(&tag.corners, tag.margin_gray);
     [0, 1, 2, 3].map(|corner: u8| Detection {
         feature: Feature { id: tag.id, corner },

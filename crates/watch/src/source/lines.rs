@@ -79,11 +79,11 @@ fn read(mut input: impl BufRead, mut cameras: BTreeMap<String, Camera>, first: &
         if line.iter().all(u8::is_ascii_whitespace) {
             continue;
         }
-        let told = match bytes {
-            ..=MAX_LINE_BYTES => told(&line, first, &cameras),
+        let reported = match bytes {
+            ..=MAX_LINE_BYTES => reported(&line, first, &cameras),
             _ => Err(format!("{bytes} bytes; the limit is {MAX_LINE_BYTES}")),
         };
-        let (name, t_s, content) = told.unwrap_or_else(|reason| {
+        let (name, t_s, content) = reported.unwrap_or_else(|reason| {
             let named = whose(&line).filter(|camera| cameras.contains_key(camera));
             (named.unwrap_or_else(|| first.to_string()), None, Err(reason))
         });
@@ -120,9 +120,9 @@ fn whose(line: &[u8]) -> Option<String> {
 }
 
 /// Camera, time and content, where the content may be bad at a good time.
-type Told = (String, Option<f64>, Result<Content, String>);
+type Reported = (String, Option<f64>, Result<Content, String>);
 
-fn told(line: &[u8], first: &str, cameras: &BTreeMap<String, Camera>) -> Result<Told, String> {
+fn reported(line: &[u8], first: &str, cameras: &BTreeMap<String, Camera>) -> Result<Reported, String> {
     let parsed: Line = serde_json::from_slice(line)
         .map_err(|reason| format!("not as {{\"camera\",\"t_s\",\"detections\":[…]}}: {reason}"))?;
     let camera = parsed.camera.unwrap_or_else(|| first.to_string());

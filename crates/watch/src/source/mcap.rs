@@ -1,7 +1,7 @@
-//! Pictures and detections of one topic of a recording (MCAP), in the order in which they were recorded.
+//! Images and detections of one topic of a recording (MCAP), in the order in which they were recorded.
 
 use super::{Content, Frame, Next, Source};
-use crate::ros::sight::{Decoder, Kind, Sight, sight};
+use crate::ros::sight::{Decoder, Kind, MessageContent, decode_content};
 use resight::FileError;
 use resight::recording::{self, Message, Recording, Topic, topics};
 use std::fs::File;
@@ -19,7 +19,7 @@ pub struct McapTopic {
     times: Times,
     last_s: f64,
     is_growing: bool,
-    /// How the file was cut off, to be told behind its last message.
+    /// How the file was cut off, to be reported behind its last message.
     cut: Option<String>,
 }
 
@@ -55,16 +55,16 @@ impl Times {
 }
 
 impl McapTopic {
-    /// Reads `topic`, or the only topic of pictures where none is named (of detections where there are no pictures). A file that was
+    /// Reads `topic`, or the only topic of images where none is named (of detections where there are no images). A file that was
     /// not closed is taken for one that is still being written: what is added is read too.
     ///
     /// # Errors
     /// No MCAP file, no such topic, or one that is not read; the topics that there are, are listed.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, FileError> {
-        let told = |reason: String| FileError::new(path, reason);
-        let open = || File::open(path).map_err(|e| told(e.to_string()));
-        let all = topics(&mut open()?).map_err(|e| told(e.0))?;
-        let (kind, found) = choose(&all, topic).map_err(told)?;
+        let reported = |reason: String| FileError::new(path, reason);
+        let open = || File::open(path).map_err(|e| reported(e.to_string()));
+        let all = topics(&mut open()?).map_err(|e| reported(e.0))?;
+        let (kind, found) = choose(&all, topic).map_err(reported)?;
         let channel = &found.channel;
         let decoder = Decoder::new(
             &channel.kind,
@@ -72,7 +72,7 @@ impl McapTopic {
             &channel.definition_encoding,
             &channel.definition,
         );
-        let decoder = decoder.map_err(|reason| told(format!("topic {}: {reason}", channel.topic)))?;
+        let decoder = decoder.map_err(|reason| reported(format!("topic {}: {reason}", channel.topic)))?;
         let wanted = (channel.topic.clone(), channel.kind.clone());
         let recording =
             Recording::new(open()?, move |channel| (&channel.topic, &channel.kind) == (&wanted.0, &wanted.1));
@@ -101,9 +101,9 @@ impl McapTopic {
         let value = self.decoder.read(&message.data);
         let is_read = value.is_ok();
         let stamp_s = value.as_ref().ok().and_then(|value| value.stamp_s());
-        let content = match value.and_then(|value| sight(self.kind, &value)) {
-            Ok(Sight::Image(image)) => Content::Image(image),
-            Ok(Sight::Detections(detections)) => Content::Detections(detections),
+        let content = match value.and_then(|value| decode_content(self.kind, &value)) {
+            Ok(MessageContent::Image(image)) => Content::Image(image),
+            Ok(MessageContent::Detections(detections)) => Content::Detections(detections),
             Err(reason) => Content::Unreadable(format!("{} {}: {reason}", self.topic, self.number)),
         };
         let (capture_s, remark) = self.times.of(stamp_s, logged_s, is_read);
@@ -156,8 +156,9 @@ impl Source for McapTopic {
 
 /// The topic of that name, or the only one that shows something.
 fn choose<'a>(all: &'a [Topic], name: Option<&str>) -> Result<(Kind, &'a Topic), String> {
-    let kinds =
-        || all.iter().filter_map(|t| Kind::of(&t.channel.kind).filter(|k| k.is_sight()).map(|k| (k, t)));
+    let kinds = || {
+        all.iter().filter_map(|t| Kind::of(&t.channel.kind).filter(|k| k.is_camera_message()).map(|k| (k, t)))
+    };
     if let Some(name) = name {
         let named = |(_, topic): &(Kind, &Topic)| topic.channel.topic == name;
         return kinds().find(named).ok_or_else(|| match all.iter().find(|t| t.channel.topic == name) {
@@ -174,7 +175,7 @@ fn choose<'a>(all: &'a [Topic], name: Option<&str>) -> Result<(Kind, &'a Topic),
     match (images.as_slice(), others.as_slice()) {
         ([one], _) | ([], [one]) => Ok(*one),
         ([], []) => Err(format!(
-            "no topic of pictures or tag detections (sensor_msgs Image and CompressedImage, apriltag_msgs, \
+            "no topic of images or tag detections (sensor_msgs Image and CompressedImage, apriltag_msgs, \
              isaac_ros_apriltag_interfaces, Foxglove's images as JSON); there are {}",
             listed(all)
         )),

@@ -1,4 +1,4 @@
-//! Pictures in files: a list, or a folder that fills up.
+//! Images in files: a list, or a folder that fills up.
 
 mod exif;
 
@@ -8,14 +8,14 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// What a folder's pictures end in.
+/// What a folder's images end in.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// A file that was changed within this time may still be being written.
 const SETTLED: Duration = Duration::from_millis(200);
-/// A slow upload may rest for longer: a picture that cannot be decoded is given up only when it has been left alone for this time.
+/// A slow upload may rest for longer: an image that cannot be decoded is given up only when it has been left alone for this time.
 const RESTING: Duration = Duration::from_secs(2);
 
-/// When pictures were taken.
+/// When images were taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Clock {
     /// When their files were last changed.
@@ -26,21 +26,21 @@ pub enum Clock {
     Every(f64),
 }
 
-/// Pictures in the order given.
-pub struct Pictures {
+/// Images in the order given.
+pub struct ImageFiles {
     paths: VecDeque<PathBuf>,
     clock: Clock,
     number: u64,
 }
 
-impl Pictures {
+impl ImageFiles {
     /// A list; it is read as fast as it is looked at.
     pub fn new(paths: impl IntoIterator<Item = PathBuf>, clock: Clock) -> Self {
-        Pictures { paths: paths.into_iter().collect(), clock, number: 0 }
+        ImageFiles { paths: paths.into_iter().collect(), clock, number: 0 }
     }
 }
 
-impl Source for Pictures {
+impl Source for ImageFiles {
     fn next(&mut self, _: Duration) -> Next {
         let Some(path) = self.paths.pop_front() else { return Next::End };
         self.number += 1;
@@ -52,24 +52,24 @@ impl Source for Pictures {
     }
 }
 
-/// A folder in which pictures appear, taken by name; those already there come first.
+/// A folder in which images appear, taken by name; those already there come first.
 pub struct Folder {
     path: PathBuf,
     clock: Clock,
-    /// Pictures of the last listing that were taken; what is deleted is forgotten, and its name may come again.
+    /// Images of the last listing that were taken; what is deleted is forgotten, and its name may come again.
     taken: BTreeMap<PathBuf, Taken>,
     waiting: VecDeque<PathBuf>,
     number: u64,
     is_filling: bool,
 }
 
-/// What became of a picture.
+/// What became of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Taken {
     /// Given, or waiting.
     Whole,
     /// It could not be decoded at this size: looked at again when it has grown, and once more, for good, when nobody writes any more.
-    Torn { bytes: u64, is_told: bool },
+    Torn { bytes: u64, is_reported: bool },
 }
 
 impl Folder {
@@ -86,7 +86,7 @@ impl Folder {
         Folder { is_filling: false, ..self }
     }
 
-    /// Takes note of new pictures that nobody writes any more, by name; whether others are still being written.
+    /// Takes note of new images that nobody writes any more, by name; whether others are still being written.
     fn look(&mut self) -> std::io::Result<bool> {
         let (mut there, mut new, mut is_growing) = (BTreeSet::new(), Vec::new(), false);
         for entry in std::fs::read_dir(&self.path)? {
@@ -108,14 +108,14 @@ impl Folder {
         Ok(is_growing)
     }
 
-    /// Whether a picture is to be read now (or else later); none where it has been.
+    /// Whether an image is to be read now (or else later); none where it has been.
     fn state(&self, path: &Path) -> Option<bool> {
         let is_due = match self.taken.get(path) {
             None => true,
             Some(Taken::Whole) => return None,
-            Some(Taken::Torn { bytes, is_told }) => {
+            Some(Taken::Torn { bytes, is_reported }) => {
                 let has_grown = size(path) != *bytes;
-                if *is_told && !has_grown {
+                if *is_reported && !has_grown {
                     return None;
                 }
                 has_grown || has_rested(path, RESTING)
@@ -124,14 +124,14 @@ impl Folder {
         Some(is_due && has_rested(path, SETTLED))
     }
 
-    /// The picture, or none where it may be whole later.
+    /// The image, or none where it may be whole later.
     fn read(&mut self, path: &Path) -> Option<Frame> {
         let bytes = size(path); // Before it is read: what grows meanwhile has grown.
         let frame = picture(path, self.number, self.clock);
         if matches!(frame.content, Content::Unreadable(_)) {
-            let is_told = has_rested(path, RESTING);
-            self.taken.insert(path.to_path_buf(), Taken::Torn { bytes, is_told });
-            if !is_told {
+            let is_reported = has_rested(path, RESTING);
+            self.taken.insert(path.to_path_buf(), Taken::Torn { bytes, is_reported });
+            if !is_reported {
                 return None;
             }
         }

@@ -89,7 +89,7 @@ impl Stream {
             return self.ffmpeg.decode(&options, OsStr::new(&self.address.input));
         }
         let (playlist, options) = self.address.playlist(&options)?;
-        self.ffmpeg.decode_unseen(&options, playlist, &self.address.input)
+        self.ffmpeg.decode_without_arguments(&options, playlist, &self.address.input)
     }
 
     /// What came of a connection: a frame's time and content, or none while nothing has.
@@ -143,7 +143,7 @@ impl Stream {
 enum Gone {
     /// ffmpeg has ended, its last words.
     Ended(String),
-    /// It goes on, but is of no use.
+    /// It continues, but is of no use.
     Lost(String),
 }
 

@@ -3,7 +3,9 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use resight::core::Pose;
 use resight_core::statistics::SplitMix64;
-use resight_watch::history::{FrameRow, History, Measured, Retention, Selection, Store, StoredRow, Turned};
+use resight_watch::history::{
+    FrameRow, History, Measured, Retention, Selection, Store, StoredRotation, StoredRow,
+};
 use std::path::{Path, PathBuf};
 
 pub const SIGMA: [f64; 6] = [1e-3, 2e-3, 5e-4, 1e-3, 1e-3, 4e-3];
@@ -57,7 +59,7 @@ pub fn frames(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64
             state,
             n_points: 4 * usize::from(is_seen),
             measured: is_seen.then_some(measured),
-            turned: None,
+            rotated: None,
             reason: (!is_seen).then(|| "no tag in this frame".to_string()),
         }
     };
@@ -67,15 +69,15 @@ pub fn frames(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64
 /// Scatter of turns, rad.
 pub const TURN_SIGMA: [f64; 3] = [3e-4, 1e-3, 5e-4];
 
-/// Frames of `gate` without a target at these times, turned far from the reference picture and scattered by TURN_SIGMA; every tenth sees
+/// Frames of `gate` without a target at these times, turned far from the reference image and scattered by TURN_SIGMA; every tenth sees
 /// nothing.
-pub fn turns(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64) -> Vec<FrameRow> {
+pub fn rotations(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64) -> Vec<FrameRow> {
     let mut chance = Chance(SplitMix64::new(seed));
     let start = turn(Vector3::new(0.1, -0.6, 0.2));
     let frame = |(i, t_s): (usize, f64)| {
         let motion = Vector3::from_fn(|axis, _| TURN_SIGMA[axis] * chance.normal());
         let scale = 1.0 + chance.uniform();
-        let turned = Turned {
+        let rotated = StoredRotation {
             rotation_rad: (turn(motion) * start).log().fixed_rows::<3>(0).into_owned(),
             covariance_rad2: Matrix3::from_fn(|row, column| {
                 let share = if row == column { scale } else { 0.1 * scale };
@@ -89,10 +91,10 @@ pub fn turns(times_s: impl Iterator<Item = f64>, state: &'static str, seed: u64)
             t_s,
             number: i as u64,
             state,
-            n_points: if is_seen { turned.n_landmarks as usize } else { 0 },
+            n_points: if is_seen { rotated.n_landmarks as usize } else { 0 },
             measured: None,
-            turned: is_seen.then_some(turned),
-            reason: (!is_seen).then(|| "0 corners in this picture".to_string()),
+            rotated: is_seen.then_some(rotated),
+            reason: (!is_seen).then(|| "0 corners in this image".to_string()),
         }
     };
     times_s.enumerate().map(frame).collect()
@@ -119,10 +121,10 @@ pub fn rows(path: &Path) -> Vec<StoredRow> {
 }
 
 pub fn thin(store: &mut Store, keep: &Retention) {
-    let mut turns = 0;
+    let mut rotations = 0;
     while store.thin(keep).expect("thinned") {
-        turns += 1;
-        assert!(turns < 10_000, "it never ends");
+        rotations += 1;
+        assert!(rotations < 10_000, "it never ends");
     }
 }
 
@@ -177,11 +179,11 @@ pub fn is_mean_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
 
 /// The same of turns, which are counted for themselves.
 pub fn is_mean_turn_of(row: &StoredRow, frames: &[&FrameRow], tolerance: f64) {
-    let seen: Vec<&Turned> = frames.iter().filter_map(|frame| frame.turned.as_ref()).collect();
+    let seen: Vec<&StoredRotation> = frames.iter().filter_map(|frame| frame.rotated.as_ref()).collect();
     let n = seen.len() as f64;
-    assert_eq!(row.turns, seen.len() as u64);
-    let (mean, summary) = (row.turned.expect("a mean"), row.turn_summary.expect("a summary"));
-    let motion = |t: &&Turned| (turn(t.rotation_rad) * turn(mean.rotation_rad).inverse()).log();
+    assert_eq!(row.rotations, seen.len() as u64);
+    let (mean, summary) = (row.rotated.expect("a mean"), row.rotation_summary.expect("a summary"));
+    let motion = |t: &&StoredRotation| (turn(t.rotation_rad) * turn(mean.rotation_rad).inverse()).log();
     let motions: Vec<Vector3<f64>> = seen.iter().map(|t| motion(t).fixed_rows::<3>(0).into_owned()).collect();
     lie_about(
         &motions,

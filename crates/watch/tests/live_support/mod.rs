@@ -1,4 +1,4 @@
-//! What tests and benches of the live session share: rendered cameras, and a source that gives pictures from memory at their own pace.
+//! What tests and benches of the live session share: rendered cameras, and a source that gives images from memory at their own pace.
 
 #[allow(dead_code)] // The detectors' tests use all of it.
 #[path = "../../../resight/tests/film_support/mod.rs"]
@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 pub fn config() -> LiveConfig {
     let known = Matrix6::identity() * 1e-8;
-    let lasting = LearnConfig { bias: known, bias_time_s: 60.0, daily: known };
-    LiveConfig { lasting, ..LiveConfig::default() }
+    let correlated = LearnConfig { bias: known, bias_time_s: 60.0, diurnal: known };
+    LiveConfig { correlated, ..LiveConfig::default() }
 }
 
 pub fn watched(target: &Target, source: impl Source + 'static) -> LiveCamera {
@@ -39,7 +39,7 @@ pub enum Pace {
     AsTaken,
 }
 
-/// Pictures from memory, over and over, `rate_hz` of them a second of capture time.
+/// Images from memory, over and over, `rate_hz` of them a second of capture time.
 pub struct Replay {
     pub pictures: Arc<Vec<GrayImage>>,
     pub pace: Pace,

@@ -136,7 +136,7 @@ impl Calibration {
             let sum = by.column(parameter.index()) + column;
             by.set_column(parameter.index(), &sum);
         };
-        let arm = hub.turn(touched.at.x_in_hub);
+        let arm = hub.rotate(touched.at.x_in_hub);
         add(Parameter::Stiffness, turn * touched.by_stiffness.fixed_rows::<3>(0));
         add(Parameter::Curvature, turn * touched.by_curvature.fixed_rows::<3>(0));
         add(Parameter::HubAngle, Vector3::new(-arm.y, arm.x, 1.0));

@@ -3,7 +3,7 @@
 
 use super::job::{Job, Outcome};
 use super::outline::Outline;
-use super::{Doubt, Object, Role, roles};
+use super::{Object, Role, UnknownReason, roles};
 use crate::estimate::{Mode, Status, estimate};
 use crate::identify::{Class, Config, Touch, identify};
 use crate::{Sample, Shape};
@@ -22,7 +22,7 @@ pub struct Candidate {
 }
 
 /// The fit with the class that explains the record, or why there is none.
-pub fn classified(job: &Job, before: &Outcome) -> Result<Candidate, Doubt> {
+pub fn classified(job: &Job, before: &Outcome) -> Result<Candidate, UnknownReason> {
     let touches = touches(job, before);
     let fits = [Class::Circle, Class::Ellipse, Class::Rectangle].into_iter().filter_map(|class| {
         let object = Object::KnownClass(start(&touches, class)?);
@@ -33,14 +33,14 @@ pub fn classified(job: &Job, before: &Outcome) -> Result<Candidate, Doubt> {
     let mut fits: Vec<(f64, Candidate)> = fits.map(|fit| (bic(&fit), fit)).collect();
     fits.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut fits = fits.into_iter();
-    let Some((best_bic, best)) = fits.next() else { return Err(Doubt::NoShapeFits { p_value: 0.0 }) };
+    let Some((best_bic, best)) = fits.next() else { return Err(UnknownReason::NoShapeFits { p_value: 0.0 }) };
     if !best.outcome.is_consistent(job.options.false_alarm_rate) {
-        return Err(Doubt::NoShapeFits { p_value: best.outcome.p_value() });
+        return Err(UnknownReason::NoShapeFits { p_value: best.outcome.p_value() });
     }
-    let rival = fits.find(|(_, fit)| best.outline.is_smooth() != fit.outline.is_smooth());
-    match rival {
+    let alternative = fits.find(|(_, fit)| best.outline.is_smooth() != fit.outline.is_smooth());
+    match alternative {
         Some((bic, _)) if bic - best_bic < DECIDED_BIC => {
-            Err(Doubt::TwoShapesFit { delta_bic: bic - best_bic, needed: DECIDED_BIC })
+            Err(UnknownReason::TwoShapesFit { delta_bic: bic - best_bic, needed: DECIDED_BIC })
         }
         _ => Ok(best),
     }

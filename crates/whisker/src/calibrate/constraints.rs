@@ -80,7 +80,7 @@ pub struct Constraint {
 impl State {
     /// At `values`, object and encoder as they are said to be.
     pub fn at(values: Values) -> Self {
-        State { values, object: DVector::zeros(0), turns_rad: DVector::zeros(0) }
+        State { values, object: DVector::zeros(0), rotations_rad: DVector::zeros(0) }
     }
 }
 
@@ -92,7 +92,7 @@ pub struct State {
     /// The object's, from its start.
     pub object: DVector<f64>,
     /// By how much the encoder's rounding turns the hub during each stretch, radians.
-    pub turns_rad: DVector<f64>,
+    pub rotations_rad: DVector<f64>,
 }
 
 /// What does not change in a fit.
@@ -151,13 +151,13 @@ impl<'a> Posed<'a> {
         Posed { setting, state, rod, bent, shape }
     }
 
-    /// The sample with its hub turned by the encoder's rounding.
-    pub fn turned(&self, sample: &Sample, plan: &Plan) -> Sample {
-        let mut turned = *sample;
-        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.turns_rad.get(stretch.unknown)) {
-            turned.world_from_hub.angle_rad += turn;
+    /// The sample with its hub rotated by the encoder's rounding.
+    pub fn rotated(&self, sample: &Sample, plan: &Plan) -> Sample {
+        let mut rotated = *sample;
+        if let Some(turn) = plan.stretch.and_then(|stretch| self.state.rotations_rad.get(stretch.unknown)) {
+            rotated.world_from_hub.angle_rad += turn;
         }
-        turned
+        rotated
     }
 
     /// What `sample` means here.
@@ -314,7 +314,7 @@ impl<'a> Posed<'a> {
     ) -> Constraint {
         let hub = &touched.meant.world_from_hub;
         let direction = unit(direction_rad);
-        let in_hub = hub.turn_back(direction);
+        let in_hub = hub.rotate_back(direction);
         let by_contact = RowSVector::<f64, 5>::new(in_hub.x, in_hub.y, by_angle, 0.0, 0.0);
         let arm = touched.x_in_world() - Vector2::new(hub.x_m, hub.y_m);
         let turn = direction.y * arm.x - direction.x * arm.y + by_angle;
@@ -408,7 +408,7 @@ mod tests {
         State {
             values,
             object: DVector::from_fn(objects, |i, _| 1e-3 * (i as f64 + 1.0)),
-            turns_rad: DVector::zeros(0),
+            rotations_rad: DVector::zeros(0),
         }
     }
 

@@ -148,7 +148,7 @@ pub enum Watch {
     /// The window is not full.
     Filling,
     /// The window holds too few samples, free or in contact, to say anything.
-    Unseen {
+    Stale {
         /// How many could be used.
         seen: usize,
         /// How many are needed.
@@ -239,7 +239,7 @@ impl DriftMonitor {
             }
         }
         if seen < LEAST_SEEN {
-            return Watch::Unseen { seen, needed: LEAST_SEEN };
+            return Watch::Stale { seen, needed: LEAST_SEEN };
         }
         let drift = self.tested(&free, information, &gradient);
         if drift.has_drifted { Watch::Drifted(drift) } else { Watch::Steady(drift) }

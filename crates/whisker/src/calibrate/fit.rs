@@ -156,7 +156,7 @@ impl Layout {
         Layout {
             free: problem.priors.free().into_iter().map(|p| (p, problem.priors.sigma(p))).collect(),
             object: start.object.len(),
-            turns: start.turns_rad.len(),
+            turns: start.rotations_rad.len(),
             turn_scale: problem.noise.rounding_rad,
         }
     }
@@ -172,7 +172,7 @@ impl Layout {
         }
         let (object, turns) = (self.free.len(), self.free.len() + self.object);
         moved.object += step.rows(object, self.object) * OBJECT_SIGMA;
-        moved.turns_rad += step.rows(turns, self.turns) * self.turn_scale;
+        moved.rotations_rad += step.rows(turns, self.turns) * self.turn_scale;
         moved
     }
 
@@ -180,7 +180,7 @@ impl Layout {
     fn offs(&self, state: &State, centre: &Values) -> Vec<f64> {
         let free = self.free.iter().map(|(p, scale)| (state.values[p.index()] - centre[p.index()]) / scale);
         let object = state.object.iter().map(|off| off / OBJECT_SIGMA);
-        free.chain(object).chain(state.turns_rad.iter().map(|off| off / self.turn_scale)).collect()
+        free.chain(object).chain(state.rotations_rad.iter().map(|off| off / self.turn_scale)).collect()
     }
 
     fn entries(&self, row: &Constraint, plan: &Plan) -> Vec<(usize, f64)> {
@@ -199,7 +199,7 @@ impl Layout {
 /// None where the sample has no contact.
 pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> Option<Vec<Constraint>> {
     let noise = noise.of(plan);
-    let (rows, correction) = settled(posed, &posed.turned(sample, plan), plan, noise)?;
+    let (rows, correction) = settled(posed, &posed.rotated(sample, plan), plan, noise)?;
     whitened(rows, &correction, noise)
 }
 

@@ -179,9 +179,9 @@ impl<'a> Job<'a> {
     ) -> Result<Outcome, Error> {
         let mut roles = before_roles.to_vec();
         let object = DVector::zeros(outline.count());
-        let turns_rad =
+        let rotations_rad =
             DVector::zeros(self.stretches.iter().map(|stretch| stretch.unknown + 1).max().unwrap_or(0));
-        let state = State { values: before.state.values, object, turns_rad };
+        let state = State { values: before.state.values, object, rotations_rad };
         let mut fitted = self.fit(Some(outline), &roles, &state, false)?;
         for _ in 0..GATINGS {
             let kept = self.gated(outline, &fitted, &roles);
@@ -224,7 +224,7 @@ impl<'a> Job<'a> {
             held: Parameter::ALL.into_iter().filter(|p| self.priors.sigma(*p) == 0.0).collect(),
             object: outline.map(|outline| outline.shape(fitted.state.object.as_slice())),
             object_covariance: fitted.object_covariance.clone(),
-            doubt: None,
+            unknown_reason: None,
             chi2: fitted.chi2,
             degrees_of_freedom: fitted.degrees_of_freedom,
             p_value,

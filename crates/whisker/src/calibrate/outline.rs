@@ -146,7 +146,7 @@ pub fn face_near(shape: &Shape, angle_rad: f64) -> Option<usize> {
     shape.face_normals_rad().iter().position(|normal| (normal - angle_rad).cos() > FACE_MARGIN_RAD.cos())
 }
 
-/// Three σ of half a degree, what a new rig's clamp may be turned by; the noise of a contact's direction is smaller.
+/// Three σ of half a degree, what a new rig's clamp may be rotated by; the noise of a contact's direction is smaller.
 const FACE_MARGIN_RAD: f64 = 0.026;
 
 /// Whether `x` is too near a corner for the distance from the outline to be a smooth function of it: within 1.5 mm, some 5 σ of a

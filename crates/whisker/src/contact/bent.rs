@@ -1,4 +1,4 @@
-//! The bent whisker as a line, for pictures.
+//! The bent whisker as a line, for images.
 
 use super::{Method, contact_in_hub};
 use crate::{HubLoad, Rod};

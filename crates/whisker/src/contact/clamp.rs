@@ -28,12 +28,12 @@ pub(super) struct Clamp {
     pub c: f64,
 }
 
-/// A contact in the pendulum's own terms: `(u, a)` and the angle turned since the clamp, β_c − β₀, with the friction angle.
+/// A contact in the pendulum's own terms: `(u, a)` and the angle rotated since the clamp, β_c − β₀, with the friction angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Arc {
     pub u: f64,
     pub a: f64,
-    pub turned_rad: f64,
+    pub rotation_rad: f64,
     pub friction_angle_rad: f64,
     pub modulus_squared: f64,
 }
@@ -79,7 +79,7 @@ impl Clamp {
                 a * self.cos_beta + b * self.sin_beta,
                 self.side * (b * self.cos_beta - a * self.sin_beta),
             ),
-            theta_rad: self.side * arc.turned_rad,
+            theta_rad: self.side * arc.rotation_rad,
             friction_angle_rad: arc.friction_angle_rad,
             modulus_squared: arc.modulus_squared,
         };

@@ -78,7 +78,7 @@ impl Bent {
         Arc {
             u,
             a: u * (complement2 - k2) + 2.0 * k2 * complement2 * big_g,
-            turned_rad: turned,
+            rotation_rad: turned,
             friction_angle_rad: pull.atan2(2.0 * k * complement),
             modulus_squared: k2,
         }

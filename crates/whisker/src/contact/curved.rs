@@ -83,12 +83,12 @@ impl Bent {
     /// From the clamp to the zero after `later` others.
     fn reach(&self, later: usize) -> Reach {
         let (u, p) = self.between(&self.start(), &self.end);
-        let mut reach = Reach { bent: *self, end: self.end, u, p, turned_rad: self.turned() };
+        let mut reach = Reach { bent: *self, end: self.end, u, p, rotation_rad: self.turned() };
         for _ in 0..later {
             let to = self.next_zero(&reach.end);
             let (u, p) = self.between(&reach.end, &to);
-            let turned_rad = reach.turned_rad + turned(&reach.end, &to);
-            reach = Reach { end: to, u: reach.u + u, p: reach.p + p, turned_rad, ..reach };
+            let rotation_rad = reach.rotation_rad + turned(&reach.end, &to);
+            reach = Reach { end: to, u: reach.u + u, p: reach.p + p, rotation_rad, ..reach };
         }
         reach
     }
@@ -158,7 +158,7 @@ struct Reach {
     end: State,
     u: f64,
     p: f64,
-    turned_rad: f64,
+    rotation_rad: f64,
 }
 
 impl Reach {
@@ -168,7 +168,7 @@ impl Reach {
         Arc {
             u: self.u,
             a: self.u - 2.0 * self.p,
-            turned_rad: self.turned_rad,
+            rotation_rad: self.rotation_rad,
             friction_angle_rad: pull.atan2(2.0 * (g * h).abs()),
             modulus_squared: g * g,
         }

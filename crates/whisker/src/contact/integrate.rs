@@ -151,7 +151,7 @@ impl<'a> Walk<'a> {
         Err(NoZero::NeverVanishes)
     }
 
-    /// Whether the moment cannot vanish on a piece that goes on for ever: there EI and κ₀ are constant, and so is
+    /// Whether the moment cannot vanish on a piece that continues for ever: there EI and κ₀ are constant, and so is
     /// C = M²/2EI + M κ₀ + F cos α, which is F cos α at a zero; a rod that keeps turning keeps the sign of its curvature.
     fn never(&self, piece: &Piece) -> bool {
         if piece.end.is_finite() {

@@ -95,7 +95,7 @@ pub fn consistency(
 /// Marks what the verdict takes from a record's contacts: where the record, solved again without the most likely fault, has a contact
 /// elsewhere by more than [`MOVED_SIGMAS`] of its uncertainty, or where no single fault explains the contradiction, an ok contact
 /// becomes `Inconsistent`. Returns how many did.
-pub fn mark(
+pub fn flag(
     rod: &Rod,
     cell: &Cell,
     samples: &[Sample],

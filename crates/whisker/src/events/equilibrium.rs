@@ -6,7 +6,7 @@
 //!
 //! docs/math/whisker_events.md eqs. (9)–(11).
 
-use super::outline::{Arc, by_load_of, turn_of_force};
+use super::outline::{Arc, by_load_of, rotation_of_force};
 use crate::contact::{Method, contact_with_derivatives};
 use crate::friction::Constraint;
 use crate::{HubContact, HubLoad, PlanarPose, Rod};
@@ -95,8 +95,8 @@ impl Problem<'_> {
         let (units, length) = (self.load_units(), self.rod.length_m);
         let load = HubLoad::from_vector(load);
         let (at, by_load) = contact_with_derivatives(self.rod, &load, self.method).ok()?;
-        let force = hub.turn(load.force_n());
-        let angle = force.y.atan2(force.x) + turn_of_force(&load, self.friction_rad);
+        let force = hub.rotate(load.force_n());
+        let angle = force.y.atan2(force.x) + rotation_of_force(&load, self.friction_rad);
         let (outline_m, radius_m) = self.arc.at(angle);
         let off = hub.apply(at.x_in_hub) - outline_m;
         let moves = by_load_of(hub, &load, &by_load);

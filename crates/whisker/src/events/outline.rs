@@ -26,7 +26,7 @@ pub struct OutlinePoint {
 }
 
 /// The outline's normal turned from the force: φ_f towards the whisker's tip, by the side that is touched, eq. (4).
-pub(crate) fn turn_of_force(load: &HubLoad, friction_rad: f64) -> f64 {
+pub(crate) fn rotation_of_force(load: &HubLoad, friction_rad: f64) -> f64 {
     friction_rad * 1.0_f64.copysign(load.mz_n_m)
 }
 
@@ -35,12 +35,12 @@ impl OutlinePoint {
     pub fn new(cell: &Cell, sample: &Sample, projection: &Projection, friction_rad: f64) -> Self {
         let hub = &sample.world_from_hub;
         let by_load = by_load(hub, projection);
-        let force = hub.turn(projection.load.force_n());
-        let arm = hub.turn(projection.at.x_in_hub);
+        let force = hub.rotate(projection.load.force_n());
+        let arm = hub.rotate(projection.at.x_in_hub);
         let by_hub = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
         OutlinePoint {
             x_in_world: hub.apply(projection.at.x_in_hub),
-            normal_rad: force.y.atan2(force.x) + turn_of_force(&projection.load, friction_rad),
+            normal_rad: force.y.atan2(force.x) + rotation_of_force(&projection.load, friction_rad),
             covariance: by_load * projection.covariance * by_load.transpose()
                 + by_hub * cell.hub_covariance() * by_hub.transpose(),
             mode: projection.constraint.mode(),
@@ -57,7 +57,7 @@ pub(crate) fn by_load_of(hub: &PlanarPose, load: &HubLoad, by_load: &crate::cont
     let force = load.force_n();
     let mut rows = Matrix3::zeros();
     for column in 0..3 {
-        let turned = hub.turn(Vector2::new(by_load[(0, column)], by_load[(1, column)]));
+        let turned = hub.rotate(Vector2::new(by_load[(0, column)], by_load[(1, column)]));
         (rows[(0, column)], rows[(1, column)]) = (turned.x, turned.y);
     }
     rows[(2, 0)] = -force.y / force.norm_squared();
@@ -151,7 +151,7 @@ pub struct LocalOutline {
     /// How many contacts it rests on.
     pub contacts: usize,
     /// How far the normal turns along the contacts, radians.
-    pub turn_rad: f64,
+    pub rotation_rad: f64,
 }
 
 /// Standard deviation of ρ₀ before any contact, metres: flat as well as sharp, next to a whisker of some decimetres.
@@ -160,10 +160,10 @@ const PRIOR_RADIUS_M: f64 = 1.0;
 pub const PRIOR_SLOPE_M_PER_RAD: f64 = 0.05;
 /// No change of ρ: a circle.
 pub const CIRCLE: f64 = 1e-9;
-/// An outline sharper than this on a whisker of a quarter metre is called a corner even where ρ is told from 0.
+/// An outline sharper than this on a whisker of a quarter metre is called a corner even where ρ is distinguished from 0.
 const CORNER_M: f64 = 1e-3;
-/// A radius is told from zero beyond this many standard deviations.
-const TOLD: f64 = 3.0;
+/// A radius is distinguished from zero beyond this many standard deviations.
+const REPORTED: f64 = 3.0;
 /// A radius this uncertain, metres, says nothing yet.
 const VAGUE_M: f64 = 2e-3;
 /// Rounds of the fit; the normals' own errors settle like a Gauss–Newton iteration's.
@@ -187,7 +187,7 @@ impl LocalOutline {
             chi2: fit.chi2,
             degrees_of_freedom: (2 * points.len()).saturating_sub(free),
             contacts: points.len(),
-            turn_rad: turn(points),
+            rotation_rad: turn(points),
         };
         outline.is_finite().then_some(outline)
     }
@@ -238,8 +238,8 @@ impl LocalOutline {
     pub fn label(&self) -> Label {
         let (radius, sigma) = (self.arc.radius_m.abs(), self.radius_sigma_m());
         match () {
-            _ if radius < CORNER_M.max(TOLD * sigma) && sigma < VAGUE_M => Label::Corner,
-            _ if TOLD * sigma < self.arc.radius_m => Label::Tangent,
+            _ if radius < CORNER_M.max(REPORTED * sigma) && sigma < VAGUE_M => Label::Corner,
+            _ if REPORTED * sigma < self.arc.radius_m => Label::Tangent,
             _ => Label::Undecided,
         }
     }
@@ -360,7 +360,14 @@ fn flat(points: &[OutlinePoint]) -> Option<LocalOutline> {
     };
     let degrees_of_freedom = 2 * points.len() - 2;
     let contacts = points.len();
-    Some(LocalOutline { arc, covariance: of_arc, chi2, degrees_of_freedom, contacts, turn_rad: turn(points) })
+    Some(LocalOutline {
+        arc,
+        covariance: of_arc,
+        chi2,
+        degrees_of_freedom,
+        contacts,
+        rotation_rad: turn(points),
+    })
 }
 
 /// Whether the contacts have moved along the face.
@@ -368,7 +375,7 @@ fn is_traced(points: &[OutlinePoint]) -> bool {
     let [first, .., last] = points else { return false };
     let way = last.x_in_world - first.x_in_world;
     let spread = (first.covariance + last.covariance).fixed_view::<2, 2>(0, 0).trace();
-    TRACED_M.max(TOLD * spread.sqrt()) < way.norm()
+    TRACED_M.max(REPORTED * spread.sqrt()) < way.norm()
 }
 
 fn turn(points: &[OutlinePoint]) -> f64 {

@@ -1,4 +1,4 @@
-//! Slip-off foreseen: how far the hub may go on as it goes until the whisker finds no equilibrium any more.
+//! Slip-off predicted: how far the hub may go on as it goes until the whisker finds no equilibrium any more.
 //!
 //! The arc under the last contacts and the hub's motion are continued; the equilibrium is followed along it, between clamp and tip,
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
@@ -35,9 +35,9 @@ pub struct Ending {
     pub world_from_hub: PlanarPose,
 }
 
-/// What lies ahead of a contact if the hub goes on as it does.
+/// What lies ahead of a contact if the hub continues as it does.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Foresight {
+pub struct Prediction {
     /// L − s, metres: what is left of the whisker beyond the contact.
     pub margin_m: f64,
     /// Its standard deviation, metres; 0 at the tip.
@@ -72,14 +72,14 @@ const GONE: f64 = 2.0;
 /// What lies ahead of the last of `samples`, which are those of one contact phase with their estimates under constraints
 /// ([`solve_record`](crate::friction::solve_record)). None with fewer than three usable contacts, a hub at rest, or a last contact
 /// that is not ok.
-pub fn foresee(
+pub fn predict(
     rod: &Rod,
     cell: &Cell,
     samples: &[Sample],
     estimates: &[ContactEstimate],
     friction: FrictionAngle,
     method: Method,
-) -> Option<Foresight> {
+) -> Option<Prediction> {
     let cell = sound(rod, cell);
     let (last_sample, last) = (samples.last()?, estimates.last()?);
     if last.status != Status::Ok {
@@ -92,24 +92,24 @@ pub fn foresee(
     let (_, now) = touched.last()?;
     let ahead = Ahead { rod, cell, hub: last_sample.world_from_hub, twist: twist(samples)?, method };
     let start = Start { load: now.load, is_tip: last.mode == Mode::Tip };
-    let foreseen = ahead.best(&points, friction, start)?;
-    Some(Foresight {
+    let predicted = ahead.best(&points, friction, start)?;
+    Some(Prediction {
         margin_m: rod.length_m - now.at.s_m,
         margin_sigma_m: if start.is_tip { 0.0 } else { now.s_sigma_m() },
-        stability: foreseen.path.stability,
-        steps_to_tip: foreseen.path.steps_to_tip,
-        ending: foreseen.path.end.map(|(steps, end)| Ending {
+        stability: predicted.path.stability,
+        steps_to_tip: predicted.path.steps_to_tip,
+        ending: predicted.path.end.map(|(steps, end)| Ending {
             end,
             steps,
-            steps_sigma: foreseen.sigma.min(HORIZON),
+            steps_sigma: predicted.sigma.min(HORIZON),
             world_from_hub: ahead.hub_after(steps),
         }),
-        outline: foreseen.outline,
+        outline: predicted.outline,
     })
 }
 
 /// An outline and where it leads.
-struct Foreseen {
+struct Predicted {
     outline: LocalOutline,
     path: Path,
     sigma: f64,
@@ -169,8 +169,8 @@ struct Followed {
 
 impl Ahead<'_> {
     /// On the outline that explains the contacts: a face, a circle, or an arc of changing radius where that change is beyond doubt. How
-    /// the outline goes on is not known: what circle and arc differ by counts as uncertain, eq. (14).
-    fn best(&self, points: &[OutlinePoint], friction: FrictionAngle, start: Start) -> Option<Foreseen> {
+    /// the outline continues is not known: what circle and arc differ by counts as uncertain, eq. (14).
+    fn best(&self, points: &[OutlinePoint], friction: FrictionAngle, start: Start) -> Option<Predicted> {
         let circle = LocalOutline::of_last(points, WINDOW, CIRCLE)?;
         let face = LocalOutline::flat_of_last(points, WINDOW);
         if let Some(face) = face.filter(|face| circle.contacts <= face.contacts) {
@@ -189,13 +189,13 @@ impl Ahead<'_> {
             // A change of radius within its noise: the arc only repeats the circle with more freedom.
             return Some(circle);
         }
-        Some(Foreseen { sigma: arc.sigma.hypot(apart), ..arc })
+        Some(Predicted { sigma: arc.sigma.hypot(apart), ..arc })
     }
 
-    fn on(&self, outline: LocalOutline, friction: FrictionAngle, start: Start) -> Option<Foreseen> {
+    fn on(&self, outline: LocalOutline, friction: FrictionAngle, start: Start) -> Option<Predicted> {
         let path = self.follow(&outline.arc, friction.rad, start)?;
         let sigma = self.sigma(&outline, friction, start, &path);
-        Some(Foreseen { outline, path, sigma })
+        Some(Predicted { outline, path, sigma })
     }
 
     fn hub_after(&self, steps: f64) -> PlanarPose {
@@ -312,7 +312,7 @@ fn twist(samples: &[Sample]) -> Option<Vector3<f64>> {
     let count = PACE.min(samples.len().checked_sub(1)?);
     let (now, then) = (samples.last()?.world_from_hub, samples[samples.len() - 1 - count].world_from_hub);
     let turned = now.angle_rad - then.angle_rad;
-    let shift = then.turn_back(Vector2::new(now.x_m - then.x_m, now.y_m - then.y_m));
+    let shift = then.rotate_back(Vector2::new(now.x_m - then.x_m, now.y_m - then.y_m));
     // Inverse of the planar exponential: t = V⁻¹ shift, V = [sin ω, −(1 − cos ω); 1 − cos ω, sin ω]/ω.
     let half = 0.5 * turned;
     let cot = if half.abs() < 1e-8 { 1.0 } else { half / half.tan() };
@@ -325,7 +325,7 @@ fn twist(samples: &[Sample]) -> Option<Vector3<f64>> {
 fn moved(pose: &PlanarPose, twist: &Vector3<f64>) -> PlanarPose {
     let w = twist.z;
     let (a, b) = if w.abs() < 1e-8 { (1.0, 0.5 * w) } else { (w.sin() / w, (1.0 - w.cos()) / w) };
-    let shift = pose.turn(Vector2::new(a * twist.x - b * twist.y, b * twist.x + a * twist.y));
+    let shift = pose.rotate(Vector2::new(a * twist.x - b * twist.y, b * twist.x + a * twist.y));
     PlanarPose { x_m: pose.x_m + shift.x, y_m: pose.y_m + shift.y, angle_rad: pose.angle_rad + w }
 }
 

@@ -107,7 +107,7 @@ pub fn read_reference(section: &Node, rod: &Rod) -> Result<Calibrated, String> {
         held,
         object: None,
         object_covariance: DMatrix::zeros(0, 0),
-        doubt: None,
+        unknown_reason: None,
         chi2: section.need("chi2")?.not_negative()?,
         degrees_of_freedom: section.need("degrees_of_freedom")?.not_negative()? as usize,
         p_value: section.need("p_value")?.not_negative()?,

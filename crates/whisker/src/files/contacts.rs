@@ -18,7 +18,7 @@ pub enum RowStatus {
     Read(Status),
     /// A cell of the reading is empty.
     Missing,
-    /// The line could not be read (only in a stream, which goes on).
+    /// The line could not be read (only in a stream, which continues).
     Error,
 }
 
@@ -164,7 +164,7 @@ pub struct ContactRow {
     pub feature: Option<Label>,
     /// What changed with this reading: touch, release or slip-off.
     pub event: Change,
-    /// Hub steps until the whisker slips off, and their standard deviation; none where that was not asked or is not foreseen.
+    /// Hub steps until the whisker slips off, and their standard deviation; none where that was not asked or is not predicted.
     pub steps_to_slip_off: Option<[f64; 2]>,
     /// Of a six-axis cell; none where nothing bends the whisker in a plane.
     pub spatial: Option<Spatial>,

@@ -229,7 +229,7 @@ impl HubFormat {
     fn in_hub(&self, world_from_hub: &PlanarPose, x: f64, y: f64) -> Vector2<f64> {
         match self.conventions.force_frame {
             ForceFrame::Hub => Vector2::new(x, y) * self.sign(),
-            ForceFrame::World => world_from_hub.turn_back(Vector2::new(x, y)) * self.sign(),
+            ForceFrame::World => world_from_hub.rotate_back(Vector2::new(x, y)) * self.sign(),
         }
     }
 }

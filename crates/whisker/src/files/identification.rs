@@ -78,7 +78,7 @@ pub fn to_json(answer: &Identification) -> Value {
         "covariance": matrix(&answer.covariance),
         "scores": answer.scores.iter().map(score).collect::<Vec<_>>(),
         "coverage": coverage(&answer.coverage),
-        "chi2_per_dof": finite(answer.chi2_per_dof),
+        "chi2_per_dof": finite(answer.chi2_per_degree_of_freedom),
         "fits": answer.fits,
         "reason": answer.reason.as_ref().map(reason),
         "advice": answer.advice,
@@ -98,7 +98,7 @@ fn matrix(m: &DMatrix<f64>) -> Vec<Vec<f64>> {
 fn score(score: &Score) -> Value {
     json!({
         "model": model_name(score.model), "n_parameters": score.n_parameters, "bic": finite(score.bic),
-        "chi2": finite(score.chi2), "chi2_per_dof": finite(score.chi2_per_dof), "n_outliers": score.n_outliers,
+        "chi2": finite(score.chi2), "chi2_per_dof": finite(score.chi2_per_degree_of_freedom), "n_outliers": score.n_outliers,
     })
 }
 
@@ -121,8 +121,8 @@ fn reason(reason: &Reason) -> Value {
             "covariance_m2": [[covariance[(0, 0)], covariance[(0, 1)]], [covariance[(1, 0)], covariance[(1, 1)]]],
             "radius_bound_m": finite(*radius_bound_m),
         }),
-        Reason::TwoHypotheses { best, rival, delta_bic, needed } => json!({
-            "kind": "two_hypotheses", "best": model_name(*best), "rival": model_name(*rival),
+        Reason::TwoHypotheses { best, alternative, delta_bic, needed } => json!({
+            "kind": "two_hypotheses", "best": model_name(*best), "rival": model_name(*alternative),
             "delta_bic": finite(*delta_bic), "needed": needed,
         }),
         Reason::RatioOpen { best, ratio, delta_chi2, needed } => json!({
@@ -132,8 +132,8 @@ fn reason(reason: &Reason) -> Value {
         Reason::SidesUnseen { seen_rad, needed_rad } => {
             json!({"kind": "sides_unseen", "seen_rad": seen_rad, "needed_rad": needed_rad})
         }
-        Reason::NothingFits { chi2_per_dof, outlier_share } => json!({
-            "kind": "nothing_fits", "chi2_per_dof": finite(*chi2_per_dof), "outlier_share": outlier_share,
+        Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share } => json!({
+            "kind": "nothing_fits", "chi2_per_dof": finite(*chi2_per_degree_of_freedom), "outlier_share": outlier_share,
         }),
     }
 }
@@ -148,10 +148,10 @@ pub fn reason_in_words(reason: &Reason) -> String {
             1e3 * corner_in_world.y,
             1e3 * radius_bound_m
         ),
-        Reason::TwoHypotheses { best, rival, delta_bic, needed } => format!(
+        Reason::TwoHypotheses { best, alternative, delta_bic, needed } => format!(
             "{} and {} explain the contacts about equally well (BIC difference {delta_bic:.1}, {needed:.1} needed)",
             model_name(*best),
-            model_name(*rival)
+            model_name(*alternative)
         ),
         Reason::RatioOpen { best, ratio, delta_chi2, needed } => format!(
             "{} fits best, but an aspect ratio of {ratio:.2} is not excluded (chi2 difference {delta_chi2:.1}, {needed:.1} needed)",
@@ -162,8 +162,8 @@ pub fn reason_in_words(reason: &Reason) -> String {
             seen_rad.to_degrees(),
             needed_rad.to_degrees()
         ),
-        Reason::NothingFits { chi2_per_dof, outlier_share } => format!(
-            "no outline explains the contacts (chi2 per degree of freedom {chi2_per_dof:.2}, {:.0} % outliers): wrong stiffness, zeros or gains, or no single convex object; calibrate first",
+        Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share } => format!(
+            "no outline explains the contacts (chi2 per degree of freedom {chi2_per_degree_of_freedom:.2}, {:.0} % outliers): wrong stiffness, zeros or gains, or no single convex object; calibrate first",
             100.0 * outlier_share
         ),
     }

@@ -38,8 +38,8 @@ impl Layout {
                 ),
             ));
         }
-        let is_twin = |(i, name): &(usize, &String)| !name.is_empty() && header[..*i].contains(name);
-        if let Some((_, name)) = header.iter().enumerate().find(is_twin) {
+        let is_duplicate = |(i, name): &(usize, &String)| !name.is_empty() && header[..*i].contains(name);
+        if let Some((_, name)) = header.iter().enumerate().find(is_duplicate) {
             return Err(TextError::at(line, format!("column {} appears twice", quoted(name))));
         }
         Ok(Layout::Csv { separator, header })

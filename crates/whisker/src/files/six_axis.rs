@@ -1,6 +1,6 @@
 //! A six-axis reading as a row of contacts: reduced to its plane of bending where that is allowed, else refused with the reason.
 //!
-//! The hub moves in a plane, z = 0; the contact is told in the world, its height above that plane included.
+//! The hub moves in a plane, z = 0; the contact is reported in the world, its height above that plane included.
 
 use super::contacts::{ContactRow, RowStatus, Spatial};
 use crate::contact::Method;

@@ -127,7 +127,7 @@ impl<'a> Touched<'a> {
     fn with_estimated(&self) -> Solved {
         let one_way = self.fit(self.median(|angle| angle), sliding);
         let start = self.median(f64::abs);
-        // Turning round can be told only where the friction angle is well above its own noise.
+        // Turning round can be reported only where the friction angle is well above its own noise.
         if start < 5.0 * one_way.friction.sigma_rad.max(self.median_sigma() / 5.0) {
             return one_way;
         }

@@ -68,7 +68,7 @@ impl Candidates {
 const EXPLAINED: (f64, f64) = (1.5, 0.05);
 
 fn explains(score: &Score, n_rows: usize) -> bool {
-    score.chi2_per_dof <= EXPLAINED.0 && score.n_outliers as f64 <= EXPLAINED.1 * n_rows as f64
+    score.chi2_per_degree_of_freedom <= EXPLAINED.0 && score.n_outliers as f64 <= EXPLAINED.1 * n_rows as f64
 }
 
 fn simple(evidence: &Evidence, classes: &[Class]) -> Vec<(Model, Fit)> {
@@ -138,13 +138,14 @@ fn score(rows: &[Row], model: Model, fit: &Fit) -> Score {
     let inliers = || rows.iter().zip(&squared).filter(|(_, squared)| **squared < OUTLIER_COST);
     let n_parameters = fit.state.n_parameters();
     // A tip contact is a point on the outline, any other also a direction.
-    let facts: usize = inliers().map(|(row, _)| if row.tip { 1 } else { 2 }).sum();
-    let dof = facts.saturating_sub(n_parameters).max(1);
+    let constraints: usize = inliers().map(|(row, _)| if row.tip { 1 } else { 2 }).sum();
+    let degrees_of_freedom = constraints.saturating_sub(n_parameters).max(1);
     Score {
         model,
         n_parameters,
         chi2: fit.cost,
-        chi2_per_dof: inliers().map(|(_, squared)| squared).sum::<f64>() / dof as f64,
+        chi2_per_degree_of_freedom: inliers().map(|(_, squared)| squared).sum::<f64>()
+            / degrees_of_freedom as f64,
         n_outliers: rows.len() - inliers().count(),
         bic: f64::INFINITY,
     }
@@ -154,13 +155,14 @@ fn ranked(rows: &[Row], fits: Vec<(Model, Fit)>) -> Candidates {
     let mut list: Vec<Candidate> =
         fits.into_iter().map(|(model, fit)| Candidate { score: score(rows, model, &fit), fit }).collect();
     let least = list.iter().min_by(|a, b| a.score.chi2.total_cmp(&b.score.chi2));
-    let excess =
-        least.map_or(1.0, |best| best.score.chi2_per_dof.max(1.0) * correlation(rows, &best.fit.state));
+    let excess = least.map_or(1.0, |best| {
+        best.score.chi2_per_degree_of_freedom.max(1.0) * correlation(rows, &best.fit.state)
+    });
     for Candidate { score, .. } in &mut list {
         score.bic = score.chi2 / excess + score.n_parameters as f64 * (rows.len() as f64).ln();
     }
     list.sort_by(|a, b| a.score.bic.total_cmp(&b.score.bic).then(a.score.model.cmp(&b.score.model)));
-    // A chain whose corners merged is another's twin.
+    // A chain whose corners merged is another's duplicate.
     list.dedup_by(|a, b| a.score.model == b.score.model);
     Candidates { list, excess }
 }

@@ -32,11 +32,13 @@ pub(super) fn decide<'a>(
 /// Whether the best explains the contacts.
 pub(super) fn fits(best: &Candidate, n_rows: usize, config: &Config) -> Result<(), Reason> {
     let outlier_share = best.score.n_outliers as f64 / n_rows as f64;
-    let chi2_per_dof = best.score.chi2_per_dof;
-    if chi2_per_dof <= config.fits_chi2_per_dof && outlier_share <= config.fits_outlier_share {
+    let chi2_per_degree_of_freedom = best.score.chi2_per_degree_of_freedom;
+    if chi2_per_degree_of_freedom <= config.fits_chi2_per_degree_of_freedom
+        && outlier_share <= config.fits_outlier_share
+    {
         return Ok(());
     }
-    Err(Reason::NothingFits { chi2_per_dof, outlier_share })
+    Err(Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share })
 }
 
 /// One point explains everything about as well as the best does.
@@ -65,16 +67,16 @@ fn not_one_corner(evidence: &Evidence, candidates: &Candidates, config: &Config)
 /// A smooth outline and one with corners must not explain the contacts about equally well.
 fn families_apart(candidates: &Candidates, config: &Config) -> Result<(), Reason> {
     let best = &candidates.list[0].score;
-    let rival = candidates.best(|model| model.is_smooth() != best.model.is_smooth());
-    rival.map_or(Ok(()), |rival| apart(best, &rival.score, config))
+    let alternative = candidates.best(|model| model.is_smooth() != best.model.is_smooth());
+    alternative.map_or(Ok(()), |alternative| apart(best, &alternative.score, config))
 }
 
-fn apart(best: &super::Score, rival: &super::Score, config: &Config) -> Result<(), Reason> {
-    let (delta_bic, needed) = (rival.bic - best.bic, config.decided_bic);
+fn apart(best: &super::Score, alternative: &super::Score, config: &Config) -> Result<(), Reason> {
+    let (delta_bic, needed) = (alternative.bic - best.bic, config.decided_bic);
     if needed <= delta_bic {
         return Ok(());
     }
-    Err(Reason::TwoHypotheses { best: best.model, rival: rival.model, delta_bic, needed })
+    Err(Reason::TwoHypotheses { best: best.model, alternative: alternative.model, delta_bic, needed })
 }
 
 /// Circle or ellipse: an ellipse where a circle is excluded, a circle where a material ellipse is.
@@ -157,14 +159,14 @@ fn differs_materially(general: &State, config: &Config) -> bool {
     config.material_difference_m <= (a - b).abs()
 }
 
-/// Half way to being excluded, the simpler hypothesis is not told either: by chance the general one gets so far once in a thousand.
+/// Half way to being excluded, the simpler hypothesis is not reported either: by chance the general one gets so far once in a thousand.
 fn not_doubtful(simple: &Candidate, general: &Candidate, config: &Config) -> Result<(), Reason> {
     let delta_bic = simple.score.bic - general.score.bic;
     if delta_bic < 0.5 * config.decided_bic {
         return Ok(());
     }
-    let (best, rival) = (general.score.model, simple.score.model);
-    Err(Reason::TwoHypotheses { best, rival, delta_bic, needed: config.decided_bic })
+    let (best, alternative) = (general.score.model, simple.score.model);
+    Err(Reason::TwoHypotheses { best, alternative, delta_bic, needed: config.decided_bic })
 }
 
 /// A polygon replaces a rectangle where it is better and explains at least half of the rectangle's outliers: more corners always
@@ -172,7 +174,7 @@ fn not_doubtful(simple: &Candidate, general: &Candidate, config: &Config) -> Res
 fn replaces(polygon: &Candidate, special: &Candidate, config: &Config) -> bool {
     polygon.score.bic + config.decided_bic <= special.score.bic
         && (2 * polygon.score.n_outliers <= special.score.n_outliers
-            || config.fits_chi2_per_dof < special.score.chi2_per_dof)
+            || config.fits_chi2_per_degree_of_freedom < special.score.chi2_per_degree_of_freedom)
 }
 
 /// An ellipse whose smaller axis may be nothing is a plate, which has corners.
@@ -189,8 +191,8 @@ fn thick(
     if config.decided_bic <= delta_bic {
         return Ok(());
     }
-    let (best, rival) = (Model::Ellipse, Model::Polygon { corners: 2 });
-    Err(Reason::TwoHypotheses { best, rival, delta_bic, needed: config.decided_bic })
+    let (best, alternative) = (Model::Ellipse, Model::Polygon { corners: 2 });
+    Err(Reason::TwoHypotheses { best, alternative, delta_bic, needed: config.decided_bic })
 }
 
 /// Shapes of the material ratio must cost more than the best by what decides.

@@ -254,7 +254,7 @@ impl Corners {
 /// The whisker along a face from `corner`: u and the residual.
 fn on_face(row: &Row, corner: Vector2<f64>, face: &Face) -> (f64, Vector3<f64>) {
     let off = row.x - corner;
-    let e = row.w * Vector3::new(off.x, off.y, nearest_turn(row.beta - face.beta));
+    let e = row.w * Vector3::new(off.x, off.y, nearest_revolution(row.beta - face.beta));
     let w = place(row, face.along);
     let u = (w.dot(&e) / w.norm_squared()).clamp(0.0, face.length);
     (u, e - u * w)
@@ -284,6 +284,6 @@ pub(super) fn positive_angle(angle: f64) -> f64 {
 }
 
 /// Into [−π, π).
-pub(super) fn nearest_turn(angle: f64) -> f64 {
+pub(super) fn nearest_revolution(angle: f64) -> f64 {
     positive_angle(angle + PI) - PI
 }

@@ -113,7 +113,7 @@ pub(super) fn coverage(
     coverage
 }
 
-/// Corners that were turned about, and the number of faces lain on.
+/// Corners that were rotated about, and the number of faces lain on.
 fn corners_and_faces(evidence: &Evidence, state: &State) -> (Vec<Vector2<f64>>, usize) {
     let corners = match state.outline() {
         Some(super::outline::Outline::Corners(corners)) => corners.corners,

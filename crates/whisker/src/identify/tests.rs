@@ -94,7 +94,7 @@ fn no_contact_of_the_outline_is_nearer() {
             let found = outline.distance(row).e.norm_squared();
             let least = contacts(&outline).map(|(x, beta)| {
                 let off = x - row.x;
-                let turn = super::outline::nearest_turn(beta - row.beta);
+                let turn = super::outline::nearest_revolution(beta - row.beta);
                 (row.w * Vector3::new(off.x, off.y, turn)).norm_squared()
             });
             let least = least.fold(f64::INFINITY, f64::min);

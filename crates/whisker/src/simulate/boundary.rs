@@ -46,7 +46,7 @@ pub(super) fn boundaries(
     match state.touching {
         Touching::Corner(i) => {
             all.push((Boundary::First, z.z));
-            all.push((Boundary::Last, outline.turn_rad(i) - z.z));
+            all.push((Boundary::Last, outline.rotation_rad(i) - z.z));
         }
         Touching::Face(i) | Touching::TipOnFace(i) => {
             all.push((Boundary::First, z.z / length));
@@ -77,7 +77,9 @@ pub(super) fn neighbour(rod: &Rod, outline: &Outline, state: &State, boundary: B
             as_mid(rod, state, Touching::Face(before), outline.lengths_m[before])
         }
         (Touching::Corner(i), Boundary::Last) => as_mid(rod, state, Touching::Face(i), 0.0),
-        (Touching::Face(i), Boundary::First) => as_mid(rod, state, Touching::Corner(i), outline.turn_rad(i)),
+        (Touching::Face(i), Boundary::First) => {
+            as_mid(rod, state, Touching::Corner(i), outline.rotation_rad(i))
+        }
         (Touching::Face(i), Boundary::Last) => as_mid(rod, state, Touching::Corner(outline.after(i)), 0.0),
         _ => return None,
     };
@@ -94,7 +96,7 @@ pub(super) fn jumps(rod: &Rod, outline: &Outline, state: &State, boundary: Bound
         let start = |share| at(share) * outline.lengths_m[face];
         shares.map(|share| as_tip(rod, outline, state, Touching::TipOnFace(face), start(share)))
     };
-    let corner = |i: usize| as_mid(rod, state, Touching::Corner(i), 0.5 * outline.turn_rad(i));
+    let corner = |i: usize| as_mid(rod, state, Touching::Corner(i), 0.5 * outline.rotation_rad(i));
     match (state.touching, boundary) {
         (Touching::Corner(i), Boundary::ReachTip) => [onto(i, false), onto(outline.before(i), true)].concat(),
         (Touching::TipOnFace(i), Boundary::First) => {

@@ -79,7 +79,7 @@ impl<'a> Outline<'a> {
     }
 
     /// By how much the normal turns at a corner, radians.
-    pub fn turn_rad(&self, corner: usize) -> f64 {
+    pub fn rotation_rad(&self, corner: usize) -> f64 {
         (self.normals_rad[corner] - self.normals_rad[self.before(corner)]).rem_euclid(TAU)
     }
 
@@ -147,7 +147,7 @@ pub(super) struct State {
 
 /// The contact that a state means, world axes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct Observed {
     pub x: Vector2<f64>,
     pub theta_rad: f64,
     pub s_m: f64,
@@ -175,11 +175,11 @@ pub(super) struct Solved {
 }
 
 impl State {
-    pub fn seen(&self, rod: &Rod, outline: &Outline) -> Seen {
+    pub fn seen(&self, rod: &Rod, outline: &Outline) -> Observed {
         let place = outline.place(self.touching, self.unknowns.z);
         let tip = self.touching.is_tip();
         let theta_rad = if tip { self.unknowns.y } else { place.normal_rad - self.side * FRAC_PI_2 };
-        Seen {
+        Observed {
             x: place.x,
             theta_rad,
             s_m: if tip { rod.length_m } else { self.unknowns.y },

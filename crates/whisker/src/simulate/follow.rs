@@ -368,7 +368,8 @@ impl Follower<'_> {
             let parameter = wrapped(normal_rad - self.outline.normals_rad[self.outline.before(i)]);
             let index = line.iter().position(|p| p == &nearest[0])?;
             let s = self.rod.length_m * (index as f64 / (line.len() - 1) as f64).max(0.02);
-            let unknowns = Vector3::new(state.unknowns.x, s, parameter.clamp(0.0, self.outline.turn_rad(i)));
+            let unknowns =
+                Vector3::new(state.unknowns.x, s, parameter.clamp(0.0, self.outline.rotation_rad(i)));
             Some(State { touching: Touching::Corner(i), unknowns, ..*state })
         };
         (0..self.outline.count()).filter_map(corner_state).collect()

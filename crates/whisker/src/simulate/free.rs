@@ -129,7 +129,7 @@ fn mid_of_straight(
         for (i, corner) in outline.corners.iter().enumerate() {
             if (level - normal.dot(corner)).abs() <= NEAR * rod.length_m {
                 let parameter = wrapped(normal_rad - outline.normals_rad[outline.before(i)]);
-                let parameter = parameter.clamp(0.0, outline.turn_rad(i));
+                let parameter = parameter.clamp(0.0, outline.rotation_rad(i));
                 touched.push((hub.apply_inverse(*corner).x, Touching::Corner(i), parameter));
             }
         }
@@ -172,7 +172,7 @@ fn mid_of_curved(
         match nearest_corner(outline, x) {
             Some(corner) => {
                 let parameter = wrapped(normal_rad - outline.normals_rad[outline.before(corner)]);
-                let parameter = parameter.clamp(0.0, outline.turn_rad(corner));
+                let parameter = parameter.clamp(0.0, outline.rotation_rad(corner));
                 found.push(start(Touching::Corner(corner), side, Vector3::new(0.0, s, parameter)));
             }
             None => found.push(start(Touching::Tangent, side, Vector3::new(0.0, s, normal_rad))),

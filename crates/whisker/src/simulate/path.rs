@@ -49,7 +49,7 @@ impl Motion {
         }
     }
 
-    /// The pose at a time; the motion goes on beyond t = 1 s as before.
+    /// The pose at a time; the motion continues beyond t = 1 s as before.
     pub fn at(&self, t_s: f64) -> PlanarPose {
         match self {
             Motion::Between { from, to } => between(from, to, t_s),
@@ -65,7 +65,7 @@ impl Motion {
     }
 }
 
-/// The three sweeps that surround an object near (0, 0.165 m): over it along +x and −x with the whisker upright, and a turn from
+/// The three sweeps that surround an object near (0, 0.165 m): over it along +x and −x with the whisker upright, and a rotation from
 /// 150° to 10° beside it.
 pub fn standard_sweeps() -> [Motion; 3] {
     let upright = std::f64::consts::FRAC_PI_2;

@@ -8,7 +8,7 @@
 use super::node::{Linear, direction, left_of, wrapped};
 use nalgebra::{Vector2, Vector4};
 
-/// Below this an outline's bow between two contacts is not told from straight, metres: far below what the hub's pose is known to.
+/// Below this an outline's bow between two contacts is not distinguished from straight, metres: far below what the hub's pose is known to.
 pub const FLOOR_M: f64 = 5e-7;
 
 /// A residual between two nodes with its derivatives.

@@ -31,8 +31,8 @@ const LONGEST_TURN_RAD: f64 = 0.1;
 const DAMPING: f64 = 1e-6;
 /// A last contact is taken to the tip where that fits better by this much in χ².
 const CLEARLY_TIP: f64 = 4.0;
-/// Friction is told from none, and so one direction of sliding from the other, above this many standard deviations.
-const SLIDING_TOLD: f64 = 4.0;
+/// Friction is distinguished from none, and so one direction of sliding from the other, above this many standard deviations.
+const SLIDING_REPORTED: f64 = 4.0;
 
 /// The final answer for one sample.
 #[derive(Debug, Clone, PartialEq)]
@@ -212,8 +212,8 @@ impl FixedLag {
     /// The cheapest role after the cheapest path so far.
     fn role(&mut self, costs: &Costs) -> Role {
         self.path = roles::extend(&self.path, costs);
-        let told = SLIDING_TOLD * self.shared_variance.sqrt() < self.shared_rad.abs();
-        roles::cheapest(&self.path, told)
+        let reported = SLIDING_REPORTED * self.shared_variance.sqrt() < self.shared_rad.abs();
+        roles::cheapest(&self.path, reported)
     }
 
     /// Builds the normal equations; the sum of squares they are of.

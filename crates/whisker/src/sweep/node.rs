@@ -157,7 +157,7 @@ impl Node {
         let mut x_by = Matrix2x4::zeros();
         for column in 0..3 {
             let in_hub = by_load.fixed_view::<2, 1>(0, column).into_owned();
-            x_by.set_column(column, &self.hub.turn(in_hub));
+            x_by.set_column(column, &self.hub.rotate(in_hub));
         }
         x_by -= direction(alpha_rad) * offset * alpha_by.transpose();
         x_by.set_column(3, &(normal * self.offset_sigma_m));

@@ -12,12 +12,12 @@ use nalgebra::Vector3;
 
 /// Friction angles known to less than this do not help to find μ, radians.
 const USEFUL_ANGLE_RAD: f64 = 0.05;
-/// Below this the friction angle is not told from none before smoothing, radians.
+/// Below this the friction angle is not distinguished from none before smoothing, radians.
 const SLIPPERY_RAD: f64 = 0.01;
 
 /// A contact sample before smoothing.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct Observed {
     /// Its row.
     pub row: usize,
     /// Its load, whitened.
@@ -31,7 +31,7 @@ pub struct Seen {
 }
 
 /// Consecutive samples of one sweep in contact.
-pub type Run = Vec<Seen>;
+pub type Run = Vec<Observed>;
 
 /// Whether a reading says that something is touched.
 pub fn touched(with: &Instrument, sample: &Sample) -> bool {
@@ -40,9 +40,9 @@ pub fn touched(with: &Instrument, sample: &Sample) -> bool {
 }
 
 /// A sample in contact, its role still open.
-pub fn see(with: &Instrument, row: usize, sample: &Sample) -> Seen {
+pub fn see(with: &Instrument, row: usize, sample: &Sample) -> Observed {
     let measured = sample.load.to_vector().component_div(&with.load_sigma);
-    Seen { row, measured, raw: with.contact(&measured), role: Role::Slides(1.0), probability: 1.0 }
+    Observed { row, measured, raw: with.contact(&measured), role: Role::Slides(1.0), probability: 1.0 }
 }
 
 /// The runs of a record.
@@ -99,8 +99,8 @@ pub fn assign_roles(with: &Instrument, run: &mut Run, shared_rad: f64) {
 }
 
 /// Where along the whisker a sample touches, from the nearest sample of its run that says so.
-fn place_m(with: &Instrument, run: &Run, index: usize) -> Option<f64> {
-    let clear = |seen: &Seen| match &seen.raw {
+fn position_m(with: &Instrument, run: &Run, index: usize) -> Option<f64> {
+    let clear = |seen: &Observed| match &seen.raw {
         Some((at, by)) if by.row(3).norm() < start::WEAK * with.rod.length_m => Some(at.s_m),
         _ => None,
     };
@@ -120,7 +120,7 @@ fn place_m(with: &Instrument, run: &Run, index: usize) -> Option<f64> {
 /// A starting value of the load of sample `index` of a run.
 pub fn start_of(with: &Instrument, run: &Run, index: usize, shared_rad: f64) -> Option<Vector3<f64>> {
     let seen = &run[index];
-    let goal = Goal { role: seen.role, shared_rad, s_m: place_m(with, run, index) };
+    let goal = Goal { role: seen.role, shared_rad, s_m: position_m(with, run, index) };
     start::load(with, &seen.measured, &goal)
 }
 

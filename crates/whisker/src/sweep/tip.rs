@@ -25,7 +25,7 @@ const NO_ALTERNATIVE: f64 = 16.0;
 
 /// What a border left undecided means for one node.
 #[derive(Debug, Clone, Copy)]
-pub struct Doubt {
+pub struct Undecided {
     /// Mean square of `[x, y, θ]` about the better answer, m², m·rad, rad².
     pub spread: Matrix3<f64>,
     /// Probability that the node's role is right.
@@ -62,8 +62,8 @@ pub fn improve(problem: &mut Problem, now: &Smoothed) -> bool {
 }
 
 /// What the borders leave undecided, node by node, eq. (18).
-pub fn doubts(problem: &Problem, now: &Smoothed) -> Vec<Doubt> {
-    let mut doubts = vec![Doubt { spread: Matrix3::zeros(), probability: 1.0 }; problem.nodes.len()];
+pub fn undecided(problem: &Problem, now: &Smoothed) -> Vec<Undecided> {
+    let mut undecided = vec![Undecided { spread: Matrix3::zeros(), probability: 1.0 }; problem.nodes.len()];
     for change in changes(problem, now) {
         let stretch = stretch(problem, change.changed.start);
         let Some(as_is) = trial(problem, now, &stretch, None) else { continue };
@@ -81,13 +81,13 @@ pub fn doubts(problem: &Problem, now: &Smoothed) -> Vec<Doubt> {
                 _ => 0.0,
             };
             let off = (b.x - a.x).push(turn);
-            doubts[i].spread += off * off.transpose() * share;
+            undecided[i].spread += off * off.transpose() * share;
         }
         for i in change.changed {
-            doubts[i].probability *= 1.0 - share;
+            undecided[i].probability *= 1.0 - share;
         }
     }
-    doubts
+    undecided
 }
 
 fn is_tip(role: &Role) -> bool {
@@ -214,10 +214,10 @@ fn outside(part: &Problem, smoothed: &Smoothed) -> f64 {
     (0..count).map(|i| worst(i).powi(2).min(OUTSIDE_AT_MOST)).fold(0.0, f64::max)
 }
 
-impl Doubt {
+impl Undecided {
     /// No doubt at all.
     pub fn none() -> Self {
-        Doubt { spread: Matrix3::zeros(), probability: 1.0 }
+        Undecided { spread: Matrix3::zeros(), probability: 1.0 }
     }
 
     /// Mean square along a direction of `[x, y, θ]`.

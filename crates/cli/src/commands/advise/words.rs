@@ -42,7 +42,7 @@ pub fn points(advice: &PointsAdvice) -> String {
 
 /// `place ± 31 mm   rotation ± 0.21°   length ± 19 mm`.
 fn figures(f: &Figures) -> String {
-    let place = f.sigma_place_m.map_or("unknown".into(), sigma_m);
+    let place = f.sigma_position_m.map_or("unknown".into(), sigma_m);
     let rotation = f.sigma_rotation_rad.map_or("unknown".into(), sigma_rad);
     let length = f.sigma_length_m.map_or(String::new(), |s| format!("   length ± {}", sigma_m(s)));
     format!("place ± {place}   rotation ± {rotation}{length}")
@@ -50,7 +50,7 @@ fn figures(f: &Figures) -> String {
 
 /// Doubts and faults, one a line.
 fn warnings(f: &Figures) -> String {
-    f.concerns.iter().chain(&f.doubts).map(|text| format!("    ! {text}\n")).collect()
+    f.layout_warnings.iter().chain(&f.first_order_limits).map(|text| format!("    ! {text}\n")).collect()
 }
 
 /// How well a target is seen.
@@ -75,7 +75,7 @@ pub fn target(advice: &TargetAdvice, sigma_px: f64) -> String {
     for change in &advice.changes {
         out += &outlook(&words::change(&change.change), &change.outlook);
     }
-    match advice.changes.iter().find(|t| !t.grows) {
+    match advice.changes.iter().find(|t| !t.enlarges_target) {
         None => out,
         Some(free) if free.cost_ratio < 0.97 => {
             out + &format!("\nwithout making it larger: {}\n", words::change(&free.change))
@@ -95,12 +95,12 @@ fn target_remarks(o: &OutlookObject) -> String {
     }
     if 0.01 < o.first_order_fails {
         text += &format!(
-            "  ! in {:.0} % of the views first-order figures do not hold (frontal, or a second pose near); there the table rests on drawn pictures\n",
+            "  ! in {:.0} % of the views first-order figures do not hold (frontal, or a second pose near); there the table rests on drawn images\n",
             100.0 * o.first_order_fails
         );
     }
-    if o.n_out_of_sight != 0 {
-        let share = 100.0 * o.n_out_of_sight as f64 / o.n_views as f64;
+    if o.n_out_of_view != 0 {
+        let share = 100.0 * o.n_out_of_view as f64 / o.n_views as f64;
         text += &format!(
             "  ! in {share:.0} % of the views the target does not fit into the image; step back or make it smaller\n"
         );
@@ -114,9 +114,9 @@ fn outlook(name: &str, o: &OutlookObject) -> String {
         Some(s) => (write(s.median), write(s.p95)),
         None => ("–".into(), "–".into()),
     };
-    let (place, place95) = pair(o.sigma_place_m, sigma_m);
+    let (place, place95) = pair(o.sigma_position_m, sigma_m);
     let (rotation, rotation95) = pair(o.sigma_rotation_rad, sigma_rad);
-    let unseen = (o.n_out_of_sight + o.n_undetermined) as f64 / o.n_views.max(1) as f64;
+    let unseen = (o.n_out_of_view + o.n_undetermined) as f64 / o.n_views.max(1) as f64;
     format!(
         "  {name:<40} {place:>9} {place95:>9}   {rotation:>8} {rotation95:>8}   {:>8} {:>8} {:>8}\n",
         share(o.ambiguous),
@@ -128,7 +128,7 @@ fn outlook(name: &str, o: &OutlookObject) -> String {
 fn header(name: &str) -> String {
     format!(
         "  {name:<40} {:>9} {:>9}   {:>8} {:>8}   {:>8} {:>8} {:>8}\n",
-        "place ±", "95 %", "turn ±", "95 %", "ambig.", "wrong", "unseen"
+        "position ±", "95 %", "rotation ±", "95 %", "ambig.", "wrong", "stale"
     )
 }
 
@@ -147,13 +147,14 @@ pub fn boards(advice: &BoardAdvice, sigma_px: f64) -> String {
     );
     for s in &advice.suggestions {
         let ([x, y, z], [a, b, c]) = (s.centre_in_rig_m, s.front_in_rig);
-        let doubts = s.doubts.iter().map(|d| format!("    ! in each camera alone: {d}\n"));
+        let first_order_limits =
+            s.first_order_limits.iter().map(|d| format!("    ! in each camera alone: {d}\n"));
         out += &format!(
             "  {}  centre x {x:.2}  y {y:.2}  z {z:.2} m, front towards ({a:+.2} {b:+.2} {c:+.2}), seen by {}\n        {}\n{}",
             s.rank,
             s.seen_by.join(", "),
             cameras(&s.cameras),
-            doubts.collect::<String>()
+            first_order_limits.collect::<String>()
         );
     }
     out
@@ -161,7 +162,7 @@ pub fn boards(advice: &BoardAdvice, sigma_px: f64) -> String {
 
 fn cameras(all: &BTreeMap<String, CameraFigures>) -> String {
     let one = |(name, c): (&String, &CameraFigures)| match c.determined {
-        true => format!("{name} ± {} ± {}", sigma_m(c.sigma_place_m), sigma_rad(c.sigma_rotation_rad)),
+        true => format!("{name} ± {} ± {}", sigma_m(c.sigma_position_m), sigma_rad(c.sigma_rotation_rad)),
         false => format!("{name} unknown"),
     };
     all.iter().map(one).collect::<Vec<_>>().join("   ")

@@ -1,5 +1,5 @@
-//! What the demo ships: pictures, cameras, targets and where the cameras truly were. All of it is drawn by
-//! `crates/resight/examples/make_demo.rs`.
+//! What the demo ships: images, cameras, targets and where the cameras truly were. All of it is drawn by
+//! `crates/resight/tools/make_demo.rs`.
 
 use anyhow::{Context, Result};
 use resight::core::{Point, Pose};

@@ -9,7 +9,7 @@ use resight::report::rig::{
 };
 use resight::report::verdict::Status;
 use resight::report::verdict::figures;
-use resight::report::words::{coordinate, degrees, length, place_sigma_m, sigmas};
+use resight::report::words::{coordinate, degrees, length, position_sigma_m, sigmas};
 use resight::rig::gather::Gathered;
 use resight::rig::relative::between;
 use std::collections::BTreeMap;
@@ -81,14 +81,14 @@ fn name(solved: &SolvedRig, camera: usize) -> &str {
     &solved.run.rig.cameras[camera].name
 }
 
-/// Where each camera is in the rig, with the standard deviation along the rig's axes, and how sure its direction is.
+/// Where each camera is in the rig, with the standard deviation along the rig's axes, and how uncertain its direction is.
 fn cameras(solved: &SolvedRig) -> String {
     let s = &solved.run.solution;
-    let head = ["camera", "x", "y", "z", "turned (x y z)", "±", "views", "seen", "used", "rms px"];
+    let head = ["camera", "x", "y", "z", "rotation (x y z)", "±", "views", "seen", "used", "rms px"];
     let mut table = vec![head.map(str::to_string).to_vec()];
     for (i, camera) in s.cameras.iter().enumerate() {
         let place = camera.cam_from_rig.origin();
-        let sigma_m = place_sigma_m(&camera.cam_from_rig, &camera.covariance);
+        let sigma_m = position_sigma_m(&camera.cam_from_rig, &camera.covariance);
         let (turn, _) = sigmas(&camera.covariance);
         let xi = camera.cam_from_rig.log();
         let turned = [0, 1, 2].map(|k| format!("{:+.3}°", xi[k].to_degrees())).join(" ");
@@ -130,7 +130,8 @@ fn pairs(solved: &SolvedRig) -> String {
     let shares = |(a, b): &(usize, usize)| 0 < s.shared.counts[*a][*b];
     let pairs: Vec<(usize, usize)> =
         (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).filter(shares).collect();
-    let mut table = vec![["pair", "shared views", "apart", "±", "turned", "±"].map(str::to_string).to_vec()];
+    let mut table =
+        vec![["pair", "shared views", "apart", "±", "rotation", "±"].map(str::to_string).to_vec()];
     for (a, b) in pairs.iter().take(MAX_PAIRS) {
         let Some(pose) = between(s, *a, *b) else { continue };
         let (turn, shift) = sigmas(&pose.covariance);
@@ -153,7 +154,7 @@ fn world(solved: &SolvedRig, out: &mut String) {
     let (Some(world), Some(target)) = (&solved.in_world, &solved.world_target) else { return };
     for (i, pose) in world.world_from_cam.iter().enumerate() {
         let place = pose.b_from_a.translation;
-        let sigma_m = place_sigma_m(&pose.inverse().b_from_a, &pose.inverse().covariance);
+        let sigma_m = position_sigma_m(&pose.inverse().b_from_a, &pose.inverse().covariance);
         let coordinates: Vec<String> = ["x", "y", "z"]
             .iter()
             .enumerate()
@@ -186,20 +187,21 @@ fn left_out(solved: &SolvedRig, out: &mut String) {
         };
         line(out, "left out", &format!("{named}{more}: {reason}"));
     }
-    let results = solved.run.solution.sightings.iter().enumerate();
+    let results = solved.run.solution.observations.iter().enumerate();
     let rejected: Vec<(usize, String)> = results
         .filter_map(|(i, r)| r.rejected.as_ref().map(|reason| (i, rejection_sentence(reason))))
         .collect();
     for (i, reason) in rejected.iter().take(MAX_NAMED) {
-        let sighting = &solved.run.rig.sightings[*i];
-        let target = &solved.run.rig.targets[sighting.target].name;
-        let text = format!("{} {}, {target}: {reason}", name(solved, sighting.camera), solved.taken_in[*i]);
+        let observation = &solved.run.rig.observations[*i];
+        let target = &solved.run.rig.targets[observation.target].name;
+        let text =
+            format!("{} {}, {target}: {reason}", name(solved, observation.camera), solved.taken_in[*i]);
         line(out, "rejected", &text);
     }
     if MAX_NAMED < rejected.len() {
-        line(out, "rejected", &format!("and {} more sightings, see --json", rejected.len() - MAX_NAMED));
+        line(out, "rejected", &format!("and {} more observations, see --json", rejected.len() - MAX_NAMED));
     }
-    let single = solved.run.solution.sightings.iter().filter(|r| r.rejected.is_none());
+    let single = solved.run.solution.observations.iter().filter(|r| r.rejected.is_none());
     let n_points: usize =
         single.map(|r| r.residuals_px.iter().filter(|p| !matches!(p, Some((_, true)))).count()).sum();
     if 0 < n_points {

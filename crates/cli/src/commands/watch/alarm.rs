@@ -12,9 +12,9 @@ pub struct AlarmArgs {
     /// False alarms a day, on average at most, for all cameras together [default: 1/30, one a month]
     #[arg(long, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
-    /// A camera without a usable reading for this long is unseen.
-    #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
-    unseen_after_s: f64,
+    /// A camera without a usable reading for this long is stale.
+    #[arg(long, alias = "unseen-after-s", hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
+    stale_after_s: f64,
     /// Rotations below this are no motion.
     #[arg(long, hide_short_help = true, value_name = "DEGREES", default_value_t = 0.0)]
     tolerance_deg: f64,
@@ -39,7 +39,7 @@ pub struct AlarmArgs {
     diurnal_mm: f64,
 }
 
-/// What a lens model leaves over changes as the target is carried through the picture, and a short look shows little of it: degrees and
+/// What a lens model leaves over changes as the target is carried through the image, and a short look shows little of it: degrees and
 /// millimetres that four webcams need to be quiet (docs/watch.md).
 const CARRIED_ABOUT: [f64; 2] = [0.2, 2.0];
 
@@ -48,7 +48,7 @@ impl AlarmArgs {
     pub fn monitor(&self, pairs: usize) -> MonitorConfig {
         MonitorConfig {
             false_alarms_per_day: self.false_alarms_per_day / pairs as f64,
-            unseen_after_s: self.unseen_after_s,
+            stale_after_s: self.stale_after_s,
             tolerance_rotation_rad: self.tolerance_deg.to_radians(),
             tolerance_translation_m: 1e-3 * self.tolerance_mm,
             ..MonitorConfig::default()
@@ -56,7 +56,7 @@ impl AlarmArgs {
     }
 
     /// Errors known beforehand.
-    pub fn lasting(&self, is_target_moving: bool) -> LearnConfig {
+    pub fn correlated(&self, is_target_moving: bool) -> LearnConfig {
         let [correlated_deg, correlated_mm] = if is_target_moving { CARRIED_ABOUT } else { [0.0, 0.0] };
         LearnConfig {
             bias: spread(
@@ -64,7 +64,7 @@ impl AlarmArgs {
                 self.correlated_mm.unwrap_or(correlated_mm),
             ),
             bias_time_s: self.correlation_time_s,
-            daily: spread(self.diurnal_deg, self.diurnal_mm),
+            diurnal: spread(self.diurnal_deg, self.diurnal_mm),
         }
     }
 }
@@ -91,7 +91,7 @@ mod tests {
     }
 
     /// All different, so that no two can be mistaken for each other.
-    const ALL: &str = "watch --false-alarms-per-day 0.6 --unseen-after-s 7 --tolerance-deg 0.5 --tolerance-mm 3 \
+    const ALL: &str = "watch --false-alarms-per-day 0.6 --stale-after-s 7 --tolerance-deg 0.5 --tolerance-mm 3 \
         --correlated-deg 0.2 --correlated-mm 4 --correlation-time-s 90 --diurnal-deg 0.1 --diurnal-mm 5";
 
     fn is_spread(covariance: &Matrix6<f64>, degrees: f64, metres: f64) -> bool {
@@ -105,7 +105,7 @@ mod tests {
     fn the_rate_is_shared_and_units_are_ours() {
         let monitor = read(ALL).monitor(3);
         assert!((monitor.false_alarms_per_day - 0.2).abs() < 1e-15);
-        assert_eq!(monitor.unseen_after_s, 7.0);
+        assert_eq!(monitor.stale_after_s, 7.0);
         assert!((monitor.tolerance_rotation_rad - 0.5_f64.to_radians()).abs() < 1e-15);
         assert!((monitor.tolerance_translation_m - 0.003).abs() < 1e-15);
     }
@@ -113,22 +113,22 @@ mod tests {
     #[test]
     fn errors_known_beforehand_reach_the_monitor() {
         for is_target_moving in [false, true] {
-            let lasting = read(ALL).lasting(is_target_moving);
-            assert!(is_spread(&lasting.bias, 0.2, 0.004) && is_spread(&lasting.daily, 0.1, 0.005));
-            assert_eq!(lasting.bias_time_s, 90.0);
+            let correlated = read(ALL).correlated(is_target_moving);
+            assert!(is_spread(&correlated.bias, 0.2, 0.004) && is_spread(&correlated.diurnal, 0.1, 0.005));
+            assert_eq!(correlated.bias_time_s, 90.0);
         }
         let default = read("watch");
-        assert!(is_spread(&default.lasting(false).bias, 0.0, 0.0));
-        assert!(is_spread(&default.lasting(true).bias, 0.2, 0.002));
+        assert!(is_spread(&default.correlated(false).bias, 0.0, 0.0));
+        assert!(is_spread(&default.correlated(true).bias, 0.2, 0.002));
     }
 
     /// A clock takes no more.
     #[test]
     fn seconds_are_bounded() {
         let read = |line: &str| Line::try_parse_from(line.split_whitespace());
-        assert!(read("watch --unseen-after-s 1e9").is_ok());
+        assert!(read("watch --stale-after-s 1e9").is_ok());
         for bad in ["1e20", "0", "-1", "NaN", "inf"] {
-            let refused = read(&format!("watch --unseen-after-s={bad}")).err().expect("refused").to_string();
+            let refused = read(&format!("watch --stale-after-s={bad}")).err().expect("refused").to_string();
             assert!(
                 refused.contains("a positive number of seconds is needed, at most 1000000000"),
                 "{refused}"

@@ -1,4 +1,4 @@
-//! Natural landmarks: reference pictures read.
+//! Natural landmarks: reference images read.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -33,32 +33,34 @@ impl LandmarkArgs {
     pub fn read(&self, names: &Names) -> Result<Vec<Option<WatchedLandmarks>>> {
         let pictures = by_name("--landmarks", &self.landmarks, &names.cameras)?;
         let saved = self.saved(names)?;
-        let watched =
-            |((picture, saved), name): ((Option<String>, &Option<String>), &String)| match (picture, saved) {
-                (Some(_), Some(_)) => {
-                    bail!("camera {name}: --landmarks and --save-landmarks are both given; one is needed")
-                }
-                (Some(file), None) => {
-                    let picture = GrayImage::read(Path::new(&file))?;
-                    Ok(Some(WatchedLandmarks { picture: Some(picture) }))
-                }
-                // Taken anew at each restart it would be a picture from after whatever happened in between.
-                (None, Some(file)) => {
-                    let file = Path::new(file);
-                    let picture = file.exists().then(|| GrayImage::read(file)).transpose()?;
-                    Ok(Some(WatchedLandmarks { picture }))
-                }
-                (None, None) => Ok(None),
-            };
+        let watched = |((reference_image, saved), name): ((Option<String>, &Option<String>), &String)| match (
+            reference_image,
+            saved,
+        ) {
+            (Some(_), Some(_)) => {
+                bail!("camera {name}: --landmarks and --save-landmarks are both given; one is needed")
+            }
+            (Some(file), None) => {
+                let reference_image = GrayImage::read(Path::new(&file))?;
+                Ok(Some(WatchedLandmarks { reference_image: Some(reference_image) }))
+            }
+            // Taken anew at each restart it would be an image from after whatever happened in between.
+            (None, Some(file)) => {
+                let file = Path::new(file);
+                let reference_image = file.exists().then(|| GrayImage::read(file)).transpose()?;
+                Ok(Some(WatchedLandmarks { reference_image }))
+            }
+            (None, None) => Ok(None),
+        };
         pictures.into_iter().zip(&saved).zip(&names.cameras).map(watched).collect()
     }
 
-    /// The file of a camera's reference picture.
+    /// The file of a camera's reference image.
     pub fn file(&self, names: &Names, camera: usize) -> Option<String> {
         by_name("--landmarks", &self.landmarks, &names.cameras).ok()?.get(camera)?.clone()
     }
 
-    /// Where each camera's reference picture is written.
+    /// Where each camera's reference image is written.
     pub fn saved(&self, names: &Names) -> Result<Vec<Option<String>>> {
         by_name("--save-landmarks", &self.save_landmarks, &names.cameras)
     }

@@ -9,7 +9,7 @@ use resight::core::temporal::track::{Motion, TrackConfig};
 enum Kind {
     /// Mounted: it stays where it is, but for its process noise.
     Static,
-    /// On a vehicle, an arm or in a hand: it goes on as it went. Its pose is followed; that it moves is no drift.
+    /// On a vehicle, an arm or in a hand: it continues as it went. Its pose is followed; that it moves is no drift.
     Moving,
 }
 

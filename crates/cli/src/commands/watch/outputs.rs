@@ -9,7 +9,7 @@ use resight_watch::outputs::OutputsConfig;
 use resight_watch::outputs::history::{HistoryConfig, OnStored};
 use resight_watch::outputs::metrics::MetricsConfig;
 use resight_watch::outputs::mqtt::MqttConfig;
-use resight_watch::outputs::said::Said;
+use resight_watch::outputs::said::EventText;
 use resight_watch::outputs::tf::TfConfig;
 use resight_watch::outputs::tui::TuiConfig;
 use resight_watch::outputs::webhook::WebhookConfig;
@@ -55,7 +55,11 @@ impl OutputArgs {
 
     /// The listener that prints events, where they are printed.
     pub fn printer(&self, names: &Names) -> Option<Printer> {
-        self.is_printed().then(|| Printer { said: Said::new(names), json: self.json, frames: self.frames })
+        self.is_printed().then(|| Printer {
+            said: EventText::new(names),
+            json: self.json,
+            frames: self.frames,
+        })
     }
 
     /// What the session opens.
@@ -80,7 +84,7 @@ impl OutputArgs {
 
 /// Prints events on standard output.
 pub struct Printer {
-    said: Said,
+    said: EventText,
     json: bool,
     frames: bool,
 }

@@ -1,4 +1,4 @@
-//! Cameras that are a rig: their places from a file, and targets that are carried about.
+//! Cameras that are a rig: their places from a file, and targets that are hand-held.
 
 use anyhow::{Result, bail};
 use clap::Args;

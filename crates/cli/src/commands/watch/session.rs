@@ -97,7 +97,9 @@ fn section_keys(section: &str) -> Vec<String> {
 
 /// The flag of a key.
 fn argument<'a>(watch: &'a Command, key: &str) -> Result<&'a Arg> {
-    match arguments(watch).find(|arg| key_of(arg) == key) {
+    // Sessions written for version 1 have keys that are aliases of flags now.
+    let is_alias = |arg: &&Arg| arg.get_all_aliases().is_some_and(|all| all.contains(&dashed(key).as_str()));
+    match arguments(watch).find(|arg| key_of(arg) == key).or_else(|| arguments(watch).find(is_alias)) {
         Some(arg) => Ok(arg),
         None => bail!("{key}: {}", not_among(key, &keys(watch))),
     }

@@ -6,7 +6,7 @@ use resight::recording::is_recording;
 use resight_watch::names::{by_name, split};
 use resight_watch::outputs::secret;
 use resight_watch::source::mcap::McapTopic;
-use resight_watch::source::pictures::{Clock, Folder, Pictures};
+use resight_watch::source::pictures::{Clock, Folder, ImageFiles};
 use resight_watch::source::stream::{Stream, StreamConfig, is_stream};
 use resight_watch::source::{Source, lines, video};
 use std::io::BufReader;
@@ -25,7 +25,7 @@ pub struct SourceArgs {
     /// read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
-    /// Pictures are this far apart [default: as they say themselves (EXIF), else as their files' times say].
+    /// Images are this far apart [default: as they say themselves (EXIF), else as their files' times say].
     #[arg(long, hide_short_help = true, value_name = "SECONDS", value_parser = crate::args::seconds)]
     period_s: Option<f64>,
     /// A stream without a frame for this long is lost, and opened again.
@@ -35,6 +35,9 @@ pub struct SourceArgs {
     /// minute. NAME=OPTIONS for the stream of one camera.
     #[arg(long, hide_short_help = true, value_name = "[NAME=]OPTIONS", allow_hyphen_values = true)]
     ffmpeg_input_options: Vec<String>,
+    /// The session file that `source` comes from; none where it is an argument.
+    #[arg(skip)]
+    pub session: Option<PathBuf>,
 }
 
 /// A source for each camera. With `once` a folder ends with what it holds, and a stream where it ends.
@@ -50,13 +53,14 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(args, &address(&value, name)?, name, names, once)
+        one(args, &address(&value, name, args.session.as_deref())?, name, names, once)
     };
     given.into_iter().zip(names).map(source).collect()
 }
 
-/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody.
-fn address(value: &str, name: &str) -> Result<String> {
+/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody, and
+/// one in a session file that others can read.
+fn address(value: &str, name: &str, session: Option<&Path>) -> Result<String> {
     if let Some(file) = value.strip_prefix('@') {
         return secret::read("--source @FILE", Path::new(file));
     }
@@ -64,10 +68,12 @@ fn address(value: &str, name: &str) -> Result<String> {
         let found = std::env::var(variable).ok().filter(|address| !address.is_empty());
         return found.with_context(|| format!("--source {name}=env:{variable}: there is no such variable"));
     }
-    if has_password(value) {
+    if let (true, Some(file)) = (has_password(value), session) {
+        secret::must_be_private(&format!("source of camera {name}, which holds a password:"), file)?;
+    } else if has_password(value) {
         bail!(
             "--source of camera {name}: a password in an argument can be read by everybody on this machine; write the address \
-             into a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
+             into a session file or a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
              {name}=env:VARIABLE"
         );
     }
@@ -111,7 +117,7 @@ fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool)
         return Ok(Box::new(if once { topic.as_it_is() } else { topic }));
     }
     let pictures: Vec<PathBuf> = crate::files::expand(&[value.to_string()])?;
-    Ok(Box::new(Pictures::new(pictures, clock)))
+    Ok(Box::new(ImageFiles::new(pictures, clock)))
 }
 
 /// A recording and its topic; a `#` belongs to the file's name where there is a file of that whole name.
@@ -187,10 +193,12 @@ mod tests {
         for value in
             ["rtsp://me:secret@cam/x", "rtsp://me:se/cret@cam/x", "http://a:b@cam?x", "rtsp://me:1234@cam"]
         {
-            let told = address(value, "gate").expect_err("refused").to_string();
+            let reported = address(value, "gate", None).expect_err("refused").to_string();
             assert!(
-                told.contains("gate=@FILE") && told.contains("env:VARIABLE") && !told.contains("cret"),
-                "{told}"
+                reported.contains("gate=@FILE")
+                    && reported.contains("env:VARIABLE")
+                    && !reported.contains("cret"),
+                "{reported}"
             );
         }
         for value in [
@@ -201,10 +209,29 @@ mod tests {
             "tcp://[::1]:5000",
             "film.mp4",
         ] {
-            assert_eq!(address(value, "gate").expect("an address"), value);
+            assert_eq!(address(value, "gate", None).expect("an address"), value);
         }
-        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate").is_err());
-        assert!(address("@no/such/file", "gate").is_err());
+        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate", None).is_err());
+        assert!(address("@no/such/file", "gate", None).is_err());
+    }
+
+    /// A session file is a place for a secret while nobody else can read it.
+    #[cfg(unix)]
+    #[test]
+    fn passwords_may_stand_in_a_private_session_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let file = std::env::temp_dir().join(format!("resight-session-{}.toml", std::process::id()));
+        std::fs::write(&file, "").expect("a file");
+        let mode =
+            |mode| std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).expect("a mode");
+        let value = "rtsp://me:secret@cam/x";
+        mode(0o644);
+        let refused = address(value, "gate", Some(&file)).expect_err("refused").to_string();
+        mode(0o600);
+        let address = address(value, "gate", Some(&file)).expect("an address");
+        let _ = std::fs::remove_file(&file);
+        assert!(refused.contains("others can read it") && !refused.contains("secret@"), "{refused}");
+        assert_eq!(address, value);
     }
 
     /// Not even in what is said of a typing error.
@@ -215,6 +242,7 @@ mod tests {
             period_s: None,
             lost_after_s: 1.0,
             ffmpeg_input_options: vec![options.to_string()],
+            session: None,
         };
         let names = ["gate".to_string()];
         for (source, options, said) in [
@@ -227,12 +255,12 @@ mod tests {
             ("gate=rtsp://cam/x", "gate=-headers 'X: secret", "--ffmpeg-input-options gate=…: a ' is not"),
             ("gate=rtsp://cam/x", "-headers 'X: secret", "--ffmpeg-input-options …: a ' is not closed"),
         ] {
-            let told = open(&args(source, options), &names, true).err().expect("refused");
-            let told = format!("{told:#}");
-            assert!(told.starts_with(said) && !told.contains("secret"), "{told}");
+            let reported = open(&args(source, options), &names, true).err().expect("refused");
+            let reported = format!("{reported:#}");
+            assert!(reported.starts_with(said) && !reported.contains("secret"), "{reported}");
         }
         let more = ["rtsp://cam/x".to_string(), "rtsp://me:secret@cam/x".to_string()];
-        let told = by_name("--source", &more, &names).expect_err("refused").to_string();
-        assert_eq!(told, "--source …: there is no such name; there are gate");
+        let reported = by_name("--source", &more, &names).expect_err("refused").to_string();
+        assert_eq!(reported, "--source …: there is no such name; there are gate");
     }
 }

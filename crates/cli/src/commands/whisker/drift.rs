@@ -192,7 +192,7 @@ impl Watched {
         );
         let said = match &self.watch {
             Watch::Filling => "too short".to_string(),
-            Watch::Unseen { seen, needed } => format!("unseen: {seen} readings of use, {needed} are needed"),
+            Watch::Stale { seen, needed } => format!("unseen: {seen} readings of use, {needed} are needed"),
             Watch::Steady(drift) => format!("steady (p = {:.1e})", drift.p_value),
             Watch::Drifted(drift) => {
                 let most_likely = drift.changes.first().map(alone).unwrap_or_default();
@@ -204,7 +204,7 @@ impl Watched {
 
     fn json(&self) -> Value {
         let (word, drift) = match &self.watch {
-            Watch::Filling | Watch::Unseen { .. } => ("unseen", None),
+            Watch::Filling | Watch::Stale { .. } => ("stale", None),
             Watch::Steady(drift) => ("steady", Some(json_of(drift))),
             Watch::Drifted(drift) => ("drifted", Some(json_of(drift))),
         };

@@ -28,7 +28,7 @@ pub struct Identify {
     /// Classes that may be answered.
     #[arg(long, value_name = "CLASS,…", value_delimiter = ',', value_parser = class)]
     models: Vec<Class>,
-    /// Picture of contacts and outline; SVG or PNG by its ending.
+    /// Image of contacts and outline; SVG or PNG by its ending.
     #[arg(long, value_name = "OUT.svg|.png", value_parser = picture::path)]
     picture: Option<PathBuf>,
     /// One JSON object on stdout.
@@ -82,7 +82,7 @@ fn write(args: &Identify, rows: &[ContactRow], answer: &Identification) -> Resul
     Ok(written)
 }
 
-/// For the picture: verdict and parameters.
+/// For the image: verdict and parameters.
 fn notes(answer: &Identification) -> Vec<String> {
     let mut notes = vec![verdict_name(answer.verdict).replace('_', " ")];
     if matches!(answer.verdict, Verdict::Is(_)) && answer.parameters.len() <= 6 {

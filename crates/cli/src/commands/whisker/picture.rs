@@ -1,4 +1,4 @@
-//! Pictures: the sweeps with whisker shapes and hub path; the contacts with their ellipses and the outline.
+//! Images: the sweeps with whisker shapes and hub path; the contacts with their ellipses and the outline.
 
 use super::record::Solved;
 use anyhow::{Result, anyhow, bail};
@@ -40,7 +40,7 @@ const SHAPE_POINTS: usize = 81;
 /// Contacts whose error bar exceeds this share of the whisker do not decide what the magnified frame shows.
 const VAGUE: f64 = 0.02;
 
-/// A path whose ending names a kind of picture.
+/// A path whose ending names a kind of image.
 pub fn path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
@@ -49,7 +49,7 @@ pub fn path(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Writes a picture in the kind its ending names.
+/// Writes an image in the kind its ending names.
 pub fn write(path: &Path, drawing: &Drawing) -> Result<()> {
     let is_png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     let bytes = match is_png {
@@ -70,7 +70,7 @@ pub fn sweeps(solved: &Solved, object: Option<&Shape>) -> Result<Drawing> {
         SIDE_PX,
         shapes.iter().chain(&hubs).flatten().chain(&outline).copied(),
     );
-    let Some(left) = left else { bail!("no picture: there is no complete reading") };
+    let Some(left) = left else { bail!("no image: there is no complete reading") };
     let mut drawing = sheet(2);
     left.frame(&mut drawing, "sweeps");
     shapes.iter().for_each(|shape| left.line(&mut drawing, shape, SHAPE, 1.2, 0.55));

@@ -1,13 +1,13 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
-use super::foresight::{self, At, Forecast};
+use super::prediction::{self, At, Forecast};
 use super::rig::{Rig, SIX_AXES};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight_whisker::calibrate::Tare;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::{Status, estimate};
-use resight_whisker::events::consistency::{mark, widen};
+use resight_whisker::events::consistency::{flag, widen};
 use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
 use resight_whisker::files::contacts::RowStatus;
 use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
@@ -58,7 +58,7 @@ pub struct Solved {
     pub forecasts: Vec<Forecast>,
     /// The whisker as it was used.
     pub rod: Rod,
-    /// Whether readings and whisker agree as far as that can be told.
+    /// Whether readings and whisker agree as far as that can be reported.
     pub is_consistent: bool,
 }
 
@@ -101,9 +101,9 @@ pub struct SolvingArgs {
     /// the record cannot exclude (constrained mode).
     #[arg(long)]
     pub uncalibrated: bool,
-    /// Foresee slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
-    #[arg(long)]
-    pub foresee: bool,
+    /// Predicts slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
+    #[arg(long, alias = "foresee")]
+    pub predict: bool,
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
@@ -209,15 +209,15 @@ fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answ
     let verdict = events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
     let mut warnings = several_contacts(&rig.cell, samples, &record);
     if let Some(verdict) = &verdict {
-        let marked = mark(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
+        let marked = flag(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
         warnings.extend(verdict.is_inconsistent.then(|| contradiction(verdict, marked)));
         if args.uncalibrated {
             let tolerances = Fault::ALL.map(|fault| fault.tolerance(&rig.cell));
             widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
         }
     }
-    let at = if args.foresee { At::Every } else { At::Last };
-    let forecasts = foresight::forecasts(rig, samples, &record.estimates, record.friction, method, at);
+    let at = if args.predict { At::Every } else { At::Last };
+    let forecasts = prediction::forecasts(rig, samples, &record.estimates, record.friction, method, at);
     let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
@@ -233,11 +233,11 @@ fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answ
 fn several_contacts(cell: &Cell, samples: &[Sample], record: &Record) -> Vec<String> {
     let found = events::events(cell, samples, record);
     let several = found.iter().filter(|event| event.kind == EventKind::SeveralContacts);
-    let told = several.map(|event| {
+    let reported = several.map(|event| {
         let sample = &samples[event.index];
         format!("from sample {} of sweep {} no single contact explains the load", sample.sample, sample.sweep)
     });
-    told.collect()
+    reported.collect()
 }
 
 fn contradiction(verdict: &Consistency, marked: usize) -> String {
@@ -252,7 +252,7 @@ fn contradiction(verdict: &Consistency, marked: usize) -> String {
                 format!("the hub angle {:+.3} ± {:.3}° off", size.to_degrees(), sigma.to_degrees())
             }
             Fault::CellAngle => {
-                format!("the cell turned by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees())
+                format!("the cell rotated by {:+.3} ± {:.3}°", size.to_degrees(), sigma.to_degrees())
             }
             Fault::HubAhead => format!("the clamp {:+.3} ± {:.3} mm ahead", 1e3 * size, 1e3 * sigma),
             Fault::HubAside => format!("the clamp {:+.3} ± {:.3} mm to the left", 1e3 * size, 1e3 * sigma),
@@ -307,7 +307,7 @@ fn rows(rig: &Rig, readings: &[HubRow], samples: &[Sample], answers: &Answers) -
             feature: answers.features.get(i).copied().flatten(),
             steps_to_slip_off: forecasts
                 .next_if(|forecast| forecast.index == i)
-                .and_then(|forecast| foresight::steps_to_slip_off(&forecast.foresight)),
+                .and_then(|forecast| prediction::steps_to_slip_off(&forecast.prediction)),
             ..ContactRow::new(&rig.rod, sample, estimate)
         }),
         Err(cells) => Some(ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells)),

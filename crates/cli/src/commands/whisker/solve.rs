@@ -30,10 +30,10 @@ pub struct Solve {
     /// Readings of the untouched whisker: their mean is taken off; in place of the calibration's zeros.
     #[arg(long, value_name = "FREE.csv")]
     tare: Option<PathBuf>,
-    /// Picture of the sweeps: whisker shapes, contacts by mode, 2-sigma ellipses; SVG or PNG by its ending.
+    /// Image of the sweeps: whisker shapes, contacts by mode, 2-sigma ellipses; SVG or PNG by its ending.
     #[arg(long, value_name = "OUT.svg|.png", value_parser = picture::path)]
     picture: Option<PathBuf>,
-    /// Outline to draw into the picture: an object file, or what `identify` wrote.
+    /// Outline to draw into the image: an object file, or what `identify` wrote.
     #[arg(long, value_name = "OBJECT.json", requires = "picture")]
     object: Option<PathBuf>,
     /// JSON Lines on stdout: one object for every reading, then one for the record.

@@ -1,7 +1,7 @@
 //! `whisker stream`: one line in, one line out, before the next arrives.
 
-use super::foresight::{self, LOOKED_BACK};
 use super::input::{self, WhiskerArgs};
+use super::prediction::{self, WINDOW_READINGS};
 use super::record::{MethodArg, parse_mu};
 use super::rig::{Rig, SIX_AXES};
 use super::summary;
@@ -27,7 +27,7 @@ use std::time::Instant;
 /// One line in, one line out, before the next arrives.
 ///
 /// Hub readings on stdin (CSV under a header, or JSON Lines), contacts on stdout in the same layout. A line that cannot be read is
-/// answered by a row of status `error` that names the line; the stream goes on.
+/// answered by a row of status `error` that names the line; the stream continues.
 #[derive(Debug, Args)]
 pub struct Stream {
     #[command(flatten)]
@@ -38,9 +38,9 @@ pub struct Stream {
     /// Coulomb's coefficient of friction: `auto` estimates it as readings come.
     #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, value_parser = parse_mu)]
     mu: Mu,
-    /// Foresee slip-off at every contact (columns steps_to_slip_off …): some milliseconds a reading.
+    /// Predict slip-off at every contact (columns steps_to_slip_off …): some milliseconds a reading.
     #[arg(long, conflicts_with = "lag")]
-    foresee: bool,
+    predict: bool,
     /// Use friction, tip and the sweep so far, over a window of the last N readings; each answer is still given at once.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     lag: Option<u16>,
@@ -109,7 +109,7 @@ struct Answering<'a> {
     format: Option<HubFormat>,
     detector: TouchDetector,
     answerer: Answerer,
-    /// With --foresee: the last readings of the contact under way, and their answers.
+    /// With --predict: the last readings of the contact under way, and their answers.
     phase: (Vec<Sample>, Vec<ContactEstimate>),
     /// With --settled: readings that wait for their final answer, and those that have it.
     waiting: VecDeque<(Sample, Sample)>,
@@ -124,8 +124,8 @@ impl<'a> Answering<'a> {
         file.warnings.iter().for_each(|warning| crate::output::remark(&format!("warning: {warning}")));
         let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
         let rig = Rig::new(&file, tare.as_ref());
-        if args.foresee && args.mode == StreamMode::Raw {
-            bail!("--foresee needs contacts under constraints; leave out --mode raw");
+        if args.predict && args.mode == StreamMode::Raw {
+            bail!("--predict needs contacts under constraints; leave out --mode raw");
         }
         let answerer = answerer(args, &rig)?;
         Ok(Answering {
@@ -195,40 +195,40 @@ impl<'a> Answering<'a> {
                 update.now
             }
         };
-        let steps_to_slip_off = self.foreseen(&sample, &estimate);
+        let steps_to_slip_off = self.predicted(&sample, &estimate);
         self.rig.widen(&mut estimate, read, matches!(self.answerer, Answerer::Raw));
         ContactRow { event, steps_to_slip_off, ..ContactRow::new(&self.rig.rod, &sample, &estimate) }
     }
 
     fn in_space(&self, line: u64, reading: &HubRow) -> Result<ContactRow> {
         self.rig.must_know_six_axes().with_context(|| format!("stdin: line {line}"))?;
-        if self.args.lag.is_some() || self.args.foresee {
-            bail!("stdin: line {line}: --lag and --foresee follow a contact in the plane; {SIX_AXES}");
+        if self.args.lag.is_some() || self.args.predict {
+            bail!("stdin: line {line}: --lag and --predict follow a contact in the plane; {SIX_AXES}");
         }
         self.rig.row_in_space(reading)
     }
 
-    /// With --foresee: hub steps until slip-off, and their standard deviation.
-    fn foreseen(&mut self, sample: &Sample, estimate: &ContactEstimate) -> Option<[f64; 2]> {
+    /// With --predict: hub steps until slip-off, and their standard deviation.
+    fn predicted(&mut self, sample: &Sample, estimate: &ContactEstimate) -> Option<[f64; 2]> {
         let Answerer::Constrained(online) = &self.answerer else { return None };
         let (samples, estimates) = &mut self.phase;
         let is_other = samples.last().is_some_and(|last| last.sweep != sample.sweep);
-        if !self.args.foresee || is_other || estimate.status == Status::NoContact {
+        if !self.args.predict || is_other || estimate.status == Status::NoContact {
             samples.clear();
             estimates.clear();
         }
-        if !self.args.foresee || estimate.status == Status::NoContact {
+        if !self.args.predict || estimate.status == Status::NoContact {
             return None;
         }
-        if samples.len() == LOOKED_BACK {
+        if samples.len() == WINDOW_READINGS {
             samples.remove(0);
             estimates.remove(0);
         }
         samples.push(*sample);
         estimates.push(estimate.clone());
         let method = self.args.method.into();
-        let ahead = foresight::ahead(&self.rig, samples, estimates, online.friction(), method)?;
-        foresight::steps_to_slip_off(&ahead)
+        let ahead = prediction::ahead(&self.rig, samples, estimates, online.friction(), method)?;
+        prediction::steps_to_slip_off(&ahead)
     }
 
     /// Final answers come in the order of their readings.

@@ -1,6 +1,6 @@
 //! A record in a few lines, and as one JSON object.
 
-use super::foresight;
+use super::prediction;
 use super::record::Solved;
 use resight::report::verdict::Status;
 use resight_whisker::estimate::Status as Contact;
@@ -80,7 +80,7 @@ pub fn words(name: &str, solved: &Solved) -> String {
         crate::text::line(&mut out, "error bar", &text);
     }
     for forecast in &solved.forecasts {
-        crate::text::line(&mut out, "slip-off", &foresight::words(forecast));
+        crate::text::line(&mut out, "slip-off", &prediction::words(forecast));
     }
     solved.warnings.iter().for_each(|warning| crate::text::line(&mut out, "warning", warning));
     out
@@ -112,7 +112,7 @@ pub fn json(solved: &Solved) -> Value {
         "mu_sigma": solved.friction.map(|f| f.mu_sigma),
         "mu_is_estimated": solved.friction.map(|f| f.is_estimated),
         "median_sigma_m": median_sigma_m(&solved.rows),
-        "foresight": solved.forecasts.iter().map(foresight::json).collect::<Vec<_>>(),
+        "prediction": solved.forecasts.iter().map(prediction::json).collect::<Vec<_>>(),
         "warnings": solved.warnings,
     })
 }

@@ -1,4 +1,4 @@
-//! The unknowns of a rig, and how a sighting hangs on them: docs/math/rig.md eqs. (1), (3)–(7).
+//! The unknowns of a rig, and how an observation hangs on them: docs/math/rig.md eqs. (1), (3)–(7).
 
 use crate::least_squares::PivotedPose;
 use crate::{Matrix6, Point, Pose, Vector6};
@@ -6,7 +6,7 @@ use nalgebra::{DVector, Matrix3, Vector3};
 
 /// Where everything is.
 #[derive(Debug, Clone)]
-pub struct RigPlaces {
+pub struct RigPoses {
     /// One a camera.
     pub cam_from_rig: Vec<Pose>,
     /// One a target, held by the target's pivot.
@@ -15,10 +15,10 @@ pub struct RigPlaces {
     pub rig_from_body: Vec<PivotedPose>,
 }
 
-/// Which sighting touches what.
+/// Which observation touches what.
 #[derive(Debug, Clone)]
 pub struct RigGraph {
-    /// The sightings, those of one body in one view side by side and in the order of `RigPlaces::rig_from_body`.
+    /// The observations, those of one body in one view side by side and in the order of `RigPoses::rig_from_body`.
     pub links: Vec<RigLink>,
     /// Block of unknowns of each camera; none for the reference.
     pub block_of_camera: Vec<Option<usize>>,
@@ -32,7 +32,7 @@ pub struct RigGraph {
     pub is_active: Vec<bool>,
 }
 
-/// One sighting.
+/// One observation.
 #[derive(Debug, Clone, Copy)]
 pub struct RigLink {
     /// Which camera.
@@ -43,7 +43,7 @@ pub struct RigLink {
     pub body: usize,
 }
 
-/// A pose held by a pivot and the pose itself, unrolled: how a sighting's points hang on all three places.
+/// A pose held by a pivot and the pose itself, unrolled: how an observation's points hang on all three places.
 pub(super) struct Chain {
     pub(super) place: PivotedPose,
     /// Body to camera.
@@ -52,8 +52,8 @@ pub(super) struct Chain {
     arm: Vector3<f64>,
 }
 
-impl RigPlaces {
-    /// cam_from_target of a sighting, held by the target's pivot.
+impl RigPoses {
+    /// cam_from_target of an observation, held by the target's pivot.
     pub fn of_link(&self, link: &RigLink, graph: &RigGraph) -> PivotedPose {
         self.chain(link, graph).place
     }
@@ -78,7 +78,7 @@ impl RigPlaces {
         let target = |(place, block): (&PivotedPose, &Option<usize>)| {
             block.map_or(*place, |b| place.moved(&change(b)))
         };
-        RigPlaces {
+        RigPoses {
             cam_from_rig: self.cam_from_rig.iter().zip(&graph.block_of_camera).map(camera).collect(),
             body_from_target: self.body_from_target.iter().zip(&graph.block_of_target).map(target).collect(),
             rig_from_body: self.rig_from_body.iter().zip(motions).map(|(p, m)| p.moved(m)).collect(),
@@ -96,7 +96,7 @@ fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
 }
 
 impl Chain {
-    /// The sighting's motion by that of each of its places, docs/math/rig.md eqs. (5)–(7).
+    /// The observation's motion by that of each of its places, docs/math/rig.md eqs. (5)–(7).
     pub(super) fn by_camera(&self) -> Matrix6 {
         carried(&Matrix3::identity(), &self.place.pivot_in_cam)
     }

@@ -1,19 +1,19 @@
 //! What each view says about the shared blocks, its bodies' places eliminated: docs/math/clustered.md eq. (1).
 
-use super::{Eliminated, RigEquations, RigGraph, RigPlaces};
+use super::{Eliminated, RigEquations, RigGraph, RigPoses};
 use crate::least_squares::clustered::Cluster;
 use crate::{Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector};
 
-/// A shared block that a sighting touches: where it stands in the cluster, and the sighting's motion by its own.
+/// A shared block that an observation touches: where it stands in the cluster, and the observation's motion by its own.
 type Touched = Vec<(usize, Matrix6)>;
 
 impl RigEquations {
-    /// One cluster a view with sightings that take part and touch a shared block; `view_of_body` ascends.
+    /// One cluster a view with observations that take part and touch a shared block; `view_of_body` ascends.
     pub(crate) fn clusters(
         &self,
         eliminated: &Eliminated,
-        places: &RigPlaces,
+        places: &RigPoses,
         graph: &RigGraph,
         view_of_body: &[usize],
     ) -> Vec<Cluster> {
@@ -32,7 +32,7 @@ impl RigEquations {
     fn cluster(
         &self,
         eliminated: &Eliminated,
-        places: &RigPlaces,
+        places: &RigPoses,
         graph: &RigGraph,
         (number, links): (usize, core::ops::Range<usize>),
         left: &DVector<f64>,
@@ -51,7 +51,7 @@ impl RigEquations {
         let mut bodies: Vec<usize> = Vec::new();
         for i in active() {
             let touched = touched(&cluster.blocks, places, graph, i);
-            let (information, gradient) = &self.sightings[i];
+            let (information, gradient) = &self.observations[i];
             add(&mut cluster, &touched, information, gradient);
             bodies.push(graph.links[i].body);
         }
@@ -83,7 +83,7 @@ impl RigEquations {
     }
 }
 
-fn touched(blocks: &[usize], places: &RigPlaces, graph: &RigGraph, i: usize) -> Touched {
+fn touched(blocks: &[usize], places: &RigPoses, graph: &RigGraph, i: usize) -> Touched {
     let link = &graph.links[i];
     let chain = places.chain(link, graph);
     let camera = graph.block_of_camera[link.camera].map(|b| (b, chain.by_camera()));
@@ -92,7 +92,7 @@ fn touched(blocks: &[usize], places: &RigPlaces, graph: &RigGraph, i: usize) -> 
     camera.into_iter().chain(target).filter_map(place).collect()
 }
 
-/// A sighting's own sums, before its body is eliminated.
+/// An observation's own sums, before its body is eliminated.
 fn add(cluster: &mut Cluster, touched: &Touched, information: &Matrix6, gradient: &Vector6) {
     for (row, by_row) in touched {
         let mut rows = cluster.score.fixed_rows_mut::<6>(6 * row);

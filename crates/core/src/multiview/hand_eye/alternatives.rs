@@ -5,7 +5,7 @@
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled, settled};
 use super::views::{Known, located};
-use super::{Candidate, HandEyeConfig, HandView, MAX_HAND_SIGMA_BY_REACH, MAX_HAND_SIGMA_RAD};
+use super::{Candidate, HandEyeConfig, HandEyeView, MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
 use crate::Pose;
 use crate::locate::consistency::loses_too_many;
 
@@ -20,7 +20,7 @@ const SETTLED_SIZE: f64 = 1e-4;
 
 /// The likely cause: the alternative with the least noise, where one is far better than what was given.
 pub(super) fn alternatives(
-    views: &[HandView],
+    views: &[HandEyeView],
     found: &Settled,
     config: &HandEyeConfig,
 ) -> Option<HandEyeCause> {
@@ -28,17 +28,17 @@ pub(super) fn alternatives(
 }
 
 /// The same for views that lead nowhere as given.
-pub(super) fn of_unsettled(views: &[HandView], config: &HandEyeConfig) -> Option<HandEyeCause> {
+pub(super) fn of_unsettled(views: &[HandEyeView], config: &HandEyeConfig) -> Option<HandEyeCause> {
     of_known(views, &located(views, config).ok()?.0, config)
 }
 
-fn of_known(views: &[HandView], known: &[Known], config: &HandEyeConfig) -> Option<HandEyeCause> {
+fn of_known(views: &[HandEyeView], known: &[Known], config: &HandEyeConfig) -> Option<HandEyeCause> {
     let plain = plain(views, known);
     let given = settled(&plain, config).ok().map_or(f64::INFINITY, |settled| badness(&settled));
-    let mut all: Vec<(HandEyeCause, Vec<HandView>)> = vec![
-        (HandEyeCause::InvertedHand, with_hands(&plain, |i| plain[i].base_from_hand.inverse())),
-        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_hand, 1))),
-        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_hand, 3))),
+    let mut all: Vec<(HandEyeCause, Vec<HandEyeView>)> = vec![
+        (HandEyeCause::InvertedGripper, with_hands(&plain, |i| plain[i].base_from_gripper.inverse())),
+        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_gripper, 1))),
+        (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_gripper, 3))),
     ];
     for by in [-1isize, 1] {
         all.push((HandEyeCause::ShiftedRows(by), shifted(&plain, by)));
@@ -52,7 +52,7 @@ fn of_known(views: &[HandView], known: &[Known], config: &HandEyeConfig) -> Opti
 
 /// The size with which the views agree, starting from a proven error; as it is where that leads nowhere.
 pub(super) fn resized(
-    views: &[HandView],
+    views: &[HandEyeView],
     found: &Settled,
     larger: &Larger,
     config: &HandEyeConfig,
@@ -63,18 +63,21 @@ pub(super) fn resized(
 }
 
 /// Views with poses only, their noise open.
-fn plain(views: &[HandView], known: &[Known]) -> Vec<HandView<'static>> {
-    let view = |known: &Known| HandView {
-        base_from_hand: views[known.index].base_from_hand,
-        hand_covariance: None,
+fn plain(views: &[HandEyeView], known: &[Known]) -> Vec<HandEyeView<'static>> {
+    let view = |known: &Known| HandEyeView {
+        base_from_gripper: views[known.index].base_from_gripper,
+        gripper_covariance: None,
         candidates: known.candidates.clone(),
         seen: &[],
     };
     known.iter().map(view).collect()
 }
 
-fn with_hands(plain: &[HandView<'static>], hand: impl Fn(usize) -> Pose) -> Vec<HandView<'static>> {
-    let view = |(i, view): (usize, &HandView<'static>)| HandView { base_from_hand: hand(i), ..view.clone() };
+fn with_hands(plain: &[HandEyeView<'static>], hand: impl Fn(usize) -> Pose) -> Vec<HandEyeView<'static>> {
+    let view = |(i, view): (usize, &HandEyeView<'static>)| HandEyeView {
+        base_from_gripper: hand(i),
+        ..view.clone()
+    };
     plain.iter().enumerate().map(view).collect()
 }
 
@@ -85,11 +88,13 @@ fn reordered(pose: &Pose, by: usize) -> Pose {
     Pose::from_quaternion_wxyz(numbers, pose.translation)
 }
 
-/// Each view with the hand pose so many rows on; the ends have none.
-fn shifted(plain: &[HandView<'static>], by: isize) -> Vec<HandView<'static>> {
-    let of = |i: usize| i.checked_add_signed(by).and_then(|at| plain.get(at)).map(|view| view.base_from_hand);
-    let pair =
-        |(i, view): (usize, &HandView<'static>)| Some(HandView { base_from_hand: of(i)?, ..view.clone() });
+/// Each view with the gripper pose so many rows on; the ends have none.
+fn shifted(plain: &[HandEyeView<'static>], by: isize) -> Vec<HandEyeView<'static>> {
+    let of =
+        |i: usize| i.checked_add_signed(by).and_then(|at| plain.get(at)).map(|view| view.base_from_gripper);
+    let pair = |(i, view): (usize, &HandEyeView<'static>)| {
+        Some(HandEyeView { base_from_gripper: of(i)?, ..view.clone() })
+    };
     plain.iter().enumerate().filter_map(pair).collect()
 }
 
@@ -102,7 +107,7 @@ fn brings_together(settled: &Settled) -> bool {
     n_views - settled.used().len() as f64 <= MAX_LEFT_OUT * n_views
 }
 
-fn badness_of_alternative(views: &[HandView], config: &HandEyeConfig) -> Option<f64> {
+fn badness_of_alternative(views: &[HandEyeView], config: &HandEyeConfig) -> Option<f64> {
     settled(views, config).ok().filter(brings_together).map(|settled| badness(&settled))
 }
 
@@ -113,11 +118,15 @@ fn badness(settled: &Settled) -> f64 {
     if loses_too_many(n_views - n_used, n_views) {
         return f64::INFINITY;
     }
-    (sigma_rad / MAX_HAND_SIGMA_RAD).hypot(sigma_m / (MAX_HAND_SIGMA_BY_REACH * settled.reach_m()))
+    (sigma_rad / MAX_GRIPPER_SIGMA_RAD).hypot(sigma_m / (MAX_GRIPPER_SIGMA_BY_REACH * settled.reach_m()))
 }
 
 /// A ratio of sizes with which the views agree, and how well they then do.
-fn size_from(plain: &[HandView<'static>], start: f64, config: &HandEyeConfig) -> Option<(f64, HandEyeCause)> {
+fn size_from(
+    plain: &[HandEyeView<'static>],
+    start: f64,
+    config: &HandEyeConfig,
+) -> Option<(f64, HandEyeCause)> {
     let mut ratio = start;
     for _ in 0..SIZE_ROUNDS {
         let views = scaled(plain, ratio);
@@ -137,7 +146,7 @@ fn size_from(plain: &[HandView<'static>], start: f64, config: &HandEyeConfig) ->
 }
 
 /// The target so many times as large.
-fn scaled(plain: &[HandView<'static>], ratio: f64) -> Vec<HandView<'static>> {
+fn scaled(plain: &[HandEyeView<'static>], ratio: f64) -> Vec<HandEyeView<'static>> {
     let candidate = |candidate: &Candidate| {
         let mut scaled = *candidate;
         scaled.cam_from_target.translation *= ratio;
@@ -145,7 +154,7 @@ fn scaled(plain: &[HandView<'static>], ratio: f64) -> Vec<HandView<'static>> {
         scaled.covariance = crate::Matrix6::from_fn(|i, j| candidate.covariance[(i, j)] * by[i] * by[j]);
         scaled
     };
-    let view = |view: &HandView<'static>| HandView {
+    let view = |view: &HandEyeView<'static>| HandEyeView {
         candidates: view.candidates.iter().map(candidate).collect(),
         ..view.clone()
     };

@@ -1,7 +1,7 @@
 //! What can make a hand–eye wrong, in words.
 
 use super::settle::Settled;
-use super::{MAX_HAND_SIGMA_BY_REACH, MAX_HAND_SIGMA_RAD};
+use super::{MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
 use crate::multiview::intrinsics_check::Group;
 use core::fmt;
 
@@ -9,7 +9,7 @@ use core::fmt;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum HandEyeCause {
-    /// The target is `ratio` times as large as stated, or the hand's positions are in another unit, or the focal length is off by as much:
+    /// The target is `ratio` times as large as stated, or the gripper's positions are in another unit, or the focal length is off by as much:
     /// with this ratio the views agree.
     Size {
         /// True over stated.
@@ -24,13 +24,13 @@ pub enum HandEyeCause {
         /// Corrected over given focal length, where it is among them.
         focal_ratio: Option<f64>,
     },
-    /// With every pose of the hand inverted the views agree.
-    InvertedHand,
+    /// With every pose of the gripper inverted the views agree.
+    InvertedGripper,
     /// With the numbers of the quaternion in another order the views agree.
     QuaternionOrder,
-    /// With every view given the hand pose of its neighbour (so many rows on) the views agree.
+    /// With every view given the gripper pose of its neighbour (so many rows on) the views agree.
     ShiftedRows(isize),
-    /// The hand's noise would have to be larger than any robot's.
+    /// The gripper's noise would have to be larger than any robot's.
     LargeNoise {
         /// Of its orientation, rad.
         sigma_rad: f64,
@@ -39,7 +39,7 @@ pub enum HandEyeCause {
         /// How far it went, or how far the target is away, m.
         reach_m: f64,
     },
-    /// The hand's noise as stated does not explain how the views disagree: they disagree `ratio` times as much.
+    /// The gripper's noise as stated does not explain how the views disagree: they disagree `ratio` times as much.
     StatedNoise {
         /// Root of χ² of the poses per degree of freedom.
         ratio: f64,
@@ -61,7 +61,7 @@ pub enum HandEyeCause {
 /// Noise beyond any robot's.
 pub(super) fn large_noise(settled: &Settled) -> Option<HandEyeCause> {
     let ([sigma_rad, sigma_m], reach_m) = (settled.sigmas()?, settled.reach_m());
-    let is_large = MAX_HAND_SIGMA_RAD < sigma_rad || MAX_HAND_SIGMA_BY_REACH * reach_m < sigma_m;
+    let is_large = MAX_GRIPPER_SIGMA_RAD < sigma_rad || MAX_GRIPPER_SIGMA_BY_REACH * reach_m < sigma_m;
     is_large.then_some(HandEyeCause::LargeNoise { sigma_rad, sigma_m, reach_m })
 }
 
@@ -77,29 +77,29 @@ impl fmt::Display for HandEyeCause {
                     None => Ok(()),
                 }
             }
-            HandEyeCause::InvertedHand => f.write_str(
-                "the views agree once every pose of the hand is inverted: hand_from_base was given for base_from_hand, or the target is on the hand and not the camera (or the other way round)",
+            HandEyeCause::InvertedGripper => f.write_str(
+                "the views agree once every pose of the gripper is inverted: hand_from_base was given for base_from_gripper, or the target is on the gripper and not the camera (or the other way round)",
             ),
             HandEyeCause::QuaternionOrder => f.write_str(
                 "the views agree once the quaternion's numbers are read in another order: its scalar is first in one convention and last in the other",
             ),
             HandEyeCause::ShiftedRows(by) => write!(
                 f,
-                "the views agree once each takes the hand pose {} row{} {}: rows and images are out of step",
+                "the views agree once each takes the gripper pose {} row{} {}: rows and images are out of step",
                 by.unsigned_abs(),
                 if by.unsigned_abs() == 1 { "" } else { "s" },
                 if *by < 0 { "before" } else { "after" }
             ),
             HandEyeCause::LargeNoise { sigma_rad, sigma_m, reach_m } => write!(
                 f,
-                "the hand's poses would have to be wrong by {:.2} degrees and {:.1} mm (1 sigma, over {:.2} m): more than 2 degrees or 2 % of the way is no robot's; state the noise if yours is as inexact",
+                "the gripper's poses would have to be wrong by {:.2} degrees and {:.1} mm (1 sigma, over {:.2} m): more than 2 degrees or 2 % of the way is no robot's; state the noise if yours is as inexact",
                 sigma_rad.to_degrees(),
                 1e3 * sigma_m,
                 reach_m
             ),
             HandEyeCause::StatedNoise { ratio } => write!(
                 f,
-                "the views disagree {ratio:.1} times as much as the stated sigmas explain; without stated sigmas the hand's noise is estimated"
+                "the views disagree {ratio:.1} times as much as the stated sigmas explain; without stated sigmas the gripper's noise is estimated"
             ),
             HandEyeCause::Pixels { ratio } => write!(
                 f,
@@ -107,7 +107,7 @@ impl fmt::Display for HandEyeCause {
             ),
             HandEyeCause::ManyContradict { n_rejected, n_views } => write!(
                 f,
-                "{n_rejected} of {n_views} views contradict the others, more than a few spoilt ones explain: hand poses and images may not belong together"
+                "{n_rejected} of {n_views} views contradict the others, more than a few spoilt ones explain: gripper poses and images may not belong together"
             ),
         }
     }
@@ -115,11 +115,11 @@ impl fmt::Display for HandEyeCause {
 
 /// Ratios that units make.
 const UNITS: [(f64, &str); 5] = [
-    (1e-3, "the target (or the hand) is given in millimetres where metres are needed"),
-    (1e-2, "the target (or the hand) is given in centimetres where metres are needed"),
-    (0.0254, "the target (or the hand) is given in inches where metres are needed"),
-    (1e3, "the hand's positions are given in millimetres where metres are needed"),
-    (1e2, "the hand's positions are given in centimetres where metres are needed"),
+    (1e-3, "the target (or the gripper) is given in millimetres where metres are needed"),
+    (1e-2, "the target (or the gripper) is given in centimetres where metres are needed"),
+    (0.0254, "the target (or the gripper) is given in inches where metres are needed"),
+    (1e3, "the gripper's positions are given in millimetres where metres are needed"),
+    (1e2, "the gripper's positions are given in centimetres where metres are needed"),
 ];
 /// A ratio this near to that of two units is theirs.
 const UNIT_TOLERANCE: f64 = 0.05;
@@ -129,13 +129,13 @@ fn size(f: &mut fmt::Formatter, ratio: f64, sigma: f64) -> fmt::Result {
     if let Some((_, meaning)) = unit {
         return write!(
             f,
-            "measured by the hand the target is {ratio:.4} times as large as stated: {meaning}"
+            "measured by the gripper the target is {ratio:.4} times as large as stated: {meaning}"
         );
     }
     let (percent, word) = (100.0 * (ratio - 1.0).abs(), if 1.0 < ratio { "larger" } else { "smaller" });
     write!(
         f,
-        "measured by the hand the target is {percent:.1} % ± {:.1} % {word} than stated: its size, the unit of the hand's positions or the focal length is wrong",
+        "measured by the gripper the target is {percent:.1} % ± {:.1} % {word} than stated: its size, the unit of the gripper's positions or the focal length is wrong",
         100.0 * sigma
     )
 }

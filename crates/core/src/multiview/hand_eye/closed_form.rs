@@ -6,21 +6,21 @@
 //! ```
 
 use super::Height;
-use super::motions::half_turn;
+use super::motions::half_rotation;
 use super::views::Poses;
 use crate::Pose;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// A view with one of its candidates.
 #[derive(Clone, Copy)]
-pub(super) struct Station {
+pub(super) struct ViewCandidate {
     /// A.
     pub cam_from_target: Pose,
     /// H.
     pub carrier_from_holder: Pose,
 }
 
-/// A motion between two views, seen by the camera and by the hand.
+/// A motion between two views, seen by the camera and by the gripper.
 struct Motion {
     by_camera: Pose,
     by_carrier: Pose,
@@ -43,9 +43,9 @@ pub(super) struct Parallel {
     pub height: Height,
 }
 
-/// Every solution that the stations allow: one, or one for each choice of signs of the half turns.
-pub(super) fn closed_forms(stations: &[Station], parallel: Option<&Parallel>) -> Vec<Poses> {
-    let motions = motions(stations);
+/// Every solution that the robot poses allow: one, or one for each choice of signs of the half turns.
+pub(super) fn closed_forms(view_candidates: &[ViewCandidate], parallel: Option<&Parallel>) -> Vec<Poses> {
+    let motions = motions(view_candidates);
     let unsure: Vec<usize> = (0..motions.len()).filter(|i| !motions[*i].has_sign).collect();
     let choices = 1usize << unsure.len().min(6);
     let solve = |choice: usize| {
@@ -58,19 +58,19 @@ pub(super) fn closed_forms(stations: &[Station], parallel: Option<&Parallel>) ->
             Some(parallel) => about_one_axis(&motions, &signs, parallel)?,
             None => about_many_axes(&motions, &signs)?,
         };
-        Some(Poses { cam_from_carrier, holder_from_target: mean_holder(stations, &cam_from_carrier)? })
+        Some(Poses { cam_from_carrier, holder_from_target: mean_holder(view_candidates, &cam_from_carrier)? })
     };
     (0..choices).filter_map(solve).collect()
 }
 
-fn motions(stations: &[Station]) -> Vec<Motion> {
+fn motions(view_candidates: &[ViewCandidate]) -> Vec<Motion> {
     let mut motions = Vec::new();
-    for (i, first) in stations.iter().enumerate() {
-        for second in &stations[..i] {
+    for (i, first) in view_candidates.iter().enumerate() {
+        for second in &view_candidates[..i] {
             let by_camera = first.cam_from_target * second.cam_from_target.inverse();
             let by_carrier = first.carrier_from_holder * second.carrier_from_holder.inverse();
             let half_cosine = by_camera.quaternion_wxyz()[0].min(by_carrier.quaternion_wxyz()[0]);
-            let (c, m) = (half_turn(&by_camera), half_turn(&by_carrier));
+            let (c, m) = (half_rotation(&by_camera), half_rotation(&by_carrier));
             motions.push(Motion { by_camera, by_carrier, c, m, has_sign: SURE_OF_SIGN < half_cosine });
         }
     }
@@ -114,7 +114,7 @@ fn nearest_rotation(s: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(left * right.transpose())
 }
 
-/// All axes parallel: the turn φ about them and the place across them, linearly in (t, cos φ, sin φ), eqs. (7)–(8); the place along them from
+/// All axes parallel: the rotation φ about them and the place across them, linearly in (t, cos φ, sin φ), eqs. (7)–(8); the place along them from
 /// the height, eq. (9).
 fn about_one_axis(motions: &[Motion], signs: &[f64], parallel: &Parallel) -> Option<Pose> {
     let largest = motions.iter().map(|x| x.m).max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
@@ -184,10 +184,10 @@ fn place_across(motions: &[Motion], axis: &Vector3<f64>, rotation: &Matrix3<f64>
     Some(place - axis * axis.dot(&place))
 }
 
-/// Z from every station, averaged.
-fn mean_holder(stations: &[Station], cam_from_carrier: &Pose) -> Option<Pose> {
-    let one = |s: &Station| (*cam_from_carrier * s.carrier_from_holder).inverse() * s.cam_from_target;
-    let all: Vec<Pose> = stations.iter().map(one).collect();
+/// Z from every robot pose, averaged.
+fn mean_holder(view_candidates: &[ViewCandidate], cam_from_carrier: &Pose) -> Option<Pose> {
+    let one = |s: &ViewCandidate| (*cam_from_carrier * s.carrier_from_holder).inverse() * s.cam_from_target;
+    let all: Vec<Pose> = view_candidates.iter().map(one).collect();
     let rotation = nearest_rotation(&all.iter().map(|pose| pose.rotation).sum())?;
     let translation = all.iter().map(|pose| pose.translation).sum::<Vector3<f64>>() / all.len() as f64;
     Some(Pose::new(rotation, translation))
@@ -205,9 +205,9 @@ mod tests {
         }
     }
 
-    fn station(carrier_from_holder: Pose) -> Station {
+    fn station(carrier_from_holder: Pose) -> ViewCandidate {
         let Poses { cam_from_carrier, holder_from_target } = poses();
-        Station {
+        ViewCandidate {
             cam_from_target: cam_from_carrier * carrier_from_holder * holder_from_target,
             carrier_from_holder,
         }
@@ -218,36 +218,36 @@ mod tests {
         x.max((found.holder_from_target * poses().holder_from_target.inverse()).log().amax())
     }
 
-    /// Three stations with turns about different axes; no adjustment follows that could hide a slip.
+    /// Three robot poses with turns about different axes; no adjustment follows that could hide a slip.
     #[test]
     fn exact_stations_give_the_exact_poses() {
-        let stations = [
+        let view_candidates = [
             Vector6::new(0.1, 0.2, -0.3, 0.5, 0.1, 0.2),
             Vector6::new(-0.6, 0.3, 0.2, -0.4, 0.3, 0.7),
             Vector6::new(0.2, -0.9, 0.5, 0.1, -0.8, 0.3),
         ]
         .map(|xi| station(Pose::exp(&xi)));
-        let found = closed_forms(&stations, None);
+        let found = closed_forms(&view_candidates, None);
         assert!(found.len() == 1 && off(&found[0]) < 1e-12, "{:?}", found.first().map(off));
     }
 
-    /// A turn of π about z between the first two: among the signs tried is the right one.
+    /// A rotation of π about z between the first two: among the signs tried is the right one.
     #[test]
     fn a_half_turn_is_tried_with_both_signs() {
-        let stations = [
+        let view_candidates = [
             Vector6::zeros(),
             Vector6::new(0.0, 0.0, core::f64::consts::PI, 0.4, 0.3, 0.7),
             Vector6::new(0.2, -0.9, 0.5, 0.1, -0.8, 0.3),
         ]
         .map(|xi| station(Pose::exp(&xi)));
-        let found = closed_forms(&stations, None);
+        let found = closed_forms(&view_candidates, None);
         assert!(2 <= found.len() && found.iter().any(|poses| off(poses) < 1e-12));
     }
 
     /// Turns about the carrier's z only, the camera's height along it known.
     #[test]
     fn parallel_axes_and_a_height_give_the_exact_poses() {
-        let stations = [
+        let view_candidates = [
             Vector6::new(0.0, 0.0, -0.3, 0.5, 0.1, 0.0),
             Vector6::new(0.0, 0.0, 0.8, -0.4, 0.3, 0.0),
             Vector6::new(0.0, 0.0, 0.2, 0.1, -0.8, 0.0),
@@ -255,7 +255,7 @@ mod tests {
         .map(|xi| station(Pose::exp(&xi)));
         let height_m = poses().cam_from_carrier.origin().z;
         let height = Height { direction_in_carrier: Vector3::z() * 2.0, height_m, sigma_m: 1.0 };
-        let found = closed_forms(&stations, Some(&Parallel { height }));
+        let found = closed_forms(&view_candidates, Some(&Parallel { height }));
         assert!(found.len() == 1 && off(&found[0]) < 1e-12, "{:?}", found.first().map(off));
     }
 }

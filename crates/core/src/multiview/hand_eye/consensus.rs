@@ -3,7 +3,7 @@
 //! Least trimmed squares (P. J. Rousseeuw and K. Van Driessen, "Computing LTS regression for large data sets", 2006), then every view against
 //! what the others predict. docs/math/hand_eye.md section 5.
 
-use super::closed_form::{Parallel, Station, closed_forms};
+use super::closed_form::{Parallel, ViewCandidate, closed_forms};
 use super::cost::{Fit, Level, besides, fit, nearest, spread};
 use super::motions::are_parallel;
 use super::noise::{Variances, assume, from_middle, is_open, nominal, reml, rows};
@@ -45,7 +45,7 @@ const MAX_ROUNDS: usize = 20;
 /// Seed of the triples: the same views give the same answer.
 const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// X, Z and the views that agree; where the hand's noise is open, what the views that agree say it is.
+/// X, Z and the views that agree; where the gripper's noise is open, what the views that agree say it is.
 ///
 /// # Errors
 /// `NotConverged` when no triple leads anywhere.
@@ -60,7 +60,7 @@ fn started(known: &[Known], config: &HandEyeConfig) -> Result<Fit, Error> {
     let parallel = parallel(known, config);
     let mut found: Vec<(f64, Poses)> = Vec::new();
     for triple in triples(known) {
-        let station = |(view, candidate): (usize, usize)| Station {
+        let station = |(view, candidate): (usize, usize)| ViewCandidate {
             cam_from_target: known[view].candidates[candidate].cam_from_target,
             carrier_from_holder: known[view].carrier_from_holder,
         };
@@ -124,7 +124,7 @@ fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Resul
     Err(Error::NotConverged { steps: 0 })
 }
 
-/// Takes every view that agrees with the others, until nothing changes. Where the hand's noise is open it is first what the middle residuals
+/// Takes every view that agrees with the others, until nothing changes. Where the gripper's noise is open it is first what the middle residuals
 /// say, then what the views that agree do.
 fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
     let mut best = start;
@@ -168,7 +168,7 @@ fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<C
     Ok(Consensus { poses: best.poses, candidate })
 }
 
-/// Rounds in which the middle residuals say what the hand's noise is.
+/// Rounds in which the middle residuals say what the gripper's noise is.
 const ROUGH_ROUNDS: usize = 3;
 
 fn middle_noise(known: &[Known], poses: &Poses) -> Variances {
@@ -181,12 +181,12 @@ fn gate_outside(n_used: usize) -> f64 {
     redundancy * (GATE_CHI2 / redundancy).exp_m1()
 }
 
-/// Rounds of X, Z and the hand's noise in turn: each changes the other to second order.
+/// Rounds of X, Z and the gripper's noise in turn: each changes the other to second order.
 const NOISE_ROUNDS: usize = 12;
 /// The noise has settled when no variance changes by more than this part of the largest of its kind.
 const SETTLED_NOISE: f64 = 1e-4;
 
-/// The minimum over the views used, with the noise of the hand that these views show (left in `known`) where it is open.
+/// The minimum over the views used, with the noise of the gripper that these views show (left in `known`) where it is open.
 pub(super) fn fit_with_noise(
     start: &Poses,
     known: &mut [Known],

@@ -41,7 +41,7 @@ struct Share {
     information: Matrix6,
 }
 
-/// The weights of poses follow X, which the hand's noise is carried by; each round changes them to second order only.
+/// The weights of poses follow X, which the gripper's noise is carried by; each round changes them to second order only.
 const MAX_ROUNDS: usize = 10;
 /// The weights have settled when a round changes χ² by less than this.
 const SETTLED_CHI2: f64 = 1e-6;
@@ -96,15 +96,15 @@ fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, 
 }
 
 /// S.
-fn hand_noise(view: &Known, poses: &Poses) -> Option<Matrix6> {
+fn gripper_noise(view: &Known, poses: &Poses) -> Option<Matrix6> {
     let ad = poses.cam_from_carrier.adjoint();
     view.covariance.map(|covariance| ad * covariance * ad.transpose())
 }
 
-/// Covariance of Log(A T⁻¹): of the measured pose and of the hand's.
+/// Covariance of Log(A T⁻¹): of the measured pose and of the gripper's.
 pub(super) fn spread(view: &Known, candidate: usize, poses: &Poses) -> Matrix6 {
     let own = view.candidates[candidate].covariance;
-    hand_noise(view, poses).map_or(own, |hand| own + hand)
+    gripper_noise(view, poses).map_or(own, |hand| own + hand)
 }
 
 fn weights(known: &[Known], used: &[(usize, usize)], poses: &Poses) -> Result<Vec<Matrix6>, Error> {
@@ -174,13 +174,13 @@ fn of_pose(view: &Known, candidate: usize, weight: &Matrix6, poses: &Poses) -> S
     Share { chi2: r.dot(&(weight * r)), gradient: weighted * r, information: weighted * jacobian }
 }
 
-/// The pixels of all cameras, their variances `pixel_scale` times the stated ones, the hand's motion eliminated about its most probable
+/// The pixels of all cameras, their variances `pixel_scale` times the stated ones, the gripper's motion eliminated about its most probable
 /// value m, eqs. (14)–(15).
 fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
     let cost = RigCost::new(view.seen);
     let pivot = cost.pivot();
     let predicted = poses.cam_from_target(view);
-    let hand = hand_noise(view, poses).unwrap_or_default();
+    let hand = gripper_noise(view, poses).unwrap_or_default();
     let measured = &view.candidates[candidate];
     let (r, _) = residual(&measured.cam_from_target, &predicted);
     let m = hand * (hand + measured.covariance).cholesky()?.solve(&r);

@@ -1,14 +1,14 @@
-//! Did the hand turn enough to say where the camera is? Decided from the known motions, before anything is solved.
+//! Did the gripper turn enough to say where the camera is? Decided from the known motions, before anything is solved.
 //!
 //! docs/math/hand_eye.md eqs. (10)–(11).
 
 use super::views::Known;
-use super::{HandEyeConfig, MAX_HAND_SIGMA_RAD, Mount};
+use super::{HandEyeConfig, MAX_GRIPPER_SIGMA_RAD, Mounting};
 use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 
 /// Turns below this say nothing useful: at 0.01 rad a place is known a hundred times worse than the target's pose.
-pub const MIN_TURN_RAD: f64 = 0.01;
+pub(crate) const MIN_ROTATION_RAD: f64 = 0.01;
 /// … and turns that the noise of the motions could have made.
 const NOISE_FACTOR: f64 = 5.0;
 /// Views beyond this number are compared with a part of the others only.
@@ -18,12 +18,12 @@ const MIN_COSINE: f64 = 0.1;
 
 /// Principal axes of the turning: root mean square turns, rad, the largest first, and the main axis in the carrier frame.
 pub(super) struct Turning {
-    pub turns_rad: [f64; 3],
+    pub rotations_rad: [f64; 3],
     pub main_axis: Vector3<f64>,
 }
 
 /// Vector part of the unit quaternion with w ≥ 0: sin(θ/2) times the axis.
-pub(super) fn half_turn(motion: &Pose) -> Vector3<f64> {
+pub(super) fn half_rotation(motion: &Pose) -> Vector3<f64> {
     let [_, x, y, z] = motion.quaternion_wxyz();
     Vector3::new(x, y, z)
 }
@@ -35,7 +35,7 @@ pub(super) fn turning(views: &[Known]) -> Turning {
     let (mut sum, mut pairs) = (Matrix3::zeros(), 0usize);
     for (i, view) in views.iter().enumerate() {
         for other in views[..i].iter().step_by(stride) {
-            let m = half_turn(&(view.carrier_from_holder * other.carrier_from_holder.inverse()));
+            let m = half_rotation(&(view.carrier_from_holder * other.carrier_from_holder.inverse()));
             sum += m * m.transpose() * 4.0;
             pairs += 1;
         }
@@ -44,7 +44,7 @@ pub(super) fn turning(views: &[Known]) -> Turning {
     let mut order = [0, 1, 2];
     order.sort_by(|i, j| eigen.eigenvalues[*j].total_cmp(&eigen.eigenvalues[*i]));
     Turning {
-        turns_rad: order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()),
+        rotations_rad: order.map(|i| eigen.eigenvalues[i].max(0.0).sqrt()),
         main_axis: eigen.eigenvectors.column(order[0]).into_owned(),
     }
 }
@@ -54,39 +54,44 @@ pub(super) fn needed_rad(views: &[Known]) -> f64 {
     let variance = |view: &Known| {
         let variance = view.covariance.map_or(0.0, |c| c.fixed_view::<3, 3>(0, 0).trace() / 3.0);
         // Of an estimated noise no more than a hand can have: what is beyond that has another cause.
-        if view.parts.is_some() { variance.min(MAX_HAND_SIGMA_RAD * MAX_HAND_SIGMA_RAD) } else { variance }
+        if view.parts.is_some() {
+            variance.min(MAX_GRIPPER_SIGMA_RAD * MAX_GRIPPER_SIGMA_RAD)
+        } else {
+            variance
+        }
     };
     let mean = views.iter().map(variance).sum::<f64>() / views.len().max(1) as f64;
-    f64::max(MIN_TURN_RAD, NOISE_FACTOR * (2.0 * mean).sqrt())
+    f64::max(MIN_ROTATION_RAD, NOISE_FACTOR * (2.0 * mean).sqrt())
 }
 
 /// Whether the turns are all about one direction.
 pub(super) fn are_parallel(views: &[Known]) -> bool {
-    turning(views).turns_rad[1] < needed_rad(views)
+    turning(views).rotations_rad[1] < needed_rad(views)
 }
 
 /// The turns, refused where they leave something open.
 pub(super) fn check(views: &[Known], config: &HandEyeConfig) -> Result<[f64; 3], Error> {
     let (turning, needed) = (turning(views), needed_rad(views));
-    let turns = turning.turns_rad;
+    let turns = turning.rotations_rad;
     let degenerate =
         |reason, metric, needed, way_out| Err(Error::DegenerateMotion { reason, metric, needed, way_out });
     if turns[0] < needed {
         let reason =
-            "the hand hardly turned between the views: shifts alone do not say where the camera sits";
-        let way_out = "turn the hand about two different axes, by 30 degrees or more";
+            "the gripper hardly turned between the views: shifts alone do not say where the camera sits";
+        let way_out = "turn the gripper about two different axes, by 30 degrees or more";
         return degenerate(reason, turns[0], needed, way_out);
     }
     if needed <= turns[1] {
         return Ok(turns);
     }
     let Some(height) = config.height else {
-        let reason = "the hand turned about parallel axes only: the camera's place along them stays unknown";
-        let way_out = match config.mount {
-            Mount::CameraOnHand => {
+        let reason =
+            "the gripper rotated about parallel axes only: the camera's position along them stays unknown";
+        let way_out = match config.mounting {
+            Mounting::CameraOnGripper => {
                 "turn about a second axis (tilt by 30 degrees), or state the camera's height along the axis (height_known)"
             }
-            Mount::TargetOnHand => {
+            Mounting::TargetOnGripper => {
                 "turn about a second axis (tilt by 30 degrees), or state the camera's height above the base (height_known)"
             }
         };

@@ -1,4 +1,4 @@
-//! How exact the hand's motions are, from the data: variance components by restricted maximum likelihood.
+//! How exact the gripper's motions are, from the data: variance components by restricted maximum likelihood.
 //!
 //! Paper: D. A. Harville, "Maximum likelihood approaches to variance component estimation and to related problems", 1977; small samples:
 //! M. G. Kenward and J. H. Roger, "Small sample inference for fixed effects from restricted maximum likelihood", 1997.
@@ -9,7 +9,7 @@
 //!   M = DᵀWD, Φ = M⁻¹   ·   Mₖ = DᵀWVₖWD   ·   Qₖₗ = DᵀWVₖWVₗWD   ·   F  information of θ, C = F⁻¹
 //! ```
 
-use super::motions::half_turn;
+use super::motions::half_rotation;
 use super::views::{KINDS, Known, Poses};
 use crate::multiview::relative::residual;
 use crate::{Matrix6, Pose, Vector6};
@@ -30,9 +30,9 @@ pub(super) struct Row {
     pub residual: Vector6,
     /// D.
     pub design: Design,
-    /// Σ, and the hand's noise where it is stated.
+    /// Σ, and the gripper's noise where it is stated.
     pub known: Matrix6,
-    /// Vₖ; none where the hand's noise is stated.
+    /// Vₖ; none where the gripper's noise is stated.
     pub parts: Option<[Matrix6; KINDS]>,
 }
 
@@ -100,10 +100,10 @@ pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option
 
 /// … and any noise at all, in the covariance: half of all exact hands would otherwise seem noisy.
 const NEEDED_GAIN_OF_ANY: f64 = 1.0;
-/// … and in the weights: an exact hand weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
+/// … and in the weights: an exact gripper weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
 const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
 
-/// The weights of an exact hand with the covariance that these have if the noise is what it seems to be, eq. (27).
+/// The weights of an exact gripper with the covariance that these have if the noise is what it seems to be, eq. (27).
 fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
     let at = evaluate(rows, besides, &exact.variances)?;
     let m = slope(rows, &at).m;
@@ -271,7 +271,7 @@ fn total(row: &Row, variances: &Variances) -> Matrix6 {
     parts.iter().zip(variances).fold(row.known, |sum, (part, variance)| sum + part * *variance)
 }
 
-/// Sets the hand's noise of every view that does not state it.
+/// Sets the gripper's noise of every view that does not state it.
 pub(super) fn assume(known: &mut [Known], variances: &Variances) {
     for view in known {
         if let Some(parts) = &view.parts {
@@ -289,12 +289,12 @@ pub(super) fn is_open(known: &[Known]) -> bool {
 /// A tenth of a degree, in rad.
 const NOMINAL_RAD: f64 = 1.7e-3;
 
-/// To begin with: a tenth of a degree, and as much of the target's distance or of the hand's way, whichever is larger.
+/// To begin with: a tenth of a degree, and as much of the target's distance or of the gripper's way, whichever is larger.
 pub(super) fn nominal(known: &[Known]) -> Variances {
     let distance2 =
         |view: &Known| view.candidates.first().map_or(0.0, |c| c.cam_from_target.translation.norm_squared());
     let sum = |f: &dyn Fn(&Known) -> f64| known.iter().map(f).sum::<f64>() / known.len().max(1) as f64;
-    let reach2 = f64::max(sum(&distance2), sum(&|view| view.hand_in_base().norm_squared()));
+    let reach2 = f64::max(sum(&distance2), sum(&|view| view.gripper_in_base().norm_squared()));
     let turn = NOMINAL_RAD * NOMINAL_RAD;
     [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE)]
 }
@@ -338,7 +338,7 @@ fn of_one(view: &Known, candidate: usize, poses: &Poses) -> [f64; 2] {
     let own = about_hand * covariance * about_hand.transpose();
     let share = |at: usize| own.fixed_view::<3, 3>(at, at).trace() / 3.0;
     let turn =
-        half_turn(&Pose::new(by_camera.rotation * by_hand.rotation.transpose(), Vector3::zeros())) * 2.0;
+        half_rotation(&Pose::new(by_camera.rotation * by_hand.rotation.transpose(), Vector3::zeros())) * 2.0;
     let shift = by_camera.translation - by_hand.translation;
     [turn.norm_squared() / MEDIAN_CHI2 - share(0), shift.norm_squared() / MEDIAN_CHI2 - share(3)]
 }

@@ -1,24 +1,24 @@
-//! From the views to X, Z and the hand's noise, on the level of poses: consensus, variance components, effects in doubt.
+//! From the views to X, Z and the gripper's noise, on the level of poses: consensus, variance components, effects in doubt.
 
 use super::consensus::{Consensus, consensus, fit_with_noise};
 use super::cost::{Fit, besides};
 use super::noise::{self, EFFECTS, Reml, Variances};
 use super::views::{Known, located};
-use super::{HandEyeConfig, HandView, HandViewResult, motions};
+use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
 use crate::Error;
 use nalgebra::{DMatrix, SVector};
 
 /// What the poses say.
 pub(super) struct Settled<'a> {
     pub known: Vec<Known<'a>>,
-    pub results: Vec<HandViewResult>,
+    pub results: Vec<HandEyeViewResult>,
     pub agreed: Consensus,
     pub fit: Fit,
-    /// Of the hand's noise; none where every view states its own.
+    /// Of the gripper's noise; none where every view states its own.
     pub variances: Option<Variances>,
     /// What the uncertain noise adds to the covariance, 12×12.
     pub widening: DMatrix<f64>,
-    pub turns_rad: [f64; 3],
+    pub rotations_rad: [f64; 3],
 }
 
 /// A target larger than stated, as an effect beside X and Z.
@@ -32,7 +32,10 @@ pub(super) struct Larger {
 }
 
 /// Consensus and the noise.
-pub(super) fn settled<'a>(views: &'a [HandView<'a>], config: &HandEyeConfig) -> Result<Settled<'a>, Error> {
+pub(super) fn settled<'a>(
+    views: &'a [HandEyeView<'a>],
+    config: &HandEyeConfig,
+) -> Result<Settled<'a>, Error> {
     let (mut known, results) = located(views, config)?;
     if known.len() < 3 {
         return Err(Error::TooFewMotions { seen: known.len(), needed: 3 });
@@ -44,11 +47,11 @@ pub(super) fn settled<'a>(views: &'a [HandView<'a>], config: &HandEyeConfig) -> 
         return Err(Error::TooFewMotions { seen: used.len(), needed: 3 });
     }
     let (fit, variances) = fit_with_noise(&agreed.poses, &mut known, &used, config)?;
-    // A wrong hand pose can look like a turn about another axis: asked again without those rejected.
+    // A wrong gripper pose can look like a rotation about another axis: asked again without those rejected.
     let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
-    let turns_rad = motions::check(&kept, config)?;
+    let rotations_rad = motions::check(&kept, config)?;
     let mut settled =
-        Settled { known, results, agreed, fit, variances, widening: DMatrix::zeros(12, 12), turns_rad };
+        Settled { known, results, agreed, fit, variances, widening: DMatrix::zeros(12, 12), rotations_rad };
     if let Some(found) = settled.reml(config, false) {
         settled.widening.copy_from(&found.widening.fixed_view::<12, 12>(0, 0));
     }
@@ -79,7 +82,7 @@ impl Settled<'_> {
         })
     }
 
-    /// Standard deviations of the hand's orientation (rad) and position (m), per axis, over the views used; those about the base count for both.
+    /// Standard deviations of the gripper's orientation (rad) and position (m), per axis, over the views used; those about the base count for both.
     pub fn sigmas(&self) -> Option<[f64; 2]> {
         let [turn, base, position] = self.variances?;
         let used = self.used();
@@ -88,12 +91,12 @@ impl Settled<'_> {
         Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
     }
 
-    /// How far the hand went, root mean square from the middle, or how far away the target is, whichever is larger, m.
+    /// How far the gripper went, root mean square from the middle, or how far away the target is, whichever is larger, m.
     pub fn reach_m(&self) -> f64 {
         let used = self.used();
         let mean =
             |f: &dyn Fn(&(usize, usize)) -> f64| used.iter().map(f).sum::<f64>() / used.len().max(1) as f64;
-        let travel = mean(&|(view, _)| self.known[*view].hand_in_base().norm_squared());
+        let travel = mean(&|(view, _)| self.known[*view].gripper_in_base().norm_squared());
         let distance = mean(&|(view, candidate)| {
             self.known[*view].candidates[*candidate].cam_from_target.translation.norm_squared()
         });

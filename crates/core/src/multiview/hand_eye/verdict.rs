@@ -3,7 +3,7 @@
 use super::alternatives::{alternatives, resized};
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled};
-use super::{HandEyeConfig, HandView, TargetSize};
+use super::{HandEyeConfig, HandEyeView, TargetSize};
 use crate::camera::BrownConrady;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::multiview::intrinsics_check::{IntrinsicsCheck, check_intrinsics};
@@ -11,7 +11,7 @@ use crate::multiview::rig_pose::RigCost;
 use crate::{Camera, Correspondence, Lens};
 
 /// A size that is off by less does not make the answer wrong: its share enters the covariance.
-pub const MAX_SIZE_ERROR: f64 = 0.005;
+pub(crate) const MAX_SIZE_ERROR: f64 = 0.005;
 /// χ² with one degree of freedom, 4.5 standard deviations: chance 7e-6.
 const SIZE_CHI2: f64 = 20.25;
 /// Intrinsics whose correction moves the rays by less (root mean square, of the focal length) do not make the answer wrong.
@@ -19,7 +19,7 @@ const MAX_RAY_SHIFT: f64 = 1e-3;
 /// Chance of blaming good intrinsics here: below that of the check itself, which warns.
 const MAX_INTRINSICS_P: f64 = 1e-5;
 
-/// The causes, the likely one first, and the target's size as the hand measures it.
+/// The causes, the likely one first, and the target's size as the gripper measures it.
 pub(super) struct Verdict {
     pub causes: Vec<HandEyeCause>,
     pub size: Option<TargetSize>,
@@ -34,13 +34,13 @@ pub(super) struct Residuals {
 }
 
 pub(super) fn judged(
-    views: &[HandView],
+    views: &[HandEyeView],
     settled: &Settled,
     residuals: &Residuals,
     config: &HandEyeConfig,
 ) -> Verdict {
-    let ratio = |(chi2, dof): (f64, usize)| (chi2 / dof.max(1) as f64).sqrt();
-    let contradicts = |(chi2, dof): (f64, usize)| is_inconsistent(chi2, dof);
+    let ratio = |(chi2, degrees_of_freedom): (f64, usize)| (chi2 / degrees_of_freedom.max(1) as f64).sqrt();
+    let contradicts = |(chi2, degrees_of_freedom): (f64, usize)| is_inconsistent(chi2, degrees_of_freedom);
     let mut seen = Vec::new();
     seen.extend(large_noise(settled));
     if contradicts(residuals.poses) {
@@ -99,7 +99,7 @@ pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
 }
 
 /// The intrinsics, where one camera saw every view and its pixels contradict them by as much as matters.
-fn intrinsics(settled: &Settled, is_sure: bool) -> Option<HandEyeCause> {
+fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
     let mut camera: Option<&Camera> = None;
     let mut frames: Vec<&[Correspondence]> = Vec::new();
     for (view, _) in settled.used() {
@@ -124,7 +124,7 @@ fn intrinsics(settled: &Settled, is_sure: bool) -> Option<HandEyeCause> {
         return None;
     }
     let matters = check.p_value < MAX_INTRINSICS_P && MAX_RAY_SHIFT < ray_shift(settled, camera, &check);
-    if !matters && !is_sure {
+    if !matters && !is_certain {
         return None;
     }
     let groups = check.blamed.iter().map(|blame| blame.group).collect();

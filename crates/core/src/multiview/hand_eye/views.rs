@@ -1,16 +1,16 @@
 //! What is known of each view, in one form for both mounts, with coordinates of moderate size.
 //!
-//! A vehicle's base may be a map with coordinates of millions of metres: the moving side's origin is put in the middle of the stations, so that
+//! A vehicle's base may be a map with coordinates of millions of metres: the moving side's origin is put in the middle of the robot poses, so that
 //! no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
 
-use super::{Candidate, HandEyeConfig, HandView, HandViewResult, Mount, RejectedView};
+use super::{Candidate, HandEyeConfig, HandEyeView, HandEyeViewResult, Mounting, RejectedView};
 use crate::covariance::is_covariance;
 use crate::multiview::relative::{check_pose, information_of};
 use crate::multiview::rig_pose::{RigAmbiguity, RigView, check_views, locate_rig};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 
-/// Kinds of noise: the hand's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
+/// Kinds of noise: the gripper's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
 /// of an arm, and its position (m²), each the variance per axis.
 pub(super) const KINDS: usize = 3;
 
@@ -31,11 +31,11 @@ pub(super) struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// A pose of the carrier as `base_from_hand` (shifted), the covariance of its left motion there, and `base_from_hand` as reported.
+    /// A pose of the carrier as `base_from_gripper` (shifted), the covariance of its left motion there, and `base_from_gripper` as reported.
     pub fn in_base(&self, carrier_from_holder: &Pose, covariance: &Matrix6) -> (Pose, Matrix6, Pose) {
-        match self.centre.mount {
-            Mount::TargetOnHand => (*carrier_from_holder, *covariance, self.carrier_from_holder),
-            Mount::CameraOnHand => {
+        match self.centre.mounting {
+            Mounting::TargetOnGripper => (*carrier_from_holder, *covariance, self.carrier_from_holder),
+            Mounting::CameraOnGripper => {
                 let inverse = carrier_from_holder.inverse();
                 (
                     inverse,
@@ -46,16 +46,16 @@ impl Known<'_> {
         }
     }
 
-    /// Variance of the hand's position, per axis, by a variance of one of turns about the base's origin, m².
+    /// Variance of the gripper's position, per axis, by a variance of one of turns about the base's origin, m².
     pub fn base_lever2(&self) -> f64 {
-        2.0 / 3.0 * (self.hand_in_base() + self.centre.centre_in_base).norm_squared()
+        2.0 / 3.0 * (self.gripper_in_base() + self.centre.centre_in_base).norm_squared()
     }
 
-    /// The hand's origin in the shifted base.
-    pub fn hand_in_base(&self) -> Vector3<f64> {
-        match self.centre.mount {
-            Mount::TargetOnHand => self.carrier_from_holder.translation,
-            Mount::CameraOnHand => self.carrier_from_holder.origin(),
+    /// The gripper's origin in the shifted base.
+    pub fn gripper_in_base(&self) -> Vector3<f64> {
+        match self.centre.mounting {
+            Mounting::TargetOnGripper => self.carrier_from_holder.translation,
+            Mounting::CameraOnGripper => self.carrier_from_holder.origin(),
         }
     }
 }
@@ -78,42 +78,42 @@ impl Poses {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Centre {
     centre_in_base: Vector3<f64>,
-    mount: Mount,
+    mounting: Mounting,
 }
 
 impl Centre {
-    fn carrier_from_holder(&self, base_from_hand: &Pose) -> Pose {
-        let shifted = shift(-self.centre_in_base) * *base_from_hand;
-        if self.mount == Mount::CameraOnHand { shifted.inverse() } else { shifted }
+    fn carrier_from_holder(&self, base_from_gripper: &Pose) -> Pose {
+        let shifted = shift(-self.centre_in_base) * *base_from_gripper;
+        if self.mounting == Mounting::CameraOnGripper { shifted.inverse() } else { shifted }
     }
 
-    /// Covariance of the left motion of the shifted H from that of `base_from_hand`.
-    fn carried(&self, base_from_hand: &Pose, covariance: &Matrix6) -> Matrix6 {
+    /// Covariance of the left motion of the shifted H from that of `base_from_gripper`.
+    fn carried(&self, base_from_gripper: &Pose, covariance: &Matrix6) -> Matrix6 {
         let ad = shift(-self.centre_in_base).adjoint();
-        self.carried_from_shifted(base_from_hand, &(ad * covariance * ad.transpose()))
+        self.carried_from_shifted(base_from_gripper, &(ad * covariance * ad.transpose()))
     }
 
     /// The same from that in the shifted base.
-    fn carried_from_shifted(&self, base_from_hand: &Pose, shifted: &Matrix6) -> Matrix6 {
-        match self.mount {
-            Mount::TargetOnHand => *shifted,
-            Mount::CameraOnHand => {
-                (shift(-self.centre_in_base) * *base_from_hand).inverse_covariance(shifted)
+    fn carried_from_shifted(&self, base_from_gripper: &Pose, shifted: &Matrix6) -> Matrix6 {
+        match self.mounting {
+            Mounting::TargetOnGripper => *shifted,
+            Mounting::CameraOnGripper => {
+                (shift(-self.centre_in_base) * *base_from_gripper).inverse_covariance(shifted)
             }
         }
     }
 
     /// What each kind of noise adds to the covariance of a hand that states none.
-    fn parts(&self, base_from_hand: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
-        let hand = base_from_hand.translation - self.centre_in_base;
+    fn parts(&self, base_from_gripper: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
+        let hand = base_from_gripper.translation - self.centre_in_base;
         parts_in_base(&hand, &-self.centre_in_base, spread_m)
-            .map(|part| self.carried_from_shifted(base_from_hand, &part))
+            .map(|part| self.carried_from_shifted(base_from_gripper, &part))
     }
 
     /// Poses and covariance for the base as it was given.
     pub fn undone(&self, poses: &Poses, covariance: &DMatrix<f64>) -> (Poses, DMatrix<f64>) {
         let back = shift(self.centre_in_base);
-        if self.mount == Mount::TargetOnHand {
+        if self.mounting == Mounting::TargetOnGripper {
             let cam_from_carrier = poses.cam_from_carrier * back.inverse();
             return (Poses { cam_from_carrier, ..*poses }, covariance.clone());
         }
@@ -125,16 +125,16 @@ impl Centre {
 
     /// The height as the shifted carrier has it.
     pub fn height_m(&self, direction: &Vector3<f64>, height_m: f64) -> f64 {
-        match self.mount {
-            Mount::CameraOnHand => height_m,
-            Mount::TargetOnHand => height_m - direction.dot(&self.centre_in_base),
+        match self.mounting {
+            Mounting::CameraOnGripper => height_m,
+            Mounting::TargetOnGripper => height_m - direction.dot(&self.centre_in_base),
         }
     }
 }
 
 /// That of all views.
 pub(super) fn centre(known: &[Known]) -> Centre {
-    let nowhere = Centre { centre_in_base: Vector3::zeros(), mount: Mount::CameraOnHand };
+    let nowhere = Centre { centre_in_base: Vector3::zeros(), mounting: Mounting::CameraOnGripper };
     known.first().map_or(nowhere, |view| view.centre)
 }
 
@@ -144,26 +144,26 @@ fn shift(by: Vector3<f64>) -> Pose {
 
 /// Views with a pose, and an entry for every view that says why where there is none.
 pub(super) fn located<'a>(
-    views: &'a [HandView<'a>],
+    views: &'a [HandEyeView<'a>],
     config: &HandEyeConfig,
-) -> Result<(Vec<Known<'a>>, Vec<HandViewResult>), Error> {
+) -> Result<(Vec<Known<'a>>, Vec<HandEyeViewResult>), Error> {
     check(views, config)?;
-    let sum: Vector3<f64> = views.iter().map(|view| view.base_from_hand.translation).sum();
-    let centre = Centre { centre_in_base: sum / views.len().max(1) as f64, mount: config.mount };
+    let sum: Vector3<f64> = views.iter().map(|view| view.base_from_gripper.translation).sum();
+    let centre = Centre { centre_in_base: sum / views.len().max(1) as f64, mounting: config.mounting };
     let from_centre =
-        |view: &HandView| (view.base_from_hand.translation - centre.centre_in_base).norm_squared();
+        |view: &HandEyeView| (view.base_from_gripper.translation - centre.centre_in_base).norm_squared();
     let spread_m = (views.iter().map(from_centre).sum::<f64>() / views.len().max(1) as f64).sqrt();
     let (mut known, mut results) = (Vec::new(), Vec::new());
     for (index, view) in views.iter().enumerate() {
-        let mut result = HandViewResult { residual: None, candidate: None, chi2: None, rejected: None };
+        let mut result = HandEyeViewResult { residual: None, candidate: None, chi2: None, rejected: None };
         match candidates(view) {
             Ok(candidates) => known.push(Known {
                 index,
-                carrier_from_holder: centre.carrier_from_holder(&view.base_from_hand),
-                covariance: view.hand_covariance.map(|c| centre.carried(&view.base_from_hand, &c)),
-                parts: match view.hand_covariance {
+                carrier_from_holder: centre.carrier_from_holder(&view.base_from_gripper),
+                covariance: view.gripper_covariance.map(|c| centre.carried(&view.base_from_gripper, &c)),
+                parts: match view.gripper_covariance {
                     Some(_) => None,
-                    None => Some(centre.parts(&view.base_from_hand, spread_m)),
+                    None => Some(centre.parts(&view.base_from_gripper, spread_m)),
                 },
                 candidates,
                 seen: view.seen,
@@ -177,7 +177,7 @@ pub(super) fn located<'a>(
 }
 
 /// As given, or as the points say.
-fn candidates(view: &HandView) -> Result<Vec<Candidate>, Error> {
+fn candidates(view: &HandEyeView) -> Result<Vec<Candidate>, Error> {
     if !view.candidates.is_empty() {
         return Ok(view.candidates.clone());
     }
@@ -196,11 +196,11 @@ fn candidates(view: &HandView) -> Result<Vec<Candidate>, Error> {
 }
 
 /// Every number of every view.
-fn check(views: &[HandView], config: &HandEyeConfig) -> Result<(), Error> {
+fn check(views: &[HandEyeView], config: &HandEyeConfig) -> Result<(), Error> {
     for (index, view) in views.iter().enumerate() {
-        check_pose("view", index, &view.base_from_hand)?;
-        if let Some(covariance) = &view.hand_covariance {
-            check_hand_covariance(index, covariance)?;
+        check_pose("view", index, &view.base_from_gripper)?;
+        if let Some(covariance) = &view.gripper_covariance {
+            check_gripper_covariance(index, covariance)?;
         }
         for candidate in &view.candidates {
             check_pose("view", index, &candidate.cam_from_target)?;
@@ -237,19 +237,19 @@ fn check(views: &[HandView], config: &HandEyeConfig) -> Result<(), Error> {
 }
 
 /// A motion may be exact in some directions: no negative eigenvalue beyond rounding is all that is asked.
-fn check_hand_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error> {
+fn check_gripper_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error> {
     let invalid = |what, seen, needed| Err(Error::InvalidPose { item: "view", index, what, seen, needed });
     if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
-        return invalid("an entry of the hand's covariance", seen, "it must be a finite number");
+        return invalid("an entry of the gripper's covariance", seen, "it must be a finite number");
     }
     let skew = (covariance - covariance.transpose()).amax();
     if 1e-9 * covariance.amax() < skew {
-        return invalid("the asymmetry of the hand's covariance", skew, "it must be symmetric");
+        return invalid("the asymmetry of the gripper's covariance", skew, "it must be symmetric");
     }
     let least = covariance.symmetric_eigenvalues().min();
     if !is_covariance(covariance) {
         return invalid(
-            "the least eigenvalue of the hand's covariance",
+            "the least eigenvalue of the gripper's covariance",
             least,
             "no variance can be negative",
         );
@@ -257,10 +257,10 @@ fn check_hand_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error
     Ok(())
 }
 
-/// A base farther from the stations than this many times their spread is the origin of a map: nothing turns about it.
+/// A base farther from the robot poses than this many times their spread is the origin of a map: nothing turns about it.
 const MAX_BASE_DISTANCE: f64 = 30.0;
 
-/// Vₖ for left motions of `base_from_hand`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).
+/// Vₖ for left motions of `base_from_gripper`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).
 fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; KINDS] {
     let turning_about = |p: &Vector3<f64>| {
         let mut g = SMatrix::<f64, 6, 3>::zeros();

@@ -33,7 +33,7 @@ pub struct IntrinsicsCheck {
     /// What is wrong, most telling first; empty when `p_value` ≥ `FALSE_ALARM_RATE`.
     pub blamed: Vec<Blame>,
     /// Every tested parameter with all others free: the offsets that the frames cannot exclude.
-    pub tested: Vec<Doubt>,
+    pub tested: Vec<ParameterOffset>,
     /// Names of the parameters that the frames leave undetermined; they were taken as given.
     pub undetermined: Vec<&'static str>,
     /// Variance of the residuals over the stated one, where they prove it larger (else 1), the intrinsics' part taken out.
@@ -50,12 +50,12 @@ pub struct Blame {
     /// Which kind.
     pub group: Group,
     /// Its parameters, with only those of the blamed kinds free.
-    pub parameters: Vec<Doubt>,
+    pub parameters: Vec<ParameterOffset>,
 }
 
 /// How far a parameter seems to be off: one Gauss–Newton step, right to first order.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Doubt {
+pub struct ParameterOffset {
     /// Name, as in camera.toml.
     pub name: &'static str,
     /// Value given.
@@ -98,7 +98,7 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
         degrees_of_freedom: keep.len(),
         p_value,
         blamed,
-        tested: test.doubts(&keep),
+        tested: test.offsets(&keep),
         undetermined,
         noise_scale,
         n_frames: views.len(),
@@ -186,13 +186,13 @@ impl Test<'_> {
             let Some((best, _)) = best else { break };
             groups.push(best);
         }
-        let doubts = self.doubts(&of(&groups));
-        let belongs = |group: Group| doubts.iter().copied().filter(move |d| Group::of(d.name) == group);
+        let offsets = self.offsets(&of(&groups));
+        let belongs = |group: Group| offsets.iter().copied().filter(move |d| Group::of(d.name) == group);
         groups.iter().map(|&group| Blame { group, parameters: belongs(group).collect() }).collect()
     }
 
     /// One Gauss–Newton step of some parameters, the others held, docs/math/frames.md eq. (10).
-    fn doubts(&self, keep: &[usize]) -> Vec<Doubt> {
+    fn offsets(&self, keep: &[usize]) -> Vec<ParameterOffset> {
         let Some(cholesky) = restricted(&self.reduced.information, keep).cholesky() else {
             return Vec::new();
         };
@@ -200,7 +200,7 @@ impl Test<'_> {
         let covariance = cholesky.inverse() * self.noise_scale;
         let doubt = |(at, i): (usize, &usize)| {
             let (name, given) = self.parameters[*i];
-            Doubt { name, given, offset: step[at], sigma: covariance[(at, at)].sqrt() }
+            ParameterOffset { name, given, offset: step[at], sigma: covariance[(at, at)].sqrt() }
         };
         keep.iter().enumerate().map(doubt).collect()
     }
@@ -219,7 +219,7 @@ impl fmt::Display for IntrinsicsCheck {
         }
         for blame in &self.blamed {
             write!(f, "; the {} is off:", blame.group.name())?;
-            for (i, Doubt { name, given, offset, sigma }) in blame.parameters.iter().enumerate() {
+            for (i, ParameterOffset { name, given, offset, sigma }) in blame.parameters.iter().enumerate() {
                 let comma = if i == 0 { "" } else { "," };
                 write!(f, "{comma} {name} {given} by {offset:+.3} ± {sigma:.3}")?;
             }

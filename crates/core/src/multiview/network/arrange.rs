@@ -1,9 +1,9 @@
-//! The best of all arrangements of the marks and of the photographs' poses, and the second best.
+//! The best of all arrangements of the control points and of the photographs' poses, and the second best.
 
 use super::solve::{check_distances, settle};
 use super::starts::{draft, undetermined};
 use super::trilaterate::Places;
-use super::{Adjusted, Survey};
+use super::{Adjusted, NetworkProblem};
 use crate::locate::consistency::is_unlikely;
 use crate::{Error, Pose};
 
@@ -30,7 +30,7 @@ pub(super) enum Depth {
 type Forced = Vec<(usize, Pose)>;
 
 struct Search<'a> {
-    survey: &'a Survey<'a>,
+    network: &'a NetworkProblem<'a>,
     found: Vec<Adjusted>,
     refusal: Option<Error>,
     drafts: usize,
@@ -42,14 +42,18 @@ pub(super) fn cost(a: &Adjusted) -> f64 {
 }
 
 /// The best of all arrangements.
-pub(super) fn best_of(survey: &Survey, arrangements: &[Places], depth: Depth) -> Result<Adjusted, Error> {
-    let mut search = Search { survey, found: Vec::new(), refusal: None, drafts: 0 };
+pub(super) fn best_of(
+    network: &NetworkProblem,
+    arrangements: &[Places],
+    depth: Depth,
+) -> Result<Adjusted, Error> {
+    let mut search = Search { network, found: Vec::new(), refusal: None, drafts: 0 };
     let mut open: Vec<(usize, Forced)> = (0..arrangements.len()).map(|k| (k, Vec::new())).collect();
-    for marks in arrangements {
+    for control_points in arrangements {
         // Where photographs join in, the whole network says better which distance is wrong.
-        search.refusal = search.refusal.or(check_distances(survey, marks).err());
+        search.refusal = search.refusal.or(check_distances(network, control_points).err());
     }
-    let deepest = if depth == Depth::Single { 1 } else { survey.camera_of_photo.len() };
+    let deepest = if depth == Depth::Single { 1 } else { network.camera_of_photo.len() };
     for level in 0..=deepest {
         if open.is_empty() || (1 < level && search.fits()) {
             break;
@@ -67,14 +71,14 @@ pub(super) fn best_of(survey: &Survey, arrangements: &[Places], depth: Depth) ->
 
 impl Search<'_> {
     /// Adjusts one arrangement; the forced poses to try after it.
-    fn follow(&mut self, marks: &Places, forced: &Forced) -> Vec<Forced> {
+    fn follow(&mut self, control_points: &Places, forced: &Forced) -> Vec<Forced> {
         self.drafts += 1;
-        let first = draft(self.survey, marks, forced);
+        let first = draft(self.network, control_points, forced);
         let last = forced.iter().map(|f| f.0 + 1).max().unwrap_or(0);
         let more = first.alternatives.iter().filter(|(photo, _)| last <= *photo).take(MOST_ALTERNATIVES);
         let with = |alternative: &(usize, Pose)| forced.iter().chain([alternative]).copied().collect();
         let next = more.map(with).collect();
-        match settle(self.survey, first) {
+        match settle(self.network, first) {
             Ok(adjusted) => self.found.push(adjusted),
             Err(reason) if forced.is_empty() => self.refusal = self.refusal.take().or(Some(reason)),
             Err(_) => {}
@@ -91,12 +95,13 @@ impl Search<'_> {
         found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         let mut found = found.into_iter();
         let Some(mut best) = found.next() else {
-            let reason = "no photograph has a place; click at least four marks in each";
+            let reason = "no photograph has a place; image point at least four control points in each";
             return Err(self.refusal.unwrap_or(undetermined("photo", 0, reason, 0.0, 3.0)));
         };
-        let rival = found.find(|a| a.undetermined.len() == best.undetermined.len() && !is_same(a, &best));
-        best.rival_delta_chi2 = rival.as_ref().map(|a| (a.chi2 - best.chi2) / best.noise_scale);
-        best.rival = rival.map(Box::new);
+        let alternative =
+            found.find(|a| a.undetermined.len() == best.undetermined.len() && !is_same(a, &best));
+        best.alternative_delta_chi2 = alternative.as_ref().map(|a| (a.chi2 - best.chi2) / best.noise_scale);
+        best.alternative = alternative.map(Box::new);
         Ok(best)
     }
 }

@@ -1,6 +1,6 @@
-//! Refuses numbers that cannot be right, naming the fact.
+//! Refuses numbers that cannot be right, naming the constraint.
 
-use super::{Fact, Plane, Survey, SurveyCamera};
+use super::{Constraint, NetworkCamera, NetworkProblem, Plane};
 use crate::locate::prior::Prior;
 use crate::{Error, Pose};
 use nalgebra::Matrix3;
@@ -21,16 +21,23 @@ fn check_pose(index: usize, cam_from_world: &Pose) -> Result<(), Error> {
     let off = (r * r.transpose() - Matrix3::identity()).amax();
     let is_right = off <= UNIT_TOLERANCE && cam_from_world.translation.sum().is_finite();
     let (what, needed) = ("cam_from_world", "R Rᵀ must be the identity, t finite");
-    if is_right { Ok(()) } else { Err(Error::InvalidFact { fact: index, what, seen: off, needed }) }
+    if is_right {
+        Ok(())
+    } else {
+        Err(Error::InvalidConstraint { constraint: index, what, seen: off, needed })
+    }
 }
 
-impl Fact {
+impl Constraint {
     fn check_numbers(&self, index: usize) -> Result<(), Error> {
-        let refuse = |what, seen, needed| Err(Error::InvalidFact { fact: index, what, seen, needed });
+        let refuse =
+            |what, seen, needed| Err(Error::InvalidConstraint { constraint: index, what, seen, needed });
         let finite = "it must be finite";
         match self {
-            Fact::Click { pixel, .. } if !pixel.sum().is_finite() => refuse("pixel", pixel.sum(), finite),
-            Fact::Click { covariance_px2, .. } => {
+            Constraint::ImagePoint { pixel, .. } if !pixel.sum().is_finite() => {
+                refuse("pixel", pixel.sum(), finite)
+            }
+            Constraint::ImagePoint { covariance_px2, .. } => {
                 let least = covariance_px2.least_variance_px2();
                 let is_right = LEAST_VARIANCE_PX2 < least && least.is_finite();
                 let needed = "it must be positive and finite";
@@ -40,35 +47,43 @@ impl Fact {
                     refuse("the least variance of the pixel, px²,", least, needed)
                 }
             }
-            Fact::Place { x_in_world, .. } if !x_in_world.sum().is_finite() => {
+            Constraint::Place { x_in_world, .. } if !x_in_world.sum().is_finite() => {
                 refuse("x_in_world", x_in_world.sum(), finite)
             }
-            Fact::Place { sigma_m, .. } => match sigma_m.iter().find(|s| **s != 0.0 && !is_sigma(**s)) {
-                Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
-                None => Ok(()),
-            },
-            Fact::Distance { distance_m, .. } if !(0.0 < *distance_m && distance_m.is_finite()) => {
+            Constraint::Place { sigma_m, .. } => {
+                match sigma_m.iter().find(|s| **s != 0.0 && !is_sigma(**s)) {
+                    Some(seen) => refuse("sigma_m", *seen, "it must be 0 (exact) or positive and finite"),
+                    None => Ok(()),
+                }
+            }
+            Constraint::Distance { distance_m, .. } if !(0.0 < *distance_m && distance_m.is_finite()) => {
                 refuse("distance_m", *distance_m, "a distance must be positive and finite")
             }
-            Fact::Distance { sigma_m, .. } | Fact::OnPlane { sigma_m, .. } if !is_sigma(*sigma_m) => {
+            Constraint::Distance { sigma_m, .. } | Constraint::OnPlane { sigma_m, .. }
+                if !is_sigma(*sigma_m) =>
+            {
                 refuse("sigma_m", *sigma_m, POSITIVE)
             }
-            Fact::Upright { sigma_rad, .. } | Fact::Gravity { sigma_rad, .. } if !is_sigma(*sigma_rad) => {
+            Constraint::Upright { sigma_rad, .. } | Constraint::Gravity { sigma_rad, .. }
+                if !is_sigma(*sigma_rad) =>
+            {
                 refuse("sigma_rad", *sigma_rad, POSITIVE)
             }
-            Fact::Gravity { down_in_cam, .. } if !((down_in_cam.norm() - 1.0).abs() < UNIT_TOLERANCE) => {
+            Constraint::Gravity { down_in_cam, .. }
+                if !((down_in_cam.norm() - 1.0).abs() < UNIT_TOLERANCE) =>
+            {
                 refuse("down_in_cam", down_in_cam.norm(), "a direction must be a unit vector")
             }
-            Fact::Pose { cam_from_world, covariance: Some(covariance), .. } => {
+            Constraint::Pose { cam_from_world, covariance: Some(covariance), .. } => {
                 Prior::Pose { cam_from_target: *cam_from_world, covariance: *covariance }.check(index)
             }
-            Fact::Pose { cam_from_world, .. } => check_pose(index, cam_from_world),
+            Constraint::Pose { cam_from_world, .. } => check_pose(index, cam_from_world),
             _ => Ok(()),
         }
     }
 }
 
-impl Survey<'_> {
+impl NetworkProblem<'_> {
     /// Whether every number can be what it is said to be.
     pub(super) fn check(&self) -> Result<(), Error> {
         for (index, camera) in self.camera_of_photo.iter().enumerate() {
@@ -89,20 +104,28 @@ impl Survey<'_> {
                 }
             }
         }
-        self.facts.iter().enumerate().try_for_each(|(index, fact)| self.check_fact(index, fact))
+        self.constraints
+            .iter()
+            .enumerate()
+            .try_for_each(|(index, constraint)| self.check_constraint(index, constraint))
     }
 
-    fn check_fact(&self, index: usize, fact: &Fact) -> Result<(), Error> {
-        let refuse = |what, seen, needed| Err(Error::InvalidFact { fact: index, what, seen, needed });
-        let points = fact.points();
+    fn check_constraint(&self, index: usize, constraint: &Constraint) -> Result<(), Error> {
+        let refuse =
+            |what, seen, needed| Err(Error::InvalidConstraint { constraint: index, what, seen, needed });
+        let points = constraint.points();
         if let Some(p) = points.iter().flatten().find(|p| self.n_points <= **p) {
             return refuse("point", *p as f64, "it must be below n_points");
         }
-        if fact.photo().is_some_and(|photo| self.camera_of_photo.len() <= photo) {
-            return refuse("photo", fact.photo().unwrap_or(0) as f64, "it must be one of camera_of_photo");
+        if constraint.photo().is_some_and(|photo| self.camera_of_photo.len() <= photo) {
+            return refuse(
+                "photo",
+                constraint.photo().unwrap_or(0) as f64,
+                "it must be one of camera_of_photo",
+            );
         }
-        if fact.plane().is_some_and(|plane| self.planes.len() <= plane) {
-            return refuse("plane", fact.plane().unwrap_or(0) as f64, "it must be one of planes");
+        if constraint.plane().is_some_and(|plane| self.planes.len() <= plane) {
+            return refuse("plane", constraint.plane().unwrap_or(0) as f64, "it must be one of planes");
         }
         if points[0].is_some() && points[0] == points[1] {
             return refuse(
@@ -111,11 +134,11 @@ impl Survey<'_> {
                 "it must differ from the first",
             );
         }
-        fact.check_numbers(index)
+        constraint.check_numbers(index)
     }
 }
 
-impl SurveyCamera<'_> {
+impl NetworkCamera<'_> {
     fn check(&self) -> Result<(), Error> {
         let Some(covariance) = self.intrinsics_covariance else { return Ok(()) };
         let n = self.camera.parameters().len();

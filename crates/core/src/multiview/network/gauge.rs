@@ -1,7 +1,7 @@
-//! The frame of the places: what the facts say about it, and what has to be held. docs/math/survey.md, section 4.
+//! The frame of the places: what the constraints say about it, and what has to be held. docs/math/survey.md, section 4.
 
 use super::state::{Layout, State};
-use super::{Fact, Frame, Item, Plane, Survey, rows};
+use super::{Constraint, Frame, Item, NetworkProblem, Plane, rows};
 use crate::{Point, Pose, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 
@@ -11,60 +11,67 @@ const LEAST_HEIGHT: f64 = 0.05;
 const FREE: f64 = 1e-10;
 
 /// First mark, second, and the first that stands well off their line.
-pub(super) fn frame_marks(places: &[Option<Point>]) -> Option<[usize; 3]> {
-    let marks: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_some()).collect();
+pub(super) fn frame_control_points(places: &[Option<Point>]) -> Option<[usize; 3]> {
+    let control_points: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_some()).collect();
     let at = |p: usize| places[p].unwrap_or_default();
-    let (a, b) = (*marks.first()?, *marks.get(1)?);
+    let (a, b) = (*control_points.first()?, *control_points.get(1)?);
     let ab = at(b) - at(a);
     let off = |c: usize| {
         let ac = at(c) - at(a);
         let height = ab.cross(&ac).norm() / ab.norm();
         LEAST_HEIGHT * ab.norm().max(ac.norm()) < height
     };
-    marks.into_iter().skip(2).find(|c| off(*c)).map(|c| [a, b, c])
+    control_points.into_iter().skip(2).find(|c| off(*c)).map(|c| [a, b, c])
 }
 
 /// Whether coordinates, poses or known planes say anything about the frame.
-pub(super) fn is_given(survey: &Survey) -> bool {
-    let speaks = |f: &Fact| match f {
-        Fact::Place { .. } | Fact::Pose { .. } => true,
-        Fact::OnPlane { plane, .. } | Fact::Upright { plane, .. } => survey.planes[*plane] != Plane::Unknown,
+pub(super) fn is_given(network: &NetworkProblem) -> bool {
+    let speaks = |f: &Constraint| match f {
+        Constraint::Place { .. } | Constraint::Pose { .. } => true,
+        Constraint::OnPlane { plane, .. } | Constraint::Upright { plane, .. } => {
+            network.planes[*plane] != Plane::Unknown
+        }
         _ => false,
     };
-    survey.facts.iter().any(speaks)
+    network.constraints.iter().any(speaks)
 }
 
 /// The layout of the unknowns in the frame, and its name.
 pub(super) fn layout(
-    survey: &Survey,
+    network: &NetworkProblem,
     state: &State,
     dropped: &[Item],
-    marks: Option<[usize; 3]>,
+    control_points: Option<[usize; 3]>,
 ) -> (Layout, Frame) {
-    let mut held = exact_coordinates(survey);
-    if let (Some([a, b, c]), false) = (marks, is_given(survey)) {
+    let mut held = exact_coordinates(network);
+    if let (Some([a, b, c]), false) = (control_points, is_given(network)) {
         held.extend([(a, 0), (a, 1), (a, 2), (b, 1), (b, 2), (c, 2)]);
-        return (Layout::new(survey, state, dropped, &held), Frame::Marks([a, b, c]));
+        return (Layout::new(network, state, dropped, &held), Frame::ControlPoints([a, b, c]));
     }
-    let mut layout = Layout::new(survey, state, dropped, &held);
-    layout.pins = free_motions(survey, state, &layout);
+    let mut layout = Layout::new(network, state, dropped, &held);
+    layout.pins = free_motions(network, state, &layout);
     let frame = if layout.pins.is_empty() { Frame::Given } else { Frame::Held };
     (layout, frame)
 }
 
-/// The same places turned by half a turn about an axis of the frame, and normals reversed, where the adjustment carried the cameras to the
+/// The same places rotated by half a turn about an axis of the frame, and normals reversed, where the adjustment carried the cameras to the
 /// other side of the plane, or the second mark to the other end of the x axis; none where all is as it should be.
-pub(super) fn facing_cameras(survey: &Survey, state: &State, layout: &Layout, frame: Frame) -> Option<State> {
+pub(super) fn facing_cameras(
+    network: &NetworkProblem,
+    state: &State,
+    layout: &Layout,
+    frame: Frame,
+) -> Option<State> {
     let centres: Vec<Point> =
         (0..state.photos.len()).filter(|p| layout.has_photo(*p)).map(|p| state.photos[p].origin()).collect();
     let mut turned = state.clone();
     let mut is_turned = false;
-    if let Frame::Marks([a, b, _]) = frame {
+    if let Frame::ControlPoints([a, b, _]) = frame {
         let is_below = centres.iter().map(|c| c.z - state.points[a].z).sum::<f64>() < 0.0;
         let is_back = state.points[b].x < state.points[a].x;
         let sign = |is: bool| if is { -1.0 } else { 1.0 };
         let (x, z) = (sign(is_back), sign(is_below));
-        // A turn, never a mirror image: y follows from the two others.
+        // A rotation, never a mirror image: y follows from the two others.
         let half = Pose::new(Matrix3::from_diagonal(&Vector3::new(x, x * z, z)), Point::zeros());
         turned.points.iter_mut().for_each(|x| *x = half * *x);
         turned.photos.iter_mut().for_each(|pose| *pose = *pose * half);
@@ -73,9 +80,11 @@ pub(super) fn facing_cameras(survey: &Survey, state: &State, layout: &Layout, fr
         });
         is_turned = is_below || is_back;
     }
-    for (index, plane) in survey.planes.iter().enumerate() {
-        let is_level =
-            survey.facts.iter().any(|f| matches!(f, Fact::Gravity { plane, .. } if *plane == index));
+    for (index, plane) in network.planes.iter().enumerate() {
+        let is_level = network
+            .constraints
+            .iter()
+            .any(|f| matches!(f, Constraint::Gravity { plane, .. } if *plane == index));
         let at = state.planes[index];
         let side: f64 = centres.iter().map(|c| at.above_m(c)).sum();
         if *plane == Plane::Unknown && layout.has_plane(index) && !is_level && side < 0.0 {
@@ -87,27 +96,27 @@ pub(super) fn facing_cameras(survey: &Survey, state: &State, layout: &Layout, fr
     is_turned.then_some(turned)
 }
 
-fn exact_coordinates(survey: &Survey) -> Vec<(usize, usize)> {
-    let of = |f: &Fact| match f {
-        Fact::Place { point, sigma_m, .. } => {
+fn exact_coordinates(network: &NetworkProblem) -> Vec<(usize, usize)> {
+    let of = |f: &Constraint| match f {
+        Constraint::Place { point, sigma_m, .. } => {
             let (point, sigma_m) = (*point, *sigma_m);
             (0..3).filter(|axis| sigma_m[*axis] == 0.0).map(|axis| (point, axis)).collect()
         }
         _ => Vec::new(),
     };
-    survey.facts.iter().flat_map(of).collect()
+    network.constraints.iter().flat_map(of).collect()
 }
 
-/// Motions of everything that no fact resists, as directions of the unknowns.
-fn free_motions(survey: &Survey, state: &State, layout: &Layout) -> Vec<DVector<f64>> {
-    let Some(equations) = rows::equations(survey.facts, state, layout) else { return Vec::new() };
+/// Motions of everything that no constraint resists, as directions of the unknowns.
+fn free_motions(network: &NetworkProblem, state: &State, layout: &Layout) -> Vec<DVector<f64>> {
+    let Some(equations) = rows::equations(network.constraints, state, layout) else { return Vec::new() };
     // What is exact resists in a way that no information shows.
     let held = layout.photo.iter().enumerate().any(|(i, at)| at.is_none() && layout.has_photo(i));
     if held {
         return Vec::new();
     }
     let (centre, size) = middle(state, layout);
-    let exact: Vec<(usize, usize)> = exact_coordinates(survey);
+    let exact: Vec<(usize, usize)> = exact_coordinates(network);
     let generators = DMatrix::from_columns(&[0, 1, 2, 3, 4, 5].map(|k| {
         let unit = Vector3::ith(k % 3, 1.0);
         // Turns about the middle, as large as a shift of one at the rim.

@@ -1,14 +1,14 @@
-//! How well would one more click place a point on a plane? docs/math/survey.md eq. (18).
+//! How well would one more image point place a point on a plane? docs/math/survey.md eq. (18).
 
 use super::Adjusted;
 use crate::Point;
 use nalgebra::{Matrix2xX, Matrix3, Vector3};
 
 impl Adjusted {
-    /// Covariance, m², of the place that one more click of `sigma_px` in a photograph would give a point of the plane near `x_in_world`:
-    /// the click's share, and that of photograph, lens and plane with all their correlations. None where one of them has no place, the point
+    /// Covariance, m², of the place that one more image point of `sigma_px` in a photograph would give a point of the plane near `x_in_world`:
+    /// the image point's share, and that of photograph, lens and plane with all their correlations. None where one of them has no place, the point
     /// is outside the photograph's field, or its ray runs along the plane.
-    pub fn click_on_plane_covariance_m2(
+    pub fn image_point_on_plane_covariance_m2(
         &self,
         photo: usize,
         plane: usize,

@@ -25,7 +25,7 @@ pub struct Measured {
 }
 
 /// Two-sided 95 % point of the standard normal distribution.
-pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// The end of an interval is found when √Δχ² is this near to its aim.
 const NEAR: f64 = 2e-3;
 /// Secant steps towards an end.
@@ -35,7 +35,7 @@ impl Adjusted {
     /// The answer to a question about places that were found, with its 95 % interval.
     ///
     /// # Errors
-    /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the survey.
+    /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the network.
     pub fn measure(&self, query: &Query) -> Result<Measured, Error> {
         self.check(query)?;
         let (value, gradient) = query.value(&self.state, &self.layout);
@@ -67,7 +67,7 @@ impl Adjusted {
                 needed,
             });
         }
-        let needed = "it must be one of the survey's";
+        let needed = "it must be one of the network's";
         let unknown =
             |setting, index: usize| Err(Error::InvalidSetting { setting, seen: index as f64, needed });
         let why = |item: Item| self.undetermined.iter().find(|u| u.0 == item).map(|u| u.1.clone());
@@ -89,7 +89,7 @@ impl Adjusted {
 
     /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
     fn end(&self, query: &Query, value: f64, sigma: f64, by: &DVector<f64>, side: f64) -> Option<f64> {
-        let facts = self.used_facts();
+        let constraints = self.used_constraints();
         let mut state = self.state.clone();
         let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
         let mut reached = 0.0;
@@ -103,7 +103,7 @@ impl Adjusted {
             let found = minimize_on_level(
                 &state,
                 level,
-                |s| equations(&facts, s, &self.layout),
+                |s| equations(&constraints, s, &self.layout),
                 |s, by| s.moved(&self.layout, by),
             )?;
             let root = ((found.equations.chi2 - self.chi2) / self.noise_scale).max(0.0).sqrt();

@@ -1,6 +1,6 @@
-//! Facts as whitened residuals, observed − predicted, with the derivatives of what was predicted: docs/math/survey.md eqs. (2)–(8).
+//! Constraints as whitened residuals, observed − predicted, with the derivatives of what was predicted: docs/math/survey.md eqs. (2)–(8).
 
-use super::Fact;
+use super::Constraint;
 use super::state::{Layout, PlaneAt, State};
 use crate::least_squares::dense::DenseEquations;
 use crate::locate::factor::{Factor, factors};
@@ -35,11 +35,11 @@ impl Row {
     }
 }
 
-/// The rows of one fact; none where a point leaves its camera's field.
-pub(crate) fn rows(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Row>> {
-    Some(match fact {
-        Fact::Click { .. } => click(fact, state, layout)?,
-        Fact::Place { point, x_in_world, sigma_m } => {
+/// The rows of one constraint; none where a point leaves its camera's field.
+pub(crate) fn rows(constraint: &Constraint, state: &State, layout: &Layout) -> Option<Vec<Row>> {
+    Some(match constraint {
+        Constraint::ImagePoint { .. } => image_point(constraint, state, layout)?,
+        Constraint::Place { point, x_in_world, sigma_m } => {
             let off = x_in_world - state.points[*point];
             let free = (0..3).filter(|axis| 0.0 < sigma_m[*axis]);
             free.map(|axis| {
@@ -48,32 +48,32 @@ pub(crate) fn rows(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Ro
             })
             .collect()
         }
-        Fact::Distance { a, b, distance_m, sigma_m } => {
+        Constraint::Distance { a, b, distance_m, sigma_m } => {
             let between = state.points[*a] - state.points[*b];
             let direction = between.normalize() / *sigma_m;
             let row = Row::new((distance_m - between.norm()) / sigma_m);
             vec![row.by_point(layout, *a, &direction).by_point(layout, *b, &-direction)]
         }
-        Fact::OnPlane { plane, point, sigma_m } => {
+        Constraint::OnPlane { plane, point, sigma_m } => {
             let (at, x) = (&state.planes[*plane], &state.points[*point]);
             let tilts = at.tangents().map(|b| b.dot(&(x - at.pivot)) / sigma_m);
             let row = Row::new(-at.above_m(x) / sigma_m).by_point(layout, *point, &(at.normal / *sigma_m));
             vec![row.by(layout.tilt[*plane], &tilts).by(layout.height[*plane], &[-1.0 / sigma_m])]
         }
-        Fact::Upright { plane, foot, top, sigma_rad } => {
+        Constraint::Upright { plane, foot, top, sigma_rad } => {
             upright(&state.planes[*plane], [*foot, *top], *sigma_rad, layout.tilt[*plane], state, layout)
         }
-        Fact::Gravity { .. } => gravity(fact, state, layout),
-        Fact::Pose { photo, cam_from_world, covariance: Some(covariance) } => {
+        Constraint::Gravity { .. } => gravity(constraint, state, layout),
+        Constraint::Pose { photo, cam_from_world, covariance: Some(covariance) } => {
             of_pose(&state.photos[*photo], cam_from_world, covariance, layout.photo[*photo])
         }
-        Fact::Pose { covariance: None, .. } => Vec::new(),
+        Constraint::Pose { covariance: None, .. } => Vec::new(),
     })
 }
 
-/// The direction down as a camera measures it; a turn of the plane's normal moves the predicted direction as a turn of the camera would.
-fn gravity(fact: &Fact, state: &State, layout: &Layout) -> Vec<Row> {
-    let Fact::Gravity { plane, photo, down_in_cam, sigma_rad } = fact else { return Vec::new() };
+/// The direction down as a camera measures it; a rotation of the plane's normal moves the predicted direction as a rotation of the camera would.
+fn gravity(constraint: &Constraint, state: &State, layout: &Layout) -> Vec<Row> {
+    let Constraint::Gravity { plane, photo, down_in_cam, sigma_rad } = constraint else { return Vec::new() };
     let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
     let prior =
         Prior::Gravity { down_in_target: -at.normal, down_in_cam: *down_in_cam, sigma_rad: *sigma_rad };
@@ -96,8 +96,10 @@ fn of_pose(pose: &Pose, expected: &Pose, covariance: &Matrix6, at: Option<usize>
 }
 
 /// Pixel by pose, point and intrinsics, whitened by the inverse of Cholesky's factor of the pixel covariance.
-fn click(fact: &Fact, state: &State, layout: &Layout) -> Option<Vec<Row>> {
-    let Fact::Click { photo, point, pixel, covariance_px2 } = fact else { return Some(Vec::new()) };
+fn image_point(constraint: &Constraint, state: &State, layout: &Layout) -> Option<Vec<Row>> {
+    let Constraint::ImagePoint { photo, point, pixel, covariance_px2 } = constraint else {
+        return Some(Vec::new());
+    };
     let pose = &state.photos[*photo];
     let camera = state.camera_of_photo[*photo];
     let lens = &state.lenses[camera];
@@ -163,10 +165,14 @@ fn pin_rows(layout: &Layout) -> impl Iterator<Item = Row> {
 }
 
 /// The whole cost at a state.
-pub(crate) fn equations(facts: &[Fact], state: &State, layout: &Layout) -> Option<DenseEquations> {
+pub(crate) fn equations(
+    constraints: &[Constraint],
+    state: &State,
+    layout: &Layout,
+) -> Option<DenseEquations> {
     let mut sum = DenseEquations::new(layout.n);
-    for fact in facts.iter().filter(|f| layout.has(f)) {
-        for row in rows(fact, state, layout)? {
+    for constraint in constraints.iter().filter(|f| layout.has(f)) {
+        for row in rows(constraint, state, layout)? {
             sum.add(row.residual, &row.entries);
         }
     }
@@ -177,23 +183,23 @@ pub(crate) fn equations(facts: &[Fact], state: &State, layout: &Layout) -> Optio
 }
 
 /// How many residuals there are.
-pub(crate) fn n_rows(facts: &[Fact], state: &State, layout: &Layout) -> usize {
-    let of_facts = facts.iter().filter(|f| layout.has(f)).filter_map(|f| rows(f, state, layout));
-    of_facts.map(|rows| rows.len()).sum::<usize>() + lens_rows(state, layout).len() + layout.pins.len()
+pub(crate) fn n_rows(constraints: &[Constraint], state: &State, layout: &Layout) -> usize {
+    let of_constraints = constraints.iter().filter(|f| layout.has(f)).filter_map(|f| rows(f, state, layout));
+    of_constraints.map(|rows| rows.len()).sum::<usize>() + lens_rows(state, layout).len() + layout.pins.len()
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::state::LensAt;
-    use super::super::{Plane, Query, Survey};
+    use super::super::{NetworkProblem, Plane, Query};
     use super::*;
     use crate::camera::BrownConrady;
     use crate::multiview::triangulate::isotropic;
     use crate::{Camera, CameraMatrix, Vector6};
     use nalgebra::DVector;
 
-    /// A state in which nothing is met exactly, and one fact of each kind.
-    fn made() -> (State, Layout, Vec<Fact>) {
+    /// A state in which nothing is met exactly, and one constraint of each kind.
+    fn made() -> (State, Layout, Vec<Constraint>) {
         let matrix = CameraMatrix { fx_px: 900.0, fy_px: 910.0, cx_px: 320.0, cy_px: 240.0 };
         let lens = BrownConrady::new(matrix, &[-0.2, 0.05, 1e-3, -1e-3]).unwrap();
         let camera = Camera { lens: lens.into(), size: None };
@@ -214,29 +220,33 @@ mod tests {
         };
         let down_in_cam = -(pose.rotation * Vector3::new(0.2, 0.1, 1.0)).normalize();
         let off = Pose::exp(&Vector6::new(0.02, 0.01, -0.03, 0.1, 0.05, -0.1));
-        let facts = vec![
-            Fact::Click {
+        let constraints = vec![
+            Constraint::ImagePoint {
                 photo: 0,
                 point: 0,
                 pixel: crate::Pixel::new(300.0, 250.0),
                 covariance_px2: crate::correspondence::PixelCovariance { uv_px2: 0.1, ..isotropic(0.7) },
             },
-            Fact::Place { point: 1, x_in_world: Point::zeros(), sigma_m: Vector3::new(0.1, 0.2, 0.3) },
-            Fact::Distance { a: 0, b: 2, distance_m: 1.0, sigma_m: 0.03 },
-            Fact::OnPlane { plane: 0, point: 1, sigma_m: 0.02 },
-            Fact::Upright { plane: 0, foot: 0, top: 1, sigma_rad: 0.05 },
-            Fact::Gravity { plane: 0, photo: 0, down_in_cam, sigma_rad: 0.05 },
-            Fact::Pose { photo: 0, cam_from_world: off * pose, covariance: Some(Matrix6::identity() * 0.04) },
+            Constraint::Place { point: 1, x_in_world: Point::zeros(), sigma_m: Vector3::new(0.1, 0.2, 0.3) },
+            Constraint::Distance { a: 0, b: 2, distance_m: 1.0, sigma_m: 0.03 },
+            Constraint::OnPlane { plane: 0, point: 1, sigma_m: 0.02 },
+            Constraint::Upright { plane: 0, foot: 0, top: 1, sigma_rad: 0.05 },
+            Constraint::Gravity { plane: 0, photo: 0, down_in_cam, sigma_rad: 0.05 },
+            Constraint::Pose {
+                photo: 0,
+                cam_from_world: off * pose,
+                covariance: Some(Matrix6::identity() * 0.04),
+            },
         ];
-        let survey = Survey {
+        let network = NetworkProblem {
             cameras: &[],
             camera_of_photo: &[0],
             n_points: 3,
             planes: &[Plane::Unknown],
-            facts: &facts,
+            constraints: &constraints,
         };
-        let layout = Layout::new(&survey, &state, &[], &[]);
-        (state, layout, facts)
+        let layout = Layout::new(&network, &state, &[], &[]);
+        (state, layout, constraints)
     }
 
     /// Central differences err by h² and ε/h; residuals here are up to 100 standard deviations. The upright's tangents turn with the
@@ -244,21 +254,24 @@ mod tests {
     #[test]
     fn rows_match_central_differences() {
         const STEP: f64 = 1e-6;
-        let (state, layout, facts) = made();
-        for fact in &facts {
-            let found = rows(fact, &state, &layout).unwrap();
+        let (state, layout, constraints) = made();
+        for constraint in &constraints {
+            let found = rows(constraint, &state, &layout).unwrap();
             for k in 0..layout.n {
                 let at = |by: f64| {
                     let mut change = DVector::zeros(layout.n);
                     change[k] = by;
-                    let moved = rows(fact, &state.moved(&layout, &change).unwrap(), &layout).unwrap();
+                    let moved = rows(constraint, &state.moved(&layout, &change).unwrap(), &layout).unwrap();
                     moved.iter().map(|r| r.residual * r.residual).sum::<f64>()
                 };
                 let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
                 let by = |r: &Row| r.entries.iter().filter(|e| e.0 == k).map(|e| e.1).sum::<f64>();
                 let exact: f64 = found.iter().map(|r| -2.0 * r.residual * by(r)).sum();
                 let size = found.iter().map(|r| r.residual.abs() * (1.0 + by(r).abs())).sum::<f64>();
-                assert!((numeric - exact).abs() < 1e-5 * (1.0 + size), "{fact:?} by {k}: {numeric} {exact}");
+                assert!(
+                    (numeric - exact).abs() < 1e-5 * (1.0 + size),
+                    "{constraint:?} by {k}: {numeric} {exact}"
+                );
             }
         }
     }

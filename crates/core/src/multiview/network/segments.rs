@@ -1,12 +1,12 @@
 //! A plane of which only separate lengths are known, such as the dashes of a lane: its pose in one photograph from three or more of them.
 //!
 //! ```text
-//!   r ray of a click, camera frame  ·  ν = n/h normal over height: the plane is ν·x = 1, a point of it X = r/(ν·r)
-//!   m = rᵢ × rⱼ,  |Xᵢ − Xⱼ| = |ν × m|/((ν·rᵢ)(ν·rⱼ))                                 docs/math/survey.md eqs. (19)–(22)
+//!   r ray of a image_point, camera frame  ·  ν = n/h normal over height: the plane is ν·x = 1, a point of it X = r/(ν·r)
+//!   m = rᵢ × rⱼ,  |Xᵢ − Xⱼ| = |ν × m|/((ν·rᵢ)(ν·rⱼ))                                 docs/math/network.md eqs. (19)–(22)
 //! ```
 
 use super::trilaterate::{Places, lengths, plane_of};
-use super::{Fact, Survey};
+use super::{Constraint, NetworkProblem};
 use crate::least_squares::point::{PointEquations, minimize_point};
 use crate::{Error, Point};
 use nalgebra::{Matrix3, Vector3};
@@ -42,14 +42,14 @@ struct View {
 
 /// Places of the points of a plane by the lengths between them, as the photograph with the most of them has it; several where the lengths
 /// fit alike, none below three lengths. The plane is z = 0, the camera above it.
-pub(super) fn by_segments(survey: &Survey) -> Vec<Places> {
-    let Some(best) = best_view(survey) else { return Vec::new() };
-    normals(&best).into_iter().map(|nu| laid(&best, &nu, survey.n_points)).collect()
+pub(super) fn by_segments(network: &NetworkProblem) -> Vec<Places> {
+    let Some(best) = best_view(network) else { return Vec::new() };
+    normals(&best).into_iter().map(|nu| laid(&best, &nu, network.n_points)).collect()
 }
 
 /// The line of separate lengths that look like one line to the photograph with the most of them: their rays lie in one plane.
-pub(super) fn line_of_segments(survey: &Survey) -> Option<Error> {
-    let best = best_view(survey)?;
+pub(super) fn line_of_segments(network: &NetworkProblem) -> Option<Error> {
+    let best = best_view(network)?;
     let ends: Vec<Vector3<f64>> = best.segments.iter().flat_map(|s| s.ends).collect();
     let scatter: Matrix3<f64> = ends.iter().map(|r| r * r.transpose()).sum();
     let mut sizes: Vec<f64> = scatter.symmetric_eigenvalues().iter().copied().collect();
@@ -63,28 +63,30 @@ pub(super) fn line_of_segments(survey: &Survey) -> Option<Error> {
     let length_m = best.segments.iter().map(|s| s.length_m).sum::<f64>();
     let needed_m = LEAST_WIDTH * length_m;
     let refusal =
-        Error::MarksOnLine { a: of(&a)?, b: of(&b)?, length_m, width_m: ratio * length_m, needed_m };
+        Error::ControlPointsOnLine { a: of(&a)?, b: of(&b)?, length_m, width_m: ratio * length_m, needed_m };
     (ratio < LEAST_WIDTH).then_some(refusal)
 }
 
-fn best_view(survey: &Survey) -> Option<View> {
-    let views = (0..survey.planes.len())
-        .flat_map(|plane| (0..survey.camera_of_photo.len()).map(move |photo| view(survey, plane, photo)));
+fn best_view(network: &NetworkProblem) -> Option<View> {
+    let views = (0..network.planes.len())
+        .flat_map(|plane| (0..network.camera_of_photo.len()).map(move |photo| view(network, plane, photo)));
     views.max_by_key(|v| v.segments.len()).filter(|v| LEAST_SEGMENTS <= v.segments.len())
 }
 
-fn view(survey: &Survey, plane: usize, photo: usize) -> View {
-    let planes = plane_of(survey);
-    let camera = survey.cameras[survey.camera_of_photo[photo]].camera;
-    let ray = |fact: &Fact| match fact {
-        Fact::Click { photo: p, point, pixel, .. } if *p == photo && planes[*point] == Some(plane) => {
+fn view(network: &NetworkProblem, plane: usize, photo: usize) -> View {
+    let planes = plane_of(network);
+    let camera = network.cameras[network.camera_of_photo[photo]].camera;
+    let ray = |constraint: &Constraint| match constraint {
+        Constraint::ImagePoint { photo: p, point, pixel, .. }
+            if *p == photo && planes[*point] == Some(plane) =>
+        {
             Some((*point, camera.bearing(pixel).ok()?.into_inner()))
         }
         _ => None,
     };
-    let rays: Vec<(usize, Vector3<f64>)> = survey.facts.iter().filter_map(ray).collect();
+    let rays: Vec<(usize, Vector3<f64>)> = network.constraints.iter().filter_map(ray).collect();
     let of = |point: usize| rays.iter().find(|r| r.0 == point).map(|r| r.1);
-    let known = lengths(survey)
+    let known = lengths(network)
         .into_iter()
         .filter_map(|(_, l)| Some(Segment { ends: [of(l.ends[0])?, of(l.ends[1])?], length_m: l.length_m }));
     View { segments: known.collect(), rays }

@@ -1,18 +1,18 @@
-//! Which fact contradicts the others? Each fact's residual against what the others leave it to scatter, docs/math/survey.md eq. (15).
+//! Which constraint contradicts the others? Each constraint's residual against what the others leave it to scatter, docs/math/survey.md eq. (15).
 
-use super::Fact;
+use super::Constraint;
 use super::rows::rows;
 use super::state::{Layout, State};
 use nalgebra::{DMatrix, DVector};
 
-/// A fact that the others contradict.
+/// A constraint that the others contradict.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suspect {
-    /// Which fact.
-    pub fact: usize,
+    /// Which constraint.
+    pub constraint: usize,
     /// Its residual over the standard deviation that it should have.
     pub sigmas: f64,
-    /// Estimated error of the fact, given minus what the others say, in its own unit (px, m, rad); the length of it for several numbers.
+    /// Estimated error of the constraint, given minus what the others say, in its own unit (px, m, rad); the length of it for several numbers.
     pub off: f64,
     /// A known distance of which the others say that its decimal point slipped.
     pub slip: Option<DecimalSlip>,
@@ -29,14 +29,19 @@ pub struct DecimalSlip {
     pub power_of_ten: i32,
 }
 
-/// Chance that any of the facts of a good survey is called a suspect.
+/// Chance that any of the constraints of a good network is called a suspect.
 const FALSE_ALARM: f64 = 1e-3;
-/// Share of a fact's residual that the others must leave to it, below which nothing checks the fact.
+/// Share of a constraint's residual that the others must leave to it, below which nothing checks the constraint.
 const LEAST_REDUNDANCY: f64 = 1e-3;
 
-/// Statistic and estimated error of one fact; none where nothing checks it.
-fn test(fact: &Fact, state: &State, layout: &Layout, covariance: &DMatrix<f64>) -> Option<(f64, f64)> {
-    let rows = rows(fact, state, layout)?;
+/// Statistic and estimated error of one constraint; none where nothing checks it.
+fn test(
+    constraint: &Constraint,
+    state: &State,
+    layout: &Layout,
+    covariance: &DMatrix<f64>,
+) -> Option<(f64, f64)> {
+    let rows = rows(constraint, state, layout)?;
     let k = rows.len();
     if k == 0 {
         return None;
@@ -62,53 +67,53 @@ fn test(fact: &Fact, state: &State, layout: &Layout, covariance: &DMatrix<f64>) 
         error += eigen.eigenvectors.column(i) * (along / eigen.eigenvalues[i]);
         n_checked += 1;
     }
-    (0 < n_checked).then(|| (statistic, error.norm() * unit(fact)))
+    (0 < n_checked).then(|| (statistic, error.norm() * unit(constraint)))
 }
 
-/// What one standard deviation is in the fact's own unit.
-fn unit(fact: &Fact) -> f64 {
-    match fact {
-        Fact::Click { covariance_px2, .. } => covariance_px2.sigma_px(),
-        Fact::Place { sigma_m, .. } => sigma_m.max(),
-        Fact::Distance { sigma_m, .. } | Fact::OnPlane { sigma_m, .. } => *sigma_m,
-        Fact::Upright { sigma_rad, .. } | Fact::Gravity { sigma_rad, .. } => *sigma_rad,
-        Fact::Pose { .. } => 1.0,
+/// What one standard deviation is in the constraint's own unit.
+fn unit(constraint: &Constraint) -> f64 {
+    match constraint {
+        Constraint::ImagePoint { covariance_px2, .. } => covariance_px2.sigma_px(),
+        Constraint::Place { sigma_m, .. } => sigma_m.max(),
+        Constraint::Distance { sigma_m, .. } | Constraint::OnPlane { sigma_m, .. } => *sigma_m,
+        Constraint::Upright { sigma_rad, .. } | Constraint::Gravity { sigma_rad, .. } => *sigma_rad,
+        Constraint::Pose { .. } => 1.0,
     }
 }
 
-/// A fact that took no part, against what the others foresee: its residual over its own and their standard deviations, given minus
-/// foreseen, and the standard deviation of what is foreseen, in the fact's unit. None where the others say nothing of it.
+/// A constraint that took no part, against what the others predict: its residual over its own and their standard deviations, given minus
+/// predicted, and the standard deviation of what is predicted, in the constraint's unit. None where the others say nothing of it.
 pub(super) fn against_the_rest(
-    fact: &Fact,
+    constraint: &Constraint,
     state: &State,
     layout: &Layout,
     covariance: &DMatrix<f64>,
 ) -> Option<(f64, f64, f64)> {
-    if !layout.has(fact) {
+    if !layout.has(constraint) {
         return None;
     }
-    let rows = rows(fact, state, layout)?;
+    let rows = rows(constraint, state, layout)?;
     let residual = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.residual));
-    let foreseen = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+    let predicted = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
         let of = |(a, x): &(usize, f64)| {
             rows[j].entries.iter().map(|(b, y)| x * y * covariance[(*a, *b)]).sum::<f64>()
         };
         rows[i].entries.iter().map(of).sum()
     });
-    let scatter = DMatrix::identity(rows.len(), rows.len()) + &foreseen;
+    let scatter = DMatrix::identity(rows.len(), rows.len()) + &predicted;
     let sigmas = residual.dot(&scatter.cholesky()?.solve(&residual)).sqrt();
     let off = if rows.len() == 1 { residual[0] } else { residual.norm() };
-    Some((sigmas, off * unit(fact), foreseen.trace().max(0.0).sqrt() * unit(fact)))
+    Some((sigmas, off * unit(constraint), predicted.trace().max(0.0).sqrt() * unit(constraint)))
 }
 
-/// The suspects, worst first. `covariance` is that of the unknowns by the facts as stated.
+/// The suspects, worst first. `covariance` is that of the unknowns by the constraints as stated.
 pub(super) fn suspects(
-    facts: &[Fact],
+    constraints: &[Constraint],
     state: &State,
     layout: &Layout,
     covariance: &DMatrix<f64>,
 ) -> Vec<Suspect> {
-    let tested: Vec<(usize, f64, f64)> = facts
+    let tested: Vec<(usize, f64, f64)> = constraints
         .iter()
         .enumerate()
         .filter(|(_, f)| layout.has(f))
@@ -119,7 +124,7 @@ pub(super) fn suspects(
     let mut found: Vec<Suspect> = tested
         .into_iter()
         .filter(|(_, t, _)| limit < *t)
-        .map(|(fact, t, off)| Suspect { fact, sigmas: t.sqrt(), off, slip: None })
+        .map(|(constraint, t, off)| Suspect { constraint, sigmas: t.sqrt(), off, slip: None })
         .collect();
     found.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
     found

@@ -4,7 +4,7 @@ use super::rows::{equations, n_rows};
 use super::starts::{Draft, undetermined};
 use super::state::{Layout, LensAt, State};
 use super::trilaterate::{Places, lengths, plane_of};
-use super::{Adjusted, Fact, Frame, Item, Survey, gauge, snoop};
+use super::{Adjusted, Constraint, Frame, Item, NetworkProblem, gauge, snoop};
 use crate::least_squares::dense::{DenseMinimum, minimize_dense};
 use crate::locate::consistency::{is_unlikely, noise_scale};
 use crate::{Error, Point};
@@ -16,38 +16,38 @@ const LARGEST_SIGMA: f64 = 1.0 / 3.0;
 const LEAST_INFORMATION: f64 = 1e-12;
 
 /// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again.
-pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
+pub(super) fn settle(network: &NetworkProblem, draft: Draft) -> Result<Adjusted, Error> {
     let mut dropped = draft.dropped;
     let (mut state, mut faces) = (draft.state, false);
     loop {
         let items: Vec<Item> = dropped.iter().map(|d| d.0).collect();
-        let anything = (0..survey.camera_of_photo.len()).any(|p| !items.contains(&Item::Photo(p)));
+        let anything = (0..network.camera_of_photo.len()).any(|p| !items.contains(&Item::Photo(p)));
         if !anything {
             return Err(dropped.into_iter().next().map_or(Error::NoLength, |d| d.1));
         }
-        let (layout, frame) = gauge::layout(survey, &state, &items, draft.marks);
+        let (layout, frame) = gauge::layout(network, &state, &items, draft.control_points);
         let solved = minimize_dense(
             state.clone(),
-            |s| equations(survey.facts, s, &layout),
+            |s| equations(network.constraints, s, &layout),
             |s, by| s.moved(&layout, by),
         );
         let Some(solved) = solved else {
-            let (item, reason) = out_of_field(survey, &state, &items)
-                .ok_or(Error::NoSolution { n_points: survey.n_points })?;
+            let (item, reason) = out_of_field(network, &state, &items)
+                .ok_or(Error::NoSolution { n_points: network.n_points })?;
             dropped.push((item, reason));
             continue;
         };
         if solved.is_minimum()
             && !faces
-            && let Some(turned) = gauge::facing_cameras(survey, &solved.state, &layout, frame)
+            && let Some(turned) = gauge::facing_cameras(network, &solved.state, &layout, frame)
         {
             (state, faces) = (turned, true);
             continue;
         }
         let lost = match inverse(&solved.equations.information) {
             Err(direction) => blamed(&direction, &layout),
-            Ok(covariance) => match weakest(survey, &solved, &layout, &covariance) {
-                None => return conclude(survey, solved, layout, frame, covariance, dropped),
+            Ok(covariance) => match weakest(network, &solved, &layout, &covariance) {
+                None => return conclude(network, solved, layout, frame, covariance, dropped),
                 lost => lost,
             },
         };
@@ -60,7 +60,7 @@ pub(super) fn settle(survey: &Survey, draft: Draft) -> Result<Adjusted, Error> {
 }
 
 fn conclude(
-    survey: &Survey,
+    network: &NetworkProblem,
     solved: DenseMinimum<State>,
     layout: Layout,
     frame: Frame,
@@ -71,17 +71,17 @@ fn conclude(
         return Err(Error::NotConverged { steps: solved.steps });
     }
     undetermined.sort_by_key(|u| u.0);
-    let degrees_of_freedom = n_rows(survey.facts, &solved.state, &layout).saturating_sub(layout.n);
+    let degrees_of_freedom = n_rows(network.constraints, &solved.state, &layout).saturating_sub(layout.n);
     let chi2 = solved.equations.chi2;
-    let suspects = snoop::suspects(survey.facts, &solved.state, &layout, &covariance);
+    let suspects = snoop::suspects(network.constraints, &solved.state, &layout, &covariance);
     let scale = noise_scale(chi2, degrees_of_freedom);
     Ok(Adjusted {
         state: solved.state,
         layout,
-        facts: survey.facts.to_vec(),
+        constraints: network.constraints.to_vec(),
         left_out: Vec::new(),
         on_line: None,
-        has_lost_marks: false,
+        has_lost_control_points: false,
         covariance: covariance * scale,
         chi2,
         degrees_of_freedom,
@@ -89,8 +89,8 @@ fn conclude(
         is_inconsistent: is_unlikely(chi2, degrees_of_freedom),
         suspects,
         undetermined,
-        rival_delta_chi2: None,
-        rival: None,
+        alternative_delta_chi2: None,
+        alternative: None,
         frame,
         steps: solved.steps,
     })
@@ -134,7 +134,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
         .enumerate()
         .map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
     let (share, item) = points.chain(photos).chain(tilts).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "the facts leave a direction of it free; click it in another photograph, or add a distance or coordinates";
+    let reason = "the constraints leave a direction of it free; image point it in another photograph, or add a distance or coordinates";
     let why = match item {
         Item::Point(i) => undetermined("point", i, reason, 0.0, 1.0),
         Item::Photo(i) => undetermined("photo", i, reason, 0.0, 1.0),
@@ -145,7 +145,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
 
 /// The point known worst, if it is known too badly to have a place.
 fn weakest(
-    survey: &Survey,
+    network: &NetworkProblem,
     solved: &DenseMinimum<State>,
     layout: &Layout,
     covariance: &DMatrix<f64>,
@@ -157,32 +157,32 @@ fn weakest(
             _ => 0.0,
         });
         let sigma = block.symmetric_eigenvalues().max().max(0.0).sqrt();
-        let nearest = survey.facts.iter().filter_map(|f| match f {
-            Fact::Click { photo, point: p, .. } if *p == point && layout.has_photo(*photo) => {
+        let nearest = network.constraints.iter().filter_map(|f| match f {
+            Constraint::ImagePoint { photo, point: p, .. } if *p == point && layout.has_photo(*photo) => {
                 Some((solved.state.points[point] - solved.state.photos[*photo].origin()).norm())
             }
             _ => None,
         });
         nearest.reduce(f64::min).map(|distance| (sigma / distance, point))
     };
-    let all = (0..survey.n_points).filter(|p| layout.has_point(*p));
+    let all = (0..network.n_points).filter(|p| layout.has_point(*p));
     let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "its standard deviation is too large a part of its distance from the camera; click it in a photograph from farther aside";
+    let reason = "its standard deviation is too large a part of its distance from the camera; image point it in a photograph from farther aside";
     (LARGEST_SIGMA < worst)
         .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
 }
 
 /// A point outside the field of a photograph that shows it.
-fn out_of_field(survey: &Survey, state: &State, dropped: &[Item]) -> Option<(Item, Error)> {
-    survey.facts.iter().find_map(|f| {
-        let Fact::Click { photo, point, .. } = f else { return None };
+fn out_of_field(network: &NetworkProblem, state: &State, dropped: &[Item]) -> Option<(Item, Error)> {
+    network.constraints.iter().find_map(|f| {
+        let Constraint::ImagePoint { photo, point, .. } = f else { return None };
         if dropped.contains(&Item::Photo(*photo)) || dropped.contains(&Item::Point(*point)) {
             return None;
         }
         let x = state.photos[*photo] * state.points[*point];
         let camera = &state.lenses[state.camera_of_photo[*photo]].camera;
         let reason =
-            "its place lies behind a photograph that shows it, or outside its lens; check its clicks";
+            "its place lies behind a photograph that shows it, or outside its lens; check its image points";
         camera
             .project(&x)
             .is_none()
@@ -191,40 +191,46 @@ fn out_of_field(survey: &Survey, state: &State, dropped: &[Item]) -> Option<(Ite
 }
 
 /// Whether the mutual distances alone agree, before any photograph is looked at.
-pub(super) fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Error> {
-    let is_laid = |p: usize| marks[p].is_some();
+pub(super) fn check_distances(network: &NetworkProblem, control_points: &Places) -> Result<(), Error> {
+    let is_laid = |p: usize| control_points[p].is_some();
     let used: Vec<usize> =
-        lengths(survey).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();
-    if gauge::is_given(survey) || used.is_empty() {
+        lengths(network).iter().filter(|(_, l)| l.ends.iter().all(|p| is_laid(*p))).map(|l| l.0).collect();
+    if gauge::is_given(network) || used.is_empty() {
         return Ok(());
     }
-    let facts: Vec<Fact> = used.iter().map(|i| survey.facts[*i]).collect();
-    let Some(frame) = gauge::frame_marks(marks) else { return Ok(()) };
-    let planes = plane_of(survey);
+    let constraints: Vec<Constraint> = used.iter().map(|i| network.constraints[*i]).collect();
+    let Some(frame) = gauge::frame_control_points(control_points) else { return Ok(()) };
+    let planes = plane_of(network);
     let state = State {
         photos: Vec::new(),
-        points: in_frame(marks, frame),
+        points: in_frame(control_points, frame),
         planes: Vec::new(),
         lenses: Vec::<LensAt>::new(),
         camera_of_photo: Vec::new(),
     };
-    let only = Survey { cameras: &[], camera_of_photo: &[], planes: &[], facts: &facts, ..*survey };
-    let dropped: Vec<Item> = (0..survey.n_points).filter(|p| !is_laid(*p)).map(Item::Point).collect();
+    let only = NetworkProblem {
+        cameras: &[],
+        camera_of_photo: &[],
+        planes: &[],
+        constraints: &constraints,
+        ..*network
+    };
+    let dropped: Vec<Item> = (0..network.n_points).filter(|p| !is_laid(*p)).map(Item::Point).collect();
     let [a, b, c] = frame;
     let mut held = vec![(a, 0), (a, 1), (a, 2), (b, 1), (b, 2), (c, 2)];
     let is_flat = planes[a].is_some() && [b, c].iter().all(|p| planes[*p] == planes[a]);
-    held.extend((0..survey.n_points).filter(|p| is_flat && planes[*p] == planes[a]).map(|p| (p, 2)));
+    held.extend((0..network.n_points).filter(|p| is_flat && planes[*p] == planes[a]).map(|p| (p, 2)));
     let layout = Layout::new(&only, &state, &dropped, &held);
-    let solved = minimize_dense(state, |s| equations(&facts, s, &layout), |s, by| s.moved(&layout, by));
+    let solved = minimize_dense(state, |s| equations(&constraints, s, &layout), |s, by| s.moved(&layout, by));
     let Some(solved) = solved.filter(|s| s.is_minimum()) else { return Ok(()) };
-    let degrees_of_freedom = facts.len().saturating_sub(layout.n);
+    let degrees_of_freedom = constraints.len().saturating_sub(layout.n);
     if !is_unlikely(solved.equations.chi2, degrees_of_freedom) {
         return Ok(());
     }
     let Ok(covariance) = inverse(&solved.equations.information) else { return Ok(()) };
-    match snoop::suspects(&facts, &solved.state, &layout, &covariance).first() {
+    match snoop::suspects(&constraints, &solved.state, &layout, &covariance).first() {
         Some(worst) => Err(Error::InconsistentDistances {
-            fact: used[worst.fact],
+            constraint: used[worst.constraint],
             off_m: worst.off,
             sigmas: worst.sigmas,
         }),
@@ -232,11 +238,11 @@ pub(super) fn check_distances(survey: &Survey, marks: &Places) -> Result<(), Err
     }
 }
 
-/// Places in the frame of three marks.
-fn in_frame(marks: &Places, [a, b, c]: [usize; 3]) -> Vec<Point> {
-    let at = |p: usize| marks[p].unwrap_or_default();
+/// Places in the frame of three control points.
+fn in_frame(control_points: &Places, [a, b, c]: [usize; 3]) -> Vec<Point> {
+    let at = |p: usize| control_points[p].unwrap_or_default();
     let x: Vector3<f64> = (at(b) - at(a)).normalize();
     let z = x.cross(&(at(c) - at(a))).normalize();
     let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
-    (0..marks.len()).map(|p| rotation * (at(p) - at(a))).collect()
+    (0..control_points.len()).map(|p| rotation * (at(p) - at(a))).collect()
 }

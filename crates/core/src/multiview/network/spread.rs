@@ -1,18 +1,18 @@
-//! Do the marks stand on one line? Then a turn of everything about it can hardly be seen, and its mirror image fits as well:
+//! Do the control points stand on one line? Then a rotation of everything about it can hardly be seen, and its mirror image fits as well:
 //! docs/math/survey.md eq. (24).
 
 use super::trilaterate::{LEAST_HEIGHT, LINE_SIGMAS, Network, Places, lengths, plane_of};
-use super::{Adjusted, Fact, Query, Survey};
+use super::{Adjusted, Constraint, NetworkProblem, Query};
 use crate::{Error, Point};
 
-/// Marks on one line.
+/// Control points on one line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnLine {
-    /// The two marks farthest from each other.
+    /// The two control points farthest from each other.
     pub ends: [usize; 2],
     /// How far they are from each other, m.
     pub length_m: f64,
-    /// How far the mark farthest from their line stands off it, m.
+    /// How far the control point farthest from their line stands off it, m.
     pub width_m: f64,
     /// How far it would have to, m.
     pub needed_m: f64,
@@ -22,7 +22,13 @@ impl OnLine {
     /// As an error.
     pub(super) fn refusal(&self) -> Error {
         let [a, b] = self.ends;
-        Error::MarksOnLine { a, b, length_m: self.length_m, width_m: self.width_m, needed_m: self.needed_m }
+        Error::ControlPointsOnLine {
+            a,
+            b,
+            length_m: self.length_m,
+            width_m: self.width_m,
+            needed_m: self.needed_m,
+        }
     }
 }
 
@@ -45,26 +51,27 @@ fn widest(places: &[(usize, Point)]) -> Option<([usize; 3], f64, f64)> {
     Some(([places[a].0, places[b].0, places[c].0], length, width))
 }
 
-/// Marks known by coordinates or distances.
-fn is_mark(survey: &Survey, point: usize) -> bool {
-    let speaks = |f: &&Fact| matches!(f, Fact::Place { .. } | Fact::Distance { .. });
-    survey.facts.iter().filter(speaks).any(|f| f.points().contains(&Some(point)))
+/// Control points known by coordinates or distances.
+fn is_control_point(network: &NetworkProblem, point: usize) -> bool {
+    let speaks = |f: &&Constraint| matches!(f, Constraint::Place { .. } | Constraint::Distance { .. });
+    network.constraints.iter().filter(speaks).any(|f| f.points().contains(&Some(point)))
 }
 
 /// Whether photographs are placed by marks at all.
-fn by_marks(survey: &Survey) -> bool {
-    let is_given =
-        |photo| survey.facts.iter().any(|f| matches!(f, Fact::Pose { photo: p, .. } if *p == photo));
-    !(0..survey.camera_of_photo.len()).all(is_given)
+fn by_control_points(network: &NetworkProblem) -> bool {
+    let is_given = |photo| {
+        network.constraints.iter().any(|f| matches!(f, Constraint::Pose { photo: p, .. } if *p == photo))
+    };
+    !(0..network.camera_of_photo.len()).all(is_given)
 }
 
-/// The line that adjusted marks stand on.
-pub(super) fn of_adjusted(survey: &Survey, adjusted: &Adjusted) -> Option<OnLine> {
-    let marks: Vec<(usize, Point)> = (0..survey.n_points)
-        .filter(|p| is_mark(survey, *p))
+/// The line that adjusted control points stand on.
+pub(super) fn of_adjusted(network: &NetworkProblem, adjusted: &Adjusted) -> Option<OnLine> {
+    let control_points: Vec<(usize, Point)> = (0..network.n_points)
+        .filter(|p| is_control_point(network, *p))
         .filter_map(|p| Some((p, adjusted.point(p)?)))
         .collect();
-    let ([a, b, c], length_m, width_m) = widest(&marks).filter(|_| by_marks(survey))?;
+    let ([a, b, c], length_m, width_m) = widest(&control_points).filter(|_| by_control_points(network))?;
     let (_, gradient) = Query::Area { points: vec![a, b, c] }.value(&adjusted.state, &adjusted.layout);
     let area_sigma = gradient.dot(&(&adjusted.covariance * &gradient)).max(0.0).sqrt();
     let needed_m = (LEAST_HEIGHT * length_m).max(LINE_SIGMAS * 2.0 * area_sigma / length_m);
@@ -72,35 +79,38 @@ pub(super) fn of_adjusted(survey: &Survey, adjusted: &Adjusted) -> Option<OnLine
     (width_m < needed_m).then_some(OnLine { ends: [a, b], length_m, width_m, needed_m })
 }
 
-/// The line that coordinates stand on, where nothing but coordinates is known of the marks.
-pub(super) fn of_coordinates(survey: &Survey) -> Option<Error> {
-    let place = |f: &Fact| match f {
-        Fact::Place { point, x_in_world, sigma_m } => Some(((*point, *x_in_world), sigma_m.max())),
+/// The line that coordinates stand on, where nothing but coordinates is known of the control points.
+pub(super) fn of_coordinates(network: &NetworkProblem) -> Option<Error> {
+    let place = |f: &Constraint| match f {
+        Constraint::Place { point, x_in_world, sigma_m } => Some(((*point, *x_in_world), sigma_m.max())),
         _ => None,
     };
-    let (marks, sigmas): (Vec<(usize, Point)>, Vec<f64>) = survey.facts.iter().filter_map(place).unzip();
-    let has_lengths = survey.facts.iter().any(|f| matches!(f, Fact::Distance { .. }));
+    let (control_points, sigmas): (Vec<(usize, Point)>, Vec<f64>) =
+        network.constraints.iter().filter_map(place).unzip();
+    let has_lengths = network.constraints.iter().any(|f| matches!(f, Constraint::Distance { .. }));
     let sigma_m = sigmas.into_iter().fold(0.0, f64::max);
-    line(&marks, sigma_m).filter(|_| !has_lengths && by_marks(survey))
+    line(&control_points, sigma_m).filter(|_| !has_lengths && by_control_points(network))
 }
 
 /// The line of places laid down from separate lengths.
-pub(super) fn of_laid(survey: &Survey, laid: &Places) -> Option<Error> {
-    let marks: Vec<(usize, Point)> =
-        (0..laid.len()).filter(|p| is_mark(survey, *p)).filter_map(|p| Some((p, laid[p]?))).collect();
-    line(&marks, 0.0)
+pub(super) fn of_laid(network: &NetworkProblem, laid: &Places) -> Option<Error> {
+    let control_points: Vec<(usize, Point)> = (0..laid.len())
+        .filter(|p| is_control_point(network, *p))
+        .filter_map(|p| Some((p, laid[p]?)))
+        .collect();
+    line(&control_points, 0.0)
 }
 
-fn line(marks: &[(usize, Point)], sigma_m: f64) -> Option<Error> {
-    let ([a, b, _], length_m, width_m) = widest(marks)?;
+fn line(control_points: &[(usize, Point)], sigma_m: f64) -> Option<Error> {
+    let ([a, b, _], length_m, width_m) = widest(control_points)?;
     let needed_m = (LEAST_HEIGHT * length_m).max(LINE_SIGMAS * sigma_m);
     (width_m < needed_m).then(|| OnLine { ends: [a, b], length_m, width_m, needed_m }.refusal())
 }
 
-/// The line of marks whose measured triangles all are slim.
-pub(super) fn of_lengths(survey: &Survey) -> Option<Error> {
-    let lengths: Vec<_> = lengths(survey).into_iter().map(|l| l.1).collect();
-    let planes = plane_of(survey);
+/// The line of control points whose measured triangles all are slim.
+pub(super) fn of_lengths(network: &NetworkProblem) -> Option<Error> {
+    let lengths: Vec<_> = lengths(network).into_iter().map(|l| l.1).collect();
+    let planes = plane_of(network);
     let (width_m, needed_m, longest) = Network { lengths: &lengths, plane_of: &planes }.tallest()?;
     let line = OnLine { ends: longest.ends, length_m: longest.length_m, width_m, needed_m };
     (width_m < needed_m).then(|| line.refusal())

@@ -1,9 +1,9 @@
-//! First places of everything: marks by coordinates or distances, photographs by `locate`, further points by rays.
+//! First places of everything: control points by coordinates or distances, photographs by `locate`, further points by rays.
 
 use super::segments::{by_segments, line_of_segments};
 use super::state::{LensAt, PlaneAt, State};
 use super::trilaterate::{Length, Network, Places, lengths, plane_of};
-use super::{Fact, Item, Plane, Survey, gauge, spread};
+use super::{Constraint, Item, NetworkProblem, Plane, gauge, spread};
 use crate::correspondence::Correspondence;
 use crate::locate::{Config, locate};
 use crate::multiview::triangulate::{PointView, triangulate};
@@ -16,38 +16,38 @@ pub(super) struct Draft {
     pub(super) dropped: Vec<(Item, Error)>,
     /// Other poses of photographs that fit their marks about as well.
     pub(super) alternatives: Vec<(usize, Pose)>,
-    pub(super) marks: Option<[usize; 3]>,
+    pub(super) control_points: Option<[usize; 3]>,
 }
 
-/// Arrangements of the marks whose coordinates or mutual distances are given; one without any mark where poses are given instead.
-pub(super) fn marks(survey: &Survey) -> Result<Vec<Places>, Error> {
-    check_length(survey)?;
-    let mut places: Places = vec![None; survey.n_points];
-    for fact in survey.facts {
-        if let Fact::Place { point, x_in_world, .. } = fact {
+/// Arrangements of the control points whose coordinates or mutual distances are given; one without any control point where poses are given instead.
+pub(super) fn control_points(problem: &NetworkProblem) -> Result<Vec<Places>, Error> {
+    check_length(problem)?;
+    let mut places: Places = vec![None; problem.n_points];
+    for constraint in problem.constraints {
+        if let Constraint::Place { point, x_in_world, .. } = constraint {
             places[*point] = Some(*x_in_world);
         }
     }
-    let lengths: Vec<Length> = lengths(survey).into_iter().map(|l| l.1).collect();
-    let planes = plane_of(survey);
+    let lengths: Vec<Length> = lengths(problem).into_iter().map(|l| l.1).collect();
+    let planes = plane_of(problem);
     let network = Network { lengths: &lengths, plane_of: &planes };
-    let given = gauge::is_given(survey);
+    let given = gauge::is_given(problem);
     if !places.iter().any(Option::is_some)
         && let Some(laid) = network.triangle()
     {
-        let on_known = known_plane_of(survey, &planes, &laid);
+        let on_known = known_plane_of(problem, &planes, &laid);
         places = on_known.map_or_else(|| laid.clone(), |plane| onto(&laid, &plane));
     } else if !places.iter().any(Option::is_some) {
-        if let Some(line) = line_of_segments(survey) {
+        if let Some(line) = line_of_segments(problem) {
             return Err(line);
         }
-        let mut laid = by_segments(survey);
-        let line = laid.first().and_then(|places| spread::of_laid(survey, places));
-        laid.retain(|places| spread::of_laid(survey, places).is_none());
+        let mut laid = by_segments(problem);
+        let line = laid.first().and_then(|places| spread::of_laid(problem, places));
+        laid.retain(|places| spread::of_laid(problem, places).is_none());
         if let (true, Some(line)) = (laid.is_empty(), line) {
             return Err(line);
         }
-        let on_plane = |laid: Places| match known_plane_of(survey, &planes, &laid) {
+        let on_plane = |laid: Places| match known_plane_of(problem, &planes, &laid) {
             Some(plane) => onto(&laid, &plane),
             None => laid,
         };
@@ -55,40 +55,40 @@ pub(super) fn marks(survey: &Survey) -> Result<Vec<Places>, Error> {
             return Ok(laid.into_iter().map(on_plane).collect());
         }
         if !given {
-            return Err(no_start(survey, &lengths));
+            return Err(no_start(problem, &lengths));
         }
     }
-    let normals = normals(survey, &planes, &places);
+    let normals = normals(problem, &planes, &places);
     Ok(network.grow(places, &normals))
 }
 
 /// Why distances alone lay down nothing.
-fn no_start(survey: &Survey, lengths: &[Length]) -> Error {
-    spread::of_lengths(survey).unwrap_or(Error::Undetermined {
+fn no_start(problem: &NetworkProblem, lengths: &[Length]) -> Error {
+    spread::of_lengths(problem).unwrap_or(Error::Undetermined {
             what: "the frame of point",
             index: 0,
-            reason: "no three points have all their mutual distances, and no photograph shows three known lengths on one plane; measure the sides of one triangle of marks, or give coordinates",
+            reason: "no three points have all their mutual distances, and no photograph shows three known lengths on one plane; measure the sides of one triangle of control points, or give coordinates",
             metric: lengths.len() as f64,
             needed: 3.0,
     })
 }
 
-fn check_length(survey: &Survey) -> Result<(), Error> {
-    let count = |is: fn(&Fact) -> bool| survey.facts.iter().filter(|f| is(f)).count();
-    let distances = count(|f| matches!(f, Fact::Distance { .. }));
-    let places = count(|f| matches!(f, Fact::Place { .. }));
-    let poses = count(|f| matches!(f, Fact::Pose { .. }));
-    let planes = survey.planes.iter().filter(|p| **p != Plane::Unknown).count();
+fn check_length(problem: &NetworkProblem) -> Result<(), Error> {
+    let count = |is: fn(&Constraint) -> bool| problem.constraints.iter().filter(|f| is(f)).count();
+    let distances = count(|f| matches!(f, Constraint::Distance { .. }));
+    let places = count(|f| matches!(f, Constraint::Place { .. }));
+    let poses = count(|f| matches!(f, Constraint::Pose { .. }));
+    let planes = problem.planes.iter().filter(|p| **p != Plane::Unknown).count();
     let is_known = 0 < distances || 2 <= places || 2 <= poses || (0 < poses && 0 < places + planes);
     if is_known { Ok(()) } else { Err(Error::NoLength) }
 }
 
 /// The known plane that all corners of the triangle lie on.
-fn known_plane_of(survey: &Survey, plane_of: &[Option<usize>], laid: &Places) -> Option<PlaneAt> {
+fn known_plane_of(problem: &NetworkProblem, plane_of: &[Option<usize>], laid: &Places) -> Option<PlaneAt> {
     let mut corners = (0..laid.len()).filter(|p| laid[*p].is_some());
     let plane = plane_of[corners.next()?]?;
     let all = corners.all(|p| plane_of[p] == Some(plane));
-    match survey.planes[plane] {
+    match problem.planes[plane] {
         Plane::Known { normal_in_world, offset_m } if all => Some(PlaneAt::known(&normal_in_world, offset_m)),
         _ => None,
     }
@@ -102,12 +102,16 @@ fn onto(laid: &Places, plane: &PlaneAt) -> Places {
 }
 
 /// Normals of known planes, and of those that three placed points span.
-fn normals(survey: &Survey, plane_of: &[Option<usize>], places: &Places) -> Vec<Option<Vector3<f64>>> {
+fn normals(
+    problem: &NetworkProblem,
+    plane_of: &[Option<usize>],
+    places: &Places,
+) -> Vec<Option<Vector3<f64>>> {
     let normal = |(index, plane): (usize, &Plane)| match plane {
         Plane::Known { normal_in_world, .. } => Some(*normal_in_world),
         Plane::Unknown => fitted(index, plane_of, places).map(|p| p.normal),
     };
-    survey.planes.iter().enumerate().map(normal).collect()
+    problem.planes.iter().enumerate().map(normal).collect()
 }
 
 /// Middle over largest extent of points that span a plane.
@@ -132,7 +136,7 @@ fn fitted(index: usize, plane_of: &[Option<usize>], places: &Places) -> Option<P
 
 /// What is placed so far.
 struct Building<'a> {
-    survey: &'a Survey<'a>,
+    problem: &'a NetworkProblem<'a>,
     plane_of: Vec<Option<usize>>,
     points: Places,
     photos: Vec<Option<Pose>>,
@@ -141,27 +145,27 @@ struct Building<'a> {
     reasons: Vec<(Item, Error)>,
 }
 
-/// Places everything that can be, from an arrangement of the marks; `forced` poses replace those of `locate`.
-pub(super) fn draft(survey: &Survey, marks: &Places, forced: &[(usize, Pose)]) -> Draft {
+/// Places everything that can be, from an arrangement of the control points; `forced` poses replace those of `locate`.
+pub(super) fn draft(problem: &NetworkProblem, control_points: &Places, forced: &[(usize, Pose)]) -> Draft {
     let mut building = Building {
-        survey,
-        plane_of: plane_of(survey),
-        points: marks.clone(),
-        photos: vec![None; survey.camera_of_photo.len()],
-        planes: vec![None; survey.planes.len()],
+        problem,
+        plane_of: plane_of(problem),
+        points: control_points.clone(),
+        photos: vec![None; problem.camera_of_photo.len()],
+        planes: vec![None; problem.planes.len()],
         alternatives: Vec::new(),
         reasons: Vec::new(),
     };
     for (photo, cam_from_world) in forced {
         building.photos[*photo] = Some(*cam_from_world);
     }
-    for fact in survey.facts {
-        if let Fact::Pose { photo, cam_from_world, .. } = fact {
+    for constraint in problem.constraints {
+        if let Constraint::Pose { photo, cam_from_world, .. } = constraint {
             building.photos[*photo] = Some(*cam_from_world);
         }
     }
     // Each round places something or is the last.
-    for _ in 0..survey.n_points + survey.camera_of_photo.len() + 2 {
+    for _ in 0..problem.n_points + problem.camera_of_photo.len() + 2 {
         let before = building.n_placed();
         building.reasons.clear();
         building.place_planes();
@@ -172,7 +176,7 @@ pub(super) fn draft(survey: &Survey, marks: &Places, forced: &[(usize, Pose)]) -
             break;
         }
     }
-    building.finish(marks)
+    building.finish(control_points)
 }
 
 impl Building<'_> {
@@ -183,7 +187,7 @@ impl Building<'_> {
     }
 
     fn place_planes(&mut self) {
-        for (index, plane) in self.survey.planes.iter().enumerate() {
+        for (index, plane) in self.problem.planes.iter().enumerate() {
             self.planes[index] = self.planes[index].or_else(|| match plane {
                 Plane::Known { normal_in_world, offset_m } => {
                     Some(PlaneAt::known(normal_in_world, *offset_m))
@@ -203,8 +207,8 @@ impl Building<'_> {
 
     /// A plane of which only the vertical is known: from gravity.
     fn level(&self, index: usize) -> Option<PlaneAt> {
-        self.survey.facts.iter().find_map(|f| match f {
-            Fact::Gravity { plane, photo, down_in_cam, .. } if *plane == index => {
+        self.problem.constraints.iter().find_map(|f| match f {
+            Constraint::Gravity { plane, photo, down_in_cam, .. } if *plane == index => {
                 let normal = -(self.photos[*photo]?.rotation.tr_mul(down_in_cam));
                 Some(PlaneAt { normal, pivot: Point::zeros(), height_m: 0.0 })
             }
@@ -214,7 +218,7 @@ impl Building<'_> {
 
     /// Normals of planes to be found point to the cameras' side, or up where gravity says so.
     fn face_cameras(&mut self) {
-        for (index, plane) in self.survey.planes.iter().enumerate() {
+        for (index, plane) in self.problem.planes.iter().enumerate() {
             let Some(found) = self.planes[index].filter(|_| *plane == Plane::Unknown) else { continue };
             let side = match self.level(index) {
                 Some(level) => level.normal.dot(&found.normal),
@@ -226,9 +230,10 @@ impl Building<'_> {
         }
     }
 
-    fn clicks(&self, is: impl Fn(usize, usize) -> bool) -> Vec<Fact> {
-        let wanted = |f: &&Fact| matches!(f, Fact::Click { photo, point, .. } if is(*photo, *point));
-        self.survey.facts.iter().filter(wanted).copied().collect()
+    fn image_points(&self, is: impl Fn(usize, usize) -> bool) -> Vec<Constraint> {
+        let wanted =
+            |f: &&Constraint| matches!(f, Constraint::ImagePoint { photo, point, .. } if is(*photo, *point));
+        self.problem.constraints.iter().filter(wanted).copied().collect()
     }
 
     /// Photographs with the most marks first: four or more where any has as many, three otherwise.
@@ -236,11 +241,11 @@ impl Building<'_> {
         for least in [4, 3] {
             let mut placed = false;
             for photo in 0..self.photos.len() {
-                let clicks = self.clicks(|p, point| p == photo && self.points[point].is_some());
+                let image_points = self.image_points(|p, point| p == photo && self.points[point].is_some());
                 // Three points leave up to four poses: one photograph at a time, so that what it places helps the next.
                 let is_next = !(placed && least == 3);
-                if self.photos[photo].is_none() && is_next && least <= clicks.len() {
-                    placed |= self.place_photo(photo, &clicks);
+                if self.photos[photo].is_none() && is_next && least <= image_points.len() {
+                    placed |= self.place_photo(photo, &image_points);
                 }
             }
             if placed {
@@ -248,8 +253,9 @@ impl Building<'_> {
             }
         }
         for photo in (0..self.photos.len()).filter(|p| self.photos[*p].is_none()) {
-            let seen = self.clicks(|p, point| p == photo && self.points[point].is_some()).len();
-            let reason = "too few points of known place were clicked in it; click at least four marks";
+            let seen = self.image_points(|p, point| p == photo && self.points[point].is_some()).len();
+            let reason =
+                "too few points of known place were clicked in it; image point at least four control points";
             if !self.reasons.iter().any(|r| r.0 == Item::Photo(photo)) {
                 self.reasons
                     .push((Item::Photo(photo), undetermined("photo", photo, reason, seen as f64, 3.0)));
@@ -257,11 +263,11 @@ impl Building<'_> {
         }
     }
 
-    fn place_photo(&mut self, photo: usize, clicks: &[Fact]) -> bool {
-        let camera = self.survey.cameras[self.survey.camera_of_photo[photo]].camera;
-        let mut seen = Vec::with_capacity(clicks.len());
-        for click in clicks {
-            let Fact::Click { point, pixel, covariance_px2, .. } = click else { continue };
+    fn place_photo(&mut self, photo: usize, image_points: &[Constraint]) -> bool {
+        let camera = self.problem.cameras[self.problem.camera_of_photo[photo]].camera;
+        let mut seen = Vec::with_capacity(image_points.len());
+        for image_point in image_points {
+            let Constraint::ImagePoint { point, pixel, covariance_px2, .. } = image_point else { continue };
             let Some(x) = self.points[*point] else { continue };
             match Correspondence::new(camera, x, *pixel, covariance_px2.sigma_px()) {
                 Ok(c) => seen.push(c.with_covariance(*covariance_px2)),
@@ -287,19 +293,19 @@ impl Building<'_> {
 
     fn place_points(&mut self) {
         for point in (0..self.points.len()).filter(|p| self.points[*p].is_none()).collect::<Vec<_>>() {
-            let clicks = self.clicks(|photo, p| p == point && self.photos[photo].is_some());
-            let found = self.by_rays(&clicks);
+            let image_points = self.image_points(|photo, p| p == point && self.photos[photo].is_some());
+            let found = self.by_rays(&image_points);
             let place = match &found {
                 Some(Ok(x)) => Some(*x),
-                _ => self.on_plane(point, &clicks).or_else(|| self.above_foot(point, &clicks)),
+                _ => self.on_plane(point, &image_points).or_else(|| self.above_foot(point, &image_points)),
             };
             self.points[point] = place;
             if place.is_none() {
-                let n = clicks.len();
+                let n = image_points.len();
                 let reason = match (n, self.plane_of[point]) {
                     (0, _) => "no photograph that has a place shows it",
                     (_, None) => {
-                        "it was seen once and lies on no plane; click it in a second photograph, or put it on a plane"
+                        "it was seen once and lies on no plane; image point it in a second photograph, or put it on a plane"
                     }
                     (_, Some(_)) => "its ray does not meet its plane in front of the camera",
                 };
@@ -312,11 +318,13 @@ impl Building<'_> {
         }
     }
 
-    fn by_rays(&self, clicks: &[Fact]) -> Option<Result<Point, Error>> {
-        let view = |click: &Fact| {
-            let Fact::Click { photo, pixel, covariance_px2, .. } = click else { return None };
+    fn by_rays(&self, image_points: &[Constraint]) -> Option<Result<Point, Error>> {
+        let view = |image_point: &Constraint| {
+            let Constraint::ImagePoint { photo, pixel, covariance_px2, .. } = image_point else {
+                return None;
+            };
             Some(PointView {
-                camera: self.survey.cameras[self.survey.camera_of_photo[*photo]].camera,
+                camera: self.problem.cameras[self.problem.camera_of_photo[*photo]].camera,
                 cam_from_world: self.photos[*photo]?,
                 covariance: None,
                 intrinsics_covariance: None,
@@ -324,52 +332,53 @@ impl Building<'_> {
                 covariance_px2: *covariance_px2,
             })
         };
-        let views: Vec<PointView> = clicks.iter().filter_map(view).collect();
+        let views: Vec<PointView> = image_points.iter().filter_map(view).collect();
         (2 <= views.len()).then(|| triangulate(&views).map(|t| t.x_in_world))
     }
 
-    /// Centre and direction of a click's ray, world frame.
-    fn ray(&self, click: &Fact) -> Option<(Point, Vector3<f64>)> {
-        let Fact::Click { photo, pixel, .. } = click else { return None };
+    /// Centre and direction of an image point's ray, world frame.
+    fn ray(&self, image_point: &Constraint) -> Option<(Point, Vector3<f64>)> {
+        let Constraint::ImagePoint { photo, pixel, .. } = image_point else { return None };
         let pose = self.photos[*photo]?;
-        let camera = self.survey.cameras[self.survey.camera_of_photo[*photo]].camera;
+        let camera = self.problem.cameras[self.problem.camera_of_photo[*photo]].camera;
         Some((pose.origin(), pose.rotation.tr_mul(&camera.bearing(pixel).ok()?.into_inner())))
     }
 
-    fn on_plane(&self, point: usize, clicks: &[Fact]) -> Option<Point> {
+    fn on_plane(&self, point: usize, image_points: &[Constraint]) -> Option<Point> {
         let plane = self.planes[self.plane_of[point]?]?;
-        clicks.iter().find_map(|click| {
-            let (centre, ray) = self.ray(click)?;
+        image_points.iter().find_map(|image_point| {
+            let (centre, ray) = self.ray(image_point)?;
             let depth = -plane.above_m(&centre) / plane.normal.dot(&ray);
             (0.0 < depth && depth.is_finite()).then(|| centre + ray * depth)
         })
     }
 
     /// The point of the upright through its foot (or below its top) that is nearest to the ray.
-    fn above_foot(&self, point: usize, clicks: &[Fact]) -> Option<Point> {
-        let (other, up) = self.survey.facts.iter().find_map(|f| match f {
-            Fact::Upright { plane, foot, top, .. } if *top == point => {
+    fn above_foot(&self, point: usize, image_points: &[Constraint]) -> Option<Point> {
+        let (other, up) = self.problem.constraints.iter().find_map(|f| match f {
+            Constraint::Upright { plane, foot, top, .. } if *top == point => {
                 Some((self.points[*foot]?, self.planes[*plane]?.normal))
             }
-            Fact::Upright { plane, foot, top, .. } if *foot == point => {
+            Constraint::Upright { plane, foot, top, .. } if *foot == point => {
                 Some((self.points[*top]?, -self.planes[*plane]?.normal))
             }
             _ => None,
         })?;
-        let (centre, ray) = self.ray(clicks.first()?)?;
+        let (centre, ray) = self.ray(image_points.first()?)?;
         // Nearest points of other + s up and centre + t ray.
         let (between, cos) = (centre - other, up.dot(&ray));
         let s = (up.dot(&between) - cos * ray.dot(&between)) / (1.0 - cos * cos);
         (0.0 < s && s.is_finite()).then(|| other + up * s)
     }
 
-    fn finish(mut self, marks: &Places) -> Draft {
+    fn finish(mut self, control_points: &Places) -> Draft {
         self.face_cameras();
-        let frame = if gauge::is_given(self.survey) { None } else { gauge::frame_marks(marks) };
+        let frame =
+            if gauge::is_given(self.problem) { None } else { gauge::frame_control_points(control_points) };
         if let Some(frame) = frame {
             self.turn_into(frame);
         }
-        let survey = self.survey;
+        let problem = self.problem;
         let dropped = |item: Item| match self.reasons.iter().find(|r| r.0 == item) {
             Some((_, reason)) => (item, reason.clone()),
             None => (item, undetermined("item", 0, "nothing that has a place refers to it", 0.0, 1.0)),
@@ -383,13 +392,13 @@ impl Building<'_> {
             photos: self.photos.iter().map(|p| p.unwrap_or(Pose::identity())).collect(),
             points: self.points.iter().map(|p| p.unwrap_or_default()).collect(),
             planes: self.planes.iter().map(|p| p.unwrap_or(nowhere)).collect(),
-            lenses: survey.cameras.iter().map(|c| LensAt::new(c.camera, c.intrinsics_covariance)).collect(),
-            camera_of_photo: survey.camera_of_photo.to_vec(),
+            lenses: problem.cameras.iter().map(|c| LensAt::new(c.camera, c.intrinsics_covariance)).collect(),
+            camera_of_photo: problem.camera_of_photo.to_vec(),
         };
-        Draft { state, dropped, alternatives: self.alternatives, marks: frame }
+        Draft { state, dropped, alternatives: self.alternatives, control_points: frame }
     }
 
-    /// Everything into the frame of three marks, z towards the cameras.
+    /// Everything into the frame of three control points, z towards the cameras.
     fn turn_into(&mut self, [a, b, c]: [usize; 3]) {
         let at = |p: usize| self.points[p].unwrap_or_default();
         let x = (at(b) - at(a)).normalize();
@@ -400,13 +409,13 @@ impl Building<'_> {
         }
         let y = z.cross(&x);
         let rotation = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
-        let marks_from_world = Pose::new(rotation, -(rotation * at(a)));
-        let world_from_marks = marks_from_world.inverse();
-        self.points.iter_mut().flatten().for_each(|x| *x = marks_from_world * *x);
-        self.photos.iter_mut().flatten().for_each(|pose| *pose = *pose * world_from_marks);
+        let control_points_from_world = Pose::new(rotation, -(rotation * at(a)));
+        let world_from_control_points = control_points_from_world.inverse();
+        self.points.iter_mut().flatten().for_each(|x| *x = control_points_from_world * *x);
+        self.photos.iter_mut().flatten().for_each(|pose| *pose = *pose * world_from_control_points);
         self.planes.iter_mut().flatten().for_each(|plane| {
             plane.normal = rotation * plane.normal;
-            plane.pivot = marks_from_world * plane.pivot;
+            plane.pivot = control_points_from_world * plane.pivot;
         });
     }
 }

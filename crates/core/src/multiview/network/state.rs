@@ -1,6 +1,6 @@
 //! The unknowns: where everything is, and which number of the joint vector is which.
 
-use super::{Fact, Item, Plane, Survey};
+use super::{Constraint, Item, NetworkProblem, Plane};
 use crate::{Camera, Point, Pose};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3, Vector6};
 
@@ -140,8 +140,13 @@ impl State {
 }
 
 impl Layout {
-    /// All unknowns of a survey but those of `dropped` items and of coordinates that are `held`.
-    pub(crate) fn new(survey: &Survey, state: &State, dropped: &[Item], held: &[(usize, usize)]) -> Self {
+    /// All unknowns of a network but those of `dropped` items and of coordinates that are `held`.
+    pub(crate) fn new(
+        network: &NetworkProblem,
+        state: &State,
+        dropped: &[Item],
+        held: &[(usize, usize)],
+    ) -> Self {
         let mut layout = Layout { dropped: dropped.to_vec(), ..Layout::default() };
         let mut n = 0;
         let mut take = |many: usize| {
@@ -149,22 +154,22 @@ impl Layout {
             n - many
         };
         let exact = |photo: usize| {
-            let is = |f: &Fact| matches!(f, Fact::Pose { photo: p, covariance: None, .. } if *p == photo);
-            survey.facts.iter().any(is)
+            let is = |f: &Constraint| matches!(f, Constraint::Pose { photo: p, covariance: None, .. } if *p == photo);
+            network.constraints.iter().any(is)
         };
-        for photo in 0..survey.camera_of_photo.len() {
+        for photo in 0..network.camera_of_photo.len() {
             let free = !dropped.contains(&Item::Photo(photo)) && !exact(photo);
             layout.photo.push(free.then(|| take(6)));
         }
-        for point in 0..survey.n_points {
+        for point in 0..network.n_points {
             let fixed = |axis: usize| held.contains(&(point, axis));
             let free = !dropped.contains(&Item::Point(point));
             layout.point.push([0, 1, 2].map(|axis| (free && !fixed(axis)).then(|| take(1))));
         }
-        for (index, plane) in survey.planes.iter().enumerate() {
+        for (index, plane) in network.planes.iter().enumerate() {
             let free = *plane == Plane::Unknown && !dropped.contains(&Item::Plane(index));
             let has_points =
-                layout.uses(survey, |f| matches!(f, Fact::OnPlane { plane, .. } if *plane == index));
+                layout.uses(network, |f| matches!(f, Constraint::OnPlane { plane, .. } if *plane == index));
             layout.tilt.push(free.then(|| take(2)));
             layout.height.push((free && has_points).then(|| take(1)));
         }
@@ -175,8 +180,8 @@ impl Layout {
         layout
     }
 
-    fn uses(&self, survey: &Survey, is: impl Fn(&Fact) -> bool) -> bool {
-        survey.facts.iter().any(|f| is(f) && self.has(f))
+    fn uses(&self, network: &NetworkProblem, is: impl Fn(&Constraint) -> bool) -> bool {
+        network.constraints.iter().any(|f| is(f) && self.has(f))
     }
 
     pub(crate) fn has_photo(&self, photo: usize) -> bool {
@@ -191,11 +196,11 @@ impl Layout {
         plane < self.tilt.len() && !self.dropped.contains(&Item::Plane(plane))
     }
 
-    /// Whether all that a fact speaks of has a place.
-    pub(crate) fn has(&self, fact: &Fact) -> bool {
+    /// Whether all that a constraint speaks of has a place.
+    pub(crate) fn has(&self, constraint: &Constraint) -> bool {
         let is_dropped = |item: Item| self.dropped.contains(&item);
-        !(fact.points().into_iter().flatten().any(|p| is_dropped(Item::Point(p)))
-            || fact.photo().is_some_and(|p| is_dropped(Item::Photo(p)))
-            || fact.plane().is_some_and(|p| is_dropped(Item::Plane(p))))
+        !(constraint.points().into_iter().flatten().any(|p| is_dropped(Item::Point(p)))
+            || constraint.photo().is_some_and(|p| is_dropped(Item::Photo(p)))
+            || constraint.plane().is_some_and(|p| is_dropped(Item::Plane(p))))
     }
 }

@@ -1,9 +1,9 @@
-//! Places of marks of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
+//! Places of control points of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
 //!
-//! A triangle is laid down; each further mark stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
+//! A triangle is laid down; each further control point stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
 //! are followed: the photographs decide.
 
-use super::{Fact, Survey};
+use super::{Constraint, NetworkProblem};
 use crate::Point;
 use nalgebra::Vector3;
 
@@ -18,29 +18,29 @@ pub(super) struct Length {
 /// Places of some of the points.
 pub(super) type Places = Vec<Option<Point>>;
 
-/// Distances given, in order, with the fact each comes from.
-pub(super) fn lengths(survey: &Survey) -> Vec<(usize, Length)> {
-    let length = |(index, fact): (usize, &Fact)| match fact {
-        Fact::Distance { a, b, distance_m, sigma_m } => {
+/// Distances given, in order, with the constraint each comes from.
+pub(super) fn lengths(problem: &NetworkProblem) -> Vec<(usize, Length)> {
+    let length = |(index, constraint): (usize, &Constraint)| match constraint {
+        Constraint::Distance { a, b, distance_m, sigma_m } => {
             Some((index, Length { ends: [*a, *b], length_m: *distance_m, sigma_m: *sigma_m }))
         }
         _ => None,
     };
-    survey.facts.iter().enumerate().filter_map(length).collect()
+    problem.constraints.iter().enumerate().filter_map(length).collect()
 }
 
 /// The plane that each point lies on.
-pub(super) fn plane_of(survey: &Survey) -> Vec<Option<usize>> {
-    let mut planes = vec![None; survey.n_points];
-    for fact in survey.facts {
-        if let Fact::OnPlane { plane, point, .. } = fact {
+pub(super) fn plane_of(problem: &NetworkProblem) -> Vec<Option<usize>> {
+    let mut planes = vec![None; problem.n_points];
+    for constraint in problem.constraints {
+        if let Constraint::OnPlane { plane, point, .. } = constraint {
             planes[*point] = Some(*plane);
         }
     }
     planes
 }
 
-/// Arrangements followed at once; each further mark with two places doubles them.
+/// Arrangements followed at once; each further control point with two places doubles them.
 const MOST_ARRANGEMENTS: usize = 8;
 /// A place whose χ² over its distances is this far above the best is not followed.
 const FOLLOWED_CHI2: f64 = 25.0;
@@ -100,7 +100,7 @@ impl Network<'_> {
         Some(places)
     }
 
-    /// Of the triangle of measured sides that is the least slim: its height, how high it would have to be to be told from a line, and its
+    /// Of the triangle of measured sides that is the least slim: its height, how high it would have to be to be distinguished from a line, and its
     /// longest side; none without any triangle.
     pub(super) fn tallest(&self) -> Option<(f64, f64, Length)> {
         let mut best: Option<(f64, f64, Length)> = None;

@@ -1,51 +1,51 @@
-//! One word for a survey: which of its answers can be believed. docs/math/survey.md, section 6.
+//! One word for a network: which of its answers can be believed. docs/math/survey.md, section 6.
 
-use super::{Adjusted, RIVAL_GATE_CHI2};
+use super::{ALTERNATIVE_GATE_CHI2, Adjusted};
 
-/// What a survey's answers are worth.
+/// What a network's answers are worth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SurveyStatus {
+pub enum NetworkStatus {
     /// Everything known agrees, and only one arrangement fits it.
     Ok,
-    /// Another arrangement of photographs and marks fits about as well.
+    /// Another arrangement of photographs and control points fits about as well.
     Ambiguous,
-    /// Facts contradict each other, or one was left out because it contradicts the rest.
+    /// Constraints contradict each other, or one was left out because it contradicts the rest.
     Inconsistent,
-    /// The marks stand on one line, or a mark was left out, and what is known of it with it.
+    /// The control points stand on one line, or a control point was left out, and what is known of it with it.
     Degenerate,
 }
 
-impl SurveyStatus {
+impl NetworkStatus {
     /// As in JSON.
     pub fn name(self) -> &'static str {
         match self {
-            SurveyStatus::Ok => "ok",
-            SurveyStatus::Ambiguous => "ambiguous",
-            SurveyStatus::Inconsistent => "inconsistent",
-            SurveyStatus::Degenerate => "degenerate",
+            NetworkStatus::Ok => "ok",
+            NetworkStatus::Ambiguous => "ambiguous",
+            NetworkStatus::Inconsistent => "inconsistent",
+            NetworkStatus::Degenerate => "degenerate",
         }
     }
 }
 
 impl Adjusted {
-    /// The word for the whole survey; that of each of its answers unless the answer has no value.
-    pub fn status(&self) -> SurveyStatus {
+    /// The word for the whole network; that of each of its answers unless the answer has no value.
+    pub fn status(&self) -> NetworkStatus {
         if self.on_line.is_some() {
-            SurveyStatus::Degenerate
+            NetworkStatus::Degenerate
         } else if self.is_inconsistent || !self.suspects.is_empty() {
-            SurveyStatus::Inconsistent
-        } else if self.has_lost_marks {
-            SurveyStatus::Degenerate
-        } else if self.rival_delta_chi2.is_some_and(|d| d < RIVAL_GATE_CHI2) {
-            SurveyStatus::Ambiguous
+            NetworkStatus::Inconsistent
+        } else if self.has_lost_control_points {
+            NetworkStatus::Degenerate
+        } else if self.alternative_delta_chi2.is_some_and(|d| d < ALTERNATIVE_GATE_CHI2) {
+            NetworkStatus::Ambiguous
         } else {
-            SurveyStatus::Ok
+            NetworkStatus::Ok
         }
     }
 
     /// The second best arrangement, where it fits about as well.
     pub fn second_solution(&self) -> Option<&Adjusted> {
-        let is_near = self.rival_delta_chi2.is_some_and(|d| d < RIVAL_GATE_CHI2);
-        self.rival.as_deref().filter(|_| is_near)
+        let is_near = self.alternative_delta_chi2.is_some_and(|d| d < ALTERNATIVE_GATE_CHI2);
+        self.alternative.as_deref().filter(|_| is_near)
     }
 }

@@ -1,4 +1,4 @@
-//! Each camera by the chain of pairs whose errors add up to least: Dijkstra's shortest paths from the anchor.
+//! Each camera by the chain of pairs whose errors add up to least: Dijkstra's shortest paths from the reference camera.
 //!
 //! Paper: E. W. Dijkstra, "A note on two problems in connexion with graphs", Numerische Mathematik 1, 1959.
 
@@ -9,7 +9,7 @@ use crate::{Error, Matrix6, Pose};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain {
     /// The camera whose frame is the rig's.
-    pub anchor: usize,
+    pub reference_camera: usize,
     /// One entry a camera.
     pub cameras: Vec<ChainedCamera>,
 }
@@ -17,9 +17,9 @@ pub struct Chain {
 /// A camera at the end of a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainedCamera {
-    /// x_in_cam = cam_from_rig · x_in_rig; identity for the anchor.
+    /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference camera.
     pub cam_from_rig: Pose,
-    /// The cameras on the way, the anchor first, this one last.
+    /// The cameras on the way, the reference camera first, this one last.
     pub path: Vec<usize>,
     /// The pairs on the way, indices, in the same order.
     pub pairs: Vec<usize>,
@@ -41,21 +41,21 @@ fn cost_of(pair: &RelativePose) -> f64 {
 ///
 /// # Errors
 /// `InvalidPose`, `InvalidSetting`, `Disconnected`.
-pub fn chain(graph: &PoseGraph, anchor: usize) -> Result<Chain, Error> {
-    check(graph, anchor)?;
+pub fn chain(graph: &PoseGraph, reference_camera: usize) -> Result<Chain, Error> {
+    check(graph, reference_camera)?;
     let mut known = vec![None; graph.n_cameras];
     let first = ChainedCamera {
         cam_from_rig: Pose::identity(),
-        path: vec![anchor],
+        path: vec![reference_camera],
         pairs: Vec::new(),
         error: 0.0,
         covariance: Some(Matrix6::zeros()),
     };
-    known[anchor] = Some(first);
+    known[reference_camera] = Some(first);
     while let Some((camera, reached)) = nearest(graph, &known) {
         known[camera] = Some(reached);
     }
-    Ok(Chain { anchor, cameras: known.into_iter().flatten().collect() })
+    Ok(Chain { reference_camera, cameras: known.into_iter().flatten().collect() })
 }
 
 /// The camera not yet known that a known one reaches with the least error.

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// Where the adjustment ended.
 pub(super) struct Adjustment {
     pub poses: Vec<Pose>,
-    /// 6 rows a camera, zero for the anchor.
+    /// 6 rows a camera, zero for the reference camera.
     pub covariance: DMatrix<f64>,
     pub chi2: f64,
     pub steps: usize,
@@ -43,17 +43,19 @@ pub(super) struct Weights<'a> {
     pub loss: Loss,
 }
 
-/// The minimum next to `start`; the anchor stays.
+/// The minimum next to `start`; the reference camera stays.
 pub(super) fn adjust(
     graph: &PoseGraph,
-    anchor: usize,
+    reference_camera: usize,
     start: Vec<Pose>,
     weights: &Weights,
 ) -> Result<Adjustment, Error> {
     if graph.n_cameras == 1 {
         return Ok(Adjustment { poses: start, covariance: DMatrix::zeros(6, 6), chi2: 0.0, steps: 0 });
     }
-    let place = |camera: usize| (camera != anchor).then(|| 6 * (camera - usize::from(anchor < camera)));
+    let place = |camera: usize| {
+        (camera != reference_camera).then(|| 6 * (camera - usize::from(reference_camera < camera)))
+    };
     let evaluate = |poses: &Vec<Pose>| Some(equations(graph, poses, weights, place));
     let moved = |poses: &Vec<Pose>, step: &DVector<f64>| {
         let one = |(i, pose): (usize, &Pose)| match place(i) {
@@ -66,13 +68,13 @@ pub(super) fn adjust(
     let solution = solution.ok_or(Error::NotConverged { steps: 0 })?;
     let inverse =
         solution.equations.information.cholesky().ok_or(Error::NotConverged { steps: solution.steps })?;
-    let covariance = with_anchor(graph.n_cameras, &inverse.inverse(), place);
+    let covariance = with_reference_camera(graph.n_cameras, &inverse.inverse(), place);
     let chi2 = equations(graph, &solution.state, weights, place).chi2;
     Ok(Adjustment { poses: solution.state, covariance, chi2, steps: solution.steps })
 }
 
-/// Rows and columns of zeros for the anchor.
-fn with_anchor(
+/// Rows and columns of zeros for the reference camera.
+fn with_reference_camera(
     n_cameras: usize,
     covariance: &DMatrix<f64>,
     place: impl Fn(usize) -> Option<usize>,

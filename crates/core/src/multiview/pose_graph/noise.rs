@@ -1,4 +1,4 @@
-//! How sure each pair is: as stated, or as the pairs' agreement says. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
+//! How uncertain each pair is: as stated, or as the pairs' agreement says. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
 
 use super::equations::linearised;
 use super::{PairNoise, PairSigma, PoseGraph};
@@ -7,7 +7,7 @@ use crate::{Error, Matrix6, Pose};
 
 /// Median of χ² with three degrees of freedom.
 const MEDIAN_CHI2_3: f64 = 2.366;
-/// A turn or shift no smaller than this is told from rounding: where pairs agree exactly the estimate would be zero.
+/// A rotation or shift no smaller than this is distinguished from rounding: where pairs agree exactly the estimate would be zero.
 const LEAST_SIGMA: f64 = 1e-12;
 
 /// Standard deviations of all pairs.

@@ -30,29 +30,29 @@ const MAX_ROUNDS: usize = 50;
 /// The sigmas have settled when χ² over its degrees of freedom is 1 to within this.
 const SETTLED: f64 = 1e-9;
 
-/// Where turns or shifts keep less of the redundancy than this, the other kind has begun to explain their residuals (a turn of a camera closes a
+/// Where turns or shifts keep less of the redundancy than this, the other kind has begun to explain their residuals (a rotation of a camera closes a
 /// loop's shifts), and a variance would run to zero: from then on one factor scales both. A loop by itself gives each a half.
 const LEAST_SHARE: f64 = 0.25;
 
 /// The joint answer: first under a loss that wrong pairs cannot pull far, then without those that contradict the rest.
 pub(super) fn settle(
     graph: &PoseGraph,
-    anchor: usize,
+    reference_camera: usize,
     start: Vec<Pose>,
     noise: Noise,
 ) -> Result<Settled, Error> {
     let all = vec![true; graph.pairs.len()];
     let scale = robust_scale(graph, &start, &noise)?;
     let loss = Loss::Cauchy { sigmas: (CHI2_6_95 * scale).sqrt() };
-    let mut poses = adjust(graph, anchor, start, &weights(&noise, &all, loss)?.as_ref())?.poses;
+    let mut poses = adjust(graph, reference_camera, start, &weights(&noise, &all, loss)?.as_ref())?.poses;
     let (mut used, mut unsure) = (all, vec![false; graph.pairs.len()]);
     for _ in 0..4 * graph.pairs.len() + 1 {
-        let (adjustment, settled) = adjusted(graph, anchor, poses, noise.clone(), &used)?;
+        let (adjustment, settled) = adjusted(graph, reference_camera, poses, noise.clone(), &used)?;
         let mut pairs = results(graph, &adjustment, &settled, &used)?;
         let returning = innocent(&pairs, &used);
         let leaving = worst(&pairs, |i| used[i] && !unsure[i] && removable(graph, &used, i));
         match (leaving, returning) {
-            (Some(at), _) => match twins(graph, &used, at) {
+            (Some(at), _) => match duplicates(graph, &used, at) {
                 alone if alone.is_empty() => (used[at], unsure) = (false, vec![false; used.len()]),
                 several => several.into_iter().chain([at]).for_each(|i| unsure[i] = true),
             },
@@ -69,11 +69,12 @@ pub(super) fn settle(
 
 /// Pairs that the same loops check and no others, so that a misclosure may be the fault of any of them: with both gone the cameras fall apart,
 /// with either they do not.
-fn twins(graph: &PoseGraph, used: &[bool], of: usize) -> Vec<usize> {
+fn duplicates(graph: &PoseGraph, used: &[bool], of: usize) -> Vec<usize> {
     let mut without = used.to_vec();
     without[of] = false;
-    let is_twin = |i: &usize| without[*i] && removable(graph, used, *i) && !removable(graph, &without, *i);
-    (0..used.len()).filter(is_twin).collect()
+    let is_duplicate =
+        |i: &usize| without[*i] && removable(graph, used, *i) && !removable(graph, &without, *i);
+    (0..used.len()).filter(is_duplicate).collect()
 }
 
 /// Information matrices and a loss.
@@ -103,14 +104,15 @@ fn robust_scale(graph: &PoseGraph, poses: &[Pose], noise: &Noise) -> Result<f64,
 /// The minimum over the pairs used, the sigmas re-estimated until they agree with the residuals.
 fn adjusted(
     graph: &PoseGraph,
-    anchor: usize,
+    reference_camera: usize,
     mut poses: Vec<Pose>,
     mut noise: Noise,
     used: &[bool],
 ) -> Result<(Adjustment, Noise), Error> {
     let mut is_one_factor = false;
     for _ in 0..MAX_ROUNDS {
-        let adjustment = adjust(graph, anchor, poses, &weights(&noise, used, Loss::Squared)?.as_ref())?;
+        let adjustment =
+            adjust(graph, reference_camera, poses, &weights(&noise, used, Loss::Squared)?.as_ref())?;
         if !noise.is_estimated() {
             return Ok((adjustment, noise));
         }
@@ -125,7 +127,7 @@ fn adjusted(
         noise = noise.re_estimated(turn, shift);
         poses = adjustment.poses;
     }
-    let adjustment = adjust(graph, anchor, poses, &weights(&noise, used, Loss::Squared)?.as_ref())?;
+    let adjustment = adjust(graph, reference_camera, poses, &weights(&noise, used, Loss::Squared)?.as_ref())?;
     Ok((adjustment, noise))
 }
 
@@ -168,7 +170,7 @@ fn results(
     used: &[bool],
 ) -> Result<Vec<PairResult>, Error> {
     let n_used = used.iter().filter(|used| **used).count();
-    let dof = 6.0 * (n_used as f64 - graph.n_cameras as f64 + 1.0);
+    let degrees_of_freedom = 6.0 * (n_used as f64 - graph.n_cameras as f64 + 1.0);
     let result = |(index, &used): (usize, &bool)| {
         let residual = linearised(graph, index, &adjustment.poses).residual;
         let (own, predicted) = (noise.covariance(index), predicted_covariance(graph, index, adjustment));
@@ -177,7 +179,11 @@ fn results(
         let expected = if used { own - predicted } else { own + predicted };
         let testable = LEAST_REDUNDANCY < redundancy;
         let distance = expected.cholesky().filter(|_| testable).map(|c| residual.dot(&c.solve(&residual)));
-        let others = if used { (adjustment.chi2, dof, 1.0) } else { (adjustment.chi2, dof, 0.0) };
+        let others = if used {
+            (adjustment.chi2, degrees_of_freedom, 1.0)
+        } else {
+            (adjustment.chi2, degrees_of_freedom, 0.0)
+        };
         let disagreement_sigma = distance.and_then(|distance| disagreement(distance, others));
         Ok(PairResult { residual, redundancy, disagreement_sigma, is_used: used, is_suspicious: !used })
     };
@@ -186,8 +192,8 @@ fn results(
 
 /// The pair's squared distance from the others against the others' own χ² (its own share taken out where it took part), as a normal number:
 /// Paulson's transformation of F with 6 and n degrees of freedom, eqs. (10)–(11). None where the others have no redundancy of their own.
-fn disagreement(distance: f64, (chi2, dof, own_share): (f64, f64, f64)) -> Option<f64> {
-    let n = dof - 6.0 * own_share;
+fn disagreement(distance: f64, (chi2, degrees_of_freedom, own_share): (f64, f64, f64)) -> Option<f64> {
+    let n = degrees_of_freedom - 6.0 * own_share;
     if n < 5.5 {
         return None;
     }

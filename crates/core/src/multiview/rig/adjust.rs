@@ -6,9 +6,9 @@ use super::RigConfig;
 use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
-use super::sighted::{CAUCHY_SIGMAS, Sighted, enough};
-use super::start::{UNSEEN_CHI2, best_of_body, check_joined};
-use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPlaces, minimize_rig};
+use super::sighted::{CAUCHY_SIGMAS, LocatedViews, enough};
+use super::start::{UNOBSERVED_CHI2, best_of_body, check_joined};
+use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPoses, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::locate::accumulate::normal_equations;
 use crate::locate::loss::Loss;
@@ -18,7 +18,7 @@ use std::borrow::Cow;
 
 /// The minimum, and what took part in it.
 pub(super) struct Adjusted {
-    pub(super) places: RigPlaces,
+    pub(super) places: RigPoses,
     pub(super) equations: RigEquations,
     pub(super) graph: RigGraph,
     pub(super) parts: Parts,
@@ -33,15 +33,15 @@ const MAX_ROUNDS: usize = 20;
 /// A rough minimum will do before the points are judged.
 const ROUGH: f64 = 1e-4;
 
-/// The points that take part, by sighting.
+/// The points that take part, by observation.
 type Active<'a> = Vec<Cow<'a, [Correspondence]>>;
 
 struct Adjustment<'a> {
     layout: &'a Layout<'a>,
-    sighted: &'a Sighted,
+    located_views: &'a LocatedViews,
     config: &'a RigConfig<'a>,
     graph: RigGraph,
-    places: RigPlaces,
+    places: RigPoses,
     /// At `places`.
     residuals: Vec<Residuals>,
     steps: usize,
@@ -51,23 +51,23 @@ struct Adjustment<'a> {
 /// `NotConverged`; `CamerasUnconnected` when what contradicts was all that joined them.
 pub(super) fn adjust(
     layout: &Layout,
-    sighted: &Sighted,
-    places: RigPlaces,
+    located_views: &LocatedViews,
+    places: RigPoses,
     config: &RigConfig,
 ) -> Result<Adjusted, Error> {
     let mut graph = layout.graph.clone();
     for (body, range) in layout.ranges().into_iter().enumerate() {
-        graph.is_active[body] = range.into_iter().any(|i| sighted[i].is_ok());
+        graph.is_active[body] = range.into_iter().any(|i| located_views[i].is_ok());
     }
     let residuals = residuals(layout, &places, &graph.is_active);
-    let mut adjustment = Adjustment { layout, sighted, config, graph, places, residuals, steps: 0 };
+    let mut adjustment = Adjustment { layout, located_views, config, graph, places, residuals, steps: 0 };
     adjustment.approach()?;
     adjustment.look_around();
     adjustment.settle()
 }
 
 impl<'a> Adjustment<'a> {
-    fn move_to(&mut self, places: RigPlaces) {
+    fn move_to(&mut self, places: RigPoses) {
         self.places = places;
         self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
     }
@@ -79,7 +79,7 @@ impl<'a> Adjustment<'a> {
         robust_variance(&self.residuals, unknown).max(1.0)
     }
 
-    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows. Some points of a large sighting do:
+    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows. Some points of a large observation do:
     /// what they leave open the rest closes in a step.
     fn approach(&mut self) -> Result<(), Error> {
         let mut sigmas = f64::INFINITY;
@@ -89,7 +89,7 @@ impl<'a> Adjustment<'a> {
                 break;
             }
             sigmas = next;
-            let active: Active = self.layout.sightings.iter().map(|s| enough(&s.seen)).collect();
+            let active: Active = self.layout.observations.iter().map(|s| enough(&s.seen)).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
             // A valley too flat to end in is start enough.
             self.move_to(found.state);
@@ -97,7 +97,7 @@ impl<'a> Adjustment<'a> {
         Ok(())
     }
 
-    /// Bodies whose pose in a view another one suggested by a sighting fits better, now that the cameras are known.
+    /// Bodies whose pose in a view another one suggested by an observation fits better, now that the cameras are known.
     fn look_around(&mut self) {
         let layout = self.layout;
         let targets = self.places.body_from_target.iter().zip(&layout.pivot_in_target);
@@ -112,8 +112,14 @@ impl<'a> Adjustment<'a> {
             }
             let present = self.places.rig_from_body[body].pose(pivot);
             let cam_from_rig = &self.places.cam_from_rig;
-            let best =
-                best_of_body(range, layout, self.sighted, cam_from_rig, &body_from_target, Some(present));
+            let best = best_of_body(
+                range,
+                layout,
+                self.located_views,
+                cam_from_rig,
+                &body_from_target,
+                Some(present),
+            );
             if let Some(best) = best.filter(|b| *b != present) {
                 places.rig_from_body[body] = PivotedPose::new(&best, pivot);
                 is_moved = true;
@@ -130,7 +136,7 @@ impl<'a> Adjustment<'a> {
             Loss::Truncated { sigmas } => sigmas * sigmas * variance,
             _ => f64::INFINITY,
         };
-        parts(&self.residuals, gate_chi2, self.layout, self.sighted, &self.graph.is_active)
+        parts(&self.residuals, gate_chi2, self.layout, self.located_views, &self.graph.is_active)
     }
 
     /// The minimum over the points that take part, until those that fit it are the same.
@@ -170,7 +176,7 @@ impl<'a> Adjustment<'a> {
         let ranges = self.layout.ranges();
         for body in bodies {
             parts.is_active[body] = false;
-            parts.drop_body(ranges[body].clone(), self.sighted);
+            parts.drop_body(ranges[body].clone(), self.located_views);
         }
         true
     }
@@ -184,9 +190,9 @@ impl<'a> Adjustment<'a> {
         let (layout, graph, config) = (self.layout, &self.graph, self.config);
         let normal = |i: usize, place: &PivotedPose| {
             let problem = Problem { loss, ..Problem::new(&active[i], layout.camera(i)) };
-            sums(place, &layout.pivot_in_target[layout.sightings[i].target], &problem)
+            sums(place, &layout.pivot_in_target[layout.observations[i].target], &problem)
         };
-        let evaluate = |places: &RigPlaces| {
+        let evaluate = |places: &RigPoses| {
             let mut equations = RigEquations::new(places, graph, normal)?;
             add_distances(&mut equations, config.known_distances, places, graph);
             Some(equations)
@@ -198,18 +204,18 @@ impl<'a> Adjustment<'a> {
     }
 }
 
-/// Borrowed where all of a sighting's points take part.
+/// Borrowed where all of an observation's points take part.
 fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
-    let of_sighting = |(s, used): (&&'a super::Sighting, &Vec<bool>)| {
+    let of_observation = |(s, used): (&&'a super::Observation, &Vec<bool>)| {
         if used.iter().all(|u| *u) {
             return Cow::Borrowed(&s.seen[..]);
         }
         Cow::Owned(s.seen.iter().zip(used).filter(|(_, u)| **u).map(|(c, _)| *c).collect())
     };
-    layout.sightings.iter().zip(&parts.is_used).map(of_sighting).collect()
+    layout.observations.iter().zip(&parts.is_used).map(of_observation).collect()
 }
 
-/// The sums of one sighting. Under a robust loss a point that projects nowhere costs what one far off would and pulls at nothing; under
+/// The sums of one observation. Under a robust loss a point that projects nowhere costs what one far off would and pulls at nothing; under
 /// the square there is no such point but for a step that went too far.
 fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalEquations> {
     let whole = normal_equations(place, pivot, problem);
@@ -220,7 +226,7 @@ fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalE
     for c in problem.seen {
         match alone(c, problem.camera, problem.loss, place, pivot) {
             Some(one) => sums.merge(&one),
-            None => sums.chi2 += problem.loss.at(UNSEEN_CHI2).0,
+            None => sums.chi2 += problem.loss.at(UNOBSERVED_CHI2).0,
         }
     }
     Some(sums)

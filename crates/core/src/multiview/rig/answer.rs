@@ -6,10 +6,10 @@ use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::{Shared, scores};
 use super::scale::scales;
-use super::sighted::Sighted;
+use super::sighted::LocatedViews;
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
-use super::{BodyInView, CameraInRig, RigConfig, RigSolution, SightingResult, TargetOnBody, WeakestLink};
+use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
 use crate::covariance::is_covariance;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::clustered::{Cluster, clustered};
@@ -32,7 +32,7 @@ struct Tally {
 
 pub(super) fn answer(
     layout: &Layout,
-    sighted: &Sighted,
+    located_views: &LocatedViews,
     adjusted: Adjusted,
     config: &RigConfig,
 ) -> Result<RigSolution, Error> {
@@ -69,7 +69,7 @@ pub(super) fn answer(
     let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
     let evidence = Evidence {
         layout,
-        sighted,
+        located_views,
         adjusted: &adjusted,
         lenses: &lenses,
         config,
@@ -86,13 +86,13 @@ pub(super) fn answer(
         cameras,
         targets: targets(layout, &adjusted, &shared),
         bodies,
-        sightings: sightings(layout, &adjusted),
+        observations: observations(layout, &adjusted),
         shared: shared_views,
         scales,
         rms_px: total.rms_px(),
         chi2,
         degrees_of_freedom,
-        n_seen: layout.sightings.iter().map(|s| s.seen.len()).sum(),
+        n_seen: layout.observations.iter().map(|s| s.seen.len()).sum(),
         n_used: total.n_used,
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
@@ -111,7 +111,7 @@ pub(super) fn keeps_minimum(loss: Loss) -> bool {
     matches!(loss, Loss::Squared | Loss::Truncated { .. })
 }
 
-/// The largest standard deviation of a camera's place along an axis of the rig.
+/// The largest standard deviation of a camera's position along an axis of the rig.
 fn largest_sigma_m(cameras: &[CameraInRig]) -> f64 {
     let of_camera = |c: &CameraInRig| {
         // A small motion of the left moves the centre by −Rᵀv.
@@ -141,9 +141,9 @@ fn clusters(layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated) -> Ve
     adjusted.equations.clusters(eliminated, &adjusted.places, &adjusted.graph, &views)
 }
 
-/// One a sighting.
+/// One an observation.
 fn tallies(adjusted: &Adjusted) -> Vec<Tally> {
-    let of_sighting = |(r, used): (&super::classify::Residuals, &Vec<bool>)| {
+    let of_observation = |(r, used): (&super::classify::Residuals, &Vec<bool>)| {
         let points = r.points.iter().zip(used).filter(|(_, u)| **u).filter_map(|(p, _)| p.as_ref());
         points.fold(Tally::default(), |t, (e, squared)| Tally {
             n_used: t.n_used + 1,
@@ -151,7 +151,7 @@ fn tallies(adjusted: &Adjusted) -> Vec<Tally> {
             chi2: t.chi2 + squared,
         })
     };
-    adjusted.residuals.iter().zip(&adjusted.parts.is_used).map(of_sighting).collect()
+    adjusted.residuals.iter().zip(&adjusted.parts.is_used).map(of_observation).collect()
 }
 
 fn degrees_of_freedom(layout: &Layout, adjusted: &Adjusted, total: &Tally, config: &RigConfig) -> usize {
@@ -163,7 +163,9 @@ fn degrees_of_freedom(layout: &Layout, adjusted: &Adjusted, total: &Tally, confi
 /// χ² of the points that took part, and the variance by which it proves the sigmas too small. Beyond a robust loss's reach wrong points
 /// are expected: those past the gate are set apart.
 fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: &RigConfig) -> (f64, f64) {
-    let scale_of = |chi2: f64, dof: usize| noise_scale(chi2 / truncation(config.loss), dof);
+    let scale_of = |chi2: f64, degrees_of_freedom: usize| {
+        noise_scale(chi2 / truncation(config.loss), degrees_of_freedom)
+    };
     if let Loss::Squared | Loss::Truncated { .. } = config.loss {
         return (total.chi2, scale_of(total.chi2, degrees_of_freedom));
     }
@@ -210,10 +212,10 @@ fn cameras(
     shared: &DMatrix<f64>,
 ) -> Vec<CameraInRig> {
     let camera = |c: usize| {
-        let own = || (0..tallies.len()).filter(move |i| layout.sightings[*i].camera == c);
+        let own = || (0..tallies.len()).filter(move |i| layout.observations[*i].camera == c);
         let total = sum(own().map(|i| &tallies[i]));
         let mut views: Vec<usize> =
-            own().filter(|i| 0 < tallies[*i].n_used).map(|i| layout.sightings[i].view).collect();
+            own().filter(|i| 0 < tallies[*i].n_used).map(|i| layout.observations[i].view).collect();
         views.dedup();
         let covariance =
             layout.graph.block_of_camera[c].map_or(Matrix6::zeros(), |b| symmetric(&block(shared, b, b)));
@@ -221,7 +223,7 @@ fn cameras(
             cam_from_rig: adjusted.places.cam_from_rig[c],
             covariance,
             n_views: views.len(),
-            n_seen: own().map(|i| layout.sightings[i].seen.len()).sum(),
+            n_seen: own().map(|i| layout.observations[i].seen.len()).sum(),
             n_used: total.n_used,
             rms_px: total.rms_px(),
         }
@@ -267,15 +269,15 @@ fn bodies(
     bodies
 }
 
-/// In the order given; sightings without points have nothing to say.
-fn sightings(layout: &Layout, adjusted: &Adjusted) -> Vec<SightingResult> {
-    let empty = SightingResult { residuals_px: Vec::new(), rejected: None };
-    let mut results = vec![empty; layout.problem.sightings.len()];
+/// In the order given; observations without points have nothing to say.
+fn observations(layout: &Layout, adjusted: &Adjusted) -> Vec<ObservationResult> {
+    let empty = ObservationResult { residuals_px: Vec::new(), rejected: None };
+    let mut results = vec![empty; layout.problem.observations.len()];
     for (i, r) in adjusted.residuals.iter().enumerate() {
         let used = &adjusted.parts.is_used[i];
         let residuals_px = r.points.iter().zip(used).map(|(p, u)| p.as_ref().map(|p| (p.0, *u))).collect();
         let rejected = adjusted.parts.rejected[i].clone();
-        results[layout.given_at[i]] = SightingResult { residuals_px, rejected };
+        results[layout.given_at[i]] = ObservationResult { residuals_px, rejected };
     }
     results
 }
@@ -370,9 +372,9 @@ impl RigSolution {
         Some(relative(&self.cameras, joint, a, b))
     }
 
-    /// Root mean square of all residuals of a sighting that project, used or not, px.
-    pub fn sighting_rms_px(&self, sighting: usize) -> Option<f64> {
-        let points = self.sightings.get(sighting)?.residuals_px.iter();
+    /// Root mean square of all residuals of an observation that project, used or not, px.
+    pub fn observation_rms_px(&self, observation: usize) -> Option<f64> {
+        let points = self.observations.get(observation)?.residuals_px.iter();
         let points = points.map(|p| p.map(|p| (p.0, 0.0))).collect();
         Some(rms_px(&super::classify::Residuals { points }))
     }

@@ -1,16 +1,16 @@
-//! Which points and sightings take part: the only place that decides.
+//! Which points and observations take part: the only place that decides.
 //!
 //! A point takes part when its squared residual, in units of the variance that the inner half of all points shows, is below the gate; a
-//! sighting when most of its points do. docs/math/rig.md section 5.
+//! observation when most of its points do. docs/math/rig.md section 5.
 
-use super::RejectedSighting;
+use super::RejectedObservation;
 use super::layout::Layout;
-use super::sighted::{MEDIAN_CHI2, Sighted, median};
-use crate::least_squares::rig::RigPlaces;
+use super::sighted::{LocatedViews, MEDIAN_CHI2, median};
+use crate::least_squares::rig::RigPoses;
 use crate::locate::refine::whitened_residual;
 use nalgebra::Vector2;
 
-/// The residuals of one sighting.
+/// The residuals of one observation.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Residuals {
     /// Observed − predicted, px, and the squared whitened length; none where a point projects nowhere.
@@ -20,19 +20,19 @@ pub(super) struct Residuals {
 /// What takes part.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parts {
-    /// By sighting and point.
+    /// By observation and point.
     pub(super) is_used: Vec<Vec<bool>>,
-    pub(super) rejected: Vec<Option<RejectedSighting>>,
+    pub(super) rejected: Vec<Option<RejectedObservation>>,
     /// By body in view.
     pub(super) is_active: Vec<bool>,
 }
 
 /// Residuals of every point at `places`; of none where the body takes no part.
-pub(super) fn residuals(layout: &Layout, places: &RigPlaces, is_active: &[bool]) -> Vec<Residuals> {
+pub(super) fn residuals(layout: &Layout, places: &RigPoses, is_active: &[bool]) -> Vec<Residuals> {
     let of_link = |(i, link): (usize, &crate::least_squares::rig::RigLink)| {
         let pivot = &layout.pivot_in_target[link.target];
         let cam_from_target = places.of_link(link, &layout.graph).pose(pivot);
-        let seen = &layout.sightings[i].seen;
+        let seen = &layout.observations[i].seen;
         let point = |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map(|(_, e, s)| (e, s));
         let points =
             if is_active[link.body] { seen.iter().map(point).collect() } else { vec![None; seen.len()] };
@@ -54,7 +54,7 @@ pub(super) fn parts(
     residuals: &[Residuals],
     gate_chi2: f64,
     layout: &Layout,
-    sighted: &Sighted,
+    located_views: &LocatedViews,
     is_active: &[bool],
 ) -> Parts {
     let mut parts = Parts {
@@ -67,13 +67,13 @@ pub(super) fn parts(
         let n_used = used.iter().filter(|u| **u).count();
         let is_judged = gate_chi2 < f64::INFINITY && is_active[layout.graph.links[i].body];
         if is_judged && 2 * n_used <= used.len() {
-            parts.rejected[i] = Some(RejectedSighting::Contradicts { rms_px: rms_px(r) });
+            parts.rejected[i] = Some(RejectedObservation::Contradicts { rms_px: rms_px(r) });
             parts.is_used.push(vec![false; used.len()]);
         } else {
             parts.is_used.push(used);
         }
     }
-    parts.drop_undetermined(layout, sighted);
+    parts.drop_undetermined(layout, located_views);
     parts
 }
 
@@ -86,28 +86,29 @@ pub(super) fn rms_px(residuals: &Residuals) -> f64 {
 
 impl Parts {
     /// A body in a view needs three points.
-    fn drop_undetermined(&mut self, layout: &Layout, sighted: &Sighted) {
+    fn drop_undetermined(&mut self, layout: &Layout, located_views: &LocatedViews) {
         for (body, range) in layout.ranges().into_iter().enumerate() {
             let n: usize = range.clone().map(|i| self.is_used[i].iter().filter(|u| **u).count()).sum();
             if self.is_active[body] && n < 3 {
                 self.is_active[body] = false;
             }
             if !self.is_active[body] {
-                self.drop_body(range, sighted);
+                self.drop_body(range, located_views);
             }
         }
     }
 
-    /// Takes a body out of a view, and all its sightings.
-    pub(super) fn drop_body(&mut self, range: core::ops::Range<usize>, sighted: &Sighted) {
+    /// Takes a body out of a view, and all its observations.
+    pub(super) fn drop_body(&mut self, range: core::ops::Range<usize>, located_views: &LocatedViews) {
         for i in range {
             self.is_used[i].iter_mut().for_each(|u| *u = false);
-            let why = || sighted[i].as_ref().err().cloned().unwrap_or(crate::locate::refine::UNDETERMINED);
-            self.rejected[i].get_or_insert_with(|| RejectedSighting::Undetermined(why()));
+            let why =
+                || located_views[i].as_ref().err().cloned().unwrap_or(crate::locate::refine::UNDETERMINED);
+            self.rejected[i].get_or_insert_with(|| RejectedObservation::Undetermined(why()));
         }
     }
 
-    pub(super) fn n_used(&self, sighting: usize) -> usize {
-        self.is_used[sighting].iter().filter(|u| **u).count()
+    pub(super) fn n_used(&self, observation: usize) -> usize {
+        self.is_used[observation].iter().filter(|u| **u).count()
     }
 }

@@ -1,7 +1,7 @@
 //! Distances between cameras that were measured otherwise: residuals of the cameras alone, docs/math/rig.md eq. (12).
 
 use super::KnownDistance;
-use crate::least_squares::rig::{RigEquations, RigGraph, RigPlaces};
+use crate::least_squares::rig::{RigEquations, RigGraph, RigPoses};
 use crate::{Pose, Vector6};
 
 /// Measured less present distance, standard deviations, and the derivative of the present one by both cameras' motions.
@@ -22,7 +22,7 @@ fn residual(known: &KnownDistance, cam_from_rig: &[Pose]) -> (f64, [(usize, Vect
 pub(super) fn add_distances(
     equations: &mut RigEquations,
     known: &[KnownDistance],
-    places: &RigPlaces,
+    places: &RigPoses,
     graph: &RigGraph,
 ) {
     for known in known {

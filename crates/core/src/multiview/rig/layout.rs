@@ -1,9 +1,9 @@
-//! The sightings in canonical order, checked, and which unknowns each of them touches.
+//! The observations in canonical order, checked, and which unknowns each of them touches.
 //!
 //! Everything after this file works in the order view, body, camera, target: sums are taken in it, so that the answer does not depend on
 //! the order of the input, to the last bit.
 
-use super::{RigConfig, RigProblem, Sighting};
+use super::{Observation, RigConfig, RigProblem};
 use crate::least_squares::rig::{RigGraph, RigLink};
 use crate::solve::configuration::check_numbers;
 use crate::{Camera, Error, Point};
@@ -13,7 +13,7 @@ pub(super) struct Layout<'a> {
     pub(super) problem: &'a RigProblem<'a>,
     pub(super) reference: usize,
     /// In canonical order.
-    pub(super) sightings: Vec<&'a Sighting>,
+    pub(super) observations: Vec<&'a Observation>,
     /// Where each of them stood in the input.
     pub(super) given_at: Vec<usize>,
     /// View and body of every body in a view.
@@ -28,11 +28,11 @@ pub(super) struct Layout<'a> {
 impl<'a> Layout<'a> {
     pub(super) fn new(problem: &'a RigProblem<'a>, config: &RigConfig) -> Result<Self, Error> {
         check(problem, config)?;
-        let (sightings, given_at) = in_order(problem);
+        let (observations, given_at) = in_order(problem);
         let first_target = first_targets(problem.body_of_target);
-        let pivot_in_target = pivots(&sightings, problem.body_of_target.len());
-        let (bodies, links) = links(&sightings, problem.body_of_target);
-        let is_seen = seen_targets(&sightings, problem.body_of_target.len());
+        let pivot_in_target = pivots(&observations, problem.body_of_target.len());
+        let (bodies, links) = links(&observations, problem.body_of_target);
+        let is_seen = seen_targets(&observations, problem.body_of_target.len());
         check_targets(&is_seen, &first_target, problem.body_of_target)?;
         let n_cameras = problem.cameras.len();
         let mut blocks = 0..;
@@ -41,21 +41,30 @@ impl<'a> Layout<'a> {
         let is_free = |t: usize| is_seen[t] && first_target[t] != t;
         let block_of_target =
             (0..is_seen.len()).map(|t| if is_free(t) { blocks.next() } else { None }).collect();
-        let first_of = |link: usize| pivot_in_target[first_target[sightings[link].target]];
+        let first_of = |link: usize| pivot_in_target[first_target[observations[link].target]];
         let pivot_in_body = first_links(&links, bodies.len()).into_iter().map(first_of).collect();
         let is_active = vec![true; bodies.len()];
         let n_blocks = blocks.start;
         let graph = RigGraph { links, block_of_camera, block_of_target, n_blocks, pivot_in_body, is_active };
         let reference = config.reference;
-        Ok(Layout { problem, reference, sightings, given_at, bodies, first_target, pivot_in_target, graph })
+        Ok(Layout {
+            problem,
+            reference,
+            observations,
+            given_at,
+            bodies,
+            first_target,
+            pivot_in_target,
+            graph,
+        })
     }
 
-    /// The camera of a sighting.
+    /// The camera of an observation.
     pub(super) fn camera(&self, link: usize) -> &'a Camera {
-        &self.problem.cameras[self.sightings[link].camera]
+        &self.problem.cameras[self.observations[link].camera]
     }
 
-    /// Sightings of one body in one view, as ranges of canonical indices.
+    /// Observations of one body in one view, as ranges of canonical indices.
     pub(super) fn ranges(&self) -> Vec<core::ops::Range<usize>> {
         let mut ranges: Vec<core::ops::Range<usize>> = Vec::with_capacity(self.bodies.len());
         for (i, link) in self.graph.links.iter().enumerate() {
@@ -71,14 +80,14 @@ impl<'a> Layout<'a> {
 fn check(problem: &RigProblem, config: &RigConfig) -> Result<(), Error> {
     config.loss.check()?;
     let n_cameras = problem.cameras.len();
-    if n_cameras == 0 || problem.sightings.iter().all(|s| s.seen.is_empty()) {
+    if n_cameras == 0 || problem.observations.iter().all(|s| s.seen.is_empty()) {
         return Err(Error::EmptyRig);
     }
     if n_cameras <= config.reference {
         let (seen, needed) = (config.reference as f64, "it must be the index of a camera, counted from 0");
         return Err(Error::InvalidSetting { setting: "reference", seen, needed });
     }
-    for (sighting, s) in problem.sightings.iter().enumerate() {
+    for (observation, s) in problem.observations.iter().enumerate() {
         let bounds = [
             ("camera", s.camera, n_cameras),
             ("view", s.view, problem.n_views),
@@ -86,12 +95,12 @@ fn check(problem: &RigProblem, config: &RigConfig) -> Result<(), Error> {
         ];
         for (what, seen, n) in bounds {
             if n <= seen {
-                return Err(Error::NoSuchIndex { sighting, what, seen, n });
+                return Err(Error::NoSuchIndex { observation, what, seen, n });
             }
         }
         let named = |reason| {
             let (camera, view, target) = (s.camera, s.view, s.target);
-            Error::InvalidSighting { camera, view, target, reason: Box::new(reason) }
+            Error::InvalidObservation { camera, view, target, reason: Box::new(reason) }
         };
         check_numbers(&s.seen).map_err(named)?;
     }
@@ -114,21 +123,21 @@ fn check_distances(config: &RigConfig, n_cameras: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// Sightings with points, by view, body, camera, target; equal ones by their contents.
-fn in_order<'a>(problem: &'a RigProblem<'a>) -> (Vec<&'a Sighting>, Vec<usize>) {
-    let mut order: Vec<usize> = (0..problem.sightings.len()).collect();
-    order.retain(|i| !problem.sightings[*i].seen.is_empty());
+/// Observations with points, by view, body, camera, target; equal ones by their contents.
+fn in_order<'a>(problem: &'a RigProblem<'a>) -> (Vec<&'a Observation>, Vec<usize>) {
+    let mut order: Vec<usize> = (0..problem.observations.len()).collect();
+    order.retain(|i| !problem.observations[*i].seen.is_empty());
     let key = |i: usize| {
-        let s = &problem.sightings[i];
+        let s = &problem.observations[i];
         (s.view, problem.body_of_target[s.target], s.camera, s.target)
     };
     let by_contents =
-        |a: usize, b: usize| contents(&problem.sightings[a]).cmp(contents(&problem.sightings[b]));
+        |a: usize, b: usize| contents(&problem.observations[a]).cmp(contents(&problem.observations[b]));
     order.sort_by(|a, b| key(*a).cmp(&key(*b)).then_with(|| by_contents(*a, *b)));
-    (order.iter().map(|i| &problem.sightings[*i]).collect(), order)
+    (order.iter().map(|i| &problem.observations[*i]).collect(), order)
 }
 
-fn contents(s: &Sighting) -> impl Iterator<Item = u64> + '_ {
+fn contents(s: &Observation) -> impl Iterator<Item = u64> + '_ {
     let numbers = |c: &crate::Correspondence| {
         let (x, u) = (c.x_in_target, c.pixel);
         [x.x, x.y, x.z, u.x, u.y, c.sigma_px, c.sigma_m].map(f64::to_bits)
@@ -145,9 +154,9 @@ fn first_targets(body_of_target: &[usize]) -> Vec<usize> {
     body_of_target.iter().map(first).collect()
 }
 
-fn pivots(sightings: &[&Sighting], n_targets: usize) -> Vec<Point> {
+fn pivots(observations: &[&Observation], n_targets: usize) -> Vec<Point> {
     let mut sums = vec![(Point::zeros(), 0.0); n_targets];
-    for s in sightings {
+    for s in observations {
         let sum = &mut sums[s.target];
         sum.0 += s.seen.iter().map(|c| c.x_in_target).sum::<Point>();
         sum.1 += s.seen.len() as f64;
@@ -155,10 +164,10 @@ fn pivots(sightings: &[&Sighting], n_targets: usize) -> Vec<Point> {
     sums.into_iter().map(|(sum, n)| sum / f64::max(n, 1.0)).collect()
 }
 
-fn links(sightings: &[&Sighting], body_of_target: &[usize]) -> (Vec<(usize, usize)>, Vec<RigLink>) {
+fn links(observations: &[&Observation], body_of_target: &[usize]) -> (Vec<(usize, usize)>, Vec<RigLink>) {
     let mut bodies: Vec<(usize, usize)> = Vec::new();
-    let mut links = Vec::with_capacity(sightings.len());
-    for s in sightings {
+    let mut links = Vec::with_capacity(observations.len());
+    for s in observations {
         let body = (s.view, body_of_target[s.target]);
         if bodies.last() != Some(&body) {
             bodies.push(body);
@@ -168,7 +177,7 @@ fn links(sightings: &[&Sighting], body_of_target: &[usize]) -> (Vec<(usize, usiz
     (bodies, links)
 }
 
-/// The first sighting of each body in a view.
+/// The first observation of each body in a view.
 fn first_links(links: &[RigLink], n_bodies: usize) -> Vec<usize> {
     let mut firsts = Vec::with_capacity(n_bodies);
     for (i, link) in links.iter().enumerate() {
@@ -179,9 +188,9 @@ fn first_links(links: &[RigLink], n_bodies: usize) -> Vec<usize> {
     firsts
 }
 
-fn seen_targets(sightings: &[&Sighting], n_targets: usize) -> Vec<bool> {
+fn seen_targets(observations: &[&Observation], n_targets: usize) -> Vec<bool> {
     let mut is_seen = vec![false; n_targets];
-    sightings.iter().for_each(|s| is_seen[s.target] = true);
+    observations.iter().for_each(|s| is_seen[s.target] = true);
     is_seen
 }
 

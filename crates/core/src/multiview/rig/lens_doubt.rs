@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 const QUANTILE: f64 = 3.719;
 
 /// How uncertain one camera's parameters are, and what follows them.
-struct Doubt<'a> {
+struct LensUncertainty<'a> {
     /// E θ θᵀ.
     squared: Matrix4<f64>,
     following: &'a [Common; 4],
@@ -21,7 +21,7 @@ struct Doubt<'a> {
 
 /// What the lenses add to the covariances; empty where nothing contradicts them.
 pub(super) struct LensDoubts<'a> {
-    doubts: Vec<Doubt<'a>>,
+    doubts: Vec<LensUncertainty<'a>>,
 }
 
 impl<'a> LensDoubts<'a> {
@@ -37,7 +37,7 @@ impl<'a> LensDoubts<'a> {
         let doubt = |lens: &'a LensScore| {
             let four = lens.four(variance).map(|step| squared(&step));
             let three = || lens.three(variance).map(|step| squared(&step).fixed_resize(0.0));
-            Some(Doubt { squared: four.or_else(three)?, following: &lens.following })
+            Some(LensUncertainty { squared: four.or_else(three)?, following: &lens.following })
         };
         LensDoubts { doubts: known().filter_map(doubt).collect() }
     }

@@ -16,10 +16,10 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 /// Of its information, what nothing shows keeps only rounding.
 const NOTHING_LEFT: f64 = 1e-10;
-/// A view's leverage above this is not told from one.
+/// A view's leverage above this is not distinguished from one.
 const RIDGE: f64 = 1e-6;
 
-/// JᵀWP, PᵀWP and PᵀWr of a camera's four columns P, in one sighting.
+/// JᵀWP, PᵀWP and PᵀWr of a camera's four columns P, in one observation.
 struct Sums {
     by_motion: SMatrix<f64, 6, 4>,
     own: Matrix4<f64>,
@@ -70,10 +70,10 @@ fn score(
     with_bodies: bool,
 ) -> Option<LensScore> {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
-    let sightings = sightings(camera, layout, adjusted)?;
+    let observations = observations(camera, layout, adjusted)?;
     let mut commons = [(); 4].map(|()| Common::new(graph));
     let mut total = Sums::zero();
-    for (i, sums) in &sightings {
+    for (i, sums) in &observations {
         for (common, by_motion) in commons.iter_mut().zip(sums.by_motion.column_iter()) {
             common.add(places, graph, &graph.links[*i], &by_motion.into_owned());
         }
@@ -82,7 +82,8 @@ fn score(
     let mut following =
         commons.each_ref().map(|common| adjusted.equations.following(eliminated, common, with_bodies));
     let lost = Matrix4::from_fn(|i, j| commons[i].dot(&following[j]));
-    let of_views = sightings.chunk_by(|a, b| layout.sightings[a.0].view == layout.sightings[b.0].view);
+    let of_views =
+        observations.chunk_by(|a, b| layout.observations[a.0].view == layout.observations[b.0].view);
     let of_views = of_views.map(|own| of_view(own, layout, adjusted, &following)).collect();
     if !with_bodies {
         following.iter_mut().for_each(|f| f.bodies = Vec::new());
@@ -91,8 +92,8 @@ fn score(
     Some(LensScore { own: total.own, left: total.own - lost, pull: total.pull, of_views, following, reach })
 }
 
-/// A camera's sightings that take part.
-fn sightings(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<(usize, Sums)>> {
+/// A camera's observations that take part.
+fn observations(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<(usize, Sums)>> {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let lens = &layout.problem.cameras[camera];
     let axis = lens.project_with_jacobian(&Point::new(0.0, 0.0, 1.0))?;
@@ -102,7 +103,8 @@ fn sightings(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<
         let place = places.of_link(link, graph);
         let pivot = &layout.pivot_in_target[link.target];
         let mut sums = Sums::zero();
-        for (c, _) in layout.sightings[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, u)| **u) {
+        for (c, _) in layout.observations[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, u)| **u)
+        {
             let arm = place.rotation * (c.x_in_target - pivot);
             sums.add_point(c, lens, &arm, &place.pivot_in_cam, (&centre, focal_px));
         }
@@ -113,17 +115,17 @@ fn sightings(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<
 }
 
 fn of_view(
-    sightings: &[(usize, Sums)],
+    observations: &[(usize, Sums)],
     layout: &Layout,
     adjusted: &Adjusted,
     following: &[Common; 4],
 ) -> OfView {
-    let view = sightings.first().map_or(0, |(i, _)| layout.sightings[*i].view);
+    let view = observations.first().map_or(0, |(i, _)| layout.observations[*i].view);
     let mut sum = OfView { view, left: Matrix4::zeros(), pull: Vector4::zeros(), common: Vec::new() };
-    for (i, sums) in sightings {
+    for (i, sums) in observations {
         let link = &adjusted.graph.links[*i];
         let (moved, by_shared) = adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, following);
-        let (information, gradient) = adjusted.equations.of_sighting(*i);
+        let (information, gradient) = adjusted.equations.of_observation(*i);
         let rest = sums.by_motion - information * moved;
         sum.left += sums.own - moved.tr_mul(&sums.by_motion) - rest.tr_mul(&moved);
         sum.pull += sums.pull - moved.tr_mul(gradient);

@@ -29,7 +29,8 @@ pub(super) fn scales(
     has_distances: bool,
 ) -> Vec<TargetScale> {
     let takes_part = |target: &usize| {
-        let own = layout.sightings.iter().zip(&adjusted.parts.is_used).filter(|(s, _)| s.target == *target);
+        let own =
+            layout.observations.iter().zip(&adjusted.parts.is_used).filter(|(s, _)| s.target == *target);
         own.into_iter().any(|(_, used)| used.iter().any(|u| *u))
     };
     let targets = 0..layout.first_target.len();
@@ -60,7 +61,7 @@ fn scale(
         if link.target != target || !graph.is_active[link.body] {
             continue;
         }
-        let used = layout.sightings[i]
+        let used = layout.observations[i]
             .seen
             .iter()
             .zip(&adjusted.parts.is_used[i])
@@ -73,7 +74,7 @@ fn scale(
         pull += sums.pull;
     }
     let extent_m = extent_m(target, layout);
-    let left = own - adjusted.equations.lost_to_places(eliminated, &common);
+    let left = own - adjusted.equations.lost_to_poses(eliminated, &common);
     if NOTHING_LEFT * own < left {
         return TargetScale { ratio: 1.0 + pull / left, sigma: (noise_scale / left).sqrt(), extent_m };
     }
@@ -115,7 +116,7 @@ impl Sums {
 /// About the largest distance between two points seen of a target: the farthest from any, and the farthest from that.
 fn extent_m(target: usize, layout: &Layout) -> f64 {
     let points = || {
-        let own = layout.sightings.iter().filter(move |s| s.target == target);
+        let own = layout.observations.iter().filter(move |s| s.target == target);
         own.flat_map(|s| s.seen.iter().map(|c| c.x_in_target))
     };
     let Some(any) = points().next() else { return 0.0 };

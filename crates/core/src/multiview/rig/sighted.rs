@@ -1,4 +1,4 @@
-//! The pose of each sighting by itself: every minimum, and what a few wrong points would have spoiled.
+//! The pose of each observation by itself: every minimum, and what a few wrong points would have spoiled.
 
 use super::layout::Layout;
 use crate::locate::consistency::is_unlikely;
@@ -10,20 +10,20 @@ use crate::robust::{self, consensus};
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use std::borrow::Cow;
 
-/// A pose that a sighting may have.
+/// A pose that an observation may have.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hypothesis {
     pub(super) cam_from_target: Pose,
     /// Of its small left motion, widened to the residuals.
     pub(super) covariance: Matrix6,
-    /// Probability among the minima of the sighting.
-    pub(super) weight: f64,
+    /// Probability among the minima of the observation.
+    pub(super) probability: f64,
     /// |Σ|^(1/6), larger for a less probable pose: how badly it is known.
     pub(super) size: f64,
 }
 
-/// The poses that each sighting, in canonical order, may have, the most probable first; or why it has none.
-pub(super) type Sighted = Vec<Result<Vec<Hypothesis>, Error>>;
+/// The poses that each observation, in canonical order, may have, the most probable first; or why it has none.
+pub(super) type LocatedViews = Vec<Result<Vec<Hypothesis>, Error>>;
 
 /// Minima less probable than this are not followed.
 const LEAST_WEIGHT: f64 = 1e-4;
@@ -36,8 +36,8 @@ const ENOUGH_POINTS: usize = 6;
 /// A consensus is sought among at most so many samples: a start is all that is wanted.
 const MAX_SAMPLES: usize = 2000;
 
-pub(super) fn poses_of_sightings(layout: &Layout) -> Sighted {
-    (0..layout.sightings.len()).map(|i| poses(&layout.sightings[i].seen, layout.camera(i))).collect()
+pub(super) fn poses_of_observations(layout: &Layout) -> LocatedViews {
+    (0..layout.observations.len()).map(|i| poses(&layout.observations[i].seen, layout.camera(i))).collect()
 }
 
 fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Error> {
@@ -64,7 +64,7 @@ fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Er
 /// A start needs no more points than these: the joint adjustment takes all.
 const MANY_POINTS: usize = 30;
 
-/// All of a small sighting, some of a large one.
+/// All of a small observation, some of a large one.
 pub(super) fn enough(seen: &[Correspondence]) -> Cow<'_, [Correspondence]> {
     if MANY_POINTS < seen.len() { Cow::Owned(spread(seen)) } else { Cow::Borrowed(seen) }
 }
@@ -85,13 +85,15 @@ fn is_clean(found: &PoseEstimate) -> bool {
 }
 
 fn minima(found: &PoseEstimate) -> Vec<Hypothesis> {
-    let likely = found.minima().filter(|h| LEAST_WEIGHT < h.weight);
-    likely.filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.weight)).collect()
+    let likely = found.minima().filter(|h| LEAST_WEIGHT < h.probability);
+    likely
+        .filter_map(|h| hypothesis(h.minimum.cam_from_target, h.minimum.covariance, h.probability))
+        .collect()
 }
 
-fn hypothesis(cam_from_target: Pose, covariance: Matrix6, weight: f64) -> Option<Hypothesis> {
-    let size = (-(sharpness(&covariance)? + weight.ln()) / 3.0).exp();
-    Some(Hypothesis { cam_from_target, covariance, weight, size })
+fn hypothesis(cam_from_target: Pose, covariance: Matrix6, probability: f64) -> Option<Hypothesis> {
+    let size = (-(sharpness(&covariance)? + probability.ln()) / 3.0).exp();
+    Some(Hypothesis { cam_from_target, covariance, probability, size })
 }
 
 /// −½ ln |Σ|; none where Σ is no covariance.
@@ -112,17 +114,17 @@ fn without_wrong_points(plain: &[Hypothesis], seen: &[Correspondence], camera: &
         found.extend(by_consensus(seen, camera).and_then(|pose| settled(pose, seen, camera)));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Of twins the first stays; one whose points lie twice as far off is no rival.
+    // Of duplicates the first stays; one whose points lie twice as far off is no alternative.
     let best = found.first().map_or(0.0, spread);
     let mut kept: Vec<Hypothesis> = Vec::new();
     for (spread, h) in found {
-        let is_twin = |k: &Hypothesis| k.cam_from_target.angle_to_rad(&h.cam_from_target) < 1e-4;
-        if spread <= 4.0 * best && !kept.iter().any(is_twin) {
+        let is_duplicate = |k: &Hypothesis| k.cam_from_target.angle_to_rad(&h.cam_from_target) < 1e-4;
+        if spread <= 4.0 * best && !kept.iter().any(is_duplicate) {
             kept.push(h);
         }
     }
-    let weight = 1.0 / kept.len().max(1) as f64;
-    kept.iter_mut().for_each(|h| h.weight = weight);
+    let probability = 1.0 / kept.len().max(1) as f64;
+    kept.iter_mut().for_each(|h| h.probability = probability);
     kept
 }
 

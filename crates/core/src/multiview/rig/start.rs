@@ -1,15 +1,15 @@
 //! Where everything roughly is: from the reference camera outwards, each camera and target placed by what the most views agree on.
 //!
-//! With rig_from_body known in a view through a camera and a target already placed, a sighting of a placed target by a new camera gives
-//! cam_from_rig, the paper's (13), (14) chained (docs/math/rig.md eq. (9)), and a sighting of a new target by a placed camera gives
+//! With rig_from_body known in a view through a camera and a target already placed, an observation of a placed target by a new camera gives
+//! cam_from_rig, the paper's (13), (14) chained (docs/math/rig.md eq. (9)), and an observation of a new target by a placed camera gives
 //! body_from_target. What is known best by the most views is placed next: a tree grown along its best links.
 
 use super::layout::Layout;
-use super::sighted::{Hypothesis, Sighted};
+use super::sighted::{Hypothesis, LocatedViews};
 use super::views::Groups;
 use super::votes::{Vote, agreed};
 use crate::least_squares::PivotedPose;
-use crate::least_squares::rig::RigPlaces;
+use crate::least_squares::rig::RigPoses;
 use crate::locate::loss::Loss;
 use crate::locate::refine::whitened_residual;
 use crate::{Error, Matrix6, Pose};
@@ -18,7 +18,7 @@ use crate::{Error, Matrix6, Pose};
 struct Grown {
     cam_from_rig: Vec<Option<Pose>>,
     anchor_from_target: Vec<Option<Pose>>,
-    /// Best sighting of each body in a view whose camera and target are both placed.
+    /// Best observation of each body in a view whose camera and target are both placed.
     known: Vec<Option<usize>>,
 }
 
@@ -30,37 +30,37 @@ enum Node {
 }
 
 /// # Errors
-/// `CameraUnseen`, `CamerasUnconnected`, `TargetUnconnected`.
-pub(super) fn start(layout: &Layout, sighted: &Sighted) -> Result<RigPlaces, Error> {
-    check_connected(layout, sighted)?;
+/// `CameraNotObserved`, `CamerasUnconnected`, `TargetUnconnected`.
+pub(super) fn start(layout: &Layout, located_views: &LocatedViews) -> Result<RigPoses, Error> {
+    check_connected(layout, located_views)?;
     let mut grown = Grown::new(layout);
     loop {
-        grown.look_again(layout, sighted);
-        let Some(node) = grown.best_node(layout, sighted) else { break };
-        let pose = agreed(&grown.votes(node, layout, sighted));
+        grown.look_again(layout, located_views);
+        let Some(node) = grown.best_node(layout, located_views) else { break };
+        let pose = agreed(&grown.votes(node, layout, located_views));
         match (node, pose) {
             (Node::Camera(c), Some(pose)) => grown.cam_from_rig[c] = Some(pose),
             (Node::Target(t), Some(pose)) => grown.anchor_from_target[t] = Some(pose),
             (_, None) => break,
         }
     }
-    grown.check_complete(layout, sighted)?;
-    Ok(grown.places(layout, sighted))
+    grown.check_complete(layout, located_views)?;
+    Ok(grown.places(layout, located_views))
 }
 
 /// Every camera has a pose of something, and chains of bodies in views join them all.
-fn check_connected(layout: &Layout, sighted: &Sighted) -> Result<(), Error> {
+fn check_connected(layout: &Layout, located_views: &LocatedViews) -> Result<(), Error> {
     let n = layout.problem.cameras.len();
     for camera in 0..n {
-        let own = || (0..sighted.len()).filter(|i| layout.sightings[*i].camera == camera);
-        if !own().any(|i| sighted[i].is_ok()) {
-            return Err(Error::CameraUnseen { camera, n_sightings: own().count() });
+        let own = || (0..located_views.len()).filter(|i| layout.observations[*i].camera == camera);
+        if !own().any(|i| located_views[i].is_ok()) {
+            return Err(Error::CameraNotObserved { camera, n_observations: own().count() });
         }
     }
-    check_joined(layout, |i| sighted[i].is_ok())
+    check_joined(layout, |i| located_views[i].is_ok())
 }
 
-/// Whether the sightings that take part join all cameras.
+/// Whether the observations that take part join all cameras.
 ///
 /// # Errors
 /// `CamerasUnconnected`, with the reference's group first.
@@ -73,7 +73,7 @@ pub(super) fn check_joined(layout: &Layout, takes_part: impl Fn(usize) -> bool) 
         n_rejected += range.len() - parts.len();
         parts
             .windows(2)
-            .for_each(|w| groups.join(layout.sightings[w[0]].camera, layout.sightings[w[1]].camera));
+            .for_each(|w| groups.join(layout.observations[w[0]].camera, layout.observations[w[1]].camera));
     }
     let root = groups.root(layout.reference);
     let (first, second): (Vec<usize>, Vec<usize>) = (0..n).partition(|c| groups.root(*c) == root);
@@ -94,11 +94,12 @@ impl Grown {
         Grown { cam_from_rig, anchor_from_target, known: vec![None; layout.bodies.len()] }
     }
 
-    /// Gives every body seen by a placed camera a frame, and every body in a view its best placed sighting.
-    fn look_again(&mut self, layout: &Layout, sighted: &Sighted) {
+    /// Gives every body seen by a placed camera a frame, and every body in a view its best placed observation.
+    fn look_again(&mut self, layout: &Layout, located_views: &LocatedViews) {
         let mut counts = vec![0usize; self.anchor_from_target.len()];
-        for (i, s) in layout.sightings.iter().enumerate() {
-            counts[s.target] += usize::from(self.cam_from_rig[s.camera].is_some() && sighted[i].is_ok());
+        for (i, s) in layout.observations.iter().enumerate() {
+            counts[s.target] +=
+                usize::from(self.cam_from_rig[s.camera].is_some() && located_views[i].is_ok());
         }
         for first in 0..counts.len() {
             let own: Vec<usize> =
@@ -113,11 +114,11 @@ impl Grown {
                 most.into_iter().for_each(|t| self.anchor_from_target[t] = Some(Pose::identity()));
             }
         }
-        for (i, s) in layout.sightings.iter().enumerate() {
+        for (i, s) in layout.observations.iter().enumerate() {
             let body = layout.graph.links[i].body;
             let placed = self.cam_from_rig[s.camera].is_some() && self.anchor_from_target[s.target].is_some();
-            let (true, Some(h)) = (placed, first(sighted, i)) else { continue };
-            let best = self.known[body].and_then(|k| first(sighted, k));
+            let (true, Some(h)) = (placed, first(located_views, i)) else { continue };
+            let best = self.known[body].and_then(|k| first(located_views, k));
             if best.is_none_or(|b| h.size < b.size) {
                 self.known[body] = Some(i);
             }
@@ -125,14 +126,15 @@ impl Grown {
     }
 
     /// Which camera or target is known best by the views seen.
-    fn best_node(&self, layout: &Layout, sighted: &Sighted) -> Option<Node> {
+    fn best_node(&self, layout: &Layout, located_views: &LocatedViews) -> Option<Node> {
         let mut of_camera = vec![0.0; self.cam_from_rig.len()];
         let mut of_target = vec![0.0; self.anchor_from_target.len()];
-        for (i, s) in layout.sightings.iter().enumerate() {
-            let Some(known) = self.known[layout.graph.links[i].body].and_then(|k| first(sighted, k)) else {
+        for (i, s) in layout.observations.iter().enumerate() {
+            let Some(known) = self.known[layout.graph.links[i].body].and_then(|k| first(located_views, k))
+            else {
                 continue;
             };
-            let Some(own) = first(sighted, i) else { continue };
+            let Some(own) = first(located_views, i) else { continue };
             // |Σ₁ + Σ₂|^(1/6) is about the sum of both: the information of a link, per number.
             let gain = 1.0 / (known.size + own.size);
             match (self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
@@ -150,23 +152,23 @@ impl Grown {
     }
 
     /// What each view says where a new camera or target is.
-    fn votes(&self, node: Node, layout: &Layout, sighted: &Sighted) -> Vec<Vote> {
+    fn votes(&self, node: Node, layout: &Layout, located_views: &LocatedViews) -> Vec<Vote> {
         let is_of_node = |i: usize| match node {
-            Node::Camera(c) => c == layout.sightings[i].camera,
-            Node::Target(t) => t == layout.sightings[i].target,
+            Node::Camera(c) => c == layout.observations[i].camera,
+            Node::Target(t) => t == layout.observations[i].target,
         };
         let mut votes = Vec::new();
-        for i in (0..layout.sightings.len()).filter(|i| is_of_node(*i)) {
+        for i in (0..layout.observations.len()).filter(|i| is_of_node(*i)) {
             let group = layout.graph.links[i].body;
             let Some(k) = self.known[group].filter(|k| *k != i) else { continue };
-            let (Ok(known), Ok(own)) = (&sighted[k], &sighted[i]) else { continue };
+            let (Ok(known), Ok(own)) = (&located_views[k], &located_views[i]) else { continue };
             let pairs = known.iter().flat_map(|known| own.iter().map(move |own| (known, own)));
             votes.extend(pairs.filter_map(|(known, own)| self.vote(group, [k, i], [known, own], layout)));
         }
         votes
     }
 
-    /// Of a known sighting and one of a new camera or target, each with one of its poses.
+    /// Of a known observation and one of a new camera or target, each with one of its poses.
     fn vote(
         &self,
         group: usize,
@@ -174,7 +176,7 @@ impl Grown {
         [known, own]: [&Hypothesis; 2],
         layout: &Layout,
     ) -> Option<Vote> {
-        let (placed, new) = (layout.sightings[k], layout.sightings[i]);
+        let (placed, new) = (layout.observations[k], layout.observations[i]);
         let placed_cam_from_rig = self.cam_from_rig[placed.camera]?;
         let anchor_from_placed_cam =
             self.anchor_from_target[placed.target]? * known.cam_from_target.inverse();
@@ -194,19 +196,19 @@ impl Grown {
             };
         let of_own = b_from_own.product_covariance(&Matrix6::zeros(), &own.covariance);
         let covariance = b_from_known.product_covariance(&of_own, &known.covariance);
-        Some(Vote { group, b_from_a, covariance, weight: known.weight * own.weight })
+        Some(Vote { group, b_from_a, covariance, probability: known.probability * own.probability })
     }
 
-    fn check_complete(&self, layout: &Layout, sighted: &Sighted) -> Result<(), Error> {
+    fn check_complete(&self, layout: &Layout, located_views: &LocatedViews) -> Result<(), Error> {
         let n = self.cam_from_rig.len();
         let (first, second): (Vec<usize>, Vec<usize>) = (0..n).partition(|c| self.cam_from_rig[*c].is_some());
         if !second.is_empty() {
-            let n_rejected = sighted.iter().filter(|s| s.is_err()).count();
+            let n_rejected = located_views.iter().filter(|s| s.is_err()).count();
             return Err(Error::CamerasUnconnected { first, second, n_rejected, needed: SHARED_TARGETS });
         }
         let is_several =
             |t: usize| layout.first_target.iter().filter(|f| **f == layout.first_target[t]).count() > 1;
-        let is_seen = |t: usize| layout.sightings.iter().any(|s| s.target == t);
+        let is_seen = |t: usize| layout.observations.iter().any(|s| s.target == t);
         for target in 0..self.anchor_from_target.len() {
             if self.anchor_from_target[target].is_none() && is_several(target) && is_seen(target) {
                 return Err(Error::TargetUnconnected { target, body: layout.problem.body_of_target[target] });
@@ -215,8 +217,8 @@ impl Grown {
         Ok(())
     }
 
-    /// All poses, bodies in the frame of their first target; in each view the pose of a body that fits all its sightings best.
-    fn places(&self, layout: &Layout, sighted: &Sighted) -> RigPlaces {
+    /// All poses, bodies in the frame of their first target; in each view the pose of a body that fits all its observations best.
+    fn places(&self, layout: &Layout, located_views: &LocatedViews) -> RigPoses {
         let cam_from_rig: Vec<Pose> =
             self.cam_from_rig.iter().map(|p| p.unwrap_or_else(Pose::identity)).collect();
         let anchor = |t: usize| self.anchor_from_target[t].unwrap_or_else(Pose::identity);
@@ -228,41 +230,41 @@ impl Grown {
             .collect();
         let graph = &layout.graph;
         let rig_from_body = layout.ranges().into_iter().enumerate().map(|(body, range)| {
-            let found = best_of_body(range, layout, sighted, &cam_from_rig, &body_from_target, None);
+            let found = best_of_body(range, layout, located_views, &cam_from_rig, &body_from_target, None);
             PivotedPose::new(&found.unwrap_or_else(Pose::identity), &graph.pivot_in_body[body])
         });
         let rig_from_body = rig_from_body.collect();
         let pivots = layout.pivot_in_target.iter();
         let body_from_target =
             body_from_target.iter().zip(pivots).map(|(p, x)| PivotedPose::new(p, x)).collect();
-        RigPlaces { cam_from_rig, body_from_target, rig_from_body }
+        RigPoses { cam_from_rig, body_from_target, rig_from_body }
     }
 }
 
-/// The most probable pose of a sighting.
-fn first(sighted: &Sighted, i: usize) -> Option<&Hypothesis> {
-    sighted[i].as_ref().ok()?.first()
+/// The most probable pose of an observation.
+fn first(located_views: &LocatedViews, i: usize) -> Option<&Hypothesis> {
+    located_views[i].as_ref().ok()?.first()
 }
 
-/// Points of each sighting by which the poses of a body are compared.
+/// Points of each observation by which the poses of a body are compared.
 const COMPARED_POINTS: usize = 8;
 /// Their loss: wide, for the start is rough.
 const COMPARED_LOSS: Loss = Loss::Cauchy { sigmas: 5.0 };
 
-/// Of the poses that the sightings of a body in a view suggest, and the one it has, that which all of them fit best.
+/// Of the poses that the observations of a body in a view suggest, and the one it has, that which all of them fit best.
 pub(super) fn best_of_body(
     range: core::ops::Range<usize>,
     layout: &Layout,
-    sighted: &Sighted,
+    located_views: &LocatedViews,
     cam_from_rig: &[Pose],
     body_from_target: &[Pose],
     present: Option<Pose>,
 ) -> Option<Pose> {
     let suggested = range.clone().flat_map(|i| {
-        let s = layout.sightings[i];
+        let s = layout.observations[i];
         let rig_from_cam = cam_from_rig[s.camera].inverse();
         let target_from_body = body_from_target[s.target].inverse();
-        let poses = sighted[i].as_deref().unwrap_or_default();
+        let poses = located_views[i].as_deref().unwrap_or_default();
         poses.iter().map(move |h| rig_from_cam * h.cam_from_target * target_from_body)
     });
     let suggested: Vec<Pose> = present.into_iter().chain(suggested).collect();
@@ -270,16 +272,16 @@ pub(super) fn best_of_body(
         return suggested.first().copied();
     }
     let cost = |rig_from_body: &Pose| -> f64 {
-        let of_sighting = |i: usize| -> f64 {
-            let s = layout.sightings[i];
+        let of_observation = |i: usize| -> f64 {
+            let s = layout.observations[i];
             let cam_from_target = cam_from_rig[s.camera] * *rig_from_body * body_from_target[s.target];
             let stride = s.seen.len().div_ceil(COMPARED_POINTS);
             let points = s.seen.iter().step_by(stride);
             let squared =
-                |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map_or(UNSEEN_CHI2, |r| r.2);
-            points.map(|c| COMPARED_LOSS.at(squared(c).min(UNSEEN_CHI2)).0).sum()
+                |c| whitened_residual(&cam_from_target, c, layout.camera(i)).map_or(UNOBSERVED_CHI2, |r| r.2);
+            points.map(|c| COMPARED_LOSS.at(squared(c).min(UNOBSERVED_CHI2)).0).sum()
         };
-        range.clone().map(of_sighting).sum()
+        range.clone().map(of_observation).sum()
     };
     let best = suggested.iter().map(|p| (cost(p), p)).fold((f64::INFINITY, None), |best, next| {
         if next.0 < best.0 { (next.0, Some(next.1)) } else { best }
@@ -288,4 +290,4 @@ pub(super) fn best_of_body(
 }
 
 /// Counted for a point that projects nowhere: ten thousand standard deviations off.
-pub(super) const UNSEEN_CHI2: f64 = 1e8;
+pub(super) const UNOBSERVED_CHI2: f64 = 1e8;

@@ -1,15 +1,15 @@
 //! Can the rig be believed? The rule is that of `consistency`; this file counts what it is asked about, and looks for the cause.
 //!
-//! Noise stated and seen · sightings and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
+//! Noise stated and seen · observations and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
 //! targets against each other (`scale`). docs/math/rig.md section 5.
 
 use super::adjust::Adjusted;
 use super::layout::Layout;
 use super::lens::LensOffset;
 use super::lens_score::LensScore;
-use super::sighted::{Sighted, fits_alone};
+use super::sighted::{LocatedViews, fits_alone};
 use super::views::counts;
-use super::{RejectedSighting, RigConfig, Sighting, TargetScale};
+use super::{Observation, RejectedObservation, RigConfig, TargetScale};
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
 use crate::{Camera, Point};
@@ -25,7 +25,7 @@ pub struct RigVerdict {
     pub cameras: Vec<Losses>,
     /// One entry a target.
     pub targets: Vec<Losses>,
-    /// Views that lose more of their sightings than a few spoilt images explain.
+    /// Views that lose more of their observations than a few spoilt images explain.
     pub contradicting_views: Vec<usize>,
     /// One entry a camera: how far its intrinsics seem to be off; none where that was not determined.
     pub lens_offsets: Vec<Option<LensOffset>>,
@@ -38,11 +38,11 @@ pub struct RigVerdict {
 /// What a camera or target lost, and why.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Losses {
-    /// Sightings whose points determine anything.
-    pub n_sightings: usize,
+    /// Observations whose points determine anything.
+    pub n_observations: usize,
     /// Of these, those that took no part because they contradict.
     pub n_lost: usize,
-    /// Points of the sightings counted.
+    /// Points of the observations counted.
     pub n_points: usize,
     /// Points of them that took no part.
     pub n_points_lost: usize,
@@ -56,7 +56,7 @@ pub struct Losses {
 pub enum Cause {
     /// The camera's intrinsics: focal length, principal point, distortion or image size.
     Intrinsics,
-    /// Its sightings fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
+    /// Its observations fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
     /// target that moved.
     Contradiction,
     /// The target's points are not where it says (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit
@@ -81,21 +81,21 @@ impl Losses {
         self.n_points_lost as f64 / self.n_points.max(1) as f64
     }
 
-    /// Whole sightings first; the points of those kept by themselves, since a spoilt image loses all of its own.
+    /// Whole observations first; the points of those kept by themselves, since a spoilt image loses all of its own.
     fn is_too_much(&self, n_points_kept: usize) -> bool {
         let n_single = n_points_kept.saturating_sub(self.n_points - self.n_points_lost);
-        // Points of either kind, in sightings' worth of them.
-        let n_worth = (self.share_lost() * self.n_sightings as f64) as usize;
-        loses_too_many(self.n_lost, self.n_sightings)
+        // Points of either kind, in observations' worth of them.
+        let n_worth = (self.share_lost() * self.n_observations as f64) as usize;
+        loses_too_many(self.n_lost, self.n_observations)
             || loses_too_many(n_single, n_points_kept)
-            || loses_too_many(n_worth, self.n_sightings)
+            || loses_too_many(n_worth, self.n_observations)
     }
 }
 
 /// What the judge looks at.
 pub(super) struct Evidence<'a> {
     pub(super) layout: &'a Layout<'a>,
-    pub(super) sighted: &'a Sighted,
+    pub(super) located_views: &'a LocatedViews,
     pub(super) adjusted: &'a Adjusted,
     pub(super) lenses: &'a [Option<LensScore>],
     pub(super) config: &'a RigConfig<'a>,
@@ -154,10 +154,10 @@ impl Evidence<'_> {
 
     /// Under a loss that keeps wrong points, their χ² says nothing: the good ones' variance does.
     fn is_noisy(&self) -> bool {
-        let dof = self.degrees_of_freedom;
+        let degrees_of_freedom = self.degrees_of_freedom;
         match self.config.loss {
-            Loss::Squared | Loss::Truncated { .. } => is_inconsistent(self.chi2, dof),
-            _ => is_inconsistent(self.noise_scale * dof as f64, dof),
+            Loss::Squared | Loss::Truncated { .. } => is_inconsistent(self.chi2, degrees_of_freedom),
+            _ => is_inconsistent(self.noise_scale * degrees_of_freedom as f64, degrees_of_freedom),
         }
     }
 
@@ -174,9 +174,10 @@ impl Evidence<'_> {
         let cameras = &self.layout.problem.cameras;
         let focal_px = |camera: &Camera| camera.project_with_jacobian(&Point::z()).map(|p| p.1[(0, 0)].abs());
         let (mut sum, mut n) = (0.0, 0.0);
-        for (i, sighting) in self.layout.sightings.iter().enumerate() {
-            let Some(focal_px) = focal_px(&cameras[sighting.camera]) else { continue };
-            let used = sighting.seen.iter().zip(&self.adjusted.parts.is_used[i]).filter(|(_, used)| **used);
+        for (i, observation) in self.layout.observations.iter().enumerate() {
+            let Some(focal_px) = focal_px(&cameras[observation.camera]) else { continue };
+            let used =
+                observation.seen.iter().zip(&self.adjusted.parts.is_used[i]).filter(|(_, used)| **used);
             for (c, _) in used {
                 let [uu, _, vv] = c.pixel_covariance();
                 sum += 0.5 * (uu + vv) / (focal_px * focal_px);
@@ -213,20 +214,20 @@ impl Evidence<'_> {
         lens_offsets.iter().enumerate().map(camera).collect()
     }
 
-    /// Sightings that fit no pose of their own camera are the lens's fault, or the target's where several cameras see it so.
+    /// Observations that fit no pose of their own camera are the lens's fault, or the target's where several cameras see it so.
     fn cause_of_loss(&self, camera: usize, targets: &[Losses]) -> Cause {
         let lost = self.of(|s| s.camera == camera).filter(|i| 0 < self.n_lost_points(*i));
         let (fit, unfit): (Vec<usize>, Vec<usize>) = lost.partition(|i| self.fits_alone(*i));
         if unfit.len() <= fit.len() {
             return Cause::Contradiction;
         }
-        let is_target = |i: &usize| targets[self.layout.sightings[*i].target].cause == Some(Cause::Target);
+        let is_target = |i: &usize| targets[self.layout.observations[*i].target].cause == Some(Cause::Target);
         if unfit.iter().all(is_target) { Cause::Target } else { Cause::Intrinsics }
     }
 
-    fn fits_alone(&self, sighting: usize) -> bool {
-        let seen = &self.layout.sightings[sighting].seen;
-        fits_alone(&self.sighted[sighting], seen, self.layout.camera(sighting))
+    fn fits_alone(&self, observation: usize) -> bool {
+        let seen = &self.layout.observations[observation].seen;
+        fits_alone(&self.located_views[observation], seen, self.layout.camera(observation))
     }
 
     fn targets(&self, is_noisy: bool) -> Vec<Losses> {
@@ -245,7 +246,7 @@ impl Evidence<'_> {
         (0..self.layout.first_target.len()).map(target).collect()
     }
 
-    /// Most of the sightings of two cameras and more fit by themselves nowhere.
+    /// Most of the observations of two cameras and more fit by themselves nowhere.
     fn fits_no_camera(&self, target: usize) -> bool {
         let of_camera = |camera: usize| {
             let own: Vec<usize> = self.of(|s| s.camera == camera && s.target == target).collect();
@@ -256,42 +257,42 @@ impl Evidence<'_> {
         1 < cameras.len() && cameras.iter().all(|unfit| *unfit)
     }
 
-    /// Sightings of a kind, in canonical order.
-    fn of(&self, is_one: impl Fn(&Sighting) -> bool) -> impl Iterator<Item = usize> {
-        let sightings = self.layout.sightings.iter().enumerate();
-        sightings.filter(move |(_, s)| is_one(s)).map(|(i, _)| i)
+    /// Observations of a kind, in canonical order.
+    fn of(&self, is_one: impl Fn(&Observation) -> bool) -> impl Iterator<Item = usize> {
+        let observations = self.layout.observations.iter().enumerate();
+        observations.filter(move |(_, s)| is_one(s)).map(|(i, _)| i)
     }
 
-    fn n_lost_points(&self, sighting: usize) -> usize {
-        self.layout.sightings[sighting].seen.len() - self.adjusted.parts.n_used(sighting)
+    fn n_lost_points(&self, observation: usize) -> usize {
+        self.layout.observations[observation].seen.len() - self.adjusted.parts.n_used(observation)
     }
 
-    /// Over some sightings; also the points of those that were kept. One that nothing determines is not lost: it says nothing.
+    /// Over some observations; also the points of those that were kept. One that nothing determines is not lost: it says nothing.
     fn losses(&self, among: impl Iterator<Item = usize>) -> (Losses, usize) {
         let (mut losses, mut n_points_kept) = (Losses::default(), 0);
         for i in among {
-            let n_points = self.layout.sightings[i].seen.len();
+            let n_points = self.layout.observations[i].seen.len();
             match self.adjusted.parts.rejected[i] {
-                Some(RejectedSighting::Undetermined(_)) => continue,
+                Some(RejectedObservation::Undetermined(_)) => continue,
                 Some(_) => losses.n_lost += 1,
                 None => n_points_kept += n_points,
             }
-            losses.n_sightings += 1;
+            losses.n_observations += 1;
             losses.n_points += n_points;
             losses.n_points_lost += self.n_lost_points(i);
         }
         (losses, n_points_kept)
     }
 
-    /// Views that lose too many of their sightings, and how many views there are.
+    /// Views that lose too many of their observations, and how many views there are.
     fn views(&self) -> (Vec<usize>, usize) {
         let (mut contradicting, mut n_views) = (Vec::new(), 0);
         let mut at = 0;
-        for together in self.layout.sightings.chunk_by(|a, b| a.view == b.view) {
+        for together in self.layout.observations.chunk_by(|a, b| a.view == b.view) {
             let (losses, _) = self.losses(at..at + together.len());
             at += together.len();
-            n_views += usize::from(0 < losses.n_sightings);
-            if loses_too_many(losses.n_lost, losses.n_sightings) {
+            n_views += usize::from(0 < losses.n_observations);
+            if loses_too_many(losses.n_lost, losses.n_observations) {
                 contradicting.push(together[0].view);
             }
         }
@@ -328,8 +329,8 @@ impl Evidence<'_> {
 
     fn used_views(&self) -> Vec<Vec<usize>> {
         let body_of = &self.layout.problem.body_of_target;
-        let sightings = self.layout.sightings.iter().enumerate();
-        let used = sightings.filter(|(i, _)| 0 < self.adjusted.parts.n_used(*i));
+        let observations = self.layout.observations.iter().enumerate();
+        let used = observations.filter(|(i, _)| 0 < self.adjusted.parts.n_used(*i));
         let mut used: Vec<_> = used.map(|(_, s)| (s.view, body_of[s.target], s.camera)).collect();
         used.sort_unstable();
         used.dedup();

@@ -2,11 +2,11 @@
 
 use super::{RigProblem, SharedViews};
 
-/// Which cameras share views, before anything is solved. Sightings without points, or that name what does not exist, count for nothing.
+/// Which cameras share views, before anything is solved. Observations without points, or that name what does not exist, count for nothing.
 pub fn shared_views(problem: &RigProblem) -> SharedViews {
     let n = problem.cameras.len();
-    let mut seen: Vec<(usize, usize, usize)> = Vec::with_capacity(problem.sightings.len());
-    for s in problem.sightings.iter().filter(|s| s.camera < n && !s.seen.is_empty()) {
+    let mut seen: Vec<(usize, usize, usize)> = Vec::with_capacity(problem.observations.len());
+    for s in problem.observations.iter().filter(|s| s.camera < n && !s.seen.is_empty()) {
         if let Some(body) = problem.body_of_target.get(s.target) {
             seen.push((s.view, *body, s.camera));
         }

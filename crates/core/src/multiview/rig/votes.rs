@@ -12,7 +12,7 @@ pub(super) struct Vote {
     /// Of its small left motion.
     pub(super) covariance: Matrix6,
     /// Probability that it is the right one of its group.
-    pub(super) weight: f64,
+    pub(super) probability: f64,
 }
 
 /// Two estimates agree when their difference is less probable than this once in a thousand: χ² of six numbers.
@@ -42,7 +42,7 @@ pub(super) fn agreed(votes: &[Vote]) -> Option<Pose> {
 /// The sharpest groups and some of the others, ordered by sharpness; votes of a group stay together.
 fn thinned(votes: &[Vote]) -> Vec<Vote> {
     let mut ranked: Vec<(f64, &Vote)> =
-        votes.iter().filter_map(|v| Some((sharpness(&v.covariance)? + v.weight.ln(), v))).collect();
+        votes.iter().filter_map(|v| Some((sharpness(&v.covariance)? + v.probability.ln(), v))).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut groups: Vec<usize> = Vec::new();
     for (_, v) in &ranked {
@@ -72,7 +72,7 @@ fn support(centre: &Vote, votes: &[Vote]) -> f64 {
     let mut best: Vec<(usize, f64)> = Vec::with_capacity(votes.len());
     for v in votes {
         let Some((chi2, _)) = difference(v, centre, &(v.covariance + centre.covariance)) else { continue };
-        let agreement = v.weight * (1.0 - chi2 / AGREES_CHI2).max(0.0);
+        let agreement = v.probability * (1.0 - chi2 / AGREES_CHI2).max(0.0);
         match best.iter_mut().find(|b| b.0 == v.group) {
             Some(b) => b.1 = b.1.max(agreement),
             None => best.push((v.group, agreement)),
@@ -91,7 +91,7 @@ fn averaged(centre: &Vote, votes: &[Vote]) -> Pose {
             continue;
         };
         if let Some(own) = v.covariance.cholesky() {
-            let own = own.inverse() * v.weight;
+            let own = own.inverse() * v.probability;
             information += own;
             pull += own * motion;
         }

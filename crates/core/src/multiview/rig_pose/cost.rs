@@ -84,13 +84,13 @@ impl<'a> RigCost<'a> {
     /// docs/math/rig_pose.md, section 3.
     ///
     /// `NoSolution` when the start has points outside a camera's field, `DegenerateView` when a direction of the pose stays free.
-    pub fn refine(&self, start: &Pose, rival_chi2: Option<f64>) -> Result<Minimum, Error> {
+    pub fn refine(&self, start: &Pose, alternative_chi2: Option<f64>) -> Result<Minimum, Error> {
         let pivot = self.pivot();
         let start = PivotedPose::new(start, &pivot);
         let found = if self.has_uncertain_points() {
             minimize_reweighted(start, &pivot, |place, at| self.held_at(at).normal_equations(place, &pivot))
         } else {
-            minimize_pose(start, rival_chi2, |place| self.normal_equations(place, &pivot))
+            minimize_pose(start, alternative_chi2, |place| self.normal_equations(place, &pivot))
         };
         let solution = found.ok_or(Error::NoSolution { n_points: self.n_points() })?;
         let covariance =

@@ -3,7 +3,7 @@
 use super::RigView;
 use super::cost::RigCost;
 use crate::locate::method::{Method, resolve};
-use crate::locate::multi_start::{closed_form, mirrored};
+use crate::locate::multi_start::{mirrored, of_method};
 use crate::locate::problem::Problem;
 use crate::solve::configuration::{MAX_PLANE_THICKNESS, classify};
 use crate::solve::gp3p::{Ray, gp3p};
@@ -14,7 +14,7 @@ use nalgebra::{Unit, Vector3};
 /// Starts kept, best first. Three rays have up to eight poses, and the true one may be any of them.
 const MAX_STARTS: usize = 12;
 /// Starts nearer to each other than this (chord of the rotation; translation over distance) lead to one minimum.
-const TWINS: f64 = 0.03;
+const DUPLICATES: f64 = 0.03;
 
 /// Where noise has made two roots complex their minimum still exists: a triangle larger or smaller by this gives them back.
 const SCALES: [f64; 7] = [1.0, 1.01, 0.99, 1.04, 0.96, 1.15, 0.85];
@@ -25,7 +25,7 @@ const FEW: usize = 5;
 pub(crate) type Starts = ArrayVec<(f64, Pose), MAX_STARTS>;
 
 /// A point and who sees it.
-type Seen<'a> = (&'a RigView<'a>, &'a Correspondence);
+type Observed<'a> = (&'a RigView<'a>, &'a Correspondence);
 
 /// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one
 /// across cameras.
@@ -50,28 +50,28 @@ pub(crate) fn push_single_cameras(starts: &mut Starts, cost: &RigCost) {
         let Ok(method) = resolve(Method::Auto, &configuration) else { continue };
         let problem = Problem::new(view.seen, view.camera);
         let rig_from_cam = view.cam_from_rig.inverse();
-        for cam_from_target in closed_form(method, &configuration, &problem).0 {
+        for cam_from_target in of_method(method, &configuration, &problem).0 {
             push(starts, cost, rig_from_cam * cam_from_target);
         }
     }
 }
 
-/// Keeps the list ordered, without twins; the worst falls off when it is full.
+/// Keeps the list ordered, without duplicates; the worst falls off when it is full.
 fn push(starts: &mut Starts, cost: &RigCost, rig_from_target: Pose) {
     let chi2 = cost.residual_sums(&rig_from_target).0;
     if !chi2.is_finite() {
         return;
     }
-    let is_twin = |other: &Pose| {
+    let is_duplicate = |other: &Pose| {
         let shift = (other.translation - rig_from_target.translation).norm();
         let turn = (other.rotation - rig_from_target.rotation).norm();
-        turn < TWINS && shift < TWINS * rig_from_target.translation.norm()
+        turn < DUPLICATES && shift < DUPLICATES * rig_from_target.translation.norm()
     };
-    if let Some(twin) = starts.iter().position(|(_, other)| is_twin(other)) {
-        if starts[twin].0 <= chi2 {
+    if let Some(duplicate) = starts.iter().position(|(_, other)| is_duplicate(other)) {
+        if starts[duplicate].0 <= chi2 {
             return;
         }
-        starts.remove(twin);
+        starts.remove(duplicate);
     }
     if starts.is_full() {
         starts.pop();
@@ -80,7 +80,7 @@ fn push(starts: &mut Starts, cost: &RigCost, rig_from_target: Pose) {
     starts.insert(place, (chi2, rig_from_target));
 }
 
-fn ray((view, c): Seen) -> Ray {
+fn ray((view, c): Observed) -> Ray {
     Ray {
         origin_in_rig: view.cam_from_rig.origin(),
         bearing_in_rig: Unit::new_unchecked(view.cam_from_rig.rotation.tr_mul(&c.bearing)),
@@ -90,13 +90,13 @@ fn ray((view, c): Seen) -> Ray {
 /// Three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list.
 /// `across`: the second by another camera
 /// than the first, the third by a third one, where there are such.
-fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Seen<'a>; 3]> {
+fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Observed<'a>; 3]> {
     let n = cost.n_points();
     let any = cost.points().nth(round * 7 % n)?;
     let first =
         if round == 0 { farthest(cost.points(), |x| (x - any.1.x_in_target).norm_squared())? } else { any };
     let from_first = |x: &Point| (x - first.1.x_in_target).norm_squared();
-    let is_other = |a: &Seen, b: &Seen| !core::ptr::eq(a.0, b.0);
+    let is_other = |a: &Observed, b: &Observed| !core::ptr::eq(a.0, b.0);
     let others = cost.points().filter(|p| !across || is_other(p, &first));
     let second = farthest(others, from_first)?;
     let along = second.1.x_in_target - first.1.x_in_target;
@@ -109,7 +109,10 @@ fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Seen<'a
     Some([first, second, third.unwrap_or(best)])
 }
 
-fn farthest<'a>(points: impl Iterator<Item = Seen<'a>>, measure: impl Fn(&Point) -> f64) -> Option<Seen<'a>> {
+fn farthest<'a>(
+    points: impl Iterator<Item = Observed<'a>>,
+    measure: impl Fn(&Point) -> f64,
+) -> Option<Observed<'a>> {
     let measured = points.map(|p| (measure(&p.1.x_in_target), p));
     measured.reduce(|best, next| if best.0 < next.0 { next } else { best }).map(|(_, p)| p)
 }

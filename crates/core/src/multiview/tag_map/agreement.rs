@@ -121,11 +121,11 @@ fn best(view: &TagView, suspects: &[usize], k: usize) -> Found {
     }
     let noise = noise_scale(e.chi2, e.degrees_of_freedom);
     let is_half = 2 * k == view.tags.len();
-    let is_rival = |(other, of_other): (Vec<usize>, PoseEstimate)| {
+    let is_alternative = |(other, of_other): (Vec<usize>, PoseEstimate)| {
         of_other.chi2 - e.chi2 < AMBIGUITY_GATE_CHI2 * noise
             || is_half && matches!(agreement(view, &other, &of_other), Agreement::All)
     };
-    if solved.next().is_some_and(is_rival) { Found::Two } else { Found::One(Box::new((kept, e))) }
+    if solved.next().is_some_and(is_alternative) { Found::Two } else { Found::One(Box::new((kept, e))) }
 }
 
 /// n over k, no larger than needed to compare.

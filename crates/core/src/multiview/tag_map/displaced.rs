@@ -44,7 +44,8 @@ pub(super) fn displaced(view: &TagView, index: usize, others: &PoseEstimate) -> 
         return DisplacedTag::unknown(tag.id);
     };
     // A square seen nearly from the front has two poses: the one that is less of a displacement.
-    let found = own.minima().filter(|h| h.is_rival).filter_map(|h| displacement(tag, others, &h.minimum));
+    let found =
+        own.minima().filter(|h| h.is_alternative).filter_map(|h| displacement(tag, others, &h.minimum));
     let least = found.min_by(|a, b| a.scale.total_cmp(&b.scale));
     least.map_or(DisplacedTag::unknown(tag.id), |d| DisplacedTag {
         id: tag.id,

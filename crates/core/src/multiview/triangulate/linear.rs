@@ -1,6 +1,6 @@
 //! A start from all rays at once: the point nearest to them, each distance divided by its own, docs/math/triangulate.md eq. (8).
 
-use super::Sight;
+use super::BearingObservation;
 use crate::Point;
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,21 +8,21 @@ use nalgebra::{Matrix3, Vector3};
 const ROUNDS: usize = 3;
 
 /// None where all rays are parallel.
-pub(super) fn nearest_to_rays(sights: &[Sight]) -> Option<Point> {
-    let mut depths = vec![1.0; sights.len()];
+pub(super) fn nearest_to_rays(bearing_observations: &[BearingObservation]) -> Option<Point> {
+    let mut depths = vec![1.0; bearing_observations.len()];
     let mut place = None;
     for _ in 0..ROUNDS {
         let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for (sight, depth) in sights.iter().zip(&depths) {
-            let b = sight.bearing_in_world;
+        for (bearing_observation, depth) in bearing_observations.iter().zip(&depths) {
+            let b = bearing_observation.bearing_in_world;
             let across = (Matrix3::identity() - b * b.transpose()) / (depth * depth);
             left += across;
-            right += across * sight.centre_in_world;
+            right += across * bearing_observation.centre_in_world;
         }
         let x: Point = left.cholesky()?.solve(&right);
         place = Some(x).filter(|x| x.sum().is_finite());
-        for (sight, depth) in sights.iter().zip(&mut depths) {
-            *depth = (x - sight.centre_in_world).norm().max(f64::MIN_POSITIVE);
+        for (bearing_observation, depth) in bearing_observations.iter().zip(&mut depths) {
+            *depth = (x - bearing_observation.centre_in_world).norm().max(f64::MIN_POSITIVE);
         }
     }
     place

@@ -9,7 +9,7 @@
 //!   Σ' = M⁻¹ Σ M⁻ᵀ   ·   l = (n·e₁, n·e₂)   ·   p = n·b   ·   q = lᵀ Σ' l
 //! ```
 
-use super::{Sight, matrix_of};
+use super::{BearingObservation, matrix_of};
 use crate::Point;
 use crate::polynomial::bernstein::{Coefficients, roots_in_unit_interval};
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -39,7 +39,7 @@ struct Chart {
 
 /// Rays closer to the image plane than this are charted across themselves.
 const OBLIQUE: f64 = 0.2;
-/// Sine of the angle between rays and baseline below which no plane can be told.
+/// Sine of the angle between rays and baseline below which no plane can be reported.
 const ON_BASELINE: f64 = 1e-12;
 /// Arcs of φ: a quarter of the half circle each, so that the polynomial runs evenly.
 const ARCS: usize = 4;
@@ -51,7 +51,7 @@ pub(super) fn tangents(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>)
 }
 
 /// None where the centres coincide, both rays lie along the baseline, or the corrected rays are parallel.
-pub(super) fn correct(first: &Sight, second: &Sight) -> Option<Corrected> {
+pub(super) fn correct(first: &BearingObservation, second: &BearingObservation) -> Option<Corrected> {
     let baseline = second.centre_in_world - first.centre_in_world;
     let along = baseline.try_normalize(0.0)?;
     let charts = [Chart::of(first)?, Chart::of(second)?];
@@ -104,7 +104,11 @@ fn extrema(wings: &[Wing; 2]) -> Coefficients {
 }
 
 /// The point on two rays that lie in one plane with the baseline.
-fn meet(first: &Sight, second: &Sight, directions: [Vector3<f64>; 2]) -> Option<Corrected> {
+fn meet(
+    first: &BearingObservation,
+    second: &BearingObservation,
+    directions: [Vector3<f64>; 2],
+) -> Option<Corrected> {
     let [a, b] = directions;
     let between = second.centre_in_world - first.centre_in_world;
     let normal = a.cross(&b);
@@ -116,16 +120,16 @@ fn meet(first: &Sight, second: &Sight, directions: [Vector3<f64>; 2]) -> Option<
 }
 
 impl Chart {
-    fn of(sight: &Sight) -> Option<Self> {
-        let rotation = sight.view.cam_from_world.rotation;
-        let bearing = sight.bearing.into_inner();
+    fn of(bearing_observation: &BearingObservation) -> Option<Self> {
+        let rotation = bearing_observation.view.cam_from_world.rotation;
+        let bearing = bearing_observation.bearing.into_inner();
         let (e1, e2) = if OBLIQUE < bearing.z { (Vector3::x(), Vector3::y()) } else { tangents(&bearing) };
-        let (_, by_point) = sight.view.camera.project_with_jacobian(&bearing)?;
+        let (_, by_point) = bearing_observation.view.camera.project_with_jacobian(&bearing)?;
         let metric = Matrix2::from_columns(&[by_point * e1, by_point * e2]).try_inverse()?;
         Some(Chart {
-            ray: sight.bearing_in_world,
+            ray: bearing_observation.bearing_in_world,
             axes: [rotation.tr_mul(&e1), rotation.tr_mul(&e2)],
-            covariance: metric * matrix_of(&sight.view.covariance_px2) * metric.transpose(),
+            covariance: metric * matrix_of(&bearing_observation.view.covariance_px2) * metric.transpose(),
         })
     }
 
@@ -184,11 +188,13 @@ mod tests {
                 covariance_px2: PixelCovariance { uu_px2: 1.0 + k as f64, uv_px2: 0.4, vv_px2: 0.5 },
             };
             let views = [view(0), view(1)];
-            let sights = [Sight::new(&views[0]).unwrap(), Sight::new(&views[1]).unwrap()];
-            let found = correct(&sights[0], &sights[1]).unwrap();
-            let charts = [Chart::of(&sights[0]).unwrap(), Chart::of(&sights[1]).unwrap()];
+            let bearing_observations =
+                [BearingObservation::new(&views[0]).unwrap(), BearingObservation::new(&views[1]).unwrap()];
+            let found = correct(&bearing_observations[0], &bearing_observations[1]).unwrap();
+            let charts =
+                [Chart::of(&bearing_observations[0]).unwrap(), Chart::of(&bearing_observations[1]).unwrap()];
             let cost = |n: &Vector3<f64>| charts[0].cost(n) + charts[1].cost(n);
-            let baseline = sights[1].centre_in_world - sights[0].centre_in_world;
+            let baseline = bearing_observations[1].centre_in_world - bearing_observations[0].centre_in_world;
             let (a, b) = tangents(&baseline.normalize());
             let plane = |k: usize| {
                 let (sin, cos) = (k as f64 * core::f64::consts::PI / 20_000.0).sin_cos();

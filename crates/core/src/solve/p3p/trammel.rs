@@ -17,7 +17,7 @@ use num_traits::Float as _;
 /// Newton steps: a double pose gains one bit of its 27 with each.
 const STEPS: usize = 40;
 /// Largest turn in one step.
-const MAX_TURN_RAD: f64 = 0.3;
+const MAX_ROTATION_RAD: f64 = 0.3;
 /// Two close φ are also started from this far outside: near their middle a step may go to either.
 const OUTSIDE_RAD: f64 = 0.05;
 /// Largest angle between C and its ray: a double pose reaches 1e-15, nothing else ends in between.
@@ -40,7 +40,7 @@ pub(super) fn solve_again(
     let trammel = Trammel::new(&triangle, &rays);
     let mut found = ArrayVec::<Angles, 4>::new();
     let mut keep = |angles: Angles, within: f64| {
-        if !found.is_full() && !found.iter().any(|other| angles.is_twin_of(other, within)) {
+        if !found.is_full() && !found.iter().any(|other| angles.is_duplicate_of(other, within)) {
             found.push(angles);
         }
     };
@@ -66,8 +66,8 @@ pub(super) fn solve_again(
 }
 
 impl Angles {
-    /// Twins share φ too: two φ for one θ are two poses.
-    fn is_twin_of(&self, other: &Angles, within: f64) -> bool {
+    /// Duplicates share φ too: two φ for one θ are two poses.
+    fn is_duplicate_of(&self, other: &Angles, within: f64) -> bool {
         let near = |x: f64, y: f64| (x - y).abs() < within;
         near(self.u, other.u)
             && near(self.v, other.v)
@@ -144,7 +144,7 @@ impl Trammel {
             let Some(step): Option<Vector2<f64>> = slopes.try_inverse().map(|inverse| inverse * miss) else {
                 break;
             };
-            let shorten = (MAX_TURN_RAD / step.amax()).min(1.0);
+            let shorten = (MAX_ROTATION_RAD / step.amax()).min(1.0);
             phi -= shorten * step.x;
             theta -= shorten * step.y;
             if step.amax() < 4.0 * f64::EPSILON {

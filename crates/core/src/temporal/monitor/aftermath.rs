@@ -1,7 +1,7 @@
 //! What is made of an alarm: whether errors explain it, how it went, and when the camera is back.
 //!
 //! ```text
-//!   R ≥ A ──► errors scatter more than the model says, and that explains R ──► noise as it was seen, test anew, `Watch::Doubted`
+//!   R ≥ A ──► errors scatter more than the model says, and that explains R ──► noise as it was seen, test anew, `Watch::CorrelatedErrors`
 //!        └──► moved: measured from where it was known to be before (`base`); course and rate from the means of readings since
 //!               └──► back: where it was before is a thousand times likelier than where the alarm found it
 //! ```
@@ -10,7 +10,7 @@
 use super::drift::Rate;
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
-use super::onsets::Course;
+use super::priors::{CHOSEN, MEDIAN, MotionKind, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::Trace;
@@ -40,10 +40,6 @@ pub(super) struct Aftermath {
     decisions: u32,
 }
 
-/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
-const CHOSEN: f64 = 4.0;
-/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: eq. (47).
-const SIZE: f64 = 8.0;
 /// Odds of another course at which the name is changed, as Δχ²: 400 to 1.
 const RENAMED: f64 = 12.0;
 /// The same at the alarm, when the name has not been reported yet.
@@ -54,12 +50,10 @@ const AGAIN: f64 = 0.1;
 const SHARPER: f64 = 0.5;
 /// ln of the odds at which a camera is back: 1000 to 1.
 const BACK: f64 = 7.0;
-/// And it must be as near as half of all cameras that are: χ² of six degrees of freedom.
-const MEDIAN: f64 = 5.348;
 /// Errors found larger than the model are reported for this long, seconds, and so many decisions, at least.
 const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
-/// The difference of two neighbouring means over the time in which a lasting error is forgotten, in units of that error: eq. (46).
+/// The difference of two neighbouring means over the time in which a correlated error is forgotten, in units of that error: eq. (46).
 const OVER_ONE_TIME: f64 = 0.672;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
@@ -132,7 +126,7 @@ impl Monitor {
         let motion = self.seen_from_reference(&self.test.motion(&joined.reading.value));
         let level = self.drift.is_none().then(|| self.level(joined.t_s));
         let aftermath = &mut self.aftermath;
-        // Where noise is measured the models of the test know of errors that last.
+        // Where noise is measured the models of the test know of correlated errors.
         if self.test.measured().is_none() {
             aftermath.scatter.push(joined.t_s, &joined.reading, self.test.noise());
         }
@@ -184,17 +178,17 @@ impl Monitor {
         let base = self.aftermath.base;
         let (own, motion) = (self.reference.noise, between(&base.motion, &now.motion));
         let covariance = now.covariance + base.covariance;
-        let told = Drift { old_from_new: motion, covariance, ..drift };
-        if is_first && !told.matters(&self.config) {
+        let reported = Drift { old_from_new: motion, covariance, ..drift };
+        if is_first && !reported.matters(&self.config) {
             return;
         }
-        let at_home = now.covariance * CHOSEN + base.covariance + own.bias + own.daily;
+        let at_home = now.covariance * CHOSEN + base.covariance + own.bias + own.diurnal;
         if !is_first && is_likely(&motion, &at_home) {
             let onset_s = self.test.change().map_or(t_s, |change| change.onset_s);
             return self.is_home(t_s, onset_s, &now.covariance);
         }
-        self.hold(&told, is_first);
-        self.drift = Some(told);
+        self.hold(&reported, is_first);
+        self.drift = Some(reported);
         (self.aftermath.found, self.aftermath.is_further) = (now, !is_first);
         self.aftermath.decisions = 0;
         if is_first {
@@ -209,16 +203,18 @@ impl Monitor {
     /// Errors that scatter more than the model says, over times like that of the change, where they explain the alarm.
     fn explanation(&self, duration_s: f64) -> Option<Excess> {
         let excess = self.aftermath.scatter.excess(2.0 * duration_s)?;
-        let log_r = (self.aftermath.log_r + SIZE) / excess.factor - SIZE;
+        let log_r = deflated(self.aftermath.log_r, excess.factor);
         (log_r < self.log_threshold()).then_some(excess)
     }
 
     /// Errors may prove to be larger than the model only after the alarm; a motion that they explain then is taken back.
     fn take_back(&mut self, drift: &Drift, t_s: f64) -> bool {
         let Some(excess) = self.explanation(t_s - drift.began_s) else { return false };
-        let told = self.refined(drift);
-        let chi2 =
-            told.covariance.cholesky().map(|factor| told.old_from_new.dot(&factor.solve(&told.old_from_new)));
+        let reported = self.refined(drift);
+        let chi2 = reported
+            .covariance
+            .cholesky()
+            .map(|factor| reported.old_from_new.dot(&factor.solve(&reported.old_from_new)));
         let is_explained = chi2.is_some_and(|chi2| chi2 < SURPRISE * excess.factor);
         if is_explained {
             self.drift = None;
@@ -255,8 +251,8 @@ impl Monitor {
         let own = &mut self.reference.noise;
         let Some((_, back)) = whitening(&(own.reading + own.bias)) else { return };
         let variance = excess.variance / OVER_ONE_TIME;
-        let lasting = back * Matrix6::from_diagonal(&variance) * back.transpose();
-        own.bias += 0.5 * (lasting + lasting.transpose());
+        let correlated = back * Matrix6::from_diagonal(&variance) * back.transpose();
+        own.bias += 0.5 * (correlated + correlated.transpose());
         own.bias_time_s = own.bias_time_s.max(excess.over_s);
         let base = self.aftermath.base;
         let independent = (0.5 * (base.t_s - self.aftermath.began_s()) / own.bias_time_s).max(1.0);
@@ -267,7 +263,7 @@ impl Monitor {
         (self.aftermath.doubted_s, self.aftermath.decisions) = (Some(t_s), 0);
     }
 
-    /// At once or slowly, and at which rate: looked at again whenever it has gone on by a tenth.
+    /// A step or a ramp, and at which rate: looked at again whenever it has gone on by a tenth.
     fn rename(&mut self, t_s: f64) {
         let Some(drift) = self.drift else { return };
         let gone_s = (self.aftermath.named_s - drift.began_s).max(0.0);
@@ -280,17 +276,17 @@ impl Monitor {
         }
         let own = &self.reference.noise;
         let typical = own.reading + own.bias;
-        let lasting = (own.bias.trace() / typical.trace()).clamp(0.0, 1.0);
-        let Some(fitted) = self.aftermath.trace.fitted(&typical, lasting) else { return };
+        let correlated = (own.bias.trace() / typical.trace()).clamp(0.0, 1.0);
+        let Some(fitted) = self.aftermath.trace.fitted(&typical, correlated) else { return };
         let needed = if gone_s == 0.0 { NAMED } else { RENAMED };
         let is_renamed = fitted.course != drift.course && needed < fitted.lead;
         let is_same = fitted.course == drift.course;
         if is_renamed || is_same {
             let rate = Rate { per_s: fitted.rate, covariance: fitted.rate_covariance };
-            self.aftermath.rate = (fitted.course == Course::Slow).then_some(rate);
+            self.aftermath.rate = (fitted.course == MotionKind::Ramp).then_some(rate);
         }
         let is_sharper =
-            fitted.course == Course::Slow && fitted.onset_sigma_s < SHARPER * drift.began_sigma_s;
+            fitted.course == MotionKind::Ramp && fitted.onset_sigma_s < SHARPER * drift.began_sigma_s;
         if is_renamed || (is_same && is_sharper) {
             self.drift = Some(Drift {
                 began_s: fitted.onset_s,
@@ -349,7 +345,7 @@ impl Monitor {
 
     /// Where a slow drift has come to: the test's level is the mean since its last alarm, and behind.
     fn end_of(&self, drift: &Drift) -> Option<Milestone> {
-        let rate = self.aftermath.rate.filter(|_| drift.course == Course::Slow)?;
+        let rate = self.aftermath.rate.filter(|_| drift.course == MotionKind::Ramp)?;
         let own = &self.reference.noise;
         let over_s = END * (self.last_s - drift.began_s).max(0.0);
         let (t_s, motion, readings) = self.aftermath.trace.end(over_s)?;

@@ -47,7 +47,7 @@ pub struct Attribution {
     /// χ² that it leaves.
     pub chi2: f64,
     /// Other sets as small that explain them about as well: when there are any, it is not decided which of them moved.
-    pub rivals: Vec<Vec<usize>>,
+    pub alternatives: Vec<Vec<usize>>,
     /// Whether any set was good enough; if not, `moved` is the best of the largest looked at.
     pub is_explained: bool,
 }
@@ -57,7 +57,7 @@ const ACCEPTED: f64 = 1e-4;
 /// or when it leaves no more than this share of what there was to explain, and no larger set is clearly better: two hundredths of the
 /// motion, which grow with it (a lens, the size of a target). It is a square: 2 % of χ² would hide a motion of a seventh.
 const NEGLIGIBLE: f64 = 4e-4;
-/// A rival's χ² may be larger by this much: odds of 8000 to 1.
+/// An alternative's χ² may be larger by this much: odds of 8000 to 1.
 const ABOUT_AS_WELL: f64 = 18.0;
 /// Sets looked at.
 const MAX_SETS: usize = 20_000;
@@ -102,12 +102,12 @@ pub(super) fn smallest(
 
 fn answer(set: &[usize], first: &Fit, fits: &[(Vec<usize>, Fit)], unexplained: f64) -> Attribution {
     let moved = set.iter().enumerate().map(|(i, node)| first.node(i, *node)).collect();
-    let rivals = fits[1..].iter().take_while(|(_, fit)| fit.chi2 < first.chi2 + ABOUT_AS_WELL);
+    let alternatives = fits[1..].iter().take_while(|(_, fit)| fit.chi2 < first.chi2 + ABOUT_AS_WELL);
     let is_little = !set.is_empty() && first.chi2 < NEGLIGIBLE * unexplained;
     Attribution {
         moved,
         chi2: first.chi2,
-        rivals: rivals.map(|(set, _)| set.clone()).collect(),
+        alternatives: alternatives.map(|(set, _)| set.clone()).collect(),
         is_explained: first.is_likely() || first.chi2 == 0.0 || is_little,
     }
 }
@@ -158,4 +158,4 @@ fn sets(n: usize, size: usize, at_most: usize) -> Vec<Vec<usize>> {
 }
 
 numbers!(MovedNode { node, old_from_new, covariance });
-numbers!(Attribution { moved, chi2, rivals, is_explained });
+numbers!(Attribution { moved, chi2, alternatives, is_explained });

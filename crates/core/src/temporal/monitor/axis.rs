@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   y = m + b + w + n      m  the reference's own error, constant     b  an error that lasts: variance σ_b², forgotten within τ_b
-//!                          w  a daily wobble, σ_w                     n  noise of this reading
+//!                          w  a diurnal wobble, σ_w                     n  noise of this reading
 //!   x = [m, b, w, w⊥]      F transition over Δ   Q what it adds       h = [1, 1, 1, 0]
 //!   ν innovation, S its variance, K gain
 //! ```
@@ -25,8 +25,8 @@ pub(super) struct Whitened {
 
 /// A day, seconds.
 pub const DAY_S: f64 = 86_400.0;
-/// After this time the wobble of a day says little of that day's: weather changes.
-const WOBBLE_FORGOTTEN_S: f64 = 10.0 * DAY_S;
+/// After this time the diurnal variation of a day says little of that day's: weather changes.
+const DIURNAL_FORGOTTEN_S: f64 = 10.0 * DAY_S;
 
 /// Standard deviations of what is no drift, in the unit of the coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,8 +37,8 @@ pub struct AxisNoise {
     pub bias_sigma: f64,
     /// τ_b, the time in which that error is forgotten, seconds.
     pub bias_time_s: f64,
-    /// σ_w, of the daily wobble.
-    pub daily_sigma: f64,
+    /// σ_w, of the diurnal variation.
+    pub diurnal_sigma: f64,
 }
 
 /// Motion of the state over a time.
@@ -46,12 +46,12 @@ pub struct AxisNoise {
 pub(super) struct Transition {
     /// Factor of b.
     bias: f64,
-    /// Factor of w times cosine and sine of the turn of day.
+    /// Factor of w times cosine and sine of the rotation of day.
     cos: f64,
     sin: f64,
     /// Variances that b and w regain.
     bias_gain: f64,
-    daily_gain: f64,
+    diurnal_gain: f64,
     /// Δ, seconds.
     pub elapsed_s: f64,
 }
@@ -59,26 +59,26 @@ pub(super) struct Transition {
 impl Transition {
     pub fn new(noise: &AxisNoise, elapsed_s: f64) -> Self {
         let bias = (-elapsed_s / noise.bias_time_s).exp();
-        let daily = (-elapsed_s / WOBBLE_FORGOTTEN_S).exp();
+        let diurnal = (-elapsed_s / DIURNAL_FORGOTTEN_S).exp();
         let (sin, cos) = (std::f64::consts::TAU * elapsed_s / DAY_S).sin_cos();
         Transition {
             bias,
-            cos: daily * cos,
-            sin: daily * sin,
+            cos: diurnal * cos,
+            sin: diurnal * sin,
             bias_gain: noise.bias_sigma.powi(2) * (1.0 - bias * bias),
-            daily_gain: noise.daily_sigma.powi(2) * (1.0 - daily * daily),
+            diurnal_gain: noise.diurnal_sigma.powi(2) * (1.0 - diurnal * diurnal),
             elapsed_s,
         }
     }
 
     /// Of a correlated error alone that keeps a share `kept`; what it gains is its own filter's matter.
     pub fn of_bias(kept: f64, elapsed_s: f64) -> Self {
-        Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, daily_gain: 0.0, elapsed_s }
+        Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, diurnal_gain: 0.0, elapsed_s }
     }
 
-    /// The same for a wobble of another variance.
-    pub fn with_daily_variance(&self, from: f64, to: f64) -> Self {
-        Transition { daily_gain: self.daily_gain / from * to, ..*self }
+    /// The same for a diurnal variation of another variance.
+    pub fn with_diurnal_variance(&self, from: f64, to: f64) -> Self {
+        Transition { diurnal_gain: self.diurnal_gain / from * to, ..*self }
     }
 
     /// F x.
@@ -102,8 +102,8 @@ impl Transition {
             both.set_row(row, &self.apply(&left.row(row).transpose()).transpose());
         }
         both[(1, 1)] += self.bias_gain;
-        both[(2, 2)] += self.daily_gain;
-        both[(3, 3)] += self.daily_gain;
+        both[(2, 2)] += self.diurnal_gain;
+        both[(3, 3)] += self.diurnal_gain;
         both
     }
 }
@@ -130,7 +130,7 @@ pub(super) struct AxisFilter {
 
 impl AxisFilter {
     pub fn new(noise: &AxisNoise) -> Self {
-        let sigmas = [noise.reference_sigma, noise.bias_sigma, noise.daily_sigma, noise.daily_sigma];
+        let sigmas = [noise.reference_sigma, noise.bias_sigma, noise.diurnal_sigma, noise.diurnal_sigma];
         AxisFilter {
             mean: Vector4::zeros(),
             covariance: Matrix4::from_diagonal(&Vector4::from(sigmas.map(|s| s * s))),
@@ -162,6 +162,6 @@ pub(super) fn read(x: &Vector4<f64>) -> f64 {
     x[0] + x[1] + x[2]
 }
 
-numbers!(AxisNoise { reference_sigma, bias_sigma, bias_time_s, daily_sigma });
+numbers!(AxisNoise { reference_sigma, bias_sigma, bias_time_s, diurnal_sigma });
 numbers!(AxisFilter { mean, covariance });
 numbers!(Whitened { value, variance });

@@ -9,15 +9,17 @@
 
 use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
 use super::models::{
-    DAILY_SHARES, DAYS, DIRECTIONS, EXCLUDED, GRID, GRID_MODELS, MODELS, Model, STATED, WHITE, best, between,
+    DAYS, DIRECTIONS, DIURNAL_SHARES, EXCLUDED, GRID, GRID_MODELS, MODELS, Model, STATED, WHITE, best,
+    between,
 };
+use super::priors::SCALE_OVER;
 use crate::temporal::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector4;
 
-/// Errors that last.
+/// Correlated errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LastingError {
+pub struct CorrelatedError {
     /// Their standard deviation over that of a reading's own noise.
     pub sigma_ratio: f64,
     /// The time in which they are forgotten, seconds; a day for those that come back every day.
@@ -28,11 +30,10 @@ pub struct LastingError {
 pub(super) const FURTHEST_BEHIND: f64 = 60.0;
 /// Another model is used when it is ahead by this much.
 const AHEAD: f64 = 2.0;
-/// Errors that last are presumed up to this share while there is no reading; ln of how improbable larger ones are.
+/// Correlated errors are presumed up to this share while there is no reading; ln of how improbable larger ones are.
 const PRESUMED: f64 = 1.2;
 const UNPRESUMED: f64 = -12.0;
-/// Readings over which the scale is measured, and how many the stated scale counts for.
-const SCALE_OVER: f64 = 200.0;
+/// How many readings the stated scale counts for.
 const STATED_COUNTS: f64 = 10.0;
 /// A square of a standardised innovation counts up to this: nine in ten thousand are larger by chance, outliers and steps are.
 const LARGEST_SQUARE: f64 = 11.0;
@@ -47,7 +48,7 @@ pub(super) struct AxisBank {
     mean: [[f64; GRID]; 2],
     /// Of m, of both, of b; in units of s².
     covariance: [[f64; GRID]; 3],
-    /// Of the daily variations, in units of s², and the stated error.
+    /// Of the diurnal variations, in units of s², and the stated error.
     full: [AxisFilter; DAYS + 1],
     /// Whether there is a stated error; else the model is that of white noise.
     is_stated: bool,
@@ -70,7 +71,7 @@ fn largest(of: &[f64; MODELS]) -> f64 {
 pub(super) struct Passed {
     /// e^(−Δ/τ) of each model.
     decays: [f64; GRID],
-    /// Of a daily variation of variance one.
+    /// Of a diurnal variation of variance one.
     day: Transition,
 }
 
@@ -82,7 +83,8 @@ impl Passed {
             let is_same = GRID_MODELS[i - 1].time == model.time;
             decays[i] = if is_same { decays[i - 1] } else { (-elapsed_s / (model.time * unit_s)).exp() };
         }
-        let of_day = AxisNoise { reference_sigma: 0.0, bias_sigma: 0.0, bias_time_s: 1.0, daily_sigma: 1.0 };
+        let of_day =
+            AxisNoise { reference_sigma: 0.0, bias_sigma: 0.0, bias_time_s: 1.0, diurnal_sigma: 1.0 };
         Passed { decays, day: Transition::new(&of_day, elapsed_s) }
     }
 }
@@ -95,7 +97,7 @@ impl AxisBank {
             mean: [[0.0; GRID]; 2],
             covariance: [[0.0; GRID]; 3],
             full: [AxisFilter::new(noise); DAYS + 1],
-            is_stated: 0.0 < noise.bias_sigma || 0.0 < noise.daily_sigma,
+            is_stated: 0.0 < noise.bias_sigma || 0.0 < noise.diurnal_sigma,
             scale: [1.0; MODELS],
             log_likelihood: [0.0; MODELS],
             record: [0.0; MODELS],
@@ -114,10 +116,10 @@ impl AxisBank {
             self.covariance[1][i] = 0.0;
             self.covariance[2][i] = model.share * self.typical;
         }
-        for (day, share) in DAILY_SHARES.iter().enumerate() {
+        for (day, share) in DIURNAL_SHARES.iter().enumerate() {
             let reference_sigma = noise.reference_sigma / self.scale[GRID + day].sqrt();
-            let daily_sigma = (share * self.typical).sqrt();
-            let of_day = AxisNoise { reference_sigma, bias_sigma: 0.0, bias_time_s: 1.0, daily_sigma };
+            let diurnal_sigma = (share * self.typical).sqrt();
+            let of_day = AxisNoise { reference_sigma, bias_sigma: 0.0, bias_time_s: 1.0, diurnal_sigma };
             self.full[day] = AxisFilter::new(&of_day);
         }
         self.full[DAYS] = AxisFilter::new(noise);
@@ -132,8 +134,8 @@ impl AxisBank {
             let steady = GRID_MODELS[i].share * self.typical;
             bb[i] = steady + kept * kept * (bb[i] - steady);
         }
-        for (day, share) in DAILY_SHARES.iter().enumerate() {
-            self.full[day].predict(&passed.day.with_daily_variance(1.0, share * self.typical));
+        for (day, share) in DIURNAL_SHARES.iter().enumerate() {
+            self.full[day].predict(&passed.day.with_diurnal_variance(1.0, share * self.typical));
         }
         if self.is_stated {
             self.full[DAYS].predict(stated);
@@ -159,7 +161,7 @@ impl AxisBank {
         }
     }
 
-    /// A daily variation is scaled as a whole; of what is stated only the reading's own noise is.
+    /// A diurnal variation is scaled as a whole; of what is stated only the reading's own noise is.
     fn of_full(&self, model: usize, filter: &AxisFilter, y: f64, r: f64) -> Innovation {
         let scale = self.scale[model];
         if model == STATED {
@@ -170,7 +172,7 @@ impl AxisBank {
     }
 
     /// The same after a time, of the model that is used; the bank stays.
-    pub fn foreseen(&self, passed: &Passed, stated: &Transition, y: f64, r: f64) -> Innovation {
+    pub fn predicted(&self, passed: &Passed, stated: &Transition, y: f64, r: f64) -> Innovation {
         let (used, scale) = (self.used, self.scale[self.used]);
         if GRID <= used {
             let mut filter = self.full[used - GRID];
@@ -254,7 +256,7 @@ impl AxisBank {
 
     /// Before the first reading: errors much larger than a reading's own are not looked for until they show.
     pub fn presume(&mut self) {
-        let shares = GRID_MODELS.iter().map(|model| model.share).chain(DAILY_SHARES);
+        let shares = GRID_MODELS.iter().map(|model| model.share).chain(DIURNAL_SHARES);
         for (i, share) in shares.enumerate() {
             let log = if share <= PRESUMED { 0.0 } else { UNPRESUMED };
             (self.log_likelihood[i], self.record[i]) = (log, log);
@@ -277,7 +279,7 @@ impl AxisBank {
         match self.used {
             STATED => *stated,
             used if GRID <= used => {
-                passed.day.with_daily_variance(1.0, DAILY_SHARES[used - GRID] * self.typical)
+                passed.day.with_diurnal_variance(1.0, DIURNAL_SHARES[used - GRID] * self.typical)
             }
             used => Transition::of_bias(passed.decays[used], passed.day.elapsed_s),
         }
@@ -293,19 +295,19 @@ impl AxisBank {
     }
 
     /// The error that lasts of the model in use, where white noise is excluded.
-    pub fn lasting(&self, unit_s: f64) -> Option<LastingError> {
+    pub fn correlated(&self, unit_s: f64) -> Option<CorrelatedError> {
         if largest(&self.log_likelihood) - EXCLUDED <= self.log_likelihood[WHITE] {
             return None;
         }
         match self.used {
             WHITE | STATED => None,
-            used if GRID <= used => Some(LastingError {
-                sigma_ratio: DAILY_SHARES[used - GRID].sqrt(),
+            used if GRID <= used => Some(CorrelatedError {
+                sigma_ratio: DIURNAL_SHARES[used - GRID].sqrt(),
                 time_s: super::axis::DAY_S,
             }),
             used => {
                 let Model { share, time } = GRID_MODELS[used];
-                Some(LastingError { sigma_ratio: share.sqrt(), time_s: time * unit_s })
+                Some(CorrelatedError { sigma_ratio: share.sqrt(), time_s: time * unit_s })
             }
         }
     }

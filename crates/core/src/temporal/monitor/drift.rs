@@ -1,6 +1,6 @@
-//! How far it moved, whether that is a turn alone, and whether anybody should care.
+//! How far it moved, whether that is a rotation alone, and whether anybody should care.
 
-use super::{Course, MonitorConfig};
+use super::{MonitorConfig, MotionKind};
 use crate::statistics::chi_square::tail;
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
@@ -15,10 +15,10 @@ pub struct Drift {
     pub covariance: Matrix6,
     /// When it began, seconds.
     pub began_s: f64,
-    /// How sure that is, seconds.
+    /// How uncertain that is, seconds.
     pub began_sigma_s: f64,
-    /// At once or slowly.
-    pub course: Course,
+    /// A step or a ramp.
+    pub course: MotionKind,
     /// Probability of that course.
     pub course_probability: f64,
     /// Of a slow drift, when enough is known of it.
@@ -46,12 +46,12 @@ pub struct Rate {
 }
 
 impl Drift {
-    /// The turn alone, radians about x, y, z, and its covariance, if the camera only turned about its own centre; none where its
-    /// translation is larger than that allows (one in twenty). A turn and a shift look much alike from a small target: where a
+    /// The rotation alone, radians about x, y, z, and its covariance, if the camera only rotated about its own centre; none where its
+    /// translation is larger than that allows (one in twenty). A rotation and a shift look much alike from a small target: where a
     /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
     pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let is_likely = PURE_ROTATION_PROBABILITY < self.chance_of(3)?;
-        if is_likely { turn_alone(&self.old_from_new, &self.covariance) } else { None }
+        if is_likely { rotation_alone(&self.old_from_new, &self.covariance) } else { None }
     }
 
     /// The one axis whose motion alone explains all of it; none where chance leaves more than that so seldom, where another axis explains it
@@ -75,15 +75,15 @@ impl Drift {
         })
     }
 
-    /// Whether it goes beyond what the configuration tolerates. A turn and a shift look much alike, and neither estimate is ever zero:
-    /// a shift that chance explains counts for none, and the turn is then judged alone; as is a shift beside a turn that chance explains.
+    /// Whether it goes beyond what the configuration tolerates. A rotation and a shift look much alike, and neither estimate is ever zero:
+    /// a shift that chance explains counts for none, and the rotation is then judged alone; as is a shift beside a rotation that chance explains.
     pub(super) fn matters(&self, config: &MonitorConfig) -> bool {
         let (turn, shift) = (self.part(0), self.part(3));
         let is_chance = |at| self.chance_of(at).is_some_and(|chance| CHANCE < chance);
         let turns = |turn: &Vector3<f64>| config.tolerance_rotation_rad < turn.norm();
         let shifts = |shift: &Vector3<f64>| config.tolerance_translation_m < shift.norm();
         if is_chance(3) {
-            let turn = turn_alone(&self.old_from_new, &self.covariance).map_or(turn, |(turn, _)| turn);
+            let turn = rotation_alone(&self.old_from_new, &self.covariance).map_or(turn, |(turn, _)| turn);
             return turns(&turn);
         }
         if is_chance(0) {
@@ -114,19 +114,19 @@ const RIVALLED: f64 = 9.0;
 const CHANCE: f64 = 1e-6;
 
 impl Rate {
-    /// The turn alone, radians a second about x, y, z, and its covariance, if it only turns: none where it shifts more than chance allows.
-    pub fn turn_alone(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    /// The rotation alone, radians a second about x, y, z, and its covariance, if it only turns: none where it shifts more than chance allows.
+    pub fn rotation_alone(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let shift: Vector3<f64> = self.per_s.fixed_rows::<3>(3).into();
         let own: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();
         let chance = tail(3, shift.dot(&own.cholesky()?.solve(&shift)));
         let is_likely = PURE_ROTATION_PROBABILITY < chance;
-        if is_likely { turn_alone(&self.per_s, &self.covariance) } else { None }
+        if is_likely { rotation_alone(&self.per_s, &self.covariance) } else { None }
     }
 }
 
-/// The turn of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
+/// The rotation of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:
 /// docs/math/monitor.md eq. (17). None where the covariance of the shift is not positive definite.
-pub fn turn_alone(motion: &Vector6, covariance: &Matrix6) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+pub fn rotation_alone(motion: &Vector6, covariance: &Matrix6) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     alone(motion, covariance, 0)
 }
 

@@ -33,7 +33,7 @@ impl Numbers for Version2 {
         let test = DriftTest::take_version_2(rest, &reference.noise)?;
         let (gate, drift) = (Gate::take(rest)?, <Option<Drift> as Numbers>::take(rest)?);
         let last_s = f64::take(rest)?;
-        // It goes on from its reference; what it had learned of that since is in its test.
+        // It continues from its reference; what it had learned of that since is in its test.
         let covariance = reference.noise.reference;
         let mut aftermath = Aftermath::new(Milestone { t_s: last_s, motion: Vector6::zeros(), covariance });
         drift.iter().for_each(|drift| aftermath.was_found(drift));
@@ -74,9 +74,9 @@ mod tests {
     #[test]
     fn a_monitor_of_version_2_goes_on_as_it_would_have() {
         let spread = |scale: f64| Matrix6::identity() * scale * 1e-6;
-        let (bias, daily) = (spread(0.2), spread(0.1));
+        let (bias, diurnal) = (spread(0.2), spread(0.1));
         let noise =
-            DriftNoise { reference: spread(0.1), reading: spread(1.0), bias, bias_time_s: 60.0, daily };
+            DriftNoise { reference: spread(0.1), reading: spread(1.0), bias, bias_time_s: 60.0, diurnal };
         let reference = Reference { a_from_b: Pose::identity(), noise };
         let mut monitor = Monitor::new(&reference, &MonitorConfig::default(), 0.0).expect("a monitor");
         monitor.push(&reading(0));

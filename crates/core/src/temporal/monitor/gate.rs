@@ -1,17 +1,15 @@
 //! What reaches the test: readings of one decision joined, single outliers held back until others confirm them.
 //!
-//! A flipped pose or a passing person is far from the expected reading and alone; a knocked camera is far and stays there. An outlier
+//! A flipped pose or a passing person is far from the expected reading and alone; a camera that moved suddenly is far and stays there. An outlier
 //! therefore waits until `CONFIRM` readings in a row, over a decision period at least, agree with each other, and is dropped when the next
 //! ones are where they were.
 
 use super::axis::Whitened;
+use super::priors::CONFIRM;
 use super::test::{DriftTest, SURPRISE};
 use crate::temporal::snapshot::numbers;
 use arrayvec::ArrayVec;
 use nalgebra::Vector6;
-
-/// Outliers in a row that agree: a pose estimate flips once or twice, seldom three times to the same place.
-const CONFIRM: usize = 3;
 
 /// Of a period: times are rounded.
 const ROUNDING: f64 = 1.0 - 1e-6;
@@ -77,7 +75,7 @@ impl Gate {
             dropped = self.waiting.len() as u64;
             self.waiting.clear();
         }
-        // Half an oscillation of a mount that vibrates is three pictures too: those that confirm must span a decision.
+        // Half an oscillation of a mount that vibrates is three images too: those that confirm must span a decision.
         let is_short = self.waiting.first().is_some_and(|first| t_s < first.t_s + ROUNDING * self.period_s);
         if self.waiting.len() + 1 == CONFIRM && is_short {
             self.waiting.pop();
@@ -122,7 +120,7 @@ impl Joining {
     }
 }
 
-/// Whether two readings can be of one pose: errors that last do not count between neighbours.
+/// Whether two readings can be of one pose: correlated errors do not count between neighbours.
 fn agree(test: &DriftTest, a: &Whitened, b: &Whitened) -> bool {
     let difference = a.value - b.value;
     let variance = (a.variance + b.variance).component_mul(&test.scales());

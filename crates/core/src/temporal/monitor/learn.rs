@@ -5,6 +5,7 @@
 //!   B = C₁ without its negative eigenvalues: what lasts from reading to reading       docs/math/monitor.md eqs. (14)–(16)
 //! ```
 
+use super::priors::{MEDIAN, OUTLIER};
 pub use super::unsettled::LearnConfig;
 use super::unsettled::{self, Sample, Unsettled};
 use super::{DriftNoise, Reading, Reference};
@@ -13,9 +14,6 @@ use nalgebra::SymmetricEigen;
 
 /// Readings needed.
 pub const LEAST_READINGS: usize = 20;
-/// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part.
-const OUTLIER: f64 = 27.9;
-
 /// Times 1/√n: no eigenvalue of the correlation of n independent readings with the next ones is larger, but for one in some hundreds.
 const BY_CHANCE: f64 = 4.5;
 
@@ -92,8 +90,7 @@ fn medoid(readings: &[&Reading]) -> Pose {
 fn scatter(mean: &Pose, readings: &[&Reading]) -> f64 {
     let mut chi2: Vec<f64> = readings.iter().filter_map(|reading| chi2(mean, reading)).collect();
     chi2.sort_by(f64::total_cmp);
-    const MEDIAN_OF_SIX: f64 = 5.348;
-    chi2.get(chi2.len() / 2).map_or(1.0, |median| (median / MEDIAN_OF_SIX).max(1.0))
+    chi2.get(chi2.len() / 2).map_or(1.0, |median| (median / MEDIAN).max(1.0))
 }
 
 fn chi2(mean: &Pose, reading: &Reading) -> Option<f64> {
@@ -117,14 +114,14 @@ fn reference(mean: &Pose, kept: &[&Reading], config: &LearnConfig) -> Reference 
     let bias = significant(&lagged(1), &total, y.len()) + config.bias;
     let span_s = kept[kept.len() - 1].t_s - kept[0].t_s;
     let bias_time_s = memory_s(&lagged, &stated, y.len(), span_s).max(config.bias_time_s);
-    // The mean of errors that last τ over a span T errs like one of T/2τ independent ones.
+    // The mean of correlated errors τ over a span T errs like one of T/2τ independent ones.
     let independent = (0.5 * span_s / bias_time_s).max(1.0);
     let noise = DriftNoise {
         reference: total.map(|v| v / n) + stated / n + bias / independent,
         reading: stated,
         bias,
         bias_time_s,
-        daily: config.daily,
+        diurnal: config.diurnal,
     };
     Reference { a_from_b: *mean, noise }
 }

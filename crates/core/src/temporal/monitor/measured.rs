@@ -11,16 +11,11 @@
 use super::axis::{AXES, AxisNoise, Innovation, Transition, Whitened};
 use super::bank::{AxisBank, FURTHEST_BEHIND, Passed};
 use super::models::{self, EXCLUDED, MODELS};
+use super::priors::{BETWEEN, GROWN, most_grown, read_grown};
 use super::promise::{self, Detectable, MeasuredNoise};
 use crate::temporal::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
 
-/// Noise may have grown since an onset, in all coordinates at once: its variance by these factors.
-pub(super) const GROWN: [f64; 3] = [1.5, 3.0, 9.0];
-/// ln of how seldom that is at the very time of an onset; by the first factor the scale may err at any time.
-pub(super) const GROWS: [f64; GROWN.len()] = [0.0, -7.0, -7.0];
-/// The models stand on a grid, and the noise between them: what the best of them may be worse by, a reading.
-pub(super) const BETWEEN: f64 = 1e-3;
 /// Readings over which the time between them is taken.
 const BETWEEN_OVER: f64 = 100.0;
 /// Where the coordinates, the grown noise and the models stand in a standing.
@@ -94,7 +89,7 @@ impl Measured {
     }
 
     /// A reading after a time beside what is expected of it; the banks stay.
-    pub fn foreseen(
+    pub fn predicted(
         &self,
         elapsed_s: f64,
         stated: &[Transition; AXES],
@@ -103,14 +98,14 @@ impl Measured {
         let passed = Passed::new(elapsed_s, self.unit_s);
         std::array::from_fn(|axis| {
             let (value, variance) = (reading.value[axis], reading.variance[axis]);
-            self.banks[axis].foreseen(&passed, &stated[axis], value, variance)
+            self.banks[axis].predicted(&passed, &stated[axis], value, variance)
         })
     }
 
     /// Σ ν²/S of a reading after a time.
     pub fn surprise(&self, elapsed_s: f64, stated: &[Transition; AXES], reading: &Whitened) -> f64 {
         let square = |innovation: &Innovation| innovation.value * innovation.value / innovation.variance;
-        self.foreseen(elapsed_s, stated, reading).iter().map(square).sum()
+        self.predicted(elapsed_s, stated, reading).iter().map(square).sum()
     }
 
     pub fn update(
@@ -127,9 +122,7 @@ impl Measured {
         for (axis, bank) in self.banks.iter_mut().enumerate() {
             let Innovation { value: nu, variance: s, .. } = innovations[axis];
             self.own[axis] -= 0.5 * (nu * nu / s + s.ln());
-            for (grown, factor) in self.grown.iter_mut().zip(GROWN) {
-                *grown -= 0.5 * (nu * nu / (factor * s) + (factor * s).ln());
-            }
+            read_grown(&mut self.grown, nu * nu / s, s.ln(), 1.0);
             bank.update(value[axis], variance[axis]);
         }
         self.bound_heavy();
@@ -165,12 +158,11 @@ impl Measured {
             best += gained.max(of_models);
         }
         let between = BETWEEN * (self.readings - then[READINGS_AT]);
-        let since = self.grown.iter().zip(&then[GROWN_AT..HEAVY_AT]).map(|(now, then)| now - then);
-        let grown = since.zip(GROWS).map(|(gained, log_prior)| gained + log_prior);
+        let grown = most_grown(&self.grown, &then[GROWN_AT..HEAVY_AT]);
         // As the models: what the readings before the onset excluded had to make up for that.
         let least = then[..AXES].iter().sum::<f64>() - EXCLUDED;
         let heavy = self.heavy - then[HEAVY_AT].max(least);
-        own - grown.fold(best.max(heavy), f64::max) - between
+        own - grown.max(best.max(heavy)) - between
     }
 
     /// Goes back to what the models were worth at an onset: what came after it was a motion, and says nothing of noise unless it comes back.

@@ -19,13 +19,13 @@ const fn model(share: f64, time: f64) -> Model {
 pub(super) const WHITE: usize = 0;
 /// Models of a correlated error.
 pub(super) const GRID: usize = 52;
-/// Models of a daily variation.
-pub(super) const DAYS: usize = DAILY_SHARES.len();
+/// Models of a diurnal variation.
+pub(super) const DAYS: usize = DIURNAL_SHARES.len();
 /// All, with the error as it was stated beforehand, which is never excluded.
 pub(super) const MODELS: usize = GRID + DAYS + 1;
 pub(super) const STATED: usize = MODELS - 1;
-/// Variances of a daily variation in units of a reading's own.
-pub(super) const DAILY_SHARES: [f64; 3] = [1.2, 20.0, 300.0];
+/// Variances of a diurnal variation in units of a reading's own.
+pub(super) const DIURNAL_SHARES: [f64; 3] = [1.2, 20.0, 300.0];
 /// Shares and time constants, a factor of four apart: neighbours differ by thousandths of a nat a reading.
 pub(super) const GRID_MODELS: [Model; GRID] = [
     model(0.0, 1.0),

@@ -13,6 +13,7 @@
 
 use super::axis::{AXES, Innovation, Transition, read};
 use super::measured::Measured;
+use super::priors::{COURSES, MotionKind, SIZES, WIDER};
 use super::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -21,11 +22,6 @@ use std::sync::LazyLock;
 
 /// Onsets kept; older ones lie further apart.
 const ONSETS: usize = 24;
-/// Size looked for of each course, in standard deviations of a reading, of a drift per day. A change five times larger or smaller costs
-/// about ln 5 of evidence.
-const SIZES: [f64; COURSES.len()] = [2.0, 30.0];
-/// Sizes looked for beside noise that may follow a jump, in units of those, and their prior weights.
-pub(super) const WIDER: [(f64, f64); 4] = [(1.0, 0.85), (12.0, 0.05), (150.0, 0.05), (2000.0, 0.05)];
 /// Estimates of a change expect it below this many of that size: any that can be seen.
 const WIDE: f64 = 1000.0;
 /// Changes along each of six directions, and of all coordinates at once.
@@ -44,18 +40,6 @@ static LOG_WEIGHTS: LazyLock<[[f64; CHANGES]; COURSES.len()]> =
 pub(super) fn log_cost() -> f64 {
     2.0 - (COURSE_WEIGHTS[0] * CHANGE_WEIGHTS[3]).ln()
 }
-
-/// How a change goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Course {
-    /// A jump that stays.
-    Step,
-    /// A drift that goes on; its size is per day.
-    Slow,
-}
-
-/// In this order everywhere below.
-const COURSES: [Course; 2] = [Course::Step, Course::Slow];
 
 /// What the readings since an onset say of a change of one coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -99,7 +83,7 @@ impl Onset {
         for (course, gathered) in COURSES.into_iter().zip(&mut self.gathered) {
             for (gathered, transition) in gathered.iter_mut().zip(transitions) {
                 gathered.signature = transition.apply(&gathered.signature);
-                if course == Course::Slow {
+                if course == MotionKind::Ramp {
                     gathered.signature[0] += transition.elapsed_s / super::axis::DAY_S;
                 }
             }
@@ -183,7 +167,7 @@ pub(super) struct Change {
     /// Standard deviation of the onset over those kept, seconds.
     pub onset_sigma_s: f64,
     /// The more probable course.
-    pub course: Course,
+    pub course: MotionKind,
     /// Its probability.
     pub course_probability: f64,
     /// What it adds by now to the constant part of the filters' states, in whitened coordinates.
@@ -236,7 +220,7 @@ impl Onsets {
 
     /// ln R, the ratios of each onset taken against all noise that is possible; where that is below `threshold`, something between it and
     /// that.
-    pub fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
+    pub(crate) fn log_statistic_against(&self, measured: &Measured, threshold: f64) -> f64 {
         let masses: ArrayVec<f64, { ONSETS + 1 }> = self
             .onsets
             .iter()
@@ -354,7 +338,7 @@ impl Onsets {
 
 impl Onsets {
     /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
-    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
         self.onsets.len().put(numbers);
         for onset in &self.onsets {
             onset.t_s.put(numbers);
@@ -365,7 +349,7 @@ impl Onsets {
     }
 
     /// Reads what that wrote.
-    pub fn take_version_2(rest: &mut Rest) -> Option<Self> {
+    pub(crate) fn take_version_2(rest: &mut Rest) -> Option<Self> {
         let mut onsets = ArrayVec::new();
         for _ in 0..usize::take(rest)? {
             let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);
@@ -405,9 +389,9 @@ impl Numbers for Directions {
     }
 }
 
-impl Numbers for Course {
+impl Numbers for MotionKind {
     fn put(&self, numbers: &mut Vec<f64>) {
-        (*self == Course::Slow).put(numbers);
+        (*self == MotionKind::Ramp).put(numbers);
     }
 
     fn take(rest: &mut Rest) -> Option<Self> {

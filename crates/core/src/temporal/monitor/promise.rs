@@ -1,7 +1,7 @@
 //! What the measured noise is, and which motion it lets the monitor promise to find.
 
 use super::axis::AXES;
-pub use super::bank::LastingError;
+pub use super::bank::CorrelatedError;
 use super::bank::{AxisBank, Passed};
 use super::models::{DIRECTIONS, GRID};
 use crate::{Matrix6, Vector6};
@@ -14,9 +14,9 @@ pub struct MeasuredNoise {
     pub sigma_ratio: f64,
     /// Its own standard deviation.
     pub sigma_ratio_sigma: f64,
-    /// Errors that last from reading to reading, where they explain the readings better than white noise does: of the coordinate in which
+    /// Correlated errors from reading to reading, where they explain the readings better than white noise does: of the coordinate in which
     /// they are largest.
-    pub lasting: Option<LastingError>,
+    pub correlated: Option<CorrelatedError>,
     /// Readings that it was measured from, at most 200: older ones are forgotten.
     pub readings: usize,
 }
@@ -108,12 +108,12 @@ pub(super) fn noise(banks: &[AxisBank; AXES], unit_s: f64) -> MeasuredNoise {
     let scale = banks.iter().map(|bank| bank.scale().ln()).sum::<f64>() / AXES as f64;
     let readings = banks[0].readings();
     let sigma_ratio = (0.5 * scale).exp();
-    let lasting = banks.iter().filter_map(|bank| bank.lasting(unit_s));
-    let larger = |a: &LastingError, b: &LastingError| a.sigma_ratio.total_cmp(&b.sigma_ratio);
+    let correlated = banks.iter().filter_map(|bank| bank.correlated(unit_s));
+    let larger = |a: &CorrelatedError, b: &CorrelatedError| a.sigma_ratio.total_cmp(&b.sigma_ratio);
     MeasuredNoise {
         sigma_ratio,
         sigma_ratio_sigma: sigma_ratio / (2.0 * AXES as f64 * readings.max(1.0)).sqrt(),
-        lasting: lasting.max_by(larger),
+        correlated: correlated.max_by(larger),
         readings: readings as usize,
     }
 }

@@ -1,6 +1,6 @@
-//! Did a camera of a rig move? The drift sentry of cameras that see targets together, wherever the targets are carried.
+//! Did a camera of a rig move? The drift change detector of cameras that see targets together, wherever the targets are carried.
 //!
-//! Each moment gives the cameras' relative poses; the target's own place is taken out. One sequential test watches the whole rig at one
+//! Each frame set gives the cameras' relative poses; the target's own place is taken out. One sequential test watches the whole rig at one
 //! stated rate of false alarms, and says which camera moved, or that two or more explain what is seen equally well.
 //! Derivation: docs/math/monitor.md, section 7.
 
@@ -15,20 +15,21 @@ mod earlier;
 mod restore;
 mod learn;
 
-pub use filter::SightNoise;
-pub use learn::{RigMoment, RigUnsettled, learn_rig, learn_sight_noise, unsettled_rig};
-pub use star::Glance;
+pub use filter::ObservationNoise;
+pub use learn::{FrameSet, RigUnsettled, learn_observation_noise, learn_rig, unsettled_rig};
+pub use star::TargetObservation;
 
 use super::attribute::{Attribution, MovedNode};
 use super::axis::DAY_S;
+use super::priors::CHOSEN;
 use super::test::LEAST_EVIDENCE;
 use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
 use crate::locate::consistency::Consistency;
 use crate::statistics::chi_square::tail;
 use crate::{Error, Matrix6, Pose};
 use evidence::Evidence;
-use filter::{Carried, Innovation, RigFilter};
-use held::{Held, Moment};
+use filter::{Innovation, Propagated, RigFilter};
+use held::{Held, ReadingSet};
 use nalgebra::DMatrix;
 use noises::Noises;
 use typical::Typical;
@@ -41,7 +42,7 @@ pub struct RigReference {
     /// Covariance of all small left motions `[rotation_rad; translation_m]` together, 6 rows a camera.
     pub covariance: DMatrix<f64>,
     /// What is no drift, for each camera.
-    pub noise: Vec<SightNoise>,
+    pub noise: Vec<ObservationNoise>,
 }
 
 /// What moved, as far as it is known.
@@ -50,12 +51,12 @@ pub struct MovedCameras {
     /// Cameras, each with its motion.
     pub moved: Vec<MovedNode>,
     /// Other sets that explain what is seen about as well: when there are any, it is not decided which of them moved.
-    pub rivals: Vec<Vec<usize>>,
+    pub alternatives: Vec<Vec<usize>>,
     /// Since when, seconds; zero where nothing moved.
     pub began_s: f64,
 }
 
-/// The sentry of a rig.
+/// The change detector of a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigMonitor {
     reference: RigReference,
@@ -69,14 +70,14 @@ pub struct RigMonitor {
     last_onset_s: f64,
     last_s: f64,
     /// When each camera last saw a target at all, and when others saw it too, seconds.
-    glanced_s: Vec<f64>,
+    observed_s: Vec<f64>,
     seen_s: Vec<f64>,
     inconsistent_share: Vec<f64>,
     drifts: Vec<Option<Drift>>,
     /// An alarm whose camera is not decided.
     open: Option<Open>,
     /// Sets that might have moved instead of those that `drifts` names.
-    rivals: Vec<Vec<usize>>,
+    alternatives: Vec<Vec<usize>>,
     /// Moments left out: outliers that nothing confirmed.
     pub outliers: u64,
     /// Moments that came with a time before the last one's; they are left out.
@@ -90,13 +91,11 @@ struct Open {
     drifts: Vec<Drift>,
 }
 
-/// The alarm chose its moment and its onset: its estimate errs by about twice what its covariance says.
-const CHOSEN: f64 = 4.0;
-/// Chance of a moment as far from what was expected as this, or farther: it waits for others.
+/// Chance of a frame set as far from what was expected as this, or farther: it waits for others.
 const SURPRISE: f64 = 1e-6;
 
 impl RigMonitor {
-    /// Starts at `t_s`, seconds, of the same clock as the moments.
+    /// Starts at `t_s`, seconds, of the same clock as the frame sets.
     ///
     /// # Errors
     /// `InvalidSetting` for a rate, period or time that is not positive, numbers that do not fit together, or noise that is none.
@@ -113,55 +112,59 @@ impl RigMonitor {
             typical: Typical::new(n),
             last_onset_s: f64::MIN,
             last_s: t_s,
-            glanced_s: vec![t_s; n],
+            observed_s: vec![t_s; n],
             seen_s: vec![t_s; n],
             inconsistent_share: vec![0.0; n],
             drifts: vec![None; n],
             open: None,
-            rivals: Vec::new(),
+            alternatives: Vec::new(),
             outliers: 0,
             out_of_order: 0,
             reference: reference.clone(),
         })
     }
 
-    /// Takes in what all cameras saw at one time. A glance of a camera that the rig does not have is left out.
-    pub fn push(&mut self, moment: &RigMoment) {
-        if !moment.t_s.is_finite() || moment.t_s < self.last_s {
+    /// Takes in what all cameras saw at one time. A observation of a camera that the rig does not have is left out.
+    pub fn push(&mut self, frame_set: &FrameSet) {
+        if !frame_set.t_s.is_finite() || frame_set.t_s < self.last_s {
             self.out_of_order += 1;
             return;
         }
-        self.last_s = moment.t_s;
-        let known = moment.glances.iter().filter(|glance| glance.camera < self.seen_s.len());
-        let mut usable = RigMoment { t_s: moment.t_s, glances: Vec::new() };
-        for glance in known {
-            self.glanced_s[glance.camera] = moment.t_s;
-            let is_consistent = matches!(glance.estimate.consistency, Consistency::Consistent);
-            let share = &mut self.inconsistent_share[glance.camera];
+        self.last_s = frame_set.t_s;
+        let known = frame_set
+            .target_observations
+            .iter()
+            .filter(|target_observation| target_observation.camera < self.seen_s.len());
+        let mut usable = FrameSet { t_s: frame_set.t_s, target_observations: Vec::new() };
+        for target_observation in known {
+            self.observed_s[target_observation.camera] = frame_set.t_s;
+            let is_consistent = matches!(target_observation.estimate.consistency, Consistency::Consistent);
+            let share = &mut self.inconsistent_share[target_observation.camera];
             *share += (f64::from(u8::from(!is_consistent)) - *share) / SHARE_OVER;
             if is_consistent {
-                usable.glances.push(*glance);
+                usable.target_observations.push(*target_observation);
             }
         }
         let stars = learn::stars(&usable, &self.places()).into_iter().map(|(_, star)| star).collect();
-        let moment = Moment { t_s: moment.t_s, stars };
-        self.weigh(moment);
+        let frame_set = ReadingSet { t_s: frame_set.t_s, stars };
+        self.weigh(frame_set);
     }
 
     /// How things stand with a camera at `t_s`, relative to the others.
     pub fn watch(&self, camera: usize, t_s: f64) -> Watch {
-        let Some(seen_s) = self.seen_s.get(camera) else { return Watch::Unseen { for_s: 0.0 } };
+        let Some(seen_s) = self.seen_s.get(camera) else { return Watch::Stale { for_s: 0.0 } };
         let for_s = t_s - seen_s;
-        let is_rival = !self.rivals.is_empty()
-            && (self.drifts[camera].is_some() || self.rivals.iter().flatten().any(|rival| *rival == camera));
+        let is_alternative = !self.alternatives.is_empty()
+            && (self.drifts[camera].is_some()
+                || self.alternatives.iter().flatten().any(|alternative| *alternative == camera));
         match self.drifts[camera] {
             // What contradicted itself before the camera went blind says nothing of now.
-            _ if self.config.unseen_after_s < t_s - self.glanced_s[camera] => Watch::Unseen { for_s },
+            _ if self.config.stale_after_s < t_s - self.observed_s[camera] => Watch::Stale { for_s },
             _ if MOSTLY < self.inconsistent_share[camera] => Watch::Inconsistent,
-            _ if self.config.unseen_after_s < for_s => Watch::Unseen { for_s },
-            _ if is_rival => Watch::Settling,
+            _ if self.config.stale_after_s < for_s => Watch::Stale { for_s },
+            _ if is_alternative => Watch::Checking,
             Some(drift) => Watch::Drifted(self.refined(camera, &drift)),
-            None if self.is_suspect(camera) => Watch::Settling,
+            None if self.is_suspect(camera) => Watch::Checking,
             None => Watch::Steady,
         }
     }
@@ -179,7 +182,8 @@ impl RigMonitor {
         let mut all: Vec<(usize, Drift)> = open.chain(settled).collect();
         all.sort_by_key(|(camera, _)| *camera);
         all.dedup_by_key(|(camera, _)| *camera);
-        let rivals = self.open.as_ref().map_or(&self.rivals, |open| &open.attribution.rivals);
+        let alternatives =
+            self.open.as_ref().map_or(&self.alternatives, |open| &open.attribution.alternatives);
         let began_s = all.iter().map(|(_, drift)| drift.began_s).fold(f64::INFINITY, f64::min);
         let node = |(node, drift): &(usize, Drift)| MovedNode {
             node: *node,
@@ -188,7 +192,7 @@ impl RigMonitor {
         };
         MovedCameras {
             moved: all.iter().map(node).collect(),
-            rivals: rivals.clone(),
+            alternatives: alternatives.clone(),
             began_s: if began_s.is_finite() { began_s } else { 0.0 },
         }
     }
@@ -197,7 +201,7 @@ impl RigMonitor {
     fn is_suspect(&self, camera: usize) -> bool {
         let open = self.open.as_ref().is_some_and(|open| {
             open.attribution.moved.iter().any(|moved| moved.node == camera)
-                || open.attribution.rivals.iter().flatten().any(|rival| *rival == camera)
+                || open.attribution.alternatives.iter().flatten().any(|alternative| *alternative == camera)
         });
         open || self.held.suspects().any(|suspect| suspect == camera)
     }
@@ -208,28 +212,28 @@ impl RigMonitor {
         levels.map(|(old_from_level, cam_from_rig)| old_from_level.inverse() * *cam_from_rig).collect()
     }
 
-    /// A moment that is as expected goes to the test; one that is not waits until others agree with it.
-    fn weigh(&mut self, moment: Moment) {
-        let (ahead, carried) = self.noises.ahead(moment.t_s);
+    /// A frame set that is as expected goes to the test; one that is not waits until others agree with it.
+    fn weigh(&mut self, frame_set: ReadingSet) {
+        let (ahead, carried) = self.noises.ahead(frame_set.t_s);
         let scale = self.noises.filter().1;
-        let Some(innovation) = ahead.innovation(&moment.stars).map(|of| of.scaled(scale)) else { return };
-        moment.cameras().for_each(|camera| self.seen_s[camera] = moment.t_s);
+        let Some(innovation) = ahead.innovation(&frame_set.stars).map(|of| of.scaled(scale)) else { return };
+        frame_set.cameras().for_each(|camera| self.seen_s[camera] = frame_set.t_s);
         if SURPRISE < tail(innovation.degrees_of_freedom(), innovation.chi2()) {
-            self.outliers += self.held.clear(&moment);
-            self.read(&moment, moment.t_s, (ahead, &carried), &innovation);
+            self.outliers += self.held.clear(&frame_set);
+            self.read(&frame_set, frame_set.t_s, (ahead, &carried), &innovation);
             self.decide();
             return;
         }
         let (passed, dropped) =
-            self.held.push(moment, self.noises.filter(), &innovation, self.typical.variances());
+            self.held.push(frame_set, self.noises.filter(), &innovation, self.typical.variances());
         self.outliers += dropped;
         // Seen one after the other, reported at once: they say the same.
         let began_s = passed.first().map_or(0.0, |first| first.t_s);
-        for moment in &passed {
-            let (ahead, carried) = self.noises.ahead(moment.t_s);
+        for frame_set in &passed {
+            let (ahead, carried) = self.noises.ahead(frame_set.t_s);
             let scale = self.noises.filter().1;
-            if let Some(innovation) = ahead.innovation(&moment.stars).map(|of| of.scaled(scale)) {
-                self.read(moment, began_s, (ahead, &carried), &innovation);
+            if let Some(innovation) = ahead.innovation(&frame_set.stars).map(|of| of.scaled(scale)) {
+                self.read(frame_set, began_s, (ahead, &carried), &innovation);
             }
         }
         if !passed.is_empty() {
@@ -237,19 +241,19 @@ impl RigMonitor {
         }
     }
 
-    /// The test reads a moment, to which the filter in use has been carried; a change may have begun at `onset_s`.
+    /// The test reads a frame set, to which the filter in use has been carried; a change may have begun at `onset_s`.
     fn read(
         &mut self,
-        moment: &Moment,
+        frame_set: &ReadingSet,
         onset_s: f64,
-        (ahead, carried): (RigFilter, &Carried),
+        (ahead, carried): (RigFilter, &Propagated),
         innovation: &Innovation,
     ) {
         self.evidence.predict(carried);
-        self.typical.add(moment, &self.reference.noise);
-        // A decision period has one onset, shared among its moments: were there only one place for it, no camera's motion would explain
-        // the moments on both sides of a change elsewhere.
-        // However slow the moments come, an onset weighs the time that it stands for: eq. (34).
+        self.typical.add(frame_set, &self.reference.noise);
+        // A decision period has one onset, shared among its frame sets: were there only one place for it, no camera's motion would explain
+        // the frame sets on both sides of a change elsewhere.
+        // However slow the frame sets come, an onset weighs the time that it stands for: eq. (34).
         let most = (self.threshold() / LEAST_EVIDENCE).max(1.0);
         let periods = (onset_s - self.last_onset_s) / self.config.decision_period_s;
         let share = if self.last_onset_s == f64::MIN { 1.0 } else { periods.clamp(0.0, most) };
@@ -270,8 +274,8 @@ impl RigMonitor {
         if !self.matters(&open) && !self.has_moved() {
             return;
         }
-        // Two cameras stay rivals; of more, whoever is taken for the one that moved on a guess makes another look as if it had.
-        let is_decided = open.attribution.is_explained && open.attribution.rivals.is_empty();
+        // Two cameras stay alternatives; of more, whoever is taken for the one that moved on a guess makes another look as if it had.
+        let is_decided = open.attribution.is_explained && open.attribution.alternatives.is_empty();
         if is_decided || self.seen_s.len() == 2 {
             self.start_again(&open);
         } else {
@@ -331,21 +335,21 @@ impl RigMonitor {
     }
 
     /// From here on the test asks whether anything moves away from where it is now; where the moved cameras are is learned anew, because
-    /// the alarm chose its moment. A camera back at its reference is steady again.
+    /// the alarm chose its frame set. A camera back at its reference is steady again.
     fn start_again(&mut self, open: &Open) {
         for (moved, drift) in open.attribution.moved.iter().zip(&open.drifts) {
             let camera = moved.node;
             let doubt = drift.covariance + self.typical.spread(camera) + self.own_covariance(camera);
-            let daily = self.reference.noise[camera].daily;
-            let at_home = drift.covariance * CHOSEN + self.own_covariance(camera) + daily;
+            let diurnal = self.reference.noise[camera].diurnal;
+            let at_home = drift.covariance * CHOSEN + self.own_covariance(camera) + diurnal;
             let is_back = self.drifts[camera].is_some() && is_likely(&drift.old_from_new, &at_home);
             self.drifts[camera] = (!is_back).then_some(Drift { covariance: doubt, ..*drift });
             self.old_from_level[camera] =
                 if is_back { Pose::identity() } else { Pose::exp(&drift.old_from_new) };
         }
-        self.rivals = open.attribution.rivals.clone();
+        self.alternatives = open.attribution.alternatives.clone();
         if !self.has_moved() {
-            self.rivals.clear();
+            self.alternatives.clear();
         }
         self.noises.begin(RigFilter::new(&self.places(), &self.prior(), &self.reference.noise));
         (self.evidence, self.held, self.open) = (Evidence::default(), Held::default(), None);

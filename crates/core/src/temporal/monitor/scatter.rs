@@ -4,7 +4,7 @@
 //!   ȳ_k  mean of the k-th block of 2ʲ decisions       d_k = ȳ_{k+1} − ȳ_k, whitened coordinates, one at a time
 //!   v_k  what the model makes the variance of d_k     u_k = d_k/√v_k: of variance one where the model is right
 //! ```
-//! A step is in one difference of each length, a ramp in the mean of all: neither makes errors look larger. Errors that last longer than
+//! A step is in one difference of each length, a ramp in the mean of all: neither makes errors look larger. Correlated errors longer than
 //! was learned, or are larger, do. docs/math/monitor.md eqs. (46)–(47).
 
 use super::axis::{AXES, AxisNoise, Whitened};
@@ -129,7 +129,7 @@ impl Octave {
     fn difference(&mut self, last: &Block, block: &Block, noise: &[AxisNoise; AXES]) {
         let apart_s = (block.t_s - last.t_s).max(f64::MIN_POSITIVE);
         let expected = Vector6::from_fn(|axis, _| {
-            last.white[axis] + block.white[axis] + lasting_difference(&noise[axis], apart_s)
+            last.white[axis] + block.white[axis] + correlated_difference(&noise[axis], apart_s)
         });
         let u = (block.value - last.value).component_div(&expected.map(f64::sqrt));
         self.held.push(Difference { u, expected, apart_s });
@@ -168,8 +168,8 @@ impl Octave {
     }
 }
 
-/// What lasting errors and the wobble of a day add to the variance of the difference of two neighbouring means, each over `apart_s`.
-fn lasting_difference(noise: &AxisNoise, apart_s: f64) -> f64 {
+/// What correlated errors and the diurnal variation of a day add to the variance of the difference of two neighbouring means, each over `apart_s`.
+fn correlated_difference(noise: &AxisNoise, apart_s: f64) -> f64 {
     let x = apart_s / noise.bias_time_s;
     // Twice the variance of a mean less the covariance of two; for short times the two nearly cancel, and a series is exact.
     let shape = if x < 1e-3 {
@@ -179,7 +179,7 @@ fn lasting_difference(noise: &AxisNoise, apart_s: f64) -> f64 {
         2.0 * (2.0 * (x - lost) - lost * lost) / (x * x)
     };
     let angle = std::f64::consts::TAU * apart_s / super::axis::DAY_S;
-    noise.bias_sigma.powi(2) * shape + 2.0 * noise.daily_sigma.powi(2) * (1.0 - angle.cos())
+    noise.bias_sigma.powi(2) * shape + 2.0 * noise.diurnal_sigma.powi(2) * (1.0 - angle.cos())
 }
 
 /// What a variance of so many degrees of freedom is at least, as a share of what it seems.

@@ -19,8 +19,8 @@ pub struct DriftNoise {
     pub bias: Matrix6<f64>,
     /// The time in which that error is forgotten, seconds.
     pub bias_time_s: f64,
-    /// Covariance of the daily wobble.
-    pub daily: Matrix6<f64>,
+    /// Covariance of the diurnal variation.
+    pub diurnal: Matrix6<f64>,
 }
 
 /// Beyond this, products of variances leave the range of numbers.
@@ -30,9 +30,9 @@ impl DriftNoise {
     /// # Errors
     /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
     pub(super) fn check(&self) -> Result<(), Error> {
-        let DriftNoise { reference, reading, bias, bias_time_s, daily } = self;
+        let DriftNoise { reference, reading, bias, bias_time_s, diurnal } = self;
         let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
-        for covariance in [reference, reading, bias, daily] {
+        for covariance in [reference, reading, bias, diurnal] {
             if let Some(seen) = covariance.iter().copied().find(|x| !x.is_finite()) {
                 return invalid("covariance of a reference", seen, "it must hold finite numbers");
             }
@@ -82,12 +82,12 @@ impl DriftTest {
         let (whitened_from_motion, motion_from_whitened) = whitening(&(noise.reading + noise.bias))?;
         let sigmas = |covariance: &Matrix6<f64>| variances(&whitened_from_motion, covariance).map(f64::sqrt);
         let typical = variances(&whitened_from_motion, &noise.reading);
-        let [reference, bias, daily] = [&noise.reference, &noise.bias, &noise.daily].map(sigmas);
+        let [reference, bias, diurnal] = [&noise.reference, &noise.bias, &noise.diurnal].map(sigmas);
         let noise = std::array::from_fn(|axis| AxisNoise {
             reference_sigma: reference[axis],
             bias_sigma: bias[axis],
             bias_time_s: noise.bias_time_s,
-            daily_sigma: daily[axis],
+            diurnal_sigma: diurnal[axis],
         });
         let mut directions = whitened_from_motion;
         directions.column_iter_mut().for_each(|mut column| {
@@ -107,7 +107,7 @@ impl DriftTest {
 
     /// The same test from here on, around a constant part as widely known as `noise` says; what was learned of the noise before `onset_s`
     /// stays; what came after says something of it only if the motion `came_back`. None where a covariance is not positive definite.
-    pub fn restarted(&self, noise: &DriftNoise, onset_s: f64, came_back: bool) -> Option<Self> {
+    pub(crate) fn restarted(&self, noise: &DriftNoise, onset_s: f64, came_back: bool) -> Option<Self> {
         let mut test = DriftTest::new(noise)?;
         test.measured = self.measured.clone();
         if let Some(measured) = &mut test.measured {
@@ -164,7 +164,7 @@ impl DriftTest {
     }
 
     /// Whitened coordinates of the motion's.
-    pub fn whitened_from_motion(&self) -> &Matrix6<f64> {
+    pub(crate) fn whitened_from_motion(&self) -> &Matrix6<f64> {
         &self.whitened_from_motion
     }
 
@@ -229,7 +229,7 @@ impl DriftTest {
         let elapsed_s = self.last_s.map_or(0.0, |last_s| (t_s - last_s).max(0.0));
         let nothing = Whitened { value: Vector6::zeros(), variance: Vector6::zeros() };
         let of_axes = match &self.measured {
-            Some(measured) => measured.foreseen(elapsed_s, &self.transitions(elapsed_s), &nothing),
+            Some(measured) => measured.predicted(elapsed_s, &self.transitions(elapsed_s), &nothing),
             None => std::array::from_fn(|axis| {
                 let mut filter = self.filters[axis];
                 filter.predict(&Transition::new(&self.noise[axis], elapsed_s));
@@ -310,12 +310,12 @@ impl DriftTest {
     }
 
     /// The same after a change.
-    pub fn level_after(&self, change: &Change) -> (Vector6<f64>, Matrix6<f64>) {
+    pub(crate) fn level_after(&self, change: &Change) -> (Vector6<f64>, Matrix6<f64>) {
         self.shifted_level(&change.shift, &change.variance)
     }
 
     /// The same if it jumped at the onset nearest to `onset_s`; none before the first reading.
-    pub fn level_after_jump(&self, onset_s: f64) -> Option<(Vector6<f64>, Matrix6<f64>)> {
+    pub(crate) fn level_after_jump(&self, onset_s: f64) -> Option<(Vector6<f64>, Matrix6<f64>)> {
         self.onsets.jump_since(onset_s).map(|(shift, variance)| self.shifted_level(&shift, &variance))
     }
 
@@ -366,7 +366,7 @@ fn scales(readings: &[(f64, Whitened)]) -> Vector6<f64> {
 
 impl DriftTest {
     /// As version 2 of a snapshot has it.
-    pub fn put_version_2(&self, numbers: &mut Vec<f64>) {
+    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
         self.whitened_from_motion.put(numbers);
         self.motion_from_whitened.put(numbers);
         self.noise.put(numbers);
@@ -376,7 +376,7 @@ impl DriftTest {
     }
 
     /// Reads what that wrote.
-    pub fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
+    pub(crate) fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
         let whitened_from_motion = Matrix6::take(rest)?;
         Some(DriftTest {
             typical: variances(&whitened_from_motion, &noise.reading),
@@ -414,7 +414,7 @@ pub(super) fn whitening(covariance: &Matrix6<f64>) -> Option<(Matrix6<f64>, Matr
     Some((forward, back))
 }
 
-numbers!(DriftNoise { reference, reading, bias, bias_time_s, daily });
+numbers!(DriftNoise { reference, reading, bias, bias_time_s, diurnal });
 numbers!(DriftTest {
     whitened_from_motion,
     motion_from_whitened,

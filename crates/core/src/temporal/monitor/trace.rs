@@ -4,9 +4,9 @@
 //!   ȳ_i  mean of the readings of block i at t_i     step: ȳ = m + δ [t ≥ k]      ramp: ȳ = m + ρ (t − k)⁺
 //!   both have the unknowns m, δ or ρ, and k: what explains the blocks better is what happened, whatever the scale of the errors
 //! ```
-//! The alarm weighs the same two, but it must be early; this goes on as readings come. docs/math/monitor.md eq. (48).
+//! The alarm weighs the same two, but it must be early; this continues as readings come. docs/math/monitor.md eq. (48).
 
-use super::onsets::Course;
+use super::priors::MotionKind;
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
@@ -36,7 +36,7 @@ pub(super) struct Trace {
 /// What explains the blocks, and by how much better than the other course.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fitted {
-    pub course: Course,
+    pub course: MotionKind,
     /// χ² by which the other course fits worse, in units of what this one leaves per degree of freedom.
     pub lead: f64,
     pub onset_s: f64,
@@ -83,18 +83,18 @@ impl Trace {
         (block.readings, block.to_s) = (readings, later.to_s);
     }
 
-    /// The better of both courses; `covariance` of one reading gives the coordinates their weights, `lasting` is the share of it that no mean
+    /// The better of both courses; `covariance` of one reading gives the coordinates their weights, `correlated` is the share of it that no mean
     /// takes away. None where there are too few blocks.
-    pub fn fitted(&self, covariance: &Matrix6, lasting: f64) -> Option<Fitted> {
+    pub fn fitted(&self, covariance: &Matrix6, correlated: f64) -> Option<Fitted> {
         let weight = covariance.cholesky()?.inverse();
-        let own = |block: &Block| 1.0 / ((1.0 - lasting) / block.readings + lasting);
+        let own = |block: &Block| 1.0 / ((1.0 - correlated) / block.readings + correlated);
         let weights: ArrayVec<f64, { BLOCKS + 1 }> = self.blocks.iter().map(own).collect();
         let fits = |course| {
-            let after = if course == Course::Slow { LEAST_AFTER } else { 1 };
+            let after = if course == MotionKind::Ramp { LEAST_AFTER } else { 1 };
             let last = self.blocks.len().saturating_sub(after);
             (1..=last).filter_map(move |first| self.blocks.get(first).map(|_| (course, first)))
         };
-        let fit = |(course, first): (Course, usize)| self.fit(course, first, &weights, &weight);
+        let fit = |(course, first): (MotionKind, usize)| self.fit(course, first, &weights, &weight);
         let best = |course| -> Option<(Fit, f64)> {
             let all: Vec<Fit> = fits(course).filter_map(fit).collect();
             let best = *all.iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2))?;
@@ -104,12 +104,12 @@ impl Trace {
             let away = |fit: &Fit| odds(fit) * (fit.onset_s - best.onset_s).powi(2);
             Some((best, (all.iter().map(away).sum::<f64>() / total).sqrt()))
         };
-        let (step, ramp) = (best(Course::Step)?, best(Course::Slow)?);
+        let (step, ramp) = (best(MotionKind::Step)?, best(MotionKind::Ramp)?);
         let is_ramp = ramp.0.chi2 < step.0.chi2;
         let ((fit, onset_sigma_s), other) = if is_ramp { (ramp, step.0) } else { (step, ramp.0) };
         let scale = (fit.chi2 / self.degrees()).max(1e-12);
         Some(Fitted {
-            course: if is_ramp { Course::Slow } else { Course::Step },
+            course: if is_ramp { MotionKind::Ramp } else { MotionKind::Step },
             lead: (other.chi2 - fit.chi2) / scale,
             onset_s: fit.onset_s,
             onset_sigma_s,
@@ -136,11 +136,11 @@ impl Trace {
     }
 
     /// With the onset before block `first`: weighted least squares of the mean and the size.
-    fn fit(&self, course: Course, first: usize, weights: &[f64], weight: &Matrix6) -> Option<Fit> {
+    fn fit(&self, course: MotionKind, first: usize, weights: &[f64], weight: &Matrix6) -> Option<Fit> {
         let onset_s = 0.5 * (self.blocks[first - 1].to_s + self.blocks[first].from_s);
         let shape = |block: &Block| match course {
-            Course::Step => f64::from(u8::from(onset_s < block.t_s)),
-            Course::Slow => (block.t_s - onset_s).max(0.0),
+            MotionKind::Step => f64::from(u8::from(onset_s < block.t_s)),
+            MotionKind::Ramp => (block.t_s - onset_s).max(0.0),
         };
         let (mut w, mut wx, mut wxx) = (0.0, 0.0, 0.0);
         let (mut wy, mut wxy) = (Vector6::zeros(), Vector6::zeros());

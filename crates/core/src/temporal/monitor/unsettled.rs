@@ -1,13 +1,14 @@
 //! Did the camera move while its reference was being learned?
 //!
-//! A sudden motion or one that goes on would give a mean between two poses, and a noise as wide as the motion, amid which nothing is ever
+//! A sudden motion or one that continues would give a mean between two poses, and a noise as wide as the motion, amid which nothing is ever
 //! noticed again. The readings are therefore tested first. What is tested is a ratio whose mean is at most one for every noise that the
 //! monitor knows, so that the rate of false alarms is bounded without a table: docs/math/monitor.md eqs. (29)–(33).
 
 mod series;
 
+use super::priors::{MEDIAN, OUTLIER};
 use super::test::{DriftNoise, whitening};
-use super::{Course, Drift, LogSum};
+use super::{Drift, LogSum, MotionKind};
 use crate::Error;
 use crate::covariance::is_covariance;
 use crate::{Matrix6, Vector6};
@@ -21,8 +22,8 @@ pub struct LearnConfig {
     pub bias: Matrix6,
     /// Least time in which that error is forgotten, seconds.
     pub bias_time_s: f64,
-    /// Covariance of the daily wobble, which only days show.
-    pub daily: Matrix6,
+    /// Covariance of the diurnal variation, which only days show.
+    pub diurnal: Matrix6,
 }
 
 impl LearnConfig {
@@ -30,8 +31,8 @@ impl LearnConfig {
     /// `InvalidSetting` for numbers that are none, a variance below zero, or a bias that is forgotten in no time.
     pub fn check(&self) -> Result<(), Error> {
         let nothing = Matrix6::zeros();
-        let LearnConfig { bias, bias_time_s, daily } = *self;
-        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, daily }.check()
+        let LearnConfig { bias, bias_time_s, diurnal } = *self;
+        DriftNoise { reference: nothing, reading: nothing, bias, bias_time_s, diurnal }.check()
     }
 }
 
@@ -40,7 +41,7 @@ impl LearnConfig {
 pub enum Unrest {
     /// A sudden motion; it stays where it then is.
     Step,
-    /// A motion that goes on.
+    /// A motion that continues.
     Ramp,
     /// Motions to and fro that last about as long as the readings, and are much larger than the error of a reading.
     Wander,
@@ -74,11 +75,6 @@ const FEWEST: usize = 12;
 /// A scatter from reading to reading beyond this many standard deviations of one, which lasts longer than half of the span, is no
 /// noise: there is no pose that it is about.
 const WANDER: f64 = 5.0;
-/// χ² of six degrees of freedom that one in 10⁴ exceeds: two such readings do not agree.
-const OUTLIER: f64 = 27.9;
-/// The 50 % quantile of the same.
-const MEDIAN: f64 = 5.348;
-
 /// What samples, in order of time, say of a change: its kind, the first sample after it, and its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Found {
@@ -192,7 +188,7 @@ fn all_series<'a>(
             values: of().map(|sample| u.dot(&sample.motion)).collect(),
             variances: of().map(|sample| sigma(&sample.covariance).powi(2).max(1e-12)).collect(),
             stated: series::Correlated { sigma: sigma(&config.bias), time_s: config.bias_time_s },
-            daily_sigma: sigma(&config.daily),
+            diurnal_sigma: sigma(&config.diurnal),
         }
     };
     Some((0..DIRECTIONS).map(series).collect())
@@ -229,7 +225,7 @@ fn change(t_s: &[f64], weighed: &[Weighed]) -> (Found, usize) {
 
 /// Whether what lasts about as long as the samples is far larger than their error, and than what is stated to last.
 fn is_wander(series: &Series, weighed: &mut Weighed) -> bool {
-    let stated = series.stated.sigma.powi(2) + series.daily_sigma.powi(2);
+    let stated = series.stated.sigma.powi(2) + series.diurnal_sigma.powi(2);
     let least = WANDER.powi(2) * (series.typical_variance() + stated);
     // A correlated error is not known from a span that shows it once: its scatter within the span says how large it is at least.
     if series.scatter() < 0.25 * least {
@@ -255,14 +251,14 @@ pub(super) fn described(
         covariance: before.1 + after.1,
         began_s: found.began_s,
         began_sigma_s: found.began_sigma_s,
-        course: if found.unrest == Unrest::Step { Course::Step } else { Course::Slow },
+        course: if found.unrest == Unrest::Step { MotionKind::Step } else { MotionKind::Ramp },
         rate: None,
         course_probability: found.probability,
     };
     Unsettled { unrest: found.unrest, reading, drift }
 }
 
-/// The samples before and after a motion: of one that goes on the first quarter and the last.
+/// The samples before and after a motion: of one that continues the first quarter and the last.
 fn sides<'a, T>(found: &Found, all: &'a [T]) -> (&'a [T], &'a [T]) {
     match found.unrest {
         Unrest::Step => all.split_at(found.sample.clamp(1, all.len() - 1)),

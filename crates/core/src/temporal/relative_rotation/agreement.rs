@@ -1,6 +1,6 @@
 //! Which turn the most landmarks agree with: turns through pairs of landmarks, tried until another is unlikely to do better.
 
-use super::TurnConfig;
+use super::RelativeRotationConfig;
 use super::fit::Prepared;
 use crate::Error;
 use crate::solve::pure_rotation::{DirectionPair, pure_rotation};
@@ -22,11 +22,11 @@ pub(super) struct Start {
 }
 
 /// # Errors
-/// `NoConsensus` where no pair of landmarks gives a turn at all.
+/// `NoConsensus` where no pair of landmarks gives a rotation at all.
 pub(super) fn agreement(
     all: &[Prepared],
     near: Option<&Matrix3<f64>>,
-    config: &TurnConfig,
+    config: &RelativeRotationConfig,
 ) -> Result<Start, Error> {
     let count = |r: &Matrix3<f64>| all.iter().filter(|l| agrees(l, r, config.threshold_px)).count();
     let mut best = near.map(|r| (*r, count(r)));

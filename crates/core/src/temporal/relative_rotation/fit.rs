@@ -1,6 +1,6 @@
-//! The turn of maximum likelihood over the landmarks that agree, and how sure it is: docs/math/turn.md sections 2 and 3.
+//! The rotation of maximum likelihood over the landmarks that agree, and how uncertain it is: docs/math/turn.md sections 2 and 3.
 
-use super::{Landmark, Turn};
+use super::{Landmark, RelativeRotation};
 use crate::{Bearing, Camera, Error, Pixel};
 use nalgebra::{Matrix2, Matrix2x4, Matrix3, Matrix4, Matrix4x2, Matrix4x3, Vector2, Vector4};
 
@@ -15,7 +15,7 @@ pub(super) struct Prepared {
     pub px_per_rad: f64,
     pixel: Pixel,
     bent_px: Vector2<f64>,
-    unseen_px: Matrix2<f64>,
+    unobserved_px: Matrix2<f64>,
     information: Matrix2<f64>,
 }
 
@@ -46,13 +46,13 @@ impl Prepared {
             px_per_rad: slope * core::f64::consts::FRAC_1_SQRT_2,
             pixel: landmark.pixel,
             bent_px: landmark.bent_px,
-            unseen_px: landmark.unseen_px,
+            unobserved_px: landmark.unobserved_px,
             information: factor.inverse(),
         })
     }
 }
 
-/// What is estimated: the turn, and the tone curve's bend in its own standard deviations.
+/// What is estimated: the rotation, and the tone curve's bend in its own standard deviations.
 #[derive(Clone, Copy)]
 struct Estimate {
     r: Matrix3<f64>,
@@ -62,8 +62,8 @@ struct Estimate {
 impl Estimate {
     /// Turned on the left by a small rotation vector, orthonormal to rounding; the bend is linear.
     fn moved(&self, step: &Vector4<f64>) -> Self {
-        let turn = nalgebra::Rotation3::new(step.xyz());
-        let r = crate::pose::orthonormalized(&(turn.matrix() * self.r));
+        let relative_rotation = nalgebra::Rotation3::new(step.xyz());
+        let r = crate::pose::orthonormalized(&(relative_rotation.matrix() * self.r));
         Estimate { r, bend: self.bend + step.w }
     }
 }
@@ -74,12 +74,12 @@ struct Row {
     e: Vector2<f64>,
     /// By turn and bend.
     j: Matrix2x4<f64>,
-    unseen_px: Matrix2<f64>,
+    unobserved_px: Matrix2<f64>,
     information: Matrix2<f64>,
 }
 
 impl Row {
-    /// None where the turn puts it out of the lens' field.
+    /// None where the rotation puts it out of the lens' field.
     fn new(landmark: &Prepared, camera: &Camera, at: &Estimate) -> Option<Self> {
         let y = at.r * landmark.in_reference.into_inner();
         let (pixel, slope) = camera.project_with_jacobian(&y)?;
@@ -88,7 +88,7 @@ impl Row {
         j.set_column(3, &landmark.bent_px);
         let (index, information) = (landmark.index, landmark.information);
         let e = landmark.pixel - pixel - landmark.bent_px * at.bend;
-        Some(Row { index, e, j, unseen_px: landmark.unseen_px, information })
+        Some(Row { index, e, j, unobserved_px: landmark.unobserved_px, information })
     }
 
     /// eᵀ C⁻¹ e.
@@ -113,9 +113,9 @@ const GATE: f64 = 3.7169;
 const KEPT: f64 = 0.993_085;
 /// Median of χ² with two degrees of freedom: 2 ln 2.
 const MEDIAN_OF_TWO: f64 = 2.0 * core::f64::consts::LN_2;
-/// The residuals of the reference itself are zero, its errors are not: no picture is twice as good as stated.
+/// The residuals of the reference itself are zero, its errors are not: no image is twice as good as stated.
 const LEAST_NOISE_FACTOR: f64 = 0.25;
-/// Inverse condition of H below which the landmarks lie too close together to tell a turn about them.
+/// Inverse condition of H below which the landmarks lie too close together to tell a rotation about them.
 const MIN_CONDITION: f64 = 1e-10;
 
 /// The minimum.
@@ -146,7 +146,11 @@ impl Fit {
     }
 
     /// With covariance, eqs. (3)–(6).
-    pub fn turn(&self, all: &[Prepared], landmarks: &[Landmark]) -> Result<Turn, Error> {
+    pub fn relative_rotation(
+        &self,
+        all: &[Prepared],
+        landmarks: &[Landmark],
+    ) -> Result<RelativeRotation, Error> {
         let h_inverse = inverse(&information(&self.rows))?;
         let freedom = (2 * self.rows.len()) as f64 - 3.0;
         let chi2 = self.rows.iter().map(Row::chi2).sum::<f64>() + self.at.bend.powi(2);
@@ -154,7 +158,7 @@ impl Fit {
         let coherence = self.coherence(&h_inverse, noise_factor, landmarks);
         let widened = noise_factor * freedom / (freedom - 2.0) * coherence;
         let square = self.rows.iter().map(|row| row.e.norm_squared()).sum::<f64>();
-        let found = Turn {
+        let found = RelativeRotation {
             now_from_reference: self.at.r,
             covariance: of_turn(&h_inverse) * widened + self.unseen(&h_inverse),
             used: self.used.clone(),
@@ -170,9 +174,9 @@ impl Fit {
         }
     }
 
-    /// What errors that no residual shows do to the turn, eq. (6).
+    /// What errors that no residual shows do to the rotation, eq. (6).
     fn unseen(&self, h_inverse: &Matrix4<f64>) -> Matrix3<f64> {
-        let by_row = |row: &Row| row.j.tr_mul(&row.information) * row.unseen_px;
+        let by_row = |row: &Row| row.j.tr_mul(&row.information) * row.unobserved_px;
         let by_turn = h_inverse * self.rows.iter().map(by_row).sum::<Matrix4x2<f64>>();
         of_turn(&(by_turn * by_turn.transpose()))
     }
@@ -200,7 +204,7 @@ impl Fit {
     }
 }
 
-/// The part of the turn.
+/// The part of the rotation.
 fn of_turn(covariance: &Matrix4<f64>) -> Matrix3<f64> {
     covariance.fixed_view::<3, 3>(0, 0).into_owned()
 }
@@ -226,7 +230,7 @@ fn information(rows: &[Row]) -> Matrix4<f64> {
     rows.iter().map(Row::normal).sum::<Matrix4<f64>>() + prior
 }
 
-/// H⁻¹, where the turn is told.
+/// H⁻¹, where the rotation is reported.
 fn inverse(h: &Matrix4<f64>) -> Result<Matrix4<f64>, Error> {
     let inverse = h.cholesky().map(|factor| factor.inverse()).ok_or_else(|| too_close(0.0))?;
     let metric = 1.0 / (of_turn(h).trace() * of_turn(&inverse).trace());
@@ -234,6 +238,6 @@ fn inverse(h: &Matrix4<f64>) -> Result<Matrix4<f64>, Error> {
 }
 
 fn too_close(metric: f64) -> Error {
-    let reason = "the landmarks that agree lie too close together to tell a turn about them; use a picture with more of them";
+    let reason = "the landmarks that agree lie too close together to tell a rotation about them; use an image with more of them";
     Error::DegenerateView { reason, metric, needed: MIN_CONDITION }
 }

@@ -118,7 +118,7 @@ struct Factor {
     root_determinant: f64,
 }
 
-/// Scaled to unit variances first: turns and shifts differ by orders.
+/// Scaled to unit variances first: rotations and translations differ by orders.
 fn scaled(covariance: &Matrix6) -> Option<Factor> {
     let scale = covariance.diagonal().map(f64::sqrt);
     if !scale.iter().all(|s| s.is_finite() && 0.0 < *s) {

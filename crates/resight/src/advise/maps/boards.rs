@@ -1,7 +1,7 @@
 //! Maps of where the next board of a rig may go.
 
 use super::{cells, image_cells, is_inside};
-use crate::advise::heat::{Figure, HeatMap, Mark, MarkKind, Under};
+use crate::advise::heat::{Figure, HeatMap, MapMarker, MapMarkerKind, Under};
 use crate::core::advise::board::{RigCamera, RigInformation, RigPlan};
 use crate::core::{Pixel, Point, Pose};
 use nalgebra::Vector3;
@@ -32,7 +32,7 @@ impl BoardMaps<'_> {
         let (information, _) = self.plan.with(self.so_far, &board)?;
         let cameras = information.cameras()?;
         let all_known = cameras.iter().all(|c| c.is_determined);
-        all_known.then(|| 2.0 * cameras.iter().map(|c| c.place_m).fold(0.0, f64::max))
+        all_known.then(|| 2.0 * cameras.iter().map(|c| c.position_m).fold(0.0, f64::max))
     }
 
     fn centre(&self, board: &Pose) -> Point {
@@ -52,13 +52,13 @@ impl BoardMaps<'_> {
             "hatched: fewer than two cameras see it, or a camera stays unknown".into(),
         ];
         HeatMap {
-            title: "2σ of the worst camera's place with the next board here".into(),
+            title: "2σ of the worst camera's position with the next board here".into(),
             notes,
             figure: Figure::Length,
             under: Under::Plan { least_m, greatest_m, axes: ["x m", "z m"] },
             columns,
             values,
-            marks: self.marks_from_above(),
+            control_points: self.marks_from_above(),
             lines: Vec::new(),
         }
     }
@@ -79,21 +79,21 @@ impl BoardMaps<'_> {
         (least_m, [0, 2].map(|k| bound(k, f64::max, high) + margin))
     }
 
-    fn marks_from_above(&self) -> Vec<Mark> {
+    fn marks_from_above(&self) -> Vec<MapMarker> {
         let flat = |p: &Point| [p.x, p.z];
-        let seen = self.boards.iter().enumerate().map(|(i, b)| Mark {
+        let seen = self.boards.iter().enumerate().map(|(i, b)| MapMarker {
             at: flat(&self.centre(b)),
             name: format!("seen {}", i + 1),
-            kind: MarkKind::Known,
+            kind: MapMarkerKind::Known,
             towards: None,
         });
         let camera = |(c, name): (&RigCamera, &String)| {
             let origin = c.cam_from_rig.origin();
             let ahead = origin + c.cam_from_rig.rotation.tr_mul(&Vector3::z());
-            Mark {
+            MapMarker {
                 at: flat(&origin),
                 name: name.clone(),
-                kind: MarkKind::Camera,
+                kind: MapMarkerKind::Camera,
                 towards: Some(flat(&ahead)),
             }
         };
@@ -112,12 +112,12 @@ impl BoardMaps<'_> {
             self.value(&(rig_from_cam * (ray * distance_m)))
         };
         let values = centres.iter().map(at).collect();
-        let marks = self.best_marks(|p| {
+        let control_points = self.best_marks(|p| {
             let at: [f64; 2] = own.camera.project(&(own.cam_from_rig * *p))?.into();
             is_inside(&under, &at).then_some(at)
         });
         let title = format!(
-            "2σ of the worst camera's place with the next board here, image of {}",
+            "2σ of the worst camera's position with the next board here, image of {}",
             self.names.get(camera)?
         );
         let notes = vec![format!(
@@ -130,16 +130,16 @@ impl BoardMaps<'_> {
             under,
             columns,
             values,
-            marks,
+            control_points,
             lines: Vec::new(),
         })
     }
 
-    fn best_marks(&self, place: impl Fn(&Point) -> Option<[f64; 2]>) -> Vec<Mark> {
-        let mark = |(i, b): (usize, &Pose)| {
+    fn best_marks(&self, place: impl Fn(&Point) -> Option<[f64; 2]>) -> Vec<MapMarker> {
+        let control_point = |(i, b): (usize, &Pose)| {
             let at = place(&self.centre(b))?;
-            Some(Mark { at, name: format!("{}", i + 1), kind: MarkKind::Best, towards: None })
+            Some(MapMarker { at, name: format!("{}", i + 1), kind: MapMarkerKind::Best, towards: None })
         };
-        self.best.iter().enumerate().rev().filter_map(mark).collect()
+        self.best.iter().enumerate().rev().filter_map(control_point).collect()
     }
 }

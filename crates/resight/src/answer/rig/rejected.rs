@@ -1,14 +1,14 @@
 //! What took no part in a rig, and why.
 
 use super::{SolvedRig, camera_name, target_name};
-use crate::core::multiview::rig::SightingResult;
+use crate::core::multiview::rig::ObservationResult;
 use crate::report::rig::rejection_sentence;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 #[derive(Serialize, JsonSchema)]
 pub(super) struct RejectedObject {
-    /// `frame`, `sighting` or `point`.
+    /// `frame`, `observation` or `point`.
     kind: &'static str,
     camera: String,
     view: String,
@@ -35,19 +35,19 @@ pub(super) fn rejected(solved: &SolvedRig) -> Vec<RejectedObject> {
             reason: left_out.reason.clone(),
         }
     });
-    let found = solved.run.solution.sightings.iter().enumerate();
+    let found = solved.run.solution.observations.iter().enumerate();
     before.chain(found.flat_map(|(i, result)| rejected_of(solved, i, result))).collect()
 }
 
-fn rejected_of(solved: &SolvedRig, i: usize, result: &SightingResult) -> Vec<RejectedObject> {
-    let sighting = &solved.run.rig.sightings[i];
+fn rejected_of(solved: &SolvedRig, i: usize, result: &ObservationResult) -> Vec<RejectedObject> {
+    let observation = &solved.run.rig.observations[i];
     let object = |kind: &'static str, id: Option<String>, residual_px: Option<f64>, reason: String| {
-        let (camera, view) = (camera_name(solved, sighting.camera), solved.taken_in[i].clone());
-        let target = Some(target_name(solved, sighting.target));
+        let (camera, view) = (camera_name(solved, observation.camera), solved.taken_in[i].clone());
+        let target = Some(target_name(solved, observation.target));
         RejectedObject { kind, camera, view, target, id, residual_px, reason }
     };
     if let Some(reason) = &result.rejected {
-        return vec![object("sighting", None, None, rejection_sentence(reason))];
+        return vec![object("observation", None, None, rejection_sentence(reason))];
     }
     let points = result.residuals_px.iter().zip(&solved.points[i]);
     let out = points.filter_map(|(residual, name)| match residual {

@@ -2,7 +2,7 @@
 
 use super::{SolvedRig, camera_name, first_target};
 use crate::answer::TransformObject;
-use crate::core::multiview::rig::{BodyInView, SightingResult};
+use crate::core::multiview::rig::{BodyInView, ObservationResult};
 use crate::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -41,10 +41,11 @@ pub(super) fn views(solved: &SolvedRig) -> Vec<ViewObject> {
     let mut views: Vec<ViewObject> = solved.run.rig.views.iter().map(|name| empty_view(name)).collect();
     let s = &solved.run.solution;
     let mut sums = vec![Sums::default(); views.len()];
-    for (sighting, result) in solved.run.rig.sightings.iter().zip(&s.sightings) {
+    for (observation, result) in solved.run.rig.observations.iter().zip(&s.observations) {
         let sum = Sums::of(result);
-        sums[sighting.view].add(sum);
-        let of_camera = views[sighting.view].cameras.entry(camera_name(solved, sighting.camera)).or_default();
+        sums[observation.view].add(sum);
+        let of_camera =
+            views[observation.view].cameras.entry(camera_name(solved, observation.camera)).or_default();
         // Two targets of one camera in one view: squares add up.
         let earlier = of_camera.rms_px.map_or(0.0, |rms| rms * rms * of_camera.n_used as f64);
         let total = Sums {
@@ -77,7 +78,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(result: &SightingResult) -> Self {
+    fn of(result: &ObservationResult) -> Self {
         let used = result.residuals_px.iter().flatten().filter(|(_, took_part)| *took_part);
         let (n_used, squares) = used.fold((0, 0.0), |(n, sum), (e, _)| (n + 1, sum + e.norm_squared()));
         Sums { n_seen: result.residuals_px.len(), n_used, squares }

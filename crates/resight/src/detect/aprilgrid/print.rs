@@ -7,7 +7,7 @@ use super::super::DetectError;
 use super::super::families::{MarkerPattern, marker_pattern};
 use super::super::homography::{Homography, PlanePoint};
 use super::super::joints::Joint;
-use super::super::print::{self, Place, Seen};
+use super::super::print::{self, Observed, Place};
 use super::super::template::{self, Fit, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -111,7 +111,7 @@ impl GridPrint {
         doubtful: &[Feature],
     ) {
         let blur_px = self.blur_px(image, noise_gray, border_cells, known);
-        let look = Look { print: self, image, noise_gray, border_cells, blur_px };
+        let look = CameraWatcher { print: self, image, noise_gray, border_cells, blur_px };
         for feature in doubtful {
             if let Some(fit) = look.at(known, *feature) {
                 known.insert(*feature, printed(&fit));
@@ -142,7 +142,7 @@ impl GridPrint {
         known: &Corners,
         doubtful: &[Feature],
     ) -> Corners {
-        let look = Look { print: self, image, noise_gray, border_cells, blur_px: BLURS_PX[0] };
+        let look = CameraWatcher { print: self, image, noise_gray, border_cells, blur_px: BLURS_PX[0] };
         let place = |(feature, joint): (&Feature, &Joint)| {
             let place = self.place(feature.id, feature.corner);
             let map = look.map_near(known, feature.id, &place)?;
@@ -160,13 +160,13 @@ impl GridPrint {
         let mut measured = known.clone();
         for (feature, seen) in features.into_iter().zip(print::measure(image, noise_gray, &places)) {
             match seen {
-                Seen::Print { pixel, sigma_px } => {
+                Observed::Print { pixel, sigma_px } => {
                     measured.insert(feature, Joint { pixel, sigma_px });
                 }
-                Seen::Otherwise if !doubtful.contains(&feature) => {
+                Observed::Otherwise if !doubtful.contains(&feature) => {
                     measured.remove(&feature);
                 }
-                Seen::Otherwise | Seen::Outside => {}
+                Observed::Otherwise | Observed::Outside => {}
             }
         }
         measured
@@ -190,7 +190,7 @@ impl GridPrint {
     fn blur_px(&self, image: &GrayImage, noise_gray: f64, border_cells: usize, known: &Corners) -> f64 {
         let every = (known.len() / BLUR_CORNERS).max(1);
         let explained = |blur_px: f64| -> f64 {
-            let look = Look { print: self, image, noise_gray, border_cells, blur_px };
+            let look = CameraWatcher { print: self, image, noise_gray, border_cells, blur_px };
             let some = known.keys().skip(every / 2).step_by(every).take(BLUR_CORNERS);
             some.filter_map(|feature| look.at(known, *feature)).map(|fit| fit.explained).sum()
         };
@@ -213,7 +213,7 @@ fn printed(fit: &Fit) -> Joint {
 }
 
 /// What every corner of an image is compared with.
-struct Look<'a> {
+struct CameraWatcher<'a> {
     print: &'a GridPrint,
     image: &'a GrayImage,
     noise_gray: f64,
@@ -221,7 +221,7 @@ struct Look<'a> {
     blur_px: f64,
 }
 
-impl Look<'_> {
+impl CameraWatcher<'_> {
     /// The print around a corner where it explains the image.
     fn at(&self, known: &Corners, feature: Feature) -> Option<Fit> {
         let place = self.print.place(feature.id, feature.corner);

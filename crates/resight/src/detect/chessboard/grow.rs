@@ -215,7 +215,7 @@ fn fits_within(lattice: &Lattice, node: Node, most: i32) -> bool {
     u.1.max(node.0) - u.0.min(node.0) < most && v.1.max(node.1) - v.0.min(node.1) < most
 }
 
-/// Takes outer columns and rows of one node away: by that one alone the place of a board is not told.
+/// Takes outer columns and rows of one node away: by that one alone the place of a board is not reported.
 fn trim(lattice: &mut Lattice) {
     while let Some(Extent { u, v }) = lattice.extent() {
         let single = |is_on: &dyn Fn(&Node) -> bool| {

@@ -57,7 +57,7 @@ pub(super) struct Ends {
 /// What is known of a lattice's place in the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
-    /// There alone, up to a turn that the colours of the board do not show.
+    /// There alone, up to a rotation that the colours of the board do not show.
     Known(Placement),
     /// In one of so many places.
     OneOf(usize),
@@ -66,7 +66,7 @@ pub(super) enum Place {
 }
 
 /// What every placement of a lattice is judged by.
-pub(super) struct Seen<'a> {
+pub(super) struct Observed<'a> {
     lattice: &'a Lattice,
     board: &'a Chessboard,
     extent: Extent,
@@ -81,7 +81,7 @@ pub(super) const MIN_LABELLED: f64 = 0.9;
 /// and this share of each outer row and column: a few wrong labels there would shift the board.
 const MIN_OUTER: f64 = 0.5;
 
-impl<'a> Seen<'a> {
+impl<'a> Observed<'a> {
     /// None of a lattice without a step in either direction.
     pub fn new(lattice: &'a Lattice, board: &'a Chessboard, image: &GrayImage) -> Option<Self> {
         let sum = |du: i32, dv: i32| -> Option<Pixel> {
@@ -90,7 +90,7 @@ impl<'a> Seen<'a> {
             steps.reduce(|a, b| a + b)
         };
         let steps = (sum(1, 0)?, sum(0, 1)?);
-        Some(Seen { lattice, board, extent: lattice.extent()?, steps, dark: dark(lattice, image) })
+        Some(Observed { lattice, board, extent: lattice.extent()?, steps, dark: dark(lattice, image) })
     }
 
     /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen.

@@ -11,7 +11,7 @@ use crate::GrayImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use resight_core::Pixel;
 
-/// A dot: place, how sure, and shape.
+/// A dot: place, how uncertain, and shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
     /// Centroid of its image, pixels (not corrected for perspective).

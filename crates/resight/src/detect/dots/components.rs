@@ -40,7 +40,7 @@ struct Sums {
     class: u8,
 }
 
-/// Most runs, of twenty bytes each, and most regions, of seventy. More is noise with contrast, in which no dot could be told.
+/// Most runs, of twenty bytes each, and most regions, of seventy. More is noise with contrast, in which no dot could be reported.
 const MAX_RUNS: usize = 3_000_000;
 const MAX_REGIONS: usize = 500_000;
 
@@ -54,7 +54,7 @@ pub(super) struct Labeller {
 
 impl Labeller {
     /// Regions with `min_area ≤ area ≤ max_area`. Dark pixels join through their sides, light ones also through corners,
-    /// so that a thin light line separates. None of an image with more runs or regions than could be told
+    /// so that a thin light line separates. None of an image with more runs or regions than could be reported
     /// apart: nothing in it stands out.
     pub fn components(
         &mut self,

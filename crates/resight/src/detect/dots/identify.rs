@@ -25,7 +25,7 @@ const MAX_SHAPE_CHI2: f64 = 16.0;
 /// Largest χ² of a place against line or circle: 4 σ.
 const MAX_PLACE_CHI2: f64 = 16.0;
 /// Another explanation of the same dots within this many decades: then nothing can be said.
-const RIVAL_DECADES: f64 = 1.5;
+const ALTERNATIVE_DECADES: f64 = 1.5;
 /// Straight lines in an image of an unknown lens bow by up to this part of their length.
 const UNKNOWN_LENS_BOW: f64 = 0.003;
 
@@ -79,7 +79,7 @@ impl Search<'_> {
                 found.extend(self.explain(dots, order, k, triple.off_px));
             }
         }
-        self.without_rivals(found)
+        self.without_alternatives(found)
     }
 
     fn triples(&self, dots: &[ViewDot]) -> Vec<Triple> {
@@ -98,7 +98,7 @@ impl Search<'_> {
                     }
                     let off_px = along.perp(&from_start).abs() / length * b.scale_px;
                     // The middle's own place and the line's place there: together at most √2 of a single sigma.
-                    let sigma = std::f64::consts::SQRT_2 * b.place_sigma_px() + bow * length * b.scale_px;
+                    let sigma = std::f64::consts::SQRT_2 * b.position_sigma_px() + bow * length * b.scale_px;
                     if MAX_PLACE_CHI2 * sigma * sigma < off_px * off_px || !alike(a, b) || !alike(b, c) {
                         continue;
                     }
@@ -158,10 +158,10 @@ impl Search<'_> {
         let fit = layout::fit_shapes(self.layout, &four, k).filter(|f| f.chi2 < MAX_SHAPE_CHI2)?;
         let alarms =
             self.log10_false_alarms(dots, &four, &fit, off_px, rigid.as_ref().map(|r| r.distance_px));
-        if self.max_log10_false_alarms + RIVAL_DECADES < alarms {
+        if self.max_log10_false_alarms + ALTERNATIVE_DECADES < alarms {
             return None;
         }
-        let chi2 = fit.chi2 + rigid.map_or(0.0, |r| r.chi2) + (off_px / four[1].place_sigma_px()).powi(2);
+        let chi2 = fit.chi2 + rigid.map_or(0.0, |r| r.chi2) + (off_px / four[1].position_sigma_px()).powi(2);
         let score = alarms + (chi2 + (k.ln() / 0.5).powi(2)) * 0.5 * std::f64::consts::LOG10_E;
         Some(Explanation { dots: order, log10_false_alarms: alarms, score, fit })
     }
@@ -201,8 +201,8 @@ impl Search<'_> {
         f64::log10(2.0 * count(0, 0) * count(2, 1) * middle * density(1, 2) * fourth * density(3, 3))
     }
 
-    /// Best first; of explanations that share dots only the best, and none if a rival is nearly as good.
-    fn without_rivals(&self, mut found: Vec<Explanation>) -> Vec<Explanation> {
+    /// Best first; of explanations that share dots only the best, and none if a second solution is nearly as good.
+    fn without_alternatives(&self, mut found: Vec<Explanation>) -> Vec<Explanation> {
         found.sort_by(|a, b| a.score.total_cmp(&b.score));
         let mut kept: Vec<(Explanation, bool)> = Vec::new();
         for e in found {
@@ -210,7 +210,7 @@ impl Search<'_> {
             let mut taken = false;
             for (better, sure) in kept.iter_mut().filter(shares) {
                 taken = true;
-                if e.score - better.score < RIVAL_DECADES {
+                if e.score - better.score < ALTERNATIVE_DECADES {
                     *sure = false;
                 }
             }

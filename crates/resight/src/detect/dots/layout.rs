@@ -84,7 +84,7 @@ impl ViewDot {
     }
 
     /// How far its centroid may be from the image of its centre: noise, lens, and a part of perspective's shift.
-    pub fn place_sigma_px(&self) -> f64 {
+    pub fn position_sigma_px(&self) -> f64 {
         (self.dot.sigma_px.powi(2) + 0.1f64.powi(2) + (0.01 * self.radius_px).powi(2)).sqrt()
     }
 
@@ -120,9 +120,9 @@ pub(super) struct Fit {
     pub moments_px2: [Matrix2<f64>; 4],
 }
 
-/// Largest ratio of the axes of J: a disc turned by 83°,
+/// Largest ratio of the axes of J: a disc rotated by 83°,
 const MAX_ELONGATION: f64 = 8.0;
-/// and one turned by 78°. Beyond, a row of letters passes for a target seen edge-on, unless its images are seen to be so long themselves,
+/// and one rotated by 78°. Beyond, a row of letters passes for a target seen edge-on, unless its images are seen to be so long themselves,
 const CERTAIN_ELONGATION: f64 = 5.0;
 /// their shape known to this part of it.
 const ELONGATED_RESOLUTION: f64 = 0.3;
@@ -273,16 +273,16 @@ pub(super) struct RigidCheck {
     pub chi2: f64,
 }
 
-/// The line fixes the target but for a turn about it: the fourth dot must lie on the image of a circle.
+/// The line fixes the target but for a rotation about it: the fourth dot must lie on the image of a circle.
 pub(super) fn rigid_check(layout: &Layout, dots: &[ViewDot; 4], view: &View) -> Option<RigidCheck> {
     let places = [dots[0].y, dots[1].y, dots[2].y];
     let circle = Circle::of(layout, &places)?;
     let seen = dots[3].dot.centroid;
     let angle = circle.nearest_angle(&seen, view)?;
     let at = circle.at(angle, view)?;
-    let mut covariance = Matrix2::identity() * dots[3].place_sigma_px().powi(2);
+    let mut covariance = Matrix2::identity() * dots[3].position_sigma_px().powi(2);
     for (i, dot) in dots[..3].iter().enumerate() {
-        let step = dot.place_sigma_px() / dot.scale_px;
+        let step = dot.position_sigma_px() / dot.scale_px;
         for axis in 0..2 {
             let mut moved = places;
             moved[i][axis] += step;
@@ -329,7 +329,7 @@ impl Circle {
         for i in 0..STEPS {
             let beside = round[(i + 1) % STEPS].min(round[(i + STEPS - 1) % STEPS]);
             if round[i] <= beside && round[i].is_finite() {
-                // 0.618²⁰ of a twelfth of a turn is a hundred-thousandth of the radius.
+                // 0.618²⁰ of a twelfth of a rotation is a hundred-thousandth of the radius.
                 let dip = deepest(i as f64 * step, step, 20, &distance);
                 best = if dip.0 < best.0 { dip } else { best };
             }

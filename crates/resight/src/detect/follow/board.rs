@@ -1,4 +1,4 @@
-//! A board from picture to picture: the part of the picture that held it, and the whole picture once it is not there.
+//! A board from image to image: the part of the image that held it, and the whole image once it is not there.
 
 use super::{Absence, BOARD_EVERY_S, Extent};
 use crate::GrayImage;
@@ -22,7 +22,7 @@ pub(super) struct BoardFollower {
 
 /// A board is sought this far around where it is expected, pixels.
 const REACH_PX: f64 = 24.0;
-/// A part of more than this share of the picture saves nothing.
+/// A part of more than this share of the image saves nothing.
 const MOST_OF_IT: f64 = 0.8;
 
 impl BoardFollower {
@@ -70,7 +70,7 @@ impl BoardFollower {
         Ok(found)
     }
 
-    /// Where the board was last and where it is expected; none where that is most of the picture, or nothing is known.
+    /// Where the board was last and where it is expected; none where that is most of the image, or nothing is known.
     fn region(&self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Option<Region> {
         let points: Vec<Pixel> =
             self.seen.iter().copied().chain(expected.iter().map(|(_, pixel)| *pixel)).collect();

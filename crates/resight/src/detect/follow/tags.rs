@@ -1,4 +1,4 @@
-//! One tag, or the tags of a map, from picture to picture.
+//! One tag, or the tags of a map, from image to image.
 
 use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
@@ -19,7 +19,7 @@ pub(super) struct TagFollower {
     /// As found last, copies included.
     seen: Vec<DecodedTag>,
     absence: Absence,
-    /// The picture at a quarter of its size, then strips at half.
+    /// The image at a quarter of its size, then strips at half.
     round: Round,
     /// Strips at full size.
     small_round: Round,
@@ -46,7 +46,7 @@ impl Place {
 
 /// A tag is sought this far around where it is expected, pixels: what a mount vibrates and a hand moves from frame to frame.
 const REACH_PX: f64 = 16.0;
-/// Strips of a picture.
+/// Strips of an image.
 const STRIPS: u32 = 8;
 /// Overlap of strips at half size: tags too small for a quarter of the size, with rim and tiles.
 const OVERLAP_PX: u32 = 64;
@@ -54,9 +54,9 @@ const OVERLAP_PX: u32 = 64;
 const SMALL_OVERLAP_PX: u32 = 32;
 /// A tag not found near is sought at full size where its longer side is at most this, pixels: larger ones show at half size;
 const SMALL_PX: f64 = 64.0;
-/// and where the part to search is at most this share of the picture.
+/// and where the part to search is at most this share of the image.
 const SMALL_SHARE: u64 = 16;
-/// Searched in parts, more than this share of a picture costs as much as all of it.
+/// Searched in parts, more than this share of an image costs as much as all of it.
 const MOST_OF_IT: f64 = 0.7;
 
 impl TagFollower {
@@ -113,7 +113,7 @@ impl TagFollower {
         found
     }
 
-    /// The parts of the picture that each tag is sought in.
+    /// The parts of the image that each tag is sought in.
     fn places(&self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Vec<Place> {
         let size_px = [image.width_px, image.height_px];
         let region = |corners: &[Pixel]| self.finder.region(corners, REACH_PX, size_px);
@@ -158,7 +158,7 @@ impl TagFollower {
         if is_due { Extent::Whole } else { Extent::Share }
     }
 
-    /// Copies, tags out of their places and new ones, a share of the picture at a time.
+    /// Copies, tags out of their places and new ones, a share of the image at a time.
     fn besides(&mut self, image: &GrayImage, elapsed_s: f64, found: &mut Vec<DecodedTag>) {
         let size_px = [image.width_px, image.height_px];
         for part in self.round.take(elapsed_s) {
@@ -178,7 +178,7 @@ impl TagFollower {
     }
 }
 
-/// Whether all of these places lie in a picture or close to its edges.
+/// Whether all of these places lie in an image or close to its edges.
 fn is_inside(pixels: &[Pixel], size_px: [u32; 2]) -> bool {
     let reaches = |x: f64, size: u32| -REACH_PX <= x && x < size as f64 + REACH_PX;
     pixels.iter().all(|pixel| reaches(pixel.x, size_px[0]) && reaches(pixel.y, size_px[1]))
@@ -206,7 +206,7 @@ mod tests {
         joined(places.iter().flat_map(Place::regions).collect()).iter().map(Region::area_px).sum()
     }
 
-    /// The filter follows a knock a frame late: what lies between the two places is not searched.
+    /// The filter follows a sudden motion a frame late: what lies between the two places is not searched.
     #[test]
     fn a_tag_is_sought_where_it_was_and_where_it_is_expected_and_not_between() {
         let here = searched_px(corners(300.0, 500.0), corners(300.0, 500.0));

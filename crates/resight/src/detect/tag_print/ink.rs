@@ -89,7 +89,7 @@ impl Print {
         is_near(0) || is_near(1)
     }
 
-    /// The print at a place through a Gaussian blur; beyond its edge it goes on as at the edge. None where no line is near.
+    /// The print at a place through a Gaussian blur; beyond its edge it continues as at the edge. None where no line is near.
     pub(super) fn at(&self, [x, y]: [f64; 2], blur: &Blur) -> Option<Ink> {
         let (across, down) = (self.near(x, blur.sigma[0]), self.near(y, blur.sigma[1]));
         if across.len().max(down.len()) < FEW {

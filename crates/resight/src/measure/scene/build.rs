@@ -1,19 +1,19 @@
-//! From the scene file's tables to a survey: names to indices, defaults filled in, every number checked.
+//! From the scene file's tables to a network: names to indices, defaults filled in, every number checked.
 
 use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
 use crate::core::camera::Parameters;
-use crate::core::multiview::network::{Fact, Plane};
+use crate::core::multiview::network::{Constraint, Plane};
 use crate::core::multiview::triangulate::isotropic;
 use crate::core::{Matrix6, Pixel, Point, Pose};
 use crate::formats;
-use crate::measure::clicks::{Click, read_clicks};
+use crate::measure::clicks::{ImagePoint, read_image_points};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Standard deviation of a click where the scene states none, px: a careful person on a full-size display.
+/// Standard deviation of an image point where the scene states none, px: a careful person on a full-size display.
 pub const DEFAULT_SIGMA_PX: f64 = 1.0;
 /// How flat a plane is where the scene does not say, m.
 const DEFAULT_FLATNESS_M: f64 = 0.01;
@@ -22,7 +22,7 @@ const DEFAULT_LEAN_RAD: f64 = 0.01;
 /// Coordinates farther from zero than this are moved near it for the computation, m.
 const FAR_M: f64 = 10_000.0;
 
-/// What tells one camera from another: its file, the size of its pictures; and its stated sigmas.
+/// What tells one camera from another: its file, the size of its images; and its stated sigmas.
 type CameraUse<'a> = (String, Option<(u32, u32)>, &'a BTreeMap<String, f64>);
 
 /// A scene in the making.
@@ -40,10 +40,10 @@ impl Builder {
             photos: Vec::new(),
             camera_of_photo: Vec::new(),
             points: Vec::new(),
-            is_mark: Vec::new(),
+            is_control_point: Vec::new(),
             planes: Vec::new(),
             has_ground: false,
-            facts: Vec::new(),
+            constraints: Vec::new(),
             queries: Vec::new(),
             origin_m: Point::zeros(),
             sigma_px,
@@ -71,7 +71,7 @@ impl Builder {
     fn point(&mut self, name: &str) -> usize {
         self.scene.points.iter().position(|p| p == name).unwrap_or_else(|| {
             self.scene.points.push(name.to_string());
-            self.scene.is_mark.push(false);
+            self.scene.is_control_point.push(false);
             self.scene.points.len() - 1
         })
     }
@@ -84,7 +84,7 @@ impl Builder {
 
     pub(super) fn photos(&mut self, file: &SceneFile) -> Result<(), FileError> {
         if file.photo.is_empty() {
-            return Err(self.fault("no [[photo]]; give at least one with name, camera and clicks"));
+            return Err(self.fault("no [[photo]]; give at least one with name, camera and image points"));
         }
         let mut used: Vec<CameraUse> = Vec::new();
         for (index, photo) in file.photo.iter().enumerate() {
@@ -114,8 +114,8 @@ impl Builder {
             self.scene.camera_of_photo.push(camera);
             self.scene.photos.push(ScenePhoto { name: photo.name.clone(), file: picture, camera });
             if let Some(pose) = &photo.pose {
-                let fact = self.pose(index, pose)?;
-                self.scene.facts.push(fact);
+                let constraint = self.pose(index, pose)?;
+                self.scene.constraints.push(constraint);
             }
         }
         Ok(())
@@ -162,7 +162,7 @@ impl Builder {
         Ok((!sigmas.is_empty()).then_some(covariance))
     }
 
-    fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Fact, FileError> {
+    fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Constraint, FileError> {
         let length = pose.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
         if !((length - 1.0).abs() < 1e-3) {
             return Err(
@@ -172,19 +172,22 @@ impl Builder {
         let cam_from_world =
             Pose::from_quaternion_wxyz(pose.rotation_wxyz, Vector3::from(pose.translation_m));
         let covariance = pose.covariance.map(|rows| with_floor(&Matrix6::from_fn(|i, j| rows[i][j])));
-        Ok(Fact::Pose { photo, cam_from_world, covariance: covariance.filter(|c| 0.0 < c.amax()) })
+        Ok(Constraint::Pose { photo, cam_from_world, covariance: covariance.filter(|c| 0.0 < c.amax()) })
     }
 
-    pub(super) fn marks(&mut self, file: &SceneFile) -> Result<(), FileError> {
-        for mark in &file.mark {
-            if self.scene.points.contains(&mark.name) {
-                return Err(self.fault(format!("two marks are called `{}`; names must differ", mark.name)));
+    pub(super) fn control_points(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        for control_point in &file.control_point {
+            if self.scene.points.contains(&control_point.name) {
+                return Err(self.fault(format!(
+                    "two control points are called `{}`; names must differ",
+                    control_point.name
+                )));
             }
-            let point = self.point(&mark.name);
-            self.scene.is_mark[point] = true;
-            let x_in_world = Point::new(mark.x_m, mark.y_m, mark.z_m);
-            let sigma_m = Vector3::repeat(mark.sigma_m);
-            self.scene.facts.push(Fact::Place { point, x_in_world, sigma_m });
+            let point = self.point(&control_point.name);
+            self.scene.is_control_point[point] = true;
+            let x_in_world = Point::new(control_point.x_m, control_point.y_m, control_point.z_m);
+            let sigma_m = Vector3::repeat(control_point.sigma_m);
+            self.scene.constraints.push(Constraint::Place { point, x_in_world, sigma_m });
         }
         for d in &file.known_distance {
             self.positive("distance_m", d.distance_m)?;
@@ -193,9 +196,14 @@ impl Builder {
                 return Err(self.fault(format!("known_distance from `{}` to itself", d.a)));
             }
             let (a, b) = (self.point(&d.a), self.point(&d.b));
-            self.scene.is_mark[a] = true;
-            self.scene.is_mark[b] = true;
-            self.scene.facts.push(Fact::Distance { a, b, distance_m: d.distance_m, sigma_m: d.sigma_m });
+            self.scene.is_control_point[a] = true;
+            self.scene.is_control_point[b] = true;
+            self.scene.constraints.push(Constraint::Distance {
+                a,
+                b,
+                distance_m: d.distance_m,
+                sigma_m: d.sigma_m,
+            });
         }
         Ok(())
     }
@@ -205,16 +213,16 @@ impl Builder {
             let sigma_m = plane.sigma_m.unwrap_or(DEFAULT_FLATNESS_M);
             self.positive("sigma_m of the plane", sigma_m)?;
             self.scene.planes.push(match plane.z_m {
-                Some(z) if !file.mark.is_empty() || file.photo.iter().any(|p| p.pose.is_some()) => {
+                Some(z) if !file.control_point.is_empty() || file.photo.iter().any(|p| p.pose.is_some()) => {
                     Plane::Known { normal_in_world: Vector3::z(), offset_m: z }
                 }
-                Some(_) => return Err(self.fault("[plane] z_m needs [[mark]] coordinates or poses to say where z = 0 is; leave it out: the plane is found from its points")),
+                Some(_) => return Err(self.fault("[plane] z_m needs [[control_point]] coordinates or poses to say where z = 0 is; leave it out: the plane is found from its points")),
                 None => Plane::Unknown,
             });
             self.scene.has_ground = true;
             for name in &plane.points {
                 let point = self.point(name);
-                self.scene.facts.push(Fact::OnPlane { plane: 0, point, sigma_m });
+                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point, sigma_m });
             }
         }
         let gravity = self.gravity(file)?;
@@ -233,7 +241,7 @@ impl Builder {
             if foot == top {
                 return Err(self.fault(format!("[[upright]] from `{}` to itself", upright.foot)));
             }
-            self.scene.facts.push(Fact::Upright { plane, foot, top, sigma_rad });
+            self.scene.constraints.push(Constraint::Upright { plane, foot, top, sigma_rad });
         }
         Ok(())
     }
@@ -250,47 +258,63 @@ impl Builder {
                 self.scene.planes.push(Plane::Unknown);
                 self.scene.planes.len() - 1
             });
-            self.scene.facts.push(Fact::Gravity { plane, photo, down_in_cam: down.normalize(), sigma_rad });
+            self.scene.constraints.push(Constraint::Gravity {
+                plane,
+                photo,
+                down_in_cam: down.normalize(),
+                sigma_rad,
+            });
         }
         Ok(level)
     }
 
-    pub(super) fn clicks(&mut self, file: &SceneFile) -> Result<(), FileError> {
+    pub(super) fn image_points(&mut self, file: &SceneFile) -> Result<(), FileError> {
         for photo in &file.photo {
-            for c in &photo.clicks {
+            for c in &photo.image_points {
                 let (photo, point) = (photo.name.clone(), c.point.clone());
-                self.click(&Click { photo, point, u_px: c.u_px, v_px: c.v_px, sigma_px: c.sigma_px })?;
+                self.image_point(&ImagePoint {
+                    photo,
+                    point,
+                    u_px: c.u_px,
+                    v_px: c.v_px,
+                    sigma_px: c.sigma_px,
+                })?;
             }
         }
-        if let Some(path) = &file.clicks {
-            for click in read_clicks(&self.folder.join(path))? {
-                self.click(&click)?;
+        if let Some(path) = &file.image_points {
+            for image_point in read_image_points(&self.folder.join(path))? {
+                self.image_point(&image_point)?;
             }
         }
         Ok(())
     }
 
-    pub(super) fn click(&mut self, click: &Click) -> Result<(), FileError> {
-        let Some(photo) = self.scene.photos.iter().position(|p| p.name == click.photo) else {
+    pub(super) fn image_point(&mut self, image_point: &ImagePoint) -> Result<(), FileError> {
+        let Some(photo) = self.scene.photos.iter().position(|p| p.name == image_point.photo) else {
             let known: Vec<&str> = self.scene.photos.iter().map(|p| p.name.as_str()).collect();
             return Err(self.fault(format!(
-                "a click names photo `{}`; the photos are {}",
-                click.photo,
+                "an image point names photo `{}`; the photos are {}",
+                image_point.photo,
                 known.join(", ")
             )));
         };
-        let sigma_px = click.sigma_px.unwrap_or(self.scene.sigma_px);
-        self.positive(&format!("sigma_px of {} in {}", click.point, click.photo), sigma_px)?;
-        let pixel = Pixel::new(click.u_px, click.v_px);
+        let sigma_px = image_point.sigma_px.unwrap_or(self.scene.sigma_px);
+        self.positive(&format!("sigma_px of {} in {}", image_point.point, image_point.photo), sigma_px)?;
+        let pixel = Pixel::new(image_point.u_px, image_point.v_px);
         let camera = &self.scene.cameras[self.scene.camera_of_photo[photo]].camera;
         if !camera.contains(&pixel) {
             return Err(self.fault(format!(
-                "{} in {} was clicked at ({}, {}), outside the picture; check the columns u_px and v_px",
-                click.point, click.photo, click.u_px, click.v_px
+                "{} in {} was clicked at ({}, {}), outside the image; check the columns u_px and v_px",
+                image_point.point, image_point.photo, image_point.u_px, image_point.v_px
             )));
         }
-        let point = self.point(&click.point);
-        self.scene.facts.push(Fact::Click { photo, point, pixel, covariance_px2: isotropic(sigma_px) });
+        let point = self.point(&image_point.point);
+        self.scene.constraints.push(Constraint::ImagePoint {
+            photo,
+            point,
+            pixel,
+            covariance_px2: isotropic(sigma_px),
+        });
         Ok(())
     }
 
@@ -349,11 +373,11 @@ impl Builder {
         Ok(())
     }
 
-    /// National grid coordinates have millions of metres: the computation goes on near zero.
+    /// National grid coordinates have millions of metres: the computation continues near zero.
     pub(super) fn moved_near_zero(&mut self) {
-        let has_pose = self.scene.facts.iter().any(|f| matches!(f, Fact::Pose { .. }));
-        let places = self.scene.facts.iter().filter_map(|f| match f {
-            Fact::Place { x_in_world, .. } => Some(*x_in_world),
+        let has_pose = self.scene.constraints.iter().any(|f| matches!(f, Constraint::Pose { .. }));
+        let places = self.scene.constraints.iter().filter_map(|f| match f {
+            Constraint::Place { x_in_world, .. } => Some(*x_in_world),
             _ => None,
         });
         let Some(first) = places.clone().next() else { return };
@@ -362,8 +386,8 @@ impl Builder {
         }
         let origin = Point::new(first.x.floor(), first.y.floor(), 0.0);
         self.scene.origin_m = origin;
-        for fact in &mut self.scene.facts {
-            if let Fact::Place { x_in_world, .. } = fact {
+        for constraint in &mut self.scene.constraints {
+            if let Constraint::Place { x_in_world, .. } = constraint {
                 *x_in_world -= origin;
             }
         }

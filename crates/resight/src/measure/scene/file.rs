@@ -1,4 +1,4 @@
-//! The scene file as it is written: mirrors of its tables, and nothing else.
+//! The scene file as it is written: mirrors of its tables, and nothing else. Keys of scenes written for version 1 are read as aliases.
 
 use super::QueryKind;
 use serde::Deserialize;
@@ -8,12 +8,13 @@ use std::path::PathBuf;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFile {
-    pub(super) clicks: Option<PathBuf>,
+    #[serde(alias = "clicks")]
+    pub(super) image_points: Option<PathBuf>,
     pub(super) sigma_px: Option<f64>,
     #[serde(default)]
     pub(super) photo: Vec<PhotoEntry>,
-    #[serde(default)]
-    pub(super) mark: Vec<MarkEntry>,
+    #[serde(default, alias = "mark")]
+    pub(super) control_point: Vec<ControlPointEntry>,
     #[serde(default)]
     pub(super) known_distance: Vec<DistanceEntry>,
     pub(super) plane: Option<PlaneEntry>,
@@ -32,8 +33,8 @@ pub(super) struct PhotoEntry {
     pub(super) camera: String,
     #[serde(default)]
     pub(super) intrinsics_sigma: BTreeMap<String, f64>,
-    #[serde(default)]
-    pub(super) clicks: Vec<ClickEntry>,
+    #[serde(default, alias = "clicks")]
+    pub(super) image_points: Vec<ImagePointEntry>,
     pub(super) pose: Option<PoseEntry>,
     pub(super) down_in_cam: Option<[f64; 3]>,
     pub(super) down_sigma_rad: Option<f64>,
@@ -41,7 +42,7 @@ pub(super) struct PhotoEntry {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ClickEntry {
+pub(super) struct ImagePointEntry {
     pub(super) point: String,
     pub(super) u_px: f64,
     pub(super) v_px: f64,
@@ -59,7 +60,7 @@ pub(super) struct PoseEntry {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct MarkEntry {
+pub(super) struct ControlPointEntry {
     pub(super) name: String,
     pub(super) x_m: f64,
     pub(super) y_m: f64,
@@ -107,4 +108,24 @@ pub(super) struct QueryEntry {
 pub(super) struct BirdseyeEntry {
     pub(super) pixel_limit_m: Option<f64>,
     pub(super) error_limit_m: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A scene written for version 1.
+    #[test]
+    fn keys_of_version_1_are_read() {
+        let text = [
+            "clicks = \"points.csv\"", // earlier word
+            "[[mark]]",                // earlier word
+            "name = \"A\"\nx_m = 1.0\ny_m = 2.0",
+            "[[photo]]\nname = \"south\"\ncamera = \"camera.toml\"",
+            "clicks = [{ point = \"A\", u_px = 1.0, v_px = 2.0 }]", // earlier word
+        ];
+        let scene: SceneFile = toml::from_str(&text.join("\n")).expect("a scene");
+        assert_eq!(scene.image_points, Some(PathBuf::from("points.csv")));
+        assert_eq!((scene.control_point[0].name.as_str(), scene.photo[0].image_points[0].v_px), ("A", 2.0));
+    }
 }

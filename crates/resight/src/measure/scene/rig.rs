@@ -4,31 +4,35 @@ use super::build::{Builder, with_floor};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
 use crate::core::Pose;
-use crate::core::multiview::network::Fact;
+use crate::core::multiview::network::Constraint;
 use crate::formats;
-use crate::measure::clicks::read_clicks;
+use crate::measure::clicks::read_image_points;
 use std::path::{Path, PathBuf};
 
-/// A scene of the cameras of a rig file with their places, and clicks whose photographs are those cameras; positions of all points are
+/// A scene of the cameras of a rig file with their places, and image points whose photographs are those cameras; positions of all points are
 /// asked for.
 ///
 /// # Errors
 /// Those of the files; cameras without a place in the rig.
-pub fn rig_scene(rig: &Path, clicks: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
+pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
     let file = formats::read_cameras(rig)?;
     let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
     builder.scene.is_camera_frame = true;
     check_one_frame(rig, &file.cameras)?;
     file.cameras.iter().for_each(|named| add_camera(&mut builder, named));
-    let read = read_clicks(clicks)?;
-    for click in &read {
+    let read = read_image_points(image_points)?;
+    for image_point in &read {
         let known: Vec<&str> = builder.scene.photos.iter().map(|p| p.name.as_str()).collect();
-        if !known.contains(&click.photo.as_str()) {
-            let reason =
-                format!("camera `{}` is not in {}; it has {}", click.photo, rig.display(), known.join(", "));
-            return Err(FileError::new(clicks, reason));
+        if !known.contains(&image_point.photo.as_str()) {
+            let reason = format!(
+                "camera `{}` is not in {}; it has {}",
+                image_point.photo,
+                rig.display(),
+                known.join(", ")
+            );
+            return Err(FileError::new(image_points, reason));
         }
-        builder.click(click)?;
+        builder.image_point(image_point)?;
     }
     builder.scene.queries = all_positions(&builder.scene.points);
     Ok(builder.scene)
@@ -46,7 +50,7 @@ fn add_camera(builder: &mut Builder, named: &formats::NamedCamera) {
         Some(p) => (p.b_from_a.inverse(), p.covariance.map(|c| p.b_from_a.inverse_covariance(&c))),
     };
     let covariance = covariance.filter(|c| 0.0 < c.amax()).map(|c| with_floor(&c));
-    builder.scene.facts.push(Fact::Pose { photo, cam_from_world, covariance });
+    builder.scene.constraints.push(Constraint::Pose { photo, cam_from_world, covariance });
 }
 
 /// Where each point is, and how far from the one before.

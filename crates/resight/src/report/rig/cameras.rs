@@ -1,4 +1,4 @@
-//! The table of cameras: place, turn, how sure, what was used.
+//! The table of cameras: place, turn, how uncertain, what was used.
 
 use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
@@ -58,7 +58,7 @@ fn reference() -> Vec<String> {
 }
 
 fn place(placed: &CameraInRig) -> Vec<String> {
-    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    let covariance = geometry::position_covariance(&placed.cam_from_rig, &placed.covariance);
     let origin = placed.cam_from_rig.origin();
     let coordinate = |i: usize| words::coordinate(origin[i], covariance[(i, i)].max(0.0).sqrt());
     let (turns, _) = words::sigmas(&placed.covariance);

@@ -1,4 +1,4 @@
-// Choices: the view that picture and residuals show, what is drawn, how much is magnified.
+// Choices: the view that image and residuals show, what is drawn, how much is magnified.
 const views = byId("view");
 function addChoice(list, value, text, isChosen) {
   const choice = new Option(text, value, isChosen, isChosen);

@@ -6,7 +6,7 @@ const state = { view: ALL_VIEWS };
 const drawings = [];
 let isDue = false;
 
-// Draws everything once before the next picture is shown, however often it was asked for.
+// Draws everything once before the next image is shown, however often it was asked for.
 function redraw() {
   if (isDue) return;
   isDue = true;

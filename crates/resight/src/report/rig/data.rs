@@ -24,11 +24,11 @@ pub(super) fn json(drawn: &Drawn, packed: &Packed) -> String {
             .step_by(one_in)
             .map(|t| format!("{},{},{}", t.view, t.target, pose(&t.rig_from_target))),
     );
-    let sightings = list(packed.sightings.iter().map(|[c, v, t, n]| format!("{c},{v},{t},{n}")));
+    let observations = list(packed.observations.iter().map(|[c, v, t, n]| format!("{c},{v},{t},{n}")));
     let extent = numbers(drawn.extent.centre.iter().copied().chain([drawn.extent.radius_m]), 6);
     format!(
         "<script type=\"application/json\" id=\"rig-data\">{{\"cameras\":{cameras},\"targets\":{targets},\"views\":{views},\"placed\":{placed},\
-         \"placed_one_in\":{one_in},\"sightings\":{sightings},\"extent\":{extent},\"depth_m\":{},\"eye\":[{},{},{}],\
+         \"placed_one_in\":{one_in},\"observations\":{observations},\"extent\":{extent},\"depth_m\":{},\"eye\":[{},{},{}],\
          \"ellipse_magnification\":{},\"residual_magnification\":{},\"residuals\":\"{}\"}}</script>",
         number(geometry::pyramid_depth_m(&drawn.extent), 6),
         space::YAW_RAD,
@@ -46,7 +46,7 @@ fn camera(drawn: &Drawn, packed: &Packed, camera: usize) -> String {
     let placed = &run.solution.cameras[camera];
     let area = geometry::image_area(&run.rig, camera);
     let border = geometry::border_in_cam(&run.rig.lenses[camera], &area);
-    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    let covariance = geometry::position_covariance(&placed.cam_from_rig, &placed.covariance);
     let axes = geometry::half_axes(&covariance, geometry::CHI2_3_95.sqrt());
     format!(
         "{{\"name\":{},\"rig_from_cam\":[{}],\"border\":{},\"axes\":{},\"area\":{},\"step\":{},\"unit\":{}}}",

@@ -18,7 +18,7 @@ const HEAD: [&str; 9] = [
     "x",
     "y",
     "z (frame of the first)",
-    "turned by",
+    "rotated by",
     "± about its x y z",
 ];
 
@@ -60,7 +60,7 @@ fn cells(run: &RigRun, a: usize, b: usize) -> Vec<String> {
     let turned_deg = b_from_a.angle_to_rad(&Pose::identity()).to_degrees();
     match covariance {
         Some(covariance) => {
-            let of_place = geometry::place_covariance(&b_from_a, &covariance);
+            let of_place = geometry::position_covariance(&b_from_a, &covariance);
             let along = place / place.norm().max(f64::MIN_POSITIVE);
             let distance = (along.transpose() * of_place * along)[(0, 0)].max(0.0).sqrt();
             cells.push(words::coordinate(place.norm(), distance).trim_start_matches('+').into());
@@ -109,14 +109,14 @@ mod tests {
             views: vec![],
             targets: vec![],
             body_of_target: vec![],
-            sightings: vec![],
+            observations: vec![],
         };
         let solution = RigSolution {
             reference: 0,
             cameras,
             targets: vec![],
             bodies: vec![],
-            sightings: vec![],
+            observations: vec![],
             shared: SharedViews { counts: vec![], groups: vec![] },
             weakest_link: None,
             scales: vec![],

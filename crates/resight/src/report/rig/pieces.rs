@@ -52,7 +52,7 @@ pub(super) fn tabular(class: &str, caption: &str, head: &[&str], rows: &str) -> 
     )
 }
 
-/// Where a picture in space is looked at from; `space.js` computes the same.
+/// Where an image in space is looked at from; `space.js` computes the same.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Viewpoint {
     pub yaw_rad: f64,
@@ -66,7 +66,7 @@ pub(super) struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// Turned by yaw about the rig's y, then by pitch about the picture's x; none behind the eye.
+    /// Rotated by yaw about the rig's y, then by pitch about the image's x; none behind the eye.
     pub fn project(&self, x_in_rig: &Point) -> Option<[f64; 2]> {
         let d = x_in_rig - self.centre;
         let (sin, cos) = self.yaw_rad.sin_cos();
@@ -98,7 +98,7 @@ mod tests {
         }
     }
 
-    /// Ahead lies higher in the picture when looked at from above, right stays right, and what is behind the eye is not drawn.
+    /// Ahead lies higher in the image when looked at from above, right stays right, and what is behind the eye is not drawn.
     #[test]
     fn the_viewpoint_is_above_and_behind() {
         let at = Viewpoint {

@@ -43,7 +43,7 @@ impl Plane {
 
     /// The part of a covariance in this plane, second axis down.
     fn covariance(&self, cam_from_rig: &Pose, covariance: &Matrix6) -> Matrix2<f64> {
-        let all = geometry::place_covariance(cam_from_rig, covariance);
+        let all = geometry::position_covariance(cam_from_rig, covariance);
         let crossed = -self.sign * all[(self.across, self.up)];
         Matrix2::new(all[(self.across, self.across)], crossed, crossed, all[(self.up, self.up)])
     }

@@ -6,10 +6,10 @@ const stored = (() => {
   return new DataView(bytes.buffer);
 })();
 const fields = [...document.querySelectorAll("canvas[data-camera]")];
-const sightings = data.cameras.map(() => []);
+const observations = data.cameras.map(() => []);
 for (let i = 0, first = 0; i < data.sightings.length; i += 4) {
   const [camera, view, , count] = data.sightings.slice(i, i + 4);
-  sightings[camera].push({ view, first, count });
+  observations[camera].push({ view, first, count });
   first += count;
 }
 const LONGEST_LEFT_OUT = 0.1; // of the width: magnified, they would cover everything else
@@ -18,7 +18,7 @@ let magnification = data.residual_magnification;
 // Calls back with place (0 to 1), residual (in units of the image) and whether the point was left out.
 function eachPoint(camera, visit) {
   const { step } = data.cameras[camera];
-  for (const { view, first, count } of sightings[camera]) {
+  for (const { view, first, count } of observations[camera]) {
     if (!isLookedAt(view)) continue;
     for (let at = 8 * first; at < 8 * (first + count); at += 8) {
       const u = stored.getUint16(at, true);

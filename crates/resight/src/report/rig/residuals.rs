@@ -26,7 +26,7 @@ pub(super) struct Packed {
     /// Four little-endian 16-bit numbers a point: u and v in steps of the area (u's top bit: left out), residual in `step_px`.
     pub base64: String,
     /// camera, view, target, number of points stored.
-    pub sightings: Vec<[usize; 4]>,
+    pub observations: Vec<[usize; 4]>,
     /// Unit of the stored residuals, for each camera.
     pub steps_px: Vec<f64>,
     /// One in so many points used, and points left out, is stored.
@@ -36,23 +36,23 @@ pub(super) struct Packed {
 /// Place, residual, whether used.
 type Mark = (Pixel, Vector2<f64>, bool);
 
-/// The points of a sighting that project somewhere.
-fn marks(run: &RigRun, sighting: usize) -> impl Iterator<Item = Mark> {
-    let seen = &run.rig.sightings[sighting].seen;
-    let results = &run.solution.sightings[sighting].residuals_px;
+/// The points of an observation that project somewhere.
+fn marks(run: &RigRun, observation: usize) -> impl Iterator<Item = Mark> {
+    let seen = &run.rig.observations[observation].seen;
+    let results = &run.solution.observations[observation].residuals_px;
     seen.iter().zip(results).filter_map(|(c, r)| r.map(|(residual, is_used)| (c.pixel, residual, is_used)))
 }
 
 pub(super) fn packed(run: &RigRun) -> Packed {
-    let sightings = run.rig.sightings.len().min(run.solution.sightings.len());
+    let observations = run.rig.observations.len().min(run.solution.observations.len());
     let mut counts = [0usize; 2];
-    (0..sightings).flat_map(|i| marks(run, i)).for_each(|m| counts[usize::from(!m.2)] += 1);
+    (0..observations).flat_map(|i| marks(run, i)).for_each(|m| counts[usize::from(!m.2)] += 1);
     let one_in = [counts[0].div_ceil(MOST_USED).max(1), counts[1].div_ceil(MOST_LEFT_OUT).max(1)];
     let areas: Vec<Area> = (0..run.rig.cameras.len()).map(|i| geometry::image_area(&run.rig, i)).collect();
     let steps_px: Vec<f64> = (0..areas.len()).map(|camera| step_px(run, camera)).collect();
     let (mut bytes, mut stored, mut passed) = (Vec::new(), Vec::new(), [0usize; 2]);
-    for i in 0..sightings {
-        let s = &run.rig.sightings[i];
+    for i in 0..observations {
+        let s = &run.rig.observations[i];
         let before = bytes.len();
         for mark in marks(run, i) {
             let kind = usize::from(!mark.2);
@@ -63,12 +63,13 @@ pub(super) fn packed(run: &RigRun) -> Packed {
         }
         stored.push([s.camera, s.view, s.target, (bytes.len() - before) / 8]);
     }
-    Packed { base64: base64(&bytes), sightings: stored, steps_px, one_in }
+    Packed { base64: base64(&bytes), observations: stored, steps_px, one_in }
 }
 
 /// A hundredth of a pixel, or what brings the largest residual into 16 bits.
 fn step_px(run: &RigRun, camera: usize) -> f64 {
-    let of_camera = (0..run.solution.sightings.len()).filter(|&i| run.rig.sightings[i].camera == camera);
+    let of_camera =
+        (0..run.solution.observations.len()).filter(|&i| run.rig.observations[i].camera == camera);
     let largest = of_camera
         .flat_map(|i| marks(run, i))
         .map(|m| m.1.amax())
@@ -185,7 +186,7 @@ fn arrow((place, mean): &(Pixel, Vector2<f64>), area: &Area, height: f64, factor
 fn cell_means(run: &RigRun, camera: usize) -> Vec<(Pixel, Vector2<f64>)> {
     let area = geometry::image_area(&run.rig, camera);
     let mut sums = vec![(0usize, Vector2::zeros()); CELLS[0] * CELLS[1]];
-    let own = (0..run.solution.sightings.len()).filter(|&i| run.rig.sightings[i].camera == camera);
+    let own = (0..run.solution.observations.len()).filter(|&i| run.rig.observations[i].camera == camera);
     for (pixel, residual, is_used) in own.flat_map(|i| marks(run, i)) {
         let column = ((pixel.x - area.least.x) / area.width() * CELLS[0] as f64) as usize;
         let row = ((pixel.y - area.least.y) / area.height() * CELLS[1] as f64) as usize;

@@ -1,7 +1,7 @@
 //! What the rig hangs on, and what is known about its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::multiview::rig::{RejectedSighting, TargetScale};
+use crate::core::multiview::rig::{RejectedObservation, TargetScale};
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;
@@ -89,11 +89,11 @@ pub fn rig_headline(run: &RigRun) -> String {
 }
 
 /// Why an observation of a target took no part.
-pub fn rejection_sentence(reason: &RejectedSighting) -> String {
+pub fn rejection_sentence(reason: &RejectedObservation) -> String {
     match reason {
-        RejectedSighting::Undetermined(error) => error.to_string(),
-        RejectedSighting::Contradicts { rms_px } => format!(
-            "contradicts the other sightings (rms {rms_px:.1} px): wrong labels, a moved target or another moment"
+        RejectedObservation::Undetermined(error) => error.to_string(),
+        RejectedObservation::Contradicts { rms_px } => format!(
+            "contradicts the other observations (rms {rms_px:.1} px): wrong labels, a moved target or another moment"
         ),
         _ => "took no part".to_string(),
     }

@@ -1,4 +1,4 @@
-// The picture in space: the eye circles a centre; the formula is that of the still picture.
+// The image in space: the eye circles a centre; the formula is that of the still image.
 const space = byId("space");
 const START = { yaw: data.eye[0], pitch: data.eye[1], distance: data.eye[2], shift: [0, 0] };
 const TURNS = {
@@ -33,7 +33,7 @@ for (let i = 0; i < data.sightings.length; i += 4) {
   sightOf.get(key).push(data.sightings[i]);
 }
 
-// From a place in the rig to the picture; null behind the eye.
+// From a place in the rig to the image; null behind the eye.
 function projector(width, height) {
   const [cx, cy, cz, radius] = data.extent;
   const away = eye.distance * radius;

@@ -1,4 +1,4 @@
-//! The picture in space: cameras, targets and the cameras' error ellipsoids, drawn once for readers without scripts.
+//! The image in space: cameras, targets and the cameras' error ellipsoids, drawn once for readers without scripts.
 
 use super::Drawn;
 use super::pieces::{Viewpoint, color_class, number};
@@ -15,7 +15,7 @@ const ROUND: usize = 32;
 /// From behind the cameras' right shoulder; `space.js` starts there too.
 pub(super) const YAW_RAD: f64 = 0.6;
 pub(super) const PITCH_RAD: f64 = 0.45;
-/// Distance of the eye in reaches of the scene, and the part of the picture's half height that the reach fills.
+/// Distance of the eye in reaches of the scene, and the part of the image's half height that the reach fills.
 pub(super) const DISTANCE: f64 = 3.2;
 const FILLED: f64 = 1.3;
 
@@ -75,7 +75,7 @@ fn choices() -> String {
 fn caption(drawn: &Drawn) -> String {
     let (n_placed, n_drawn) = (drawn.targets.len(), drawn.targets.len().div_ceil(one_in(drawn)));
     let drawn_of =
-        if n_drawn < n_placed { format!(" ({n_drawn} of them in the still picture)") } else { String::new() };
+        if n_drawn < n_placed { format!(" ({n_drawn} of them in the still image)") } else { String::new() };
     format!(
         "{} cameras and {n_placed} placed targets{drawn_of}; ellipsoids hold 95 % of each place, magnified {}\u{a0}×; axes of the rig are {} long \
          (x red, y green, z blue)",
@@ -128,7 +128,7 @@ fn pyramid(drawn: &Drawn, eye: &Viewpoint, camera: usize) -> String {
 /// Its three principal ellipses, magnified.
 fn ellipsoid(drawn: &Drawn, eye: &Viewpoint, camera: usize) -> String {
     let placed = &drawn.run.solution.cameras[camera];
-    let covariance = geometry::place_covariance(&placed.cam_from_rig, &placed.covariance);
+    let covariance = geometry::position_covariance(&placed.cam_from_rig, &placed.covariance);
     let axes = geometry::half_axes(&covariance, geometry::CHI2_3_95.sqrt() * drawn.ellipse_magnification);
     let centre = placed.cam_from_rig.origin();
     let rings: String =

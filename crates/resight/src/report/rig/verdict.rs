@@ -44,8 +44,8 @@ pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
             )
         }
         Cause::Contradiction => format!(
-            "{} of {} sightings of {name} contradict the other cameras although most of them fit by themselves; views labelled wrongly, cameras that are not synchronised or are exchanged, or a target that moved are the likely cause",
-            losses.n_lost, losses.n_sightings
+            "{} of {} observations of {name} contradict the other cameras although most of them fit by themselves; views labelled wrongly, cameras that are not synchronised or are exchanged, or a target that moved are the likely cause",
+            losses.n_lost, losses.n_observations
         ),
         Cause::Target => format!(
             "{}; the target is the likely cause: its kind, its rows and columns or its labels",

@@ -1,14 +1,14 @@
 //! Views × cameras: how much of what was seen was used; and what was left out whole.
 
 use super::pieces::{fixed, row, tabular};
-use crate::core::multiview::rig::RejectedSighting;
+use crate::core::multiview::rig::RejectedObservation;
 use crate::report::html::escaped;
 use crate::rig::RigRun;
 use std::collections::BTreeMap;
 
 /// Cells that are shown: beyond, only the views with the smallest share of points used.
 const MOST_CELLS: usize = 24_000;
-/// Rejected sightings that are listed.
+/// Rejected observations that are listed.
 const MOST_REJECTED: usize = 500;
 
 /// What a camera saw in a view, over all targets.
@@ -48,10 +48,10 @@ impl Cell {
 
 fn cells(run: &RigRun) -> BTreeMap<(usize, usize), Cell> {
     let mut cells: BTreeMap<(usize, usize), Cell> = BTreeMap::new();
-    for (sighting, result) in run.rig.sightings.iter().zip(&run.solution.sightings) {
+    for (observation, result) in run.rig.observations.iter().zip(&run.solution.observations) {
         let used = || result.residuals_px.iter().flatten().filter(|r| r.1);
-        cells.entry((sighting.view, sighting.camera)).or_default().add(&Cell {
-            n_seen: sighting.seen.len(),
+        cells.entry((observation.view, observation.camera)).or_default().add(&Cell {
+            n_seen: observation.seen.len(),
             n_used: used().count(),
             sum_squares: used().map(|r| r.0.norm_squared()).sum(),
             is_rejected: result.rejected.is_some(),
@@ -80,7 +80,7 @@ pub(super) fn table(run: &RigRun) -> String {
         String::new()
     };
     let explained = format!(
-        "Share of the points seen that were used, %; empty where a camera saw nothing, × where a whole sighting was left out{which}"
+        "Share of the points seen that were used, %; empty where a camera saw nothing, × where a whole observation was left out{which}"
     );
     let table = tabular("views", "Points used, %", &head, &rows);
     format!("<p class=\"note\">{explained}.</p>{}{table}", legend())
@@ -144,13 +144,13 @@ fn percent(cell: &Cell) -> String {
 
 fn counts(cell: &Cell) -> String {
     let rms = if cell.n_used == 0 { String::new() } else { format!(", rms {} px", fixed(cell.rms(), 2)) };
-    let rejected = if cell.is_rejected { "; a sighting left out whole" } else { "" };
+    let rejected = if cell.is_rejected { "; an observation left out whole" } else { "" };
     format!("{} of {} points{rms}{rejected}", cell.n_used, cell.n_seen)
 }
 
-/// Sightings that took no part, each with its reason.
+/// Observations that took no part, each with its reason.
 pub(super) fn rejected(run: &RigRun) -> String {
-    let all = run.rig.sightings.iter().zip(&run.solution.sightings);
+    let all = run.rig.observations.iter().zip(&run.solution.observations);
     let rejected: Vec<_> = all.filter_map(|(s, r)| Some((s, r.rejected.as_ref()?))).collect();
     let lost = run.solution.n_seen.saturating_sub(run.solution.n_used);
     let points = format!(
@@ -159,7 +159,7 @@ pub(super) fn rejected(run: &RigRun) -> String {
         super::grouped(run.solution.n_seen)
     );
     if rejected.is_empty() {
-        return format!("{points}<p>Every sighting took part.</p>");
+        return format!("{points}<p>Every observation took part.</p>");
     }
     let rows: String = rejected
         .iter()
@@ -180,20 +180,20 @@ pub(super) fn rejected(run: &RigRun) -> String {
     } else {
         String::new()
     };
-    let caption = format!("Sightings that took no part{shown}");
+    let caption = format!("Observations that took no part{shown}");
     format!(
         "{points}{}",
         tabular("rejected", &caption, &["view", "camera", "target", "points", "reason"], &rows)
     )
 }
 
-fn why(reason: &RejectedSighting) -> String {
+fn why(reason: &RejectedObservation) -> String {
     match reason {
-        RejectedSighting::Undetermined(error) => {
+        RejectedObservation::Undetermined(error) => {
             format!("its points determine no pose and nothing else in the view does: {error}")
         }
-        RejectedSighting::Contradicts { rms_px } => format!(
-            "it contradicts the other sightings by {} px rms: wrong labels, a target that moved, or another view",
+        RejectedObservation::Contradicts { rms_px } => format!(
+            "it contradicts the other observations by {} px rms: wrong labels, a target that moved, or another view",
             fixed(*rms_px, 1)
         ),
         _ => "it took no part".into(),

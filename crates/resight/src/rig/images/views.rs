@@ -21,18 +21,20 @@ pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String
         .iter()
         .map(|p| p.path.file_stem().unwrap_or_default().to_string_lossy().into_owned())
         .collect();
-    let twins = twins(images, &stems);
-    if twins.is_none() && (are_timed || are_shared(images, &stems)) {
+    let duplicates = duplicates(images, &stems);
+    if duplicates.is_none() && (are_timed || are_shared(images, &stems)) {
         return Ok((stems, None));
     }
     let wild: Option<Vec<String>> = images.iter().map(|p| p.wild.clone()).collect();
-    if let Some(wild) = wild.filter(|wild| self::twins(images, wild).is_none() && are_shared(images, wild)) {
+    if let Some(wild) =
+        wild.filter(|wild| self::duplicates(images, wild).is_none() && are_shared(images, wild))
+    {
         let example = images.first().map(|p| p.path.display().to_string()).unwrap_or_default();
         let remark =
             format!("views are named by what the patterns' * stands for: {example} is view {}", wild[0]);
         return Ok((wild, Some(remark)));
     }
-    match twins {
+    match duplicates {
         Some((a, b)) => Err(Error::request(format!(
             "{} and {} are of one camera and would be one view; give folders by a pattern (NAME='*/image*.png') or rename them",
             a.display(),
@@ -43,7 +45,7 @@ pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String
 }
 
 /// Two images of one camera with the same name.
-fn twins<'a>(images: &'a [ImageFile], names: &[String]) -> Option<(&'a Path, &'a Path)> {
+fn duplicates<'a>(images: &'a [ImageFile], names: &[String]) -> Option<(&'a Path, &'a Path)> {
     let mut seen = BTreeMap::new();
     let mut pairs = images.iter().zip(names);
     pairs.find_map(|(p, name)| seen.insert((p.camera, name), &p.path).map(|earlier| (&**earlier, &*p.path)))

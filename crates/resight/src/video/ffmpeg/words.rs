@@ -2,7 +2,7 @@
 
 /// What a line says of the frames.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Told {
+pub(super) enum Reported {
     /// One tick of the stamps that follow.
     TimeBase {
         /// Seconds.
@@ -40,21 +40,21 @@ const GAVE_NO_FRAME: [&str; 4] = [
 const CORRUPT: &str = "corrupt decoded frame";
 
 /// What a line says of the frames. Two threads may share one: the filter begins it, the decoder ends it, without its marks.
-pub(super) fn told(line: &str) -> Vec<Told> {
+pub(super) fn reported(line: &str) -> Vec<Reported> {
     let shown = line.split_once("Parsed_showinfo").map(|(_, shown)| shown);
     let of_filter = shown.and_then(|shown| time_base(shown).or_else(|| frame(shown)));
     of_filter.into_iter().chain(of_decoder(line)).collect()
 }
 
-fn of_decoder(line: &str) -> Option<Told> {
+fn of_decoder(line: &str) -> Option<Reported> {
     if line.contains(CORRUPT) {
-        return Some(Told::CorruptFrame(complaint(line).unwrap_or_else(|| CORRUPT.to_string())));
+        return Some(Reported::CorruptFrame(complaint(line).unwrap_or_else(|| CORRUPT.to_string())));
     }
     if let Some((_, given)) = line.split_once("decoder -> pts:") {
-        return Some(Told::Decoded { time_s: decoded_s(given) });
+        return Some(Reported::Decoded { time_s: decoded_s(given) });
     }
     let complaint = complaint(line)?;
-    GAVE_NO_FRAME.iter().any(|words| complaint.contains(words)).then_some(Told::NoFrame(complaint))
+    GAVE_NO_FRAME.iter().any(|words| complaint.contains(words)).then_some(Reported::NoFrame(complaint))
 }
 
 /// `171000 pts_time:1.9 … time_base:1/90000`; without a stamp `NOPTS …`. The time itself is rounded there.
@@ -81,9 +81,9 @@ pub(super) fn sums_up(complaint: &str, before: &str, input: &str) -> bool {
 }
 
 /// `config in time_base: 1/90000, frame_rate: 25/1`
-fn time_base(shown: &str) -> Option<Told> {
+fn time_base(shown: &str) -> Option<Reported> {
     let (_, after) = shown.split_once("config in time_base: ")?;
-    ratio(after.split(',').next()?.trim()).map(|seconds| Told::TimeBase { seconds })
+    ratio(after.split(',').next()?.trim()).map(|seconds| Reported::TimeBase { seconds })
 }
 
 /// `1/90000`
@@ -94,13 +94,13 @@ fn ratio(text: &str) -> Option<f64> {
 }
 
 /// `n:   7 pts:   3570 pts_time:0.297 … s:640x480 i:P …`; without a stamp `pts:  NOPTS`.
-fn frame(shown: &str) -> Option<Told> {
+fn frame(shown: &str) -> Option<Reported> {
     let after = |name: &str| shown.split_once(name).map(|(_, after)| after.trim_start());
     let word = |name: &str| after(name)?.split_whitespace().next();
     let number = word(" n:")?.parse().ok()?;
     let ticks = word(" pts:")?.parse().ok();
     let (width, height) = word(" s:")?.split_once('x')?;
-    Some(Told::Frame { number, ticks, size_px: [width.parse().ok()?, height.parse().ok()?] })
+    Some(Reported::Frame { number, ticks, size_px: [width.parse().ok()?, height.parse().ok()?] })
 }
 
 #[cfg(test)]
@@ -110,19 +110,22 @@ mod tests {
     #[test]
     fn stamps_and_sizes_are_read() {
         let line = "[Parsed_showinfo_0 @ 0x55] [info] config in time_base: 1/90000, frame_rate: 25/1";
-        assert_eq!(told(line), [Told::TimeBase { seconds: 1.0 / 90000.0 }]);
-        assert_eq!(told("[Parsed_showinfo_0 @ 0x55] [info] config out time_base: 0/0, frame_rate: 0/0"), []);
+        assert_eq!(reported(line), [Reported::TimeBase { seconds: 1.0 / 90000.0 }]);
+        assert_eq!(
+            reported("[Parsed_showinfo_0 @ 0x55] [info] config out time_base: 0/0, frame_rate: 0/0"),
+            []
+        );
         let of_5_1 = "[Parsed_showinfo_0 @ 0x55] [info] n:   7 pts:   3570 pts_time:0.297  pos:  48 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:1 type:I ";
         let of_9 = "[Parsed_showinfo_0 @ 0x7f] [info] n:  20 pts:   3570 pts_time:1.7     duration:     33 duration_time:0.033   fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:0 type:P ";
         for (line, number) in [(of_5_1, 7), (of_9, 20)] {
-            let frame = Told::Frame { number, ticks: Some(3570), size_px: [640, 480] };
-            assert_eq!(told(line), [frame], "{line}");
+            let frame = Reported::Frame { number, ticks: Some(3570), size_px: [640, 480] };
+            assert_eq!(reported(line), [frame], "{line}");
         }
         let without =
             "[Parsed_showinfo_0 @ 0x55] [info] n:   0 pts:  NOPTS pts_time:NOPTS fmt:gray sar:0/1 s:2x3 i:P";
-        assert_eq!(told(without), [Told::Frame { number: 0, ticks: None, size_px: [2, 3] }]);
+        assert_eq!(reported(without), [Reported::Frame { number: 0, ticks: None, size_px: [2, 3] }]);
         for other in ["[Parsed_showinfo_0 @ 0x55] [info]   side data - User Data", "[info] frame=  12", ""] {
-            assert_eq!((told(other), complaint(other)), (Vec::new(), None), "{other}");
+            assert_eq!((reported(other), complaint(other)), (Vec::new(), None), "{other}");
         }
     }
 
@@ -134,17 +137,19 @@ mod tests {
             "Connection to tcp://h:1 failed: refused"
         );
         let torn = "[warning] tcp://h:1: corrupt decoded frame in stream 0";
-        assert!(matches!(&told(torn)[..], [Told::CorruptFrame(words)] if words.ends_with("in stream 0")));
+        assert!(
+            matches!(&reported(torn)[..], [Reported::CorruptFrame(words)] if words.ends_with("in stream 0"))
+        );
         for lost in [
             "[error] Error while decoding stream #0:0: Invalid data found when processing input",
             "[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] Error submitting packet to decoder: Invalid data found",
         ] {
             assert!(
-                matches!(&told(lost)[..], [Told::NoFrame(words)] if words.starts_with("Error")),
+                matches!(&reported(lost)[..], [Reported::NoFrame(words)] if words.starts_with("Error")),
                 "{lost}"
             );
         }
-        assert_eq!(told("[h264 @ 0x5] [error] error while decoding MB 6 3"), []);
+        assert_eq!(reported("[h264 @ 0x5] [error] error while decoding MB 6 3"), []);
     }
 
     #[test]
@@ -167,18 +172,18 @@ mod tests {
     #[test]
     fn what_the_decoder_gives_is_read() {
         let given = "decoder -> pts:171000 pts_time:1.9 pkt_dts:NOPTS pkt_dts_time:NOPTS duration:9000 keyframe:0 frame_type:2 time_base:1/90000 \n";
-        let decoded = |time_s| Told::Decoded { time_s };
+        let decoded = |time_s| Reported::Decoded { time_s };
         let alone = format!("[vist#0:0/h264 @ 0x56] [dec:h264 @ 0x57] [info] {given}");
-        assert_eq!(told(&alone), [decoded(Some(171_000.0 * (1.0 / 90000.0)))]);
+        assert_eq!(reported(&alone), [decoded(Some(171_000.0 * (1.0 / 90000.0)))]);
         let without = alone.replace("pts:171000", "pts:NOPTS");
-        assert_eq!(told(&without), [decoded(None)]);
+        assert_eq!(reported(&without), [decoded(None)]);
         let begun = "[Parsed_showinfo_0 @ 0x7f] [info] n:  18 pts: 162000 pts_time:1.8 fmt:yuv420p s:320x240 i:P type:P ";
-        let shown = Told::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240] };
+        let shown = Reported::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240] };
         assert_eq!(
-            told(&format!("{begun}{given}"))[..],
+            reported(&format!("{begun}{given}"))[..],
             [shown.clone(), decoded(Some(171_000.0 * (1.0 / 90000.0)))]
         );
-        let torn = Told::CorruptFrame(CORRUPT.to_string());
-        assert_eq!(told(&format!("{begun}{CORRUPT}\n")), [shown, torn]);
+        let torn = Reported::CorruptFrame(CORRUPT.to_string());
+        assert_eq!(reported(&format!("{begun}{CORRUPT}\n")), [shown, torn]);
     }
 }

@@ -90,7 +90,7 @@ impl Table {
     }
 }
 
-/// A turn has the first three coordinates.
+/// A rotation has the first three coordinates.
 fn matrix_columns(name: &str, n: usize) -> Vec<(String, Kind)> {
     let column = |(i, j): (usize, usize)| {
         let ((a, of_a), (b, of_b)) = (COORDINATES[i], COORDINATES[j]);
@@ -127,13 +127,13 @@ pub(super) fn of_row(row: &StoredRow) -> Vec<Cell> {
     cells.extend(matrix_cells(summary.map(|s| &s.scatter)));
     cells.extend(vector_cells(summary.map(|s| &s.least)));
     cells.extend(vector_cells(summary.map(|s| &s.most)));
-    let (turned, turns) = (row.turned.as_ref(), row.turn_summary.as_ref());
-    cells.extend([row.turns.into(), turned.map(|t| t.n_landmarks).into()]);
-    cells.extend(vector_cells(turned.map(|t| &t.rotation_rad)));
-    cells.extend(matrix_cells(turned.map(|t| &t.covariance_rad2)));
-    cells.extend(matrix_cells(turns.map(|s| &s.scatter_rad2)));
-    cells.extend(vector_cells(turns.map(|s| &s.least_rad)));
-    cells.extend(vector_cells(turns.map(|s| &s.most_rad)));
+    let (rotated, rotations) = (row.rotated.as_ref(), row.rotation_summary.as_ref());
+    cells.extend([row.rotations.into(), rotated.map(|t| t.n_landmarks).into()]);
+    cells.extend(vector_cells(rotated.map(|t| &t.rotation_rad)));
+    cells.extend(matrix_cells(rotated.map(|t| &t.covariance_rad2)));
+    cells.extend(matrix_cells(rotations.map(|s| &s.scatter_rad2)));
+    cells.extend(vector_cells(rotations.map(|s| &s.least_rad)));
+    cells.extend(vector_cells(rotations.map(|s| &s.most_rad)));
     cells
 }
 

@@ -26,9 +26,9 @@ pub(super) fn open(table: Table, file: File) -> std::io::Result<Box<dyn Sheet>> 
     let columns = table.columns();
     let kinds: Vec<Kind> = columns.iter().map(|(_, kind)| *kind).collect();
     let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
-    let schema = Arc::new(schema(&columns).map_err(told)?);
+    let schema = Arc::new(schema(&columns).map_err(reported)?);
     let writer =
-        SerializedFileWriter::new(BufWriter::new(file), schema, Arc::new(properties)).map_err(told)?;
+        SerializedFileWriter::new(BufWriter::new(file), schema, Arc::new(properties)).map_err(reported)?;
     let cells = vec![Vec::new(); kinds.len()];
     Ok(Box::new(Groups { writer, kinds, cells }))
 }
@@ -53,12 +53,12 @@ fn schema(columns: &[(String, Kind)]) -> Result<Type, ParquetError> {
 impl Sheet for Groups {
     fn row(&mut self, cells: Vec<Cell>) -> std::io::Result<()> {
         self.cells.iter_mut().zip(cells).for_each(|(column, cell)| column.push(cell));
-        if ROWS <= self.cells.first().map_or(0, Vec::len) { self.flush().map_err(told) } else { Ok(()) }
+        if ROWS <= self.cells.first().map_or(0, Vec::len) { self.flush().map_err(reported) } else { Ok(()) }
     }
 
     fn finish(mut self: Box<Self>) -> std::io::Result<()> {
-        self.flush().map_err(told)?;
-        self.writer.close().map(|_| ()).map_err(told)
+        self.flush().map_err(reported)?;
+        self.writer.close().map(|_| ()).map_err(reported)
     }
 }
 
@@ -96,15 +96,15 @@ fn write<T: DataType>(
     value: impl Fn(&Cell) -> Option<T::T>,
 ) -> Result<(), ParquetError> {
     let values: Vec<Option<T::T>> = cells.iter().map(value).collect();
-    let is_there: Vec<i16> = values.iter().map(|value| i16::from(value.is_some())).collect();
+    let connected: Vec<i16> = values.iter().map(|value| i16::from(value.is_some())).collect();
     let there: Vec<T::T> = values.into_iter().flatten().collect();
     let Some(mut column) = group.next_column()? else {
         return Err(ParquetError::General("the schema has fewer columns than the rows".to_string()));
     };
-    column.typed::<T>().write_batch(&there, Some(&is_there), None)?;
+    column.typed::<T>().write_batch(&there, Some(&connected), None)?;
     column.close()
 }
 
-fn told(error: ParquetError) -> std::io::Error {
+fn reported(error: ParquetError) -> std::io::Error {
     std::io::Error::other(error.to_string())
 }

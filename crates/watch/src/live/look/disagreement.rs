@@ -50,7 +50,7 @@ pub(super) struct Expected<'a> {
 }
 
 impl Disagreement {
-    pub fn is_lasting(&self) -> bool {
+    pub fn is_persistent(&self) -> bool {
         !self.off.is_empty()
     }
 
@@ -61,7 +61,7 @@ impl Disagreement {
     /// Whether some of the points, half at most, are off while the others are where they are expected, and that is the likelier story than a
     /// motion to `now`: in this view, or in all since the fault began.
     pub fn is_in(&mut self, seen: &[Correspondence], expected: &Expected, now: &Pose) -> bool {
-        let is_lasting = self.is_lasting();
+        let is_persistent = self.is_persistent();
         let at_home: Option<Vec<Row>> = seen.iter().map(|point| Row::new(point, expected)).collect();
         let Some(mut rows) = at_home else {
             self.end();
@@ -69,9 +69,9 @@ impl Disagreement {
         };
         let by_motion: Option<f64> = seen.iter().map(|point| off(point, expected.lens, now)).sum();
         let of_view = weigh(&rows, &expected.information);
-        let is_fault = of_view.is_fault(by_motion.unwrap_or(f64::INFINITY), is_lasting);
+        let is_fault = of_view.is_fault(by_motion.unwrap_or(f64::INFINITY), is_persistent);
         self.add(seen, &rows);
-        let is_in_all = is_lasting && !of_view.is_of_most && {
+        let is_in_all = is_persistent && !of_view.is_of_most && {
             self.mean_of(seen, &mut rows);
             let all = weigh(&rows, &expected.information);
             all.is_fault(all.by_motion, true)
@@ -83,7 +83,7 @@ impl Disagreement {
     }
 
     fn add(&mut self, seen: &[Correspondence], rows: &[Row]) {
-        self.views = if self.is_lasting() { self.views + 1.0 } else { 1.0 };
+        self.views = if self.is_persistent() { self.views + 1.0 } else { 1.0 };
         let share = (1.0 / self.views).max(NEWEST);
         for (point, row) in seen.iter().zip(rows) {
             match self.off.iter_mut().find(|off| off.x_in_target == point.x_in_target) {
@@ -138,8 +138,8 @@ struct Weighed {
 
 impl Weighed {
     /// `by_motion`: what a motion leaves, its six numbers not counted.
-    fn is_fault(&self, by_motion: f64, is_lasting: bool) -> bool {
-        let [than_motion, than_nothing] = if is_lasting { [0.0; 2] } else { [THAN_MOTION, THAN_NOTHING] };
+    fn is_fault(&self, by_motion: f64, is_persistent: bool) -> bool {
+        let [than_motion, than_nothing] = if is_persistent { [0.0; 2] } else { [THAN_MOTION, THAN_NOTHING] };
         0 < self.away
             && !self.is_of_most
             && self.fault + than_nothing <= self.nothing

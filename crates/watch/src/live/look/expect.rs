@@ -1,4 +1,4 @@
-//! Where the features of a target would be in the next picture, by what is known of the pose.
+//! Where the features of a target would be in the next image, by what is known of the pose.
 
 use resight_core::target::Feature;
 use resight_core::temporal::track::Tracked;

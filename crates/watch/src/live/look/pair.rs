@@ -2,9 +2,9 @@
 
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
-use super::{LookError, Looked, micros, nothing};
+use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{Doubt, LiveConfig, Observation, Promise, State, Watched};
+use crate::live::{CheckingReason, LiveConfig, Observation, Promise, State, Watched};
 use crate::source::{Content, Frame};
 use resight::GrayImage;
 use resight::detect::follow::Follower;
@@ -45,7 +45,7 @@ enum Stage {
     Starting(Box<Reference>),
     Learning(Vec<Reading>),
     Watching(Box<Monitor>),
-    /// The camera moves, or the target is carried about: its pose is followed, drift of this pair alone is not watched.
+    /// The camera moves, or the target is hand-held: its pose is followed, drift of this pair alone is not watched.
     Following {
         last_s: Option<f64>,
         is_seen: bool,
@@ -53,19 +53,19 @@ enum Stage {
 }
 
 /// What a camera shows of a target.
-pub(super) enum Sight<'a> {
-    /// A picture, and the lens at its size.
+pub(super) enum FrameContent<'a> {
+    /// An image, and the lens at its size.
     Image(&'a GrayImage, &'a Camera),
     /// Features found by another program.
     Detections(&'a [Detection]),
 }
 
-impl<'a> Sight<'a> {
-    /// The lens at the size of the picture; features found by another program are those of the calibration's own size.
+impl<'a> FrameContent<'a> {
+    /// The lens at the size of the image; features found by another program are those of the calibration's own size.
     fn lens(&self) -> Option<&'a Camera> {
         match self {
-            Sight::Image(_, lens) => Some(lens),
-            Sight::Detections(_) => None,
+            FrameContent::Image(_, lens) => Some(lens),
+            FrameContent::Detections(_) => None,
         }
     }
 }
@@ -73,10 +73,10 @@ impl<'a> Sight<'a> {
 impl Pair {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
-    pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, LookError> {
+    pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, CameraWatcherError> {
         // Said now: a monitor that cannot be would only show as learning that never ends.
         config.monitor.check()?;
-        config.lasting.check()?;
+        config.correlated.check()?;
         let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
         let stage = match &watched.reference {
             _ if moves || config.rig.is_some() => Stage::Following { last_s: None, is_seen: false },
@@ -123,7 +123,7 @@ impl Pair {
         let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
         let is_suspect = |monitor: &Monitor| {
             let now = monitor.watch(monitor.last_usable_s());
-            monitor.drift().is_some() || matches!(now, Watch::Settling | Watch::Doubted)
+            monitor.drift().is_some() || matches!(now, Watch::Checking | Watch::CorrelatedErrors)
         };
         self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
@@ -176,9 +176,9 @@ impl Pair {
     pub fn take(
         &mut self,
         frame: &Frame,
-        sight: Result<Sight<'_>, String>,
+        sight: Result<FrameContent<'_>, String>,
         mut observation: Observation,
-    ) -> Looked {
+    ) -> FrameResult {
         self.start(frame.capture_s, !matches!(frame.content, Content::Unreadable(_)));
         if let Err(reason) = sight.and_then(|sight| self.observe(frame, &sight, &mut observation)) {
             observation.reason = Some(reason);
@@ -192,7 +192,7 @@ impl Pair {
             None => (None, None, None),
         };
         let promise = promise.map(Box::new);
-        Looked { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
+        FrameResult { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
     }
 
     /// What its noise lets the monitor promise, where that is measured.
@@ -206,15 +206,15 @@ impl Pair {
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
             Stage::Starting(_) => {
-                State::Unseen { for_s: self.began.map_or(0.0, |(began_s, _)| t_s - began_s) }
+                State::Stale { for_s: self.began.map_or(0.0, |(began_s, _)| t_s - began_s) }
             }
             Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
             Stage::Learning(readings) => self.learning(readings, t_s),
             Stage::Watching(monitor) => monitor.watch(t_s).into(),
             Stage::Following { last_s, is_seen } => {
                 let for_s = t_s - last_s.unwrap_or(t_s);
-                let is_seen = *is_seen && for_s <= self.config.monitor.unseen_after_s;
-                if is_seen { State::Followed } else { State::Unseen { for_s } }
+                let is_seen = *is_seen && for_s <= self.config.monitor.stale_after_s;
+                if is_seen { State::Tracking } else { State::Stale { for_s } }
             }
         }
     }
@@ -223,17 +223,17 @@ impl Pair {
     fn learning(&self, readings: &[Reading], t_s: f64) -> State {
         let seen_s =
             readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
-        if self.config.monitor.unseen_after_s < t_s - seen_s {
-            return State::Unseen { for_s: t_s - seen_s };
+        if self.config.monitor.stale_after_s < t_s - seen_s {
+            return State::Stale { for_s: t_s - seen_s };
         }
         let needed = next_test(readings.len(), self.config.learn_readings);
         State::Learning { readings: readings.len(), needed }
     }
 
-    /// The first frame sets the clock: what is not seen from then on is unseen. One that cannot be read may have another clock's time,
+    /// The first frame sets the clock: what is not seen from then on is stale. One that cannot be read may have another clock's time,
     /// so the first that can sets it for good.
     fn start(&mut self, t_s: f64, is_readable: bool) {
-        if self.began.is_some_and(|(_, is_sure)| is_sure || !is_readable) {
+        if self.began.is_some_and(|(_, is_certain)| is_certain || !is_readable) {
             return;
         }
         self.began = Some((t_s, is_readable));
@@ -252,7 +252,7 @@ impl Pair {
     fn observe(
         &mut self,
         frame: &Frame,
-        sight: &Sight<'_>,
+        sight: &FrameContent<'_>,
         observation: &mut Observation,
     ) -> Result<(), String> {
         let started = Instant::now();
@@ -284,10 +284,10 @@ impl Pair {
         Ok(())
     }
 
-    fn detections<'a>(&mut self, t_s: f64, sight: &Sight<'a>) -> Result<Cow<'a, [Detection]>, String> {
+    fn detections<'a>(&mut self, t_s: f64, sight: &FrameContent<'a>) -> Result<Cow<'a, [Detection]>, String> {
         let found = match sight {
-            Sight::Detections(detections) => Cow::Borrowed(*detections),
-            Sight::Image(image, camera) => {
+            FrameContent::Detections(detections) => Cow::Borrowed(*detections),
+            FrameContent::Image(image, camera) => {
                 let predicted = self.tracker.predicted(t_s);
                 let expected = self.expectation.of(predicted.as_ref(), camera);
                 let found = self.follower.detect(image, camera, t_s, expected);
@@ -316,17 +316,17 @@ impl Pair {
         if readings.len() < next_test(readings.len(), needed) {
             return None;
         }
-        if let Some(unsettled) = unsettled(readings, &self.config.lasting) {
+        if let Some(unsettled) = unsettled(readings, &self.config.correlated) {
             forget(readings, &unsettled, needed);
             return Some(Learned::Motion(Box::new(unsettled)));
         }
-        let reference = learn(readings, &self.config.lasting).ok().and_then(|reference| {
+        let reference = learn(readings, &self.config.correlated).ok().and_then(|reference| {
             let mut monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok()?;
             monitor.measure_noise(readings);
             Some((reference, monitor))
         });
         let Some((reference, monitor)) = reference else {
-            // They do not agree (yet): the older half is forgotten, and learning goes on.
+            // They do not agree (yet): the older half is forgotten, and learning continues.
             readings.drain(..readings.len() / 2);
             return None;
         };
@@ -343,7 +343,7 @@ const PROMISED_WITHIN_S: f64 = 60.0;
 enum Learned {
     /// With the readings that it comes from.
     Reference(Box<Reference>, Vec<Reading>),
-    /// The camera moved, and learning goes on.
+    /// The camera moved, and learning continues.
     Motion(Box<Unsettled>),
 }
 
@@ -389,7 +389,7 @@ fn is_fault(
         Some((motion.dot(&factor.solve(&motion)), expected))
     });
     match weighed {
-        Some((chi2, expected)) if disagreement.is_lasting() || UNLIKELY < chi2 => {
+        Some((chi2, expected)) if disagreement.is_persistent() || UNLIKELY < chi2 => {
             disagreement.is_in(points, &expected, &reading.a_from_b)
         }
         _ => {
@@ -407,12 +407,12 @@ fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
     let first = Candidate {
         cam_from_target: estimate.cam_from_target,
         covariance: estimate.covariance,
-        weight: estimate.weight,
+        probability: estimate.probability,
     };
     let others = estimate.others.iter().flatten().map(|other| Candidate {
         cam_from_target: other.minimum.cam_from_target,
         covariance: other.minimum.covariance,
-        weight: other.weight,
+        probability: other.probability,
     });
     std::iter::once(first).chain(others).collect()
 }
@@ -432,9 +432,9 @@ impl From<Watch> for State {
     fn from(watch: Watch) -> Self {
         match watch {
             Watch::Steady => State::Steady,
-            Watch::Unseen { for_s } => State::Unseen { for_s },
-            Watch::Settling => State::Settling(Doubt::Different),
-            Watch::Doubted => State::Settling(Doubt::ErrorsLast),
+            Watch::Stale { for_s } => State::Stale { for_s },
+            Watch::Checking => State::Checking(CheckingReason::Different),
+            Watch::CorrelatedErrors => State::Checking(CheckingReason::CorrelatedErrors),
             Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
             Watch::Inconsistent => State::Inconsistent,
         }

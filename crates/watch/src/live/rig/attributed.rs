@@ -1,7 +1,7 @@
 //! Cameras and targets that all stand still: which of them an alarm is about.
 
 use super::Nodes;
-use crate::live::{Doubt, Event, LiveConfig, Observation, State};
+use crate::live::{CheckingReason, Event, LiveConfig, Observation, State};
 use resight_core::Pose;
 use resight_core::temporal::monitor::attribute::{Attribution, Edge, attribute};
 use resight_core::temporal::monitor::{Drift, Monitor, MonitorConfig, Reading, Reference, Watch};
@@ -11,7 +11,7 @@ pub(in crate::live) struct Pairs {
     nodes: Nodes,
     config: MonitorConfig,
     pairs: Vec<Pair>,
-    told: Told,
+    reported: Reported,
     /// For each camera the capture time of its newest frame, and that of the newest when it was last asked what moved, seconds.
     newest_s: Vec<f64>,
     asked_s: Vec<f64>,
@@ -27,12 +27,12 @@ struct Pair {
     monitor: Option<Monitor>,
     /// As its camera says, and as it was reported.
     state: Option<State>,
-    told: Option<State>,
+    reported: Option<State>,
 }
 
 /// What moved, as last reported.
 #[derive(Default)]
-struct Told {
+struct Reported {
     answer: Answer,
     /// How often it was reported otherwise since it was last news.
     corrections: u32,
@@ -43,7 +43,7 @@ struct Told {
 #[derive(Debug, Clone, Default)]
 struct Answer {
     moved: Vec<usize>,
-    rivals: Vec<Vec<usize>>,
+    alternatives: Vec<Vec<usize>>,
     is_explained: bool,
 }
 
@@ -65,7 +65,7 @@ impl Pairs {
             nodes,
             config: config.monitor,
             pairs,
-            told: Told::default(),
+            reported: Reported::default(),
             newest_s: never_s.clone(),
             asked_s: never_s,
             asked_by: 0,
@@ -138,18 +138,18 @@ impl Pairs {
         let (camera, target) = (index / targets, index % targets);
         let pair = &self.pairs[index];
         let state = match &pair.state {
-            // Landmarks are no target that could be carried away.
+            // Landmarks are no target that could be removed.
             Some(State::Drifted(drift)) if pair.is_of_target(drift) => {
                 let target = self.nodes.cameras.len() + target;
-                self.told.blamed(camera, target).unwrap_or_else(|| State::Drifted(drift.clone()))
+                self.reported.blamed(camera, target).unwrap_or_else(|| State::Drifted(drift.clone()))
             }
             state => state.clone()?,
         };
         let pair = &mut self.pairs[index];
-        if pair.told.as_ref() == Some(&state) {
+        if pair.reported.as_ref() == Some(&state) {
             return None;
         }
-        pair.told = Some(state.clone());
+        pair.reported = Some(state.clone());
         Some(Event::StateChanged { camera, target, t_s, state })
     }
 
@@ -157,12 +157,12 @@ impl Pairs {
     fn attributed(&mut self, t_s: f64, is_news: bool) -> Option<Event> {
         let (attribution, began_s) = self.attribution();
         let answer = Answer::of(&attribution);
-        let before = self.told.answer.clone();
-        if !self.told.corrected(answer, t_s, is_news, self.config.decision_period_s) {
+        let before = self.reported.answer.clone();
+        if !self.reported.corrected(answer, t_s, is_news, self.config.decision_period_s) {
             return None;
         }
-        let answer = &self.told.answer;
-        if (&answer.moved, &answer.rivals) == (&before.moved, &before.rivals) {
+        let answer = &self.reported.answer;
+        if (&answer.moved, &answer.alternatives) == (&before.moved, &before.alternatives) {
             return None;
         }
         let name = |node: &usize| match node.checked_sub(self.nodes.cameras.len()) {
@@ -172,7 +172,7 @@ impl Pairs {
         Some(Event::Attributed {
             t_s: began_s,
             moved: attribution.moved.iter().map(|moved| (name(&moved.node), moved.clone())).collect(),
-            rivals: answer.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
+            alternatives: answer.alternatives.iter().map(|set| set.iter().map(name).collect()).collect(),
         })
     }
 
@@ -185,14 +185,14 @@ impl Pairs {
         (attribute(self.nodes.cameras.len() + self.nodes.targets.len(), &edges), began_s)
     }
 
-    /// What a pair says of a motion since then; none where it has not been seen since, or waits to be sure.
+    /// What a pair says of a motion since then; none where it has not been seen since, or waits for certainty.
     fn edge(&self, index: usize, began_s: f64) -> Option<Edge> {
         let targets = self.nodes.targets.len();
         let pair = &self.pairs[index];
         let (monitor, reference) = (pair.monitor.as_ref()?, pair.reference.as_ref()?);
-        let is_sure = matches!(monitor.watch(monitor.last_usable_s()), Watch::Steady | Watch::Drifted(_));
+        let is_certain = matches!(monitor.watch(monitor.last_usable_s()), Watch::Steady | Watch::Drifted(_));
         // The motion is in a reading of the very time that it began at.
-        if !is_sure || monitor.last_usable_s() < began_s {
+        if !is_certain || monitor.last_usable_s() < began_s {
             return None;
         }
         let (motion, covariance) = monitor.jump_since(began_s)?;
@@ -205,13 +205,18 @@ impl Pairs {
 impl Answer {
     fn of(attribution: &Attribution) -> Self {
         let moved = attribution.moved.iter().map(|moved| moved.node).collect();
-        Answer { moved, rivals: attribution.rivals.clone(), is_explained: attribution.is_explained }
+        Answer {
+            moved,
+            alternatives: attribution.alternatives.clone(),
+            is_explained: attribution.is_explained,
+        }
     }
 
-    /// Which of rivals fits a little better says nothing.
+    /// Which of alternatives fits a little better says nothing.
     fn is_same(&self, other: &Answer) -> bool {
         let sets = |of: &Answer| {
-            let mut sets: Vec<Vec<usize>> = std::iter::once(&of.moved).chain(&of.rivals).cloned().collect();
+            let mut sets: Vec<Vec<usize>> =
+                std::iter::once(&of.moved).chain(&of.alternatives).cloned().collect();
             sets.sort();
             sets
         };
@@ -219,7 +224,7 @@ impl Answer {
     }
 }
 
-impl Told {
+impl Reported {
     /// Whether this answer takes the place of the one that was reported: at once where there was none or it is news, else when it has lasted.
     fn corrected(&mut self, answer: Answer, t_s: f64, is_news: bool, period_s: f64) -> bool {
         if answer.is_same(&self.answer) {
@@ -241,21 +246,21 @@ impl Told {
         true
     }
 
-    /// What a drift of a camera against a target comes to: none where it is the camera's. A camera whose target was carried away has not
+    /// What a drift of a camera against a target comes to: none where it is the camera's. A camera whose target was removed has not
     /// moved, and while it may have been either nothing is decided.
     fn blamed(&self, camera: usize, target: usize) -> Option<State> {
-        let Answer { moved, rivals, is_explained } = &self.answer;
+        let Answer { moved, alternatives, is_explained } = &self.answer;
         if moved.is_empty() || !is_explained {
             return None;
         }
-        let sets = || std::iter::once(moved).chain(rivals);
+        let sets = || std::iter::once(moved).chain(alternatives);
         if sets().all(|set| set.contains(&camera)) {
             return None;
         }
         if sets().all(|set| set.contains(&target) && !set.contains(&camera)) {
             return Some(State::Steady);
         }
-        (!rivals.is_empty()).then_some(State::Settling(Doubt::Different))
+        (!alternatives.is_empty()).then_some(State::Checking(CheckingReason::Different))
     }
 }
 
@@ -272,7 +277,7 @@ impl Pair {
 
     fn push(&mut self, observation: &Observation, config: &MonitorConfig) {
         if observation.landmarks.is_some() {
-            return; // A turn since a picture, not a pose against the target.
+            return; // A rotation since an image, not a pose against the target.
         }
         let Some((reference, reading)) = self.reference.as_ref().zip(observation.reading.as_ref()) else {
             return;

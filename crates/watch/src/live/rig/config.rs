@@ -8,6 +8,6 @@ use resight_core::Pose;
 pub struct RigConfig {
     /// Where the cameras are, in the order of the session, and the covariance of all of them together, 6 rows a camera; none: learned.
     pub reference: Option<(Vec<Pose>, DMatrix<f64>)>,
-    /// Frames of this time belong to one moment, seconds.
+    /// Frames of this time belong to one frame set, seconds.
     pub sync_tolerance_s: f64,
 }

@@ -1,4 +1,4 @@
-//! Frames of several cameras put together into moments: each camera reads at its own pace, and some run ahead.
+//! Frames of several cameras put together into frame sets: each camera reads at its own pace, and some run ahead.
 
 use crate::live::pace::Pace;
 use resight::rig::synchronise::{TimedFrame, by_time};
@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 
 /// What one camera saw of one target.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct TargetPoints {
     pub target: usize,
     pub points: Vec<Correspondence>,
-    /// At the size of the picture.
+    /// At the size of the image.
     pub lens: Camera,
     pub estimate: PoseEstimate,
 }
@@ -23,12 +23,12 @@ pub(super) struct Seen {
 pub(super) struct Shown {
     pub camera: usize,
     pub t_s: f64,
-    pub seen: Vec<Seen>,
+    pub seen: Vec<TargetPoints>,
 }
 
 /// What all cameras saw at one time.
 #[derive(Debug, Clone)]
-pub(super) struct Together {
+pub(super) struct SynchronisedFrames {
     pub t_s: f64,
     pub frames: Vec<Shown>,
 }
@@ -43,7 +43,7 @@ const WAITING: usize = 2000;
 const WAITING_RECORDED: usize = 2 * WAITING;
 
 /// Frames that wait for those of other cameras.
-pub(super) struct Moments {
+pub(super) struct FrameSetQueue {
     tolerance_s: f64,
     cameras: Vec<Queue>,
     pace: Arc<Pace>,
@@ -59,7 +59,7 @@ struct Queue {
     spoke: Instant,
 }
 
-impl Moments {
+impl FrameSetQueue {
     pub fn new(is_live: &[bool], tolerance_s: f64, pace: &Arc<Pace>, now: Instant) -> Self {
         let queue = |is_live: &bool| Queue {
             waiting: VecDeque::new(),
@@ -69,7 +69,7 @@ impl Moments {
             spoke: now,
         };
         let cameras: Vec<Queue> = is_live.iter().map(queue).collect();
-        Moments { tolerance_s, held: vec![false; cameras.len()], cameras, pace: Arc::clone(pace) }
+        FrameSetQueue { tolerance_s, held: vec![false; cameras.len()], cameras, pace: Arc::clone(pace) }
     }
 
     pub fn ended(&mut self, camera: usize) {
@@ -93,7 +93,7 @@ impl Moments {
     }
 
     /// Moments to which nothing can be added any more, in order of time.
-    pub fn complete(&mut self, now: Instant) -> Vec<Together> {
+    pub fn complete(&mut self, now: Instant) -> Vec<SynchronisedFrames> {
         let horizon_s = self.horizon_s(now);
         let until_s = horizon_s - self.tolerance_s;
         let is_any = self.cameras.iter().any(|q| q.waiting.front().is_some_and(|first| first.t_s < until_s));
@@ -132,8 +132,8 @@ impl Moments {
         since.is_some_and(|since| PATIENCE_RECORDED < now.saturating_duration_since(since))
     }
 
-    fn taken(&mut self, until_s: f64) -> Vec<Together> {
-        // Frames a little later may belong to a moment that is not over: they are looked at, and stay.
+    fn taken(&mut self, until_s: f64) -> Vec<SynchronisedFrames> {
+        // Frames a little later may belong to a frame set that is not over: they are looked at, and stay.
         let near = |frame: &&Shown| frame.t_s <= until_s + 2.0 * self.tolerance_s;
         let frames = self.cameras.iter().flat_map(|queue| queue.waiting.iter().take_while(near));
         let timed: Vec<TimedFrame> =
@@ -142,12 +142,12 @@ impl Moments {
         let n = views.iter().max().map_or(0, |last| last + 1);
         let mut first_s = vec![f64::INFINITY; n];
         timed.iter().zip(&views).for_each(|(frame, view)| first_s[*view] = first_s[*view].min(frame.t_s));
-        let mut together: Vec<Together> =
-            first_s.iter().map(|t_s| Together { t_s: *t_s, frames: Vec::new() }).collect();
+        let mut together: Vec<SynchronisedFrames> =
+            first_s.iter().map(|t_s| SynchronisedFrames { t_s: *t_s, frames: Vec::new() }).collect();
         for (frame, view) in timed.iter().zip(&views).filter(|(_, view)| first_s[**view] < until_s) {
             together[*view].frames.extend(self.cameras[frame.camera].waiting.pop_front());
         }
-        together.retain(|moment| !moment.frames.is_empty());
+        together.retain(|frame_set| !frame_set.frames.is_empty());
         together
     }
 }
@@ -167,42 +167,45 @@ mod tests {
         Shown { camera, t_s, seen: Vec::new() }
     }
 
-    fn cameras(moments: &[Together]) -> Vec<Vec<usize>> {
-        moments.iter().map(|moment| moment.frames.iter().map(|frame| frame.camera).collect()).collect()
+    fn cameras(frame_sets: &[SynchronisedFrames]) -> Vec<Vec<usize>> {
+        frame_sets
+            .iter()
+            .map(|frame_set| frame_set.frames.iter().map(|frame| frame.camera).collect())
+            .collect()
     }
 
-    fn moments(is_live: &[bool], now: Instant) -> (Moments, Arc<Pace>) {
+    fn frame_sets(is_live: &[bool], now: Instant) -> (FrameSetQueue, Arc<Pace>) {
         let pace = Arc::new(Pace::new(is_live.len()));
-        (Moments::new(is_live, 0.02, &pace, now), pace)
+        (FrameSetQueue::new(is_live, 0.02, &pace, now), pace)
     }
 
     /// One camera is far ahead of the other; its frames wait.
     #[test]
-    fn a_moment_is_told_when_nothing_can_join_it() {
+    fn a_frame_set_is_reported_when_nothing_can_join_it() {
         let now = Instant::now();
-        let (mut moments, _) = moments(&[false, false], now);
-        (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
-        assert!(moments.complete(now).is_empty());
-        moments.push(frame(1, 0.01), now);
-        moments.push(frame(1, 1.01), now);
-        assert_eq!(cameras(&moments.complete(now)), [[0, 1]]);
-        moments.push(frame(1, 3.5), now);
-        assert_eq!(cameras(&moments.complete(now)), [vec![0, 1], vec![0], vec![0]]);
-        moments.ended(1);
-        assert_eq!(cameras(&moments.complete(now)), [vec![1]]);
-        moments.ended(0);
-        assert_eq!(cameras(&moments.complete(now)), [vec![0]]);
+        let (mut frame_sets, _) = frame_sets(&[false, false], now);
+        (0..5).for_each(|i| frame_sets.push(frame(0, f64::from(i)), now));
+        assert!(frame_sets.complete(now).is_empty());
+        frame_sets.push(frame(1, 0.01), now);
+        frame_sets.push(frame(1, 1.01), now);
+        assert_eq!(cameras(&frame_sets.complete(now)), [[0, 1]]);
+        frame_sets.push(frame(1, 3.5), now);
+        assert_eq!(cameras(&frame_sets.complete(now)), [vec![0, 1], vec![0], vec![0]]);
+        frame_sets.ended(1);
+        assert_eq!(cameras(&frame_sets.complete(now)), [vec![1]]);
+        frame_sets.ended(0);
+        assert_eq!(cameras(&frame_sets.complete(now)), [vec![0]]);
     }
 
     #[test]
     fn a_live_camera_that_hangs_is_not_waited_for() {
         let now = Instant::now();
-        let (mut moments, _) = moments(&[true, true], now);
-        (0..5).for_each(|i| moments.push(frame(0, f64::from(i)), now));
-        assert!(moments.complete(now).is_empty());
+        let (mut frame_sets, _) = frame_sets(&[true, true], now);
+        (0..5).for_each(|i| frame_sets.push(frame(0, f64::from(i)), now));
+        assert!(frame_sets.complete(now).is_empty());
         let later = now + PATIENCE + Duration::from_millis(1);
-        moments.push(frame(0, 5.0), later);
-        assert_eq!(moments.complete(later).len(), 5);
+        frame_sets.push(frame(0, 5.0), later);
+        assert_eq!(frame_sets.complete(later).len(), 5);
     }
 
     /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is reported without the
@@ -210,29 +213,29 @@ mod tests {
     #[test]
     fn a_fast_recording_waits_for_a_slow_one() {
         let now = Instant::now();
-        let (mut moments, pace) = moments(&[false, false], now);
-        (0..WAITING).for_each(|i| moments.push(frame(0, i as f64), now));
+        let (mut frame_sets, pace) = frame_sets(&[false, false], now);
+        (0..WAITING).for_each(|i| frame_sets.push(frame(0, i as f64), now));
         let later = now + 10 * PATIENCE_RECORDED;
-        assert!(moments.complete(later).is_empty());
+        assert!(frame_sets.complete(later).is_empty());
         assert!(!pace.may_read(0, Duration::ZERO) && pace.may_read(1, Duration::ZERO));
-        moments.push(frame(1, 5.5), later);
-        assert_eq!(moments.complete(later).len(), 6);
+        frame_sets.push(frame(1, 5.5), later);
+        assert_eq!(frame_sets.complete(later).len(), 6);
         assert!(pace.may_read(0, Duration::ZERO), "it was caught up with");
         pace.fell_silent(1, later);
-        assert!(moments.complete(later + PATIENCE_RECORDED / 2).is_empty());
-        assert_eq!(moments.complete(later + 2 * PATIENCE_RECORDED).len(), WAITING - 6);
+        assert!(frame_sets.complete(later + PATIENCE_RECORDED / 2).is_empty());
+        assert_eq!(frame_sets.complete(later + 2 * PATIENCE_RECORDED).len(), WAITING - 6);
     }
 
-    /// Pictures without times of their own: nobody is ahead, and nobody waits for ever.
+    /// Images without times of their own: nobody is ahead, and nobody waits for ever.
     #[test]
     fn recordings_of_one_time_do_not_wait_for_each_other() {
         let now = Instant::now();
-        let (mut moments, pace) = moments(&[false, false], now);
+        let (mut frame_sets, pace) = frame_sets(&[false, false], now);
         for _ in 0..WAITING_RECORDED {
-            (0..2).for_each(|camera| moments.push(frame(camera, 7.0), now));
-            moments.complete(now);
+            (0..2).for_each(|camera| frame_sets.push(frame(camera, 7.0), now));
+            frame_sets.complete(now);
             assert!((0..2).all(|camera| pace.may_read(camera, Duration::ZERO)));
         }
-        assert!(moments.cameras.iter().all(|queue| queue.waiting.len() < WAITING_RECORDED));
+        assert!(frame_sets.cameras.iter().all(|queue| queue.waiting.len() < WAITING_RECORDED));
     }
 }

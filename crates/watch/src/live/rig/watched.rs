@@ -1,8 +1,8 @@
-//! The relations among the cameras of a rig, from moments in which they see a target together.
+//! The relations among the cameras of a rig, from frame sets in which they see a target together.
 
 mod record;
 
-use super::moments::{Moments, Seen, Shown, Together};
+use super::moments::{FrameSetQueue, Shown, SynchronisedFrames, TargetPoints};
 use super::{Nodes, RigConfig};
 use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
@@ -10,7 +10,8 @@ use nalgebra::DMatrix;
 use resight_core::temporal::monitor::Unrest;
 use resight_core::temporal::monitor::learn::LEAST_READINGS;
 use resight_core::temporal::monitor::rig::{
-    Glance, RigMoment, RigMonitor, RigReference, RigUnsettled, learn_rig, learn_sight_noise, unsettled_rig,
+    FrameSet, RigMonitor, RigReference, RigUnsettled, TargetObservation, learn_observation_noise, learn_rig,
+    unsettled_rig,
 };
 use resight_core::{Camera, Error, Pose};
 use std::time::{Duration, Instant};
@@ -20,8 +21,8 @@ pub(in crate::live) struct Cameras {
     nodes: Nodes,
     reference: Option<(Vec<Pose>, DMatrix<f64>)>,
     config: LiveConfig,
-    moments: Moments,
-    learning: Vec<Together>,
+    frame_sets: FrameSetQueue,
+    learning: Vec<SynchronisedFrames>,
     monitor: Option<RigMonitor>,
     /// The frame that is being put together, for each camera: a frame has an event a target.
     open: Vec<Option<Shown>>,
@@ -34,17 +35,17 @@ pub(in crate::live) struct Cameras {
     due: Instant,
     /// When each camera was last seen together with another; from the first frame on.
     last_s: f64,
-    /// What the clock says that goes on while no camera says anything, also since an earlier session; none while one does.
+    /// What the clock says that continues while no camera says anything, also since an earlier session; none while one does.
     idle_s: Option<f64>,
     /// What each camera said last: a capture time, and when.
     heard: Vec<Option<(f64, Instant)>>,
     lost: Vec<Lost>,
     first_s: Option<f64>,
     seen_s: Vec<Option<f64>>,
-    told: Vec<Option<State>>,
-    /// Motions amid the moments that were to be learned from, which nobody has heard of yet.
+    reported: Vec<Option<State>>,
+    /// Motions amid the frame sets that were to be learned from, which nobody has heard of yet.
     unsettled: Vec<RigUnsettled>,
-    told_moved: (Vec<usize>, Vec<Vec<usize>>),
+    reported_moved: (Vec<usize>, Vec<Vec<usize>>),
 }
 
 /// What learning came to.
@@ -74,7 +75,7 @@ impl Cameras {
         let mut cameras = Cameras {
             reference: rig.reference.clone(),
             config: config.clone(),
-            moments: Moments::new(&nodes.is_live, rig.sync_tolerance_s, &nodes.pace, Instant::now()),
+            frame_sets: FrameSetQueue::new(&nodes.is_live, rig.sync_tolerance_s, &nodes.pace, Instant::now()),
             learning: Vec::new(),
             monitor: None,
             open: vec![None; n],
@@ -88,14 +89,14 @@ impl Cameras {
             lost: vec![Lost::No; n],
             first_s: None,
             seen_s: vec![None; n],
-            told: vec![None; n],
+            reported: vec![None; n],
             unsettled: Vec::new(),
-            told_moved: Default::default(),
+            reported_moved: Default::default(),
             nodes,
         };
         if let Some((state, record)) = state.and_then(|state| Some((state, state.rig()?))) {
             state.say(&match cameras.restore(&record) {
-                Ok(()) => format!("the rig goes on from {:.3} s", cameras.last_s),
+                Ok(()) => format!("the rig continues from {:.3} s", cameras.last_s),
                 Err(reason) => format!("the rig begins anew: {reason}"),
             });
         }
@@ -125,19 +126,19 @@ impl Cameras {
                 self.shown(camera, target, &mut observation, now);
                 events.push(Event::Observed { camera, target, observation });
             }
-            // A camera alone says only whether it sees the target. A live one's clock goes on while none does; a recorded one may be far
+            // A camera alone says only whether it sees the target. A live one's clock continues while none does; a recorded one may be far
             // ahead of the others.
             Event::StateChanged { camera, t_s, .. } => {
                 if self.nodes.is_live[camera] {
                     self.last_s = self.last_s.max(t_s);
                 }
             }
-            Event::Source { camera, is_there, reason } => {
-                self.lost[camera] = if is_there { Lost::No } else { Lost::ForNow };
-                events.push(Event::Source { camera, is_there, reason });
+            Event::Source { camera, connected, reason } => {
+                self.lost[camera] = if connected { Lost::No } else { Lost::ForNow };
+                events.push(Event::Source { camera, connected, reason });
             }
             Event::Ended { camera } => {
-                self.moments.ended(camera);
+                self.frame_sets.ended(camera);
                 self.heard[camera] = None;
                 if self.lost[camera] == Lost::ForNow {
                     self.lost[camera] = Lost::ForGood;
@@ -150,7 +151,7 @@ impl Cameras {
         events
     }
 
-    /// Nobody has said anything for a while: the clock of those that have not ended goes on.
+    /// Nobody has said anything for a while: the clock of those that have not ended continues.
     pub fn idle(&mut self, now: Instant) -> Vec<Event> {
         let heard = || self.heard.iter().flatten();
         let silent = |at: &Instant| now.saturating_duration_since(*at);
@@ -169,11 +170,11 @@ impl Cameras {
     /// Moments that are complete, and what follows from them.
     fn flow(&mut self, now: Instant) -> Vec<Event> {
         let mut events = Vec::new();
-        for moment in self.moments.complete(now) {
-            self.push(moment);
-            events.extend(self.told(self.now_s()));
+        for frame_set in self.frame_sets.complete(now) {
+            self.push(frame_set);
+            events.extend(self.reported(self.now_s()));
         }
-        events.extend(self.told(self.now_s()));
+        events.extend(self.reported(self.now_s()));
         events
     }
 
@@ -201,45 +202,47 @@ impl Cameras {
         };
         if let (Some(estimate), Some(lens)) = (observation.estimate, observation.lens.take()) {
             let points = std::mem::take(&mut observation.seen);
-            frame.seen.push(Seen { target, points, lens: *lens, estimate });
+            frame.seen.push(TargetPoints { target, points, lens: *lens, estimate });
         }
         if target + 1 < self.nodes.targets.len() {
             self.open[camera] = Some(frame);
         } else {
-            self.moments.push(frame, now);
+            self.frame_sets.push(frame, now);
             (self.whole[camera], self.is_new) = (Some((t_s, unix_s())), true);
         }
     }
 
-    fn push(&mut self, moment: Together) {
-        self.last_s = self.last_s.max(moment.t_s);
-        self.first_s.get_or_insert(moment.t_s);
-        for frame in moment.frames.iter().filter(|frame| is_shared(&moment, frame)) {
-            self.seen_s[frame.camera] = Some(moment.t_s);
+    fn push(&mut self, frame_set: SynchronisedFrames) {
+        self.last_s = self.last_s.max(frame_set.t_s);
+        self.first_s.get_or_insert(frame_set.t_s);
+        for frame in frame_set.frames.iter().filter(|frame| is_shared(&frame_set, frame)) {
+            self.seen_s[frame.camera] = Some(frame_set.t_s);
         }
         match &mut self.monitor {
-            Some(monitor) => monitor.push(&borrowed(&moment)),
-            None if moment.frames.iter().any(|frame| is_shared(&moment, frame)) => self.learn(moment),
+            Some(monitor) => monitor.push(&borrowed(&frame_set)),
+            None if frame_set.frames.iter().any(|frame| is_shared(&frame_set, frame)) => {
+                self.learn(frame_set)
+            }
             None => {}
         }
     }
 
-    /// One more moment to learn from; those that were learned from are then watched too where the rig was known before.
-    fn learn(&mut self, moment: Together) {
-        self.learning.push(moment);
+    /// One more frame set to learn from; those that were learned from are then watched too where the rig was known before.
+    fn learn(&mut self, frame_set: SynchronisedFrames) {
+        self.learning.push(frame_set);
         if self.learning.len() < self.config.learn_readings.max(LEAST_READINGS) {
             return;
         }
-        let moments: Vec<RigMoment> = self.learning.iter().map(borrowed).collect();
-        match self.learned(&moments) {
+        let frame_sets: Vec<FrameSet> = self.learning.iter().map(borrowed).collect();
+        match self.learned(&frame_sets) {
             Ok(Learned::Monitor(monitor)) => (self.monitor, self.learning) = (Some(*monitor), Vec::new()),
             Ok(Learned::Motion(unsettled)) => {
                 let is_step = unsettled.unsettled.unrest == Unrest::Step;
-                let after = if is_step { unsettled.unsettled.reading } else { moments.len() / 2 };
+                let after = if is_step { unsettled.unsettled.reading } else { frame_sets.len() / 2 };
                 self.learning.drain(..after);
                 self.unsettled.push(*unsettled);
             }
-            // They do not tie all cameras together yet: the older half is forgotten once there are many, and learning goes on.
+            // They do not tie all cameras together yet: the older half is forgotten once there are many, and learning continues.
             Err(_) if 4 * self.config.learn_readings <= self.learning.len() => {
                 self.learning.drain(..self.learning.len() / 2);
             }
@@ -247,54 +250,54 @@ impl Cameras {
         }
     }
 
-    fn learned(&self, moments: &[RigMoment]) -> Result<Learned, Error> {
+    fn learned(&self, frame_sets: &[FrameSet]) -> Result<Learned, Error> {
         match &self.reference {
             Some((cam_from_rig, covariance)) => {
-                let mut monitor = self.watched_from(cam_from_rig, covariance, moments)?;
-                moments.iter().for_each(|moment| monitor.push(moment));
+                let mut monitor = self.watched_from(cam_from_rig, covariance, frame_sets)?;
+                frame_sets.iter().for_each(|frame_set| monitor.push(frame_set));
                 Ok(Learned::Monitor(Box::new(monitor)))
             }
             None => {
-                let reference = learn_rig(&self.lenses(), moments, &self.config.lasting)?;
-                let unsettled = unsettled_rig(&reference.cam_from_rig, moments, &self.config.lasting);
+                let reference = learn_rig(&self.lenses(), frame_sets, &self.config.correlated)?;
+                let unsettled = unsettled_rig(&reference.cam_from_rig, frame_sets, &self.config.correlated);
                 if let Some(unsettled) = unsettled {
                     return Ok(Learned::Motion(Box::new(unsettled)));
                 }
-                let start_s = moments.last().map_or(0.0, |moment| moment.t_s);
+                let start_s = frame_sets.last().map_or(0.0, |frame_set| frame_set.t_s);
                 let monitor = RigMonitor::new(&reference, &self.config.monitor, start_s)?;
                 Ok(Learned::Monitor(Box::new(monitor)))
             }
         }
     }
 
-    /// The places are known, how well a sight is known is learned. A camera that moved amid these moments would make that noise as wide as
+    /// The places are known, how well a sight is known is learned. A camera that moved amid these frame sets would make that noise as wide as
     /// its motion: it is learned from the longer part, before or after, and the monitor then says what moved.
     fn watched_from(
         &self,
         cam_from_rig: &[Pose],
         covariance: &DMatrix<f64>,
-        moments: &[RigMoment],
+        frame_sets: &[FrameSet],
     ) -> Result<RigMonitor, Error> {
-        let lasting = &self.config.lasting;
-        let part = match unsettled_rig(cam_from_rig, moments, lasting) {
+        let correlated = &self.config.correlated;
+        let part = match unsettled_rig(cam_from_rig, frame_sets, correlated) {
             Some(RigUnsettled { unsettled, .. }) if unsettled.unrest == Unrest::Step => {
-                let (before, after) = moments.split_at(unsettled.reading);
+                let (before, after) = frame_sets.split_at(unsettled.reading);
                 if after.len() < before.len() { before } else { after }
             }
-            _ => moments,
+            _ => frame_sets,
         };
         let reference = RigReference {
-            noise: learn_sight_noise(cam_from_rig, part, lasting),
+            noise: learn_observation_noise(cam_from_rig, part, correlated),
             cam_from_rig: cam_from_rig.to_vec(),
             covariance: covariance.clone(),
         };
-        let start_s = moments.first().map_or(0.0, |moment| moment.t_s);
+        let start_s = frame_sets.first().map_or(0.0, |frame_set| frame_set.t_s);
         RigMonitor::new(&reference, &self.config.monitor, start_s)
     }
 
-    /// At the size of the pictures that are learned from.
+    /// At the size of the images that are learned from.
     fn lenses(&self) -> Vec<Camera> {
-        let frames = || self.learning.iter().rev().flat_map(|moment| &moment.frames);
+        let frames = || self.learning.iter().rev().flat_map(|frame_set| &frame_set.frames);
         let seen = |camera| frames().filter(move |f| f.camera == camera).find_map(|f| f.seen.first());
         let lens = |(camera, own): (usize, &Camera)| seen(camera).map_or(own, |seen| &seen.lens).clone();
         self.nodes.lenses.iter().enumerate().map(lens).collect()
@@ -303,14 +306,14 @@ impl Cameras {
     fn states(&self, t_s: f64) -> Vec<State> {
         let state = |camera: usize| match &self.monitor {
             _ if self.lost[camera] == Lost::ForGood => {
-                State::Unseen { for_s: self.seen_s[camera].map_or(0.0, |seen_s| t_s - seen_s) }
+                State::Stale { for_s: self.seen_s[camera].map_or(0.0, |seen_s| t_s - seen_s) }
             }
             Some(monitor) => monitor.watch(camera, t_s).into(),
             None => {
                 let since_s = self.seen_s[camera].or(self.first_s).unwrap_or(t_s);
                 let for_s = t_s - since_s;
-                match self.config.monitor.unseen_after_s < for_s {
-                    true => State::Unseen { for_s },
+                match self.config.monitor.stale_after_s < for_s {
+                    true => State::Stale { for_s },
                     false => State::Learning {
                         readings: self.learning.len(),
                         needed: self.config.learn_readings.max(LEAST_READINGS),
@@ -322,19 +325,19 @@ impl Cameras {
     }
 
     /// What has changed since it was reported: what moved first, then the cameras' states.
-    fn told(&mut self, t_s: f64) -> Vec<Event> {
+    fn reported(&mut self, t_s: f64) -> Vec<Event> {
         if self.first_s.is_none() {
             return Vec::new();
         }
-        let unsettled = |RigUnsettled { camera, rivals, unsettled }| {
+        let unsettled = |RigUnsettled { camera, alternatives, unsettled }| {
             let unsettled = Box::new(unsettled);
-            Event::MovedWhileLearning { camera, target: 0, rivals, unsettled }
+            Event::MovedWhileLearning { camera, target: 0, alternatives, unsettled }
         };
         let mut events: Vec<Event> = self.unsettled.drain(..).map(unsettled).collect();
         events.extend(self.moved());
         for (camera, state) in self.states(t_s).into_iter().enumerate() {
-            let is_new = self.told[camera].as_ref().is_none_or(|before| is_news(before, &state));
-            self.told[camera] = Some(state.clone());
+            let is_new = self.reported[camera].as_ref().is_none_or(|before| is_news(before, &state));
+            self.reported[camera] = Some(state.clone());
             if is_new {
                 events.extend(self.changed(camera, t_s, &state));
             }
@@ -351,24 +354,24 @@ impl Cameras {
     fn moved(&mut self) -> Option<Event> {
         let now = self.monitor.as_ref()?.moved();
         let nodes: Vec<usize> = now.moved.iter().map(|moved| moved.node).collect();
-        let is_told = self.told_moved.0 == nodes && self.told_moved.1 == now.rivals;
-        if is_told {
+        let is_reported = self.reported_moved.0 == nodes && self.reported_moved.1 == now.alternatives;
+        if is_reported {
             return None;
         }
-        self.told_moved = (nodes, now.rivals.clone());
+        self.reported_moved = (nodes, now.alternatives.clone());
         let name = |node: &usize| self.nodes.cameras[*node].clone();
         Some(Event::Attributed {
             t_s: now.began_s,
             moved: now.moved.iter().map(|moved| (name(&moved.node), moved.clone())).collect(),
-            rivals: now.rivals.iter().map(|set| set.iter().map(name).collect()).collect(),
+            alternatives: now.alternatives.iter().map(|set| set.iter().map(name).collect()).collect(),
         })
     }
 }
 
-/// Not the seconds that something has been unseen, nor each moment learned, nor a drift that is known a little better.
+/// Not the seconds that something has been unseen, nor each frame set learned, nor a drift that is known a little better.
 fn is_news(before: &State, now: &State) -> bool {
     match (before, now) {
-        (State::Learning { .. }, State::Learning { .. }) | (State::Unseen { .. }, State::Unseen { .. }) => {
+        (State::Learning { .. }, State::Learning { .. }) | (State::Stale { .. }, State::Stale { .. }) => {
             false
         }
         (State::Drifted(before), State::Drifted(now)) => before.began_s != now.began_s,
@@ -377,20 +380,20 @@ fn is_news(before: &State, now: &State) -> bool {
 }
 
 /// Whether another camera sees a target of this frame too.
-fn is_shared(moment: &Together, frame: &Shown) -> bool {
+fn is_shared(frame_set: &SynchronisedFrames, frame: &Shown) -> bool {
     let sees = |other: &Shown, target: usize| other.seen.iter().any(|seen| seen.target == target);
-    let others = || moment.frames.iter().filter(|other| other.camera != frame.camera);
+    let others = || frame_set.frames.iter().filter(|other| other.camera != frame.camera);
     frame.seen.iter().any(|seen| others().any(|other| sees(other, seen.target)))
 }
 
-fn borrowed<'a>(moment: &'a Together) -> RigMoment<'a> {
-    let glance = |frame: &'a Shown, seen: &'a Seen| Glance {
+fn borrowed<'a>(frame_set: &'a SynchronisedFrames) -> FrameSet<'a> {
+    let target_observation = |frame: &'a Shown, seen: &'a TargetPoints| TargetObservation {
         camera: frame.camera,
         target: seen.target,
         lens: &seen.lens,
         seen: &seen.points,
         estimate: &seen.estimate,
     };
-    let of = |frame: &'a Shown| frame.seen.iter().map(move |seen| glance(frame, seen));
-    RigMoment { t_s: moment.t_s, glances: moment.frames.iter().flat_map(of).collect() }
+    let of = |frame: &'a Shown| frame.seen.iter().map(move |seen| target_observation(frame, seen));
+    FrameSet { t_s: frame_set.t_s, target_observations: frame_set.frames.iter().flat_map(of).collect() }
 }

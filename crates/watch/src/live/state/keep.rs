@@ -197,18 +197,18 @@ impl StateFile {
 fn claim(path: &Path) -> Result<File, FileError> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".lock");
-    let told = |reason: String| FileError::new(path, reason);
+    let reported = |reason: String| FileError::new(path, reason);
     // A file of this name that is somebody's own keeps what it holds.
     let file = OpenOptions::new().create(true).write(true).truncate(false).open(PathBuf::from(name));
-    let file = file.map_err(|e| told(format!("cannot be locked: {e}")))?;
+    let file = file.map_err(|e| reported(format!("cannot be locked: {e}")))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => {
-            Err(told("is used by another session; give each a state file of its own".to_string()))
+            Err(reported("is used by another session; give each a state file of its own".to_string()))
         }
         // File systems without locks: one session at a time is then the user's care.
         Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(file),
-        Err(TryLockError::Error(e)) => Err(told(format!("cannot be locked: {e}"))),
+        Err(TryLockError::Error(e)) => Err(reported(format!("cannot be locked: {e}"))),
     }
 }
 
@@ -254,10 +254,10 @@ fn parse(bytes: &[u8]) -> Result<Body, String> {
 }
 
 fn write(path: &Path, body: &Body) -> Result<(), FileError> {
-    let told = |e: serde_json::Error| FileError::new(path, e.to_string());
-    let body = serde_json::to_string(body).map_err(told)?;
+    let reported = |e: serde_json::Error| FileError::new(path, e.to_string());
+    let body = serde_json::to_string(body).map_err(reported)?;
     let head = Head { format: FORMAT.to_string(), version: VERSION, sha256: sha256(body.as_bytes()) };
-    let head = serde_json::to_string(&head).map_err(told)?;
+    let head = serde_json::to_string(&head).map_err(reported)?;
     write_atomically(path, format!("{head}\n{body}\n").as_bytes())
 }
 
@@ -265,8 +265,8 @@ fn put_aside(path: &Path) -> Result<PathBuf, FileError> {
     let mut name = path.as_os_str().to_os_string();
     name.push(format!(".corrupt-{}", unix_s() as u64));
     let aside = PathBuf::from(name);
-    let told = |e| FileError::new(path, format!("cannot be used and cannot be put aside: {e}"));
-    std::fs::rename(path, &aside).map_err(told)?;
+    let reported = |e| FileError::new(path, format!("cannot be used and cannot be put aside: {e}"));
+    std::fs::rename(path, &aside).map_err(reported)?;
     Ok(aside)
 }
 

@@ -18,10 +18,11 @@ pub(in crate::live) struct CameraRecord {
     /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
     pub last_s: f64,
     pub last_unix_s: f64,
-    /// Hash of the last picture, hexadecimal.
-    pub last_picture: Option<String>,
+    /// Hash of the last image, hexadecimal.
+    #[serde(default, alias = "last_picture")]
+    pub last_image: Option<String>,
     pub pairs: Vec<PairRecord>,
-    /// Of its landmarks, where those of a saved picture are watched.
+    /// Of its landmarks, where those of a saved image are watched.
     #[serde(default)]
     pub landmarks: Option<LandmarksRecord>,
 }
@@ -157,7 +158,9 @@ pub(in crate::live) fn settings(
     watched: &Watched,
     config: &LiveConfig,
 ) -> BTreeMap<String, String> {
-    let reference = watched.reference.as_ref().map(digest);
+    // States of version 1 hold the hash of a text in which the diurnal variation had another name.
+    let as_before = |reference| hash(&format!("{reference:?}").replace("diurnal: ", "daily: ")); // earlier word
+    let reference = watched.reference.as_ref().map(as_before);
     let own = [
         ("target", digest(watched.target.as_ref())),
         ("reference", reference.unwrap_or_else(|| "learned".to_string())),
@@ -165,16 +168,16 @@ pub(in crate::live) fn settings(
     with_common(camera, config, own)
 }
 
-/// The same of landmarks: their picture takes the place of a target.
+/// The same of landmarks: their image takes the place of a target.
 pub(in crate::live) fn landmark_settings(
     camera: &Camera,
     picture: &GrayImage,
     config: &LiveConfig,
 ) -> BTreeMap<String, String> {
-    with_common(camera, config, [("picture", sha256(&picture.data)[..16].to_string())])
+    with_common(camera, config, [("image", sha256(&picture.data)[..16].to_string())])
 }
 
-/// The same of a rig whose targets are carried about.
+/// The same of a rig whose targets are hand-held.
 pub(in crate::live) fn rig_settings(
     cameras: &[LiveCamera],
     rig: &RigConfig,
@@ -210,20 +213,20 @@ fn common(config: &LiveConfig) -> BTreeMap<String, String> {
     let MonitorConfig {
         false_alarms_per_day,
         decision_period_s,
-        unseen_after_s,
+        stale_after_s,
         tolerance_rotation_rad,
         tolerance_translation_m,
     } = &config.monitor;
-    let LearnConfig { bias, bias_time_s, daily } = &config.lasting;
+    let LearnConfig { bias, bias_time_s, diurnal } = &config.correlated;
     let all = [
         ("false_alarms_per_day", false_alarms_per_day.to_string()),
         ("decision_period_s", decision_period_s.to_string()),
-        ("unseen_after_s", unseen_after_s.to_string()),
+        ("stale_after_s", stale_after_s.to_string()),
         ("tolerance_rotation_rad", tolerance_rotation_rad.to_string()),
         ("tolerance_translation_m", tolerance_translation_m.to_string()),
         ("bias", digest(bias)),
         ("bias_time_s", bias_time_s.to_string()),
-        ("daily", digest(daily)),
+        ("diurnal", digest(diurnal)),
         ("motion", format!("{:?}", config.track)),
         ("learn_readings", config.learn_readings.to_string()),
     ];
@@ -232,7 +235,24 @@ fn common(config: &LiveConfig) -> BTreeMap<String, String> {
 
 /// Stands for what is too long to be written out.
 fn digest(of: &impl std::fmt::Debug) -> String {
-    sha256(format!("{of:?}").as_bytes())[..16].to_string()
+    hash(&format!("{of:?}"))
+}
+
+fn hash(text: &str) -> String {
+    sha256(text.as_bytes())[..16].to_string()
+}
+
+/// The names of settings in states of version 1, and those of today.
+const EARLIER: [[&str; 2]; 3] = [
+    ["unseen_after_s", "stale_after_s"], // earlier word
+    ["daily", "diurnal"],                // earlier word
+    ["picture", "image"],                // earlier word
+];
+
+fn with_names_of_today(settings: &BTreeMap<String, String>) -> BTreeMap<String, String> {
+    let today =
+        |name: &str| EARLIER.iter().find(|names| names[0] == name).map_or(name, |names| names[1]).to_string();
+    settings.iter().map(|(name, value)| (today(name), value.clone())).collect()
 }
 
 /// The settings that differ, in words; none where all agree.
@@ -240,6 +260,7 @@ pub(in crate::live) fn changed(
     was: &BTreeMap<String, String>,
     is: &BTreeMap<String, String>,
 ) -> Option<String> {
+    let was = &with_names_of_today(was);
     let value = |of: &BTreeMap<String, String>, name: &str| of.get(name).cloned().unwrap_or_default();
     let differs = |name: &&String| was.get(*name) != is.get(*name);
     let words: Vec<String> = is
@@ -265,6 +286,22 @@ mod tests {
         }
     }
 
+    /// A state written by version 1 is taken up: no setting has changed but in name.
+    #[test]
+    fn states_of_version_1_are_read() {
+        let settings = |names: [&str; 3]| -> BTreeMap<String, String> {
+            names.map(|name| (name.to_string(), "5".to_string())).into_iter().collect()
+        };
+        let was = settings(["unseen_after_s", "daily", "learn_readings"]); // earlier word
+        assert_eq!(changed(&was, &settings(["stale_after_s", "diurnal", "learn_readings"])), None);
+        let words = changed(&was, &settings(["stale_after_s", "diurnal", "motion"])).expect("a change");
+        assert!(words.contains("learn_readings was 5"), "{words}");
+        let text =
+            r#"{"name": "gate", "last_s": 1.0, "last_unix_s": 2.0, "last_picture": "ab", "pairs": []}"#; // earlier word
+        let record: CameraRecord = serde_json::from_str(text).expect("a record");
+        assert_eq!(record.last_image.as_deref(), Some("ab"));
+    }
+
     #[test]
     fn one_pair_without_numbers_does_not_spoil_the_others() {
         let landmarks = LandmarksRecord {
@@ -275,7 +312,7 @@ mod tests {
             name: "gate".to_string(),
             last_s: 1.0,
             last_unix_s: 2.0,
-            last_picture: None,
+            last_image: None,
             pairs: vec![pair("door", 3.0), pair("wall", f64::INFINITY)],
             landmarks: Some(landmarks),
         };

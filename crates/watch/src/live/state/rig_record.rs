@@ -10,7 +10,7 @@ pub struct RigRecord {
     /// What the state depends on, by name.
     pub settings: BTreeMap<String, String>,
     pub cameras: Vec<HeardRecord>,
-    /// Capture time of the first and the last moment, seconds.
+    /// Capture time of the first and the last synchronised frame set, seconds.
     pub first_s: Option<f64>,
     pub last_s: f64,
     pub stage: StageRecord,
@@ -31,12 +31,12 @@ pub struct HeardRecord {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StageRecord {
-    Learning(Vec<MomentRecord>),
+    Learning(Vec<FrameSetRecord>),
     Watching(SnapshotRecord),
 }
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct MomentRecord {
+pub struct FrameSetRecord {
     pub t_s: f64,
     pub frames: Vec<FrameRecord>,
 }
@@ -51,7 +51,7 @@ pub struct FrameRecord {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SeenRecord {
     pub target: usize,
-    /// Columns and rows of the picture, where the lens has a size.
+    /// Columns and rows of the image, where the lens has a size.
     pub size_px: Option<[u32; 2]>,
     pub points: Vec<PointRecord>,
 }
@@ -73,7 +73,7 @@ impl RigRecord {
         let of = |frames: &[FrameRecord]| 10 * frames.iter().map(points).sum::<usize>();
         let stage = match &self.stage {
             StageRecord::Watching(snapshot) => snapshot.len(),
-            StageRecord::Learning(moments) => moments.iter().map(|moment| of(&moment.frames)).sum(),
+            StageRecord::Learning(frame_sets) => frame_sets.iter().map(|set| of(&set.frames)).sum(),
         };
         stage + of(&self.waiting)
     }

@@ -15,7 +15,7 @@ type Family<T> = (&'static str, &'static str, &'static str, fn(&Tally, &T) -> Op
 
 const OF_CAMERAS: [Family<CameraTally>; 5] = [
     ("resight_source_up", "gauge", "Whether the camera's source gives frames.", |_, c| {
-        Some(f64::from(u8::from(c.is_there)))
+        Some(f64::from(u8::from(c.connected)))
     }),
     ("resight_source_losses_total", "counter", "How often the source was lost.", |_, c| {
         Some(c.losses as f64)
@@ -49,7 +49,7 @@ const OF_PAIRS: [Family<PairTally>; 14] = [
         |_, p| Some(p.unreadable as f64),
     ),
     ("resight_frame_rate_hertz", "gauge", "Frames a second over the last 10 s.", |t, p| Some(t.rate_hz(p))),
-    ("resight_alarms_total", "counter", "How often it was said that something moved.", |_, p| {
+    ("resight_alarms_total", "counter", "Alarms: how often a motion was reported.", |_, p| {
         Some(p.alarms as f64)
     }),
     (
@@ -62,7 +62,7 @@ const OF_PAIRS: [Family<PairTally>; 14] = [
         "resight_usable_reading_age_seconds",
         "gauge",
         "Since the last usable reading arrived, or since the start where there was none.",
-        |t, p| Some(t.blind_s(p)),
+        |t, p| Some(t.unobserved_s(p)),
     ),
     ("resight_points", "gauge", "Points found in the last frame.", |_, p| Some(p.last.n_points as f64)),
     (
@@ -151,7 +151,7 @@ fn states(page: &mut Page, tally: &Tally) {
         "1 for the state that holds, 0 for the others; unseen before the first frame.",
     );
     for pair in &tally.pairs {
-        let now = pair.state.as_ref().map_or("unseen", word);
+        let now = pair.state.as_ref().map_or("stale", word);
         for state in WORDS {
             let labels = [("camera", pair.camera.as_str()), ("target", &pair.target), ("state", state)];
             page.sample(name, &labels, f64::from(u8::from(state == now)));
@@ -214,7 +214,7 @@ fn stages(page: &mut Page, tally: &Tally) {
 fn deliveries(page: &mut Page, tally: &Tally) {
     let counts: Vec<_> = tally.counted.iter().map(|(output, counted)| (*output, counted.counts())).collect();
     let name = "resight_notices_total";
-    page.family(name, "counter", "What became of what others were told.");
+    page.family(name, "counter", "Notifications to other programs, by outcome.");
     for (output, counts) in &counts {
         for (outcome, n) in
             [("delivered", counts.delivered), ("refused", counts.refused), ("dropped", counts.dropped)]

@@ -24,7 +24,7 @@ pub struct Tally {
     pub cameras: Vec<CameraTally>,
     /// For each camera and target, camera by camera.
     pub pairs: Vec<PairTally>,
-    /// Cameras and targets that moved relative to the others, as last told.
+    /// Cameras and targets that moved relative to the others, as last reported.
     pub moved: Vec<String>,
     /// False alarms a day that are allowed.
     pub false_alarms_per_day: f64,
@@ -46,7 +46,7 @@ pub struct CameraTally {
     /// How often its clock was set.
     pub clock_steps: u64,
     /// Whether its source gives frames.
-    pub is_there: bool,
+    pub connected: bool,
     /// How often its source was lost.
     pub losses: u64,
 }
@@ -142,8 +142,8 @@ impl Tally {
         match event {
             Event::Observed { camera, target, observation } => {
                 let second = self.started.elapsed().as_secs();
-                // Frames that waited in a queue come after the loss of their source; only its return is told.
-                self.camera(*camera, |camera| camera.is_there |= camera.losses == 0);
+                // Frames that waited in a queue come after the loss of their source; only its return is reported.
+                self.camera(*camera, |camera| camera.connected |= camera.losses == 0);
                 self.pair(*camera, *target, |pair| pair.observe(observation, second));
             }
             Event::StateChanged { camera, target, state, .. } => {
@@ -158,11 +158,11 @@ impl Tally {
             Event::Dropped { camera, frames } => self.camera(*camera, |camera| camera.dropped += frames),
             Event::LeftOut { camera, frames, .. } => self.camera(*camera, |camera| camera.left_out += frames),
             Event::Clock { camera, .. } => self.camera(*camera, |camera| camera.clock_steps += 1),
-            Event::Source { camera, is_there, .. } => self.camera(*camera, |camera| {
-                camera.is_there = *is_there;
-                camera.losses += u64::from(!is_there);
+            Event::Source { camera, connected, .. } => self.camera(*camera, |camera| {
+                camera.connected = *connected;
+                camera.losses += u64::from(!connected);
             }),
-            Event::Ended { camera } => self.camera(*camera, |camera| camera.is_there = false),
+            Event::Ended { camera } => self.camera(*camera, |camera| camera.connected = false),
             Event::Attributed { moved, .. } => {
                 self.moved = moved.iter().map(|(name, _)| name.clone()).collect();
             }
@@ -174,14 +174,14 @@ impl Tally {
         let is_well = |pair: &PairTally| {
             matches!(
                 pair.state,
-                Some(State::Steady | State::Settling(_) | State::Learning { .. } | State::Followed)
+                Some(State::Steady | State::Checking(_) | State::Learning { .. } | State::Tracking)
             )
         };
-        self.cameras.iter().all(|camera| camera.is_there) && self.pairs.iter().all(is_well)
+        self.cameras.iter().all(|camera| camera.connected) && self.pairs.iter().all(is_well)
     }
 
     /// Since the last usable reading of a pair, or since the start, seconds.
-    pub fn blind_s(&self, pair: &PairTally) -> f64 {
+    pub fn unobserved_s(&self, pair: &PairTally) -> f64 {
         pair.last_usable.unwrap_or(self.started).elapsed().as_secs_f64()
     }
 
@@ -258,11 +258,11 @@ fn last(observation: &Observation, reference: Option<&Reference>) -> Last {
     }
 }
 
-/// Errors that last and the wobble of a day are no drift: they are in the standard deviations.
+/// Correlated errors and the diurnal variation of a day are no drift: they are in the standard deviations.
 fn deviation(tracked: &Tracked, reference: &Reference) -> Deviation {
     let motion = (reference.a_from_b * tracked.cam_from_target.inverse()).log();
     let noise = &reference.noise;
-    let covariance: Matrix6 = tracked.covariance + noise.reference + noise.bias + noise.daily;
+    let covariance: Matrix6 = tracked.covariance + noise.reference + noise.bias + noise.diurnal;
     let part = |at: usize| {
         let part = motion.fixed_rows::<3>(at);
         let block = covariance.fixed_view::<3, 3>(at, at);
@@ -311,7 +311,7 @@ mod tests {
             page.lines().find_map(|line| line.strip_prefix(sample)).map(str::to_string).expect("a sample")
         };
         let frame = Event::Observed { camera: 0, target: 0, observation: Box::default() };
-        let source = |is_there| Event::Source { camera: 0, is_there, reason: None };
+        let source = |connected| Event::Source { camera: 0, connected, reason: None };
         for (event, wanted) in [
             (&source(false), "0"),
             (&frame, "0"),
@@ -333,9 +333,10 @@ mod tests {
     fn a_deviation_has_its_length_and_its_error_along_itself() {
         let spread = Matrix6::from_diagonal(&Vector6::new(4e-6, 1e-6, 1e-6, 1e-4, 4e-4, 1e-4));
         let none = Matrix6::zeros();
-        let noise = DriftNoise { reference: none, reading: none, bias: none, bias_time_s: 60.0, daily: none };
+        let noise =
+            DriftNoise { reference: none, reading: none, bias: none, bias_time_s: 60.0, diurnal: none };
         let reference = Reference { a_from_b: Pose::exp(&Vector6::new(0.1, 0.2, 0.3, 1.0, 2.0, 3.0)), noise };
-        // Where the camera is now in its own old frame: turned about x, shifted along y.
+        // Where the camera is now in its own old frame: rotated about x, shifted along y.
         let old_from_new = Pose {
             translation: [0.0, 0.04, 0.0].into(),
             ..Pose::exp(&Vector6::new(0.02, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -349,14 +350,16 @@ mod tests {
             innovation_chi2: None,
             candidate: None,
         };
-        let told = deviation(&tracked, &reference);
+        let reported = deviation(&tracked, &reference);
         assert!(
-            (told.rotation_rad - 0.02).abs() < 1e-12 && (told.rotation_sigma_rad - 2e-3).abs() < 1e-12,
-            "{told:?}"
+            (reported.rotation_rad - 0.02).abs() < 1e-12
+                && (reported.rotation_sigma_rad - 2e-3).abs() < 1e-12,
+            "{reported:?}"
         );
         assert!(
-            (told.translation_m - 0.04).abs() < 1e-5 && (told.translation_sigma_m - 0.02).abs() < 1e-4,
-            "{told:?}"
+            (reported.translation_m - 0.04).abs() < 1e-5
+                && (reported.translation_sigma_m - 0.02).abs() < 1e-4,
+            "{reported:?}"
         );
     }
 }

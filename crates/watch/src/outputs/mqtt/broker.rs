@@ -129,8 +129,8 @@ mod tests {
             "mqtt://host/%23",
             "mqtt://host:99999",
         ] {
-            let told = format!("{:#}", Broker::parse(wrong).err().expect("no address"));
-            assert!(told.starts_with("--mqtt") && !told.contains("secret"), "{wrong}: {told}");
+            let reported = format!("{:#}", Broker::parse(wrong).err().expect("no address"));
+            assert!(reported.starts_with("--mqtt") && !reported.contains("secret"), "{wrong}: {reported}");
         }
         assert!(Broker::parse("mqtt://%ff@host").is_err());
     }
@@ -140,9 +140,12 @@ mod tests {
         for address in
             ["mqtt://gate:secret@host", "mqtts://gate:se%2Fcret@host:8883/site", "mqtt://:secret@host"]
         {
-            let told = format!("{:#}", Broker::parse(address).err().expect("refused"));
-            assert!(told.contains("--mqtt-password-file") && told.contains(PASSWORD_VARIABLE), "{told}");
-            assert!(!told.contains("secret") && !told.contains("cret@"), "{told}");
+            let reported = format!("{:#}", Broker::parse(address).err().expect("refused"));
+            assert!(
+                reported.contains("--mqtt-password-file") && reported.contains(PASSWORD_VARIABLE),
+                "{reported}"
+            );
+            assert!(!reported.contains("secret") && !reported.contains("cret@"), "{reported}");
         }
     }
 }

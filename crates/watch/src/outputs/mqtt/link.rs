@@ -40,7 +40,7 @@ impl Message {
     }
 
     /// Acknowledged.
-    pub fn sure(topic: String, payload: String) -> Self {
+    pub fn at_least_once(topic: String, payload: String) -> Self {
         Message { topic, payload, qos: QoS::AtLeastOnce, is_kept: false }
     }
 
@@ -79,7 +79,7 @@ pub struct Link {
     /// Told first on every connection.
     greeting: Vec<Message>,
     availability: String,
-    is_there: Arc<AtomicBool>,
+    is_up: Arc<AtomicBool>,
     /// What the broker should hold: told again after each new connection, for it may have forgotten.
     kept: BTreeMap<String, Message>,
     /// Sent, but not acknowledged.
@@ -94,16 +94,16 @@ impl Link {
         options: MqttOptions,
         greeting: Vec<Message>,
         availability: String,
-        is_there: Arc<AtomicBool>,
+        is_up: Arc<AtomicBool>,
     ) -> Self {
-        Link { options, greeting, availability, is_there, kept: BTreeMap::new(), on_its_way: None }
+        Link { options, greeting, availability, is_up, kept: BTreeMap::new(), on_its_way: None }
     }
 
     /// Until the outbox is closed and empty and the farewell is said.
     pub async fn run(mut self, outbox: &Outbox<Message>, mut standing: Standing) {
         let mut backoff = Backoff::new();
         while let Err(Lost(reason)) = self.connection(outbox, &mut standing).await {
-            if self.is_there.swap(false, Ordering::Relaxed) {
+            if self.is_up.swap(false, Ordering::Relaxed) {
                 backoff.reset();
             }
             if let Some((weight, message)) = self.on_its_way.take() {
@@ -122,11 +122,11 @@ impl Link {
         if is_connected.await.is_err() {
             return Err(end(&mut polling).await);
         }
-        let told = tokio::select! {
-            told = self.tell(&client, outbox, standing) => told,
+        let reported = tokio::select! {
+            reported = self.tell(&client, outbox, standing) => reported,
             lost = end(&mut polling) => return Err(lost),
         };
-        match told {
+        match reported {
             Ok(()) => {
                 // The farewell is on its way; the event loop ends once it is sent.
                 let _ = client.disconnect().await;
@@ -150,7 +150,7 @@ impl Link {
             send(client, message).await?;
         }
         standing.reached();
-        self.is_there.store(true, Ordering::Relaxed);
+        self.is_up.store(true, Ordering::Relaxed);
         while let Some((weight, message)) = outbox.next().await {
             self.on_its_way = Some((weight, message.clone()));
             send(client, &message).await?;

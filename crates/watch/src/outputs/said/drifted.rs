@@ -1,7 +1,7 @@
-//! A drift in words and as JSON: since when, at once or at which rate, about or along which axis, and how to put it back.
+//! A drift in words and as JSON: since when, in a step or at which rate, about or along which axis, and how to put it back.
 
 use resight::core::Vector6;
-use resight::core::temporal::monitor::{Alone, Course, Drift, Rate};
+use resight::core::temporal::monitor::{Alone, Drift, MotionKind, Rate};
 use resight::report::turned::parts;
 use serde_json::{Value, json};
 
@@ -9,17 +9,17 @@ const HOUR_S: f64 = 3600.0;
 /// As one speaks of cameras: rotations about x, y, z, shifts along them.
 const AXES: [&str; 6] = ["tilt", "pan", "roll", "x", "y", "range"];
 
-/// `drifted at once, since 200.0 s ± 0.0 s: turned right 0.507° ± 0.010°; to put it back: left 0.507°`.
+/// `moved in a step, since 200.0 s ± 0.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`.
 pub fn words(drift: &Drift) -> String {
     let how = match (drift.course, drift.rate) {
-        (Course::Step, _) => "at once".to_string(),
-        (Course::Slow, None) => "slowly".to_string(),
-        (Course::Slow, Some(rate)) => format!("slowly{}", rate_words(&rate)),
+        (MotionKind::Step, _) => "in a step".to_string(),
+        (MotionKind::Ramp, None) => "in a ramp".to_string(),
+        (MotionKind::Ramp, Some(rate)) => format!("in a ramp{}", rate_words(&rate)),
     };
-    let began = format!("drifted {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    let began = format!("moved {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
     if let Some(Alone { axis, size, sigma }) = drift.alone() {
         let motion = Vector6::ith(axis, size);
-        let verb = if axis < 3 { "turned" } else { "shifted" };
+        let verb = if axis < 3 { "rotated" } else { "shifted" };
         let [is, back] = [parts(&motion, |_| Some(sigma)), parts(&-motion, |_| None)];
         let name = if ["roll", "range"].contains(&AXES[axis]) {
             format!(" ({})", AXES[axis])
@@ -31,21 +31,21 @@ pub fn words(drift: &Drift) -> String {
     let (verb, motion, sigma) = match drift.pure_rotation() {
         Some((turn, covariance)) => {
             let sigma = covariance.diagonal().map(f64::sqrt).as_slice().to_vec();
-            ("turned", Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0), sigma)
+            ("rotated", Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0), sigma)
         }
         None => {
             let sigma = drift.covariance.diagonal().map(f64::sqrt).as_slice().to_vec();
-            ("turned and shifted", drift.old_from_new, sigma)
+            ("rotated and shifted", drift.old_from_new, sigma)
         }
     };
     let is = parts(&motion, |i| sigma.get(i).copied());
     format!("{began}: {verb} {is}; to put it back: {}", back(&motion, &sigma))
 }
 
-/// `, at right 0.100° ± 0.002° an hour`: what stands out of its own error, of the turn alone where that explains it.
+/// `, at right 0.100° ± 0.002° an hour`: what stands out of its own error, of the rotation alone where that explains it.
 fn rate_words(rate: &Rate) -> String {
     let sigma = rate.covariance.diagonal().map(f64::sqrt);
-    let (per_s, sigma) = match rate.turn_alone() {
+    let (per_s, sigma) = match rate.rotation_alone() {
         Some((turn, covariance)) => {
             let sigma = covariance.diagonal().map(f64::sqrt);
             let motion = Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0);
@@ -61,7 +61,7 @@ fn rate_words(rate: &Rate) -> String {
 
 /// Course, rate and axis, beside what `object` holds already.
 pub fn add_to(object: &mut Value, drift: &Drift) {
-    object["course"] = json!(if drift.course == Course::Slow { "slow" } else { "step" });
+    object["course"] = json!(if drift.course == MotionKind::Ramp { "ramp" } else { "step" });
     object["course_probability"] = json!(drift.course_probability);
     if let Some(rate) = &drift.rate {
         let rows: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| rate.covariance[(i, j)]).collect()).collect();
@@ -79,5 +79,5 @@ pub fn add_to(object: &mut Value, drift: &Drift) {
 fn back(motion: &Vector6, sigma: &[f64]) -> String {
     let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
     let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);
-    if back.is_empty() { "nothing that can be told from zero".to_string() } else { back }
+    if back.is_empty() { "nothing that can be distinguished from zero".to_string() } else { back }
 }

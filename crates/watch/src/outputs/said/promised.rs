@@ -20,10 +20,10 @@ pub(super) fn words(promise: &Promise) -> String {
             noise.sigma_ratio, noise.sigma_ratio_sigma
         );
     }
-    if let Some(lasting) = noise.lasting {
+    if let Some(correlated) = noise.correlated {
         words += &format!(
             "; errors of {:.1} times a reading's own noise last for about {:.0} s",
-            lasting.sigma_ratio, lasting.time_s
+            correlated.sigma_ratio, correlated.time_s
         );
     }
     words
@@ -32,9 +32,9 @@ pub(super) fn words(promise: &Promise) -> String {
 /// The same as the JSON objects `noise` and `detectable`.
 pub(super) fn objects(promise: &Promise) -> (Value, Value) {
     let Promise { noise, detectable, .. } = promise;
-    let lasting = noise.lasting.map(|l| json!({"sigma_ratio": l.sigma_ratio, "time_s": l.time_s}));
+    let correlated = noise.correlated.map(|l| json!({"sigma_ratio": l.sigma_ratio, "time_s": l.time_s}));
     let noise = json!({"sigma_ratio": noise.sigma_ratio, "sigma_ratio_sigma": noise.sigma_ratio_sigma,
-        "contradicts_stated": noise.contradicts_stated(), "correlated": lasting, "n_readings": noise.readings});
+        "contradicts_stated": noise.contradicts_stated(), "correlated": correlated, "n_readings": noise.readings});
     let detectable = json!({"within_s": detectable.within_s, "rotation_rad": detectable.rotation_rad,
         "translation_m": detectable.translation_m});
     (noise, detectable)

@@ -18,7 +18,7 @@ const WAITING: usize = 4096;
 const FLUSH: Duration = Duration::from_secs(1);
 /// After a failure a new file is tried at these times.
 const RETRY: Duration = Duration::from_secs(1);
-/// A disk that is too slow all the time is not told all the time.
+/// A disk that is too slow all the time is not reported all the time.
 const SAYING: Duration = Duration::from_secs(60);
 /// Chunks of one file, a day of them: what its index takes in memory until it is closed stays below about 20 MB.
 const CHUNKS: u64 = 86_400;
@@ -113,7 +113,7 @@ impl Recorder {
     }
 }
 
-/// The file itself. When it cannot be written the session goes on, and a new file is begun when that is possible again.
+/// The file itself. When it cannot be written the session continues, and a new file is begun when that is possible again.
 struct Disk {
     path: PathBuf,
     log: Log,
@@ -173,7 +173,7 @@ impl Disk {
         self.check(written);
     }
 
-    /// A frame that never moves is told again in a new file; what has no time waits for one.
+    /// A frame that never moves is reported again in a new file; what has no time waits for one.
     fn keep(&mut self, item: &Item) {
         match item {
             Item::Static(time_ns, transforms) => {
@@ -195,7 +195,7 @@ impl Disk {
         }
     }
 
-    /// A disk that is still full may well take a name and nothing more: only a file that holds something counts, and is told.
+    /// A disk that is still full may well take a name and nothing more: only a file that holds something counts, and is reported.
     fn begin_anew(&mut self, time_ns: u64) -> bool {
         if self.failed.elapsed() < RETRY {
             return false;
@@ -205,7 +205,7 @@ impl Disk {
         let name = file.1.clone();
         let begun = self.begin(file).and_then(|()| self.begun(time_ns));
         match begun {
-            Ok(()) => self.log.say("tf", &format!("goes on in {}", name.display())),
+            Ok(()) => self.log.say("tf", &format!("continues in {}", name.display())),
             Err(_) => {
                 self.writer = None;
                 // One that cannot be removed stays, empty; the next try takes the next name.
@@ -271,7 +271,7 @@ impl Disk {
             self.log.say(
                 "tf",
                 &format!(
-                    "{} cannot be written: {reason}. The session goes on, and in a new file when there is room",
+                    "{} cannot be written: {reason}. The session continues, and in a new file when there is room",
                     self.path.display()
                 ),
             );
@@ -302,7 +302,7 @@ mod tests {
     use resight::recording::{Next, Recording};
 
     /// Topics and times, ns, of a recording.
-    fn told(path: &Path) -> Vec<(String, u64)> {
+    fn reported(path: &Path) -> Vec<(String, u64)> {
         let mut recording = Recording::new(File::open(path).expect("the file"), |_| true);
         let mut all = Vec::new();
         loop {
@@ -340,7 +340,7 @@ mod tests {
         recorder.push(Item::Diagnostics(None, vec![status("lost again")]));
         recorder.push(Item::Transforms(time_ns, vec![seen]));
         recorder.finish();
-        let all = told(&path);
+        let all = reported(&path);
         std::fs::remove_file(&path).expect("removed");
         let topics: Vec<&str> = all.iter().map(|(topic, _)| topic.as_str()).collect();
         assert_eq!(topics, ["/tf_static", "/diagnostics", "/tf"]);

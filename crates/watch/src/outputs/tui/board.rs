@@ -3,20 +3,20 @@
 use super::super::super::log::Line;
 use super::super::super::names::Names;
 use super::super::Session;
-use super::super::said::{Said, state_words};
+use super::super::said::{EventText, state_words};
 use super::statistics::{Rate, Rolling, Spread};
 use super::trail::Trail;
 use crate::live::{Event, Observation, State};
 use resight::core::Pose;
-use resight::core::temporal::monitor::{Reading, turn_alone};
+use resight::core::temporal::monitor::{Reading, rotation_alone};
 use std::collections::VecDeque;
 
 /// Lines about events that are kept.
-const TOLD: usize = 200;
+const REPORTED: usize = 200;
 
 /// When something happened.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct Instants {
     /// Seconds since the session began; never steps back.
     pub up_s: f64,
     /// Seconds since 1970.
@@ -32,7 +32,7 @@ pub struct Board {
     /// By pair of camera and target, as `Names::pair_index` counts them.
     pub pairs: Vec<PairBoard>,
     /// What happened, oldest first.
-    pub told: VecDeque<Line>,
+    pub reported: VecDeque<Line>,
     /// No more events will come.
     pub is_over: bool,
 }
@@ -51,8 +51,8 @@ pub struct CameraBoard {
 #[derive(Debug, Clone)]
 pub struct PairBoard {
     pub state: Option<State>,
-    /// When that state was told.
-    told_up_s: f64,
+    /// When that state was reported.
+    reported_up_s: f64,
     /// Readings since learning began.
     learned: usize,
     pub waited_us: Rolling,
@@ -63,7 +63,7 @@ pub struct PairBoard {
     pub latency_us: Rolling,
     pub rate: Rate,
     pub spread: Spread,
-    /// Turns of the camera, seen from its reference: the turn alone, and beside a shift.
+    /// Turns of the camera, seen from its reference: the rotation alone, and beside a shift.
     trails: [Trail; 2],
     /// When the last frame came.
     seen_up_s: f64,
@@ -87,19 +87,19 @@ impl Board {
             names: session.names.clone(),
             cameras: vec![CameraBoard::default(); session.names.cameras.len()],
             pairs: pairs.collect(),
-            told: VecDeque::new(),
+            reported: VecDeque::new(),
             is_over: false,
         }
     }
 
     /// The next event.
-    pub fn take(&mut self, event: &Event, now: Moment) {
+    pub fn take(&mut self, event: &Event, now: Instants) {
         if !matches!(event, Event::Observed { .. } | Event::Dropped { .. }) {
-            let text = Said::new(&self.names).words(event);
-            if self.told.len() == TOLD {
-                self.told.pop_front();
+            let text = EventText::new(&self.names).words(event);
+            if self.reported.len() == REPORTED {
+                self.reported.pop_front();
             }
-            self.told.push_back(Line { unix_s: now.unix_s, text });
+            self.reported.push_back(Line { unix_s: now.unix_s, text });
         }
         match event {
             Event::Observed { camera, target, observation } => {
@@ -122,10 +122,10 @@ impl Board {
                     camera.dropped += frames;
                 }
             }
-            Event::Source { camera, is_there, reason } => {
+            Event::Source { camera, connected, reason } => {
                 if let Some(camera) = self.cameras.get_mut(*camera) {
                     let reason = reason.clone().unwrap_or_else(|| "no reason given".to_string());
-                    camera.lost = (!is_there).then_some(reason);
+                    camera.lost = (!connected).then_some(reason);
                 }
             }
             Event::Ended { camera } => {
@@ -150,8 +150,8 @@ impl Board {
         self.cameras.iter_mut().for_each(|camera| camera.dropped = 0);
     }
 
-    /// Turns of a pair through time, in so many columns; while its source goes on, the time since the last reading too.
-    pub fn trail_columns(&self, pair: usize, n: usize, now: Moment) -> Vec<Option<f64>> {
+    /// Turns of a pair through time, in so many columns; while its source continues, the time since the last reading too.
+    pub fn trail_columns(&self, pair: usize, n: usize, now: Instants) -> Vec<Option<f64>> {
         let Some(here) = self.pairs.get(pair) else { return Vec::new() };
         let has_ended = self.camera_of(pair).is_some_and(|camera| camera.has_ended);
         here.trail().columns(n, if has_ended { 0.0 } else { here.capture_now_s(now) })
@@ -167,7 +167,7 @@ impl PairBoard {
     fn new(reference: Option<Pose>, window: usize) -> Self {
         PairBoard {
             state: None,
-            told_up_s: 0.0,
+            reported_up_s: 0.0,
             learned: 0,
             waited_us: Rolling::new(window),
             detect_us: Rolling::new(window),
@@ -186,7 +186,7 @@ impl PairBoard {
         }
     }
 
-    fn observed(&mut self, observation: &Observation, now: Moment) {
+    fn observed(&mut self, observation: &Observation, now: Instants) {
         self.frames += 1;
         self.rate.push(now.up_s);
         self.seen_up_s = now.up_s;
@@ -208,12 +208,12 @@ impl PairBoard {
     fn compared(&mut self, reference: &Pose, reading: &Reading) {
         let old_from_new = (*reference * reading.a_from_b.inverse()).log();
         let turn = old_from_new.fixed_rows::<3>(0).into();
-        let alone = turn_alone(&old_from_new, &reading.covariance).map_or(turn, |(turn, _)| turn);
+        let alone = rotation_alone(&old_from_new, &reading.covariance).map_or(turn, |(turn, _)| turn);
         self.trails[0].push(reading.t_s, &alone);
         self.trails[1].push(reading.t_s, &turn);
     }
 
-    /// The turn through time: as if it only turned, which is known much better, until it is known that it shifted too.
+    /// The rotation through time: as if it only turned, which is known much better, until it is known that it shifted too.
     pub fn trail(&self) -> &Trail {
         &self.trails[usize::from(self.has_shifted())]
     }
@@ -224,7 +224,7 @@ impl PairBoard {
     }
 
     /// The capture clock now: that of the last frame, and the time since it came.
-    pub fn capture_now_s(&self, now: Moment) -> f64 {
+    pub fn capture_now_s(&self, now: Instants) -> f64 {
         let last_s = self.last.as_ref().map_or(0.0, |last| last.capture_s);
         last_s + (now.up_s - self.seen_up_s).max(0.0)
     }
@@ -247,11 +247,11 @@ impl PairBoard {
         }
     }
 
-    fn is_now(&mut self, state: &State, now: Moment) {
+    fn is_now(&mut self, state: &State, now: Instants) {
         if let State::Learning { readings, .. } = state {
             self.learned = *readings;
         }
-        (self.state, self.told_up_s) = (Some(state.clone()), now.up_s);
+        (self.state, self.reported_up_s) = (Some(state.clone()), now.up_s);
     }
 
     fn learned(&mut self, reference: Pose) {
@@ -274,14 +274,14 @@ impl PairBoard {
     }
 
     /// The state in words, as of now: a session tells changes only, not each reading learned nor each second of blindness.
-    pub fn words(&self, now: Moment) -> String {
+    pub fn words(&self, now: Instants) -> String {
         match &self.state {
             None => "waiting for the first frame".to_string(),
             Some(State::Learning { needed, .. }) => {
                 state_words(&State::Learning { readings: self.learned.min(*needed), needed: *needed })
             }
-            Some(State::Unseen { for_s }) => {
-                state_words(&State::Unseen { for_s: for_s + (now.up_s - self.told_up_s).max(0.0) })
+            Some(State::Stale { for_s }) => {
+                state_words(&State::Stale { for_s: for_s + (now.up_s - self.reported_up_s).max(0.0) })
             }
             Some(state) => state_words(state),
         }

@@ -55,14 +55,14 @@ fn of_estimate(estimate: &PoseEstimate) -> Rows {
         Consistency::Consistent => "agrees with the stated noise",
         Consistency::Inconsistent { .. } => "contradicts the stated noise",
     };
-    let only_if = if 1 < estimate.n_rivals() { ", if this pose is the right one" } else { "" };
+    let only_if = if 1 < estimate.n_alternatives() { ", if this pose is the right one" } else { "" };
     vec![
         ("camera at", format!("{} mm in the target's frame", three(&(pose.origin() * 1e3), 2))),
         (
             "  ±",
             format!("{} mm along the camera's x, y, z{only_if}", three(&(sigma.fixed_rows::<3>(3) * 1e3), 3)),
         ),
-        ("turned by", format!("{}° (rotation vector, camera from target)", three(&turn, 3))),
+        ("rotated by", format!("{}° (rotation vector, camera from target)", three(&turn, 3))),
         (
             "  ±",
             format!(
@@ -76,7 +76,7 @@ fn of_estimate(estimate: &PoseEstimate) -> Rows {
 }
 
 fn ambiguity(estimate: &PoseEstimate) -> String {
-    let percent = 100.0 * estimate.weight;
+    let percent = 100.0 * estimate.probability;
     match estimate.ambiguity {
         Ambiguity::Unique { ratio: None } => format!("one pose fits ({percent:.1} %)"),
         Ambiguity::Unique { ratio: Some(ratio) } if 1000.0 < ratio => {
@@ -111,7 +111,7 @@ fn counts(pair: &PairBoard) -> (&'static str, String) {
 
 /// Correlations of the covariance, turns first.
 fn correlations(covariance: &Matrix6<f64>) -> Rows {
-    const NAMES: [&str; 6] = ["turn x", "turn y", "turn z", "shift x", "shift y", "shift z"];
+    const NAMES: [&str; 6] = ["rot. x", "rot. y", "rot. z", "shift x", "shift y", "shift z"];
     let sigma = covariance.diagonal().map(f64::sqrt);
     let of_row = |row: usize| {
         let number =

@@ -1,4 +1,4 @@
-//! The chosen camera: its state in words, times, scatter, and the turn through time.
+//! The chosen camera: its state in words, times, scatter, and the rotation through time.
 
 use super::board::PairBoard;
 use super::picture::{Picture, duration};
@@ -10,9 +10,9 @@ use ratatui::style::Color;
 use ratatui::text::{Line, Span, Text};
 use ratatui::widgets::Paragraph;
 use resight::core::Vector6;
-use resight::core::temporal::monitor::{Reading, turn_alone};
+use resight::core::temporal::monitor::{Reading, rotation_alone};
 
-/// A turn below this is drawn small even where nothing is known of the noise.
+/// A rotation below this is drawn small even where nothing is known of the noise.
 const LEAST_SCALE_RAD: f64 = 1e-5;
 /// Lines of the words of a state.
 const WORDS: usize = 3;
@@ -93,7 +93,7 @@ fn scatter<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
     };
     Text::from(vec![
         Line::styled(format!("{:<7}{:>8}{:>8}{:>8}", "±", "x", "y", "z"), picture.color(Color::DarkGray)),
-        line("turn °", 0, f64::to_degrees(1.0), 4),
+        line("rot. °", 0, f64::to_degrees(1.0), 4),
         line("mm", 3, 1e3, 3),
         Line::styled(format!("std-dev of {} frames", pair.spread.len()), picture.color(Color::DarkGray)),
     ])
@@ -104,12 +104,12 @@ fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_
     let most_rad = scale_rad(pair, &columns);
     let says = match columns.iter().any(Option::is_some) {
         true => format!(
-            "turn against the reference{}, over {}; full height {:.3}°",
-            if pair.has_shifted() { "" } else { " if it only turned" },
+            "rotation against the reference{}, over {}; full height {:.3}°",
+            if pair.has_shifted() { "" } else { " if it only rotated" },
             duration(pair.trail().span_s()),
             most_rad.to_degrees()
         ),
-        false => "turn against the reference: nothing to compare yet".to_string(),
+        false => "rotation against the reference: nothing to compare yet".to_string(),
     };
     frame.render_widget(Span::styled(says, picture.color(Color::DarkGray)), caption);
     let (_, _, color) = picture.sign(picture.view.chosen);
@@ -118,12 +118,14 @@ fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), drawn);
 }
 
-/// The turn of a full bar: the largest, but not so small that a steady camera's noise fills the picture.
+/// The rotation of a full bar: the largest, but not so small that a steady camera's noise fills the image.
 pub fn scale_rad(pair: &PairBoard, columns: &[Option<f64>]) -> f64 {
     let noise_rad = |reading: &Reading| {
         let turn = match pair.has_shifted() {
             true => reading.covariance.fixed_view::<3, 3>(0, 0).trace(),
-            false => turn_alone(&Vector6::zeros(), &reading.covariance).map_or(0.0, |(_, turn)| turn.trace()),
+            false => {
+                rotation_alone(&Vector6::zeros(), &reading.covariance).map_or(0.0, |(_, turn)| turn.trace())
+            }
         };
         turn.max(0.0).sqrt()
     };

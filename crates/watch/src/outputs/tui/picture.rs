@@ -1,7 +1,7 @@
 //! All that the view draws: the numbers, the words and the colours of the states.
 
-use super::super::super::log::Line as Said;
-use super::board::{Board, Moment};
+use super::super::super::log::Line as EventText;
+use super::board::{Board, Instants};
 use super::keys::View;
 use crate::live::State;
 use ratatui::style::{Color, Style};
@@ -10,8 +10,8 @@ use ratatui::style::{Color, Style};
 pub struct Picture<'a> {
     pub board: &'a Board,
     /// What the session said of itself.
-    pub lines: &'a [Said],
-    pub now: Moment,
+    pub lines: &'a [EventText],
+    pub now: Instants,
     pub view: &'a View,
     /// The terminal's user wants colours.
     pub has_color: bool,
@@ -30,11 +30,11 @@ impl Picture<'_> {
             Some(State::Drifted(_)) => ("▲", "drifted", Color::Red),
             _ if camera.is_some_and(|camera| camera.lost.is_some()) => ("✗", "lost", Color::Magenta),
             Some(State::Steady) => ("●", "steady", Color::Green),
-            Some(State::Followed) => ("●", "followed", Color::Green),
-            Some(State::Settling(_)) => ("◐", "settling", Color::Yellow),
+            Some(State::Tracking) => ("●", "tracking", Color::Green),
+            Some(State::Checking(_)) => ("◐", "checking", Color::Yellow),
             Some(State::Inconsistent) => ("≠", "inconsistent", Color::Magenta),
             Some(State::Learning { .. }) => ("…", "learning", Color::Cyan),
-            Some(State::Unseen { .. }) => ("○", "unseen", Color::Magenta),
+            Some(State::Stale { .. }) => ("○", "stale", Color::Magenta),
             None => ("○", "waiting", Color::Magenta),
         }
     }
@@ -45,11 +45,11 @@ impl Picture<'_> {
             "drifted",
             "lost",
             "inconsistent",
-            "unseen",
+            "stale",
             "waiting",
-            "settling",
+            "checking",
             "learning",
-            "followed",
+            "tracking",
             "steady",
         ];
         let signs: Vec<_> = (0..self.board.pairs.len()).map(|pair| self.sign(pair)).collect();

@@ -18,7 +18,7 @@ struct Column {
 }
 
 const COLUMNS: [Column; 5] = [
-    Column { head: "turn", width: 9, from_width: 0, cell: turn },
+    Column { head: "rotation", width: 9, from_width: 0, cell: turn },
     Column { head: "FPS", width: 6, from_width: 42, cell: rate },
     Column { head: "latency ms", width: 12, from_width: 56, cell: latency },
     Column { head: "dropped", width: 7, from_width: 64, cell: dropped },
@@ -77,17 +77,17 @@ fn right<'a>(text: String) -> Text<'a> {
 /// What is not known yet.
 const NONE: &str = "–";
 
-/// Where it is now; the drift's own turn, once there is one.
+/// Where it is now; the drift's own rotation, once there is one.
 fn turn(picture: &Picture<'_>, pair: usize) -> String {
     let pair = &picture.board.pairs[pair];
-    let turn_rad = match &pair.state {
+    let rotation_rad = match &pair.state {
         Some(State::Drifted(drift)) => match drift.pure_rotation() {
             Some((turn, _)) => Some(turn.norm()),
             None => Some(drift.old_from_new.fixed_rows::<3>(0).norm()),
         },
         _ => pair.trail().last_rad(),
     };
-    turn_rad.map_or(NONE.to_string(), |turn_rad| format!("{:.3}°", turn_rad.to_degrees()))
+    rotation_rad.map_or(NONE.to_string(), |rotation_rad| format!("{:.3}°", rotation_rad.to_degrees()))
 }
 
 fn rate(picture: &Picture<'_>, pair: usize) -> String {
@@ -121,7 +121,7 @@ fn dropped(picture: &Picture<'_>, pair: usize) -> String {
     picture.board.camera_of(pair).map_or(NONE.to_string(), |camera| camera.dropped.to_string())
 }
 
-/// Standard deviation of the turn of a frame, the three axes together.
+/// Standard deviation of the rotation of a frame, the three axes together.
 fn scatter(picture: &Picture<'_>, pair: usize) -> String {
     let sigma = picture.board.pairs[pair].spread.sigma();
     sigma.map_or(NONE.to_string(), |sigma| format!("{:.3}°", sigma.fixed_rows::<3>(0).norm().to_degrees()))

@@ -41,7 +41,7 @@ impl Screen {
         let writer = writer(place)?;
         enable_raw_mode().context("--tui: the terminal does not give single keys")?;
         let is_open = Arc::new(AtomicBool::new(true));
-        restore_before_a_panic_is_told(place, &is_open);
+        restore_before_a_panic_is_reported(place, &is_open);
         let opened = enter(writer);
         if opened.is_err() {
             give_back(place, &is_open);
@@ -93,7 +93,7 @@ fn enter(mut writer: Writer) -> Result<Terminal<CrosstermBackend<Writer>>> {
 }
 
 /// A message of a panic drawn over by a view, in a terminal without line ends, helps nobody.
-fn restore_before_a_panic_is_told(place: Place, is_open: &Arc<AtomicBool>) {
+fn restore_before_a_panic_is_reported(place: Place, is_open: &Arc<AtomicBool>) {
     let (is_open, before) = (Arc::clone(is_open), std::panic::take_hook());
     std::panic::set_hook(Box::new(move |panic| {
         give_back(place, &is_open);

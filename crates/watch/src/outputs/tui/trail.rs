@@ -1,4 +1,4 @@
-//! The turn against the reference through a whole session, in few numbers: bins of time that double when they run out.
+//! The rotation against the reference through a whole session, in few numbers: bins of time that double when they run out.
 
 use nalgebra::Vector3;
 
@@ -41,10 +41,10 @@ impl Trail {
         Trail { first_s: None, last_s: 0.0, width_s: FIRST_WIDTH_S, bins: Vec::new(), readings: 0 }
     }
 
-    /// A turn about x, y, z at a time; one of before the first is left out.
-    pub fn push(&mut self, t_s: f64, turn_rad: &Vector3<f64>) {
+    /// A rotation about x, y, z at a time; one of before the first is left out.
+    pub fn push(&mut self, t_s: f64, rotation_rad: &Vector3<f64>) {
         let since_s = t_s - *self.first_s.get_or_insert(t_s);
-        if !(0.0 <= since_s) || !turn_rad.iter().all(|x| x.is_finite()) {
+        if !(0.0 <= since_s) || !rotation_rad.iter().all(|x| x.is_finite()) {
             return;
         }
         while BINS as f64 <= since_s / self.width_s {
@@ -56,7 +56,7 @@ impl Trail {
         if self.bins.len() <= place {
             self.bins.resize(place + 1, Bin::default());
         }
-        self.bins[place] = self.bins[place].join(Bin { sum_rad: *turn_rad, readings: 1 });
+        self.bins[place] = self.bins[place].join(Bin { sum_rad: *rotation_rad, readings: 1 });
         (self.last_s, self.readings) = (self.last_s.max(t_s), self.readings + 1);
     }
 

@@ -1,6 +1,6 @@
-//! The picture: header, table of cameras, the chosen one, what was said, keys. Small terminals get less of it.
+//! The image: header, table of cameras, the chosen one, what was said, keys. Small terminals get less of it.
 
-use super::super::super::log::Line as Said;
+use super::super::super::log::Line as EventText;
 use super::picture::{Picture, duration};
 use super::{details, panel, table};
 use ratatui::Frame;
@@ -124,10 +124,10 @@ fn keys(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
 
 /// What happened and what the session said, in order of time; the newest at the bottom.
 fn log(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
-    let mut all: Vec<&Said> = picture.board.told.iter().chain(picture.lines).collect();
+    let mut all: Vec<&EventText> = picture.board.reported.iter().chain(picture.lines).collect();
     all.sort_by(|a, b| a.unix_s.total_cmp(&b.unix_s));
     let first = all.len().saturating_sub(usize::from(area.height));
-    let line = |said: &&Said| {
+    let line = |said: &&EventText| {
         let time = Span::styled(format!("{} ", clock(said.unix_s)), picture.color(Color::DarkGray));
         Line::from(vec![time, Span::raw(shortened(&said.text, usize::from(area.width).saturating_sub(9)))])
     };

@@ -173,8 +173,8 @@ mod tests {
         assert_eq!((name.as_str(), value.to_str().expect("text")), ("authorization", "Bearer secret:1"));
         assert!(value.is_sensitive());
         for wrong in ["no colon secret", "a name: secret", "X: secret\u{1}"] {
-            let told = format!("{:#}", header(wrong).expect_err("no header"));
-            assert!(!told.contains("secret"), "{told}");
+            let reported = format!("{:#}", header(wrong).expect_err("no header"));
+            assert!(!reported.contains("secret"), "{reported}");
         }
     }
 }

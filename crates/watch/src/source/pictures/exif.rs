@@ -1,4 +1,4 @@
-//! When a picture was taken, as its EXIF says: `DateTimeOriginal` with its fractions and, where stated, its distance from UTC.
+//! When an image was taken, as its EXIF says: `DateTimeOriginal` with its fractions and, where stated, its distance from UTC.
 
 use std::io::Cursor;
 
@@ -12,7 +12,7 @@ const ASCII: u16 = 2;
 const LONG: u16 = 4;
 
 /// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
-/// UTC: differences between pictures of one camera are right.
+/// UTC: differences between images of one camera are right.
 pub(super) fn taken_s(picture: &[u8]) -> Option<f64> {
     let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
     let exif = ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()??;

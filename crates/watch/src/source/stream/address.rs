@@ -1,4 +1,4 @@
-//! Where a stream is, what ffmpeg needs to be told about it, and what of it may be shown.
+//! Where a stream is, what ffmpeg needs to be reported about it, and what of it may be shown.
 
 use super::OPENING_S;
 use resight::video::ffmpeg::Release;
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn streams_are_told_from_files() {
+    fn streams_are_reported_from_files() {
         for stream in
             ["rtsp://cam/x", "udp://@239.0.0.1:1234", "v4l2:///dev/video7", "/dev/video7", "/dev/null"]
         {

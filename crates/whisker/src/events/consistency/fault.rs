@@ -12,7 +12,7 @@ pub enum Fault {
     TorqueGain,
     /// The hub's angle reads too large, radians: the clamped whisker points elsewhere, load cell and all.
     HubAngle,
-    /// The load cell is turned against the clamped whisker, radians: forces read turned clockwise.
+    /// The load cell is turned against the clamped whisker, radians: forces read rotated clockwise.
     CellAngle,
     /// The clamp lies this far ahead of where the stage has it, along the clamped whisker, metres.
     HubAhead,
@@ -71,7 +71,7 @@ impl Fault {
             }
             Fault::HubAhead | Fault::HubAside => {
                 let axis = if self == Fault::HubAhead { Vector2::x() } else { Vector2::y() };
-                let shift = hub.turn(axis * size);
+                let shift = hub.rotate(axis * size);
                 hub.x_m += shift.x;
                 hub.y_m += shift.y;
             }

@@ -170,7 +170,7 @@ impl<'a> Rows<'a> {
         let point = |((i, _), projection): (&(usize, bool), &Projection)| {
             let mut point = OutlinePoint::new(self.cell, &samples[*i], projection, friction_rad);
             if let Some(bend) = bend(self.rod, projection, self.method) {
-                let bend = samples[*i].world_from_hub.turn(bend.fixed_rows::<2>(0).into_owned());
+                let bend = samples[*i].world_from_hub.rotate(bend.fixed_rows::<2>(0).into_owned());
                 let mut place = point.covariance.fixed_view_mut::<2, 2>(0, 0);
                 place += bend * bend.transpose() * 0.75;
             }

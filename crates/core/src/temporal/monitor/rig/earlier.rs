@@ -7,7 +7,7 @@ use super::{Held, MonitorConfig, RigMonitor, RigReference};
 use crate::Pose;
 use crate::temporal::snapshot::{Numbers, Rest};
 
-/// The sentry of a rig as version 1 has it.
+/// The change detector of a rig as version 1 has it.
 pub(super) struct Version1(pub RigMonitor);
 
 impl Numbers for Version1 {
@@ -22,12 +22,12 @@ impl Numbers for Version1 {
         rig.held.put(numbers);
         rig.typical.put(numbers);
         (rig.last_onset_s, rig.last_s).put(numbers);
-        rig.glanced_s.put(numbers);
+        rig.observed_s.put(numbers);
         rig.seen_s.put(numbers);
         rig.inconsistent_share.put(numbers);
         rig.drifts.put(numbers);
         rig.open.put(numbers);
-        rig.rivals.put(numbers);
+        rig.alternatives.put(numbers);
         (rig.outliers, rig.out_of_order).put(numbers);
     }
 
@@ -51,12 +51,12 @@ impl Numbers for Version1 {
             typical: Numbers::take(rest)?,
             last_onset_s: f64::take(rest)?,
             last_s: f64::take(rest)?,
-            glanced_s: Numbers::take(rest)?,
+            observed_s: Numbers::take(rest)?,
             seen_s: Numbers::take(rest)?,
             inconsistent_share: Numbers::take(rest)?,
             drifts: Numbers::take(rest)?,
             open: Numbers::take(rest)?,
-            rivals: Numbers::take(rest)?,
+            alternatives: Numbers::take(rest)?,
             outliers: u64::take(rest)?,
             out_of_order: u64::take(rest)?,
         }))
@@ -65,20 +65,20 @@ impl Numbers for Version1 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::SightNoise;
+    use super::super::ObservationNoise;
     use super::*;
     use crate::Vector6;
     use crate::temporal::snapshot::Snapshot;
     use nalgebra::DMatrix;
 
-    /// What an earlier version wrote is read, and goes on.
+    /// What an earlier version wrote is read, and continues.
     #[test]
     fn version_1_is_read() {
         let place = |x: f64| Pose::exp(&Vector6::new(0.0, 0.1 * x, 0.0, x, 0.0, 2.0));
         let reference = RigReference {
             cam_from_rig: vec![place(-0.5), place(0.5)],
             covariance: DMatrix::identity(12, 12) * 1e-6,
-            noise: vec![SightNoise::white(); 2],
+            noise: vec![ObservationNoise::white(); 2],
         };
         let rig = RigMonitor::new(&reference, &MonitorConfig::default(), 3.0).expect("a monitor");
         let snapshot = Snapshot::of(&Version1(rig.clone()), 1);

@@ -2,17 +2,15 @@
 //!
 //! ```text
 //!   g   mean error that unit motions of all cameras since the onset give to the filter's prediction
-//!   c = Σ (H g)ᵀ S⁻¹ ν,   D = Σ (H g)ᵀ S⁻¹ H g          all that the moments say of them, correlations included
+//!   c = Σ (H g)ᵀ S⁻¹ ν,   D = Σ (H g)ᵀ S⁻¹ H g          all that the frame_sets say of them, correlations included
 //!   Λ = |1 + Γ D|^(−½) exp(½ cᵀ(D + Γ⁻¹)⁻¹ c)          over the coordinates I of one camera; Γ how far is looked for
 //! ```
 //! Λ, weights and R are summed by their logarithms: no change is so gross that they leave the range of numbers.
 //! Derivation: docs/math/monitor.md eqs. (22)–(24).
 
-use super::filter::{Carried, Innovation, STATES};
+use super::filter::{Innovation, Propagated, STATES};
 use crate::temporal::monitor::axis::DAY_S;
-use crate::temporal::monitor::measured::GROWN;
-use crate::temporal::monitor::onsets::Course;
-use crate::temporal::monitor::onsets::WIDER;
+use crate::temporal::monitor::priors::{COURSES, GROWN, MotionKind, SIZES, WIDER};
 use crate::temporal::monitor::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
@@ -20,9 +18,6 @@ use nalgebra::{DMatrix, DVector};
 
 /// Onsets kept.
 const ONSETS: usize = 16;
-/// Sizes looked for of each course, in standard deviations of a sight, of a drift per day.
-const SIZES: [f64; 2] = [2.0, 30.0];
-const COURSES: [Course; 2] = [Course::Step, Course::Slow];
 /// Coordinates of one camera that change together: each of six alone, the rotation, all.
 const KINDS: usize = 8;
 
@@ -35,16 +30,16 @@ pub(super) struct Onset {
     log_weights: [Vec<[f64; KINDS]>; 2],
     /// Variances of a sight of each camera when this onset came up.
     typical: DVector<f64>,
-    /// How likely the moments before it were under each model of the noise.
+    /// How likely the frame sets before it were under each model of the noise.
     pub then: Then,
 }
 
-/// What an onset remembers of the noise before it: logarithms of likelihoods, and the count of moments.
+/// What an onset remembers of the noise before it: logarithms of likelihoods, and the count of frame sets.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Then {
     pub own: f64,
     pub grown: [f64; GROWN.len()],
-    pub moments: f64,
+    pub frame_sets: f64,
 }
 
 /// What the moments since an onset say of motions of all cameras.
@@ -83,7 +78,7 @@ impl Gathered {
         Gathered::new(unit(cameras))
     }
 
-    pub fn predict(&mut self, carried: &Carried) {
+    pub fn predict(&mut self, carried: &Propagated) {
         for mut column in self.signature.column_iter_mut() {
             column.component_mul_assign(&carried.factors);
         }
@@ -154,10 +149,10 @@ impl Onset {
         &self.gathered[course]
     }
 
-    pub fn predict(&mut self, carried: &Carried) {
+    pub fn predict(&mut self, carried: &Propagated) {
         for (course, gathered) in COURSES.into_iter().zip(&mut self.gathered) {
             gathered.predict(carried);
-            if course == Course::Slow {
+            if course == MotionKind::Ramp {
                 for i in 0..gathered.signature.ncols() {
                     gathered.signature[(STATES * (i / 6) + i % 6, i)] += carried.elapsed_s / DAY_S;
                 }
@@ -255,7 +250,7 @@ pub(super) struct Began<'a> {
 }
 
 impl Began<'_> {
-    pub fn course(&self) -> Course {
+    pub fn course(&self) -> MotionKind {
         COURSES[self.course]
     }
 }
@@ -274,7 +269,7 @@ impl Evidence {
         self.onsets.len() <= ONSETS && self.onsets.iter().all(|onset| onset.is_sound(cameras))
     }
 
-    pub fn predict(&mut self, carried: &Carried) {
+    pub fn predict(&mut self, carried: &Propagated) {
         self.onsets.iter_mut().for_each(|onset| onset.predict(carried));
     }
 
@@ -362,7 +357,7 @@ impl Evidence {
     }
 }
 
-numbers!(Then { own, grown, moments });
+numbers!(Then { own, grown, frame_sets });
 numbers!(Gathered { signature, score, information, groups });
 numbers!(Onset { t_s, gathered, log_weights, typical, then });
 numbers!(Evidence { onsets, statistic });
@@ -373,23 +368,23 @@ pub(super) mod tests {
 
     pub const SIGMA: f64 = 1e-3;
 
-    /// What two cameras of a rig see beside each other: a turn about x, every coordinate known to `SIGMA`.
-    pub fn difference(cameras: usize, of: [usize; 2], turn_rad: f64) -> Innovation {
+    /// What two cameras of a rig see beside each other: a rotation about x, every coordinate known to `SIGMA`.
+    pub fn difference(cameras: usize, of: [usize; 2], rotation_rad: f64) -> Innovation {
         let mut design = DMatrix::zeros(6, STATES * cameras);
         for (camera, sign) in of.into_iter().zip([1.0, -1.0]) {
             (0..6).for_each(|i| design[(i, STATES * camera + i)] = sign);
         }
         let spread = (DMatrix::identity(6, 6) * SIGMA * SIGMA).cholesky().expect("a covariance");
-        let value = DVector::from_fn(6, |i, _| if i == 0 { turn_rad } else { 0.0 });
+        let value = DVector::from_fn(6, |i, _| if i == 0 { rotation_rad } else { 0.0 });
         Innovation { design, value, spread, gain: DMatrix::zeros(STATES * cameras, 6) }
     }
 
-    /// A moment a second, and what two cameras see of a turn after the quiet ones.
-    fn turned(quiet: usize, after: usize, turn_rad: f64) -> Evidence {
+    /// A frame set a second, and what two cameras see of a rotation after the quiet ones.
+    fn turned(quiet: usize, after: usize, rotation_rad: f64) -> Evidence {
         let (mut evidence, typical) = (Evidence::default(), DVector::from_element(12, SIGMA * SIGMA));
         for i in 0..quiet + after {
             evidence.begin(i as f64, 1.0, &typical, Then::default());
-            evidence.add(&difference(2, [0, 1], if i < quiet { 0.0 } else { turn_rad }));
+            evidence.add(&difference(2, [0, 1], if i < quiet { 0.0 } else { rotation_rad }));
         }
         evidence
     }
@@ -401,15 +396,15 @@ pub(super) mod tests {
         assert!(evidence.statistic.is_finite() && 1e300 < evidence.statistic);
         let began = evidence.began().expect("moments");
         assert!((began.onset.t_s - 50.0).abs() <= 20.0, "{}", began.onset.t_s);
-        assert!(began.sigma_s < 20.0 && began.course() == Course::Step, "{}", began.sigma_s);
+        assert!(began.sigma_s < 20.0 && began.course() == MotionKind::Step, "{}", began.sigma_s);
         assert!((0.5..=1.0).contains(&began.course_probability), "{}", began.course_probability);
         assert!(evidence.onsets.iter().all(|onset| onset.log_mass().is_finite()));
     }
 
     #[test]
     fn joining_onsets_keeps_the_sum() {
-        for turn_rad in [0.0, 2.0 * SIGMA, 60.0 * SIGMA] {
-            let mut evidence = turned(6, ONSETS - 6, turn_rad);
+        for rotation_rad in [0.0, 2.0 * SIGMA, 60.0 * SIGMA] {
+            let mut evidence = turned(6, ONSETS - 6, rotation_rad);
             let log_r = |evidence: &Evidence| LogSum::of(evidence.onsets.iter().map(Onset::log_mass)).ln();
             let before = log_r(&evidence);
             evidence.merge_two();

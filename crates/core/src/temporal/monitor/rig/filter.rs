@@ -1,13 +1,13 @@
-//! What the cameras of a rig do while nothing happens, and the filter that predicts what they see of a target that is carried about.
+//! What the cameras of a rig do while nothing happens, and the filter that predicts what they see of a target that is hand-held.
 //!
 //! ```text
-//!   y_c = m_c + L_c u_c + w_c + n_c − Ad(cam_from_rig) β     m error of the reference   u lasting error in units of L   w daily
+//!   y_c = m_c + L_c u_c + w_c + n_c − Ad(cam_from_rig) β     m error of the reference   u correlated error in units of L   w diurnal
 //!   z_c = Ad(rig_from_cam) y_c                               β, the target's motion in the rig frame, is the same for all: it
-//!   d_c = z_c − z_r                                          drops out of differences with any one camera r of the moment
+//!   d_c = z_c − z_r                                          drops out of differences with any one camera r of the frame_set
 //! ```
 //! Derivation: docs/math/monitor.md eqs. (18)–(21).
 
-use super::star::Sight;
+use super::star::CameraReading;
 use crate::temporal::monitor::axis::DAY_S;
 use crate::temporal::snapshot::numbers;
 use crate::{Error, Matrix6, Pose};
@@ -15,72 +15,76 @@ use nalgebra::{DMatrix, DVector, Dyn};
 
 /// What is no drift of one camera's sights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SightNoise {
+pub struct ObservationNoise {
     /// Variance that is new in every frame, in units of what the pixels' stated sigmas give.
     pub white: f64,
     /// Variance of the error that lasts from frame to frame, in the same units.
-    pub lasting: f64,
+    pub correlated: f64,
     /// The time in which that error is forgotten, seconds.
-    pub lasting_time_s: f64,
-    /// Lasting error besides, whatever the view: covariance of a small motion of the camera frame.
+    pub correlated_time_s: f64,
+    /// Correlated error besides, whatever the view: covariance of a small motion of the camera frame.
     pub bias: Matrix6,
-    /// Covariance of the daily wobble.
-    pub daily: Matrix6,
+    /// Covariance of the diurnal variation.
+    pub diurnal: Matrix6,
 }
 
-impl SightNoise {
+impl ObservationNoise {
     /// Pixels as stated, independent from frame to frame.
     pub fn white() -> Self {
-        let (bias, daily) = (Matrix6::zeros(), Matrix6::zeros());
-        SightNoise { white: 1.0, lasting: 0.0, lasting_time_s: 1.0, bias, daily }
+        let (bias, diurnal) = (Matrix6::zeros(), Matrix6::zeros());
+        ObservationNoise { white: 1.0, correlated: 0.0, correlated_time_s: 1.0, bias, diurnal }
     }
 
     /// # Errors
     /// `InvalidSetting` for variances and times that are not positive, or matrices that are no covariance.
     pub fn check(&self) -> Result<(), Error> {
-        let SightNoise { white, lasting, lasting_time_s, bias, daily } = self;
+        let ObservationNoise { white, correlated, correlated_time_s, bias, diurnal } = self;
         let invalid = |setting, seen, needed| Err(Error::InvalidSetting { setting, seen, needed });
-        if !(0.0 < *white && 0.0 <= *lasting && 0.0 < *lasting_time_s && (white + lasting).is_finite()) {
+        if !(0.0 < *white
+            && 0.0 <= *correlated
+            && 0.0 < *correlated_time_s
+            && (white + correlated).is_finite())
+        {
             return invalid("noise of a sight", *white, "variances and times that are positive");
         }
         let is_covariance =
             |m: &Matrix6| m.iter().all(|v| v.is_finite()) && m.diagonal().iter().all(|v| 0.0 <= *v);
-        if !(is_covariance(bias) && is_covariance(daily)) {
-            return invalid("lasting error of a camera", bias[(0, 0)], "covariances, or zero");
+        if !(is_covariance(bias) && is_covariance(diurnal)) {
+            return invalid("correlated error of a camera", bias[(0, 0)], "covariances, or zero");
         }
         Ok(())
     }
 
     /// Covariance of the whole error of a sight.
-    pub fn total(&self, sight: &Matrix6) -> Matrix6 {
-        sight * (self.white + self.lasting) + self.bias
+    pub fn total(&self, reading: &Matrix6) -> Matrix6 {
+        reading * (self.white + self.correlated) + self.bias
     }
 }
 
 /// m, u, w of each camera.
 pub(super) const STATES: usize = 18;
-/// Forgotten in this time, a wobble of 24 hours changes as fast as the sun makes it.
-const WOBBLE_TIME_S: f64 = DAY_S / std::f64::consts::TAU;
+/// Forgotten in this time, a diurnal variation of 24 hours changes as fast as the sun makes it.
+const DIURNAL_TIME_S: f64 = DAY_S / std::f64::consts::TAU;
 
 /// What a moment is expected to be.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RigFilter {
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
-    noise: Vec<SightNoise>,
+    noise: Vec<ObservationNoise>,
     rig_from_cam: Vec<Matrix6>,
     last_s: Option<f64>,
 }
 
 /// How far the state is carried by a time.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Carried {
+pub(super) struct Propagated {
     /// Factor of each state.
     pub factors: DVector<f64>,
     pub elapsed_s: f64,
 }
 
-/// A moment beside what was expected of it.
+/// A frame set beside what was expected of it.
 pub(super) struct Innovation {
     /// Rows of the design: differences against the state.
     pub design: DMatrix<f64>,
@@ -99,7 +103,7 @@ impl Innovation {
     }
 
     /// ln |S|.
-    pub fn log_volume(&self) -> f64 {
+    pub(crate) fn log_volume(&self) -> f64 {
         self.spread.l_dirty().diagonal().iter().map(|root| 2.0 * root.ln()).sum()
     }
 
@@ -116,7 +120,7 @@ impl Innovation {
 
 impl RigFilter {
     /// `reference`: covariance of all m, 6 rows a camera.
-    pub fn new(cam_from_rig: &[Pose], reference: &DMatrix<f64>, noise: &[SightNoise]) -> Self {
+    pub fn new(cam_from_rig: &[Pose], reference: &DMatrix<f64>, noise: &[ObservationNoise]) -> Self {
         let n = cam_from_rig.len();
         let mut covariance = DMatrix::zeros(STATES * n, STATES * n);
         for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
@@ -125,7 +129,7 @@ impl RigFilter {
         }
         for (i, noise) in noise.iter().enumerate() {
             covariance.fixed_view_mut::<6, 6>(STATES * i + 6, STATES * i + 6).copy_from(&Matrix6::identity());
-            covariance.fixed_view_mut::<6, 6>(STATES * i + 12, STATES * i + 12).copy_from(&noise.daily);
+            covariance.fixed_view_mut::<6, 6>(STATES * i + 12, STATES * i + 12).copy_from(&noise.diurnal);
         }
         RigFilter {
             mean: DVector::zeros(STATES * n),
@@ -145,14 +149,14 @@ impl RigFilter {
             && self.noise.iter().all(|noise| noise.check().is_ok())
     }
 
-    /// F and Q over the time since the last moment.
-    pub fn predict(&mut self, t_s: f64) -> Carried {
+    /// F and Q over the time since the last frame set.
+    pub fn predict(&mut self, t_s: f64) -> Propagated {
         let elapsed_s = self.last_s.map_or(0.0, |last_s| (t_s - last_s).max(0.0));
         self.last_s = Some(self.last_s.map_or(t_s, |last_s| last_s.max(t_s)));
         let mut factors = DVector::from_element(self.mean.len(), 1.0);
         for (camera, noise) in self.noise.iter().enumerate() {
-            factors.rows_mut(STATES * camera + 6, 6).fill((-elapsed_s / noise.lasting_time_s).exp());
-            factors.rows_mut(STATES * camera + 12, 6).fill((-elapsed_s / WOBBLE_TIME_S).exp());
+            factors.rows_mut(STATES * camera + 6, 6).fill((-elapsed_s / noise.correlated_time_s).exp());
+            factors.rows_mut(STATES * camera + 12, 6).fill((-elapsed_s / DIURNAL_TIME_S).exp());
         }
         self.mean.component_mul_assign(&factors);
         let n = factors.len();
@@ -161,17 +165,17 @@ impl RigFilter {
         }
         for (camera, noise) in self.noise.iter().enumerate() {
             let (u, w) = (STATES * camera + 6, STATES * camera + 12);
-            let (lasting, wobble) = (1.0 - factors[u].powi(2), 1.0 - factors[w].powi(2));
+            let (correlated, wobble) = (1.0 - factors[u].powi(2), 1.0 - factors[w].powi(2));
             let mut block = self.covariance.fixed_view_mut::<6, 6>(u, u);
-            block += Matrix6::identity() * lasting;
+            block += Matrix6::identity() * correlated;
             let mut block = self.covariance.fixed_view_mut::<6, 6>(w, w);
-            block += noise.daily * wobble;
+            block += noise.diurnal * wobble;
         }
-        Carried { factors, elapsed_s }
+        Propagated { factors, elapsed_s }
     }
 
-    /// What the stars of a moment say; none where a covariance is no covariance, or no star has two cameras.
-    pub fn innovation(&self, stars: &[Vec<Sight>]) -> Option<Innovation> {
+    /// What the stars of a frame set say; none where a covariance is no covariance, or no star has two cameras.
+    pub fn innovation(&self, stars: &[Vec<CameraReading>]) -> Option<Innovation> {
         let rows: usize = stars.iter().map(|star| 6 * star.len().saturating_sub(1)).sum();
         if rows == 0 {
             return None;
@@ -182,14 +186,14 @@ impl RigFilter {
         for star in stars {
             let Some((base, others)) = star.split_first() else { continue };
             let n = others.len();
-            for (i, sight) in others.iter().enumerate() {
+            for (i, reading) in others.iter().enumerate() {
                 let at = row + 6 * i;
                 let mut own = value.fixed_rows_mut::<6>(at);
-                own += self.rig_from_cam[sight.camera] * sight.motion
+                own += self.rig_from_cam[reading.camera] * reading.motion
                     - self.rig_from_cam[base.camera] * base.motion;
-                self.put(&mut design, at, sight, 1.0)?;
+                self.put(&mut design, at, reading, 1.0)?;
                 self.put(&mut design, at, base, -1.0)?;
-                noise.fixed_view_mut::<6, 6>(at, at).copy_from(&self.white(sight));
+                noise.fixed_view_mut::<6, 6>(at, at).copy_from(&self.white(reading));
             }
             let shared = self.white(base);
             for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
@@ -218,24 +222,24 @@ impl RigFilter {
     }
 
     /// White noise of a sight in the rig frame.
-    fn white(&self, sight: &Sight) -> Matrix6 {
-        let ad = &self.rig_from_cam[sight.camera];
-        ad * sight.covariance * ad.transpose() * self.noise[sight.camera].white
+    fn white(&self, reading: &CameraReading) -> Matrix6 {
+        let ad = &self.rig_from_cam[reading.camera];
+        ad * reading.covariance * ad.transpose() * self.noise[reading.camera].white
     }
 
     /// Adds ± Ad (m + L u + w) of a sight to six rows.
-    fn put(&self, design: &mut DMatrix<f64>, row: usize, sight: &Sight, sign: f64) -> Option<()> {
-        let (camera, noise) = (sight.camera, &self.noise[sight.camera]);
+    fn put(&self, design: &mut DMatrix<f64>, row: usize, reading: &CameraReading, sign: f64) -> Option<()> {
+        let (camera, noise) = (reading.camera, &self.noise[reading.camera]);
         let ad = self.rig_from_cam[camera] * sign;
-        let lasting = sight.covariance * noise.lasting + noise.bias;
+        let correlated = reading.covariance * noise.correlated + noise.bias;
         let mut add = |offset: usize, block: Matrix6| {
             let mut own = design.fixed_view_mut::<6, 6>(row, STATES * camera + offset);
             own += block;
         };
         add(0, ad);
         add(12, ad);
-        if lasting.iter().any(|v| *v != 0.0) {
-            add(6, ad * root(&lasting));
+        if correlated.iter().any(|v| *v != 0.0) {
+            add(6, ad * root(&correlated));
         }
         Some(())
     }
@@ -269,5 +273,5 @@ fn factor(spread: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, Dyn>> {
     ((&spread + spread.transpose()) * 0.5).cholesky()
 }
 
-numbers!(SightNoise { white, lasting, lasting_time_s, bias, daily });
+numbers!(ObservationNoise { white, correlated, correlated_time_s, bias, diurnal });
 numbers!(RigFilter { mean, covariance, noise, rig_from_cam, last_s });

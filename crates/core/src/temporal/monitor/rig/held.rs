@@ -1,59 +1,58 @@
-//! Moments that are far from what was expected wait until three agree on who moved: a flipped pose, a hand in the picture or a frame of
-//! another time is alone, a knocked camera stays where it is.
+//! Moments that are far from what was expected wait until three agree on who moved: a flipped pose, a hand in the image or a frame of
+//! another time is alone, a camera that moved suddenly stays where it is.
 
 use super::SURPRISE;
 use super::evidence::{Onset, Then};
 use super::filter::{Innovation, RigFilter};
-use super::star::Sight;
+use super::star::CameraReading;
 use super::which::{explained, which};
 use crate::statistics::chi_square::tail;
+use crate::temporal::monitor::priors::CONFIRM;
 use crate::temporal::snapshot::numbers;
 use nalgebra::DVector;
 
 /// What the cameras saw at one time, a star for each target.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct ReadingSet {
     pub t_s: f64,
-    pub stars: Vec<Vec<Sight>>,
+    pub stars: Vec<Vec<CameraReading>>,
 }
 
-impl Moment {
+impl ReadingSet {
     pub fn cameras(&self) -> impl Iterator<Item = usize> + '_ {
-        self.stars.iter().flatten().map(|sight| sight.camera)
+        self.stars.iter().flatten().map(|reading| reading.camera)
     }
 }
 
-/// Surprising moments that agree.
-const CONFIRM: usize = 3;
-/// Share of χ² that one motion may leave of moments that agree: they differ by less than a third of it, as frames do that were not taken at
+/// Share of χ² that one motion may leave of frame sets that agree: they differ by less than a third of it, as frames do that were not taken at
 /// quite one time. Of three outliers that have nothing to do with each other their mean leaves two thirds.
 const SCATTER: f64 = 0.1;
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Held {
-    waiting: Vec<(Moment, Vec<usize>)>,
-    /// Cameras of which three moments agreed that they moved: surprises of theirs pass.
+    waiting: Vec<(ReadingSet, Vec<usize>)>,
+    /// Cameras of which three frame sets agreed that they moved: surprises of theirs pass.
     confirmed: Vec<usize>,
 }
 
 impl Held {
-    /// Cameras that waiting moments speak against.
+    /// Cameras that waiting frame sets speak against.
     pub fn suspects(&self) -> impl Iterator<Item = usize> + '_ {
         self.waiting.iter().flat_map(|(_, suspects)| suspects.iter().copied())
     }
 
     /// Whether it is such as a rig of this many cameras makes: numbers of a file may be any.
     pub fn is_sound(&self, cameras: usize) -> bool {
-        let waiting = self.waiting.iter().all(|(moment, suspects)| {
-            moment.cameras().chain(suspects.iter().copied()).all(|camera| camera < cameras)
+        let waiting = self.waiting.iter().all(|(frame_set, suspects)| {
+            frame_set.cameras().chain(suspects.iter().copied()).all(|camera| camera < cameras)
         });
         waiting && self.waiting.len() < CONFIRM && self.confirmed.iter().all(|camera| *camera < cameras)
     }
 
-    /// A moment in which all is well speaks for every suspect who is in it; how many moments are given up, their last suspect cleared.
-    pub fn clear(&mut self, moment: &Moment) -> u64 {
+    /// A frame set in which all is well speaks for every suspect who is in it; how many frame sets are given up, their last suspect cleared.
+    pub fn clear(&mut self, frame_set: &ReadingSet) -> u64 {
         let before = self.waiting.len();
-        let is_in = |camera: &usize| moment.cameras().any(|seen| seen == *camera);
+        let is_in = |camera: &usize| frame_set.cameras().any(|seen| seen == *camera);
         for (_, suspects) in &mut self.waiting {
             suspects.retain(|suspect| !is_in(suspect));
         }
@@ -61,35 +60,35 @@ impl Held {
         (before - self.waiting.len()) as u64
     }
 
-    /// A surprising moment: what passes now, and how many are given up. `filter` is as the last moment that passed left it.
+    /// A surprising frame set: what passes now, and how many are given up. `filter` is as the last frame set that passed left it.
     pub fn push(
         &mut self,
-        moment: Moment,
+        frame_set: ReadingSet,
         (filter, scale): (&RigFilter, f64),
         innovation: &Innovation,
         typical: &DVector<f64>,
-    ) -> (Vec<Moment>, u64) {
-        let mut onset = Onset::new(moment.t_s, 1.0, typical, Then::default());
+    ) -> (Vec<ReadingSet>, u64) {
+        let mut onset = Onset::new(frame_set.t_s, 1.0, typical, Then::default());
         onset.add(innovation);
         let attribution = which(onset.gathered(0), 1);
         let mut suspects: Vec<usize> = attribution.moved.iter().map(|moved| moved.node).collect();
-        suspects.extend(attribution.rivals.iter().flatten());
+        suspects.extend(attribution.alternatives.iter().flatten());
         suspects.sort_unstable();
         suspects.dedup();
         if suspects.iter().any(|suspect| self.confirmed.contains(suspect)) {
-            return (vec![moment], 0);
+            return (vec![frame_set], 0);
         }
         let before = self.waiting.len();
         self.waiting.retain(|(_, others)| others.iter().any(|other| suspects.contains(other)));
         let mut dropped = (before - self.waiting.len()) as u64;
-        self.waiting.push((moment, suspects));
+        self.waiting.push((frame_set, suspects));
         if self.waiting.len() < CONFIRM {
             return (Vec::new(), dropped);
         }
         match self.agreed((filter, scale), typical) {
             Some(confirmed) => {
                 self.confirmed = confirmed;
-                let passed = self.waiting.drain(..).map(|(moment, _)| moment).collect();
+                let passed = self.waiting.drain(..).map(|(frame_set, _)| frame_set).collect();
                 (passed, dropped)
             }
             None => {
@@ -100,13 +99,13 @@ impl Held {
         }
     }
 
-    /// Those whose motion explains all waiting moments together: the same motion in each. Who it was could be said of any three outliers.
+    /// Those whose motion explains all waiting frame sets together: the same motion in each. Who it was could be said of any three outliers.
     fn agreed(&self, (filter, scale): (&RigFilter, f64), typical: &DVector<f64>) -> Option<Vec<usize>> {
         let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical, Then::default()));
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0);
-        for (moment, _) in &self.waiting {
-            onset.predict(&filter.predict(moment.t_s));
-            let innovation = filter.innovation(&moment.stars)?.scaled(scale);
+        for (frame_set, _) in &self.waiting {
+            onset.predict(&filter.predict(frame_set.t_s));
+            let innovation = filter.innovation(&frame_set.stars)?.scaled(scale);
             chi2 += innovation.chi2();
             degrees_of_freedom += innovation.degrees_of_freedom();
             onset.add(&innovation);
@@ -117,10 +116,10 @@ impl Held {
         let left = chi2 - explained(onset.gathered(0), &cameras);
         let is_one_motion = left < SCATTER * chi2
             || SURPRISE < tail(degrees_of_freedom.saturating_sub(6 * cameras.len()).max(1), left.max(0.0));
-        cameras.extend(attribution.rivals.iter().flatten());
+        cameras.extend(attribution.alternatives.iter().flatten());
         (attribution.is_explained && is_one_motion).then_some(cameras)
     }
 }
 
-numbers!(Moment { t_s, stars });
+numbers!(ReadingSet { t_s, stars });
 numbers!(Held { waiting, confirmed });

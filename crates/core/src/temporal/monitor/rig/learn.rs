@@ -1,4 +1,4 @@
-//! Places and noise of a rig, learned from moments while all is well.
+//! Places and noise of a rig, learned from frame sets while all is well.
 //!
 //! ```text
 //!   v_c  residual of a camera from the weighted mean of its star, rig frame     ρ_c = 6 − tr((ΣW)⁻¹ W_c)  its redundancy
@@ -6,27 +6,24 @@
 //! ```
 
 use super::RigReference;
-use super::filter::SightNoise;
-use super::star::{Glance, Sight, inverse, star};
-use crate::multiview::rig::{RigConfig, RigProblem, Sighting, solve_rig};
+use super::filter::ObservationNoise;
+use super::star::{CameraReading, TargetObservation, inverse, star};
+use crate::multiview::rig::{Observation, RigConfig, RigProblem, solve_rig};
 use crate::temporal::monitor::learn::{LEAST_READINGS, LearnConfig};
+use crate::temporal::monitor::priors::{MEDIAN, OUTLIER};
 use crate::temporal::monitor::unsettled::{self, Found, Sample, Unrest, Unsettled};
 use crate::{Camera, Error, Matrix6, Pose, Vector6};
 use nalgebra::DMatrix;
 
 /// What all cameras saw at one time.
 #[derive(Debug, Clone)]
-pub struct RigMoment<'a> {
+pub struct FrameSet<'a> {
     /// When, seconds.
     pub t_s: f64,
     /// Of any cameras and targets.
-    pub glances: Vec<Glance<'a>>,
+    pub target_observations: Vec<TargetObservation<'a>>,
 }
 
-/// χ² of six degrees of freedom that one in 10⁴ exceeds: such sights do not take part.
-const OUTLIER: f64 = 27.9;
-/// The 50 % quantile of the same.
-const MEDIAN: f64 = 5.348;
 /// Rounds of weighting.
 const ROUNDS: usize = 8;
 /// Sights of a camera below which its noise is taken to be that of all cameras.
@@ -34,29 +31,29 @@ const FEW: usize = 10;
 /// Residuals much smaller than the sigmas say are luck or a detector that smooths: at most this much is believed.
 const LEAST_SCALE: f64 = 0.25;
 
-/// Where the cameras are, from moments in which they see targets together, and how well a sight is known.
+/// Where the cameras are, from frame sets in which they see targets together, and how well a sight is known.
 ///
 /// # Errors
-/// `TooFewPoints` for fewer than twenty moments in which two cameras see a target; those of `solve_rig`.
+/// `TooFewPoints` for fewer than twenty frame sets in which two cameras see a target; those of `solve_rig`.
 pub fn learn_rig(
     lenses: &[Camera],
-    moments: &[RigMoment],
+    frame_sets: &[FrameSet],
     config: &LearnConfig,
 ) -> Result<RigReference, Error> {
-    let shared = moments.iter().filter(|moment| 2 <= moment.glances.len()).count();
+    let shared = frame_sets.iter().filter(|frame_set| 2 <= frame_set.target_observations.len()).count();
     if shared < LEAST_READINGS {
         return Err(Error::TooFewPoints { seen: shared, needed: LEAST_READINGS });
     }
-    let solution = solve(lenses, moments)?;
+    let solution = solve(lenses, frame_sets)?;
     let cam_from_rig: Vec<Pose> = solution.cameras.iter().map(|camera| camera.cam_from_rig).collect();
-    let noise = learn_sight_noise(&cam_from_rig, moments, config);
+    let noise = learn_observation_noise(&cam_from_rig, frame_sets, config);
     let n = 6 * lenses.len();
     let covariance = solution.joint_covariance.unwrap_or_else(|| DMatrix::zeros(n, n));
-    // The adjustment took every pixel's error for its own and for new in every moment.
-    let span_s = moments.last().zip(moments.first()).map_or(0.0, |(last, first)| last.t_s - first.t_s);
-    let of = |noise: &SightNoise| {
-        let independent = (0.5 * span_s / noise.lasting_time_s).max(1.0).min(moments.len() as f64);
-        noise.white + noise.lasting * moments.len() as f64 / independent
+    // The adjustment took every pixel's error for its own and for new in every frame set.
+    let span_s = frame_sets.last().zip(frame_sets.first()).map_or(0.0, |(last, first)| last.t_s - first.t_s);
+    let of = |noise: &ObservationNoise| {
+        let independent = (0.5 * span_s / noise.correlated_time_s).max(1.0).min(frame_sets.len() as f64);
+        noise.white + noise.correlated * frame_sets.len() as f64 / independent
     };
     let widest = noise.iter().map(of).fold(solution.noise_scale, f64::max) / solution.noise_scale;
     Ok(RigReference { cam_from_rig, covariance: covariance * widest, noise })
@@ -68,21 +65,22 @@ pub struct RigUnsettled {
     /// Which.
     pub camera: usize,
     /// Others of which one may have moved instead: of two cameras it cannot be known which.
-    pub rivals: Vec<usize>,
-    /// How; `reading` counts moments.
+    pub alternatives: Vec<usize>,
+    /// How; `reading` counts frame sets.
     pub unsettled: Unsettled,
 }
 
-/// Which camera moved amid these moments; none where they may be a reference. The cameras need only be near `cam_from_rig`. What is found
+/// Which camera moved amid these frame sets; none where they may be a reference. The cameras need only be near `cam_from_rig`. What is found
 /// falsely is, over all cameras, at most once in `1 / FALSE_ALARM_PROBABILITY` tests: docs/math/monitor.md section 8.
 pub fn unsettled_rig(
     cam_from_rig: &[Pose],
-    moments: &[RigMoment],
+    frame_sets: &[FrameSet],
     config: &LearnConfig,
 ) -> Option<RigUnsettled> {
     config.check().ok()?;
-    let of_moment = |(i, moment)| stars(moment, cam_from_rig).into_iter().map(move |star| (i, star));
-    let stars: Vec<(usize, (f64, Vec<Sight>))> = moments.iter().enumerate().flat_map(of_moment).collect();
+    let of_frame_set = |(i, frame_set)| stars(frame_set, cam_from_rig).into_iter().map(move |star| (i, star));
+    let stars: Vec<(usize, (f64, Vec<CameraReading>))> =
+        frame_sets.iter().enumerate().flat_map(of_frame_set).collect();
     let n = cam_from_rig.len();
     let series: Vec<Vec<(usize, Sample)>> =
         (0..n).map(|camera| relative_motions(camera, &stars, cam_from_rig)).collect();
@@ -95,62 +93,69 @@ pub fn unsettled_rig(
     let mut all: Vec<(usize, Found, Vec<Sample>)> = (0..n).filter_map(found).collect();
     all.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
     let (camera, found, samples) = all.first()?;
-    let is_rival = |other: &&(usize, Found, Vec<Sample>)| found.log_evidence - RIVAL < other.1.log_evidence;
+    let is_alternative =
+        |other: &&(usize, Found, Vec<Sample>)| found.log_evidence - ALTERNATIVE < other.1.log_evidence;
     Some(RigUnsettled {
         camera: *camera,
-        rivals: all[1..].iter().filter(is_rival).map(|other| other.0).collect(),
+        alternatives: all[1..].iter().filter(is_alternative).map(|other| other.0).collect(),
         unsettled: unsettled::described(found, samples, config, series[*camera][found.sample].0),
     })
 }
 
 /// Of two cameras the one for which the readings are e⁹ times as likely is the one that moved: as Δχ² = 18 elsewhere.
-const RIVAL: f64 = 9.0;
+const ALTERNATIVE: f64 = 9.0;
 
-/// Where a camera is, in its own old frame, against what the others of each star say, with the moment of each.
+/// Where a camera is, in its own old frame, against what the others of each star say, with the frame set of each.
 fn relative_motions(
     camera: usize,
-    stars: &[(usize, (f64, Vec<Sight>))],
+    stars: &[(usize, (f64, Vec<CameraReading>))],
     cam_from_rig: &[Pose],
 ) -> Vec<(usize, Sample)> {
     let rig_from_cam: Vec<Matrix6> = cam_from_rig.iter().map(|place| place.inverse().adjoint()).collect();
     let own_from_rig = cam_from_rig[camera].adjoint();
     let (scales, offsets) = (vec![1.0; rig_from_cam.len()], vec![Vector6::zeros(); rig_from_cam.len()]);
-    let sample = |(moment, (t_s, star)): &(usize, (f64, Vec<Sight>))| {
-        let own = star.iter().find(|sight| sight.camera == camera)?;
-        let others: Vec<Sight> = star.iter().copied().filter(|sight| sight.camera != camera).collect();
+    let sample = |(frame_set, (t_s, star)): &(usize, (f64, Vec<CameraReading>))| {
+        let own = star.iter().find(|reading| reading.camera == camera)?;
+        let others: Vec<CameraReading> =
+            star.iter().copied().filter(|reading| reading.camera != camera).collect();
         let weighted = weighted(&others, &rig_from_cam, &scales, &offsets);
         let spread = inverse(&weighted.iter().map(|(w, _)| w).sum())?;
         let mean = spread * weighted.iter().map(|(w, z)| w * z).sum::<Vector6>();
         let motion = own.motion - own_from_rig * mean;
         let covariance = own.covariance + own_from_rig * spread * own_from_rig.transpose();
-        Some((*moment, Sample { t_s: *t_s, motion, covariance }))
+        Some((*frame_set, Sample { t_s: *t_s, motion, covariance }))
     };
     stars.iter().filter_map(sample).collect()
 }
 
-fn solve(lenses: &[Camera], moments: &[RigMoment]) -> Result<crate::multiview::rig::RigSolution, Error> {
-    let glances =
-        || moments.iter().enumerate().flat_map(|(view, m)| m.glances.iter().map(move |g| (view, g)));
-    let n_targets = glances().map(|(_, glance)| glance.target + 1).max().unwrap_or(0);
-    let sightings: Vec<Sighting> = glances()
-        .map(|(view, glance)| Sighting {
-            camera: glance.camera,
+fn solve(lenses: &[Camera], frame_sets: &[FrameSet]) -> Result<crate::multiview::rig::RigSolution, Error> {
+    let target_observations = || {
+        frame_sets
+            .iter()
+            .enumerate()
+            .flat_map(|(view, m)| m.target_observations.iter().map(move |g| (view, g)))
+    };
+    let n_targets =
+        target_observations().map(|(_, target_observation)| target_observation.target + 1).max().unwrap_or(0);
+    let observations: Vec<Observation> = target_observations()
+        .map(|(view, target_observation)| Observation {
+            camera: target_observation.camera,
             view,
-            target: glance.target,
-            seen: glance.seen.to_vec(),
+            target: target_observation.target,
+            seen: target_observation.seen.to_vec(),
         })
         .collect();
     let body_of_target: Vec<usize> = (0..n_targets).collect();
     let problem = RigProblem {
         cameras: lenses,
         body_of_target: &body_of_target,
-        n_views: moments.len(),
-        sightings: &sightings,
+        n_views: frame_sets.len(),
+        observations: &observations,
     };
     solve_rig(&problem, &RigConfig { joint_covariance: true, ..RigConfig::default() })
 }
 
-/// A residual of one camera in one moment.
+/// A residual of one camera in one frame set.
 struct Residual {
     t_s: f64,
     camera: usize,
@@ -160,13 +165,13 @@ struct Residual {
 }
 
 /// How well a sight of each camera is known, from how well they agree with each other where the cameras are.
-pub fn learn_sight_noise(
+pub fn learn_observation_noise(
     cam_from_rig: &[Pose],
-    moments: &[RigMoment],
+    frame_sets: &[FrameSet],
     config: &LearnConfig,
-) -> Vec<SightNoise> {
-    let stars: Vec<(f64, Vec<Sight>)> =
-        moments.iter().flat_map(|moment| stars(moment, cam_from_rig)).collect();
+) -> Vec<ObservationNoise> {
+    let stars: Vec<(f64, Vec<CameraReading>)> =
+        frame_sets.iter().flat_map(|frame_set| stars(frame_set, cam_from_rig)).collect();
     let rig_from_cam: Vec<Matrix6> = cam_from_rig.iter().map(|place| place.inverse().adjoint()).collect();
     let mut scales = vec![1.0; cam_from_rig.len()];
     let mut offsets = vec![Vector6::zeros(); cam_from_rig.len()];
@@ -180,36 +185,40 @@ pub fn learn_sight_noise(
     (0..cam_from_rig.len()).map(|camera| noise(camera, scales[camera], &residuals, config)).collect()
 }
 
-/// The stars of a moment, one a target.
-pub(super) fn stars(moment: &RigMoment, cam_from_rig: &[Pose]) -> Vec<(f64, Vec<Sight>)> {
-    let mut targets: Vec<usize> = moment.glances.iter().map(|glance| glance.target).collect();
+/// The stars of a frame set, one a target.
+pub(super) fn stars(frame_set: &FrameSet, cam_from_rig: &[Pose]) -> Vec<(f64, Vec<CameraReading>)> {
+    let mut targets: Vec<usize> =
+        frame_set.target_observations.iter().map(|target_observation| target_observation.target).collect();
     targets.sort_unstable();
     targets.dedup();
     let of = |target: usize| {
-        let is_own = |glance: &Glance| glance.target == target && glance.camera < cam_from_rig.len();
-        let own: Vec<Glance> = moment.glances.iter().copied().filter(is_own).collect();
-        (moment.t_s, star(&own, cam_from_rig))
+        let is_own = |target_observation: &TargetObservation| {
+            target_observation.target == target && target_observation.camera < cam_from_rig.len()
+        };
+        let own: Vec<TargetObservation> =
+            frame_set.target_observations.iter().copied().filter(is_own).collect();
+        (frame_set.t_s, star(&own, cam_from_rig))
     };
     targets.into_iter().map(of).filter(|(_, star)| 2 <= star.len()).collect()
 }
 
 /// Information and motion of each sight in the rig frame.
 fn weighted(
-    star: &[Sight],
+    star: &[CameraReading],
     rig_from_cam: &[Matrix6],
     scales: &[f64],
     offsets: &[Vector6],
 ) -> Vec<(Matrix6, Vector6)> {
-    let of = |sight: &Sight| {
-        let ad = &rig_from_cam[sight.camera];
-        let information = inverse(&(ad * sight.covariance * ad.transpose() * scales[sight.camera]));
-        (information.unwrap_or_else(Matrix6::zeros), ad * (sight.motion - offsets[sight.camera]))
+    let of = |reading: &CameraReading| {
+        let ad = &rig_from_cam[reading.camera];
+        let information = inverse(&(ad * reading.covariance * ad.transpose() * scales[reading.camera]));
+        (information.unwrap_or_else(Matrix6::zeros), ad * (reading.motion - offsets[reading.camera]))
     };
     star.iter().map(of).collect()
 }
 
 fn residuals_of(
-    (t_s, star): &(f64, Vec<Sight>),
+    (t_s, star): &(f64, Vec<CameraReading>),
     rig_from_cam: &[Matrix6],
     scales: &[f64],
     offsets: &[Vector6],
@@ -217,10 +226,10 @@ fn residuals_of(
     let weighted = weighted(star, rig_from_cam, scales, offsets);
     let Some(spread) = inverse(&weighted.iter().map(|(w, _)| w).sum()) else { return Vec::new() };
     let mean = spread * weighted.iter().map(|(w, z)| w * z).sum::<Vector6>();
-    let residual = |(sight, (w, z)): (&Sight, &(Matrix6, Vector6))| {
-        let factor = w.cholesky()?.l().transpose() * scales[sight.camera].sqrt();
+    let residual = |(reading, (w, z)): (&CameraReading, &(Matrix6, Vector6))| {
+        let factor = w.cholesky()?.l().transpose() * scales[reading.camera].sqrt();
         let redundancy = 6.0 - (spread * w).trace();
-        Some(Residual { t_s: *t_s, camera: sight.camera, whitened: factor * (z - mean), redundancy })
+        Some(Residual { t_s: *t_s, camera: reading.camera, whitened: factor * (z - mean), redundancy })
     };
     star.iter().zip(&weighted).filter_map(residual).collect()
 }
@@ -249,9 +258,9 @@ fn new_scales(residuals: &[Residual], before: &[f64]) -> Vec<f64> {
     before.iter().enumerate().map(of).collect()
 }
 
-/// What lasts through all moments is no noise: each camera's mean, relative to the others, one camera after the other.
+/// What lasts through all frame sets is no noise: each camera's mean, relative to the others, one camera after the other.
 fn new_offsets(
-    stars: &[(f64, Vec<Sight>)],
+    stars: &[(f64, Vec<CameraReading>)],
     rig_from_cam: &[Matrix6],
     scales: &[f64],
     before: &[Vector6],
@@ -261,7 +270,7 @@ fn new_offsets(
         let (mut normal, mut score) = (Matrix6::zeros(), Vector6::zeros());
         for (_, star) in stars {
             let weighted = weighted(star, rig_from_cam, scales, &offsets);
-            let Some(own) = star.iter().position(|sight| sight.camera == camera) else { continue };
+            let Some(own) = star.iter().position(|reading| reading.camera == camera) else { continue };
             let others = || weighted.iter().enumerate().filter(|(i, _)| *i != own).map(|(_, both)| both);
             let Some(spread) = inverse(&others().map(|(w, _)| w).sum()) else { continue };
             let mean = spread * others().map(|(w, z)| w * z).sum::<Vector6>();
@@ -280,7 +289,7 @@ fn new_offsets(
 }
 
 /// What of a camera's noise lasts: the correlation of neighbours, and the lag at which it has fallen to 1/e of that.
-fn noise(camera: usize, scale: f64, residuals: &[Residual], config: &LearnConfig) -> SightNoise {
+fn noise(camera: usize, scale: f64, residuals: &[Residual], config: &LearnConfig) -> ObservationNoise {
     let own: Vec<&Residual> = residuals.iter().filter(|r| r.camera == camera).collect();
     let kept: Vec<&&Residual> = own.iter().filter(|r| r.whitened.norm_squared() < OUTLIER * scale).collect();
     let power = kept.iter().map(|r| r.whitened.norm_squared()).sum::<f64>() / kept.len().max(1) as f64;
@@ -296,14 +305,14 @@ fn noise(camera: usize, scale: f64, residuals: &[Residual], config: &LearnConfig
     let first = if kept.len() < FEW { 0.5 } else { (correlation(1) + error).clamp(0.0, 0.95) };
     let half = kept.len() / 2;
     let memory = (2..half).find(|lag| correlation(*lag) < first / std::f64::consts::E).unwrap_or(half.max(2));
-    let lasting_time_s = (memory as f64 * step_s).max(f64::MIN_POSITIVE.sqrt());
+    let correlated_time_s = (memory as f64 * step_s).max(f64::MIN_POSITIVE.sqrt());
     // Neighbours share what is left after one step.
-    let lasting = (first * (step_s / lasting_time_s).exp()).min(0.95);
-    SightNoise {
-        white: scale * (1.0 - lasting),
-        lasting: scale * lasting,
-        lasting_time_s,
+    let correlated = (first * (step_s / correlated_time_s).exp()).min(0.95);
+    ObservationNoise {
+        white: scale * (1.0 - correlated),
+        correlated: scale * correlated,
+        correlated_time_s,
         bias: config.bias,
-        daily: config.daily,
+        diurnal: config.diurnal,
     }
 }

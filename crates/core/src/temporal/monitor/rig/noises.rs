@@ -1,25 +1,24 @@
 //! Noise of a rig's sights that is measured, not believed: its scale, and how far what seems a motion comes about by errors alone.
 //!
 //! ```text
-//!   s²     νᵀS⁻¹ν of each moment over its degrees of freedom, of the last moments
+//!   s²     νᵀS⁻¹ν of each frame_set over its degrees of freedom, of the last frame_sets
 //!   ρ_k    L̂ since the onset k over the same likelihood with noise that grew there; at most one
-//!   f²_T   mean of c²/d, what blocks of T moments seemed to say of a motion while there was none: one if the errors are as learned
+//!   f²_T   mean of c²/d, what blocks of T frame_sets seemed to say of a motion while there was none: one if the errors are as learned
 //! ```
 //! Derivation: docs/math/monitor.md section 7.
 
 use super::RigReference;
 use super::evidence::{Gathered, Then};
-use super::filter::{Carried, Innovation, RigFilter};
-use crate::temporal::monitor::measured::{BETWEEN, GROWN, GROWS};
+use super::filter::{Innovation, Propagated, RigFilter};
+use crate::temporal::monitor::priors::{self, BETWEEN, GROWN, SCALE_OVER, most_grown, read_grown};
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 
-/// Moments over which the scale is measured, and how many the learned one counts for.
-const SCALE_OVER: f64 = 200.0;
+/// How many frame sets the learned scale counts for.
 const LEARNED_COUNTS: f64 = 20.0;
 /// νᵀS⁻¹ν counts up to so many standard deviations beyond its mean.
 const LARGEST: f64 = 6.0;
-/// Lengths of blocks, in moments.
+/// Lengths of blocks, in frame sets.
 const LENGTHS: [u32; 5] = [4, 16, 64, 256, 1024];
 /// Blocks over which f² is measured, and how many what shorter blocks said counts for.
 const BLOCKS_OVER: f64 = 100.0;
@@ -30,9 +29,6 @@ const LARGEST_BLOCK: f64 = 5.0;
 const BY_CHANCE: f64 = 1.25;
 /// Errors that do not change at all within a block of a length grow by this from it to the next.
 const FASTEST: f64 = 4.0;
-/// ln of what the size of a change costs of evidence besides its square, and of its prior weight: as eq. (47).
-const SIZE: f64 = 8.0;
-
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Noises {
     filter: RigFilter,
@@ -41,15 +37,15 @@ pub(super) struct Noises {
     /// ln L̂, and the same were the noise grown.
     own: f64,
     grown: [f64; GROWN.len()],
-    moments: f64,
+    frame_sets: f64,
     /// One of each length.
     blocks: Vec<Block>,
 }
 
-/// What a block of moments says of motions, and what those before it said on the average.
+/// What a block of frame sets says of motions, and what those before it said on the average.
 #[derive(Debug, Clone, PartialEq)]
 struct Block {
-    moments: u32,
+    frame_sets: u32,
     gathered: Gathered,
     /// Of each camera: mean of c²/d over its coordinates, and of how many blocks.
     means: Vec<f64>,
@@ -65,7 +61,7 @@ impl Noises {
     /// Of a filter that believes its noise.
     pub fn of_learned(filter: RigFilter, cameras: usize) -> Self {
         let block = || Block {
-            moments: 0,
+            frame_sets: 0,
             gathered: Gathered::of_jumps(cameras),
             means: vec![0.0; cameras],
             counts: vec![0.0; cameras],
@@ -75,7 +71,7 @@ impl Noises {
             scale: 1.0,
             own: 0.0,
             grown: [0.0; GROWN.len()],
-            moments: 0.0,
+            frame_sets: 0.0,
             blocks: LENGTHS.iter().map(|_| block()).collect(),
         }
     }
@@ -85,34 +81,32 @@ impl Noises {
         let cameras = self.blocks.first().map_or(0, |block| block.means.len());
         self.filter = filter;
         for block in &mut self.blocks {
-            (block.moments, block.gathered) = (0, Gathered::of_jumps(cameras));
+            (block.frame_sets, block.gathered) = (0, Gathered::of_jumps(cameras));
         }
     }
 
     /// The filter carried to a time, and how far.
-    pub fn ahead(&self, t_s: f64) -> (RigFilter, Carried) {
+    pub fn ahead(&self, t_s: f64) -> (RigFilter, Propagated) {
         let mut filter = self.filter.clone();
         let carried = filter.predict(t_s);
         (filter, carried)
     }
 
-    /// The filter and s², which is never below one: of few moments a little more noise is learned than there seems to be.
+    /// The filter and s², which is never below one: of few frame sets a little more noise is learned than there seems to be.
     pub fn filter(&self) -> (&RigFilter, f64) {
         (&self.filter, self.scale.max(1.0))
     }
 
-    /// A moment is read with the filter `ahead` that was carried to it.
-    pub fn read(&mut self, ahead: RigFilter, carried: &Carried, innovation: &Innovation) {
+    /// A frame set is read with the filter `ahead` that was carried to it.
+    pub fn read(&mut self, ahead: RigFilter, carried: &Propagated, innovation: &Innovation) {
         self.filter = ahead;
         self.filter.update(innovation);
-        self.moments += 1.0;
-        let forgets = 1.0 / (self.moments.min(SCALE_OVER) + LEARNED_COUNTS);
+        self.frame_sets += 1.0;
+        let forgets = 1.0 / (self.frame_sets.min(SCALE_OVER) + LEARNED_COUNTS);
         let (n, chi2) = (innovation.degrees_of_freedom() as f64, innovation.chi2());
         let log_volume = innovation.log_volume();
         self.own -= 0.5 * (chi2 + log_volume);
-        for (grown, factor) in self.grown.iter_mut().zip(GROWN) {
-            *grown -= 0.5 * (chi2 / factor + log_volume + n * factor.ln());
-        }
+        read_grown(&mut self.grown, chi2, log_volume, n);
         // S is of the scale as it is used.
         let cut = (chi2 * self.scale.max(1.0) / self.scale).min(n + LARGEST * (2.0 * n).sqrt());
         self.scale = (self.scale * (1.0 + forgets * (cut / n - 1.0))).max(1e-9);
@@ -120,37 +114,36 @@ impl Noises {
         for ((block, length), presumed) in self.blocks.iter_mut().zip(LENGTHS).zip(&presumed) {
             block.gathered.predict(carried);
             block.gathered.add(innovation);
-            block.moments += 1;
-            if length <= block.moments {
+            block.frame_sets += 1;
+            if length <= block.frame_sets {
                 block.end(presumed);
             }
         }
     }
 
-    /// What an onset remembers of the moments before it.
+    /// What an onset remembers of the frame sets before it.
     pub fn then(&self) -> Then {
-        Then { own: self.own, grown: self.grown, moments: self.moments }
+        Then { own: self.own, grown: self.grown, frame_sets: self.frame_sets }
     }
 
     /// ln ρ of an onset.
     pub fn log_against(&self, then: &Then) -> f64 {
         let own = self.own - then.own;
-        let grown = self.grown.iter().zip(then.grown).zip(GROWS).map(|((now, then), log)| now - then + log);
-        own - grown.fold(own, f64::max) - BETWEEN * (self.moments - then.moments)
+        own - most_grown(&self.grown, &then.grown).max(own) - BETWEEN * (self.frame_sets - then.frame_sets)
     }
 
     /// ln R as far as errors like those so far do not explain it, of a change since `then`.
     pub fn deflated(&self, log_r: f64, then: &Then) -> f64 {
-        let since = self.moments - then.moments;
-        (log_r + SIZE) / self.factor(since) - SIZE
+        let since = self.frame_sets - then.frame_sets;
+        priors::deflated(log_r, self.factor(since))
     }
 
-    /// The largest f² of blocks that are no longer than a few times so many moments.
-    fn factor(&self, moments: f64) -> f64 {
+    /// The largest f² of blocks that are no longer than a few times so many frame sets.
+    fn factor(&self, frame_sets: f64) -> f64 {
         let mut largest: f64 = 1.0;
         for (factors, length) in self.factors().iter().zip(LENGTHS) {
             largest = factors.iter().map(|factor| factor / BY_CHANCE).fold(largest, f64::max);
-            if 2.0 * moments < f64::from(length) {
+            if 2.0 * frame_sets < f64::from(length) {
                 break;
             }
         }
@@ -158,7 +151,7 @@ impl Noises {
     }
 
     /// f² of each length and camera. Of lengths of which there are few blocks yet it is presumed to grow as it did from the length before to
-    /// the one before that: errors that last do not end where the record does.
+    /// the one before that: correlated errors do not end where the record does.
     fn factors(&self) -> Vec<Vec<f64>> {
         let cameras = self.blocks.first().map_or(0, |block| block.means.len());
         let (mut before, mut all) = (vec![1.0; cameras], Vec::new());
@@ -191,14 +184,14 @@ impl Noises {
         };
         self.filter.is_sound(cameras)
             && 0.0 < self.scale
-            && 0.0 <= self.moments
+            && 0.0 <= self.frame_sets
             && self.blocks.len() == LENGTHS.len()
             && self.blocks.iter().all(is_sound)
     }
 }
 
 impl Block {
-    /// Takes in what its moments said, and begins anew.
+    /// Takes in what its frame sets said, and begins anew.
     fn end(&mut self, presumed: &[f64]) {
         let factors = self.factors(presumed);
         for (camera, factor) in factors.iter().enumerate() {
@@ -207,7 +200,7 @@ impl Block {
             *count = (*count + 1.0).min(BLOCKS_OVER);
             self.means[camera] += (said.min(LARGEST_BLOCK * factor) - self.means[camera]) / *count;
         }
-        (self.moments, self.gathered) = (0, Gathered::of_jumps(self.means.len()));
+        (self.frame_sets, self.gathered) = (0, Gathered::of_jumps(self.means.len()));
     }
 
     /// f² of each camera: where there are few blocks yet, about as large as that of shorter ones.
@@ -220,5 +213,5 @@ impl Block {
     }
 }
 
-numbers!(Block { moments, gathered, means, counts });
-numbers!(Noises { filter, scale, own, grown, moments, blocks });
+numbers!(Block { frame_sets, gathered, means, counts });
+numbers!(Noises { filter, scale, own, grown, frame_sets, blocks });

@@ -1,4 +1,4 @@
-//! The sentry of a rig as plain numbers, and back: a program that stops can go on later as if nothing had been.
+//! The change detector of a rig as plain numbers, and back: a program that stops can go on later as if nothing had been.
 
 use super::earlier::Version1;
 use super::{Open, RigMonitor, RigReference};
@@ -12,13 +12,13 @@ const SNAPSHOT_VERSION: u32 = 2;
 const VERSION_1: u32 = 1;
 
 impl RigMonitor {
-    /// All of its state: what `restore` makes of it goes on as this one would. 150 000 numbers for four cameras; it grows with the square of
+    /// All of its state: what `restore` makes of it continues as this one would. 150 000 numbers for four cameras; it grows with the square of
     /// their number.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is unseen, and what is no drift has had time to wander.
+    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is stale, and what is no drift has had time to wander.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no rig's, `InvalidSetting` as `new`.
@@ -40,7 +40,7 @@ impl RigMonitor {
         &self.reference
     }
 
-    /// Time of the last moment, or of the start, seconds.
+    /// Time of the last frame set, or of the start, seconds.
     pub fn last_s(&self) -> f64 {
         self.last_s
     }
@@ -50,7 +50,7 @@ impl RigMonitor {
         let n = self.reference.cam_from_rig.len();
         let of_cameras = [
             self.old_from_level.len(),
-            self.glanced_s.len(),
+            self.observed_s.len(),
             self.seen_s.len(),
             self.inconsistent_share.len(),
             self.drifts.len(),
@@ -60,7 +60,7 @@ impl RigMonitor {
             && self.evidence.is_sound(n)
             && self.held.is_sound(n)
             && self.typical.is_sound(n)
-            && are_below(&self.rivals, n)
+            && are_below(&self.alternatives, n)
             && self.open.as_ref().is_none_or(|open| open.is_sound(n))
     }
 }
@@ -70,7 +70,7 @@ impl Open {
         let moved = &self.attribution.moved;
         moved.len() == self.drifts.len()
             && moved.iter().all(|moved| moved.node < cameras)
-            && are_below(&self.attribution.rivals, cameras)
+            && are_below(&self.attribution.alternatives, cameras)
     }
 }
 
@@ -107,12 +107,12 @@ numbers!(RigMonitor {
     typical,
     last_onset_s,
     last_s,
-    glanced_s,
+    observed_s,
     seen_s,
     inconsistent_share,
     drifts,
     open,
-    rivals,
+    alternatives,
     outliers,
     out_of_order,
 });

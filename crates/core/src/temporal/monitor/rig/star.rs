@@ -1,4 +1,4 @@
-//! One moment: every camera that sees a target says where it stands; together they say where the target is, and each then how
+//! One frame set: every camera that sees a target says where it stands; together they say where the target is, and each then how
 //! far it is from there.
 //!
 //! ```text
@@ -15,7 +15,7 @@ use nalgebra::Matrix2x6;
 
 /// What one camera saw of one target at a moment.
 #[derive(Debug, Clone, Copy)]
-pub struct Glance<'a> {
+pub struct TargetObservation<'a> {
     /// Which camera.
     pub camera: usize,
     /// Which target.
@@ -28,9 +28,9 @@ pub struct Glance<'a> {
     pub estimate: &'a PoseEstimate,
 }
 
-/// Where a camera stands against the target of a moment.
+/// Where a camera stands against the target of a frame set.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct CameraReading {
     pub camera: usize,
     /// y: as if the camera had moved, old_from_new of its own frame.
     pub motion: Vector6,
@@ -59,31 +59,34 @@ struct Linear {
 }
 
 /// The sights of a target; fewer than two cameras say nothing about each other.
-pub(super) fn star(glances: &[Glance], cam_from_rig: &[Pose]) -> Vec<Sight> {
-    if glances.len() < 2 {
+pub(super) fn star(target_observations: &[TargetObservation], cam_from_rig: &[Pose]) -> Vec<CameraReading> {
+    if target_observations.len() < 2 {
         return Vec::new();
     }
-    let Some(rig_from_target) = consensus(glances, cam_from_rig) else { return Vec::new() };
-    let sight = |glance: &Glance| sight(glance, &(cam_from_rig[glance.camera] * rig_from_target));
-    glances.iter().filter_map(sight).collect()
+    let Some(rig_from_target) = consensus(target_observations, cam_from_rig) else { return Vec::new() };
+    let reading = |target_observation: &TargetObservation| {
+        reading(target_observation, &(cam_from_rig[target_observation.camera] * rig_from_target))
+    };
+    target_observations.iter().filter_map(reading).collect()
 }
 
-fn sight(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
-    let near = linear(glance, predicted_from_target).and_then(|linear| {
+fn reading(target_observation: &TargetObservation, predicted_from_target: &Pose) -> Option<CameraReading> {
+    let near = linear(target_observation, predicted_from_target).and_then(|linear| {
         let covariance = inverse(&linear.information)?;
         let step = covariance * linear.score;
         let is_near = linear.score.dot(&step) < ROBUST;
-        is_near.then(|| Sight { camera: glance.camera, motion: -step, covariance })
+        is_near.then(|| CameraReading { camera: target_observation.camera, motion: -step, covariance })
     });
-    near.or_else(|| reached(glance, predicted_from_target)).or_else(|| own(glance, predicted_from_target))
+    near.or_else(|| reached(target_observation, predicted_from_target))
+        .or_else(|| own(target_observation, predicted_from_target))
 }
 
-/// The minimum that the camera's own pixels lead to. Far from it one step would err by more than the pixels do, and most where a turn and a
+/// The minimum that the camera's own pixels lead to. Far from it one step would err by more than the pixels do, and most where a rotation and a
 /// shift look alike.
-fn reached(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
+fn reached(target_observation: &TargetObservation, predicted_from_target: &Pose) -> Option<CameraReading> {
     let mut cam_from_target = *predicted_from_target;
     for _ in 0..STEPS_ALONE {
-        let linear = linear(glance, &cam_from_target)?;
+        let linear = linear(target_observation, &cam_from_target)?;
         let covariance = inverse(&linear.information)?;
         let step = covariance * linear.score;
         cam_from_target = Pose::exp(&step) * cam_from_target;
@@ -91,64 +94,73 @@ fn reached(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
             let motion = (*predicted_from_target * cam_from_target.inverse()).log();
             let is_small = motion.fixed_rows::<3>(0).norm() < SMALL
                 && motion.fixed_rows::<3>(3).norm() < SMALL * predicted_from_target.translation.norm();
-            return is_small.then_some(Sight { camera: glance.camera, motion, covariance });
+            return is_small.then_some(CameraReading {
+                camera: target_observation.camera,
+                motion,
+                covariance,
+            });
         }
     }
     None
 }
 
 /// The camera's own pose, the minimum that is nearest: where it turned far, a step from the predicted pose leads nowhere.
-fn own(glance: &Glance, predicted_from_target: &Pose) -> Option<Sight> {
+fn own(target_observation: &TargetObservation, predicted_from_target: &Pose) -> Option<CameraReading> {
     let away = |pose: &Pose| (*predicted_from_target * pose.inverse()).log();
-    let sights = glance.estimate.minima().map(|hypothesis| Sight {
-        camera: glance.camera,
+    let readings = target_observation.estimate.minima().map(|hypothesis| CameraReading {
+        camera: target_observation.camera,
         motion: away(&hypothesis.minimum.cam_from_target),
         covariance: hypothesis.minimum.covariance,
     });
-    let turn = |sight: &Sight| sight.motion.fixed_rows::<3>(0).norm();
-    sights.min_by(|a, b| turn(a).total_cmp(&turn(b)))
+    let turn = |reading: &CameraReading| reading.motion.fixed_rows::<3>(0).norm();
+    readings.min_by(|a, b| turn(a).total_cmp(&turn(b)))
 }
 
 /// The target's place that most cameras agree with.
-fn consensus(glances: &[Glance], cam_from_rig: &[Pose]) -> Option<Pose> {
+fn consensus(target_observations: &[TargetObservation], cam_from_rig: &[Pose]) -> Option<Pose> {
     let mut starts: Vec<(f64, Pose)> = Vec::new();
-    for glance in glances {
-        for hypothesis in glance.estimate.minima() {
-            let start = cam_from_rig[glance.camera].inverse() * hypothesis.minimum.cam_from_target;
-            starts.push((disagreement(glances, cam_from_rig, &start), start));
+    for target_observation in target_observations {
+        for hypothesis in target_observation.estimate.minima() {
+            let start =
+                cam_from_rig[target_observation.camera].inverse() * hypothesis.minimum.cam_from_target;
+            starts.push((disagreement(target_observations, cam_from_rig, &start), start));
         }
     }
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
     let refined = starts.iter().take(STARTS).map(|(_, start)| {
-        let refined = refined(glances, cam_from_rig, start);
-        (disagreement(glances, cam_from_rig, &refined), refined)
+        let refined = refined(target_observations, cam_from_rig, start);
+        (disagreement(target_observations, cam_from_rig, &refined), refined)
     });
     refined.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(cost, _)| cost.is_finite()).map(|(_, pose)| pose)
 }
 
 /// Σ ln(1 + χ² a point): a camera that is far off counts little more than one that is somewhat off.
-fn disagreement(glances: &[Glance], cam_from_rig: &[Pose], rig_from_target: &Pose) -> f64 {
+fn disagreement(
+    target_observations: &[TargetObservation],
+    cam_from_rig: &[Pose],
+    rig_from_target: &Pose,
+) -> f64 {
     /// Points behind a camera or outside its field.
     const HOPELESS: f64 = 1e8;
-    let of = |glance: &Glance| {
-        let cam_from_target = cam_from_rig[glance.camera] * *rig_from_target;
-        let chi2 = glance.seen.iter().map(|c| {
-            let seen = crate::locate::refine::whitened_residual(&cam_from_target, c, glance.lens);
+    let of = |target_observation: &TargetObservation| {
+        let cam_from_target = cam_from_rig[target_observation.camera] * *rig_from_target;
+        let chi2 = target_observation.seen.iter().map(|c| {
+            let seen = crate::locate::refine::whitened_residual(&cam_from_target, c, target_observation.lens);
             seen.map_or(HOPELESS, |(_, _, whitened)| whitened)
         });
-        (1.0 + chi2.sum::<f64>() / glance.seen.len().max(1) as f64).ln()
+        (1.0 + chi2.sum::<f64>() / target_observation.seen.len().max(1) as f64).ln()
     };
-    glances.iter().map(of).sum()
+    target_observations.iter().map(of).sum()
 }
 
 /// Gauss–Newton steps, cameras weighted down as they disagree.
-fn refined(glances: &[Glance], cam_from_rig: &[Pose], start: &Pose) -> Pose {
+fn refined(target_observations: &[TargetObservation], cam_from_rig: &[Pose], start: &Pose) -> Pose {
     let mut rig_from_target = *start;
     for _ in 0..STEPS {
         let (mut normal, mut score) = (Matrix6::zeros(), Vector6::zeros());
-        for glance in glances {
-            let place = cam_from_rig[glance.camera];
-            let Some(linear) = linear(glance, &(place * rig_from_target)) else { continue };
+        for target_observation in target_observations {
+            let place = cam_from_rig[target_observation.camera];
+            let Some(linear) = linear(target_observation, &(place * rig_from_target)) else { continue };
             let Some(covariance) = inverse(&linear.information) else { continue };
             let weight = 1.0 / (1.0 + linear.score.dot(&(covariance * linear.score)) / ROBUST);
             let ad = place.adjoint();
@@ -165,11 +177,11 @@ fn refined(glances: &[Glance], cam_from_rig: &[Pose], start: &Pose) -> Pose {
 }
 
 /// None where a point leaves the camera's field.
-fn linear(glance: &Glance, cam_from_target: &Pose) -> Option<Linear> {
+fn linear(target_observation: &TargetObservation, cam_from_target: &Pose) -> Option<Linear> {
     let mut sums = Linear { information: Matrix6::zeros(), score: Vector6::zeros() };
-    for c in glance.seen {
+    for c in target_observation.seen {
         let x = cam_from_target * &c.x_in_target;
-        let (pixel, by_point) = glance.lens.project_with_jacobian(&x)?;
+        let (pixel, by_point) = target_observation.lens.project_with_jacobian(&x)?;
         let weight = information(c, &by_point);
         // x moves by ω × x + v: the derivative is [−Π [x]× , Π].
         let mut by_motion = Matrix2x6::zeros();
@@ -192,4 +204,4 @@ pub(super) fn inverse(matrix: &Matrix6) -> Option<Matrix6> {
     back.iter().all(|v| v.is_finite()).then_some(back)
 }
 
-numbers!(Sight { camera, motion, covariance });
+numbers!(CameraReading { camera, motion, covariance });

@@ -1,7 +1,7 @@
 //! How well each camera's sights are known, on the whole: the size of motion that is looked for.
 
-use super::SightNoise;
-use super::held::Moment;
+use super::ObservationNoise;
+use super::held::ReadingSet;
 use crate::Matrix6;
 use crate::temporal::snapshot::numbers;
 use nalgebra::DVector;
@@ -46,13 +46,13 @@ impl Typical {
         Matrix6::from_diagonal(&self.variances.fixed_rows::<6>(6 * camera).into_owned())
     }
 
-    pub fn add(&mut self, moment: &Moment, noise: &[SightNoise]) {
-        for sight in moment.stars.iter().flatten() {
-            let variances = noise[sight.camera].total(&sight.covariance).diagonal();
-            let count = &mut self.counts[sight.camera];
+    pub fn add(&mut self, frame_set: &ReadingSet, noise: &[ObservationNoise]) {
+        for reading in frame_set.stars.iter().flatten() {
+            let variances = noise[reading.camera].total(&reading.covariance).diagonal();
+            let count = &mut self.counts[reading.camera];
             *count = (*count + 1.0).min(TYPICAL_OVER);
             for (i, variance) in variances.iter().enumerate().filter(|(_, variance)| 0.0 < **variance) {
-                let at = 6 * sight.camera + i;
+                let at = 6 * reading.camera + i;
                 self.information[at] += (1.0 / variance - self.information[at]) / *count;
                 self.variances[at] = 1.0 / self.information[at];
             }

@@ -46,7 +46,7 @@ pub struct Series<'a> {
     pub variances: Vec<f64>,
     /// Of what is stated beforehand.
     pub stated: Correlated,
-    pub daily_sigma: f64,
+    pub diurnal_sigma: f64,
 }
 
 /// How likely the readings of a series are with and without a change.
@@ -142,7 +142,7 @@ impl Series<'_> {
             reference_sigma: 1e3 * (self.scatter() + self.typical_variance()).sqrt(),
             bias_sigma: error.sigma,
             bias_time_s: error.time_s,
-            daily_sigma: self.daily_sigma,
+            diurnal_sigma: self.diurnal_sigma,
         }
     }
 

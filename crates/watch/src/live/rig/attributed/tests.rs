@@ -23,7 +23,7 @@ fn reference(camera: usize) -> Reference {
         reading: spread(SIGMA),
         bias: spread(0.1 * SIGMA),
         bias_time_s: 60.0,
-        daily: Matrix6::zeros(),
+        diurnal: Matrix6::zeros(),
     };
     Reference { a_from_b: cam_from_door(camera), noise }
 }
@@ -33,7 +33,7 @@ struct Hall {
     own: Vec<Monitor>,
     chance: Pcg,
     frame: u32,
-    told: Vec<Event>,
+    reported: Vec<Event>,
     asked: u32,
 }
 
@@ -58,13 +58,13 @@ impl Hall {
         let frame = own.as_ref().map_or(0.0, |own| own[1].last_s() / PERIOD_S).round() as u32;
         let own = own.unwrap_or_else(|| (0..2).map(fresh).collect());
         let pairs = Pairs::new(nodes, &config);
-        Hall { pairs, own, chance: Pcg::new(0x51), frame, told: Vec::new(), asked: 0 }
+        Hall { pairs, own, chance: Pcg::new(0x51), frame, reported: Vec::new(), asked: 0 }
     }
 
     /// Each camera says how things stand, as at the start of a session.
     fn stand(&mut self, camera: usize, t_s: f64) {
         let state = self.own[camera].watch(t_s).into();
-        self.told.extend(self.pairs.take(Event::StateChanged { camera, target: 0, t_s, state }));
+        self.reported.extend(self.pairs.take(Event::StateChanged { camera, target: 0, t_s, state }));
     }
 
     /// Frames of both cameras; `moved` is where each node (0, 1 the cameras, 2 the door) is in its old frame.
@@ -92,7 +92,7 @@ impl Hall {
         let observation =
             Box::new(Observation { capture_s: t_s, reading: Some(reading), ..Observation::default() });
         let asked = self.pairs.asked_s.clone();
-        self.told.extend(self.pairs.take(Event::Observed { camera, target: 0, observation }));
+        self.reported.extend(self.pairs.take(Event::Observed { camera, target: 0, observation }));
         self.asked += u32::from(asked != self.pairs.asked_s);
         let now: State = self.own[camera].watch(t_s).into();
         if std::mem::discriminant(&before) != std::mem::discriminant(&now) {
@@ -106,11 +106,11 @@ impl Hall {
             Event::StateChanged { camera, state: State::Drifted(_), .. } => Some(*camera),
             _ => None,
         };
-        self.told.iter().filter_map(drifted).collect()
+        self.reported.iter().filter_map(drifted).collect()
     }
 
     fn now(&self, camera: usize) -> &State {
-        self.pairs.pairs[camera].told.as_ref().expect("told")
+        self.pairs.pairs[camera].reported.as_ref().expect("told")
     }
 
     fn moved(&self) -> Vec<Vec<String>> {
@@ -118,7 +118,7 @@ impl Hall {
             Event::Attributed { moved, .. } => Some(moved.iter().map(|(name, _)| name.clone()).collect()),
             _ => None,
         };
-        self.told.iter().filter_map(names).collect()
+        self.reported.iter().filter_map(names).collect()
     }
 }
 
@@ -175,7 +175,7 @@ fn landmarks_are_believed_while_the_door_is_away() {
     hall.watch(50, carried);
     let drift = Drift { began_s: 11.5, ..hall.own[0].drift().expect("a drift") };
     let state = State::Drifted(Box::new(drift));
-    hall.told.extend(hall.pairs.take(Event::StateChanged { camera: 0, target: 0, t_s: 12.0, state }));
+    hall.reported.extend(hall.pairs.take(Event::StateChanged { camera: 0, target: 0, t_s: 12.0, state }));
     assert_eq!((hall.alarms(), hall.now(1)), (vec![0], &State::Steady));
 }
 
@@ -200,7 +200,7 @@ fn what_moved_is_not_asked_for_every_frame() {
 /// One camera before two targets, one of which was moved by 5 mm and 0.5°: four hours with a reference from fifty readings. What is reported
 /// is right, and it is reported once, not thousands of times; the reading noise that it rests on was measured with those fifty.
 #[test]
-fn a_moved_target_is_told_once() {
+fn a_moved_target_is_reported_once() {
     for seed in 0..4 {
         let mut room = Room::new(seed);
         room.watch(300, &Vector6::zeros());
@@ -214,11 +214,12 @@ fn a_moved_target_is_told_once() {
 /// Two explanations that are as good as each other take turns: no more corrections than the logarithm of the time.
 #[test]
 fn a_correction_must_last_twice_as_long_as_the_one_before() {
-    let answer = |node| Answer { moved: vec![node], rivals: Vec::new(), is_explained: true };
+    let answer = |node| Answer { moved: vec![node], alternatives: Vec::new(), is_explained: true };
     for turns in [1, 3, 10, 100, 1000] {
-        let (mut told, mut corrections) = (Told::default(), 0);
+        let (mut reported, mut corrections) = (Reported::default(), 0);
         for i in 0..72_000_u32 {
-            let corrected = told.corrected(answer((i / turns % 2) as usize), 0.2 * f64::from(i), false, 0.2);
+            let corrected =
+                reported.corrected(answer((i / turns % 2) as usize), 0.2 * f64::from(i), false, 0.2);
             corrections += u32::from(corrected);
         }
         assert!((1..=17).contains(&corrections), "{turns}: {corrections} corrections in four hours");
@@ -231,10 +232,10 @@ struct Room {
     own: Vec<Monitor>,
     chance: Pcg,
     second: u32,
-    told: Vec<Event>,
+    reported: Vec<Event>,
 }
 
-/// σ of a tag of 100 mm a good metre away: turns and shifts across are hardly distinguished, which makes both seem badly known.
+/// σ of a tag of 100 mm a good metre away: rotations and translations across are hardly distinguished, which makes both seem badly known.
 fn of_a_tag() -> Matrix6 {
     let mut lower = Matrix6::from_diagonal(&(Vector6::new(6e-3, 6e-3, 2e-3, 3e-4, 3e-4, 8e-4)));
     (lower[(3, 1)], lower[(4, 0)]) = (7e-3, -7e-3);
@@ -249,7 +250,7 @@ fn cam_from(target: usize) -> Pose {
 impl Room {
     fn new(seed: u64) -> Self {
         let mut room = Room::unwatched(seed);
-        let known = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, daily: Matrix6::zeros() };
+        let known = LearnConfig { bias: Matrix6::zeros(), bias_time_s: 60.0, diurnal: Matrix6::zeros() };
         for target in 0..2 {
             let seen: Vec<Reading> =
                 (0..50).map(|i| room.reading(target, f64::from(i), &Vector6::zeros())).collect();
@@ -273,7 +274,7 @@ impl Room {
             pace: Arc::new(Pace::new(1)),
         };
         let pairs = Pairs::new(nodes, &LiveConfig::default());
-        Room { pairs, own: Vec::new(), chance: Pcg::new(0xd00f + seed), second: 0, told: Vec::new() }
+        Room { pairs, own: Vec::new(), chance: Pcg::new(0xd00f + seed), second: 0, reported: Vec::new() }
     }
 
     fn reading(&mut self, target: usize, t_s: f64, moved: &Vector6) -> Reading {
@@ -296,10 +297,15 @@ impl Room {
                     reading: Some(reading),
                     ..Observation::default()
                 });
-                self.told.extend(self.pairs.take(Event::Observed { camera: 0, target, observation }));
+                self.reported.extend(self.pairs.take(Event::Observed { camera: 0, target, observation }));
                 let state: State = self.own[target].watch(t_s).into();
                 if std::mem::discriminant(&before) != std::mem::discriminant(&state) {
-                    self.told.extend(self.pairs.take(Event::StateChanged { camera: 0, target, t_s, state }));
+                    self.reported.extend(self.pairs.take(Event::StateChanged {
+                        camera: 0,
+                        target,
+                        t_s,
+                        state,
+                    }));
                 }
             }
         }
@@ -308,11 +314,11 @@ impl Room {
     /// What moved, and how many other sets might have.
     fn answers(&self) -> Vec<(Vec<String>, usize)> {
         let answer = |event: &Event| match event {
-            Event::Attributed { moved, rivals, .. } => {
-                Some((moved.iter().map(|(name, _)| name.clone()).collect(), rivals.len()))
+            Event::Attributed { moved, alternatives, .. } => {
+                Some((moved.iter().map(|(name, _)| name.clone()).collect(), alternatives.len()))
             }
             _ => None,
         };
-        self.told.iter().filter_map(answer).collect()
+        self.reported.iter().filter_map(answer).collect()
     }
 }

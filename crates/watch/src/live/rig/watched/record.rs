@@ -1,10 +1,10 @@
-//! What is written of a rig whose targets are carried about: the sentry, or the moments learned from so far, and the frames that wait for
+//! What is written of a rig whose targets are hand-held: the change detector, or the frame sets learned from so far, and the frames that wait for
 //! those of other cameras. Poses of single frames are found again from their points.
 
-use super::super::moments::{Seen, Shown, Together};
+use super::super::moments::{Shown, SynchronisedFrames, TargetPoints};
 use super::Cameras;
 use crate::live::state::rig_record::{
-    FrameRecord, HeardRecord, MomentRecord, PointRecord, RigRecord, SeenRecord, StageRecord,
+    FrameRecord, FrameSetRecord, HeardRecord, PointRecord, RigRecord, SeenRecord, StageRecord,
 };
 use crate::live::state::{changed, unix_s};
 use resight_core::correspondence::PixelCovariance;
@@ -23,7 +23,7 @@ impl Cameras {
         };
         let stage = match &self.monitor {
             Some(monitor) => StageRecord::Watching(monitor.snapshot().into()),
-            None => StageRecord::Learning(self.learning.iter().map(MomentRecord::from).collect()),
+            None => StageRecord::Learning(self.learning.iter().map(FrameSetRecord::from).collect()),
         };
         RigRecord {
             settings: self.nodes.settings.clone(),
@@ -31,7 +31,7 @@ impl Cameras {
             first_s: self.first_s,
             last_s: self.last_s,
             stage,
-            waiting: self.moments.waiting().map(FrameRecord::from).collect(),
+            waiting: self.frame_sets.waiting().map(FrameRecord::from).collect(),
         }
     }
 
@@ -53,14 +53,14 @@ impl Cameras {
                 }
                 self.monitor = Some(monitor);
             }
-            StageRecord::Learning(moments) => {
-                self.learning =
-                    all(moments, |moment| moment.together(&self.nodes.lenses)).ok_or_else(damaged)?;
+            StageRecord::Learning(frame_sets) => {
+                self.learning = all(frame_sets, |frame_set| frame_set.together(&self.nodes.lenses))
+                    .ok_or_else(damaged)?;
             }
         }
         (self.first_s, self.last_s) = (record.first_s, record.last_s);
         let now = Instant::now();
-        waiting.into_iter().for_each(|frame| self.moments.push(frame, now));
+        waiting.into_iter().for_each(|frame| self.frame_sets.push(frame, now));
         for camera in 0..self.nodes.cameras.len() {
             if let Some(heard) = record.cameras.iter().find(|heard| heard.name == self.nodes.cameras[camera])
             {
@@ -87,21 +87,24 @@ fn all<R, T>(records: &[R], of: impl Fn(&R) -> Option<T>) -> Option<Vec<T>> {
     records.iter().map(of).collect()
 }
 
-impl From<&Together> for MomentRecord {
-    fn from(moment: &Together) -> Self {
-        MomentRecord { t_s: moment.t_s, frames: moment.frames.iter().map(FrameRecord::from).collect() }
+impl From<&SynchronisedFrames> for FrameSetRecord {
+    fn from(frame_set: &SynchronisedFrames) -> Self {
+        FrameSetRecord {
+            t_s: frame_set.t_s,
+            frames: frame_set.frames.iter().map(FrameRecord::from).collect(),
+        }
     }
 }
 
-impl MomentRecord {
-    fn together(&self, lenses: &[Camera]) -> Option<Together> {
-        Some(Together { t_s: self.t_s, frames: all(&self.frames, |frame| frame.shown(lenses))? })
+impl FrameSetRecord {
+    fn together(&self, lenses: &[Camera]) -> Option<SynchronisedFrames> {
+        Some(SynchronisedFrames { t_s: self.t_s, frames: all(&self.frames, |frame| frame.shown(lenses))? })
     }
 }
 
 impl From<&Shown> for FrameRecord {
     fn from(frame: &Shown) -> Self {
-        let seen = |seen: &Seen| SeenRecord {
+        let seen = |seen: &TargetPoints| SeenRecord {
             target: seen.target,
             size_px: seen.lens.size.map(|size| [size.width_px, size.height_px]),
             points: seen.points.iter().map(PointRecord::from).collect(),
@@ -119,7 +122,7 @@ impl FrameRecord {
 }
 
 impl SeenRecord {
-    fn seen(&self, own: &Camera) -> Option<Seen> {
+    fn seen(&self, own: &Camera) -> Option<TargetPoints> {
         let lens = match self.size_px {
             Some([width_px, height_px]) => {
                 resight::formats::check_image_size(own, width_px, height_px).ok()?
@@ -128,7 +131,7 @@ impl SeenRecord {
         };
         let points = all(&self.points, |point| point.correspondence(&lens))?;
         let estimate = locate(&points, &lens, &Config::default()).ok()?;
-        Some(Seen { target: self.target, points, lens, estimate })
+        Some(TargetPoints { target: self.target, points, lens, estimate })
     }
 }
 

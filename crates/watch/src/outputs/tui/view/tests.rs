@@ -1,18 +1,18 @@
-//! Pictures of a session whose events are made up, beside golden ones. `RESIGHT_BLESS=1` writes those anew; read the difference.
+//! Images of a session whose events are made up, beside golden ones. `RESIGHT_BLESS=1` writes those anew; read the difference.
 
 use super::*;
-use crate::live::{Doubt, Event, Observation, StageTimes, State};
+use crate::live::{CheckingReason, Event, Observation, StageTimes, State};
 use crate::log::Log;
 use crate::names::Names;
 use crate::outputs::Session;
-use crate::outputs::tui::board::{Board, Moment};
+use crate::outputs::tui::board::{Board, Instants};
 use crate::outputs::tui::keys::View;
 use nalgebra::{Matrix6, Vector6};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use resight::core::correspondence::{Detection, correspond};
 use resight::core::locate::{Config, PoseEstimate, locate};
-use resight::core::temporal::monitor::{Course, Drift, DriftNoise, Reading, Reference};
+use resight::core::temporal::monitor::{Drift, DriftNoise, MotionKind, Reading, Reference};
 use resight::core::{Camera, Pose, Target};
 use std::path::Path;
 use std::sync::Arc;
@@ -37,7 +37,7 @@ fn reference() -> Reference {
         reading: diagonal(8e-4, 5e-4),
         bias: diagonal(1e-4, 1e-4),
         bias_time_s: 60.0,
-        daily: diagonal(0.0, 0.0),
+        diurnal: diagonal(0.0, 0.0),
     };
     Reference { a_from_b: cam_from_target(), noise }
 }
@@ -50,7 +50,7 @@ fn estimate(pose: &Pose) -> PoseEstimate {
     let detection = |feature| {
         let x_in_cam = *pose * target.point(feature).expect("a point").position;
         let error = 0.1 * (5.0 * x_in_cam.x + 40.0 * x_in_cam.y).sin();
-        let pixel = camera.project(&x_in_cam).expect("in the picture").map(|x| x + error);
+        let pixel = camera.project(&x_in_cam).expect("in the image").map(|x| x + error);
         Detection { feature, pixel, sigma_px: 0.2, lens_sigma_px: 0.0, covariance_px2: None }
     };
     let detections: Vec<Detection> = target.features().into_iter().map(detection).collect();
@@ -58,13 +58,13 @@ fn estimate(pose: &Pose) -> PoseEstimate {
     locate(&points, &camera, &Config::default()).expect("a pose")
 }
 
-fn observed(camera: usize, number: u64, turn_rad: f64, told: &PoseEstimate) -> Event {
+fn observed(camera: usize, number: u64, rotation_rad: f64, reported: &PoseEstimate) -> Event {
     let wobble = (number as f64 * 0.7).sin();
     let error = Vector6::new(2e-4, 3e-4, 5e-4, 2e-4, 1e-4, 3e-4) * wobble;
-    let turn = Vector6::new(0.0, turn_rad, 0.0, 0.0, 0.0, 0.0);
+    let turn = Vector6::new(0.0, rotation_rad, 0.0, 0.0, 0.0, 0.0);
     let a_from_b = Pose::exp(&(turn + error)).inverse() * cam_from_target();
     let capture_s = number as f64 / 30.0;
-    let reading = Reading { t_s: capture_s, a_from_b, covariance: told.covariance, is_consistent: true };
+    let reading = Reading { t_s: capture_s, a_from_b, covariance: reported.covariance, is_consistent: true };
     let times = StageTimes {
         waited_us: 12.0 + 3.0 * wobble,
         detect_us: 2300.0 + 150.0 * wobble,
@@ -77,7 +77,7 @@ fn observed(camera: usize, number: u64, turn_rad: f64, told: &PoseEstimate) -> E
         name: format!("{number:06}.png"),
         n_points: 4,
         is_readable: true,
-        estimate: Some(*told),
+        estimate: Some(*reported),
         reading: Some(reading),
         times,
         ..Observation::default()
@@ -96,7 +96,7 @@ fn turned_right() -> State {
         began_s: 6.7,
         began_sigma_s: 0.1,
         rate: None,
-        course: Course::Step,
+        course: MotionKind::Step,
         course_probability: 1.0,
     }))
 }
@@ -105,7 +105,7 @@ fn turned_right() -> State {
 struct Made {
     board: Board,
     log: Log,
-    now: Moment,
+    now: Instants,
 }
 
 impl Made {
@@ -124,7 +124,7 @@ impl Made {
             is_once: false,
         };
         let board = Board::new(&session, 100);
-        Made { board, log, now: Moment { up_s: 3600.0, unix_s: 45_000.0 } }
+        Made { board, log, now: Instants { up_s: 3600.0, unix_s: 45_000.0 } }
     }
 
     fn take(&mut self, event: &Event, after_s: f64) {
@@ -149,25 +149,25 @@ impl Made {
     }
 }
 
-/// Two cameras at 30 frames a second; after 200 frames the first is turned by half a degree, the other is not seen any more.
+/// Two cameras at 30 frames a second; after 200 frames the first is rotated by half a degree, the other is not seen any more.
 fn knocked() -> Made {
     let mut made = Made::new(&["gate", "yard"]);
-    let told = estimate(&cam_from_target());
+    let reported = estimate(&cam_from_target());
     for camera in 0..2 {
         made.take(&is_now(camera, 0.0, State::Steady), 0.0);
     }
     for number in 0..400 {
-        let turn_rad = if number < 200 { 0.0 } else { 0.5_f64.to_radians() };
-        made.take(&observed(0, number, turn_rad, &told), 1.0 / 30.0);
+        let rotation_rad = if number < 200 { 0.0 } else { 0.5_f64.to_radians() };
+        made.take(&observed(0, number, rotation_rad, &reported), 1.0 / 30.0);
         if number < 200 {
-            made.take(&observed(1, number, 0.0, &told), 0.0);
+            made.take(&observed(1, number, 0.0, &reported), 0.0);
         }
         if number == 202 {
             made.take(&is_now(0, 6.733, turned_right()), 0.0);
         }
     }
     made.take(&Event::Dropped { camera: 1, frames: 17 }, 0.0);
-    made.take(&is_now(1, 11.7, State::Unseen { for_s: 5.0 }), 0.0);
+    made.take(&is_now(1, 11.7, State::Stale { for_s: 5.0 }), 0.0);
     made.log.say("webhook", "no answer from 127.0.0.1:8080; tried again in 4 s");
     made.now.up_s += 2.0;
     made
@@ -202,17 +202,17 @@ fn details_show_pose_covariance_and_ambiguity() {
 fn many_cameras_scroll_and_lost_ones_are_named() {
     let names: Vec<String> = (0..12).map(|i| format!("camera-{i:02}")).collect();
     let mut made = Made::new(&names.iter().map(String::as_str).collect::<Vec<_>>());
-    let told = estimate(&cam_from_target());
+    let reported = estimate(&cam_from_target());
     for number in 0..60 {
-        (0..12).for_each(|camera| made.take(&observed(camera, number, 0.0, &told), 0.0));
+        (0..12).for_each(|camera| made.take(&observed(camera, number, 0.0, &reported), 0.0));
         made.now.up_s += 1.0;
     }
     (0..11).for_each(|camera| made.take(&is_now(camera, 1.0, State::Steady), 0.0));
     made.take(&is_now(3, 1.0, State::Learning { readings: 1, needed: 50 }), 0.0);
     made.take(&is_now(4, 1.0, State::Inconsistent), 0.0);
-    made.take(&is_now(5, 1.0, State::Settling(Doubt::Different)), 0.0);
+    made.take(&is_now(5, 1.0, State::Checking(CheckingReason::Different)), 0.0);
     let reason = Some("/dev/video2: no such device".to_string());
-    made.take(&Event::Source { camera: 10, is_there: false, reason }, 0.0);
+    made.take(&Event::Source { camera: 10, connected: false, reason }, 0.0);
     let mut view = View::default();
     view.choose_among(12);
     view.chosen = 10;
@@ -232,13 +232,13 @@ fn a_reset_forgets_statistics_and_keeps_what_is_known() {
 #[test]
 fn learning_and_blindness_go_on_between_events() {
     let mut made = Made::new(&["gate"]);
-    let told = estimate(&cam_from_target());
+    let reported = estimate(&cam_from_target());
     made.take(&is_now(0, 0.0, State::Learning { readings: 1, needed: 50 }), 0.0);
-    (0..20).for_each(|number| made.take(&observed(0, number, 0.0, &told), 1.0));
+    (0..20).for_each(|number| made.take(&observed(0, number, 0.0, &reported), 1.0));
     assert!(made.text(80, 24, &View::default()).contains("learning: 21 of 50 readings"));
-    made.take(&is_now(0, 20.0, State::Unseen { for_s: 5.0 }), 5.0);
+    made.take(&is_now(0, 20.0, State::Stale { for_s: 5.0 }), 5.0);
     made.now.up_s += 7.0;
-    assert!(made.text(80, 24, &View::default()).contains("unseen for 12.0 s"));
+    assert!(made.text(80, 24, &View::default()).contains("stale: no usable reading for 12.0 s"));
 }
 
 /// Any size is drawn; nothing is written outside, which would panic.

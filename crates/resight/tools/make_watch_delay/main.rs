@@ -1,4 +1,4 @@
-//! Draws how late the drift sentry is, for which rate of false alarms: docs/images/watch-delay.svg and .png, with the numbers in
+//! Draws how late the drift change detector is, for which rate of false alarms: docs/images/watch-delay.svg and .png, with the numbers in
 //! watch-delay.csv.
 //!
 //! `cargo run --release -p resight --example make_watch_delay` from the repository's root; some minutes. With `--draw` the numbers are
@@ -10,7 +10,7 @@ mod plot;
 
 use common::delay::{
     FEW_RATES, HEADER, LARGE, RATES, Row, SIZES, SLOPES_DEG_PER_H, TAG_QUIET_S, TAG_STEPS_DEG, TAG_TIMES_S,
-    TAG_TRIALS, rivals, rivals_false, slow, step, tag,
+    TAG_TRIALS, alternatives, alternatives_false, slow, step, tag,
 };
 use nalgebra::Vector2;
 use plot::{Axes, Pen};
@@ -51,10 +51,12 @@ fn simulated(mut take: impl FnMut(Row)) {
     for (size, trials) in SIZES.into_iter().zip([100, 150, 300, 300]) {
         for per_day in RATES {
             take(step("white", size, per_day, 0..trials));
-            rivals(size, per_day, 4000).into_iter().for_each(&mut take);
+            alternatives(size, per_day, 4000).into_iter().for_each(&mut take);
         }
     }
-    SIZES.into_iter().for_each(|size| rivals_false(size, 1.0 / 30.0, 10).into_iter().for_each(&mut take));
+    SIZES
+        .into_iter()
+        .for_each(|size| alternatives_false(size, 1.0 / 30.0, 10).into_iter().for_each(&mut take));
     // The smallest at one a year would take hours.
     for (size, (trials, rates)) in LARGE.into_iter().zip([(40, 3), (80, 4), (80, 4)]) {
         FEW_RATES[..rates].iter().for_each(|per_day| take(step("lasting", size, *per_day, 0..trials)));
@@ -86,7 +88,7 @@ fn drawn(rows: &[Row]) -> Drawing {
     for (i, size) in SIZES.into_iter().enumerate() {
         against_others(&mut drawing, corner(i), rows, size);
     }
-    lasting(&mut drawing, corner(4), rows);
+    correlated(&mut drawing, corner(4), rows);
     slow_drifts(&mut drawing, corner(5), rows);
     drawing
 }
@@ -145,7 +147,7 @@ fn against_others(drawing: &mut Drawing, corner: Vector2<f64>, rows: &[Row], siz
     }
 }
 
-fn lasting(drawing: &mut Drawing, corner: Vector2<f64>, rows: &[Row]) {
+fn correlated(drawing: &mut Drawing, corner: Vector2<f64>, rows: &[Row]) {
     let axes = Axes { corner, x: (1.0 / 30.0, 450.0), y: (1.0, 1e5) };
     axes.frame(drawing, "steps, errors of 1σ that last two minutes", &BETWEEN, &READINGS);
     axes.names(drawing, "mean time between false alarms", "delay, readings");

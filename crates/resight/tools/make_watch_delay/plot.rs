@@ -73,7 +73,7 @@ impl Axes {
         let below = self.corner + Vector2::new(0.5 * WIDTH_PX, HEIGHT_PX + 31.0);
         drawing.text(x, below, 8.0, DIM, Anchor::Middle);
         let left = self.corner + Vector2::new(-46.0, 0.5 * HEIGHT_PX);
-        drawing.turned_text(y, left, 8.0, DIM, Anchor::Middle, -std::f64::consts::FRAC_PI_2);
+        drawing.rotated_text(y, left, 8.0, DIM, Anchor::Middle, -std::f64::consts::FRAC_PI_2);
     }
 
     /// A curve, without what lies outside.

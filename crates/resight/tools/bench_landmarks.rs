@@ -46,15 +46,15 @@ fn main() {
     println!("1280×960, {} landmarks", landmarks.count());
     show("reference", timed(|round| drop(Landmarks::new(&frames[round % 4], &camera))));
     show(
-        "frame, last turn known (off by 1 px)",
+        "frame, last rotation known (off by 1 px)",
         timed(|round| {
-            std::hint::black_box(landmarks.sight(&frames[round % 4], Some(&near))).ok();
+            std::hint::black_box(landmarks.observe(&frames[round % 4], Some(&near))).ok();
         }),
     );
     show(
         "frame, looked for everywhere",
         timed(|round| {
-            std::hint::black_box(landmarks.sight(&frames[round % 4], None)).ok();
+            std::hint::black_box(landmarks.observe(&frames[round % 4], None)).ok();
         }),
     );
 }

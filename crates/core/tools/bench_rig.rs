@@ -8,7 +8,7 @@
 use nalgebra::Vector2;
 use resight_core::camera::{BrownConrady, CameraMatrix, ImageSize};
 use resight_core::locate::loss::Loss;
-use resight_core::multiview::rig::{RigConfig, RigProblem, RigSolution, Sighting, solve_rig};
+use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, RigSolution, solve_rig};
 use resight_core::{Camera, Correspondence, Lens, Point};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -18,7 +18,7 @@ use std::time::Instant;
 struct Scene {
     cameras: Vec<Camera>,
     n_views: usize,
-    sightings: Vec<Sighting>,
+    observations: Vec<Observation>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cameras: &scene.cameras,
         body_of_target: &[0],
         n_views: scene.n_views,
-        sightings: &scene.sightings,
+        observations: &scene.observations,
     };
     let (mut best_s, mut answer) = (f64::INFINITY, None);
     for _ in 0..rounds.parse::<usize>()?.max(1) {
@@ -85,7 +85,9 @@ fn read(text: &str) -> Result<Scene, Box<dyn Error>> {
             _ => return Err(format!("not understood: {line}").into()),
         }
     }
-    let sightings =
-        seen.into_iter().map(|((view, camera), seen)| Sighting { camera, view, target: 0, seen }).collect();
-    Ok(Scene { cameras, n_views, sightings })
+    let observations = seen
+        .into_iter()
+        .map(|((view, camera), seen)| Observation { camera, view, target: 0, seen })
+        .collect();
+    Ok(Scene { cameras, n_views, observations })
 }

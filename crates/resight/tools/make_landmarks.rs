@@ -1,4 +1,4 @@
-//! Draws the picture of docs/landmarks.md: `cargo run --release -p resight --example make_landmarks` from the repository's root.
+//! Draws the image of docs/landmarks.md: `cargo run --release -p resight --example make_landmarks` from the repository's root.
 
 #[allow(dead_code)] // The tests use the rest.
 #[path = "../tests/landmarks_support/mod.rs"]
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let landmarks = Landmarks::new(&reference, &camera)?;
     let mut image = exposed(&camera, &picture(&camera, &turned([0.3, -0.7, 0.2]), 7), 0.8, 2.0, &mut chance);
     pass_by(&mut image, (330, 120), (150, 360), 99);
-    let sighting = landmarks.sight(&image, None)?;
-    let png = draw(&image, &sighting).png()?;
+    let landmark_observation = landmarks.observe(&image, None)?;
+    let png = draw(&image, &landmark_observation).png()?;
     Ok(write_atomically(Path::new("docs/images/landmarks.png"), &png)?)
 }

@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix6, Vector6};
 use resight::core::Pose;
-use resight_watch::history::{FrameRow, Measured, Recording, Retention, Store, Told, recorder};
+use resight_watch::history::{FrameRow, Measured, Recording, Reported, Retention, Store, recorder};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -24,7 +24,7 @@ fn row(i: usize) -> FrameRow {
         state: "steady",
         n_points: 36,
         measured: Some(measured),
-        turned: None,
+        rotated: None,
         reason: None,
     }
 }
@@ -48,7 +48,7 @@ fn main() {
     let mut slowest_us = 0.0_f64;
     let thread = std::thread::spawn(move || {
         let mut commits = 0;
-        writer.run(|told| commits += u32::from(matches!(told, Told::Stored(_))));
+        writer.run(|reported| commits += u32::from(matches!(reported, Reported::Stored(_))));
         commits
     });
     for row in rows {

@@ -1,8 +1,8 @@
-//! The pictures of a sweep over conditions, and what the detectors find in them, for `benches/peers`.
+//! The images of a sweep over conditions, and what the detectors find in them, for `benches/peers`.
 //!
-//! `bench_detect draw FOLDER COUNT [TARGET [CONDITION]]` draws `COUNT` pictures of each target and condition, or of those whose names start so,
+//! `bench_detect draw FOLDER COUNT [TARGET [CONDITION]]` draws `COUNT` images of each target and condition, or of those whose names start so,
 //! and writes `truth.json` beside them;
-//! `bench_detect find FOLDER ROUNDS [TARGET]` prints what is found, and the mean time of each picture, as JSON.
+//! `bench_detect find FOLDER ROUNDS [TARGET]` prints what is found, and the mean time of each image, as JSON.
 
 mod sweep;
 
@@ -13,7 +13,7 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
 
-/// One picture: where every feature truly is.
+/// One image: where every feature truly is.
 #[derive(Serialize, Deserialize)]
 struct Row {
     target: String,

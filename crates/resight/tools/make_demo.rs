@@ -1,9 +1,9 @@
-//! Draws the pictures of `resight demo` and writes down where the cameras truly were: `testdata/demo`.
+//! Draws the images of `resight demo` and writes down where the cameras truly were: `testdata/demo`.
 //!
 //! `cargo run --release -p resight --example make_demo` from the repository's root; the same bytes every time.
 //!
 //! Two cameras with ordinary lenses look at a wall with a card of four dots (three on a line, one off it) and a grid of
-//! tags. A third picture shows the card from the one plane where two poses explain it:
+//! tags. A third image shows the card from the one plane where two poses explain it:
 //! through the fourth dot, perpendicular to the line.
 
 use nalgebra::Matrix3;
@@ -77,12 +77,12 @@ fn grid(cam_from_wall: Pose) -> Placed {
         tag_spacing_ratio: 0.3,
         first_id: 0,
     });
-    let half_turn = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
-    let wall_from_grid = Pose::new(half_turn, Point::new(-0.27, 0.11, 0.0));
+    let half_rotation = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
+    let wall_from_grid = Pose::new(half_rotation, Point::new(-0.27, 0.11, 0.0));
     Placed { target, cam_from_target: cam_from_wall * wall_from_grid, style: Style::default() }
 }
 
-/// A camera at `place` whose optical axis meets `aim` (wall frame: x right, y down, z into the wall), turned by `roll_rad`.
+/// A camera at `place` whose optical axis meets `aim` (wall frame: x right, y down, z into the wall), rotated by `roll_rad`.
 fn looking(place: Point, aim: Point, roll_rad: f64) -> Pose {
     let z = (aim - place).normalize();
     let x = Point::y().cross(&z).normalize();
@@ -125,7 +125,7 @@ fn camera_toml(camera: &Intrinsics, distortion: &[f64; 5]) -> String {
 
 fn truth(poses: &[(&str, Pose)]) -> Result<String> {
     let mut text =
-        "# Where the cameras were when the pictures were drawn: x_in_b = b_from_a * x_in_a.\n".to_string();
+        "# Where the cameras were when the images were drawn: x_in_b = b_from_a * x_in_a.\n".to_string();
     for (name, pose) in poses {
         let [x, y, z]: [f64; 3] = pose.translation.into();
         writeln!(

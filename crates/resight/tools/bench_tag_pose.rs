@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The camera of the picture that `tag_pose.py` draws.
+/// The camera of the image that `tag_pose.py` draws.
 fn camera() -> Result<Camera, Box<dyn Error>> {
     let matrix = CameraMatrix { fx_px: 1000.0, fy_px: 1000.0, cx_px: 639.5, cy_px: 479.5 };
     Ok(Camera { lens: Lens::Pinhole(Pinhole::new(matrix)?), size: None })

@@ -4,13 +4,13 @@ use super::rig::Rig;
 use resight_whisker::contact::Method;
 use resight_whisker::estimate::Status;
 use resight_whisker::events::slip::HORIZON;
-use resight_whisker::events::{self, End, Foresight};
+use resight_whisker::events::{self, End, Prediction};
 use resight_whisker::friction::FrictionAngle;
 use resight_whisker::{ContactEstimate, Sample};
 use serde_json::{Value, json};
 
 /// Samples and estimates that a forecast looks back on, at most; see [`events::slip::WINDOW`].
-pub const LOOKED_BACK: usize = events::slip::WINDOW;
+pub const WINDOW_READINGS: usize = events::slip::WINDOW;
 
 /// A forecast and the sample it was made at.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ pub struct Forecast {
     /// Its place among the complete readings.
     pub index: usize,
     /// What lies ahead.
-    pub foresight: Foresight,
+    pub prediction: Prediction,
 }
 
 /// Which contacts a forecast is made at.
@@ -50,9 +50,9 @@ pub fn forecasts(
     let asked = (0..samples.len()).filter(|i| estimates[*i].status == Status::Ok && is_asked(*i));
     let forecast = |i: usize| {
         let phase = phase(samples, estimates, i);
-        let foresight = ahead(rig, &samples[phase.clone()], &estimates[phase], friction, method)?;
+        let prediction = ahead(rig, &samples[phase.clone()], &estimates[phase], friction, method)?;
         let Sample { sweep, sample, .. } = samples[i];
-        Some(Forecast { sweep, sample, index: i, foresight })
+        Some(Forecast { sweep, sample, index: i, prediction })
     };
     asked.filter_map(forecast).collect()
 }
@@ -64,54 +64,54 @@ pub fn ahead(
     estimates: &[ContactEstimate],
     friction: FrictionAngle,
     method: Method,
-) -> Option<Foresight> {
-    events::foresee(&rig.rod, &rig.cell, samples, estimates, friction, method)
+) -> Option<Prediction> {
+    events::predict(&rig.rod, &rig.cell, samples, estimates, friction, method)
 }
 
 /// The readings of the same uninterrupted contact up to `i`, as many as are looked back on.
 fn phase(samples: &[Sample], estimates: &[ContactEstimate], i: usize) -> std::ops::Range<usize> {
     let is_same =
         |j: &usize| samples[*j].sweep == samples[i].sweep && estimates[*j].status != Status::NoContact;
-    let count = (0..=i).rev().take_while(is_same).take(LOOKED_BACK).count();
+    let count = (0..=i).rev().take_while(is_same).take(WINDOW_READINGS).count();
     i + 1 - count..i + 1
 }
 
 /// Steps and their standard deviation, where it is a slip-off and known at all.
-pub fn steps_to_slip_off(foresight: &Foresight) -> Option<[f64; 2]> {
-    let ending = foresight.ending.filter(|ending| ending.end == End::Fold)?;
+pub fn steps_to_slip_off(prediction: &Prediction) -> Option<[f64; 2]> {
+    let ending = prediction.ending.filter(|ending| ending.end == End::Fold)?;
     (ending.steps_sigma < HORIZON).then_some([ending.steps, ending.steps_sigma])
 }
 
 /// `sweep 0 still touches: 12.34 ± 0.10 mm of whisker left, slips off in 7.2 ± 0.9 readings`.
 pub fn words(forecast: &Forecast) -> String {
-    let Forecast { sweep, foresight, .. } = forecast;
-    let left = format!("{:.2} ± {:.2} mm", 1e3 * foresight.margin_m, 1e3 * foresight.margin_sigma_m);
-    let ahead = match (foresight.ending, steps_to_slip_off(foresight)) {
-        (_, Some([steps, sigma])) => format!("foreseen in {steps:.1} ± {sigma:.1} readings"),
+    let Forecast { sweep, prediction, .. } = forecast;
+    let left = format!("{:.2} ± {:.2} mm", 1e3 * prediction.margin_m, 1e3 * prediction.margin_sigma_m);
+    let ahead = match (prediction.ending, steps_to_slip_off(prediction)) {
+        (_, Some([steps, sigma])) => format!("predicted in {steps:.1} ± {sigma:.1} readings"),
         (Some(ending), None) if ending.end == End::Release => {
-            format!("not foreseen: the hub lets go in {:.0} readings", ending.steps)
+            format!("not predicted: the hub lets go in {:.0} readings", ending.steps)
         }
         (Some(_), None) => "possible, its time is not known".to_string(),
-        (None, None) => format!("not foreseen within {HORIZON:.0} readings"),
+        (None, None) => format!("not predicted within {HORIZON:.0} readings"),
     };
     format!("{ahead} (sweep {sweep} ends in contact; {left} of whisker beyond it)")
 }
 
 /// The same for a program.
 pub fn json(forecast: &Forecast) -> Value {
-    let foresight = &forecast.foresight;
+    let prediction = &forecast.prediction;
     json!({
         "sweep": forecast.sweep,
         "sample": forecast.sample,
-        "margin_m": foresight.margin_m,
-        "margin_sigma_m": foresight.margin_sigma_m,
-        "stability": foresight.stability,
-        "steps_to_tip": foresight.steps_to_tip,
-        "ending": foresight.ending.map(|ending| match ending.end {
+        "margin_m": prediction.margin_m,
+        "margin_sigma_m": prediction.margin_sigma_m,
+        "stability": prediction.stability,
+        "steps_to_tip": prediction.steps_to_tip,
+        "ending": prediction.ending.map(|ending| match ending.end {
             End::Fold => "slip_off",
             End::Release => "release",
         }),
-        "steps": foresight.ending.map(|ending| ending.steps),
-        "steps_sigma": foresight.ending.map(|ending| ending.steps_sigma).filter(|sigma| *sigma < HORIZON),
+        "steps": prediction.ending.map(|ending| ending.steps),
+        "steps_sigma": prediction.ending.map(|ending| ending.steps_sigma).filter(|sigma| *sigma < HORIZON),
     })
 }

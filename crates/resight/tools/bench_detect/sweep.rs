@@ -1,4 +1,4 @@
-//! The pictures of the sweep: which targets, which conditions, and where every feature truly is.
+//! The images of the sweep: which targets, which conditions, and where every feature truly is.
 
 use resight::GrayImage;
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, KannalaBrandt, Pinhole};
@@ -7,7 +7,7 @@ use resight::core::{Camera, Pixel, Point, Pose, Target};
 use resight::render::{self, Finish, Pcg, Placed, Scene, Style, clutter, true_pixels};
 use std::error::Error;
 
-/// What a cell of the sweep changes of the easy picture.
+/// What a cell of the sweep changes of the easy image.
 #[derive(Debug, Clone, Copy)]
 pub struct Condition {
     pub name: &'static str,
@@ -21,11 +21,11 @@ pub struct Condition {
     occluders: usize,
     /// Diameter of an occluder over the largest distance of two features.
     occluder_size: f64,
-    /// The board's middle lies on the picture's edge, or this share of the way there.
+    /// The board's middle lies on the image's edge, or this share of the way there.
     off_centre: f64,
     has_clutter: bool,
     lens: LensKind,
-    /// Edges of the picture over those of 1280 × 960.
+    /// Edges of the image over those of 1280 × 960.
     enlarged: f64,
 }
 
@@ -133,17 +133,17 @@ pub fn targets() -> Vec<(&'static str, Target, f64)> {
     ]
 }
 
-/// A picture with its truth.
+/// An image with its truth.
 pub struct Picture {
     pub image: GrayImage,
     pub truth: Vec<(Feature, Pixel)>,
 }
 
 const FOCAL_PX: f64 = 1000.0;
-/// Features nearer to the picture's edge are not counted.
+/// Features nearer to the image's edge are not counted.
 const RIM_PX: f64 = 8.0;
 
-/// Picture `index` of a cell; its pose and its noise are drawn from index and cell.
+/// Image `index` of a cell; its pose and its noise are drawn from index and cell.
 pub fn draw(target: &Target, size_m: f64, c: &Condition, index: u64) -> Result<Picture, Box<dyn Error>> {
     let seed = 1000 * index + c.name.bytes().fold(7, |sum, byte| (sum * 31 + byte as u64) % 997);
     let mut pcg = Pcg::new(seed);
@@ -199,7 +199,7 @@ fn camera(c: &Condition) -> Result<Camera, Box<dyn Error>> {
     })
 }
 
-/// Turned about a random axis in the image plane by the tilt, by any angle in the image, near the middle of the view.
+/// Rotated about a random axis in the image plane by the tilt, by any angle in the image, near the middle of the view.
 fn pose(target: &Target, size_m: f64, c: &Condition, pcg: &mut Pcg) -> Pose {
     let focal = if matches!(c.lens, LensKind::Fisheye) { 450.0 } else { FOCAL_PX * c.enlarged };
     let depth = focal * size_m / c.size_px;
@@ -257,7 +257,7 @@ fn is_covered(placed: &Placed, feature: Feature, occluder: &Option<Placed>) -> b
     })
 }
 
-/// Light gathered while the picture moves by `length_px`, middle of the way at the true place.
+/// Light gathered while the image moves by `length_px`, middle of the way at the true place.
 fn smear(image: &mut GrayImage, length_px: f64, direction_rad: f64) {
     if length_px <= 0.0 {
         return;

@@ -1,4 +1,4 @@
-//! Draws the pictures of CONVENTIONS.md: every target's frame and the order of its points, as the code has them.
+//! Draws the images of CONVENTIONS.md: every target's frame and the order of its points, as the code has them.
 //!
 //! `cargo run --release -p resight --example make_pictures` from the repository's root. Each target is rendered from a
 //! known pose, its points are put where that pose sends them, and the overlay draws its axes and names.
@@ -25,7 +25,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Caption and target of each picture.
+/// Caption and target of each image.
 fn targets() -> [(&'static str, Target); 5] {
     let family = || "tag36h11".to_string();
     let dictionary = || "DICT_4X4_50".to_string();
@@ -102,10 +102,10 @@ fn pose(target: &Target) -> Pose {
     let middle: Vector3<f64> = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let tilt = Pose::exp(&Vector6::new(0.35, 0.45, 0.0, 0.0, 0.0, 0.0));
     // Kalibr's grid has y up and z towards the viewer: half a turn about x makes it upright.
-    let half_turn = match target {
+    let half_rotation = match target {
         Target::AprilGrid(_) => Pose::exp(&Vector6::new(std::f64::consts::PI, 0.0, 0.0, 0.0, 0.0, 0.0)),
         _ => Pose::identity(),
     };
-    let turned = tilt * half_turn;
+    let turned = tilt * half_rotation;
     Pose::new(turned.rotation, Vector3::new(0.0, 0.0, 0.5) - turned.rotation * middle)
 }

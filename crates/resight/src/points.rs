@@ -1,0 +1,238 @@
+//! Known correspondences from a CSV file to poses: one for each of its views.
+
+use crate::answer::{PoseAnswer, Status};
+use crate::core::locate::Method;
+use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
+use crate::input::table::{Table, TableRow};
+use crate::locate::{NamedPoint, PointsOptions, is_contradicted_by_priors, locate_points};
+use crate::{Error, FileError};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Squares of larger numbers, and their products, leave the range of numbers.
+const LARGEST: f64 = 1e60;
+
+/// What a table of points is solved with.
+#[derive(Debug, Clone)]
+pub struct TableLocator {
+    /// The camera; `None`: columns `xn, yn` are undistorted coordinates on the plane z = 1.
+    camera: Option<Camera>,
+    /// Standard deviation of rows that state none, and whether the caller stated it.
+    sigma: (f64, bool),
+    options: PointsOptions,
+}
+
+/// The poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5 px),
+/// `sigma_m` (of x, y, z; else exact). One answer a view, in file order.
+///
+/// # Errors
+/// What is wrong with the file, and in which line. A number that no pose can come of is in the view's answer.
+pub fn locate_table(
+    file: impl AsRef<Path>,
+    camera: &Camera,
+    options: &PointsOptions,
+) -> Result<Vec<PoseAnswer>, Error> {
+    let views = read_views(file.as_ref(), false)?;
+    let locator = TableLocator::new(Some(camera.clone()), None, options.clone());
+    let remarks = unit_remarks(&views);
+    Ok(views.iter().map(|view| PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) }).collect())
+}
+
+impl TableLocator {
+    /// With the standard deviation of u and v (without a camera, of xn and yn) where a row states none.
+    pub fn new(camera: Option<Camera>, sigma: Option<f64>, options: PointsOptions) -> Self {
+        let (image_unit, assumed) = match camera.as_ref().map(|camera| &camera.lens) {
+            None => ("normalized", 5e-4),
+            Some(Lens::Photogrammetric(model)) => ("unit of f", model.table().f / 2000.0),
+            Some(_) => ("px", 0.5),
+        };
+        let options = PointsOptions { image_unit, ..options };
+        TableLocator { camera, sigma: (sigma.unwrap_or(assumed), sigma.is_some()), options }
+    }
+
+    /// The pose of one view.
+    pub fn locate(&self, view: &PointsView) -> PoseAnswer {
+        let normalized = Camera::normalized();
+        let camera = self.camera.as_ref().unwrap_or(&normalized);
+        let PointsOptions { image_unit, .. } = self.options;
+        let points =
+            match view.rows.iter().map(|row| self.point(row, camera)).collect::<Result<Vec<_>, String>>() {
+                Ok(points) => points,
+                Err(reason) => {
+                    let answer = PoseAnswer::without_pose(view.name.clone(), Status::Error, reason);
+                    return PoseAnswer { n_points: view.rows.len(), image_unit, ..answer };
+                }
+            };
+        let mut answer = locate_points(&view.name, &points, camera, &self.options);
+        if is_contradicted_by_priors(&answer) {
+            // The one prior of this command, by the name of its flags.
+            answer.verdict.message =
+                "--gravity and --target-down contradict the points, which agree with their sigmas without them; check both \
+                 directions and --gravity-sigma-deg before using this pose"
+                    .into();
+        }
+        let is_assumed = !self.sigma.1 && view.rows.iter().any(|row| row.sigma.is_none());
+        if is_assumed && answer.estimate.is_some() {
+            let flag = if self.camera.is_none() { "--sigma-normalized" } else { "--sigma-px" };
+            answer.verdict.message +=
+                &format!("; σ {} {image_unit} is assumed, state yours with {flag}", self.sigma.0);
+        }
+        answer
+    }
+
+    fn point(&self, row: &Row, camera: &Camera) -> Result<NamedPoint, String> {
+        let seen = self.correspondence(row, camera)?;
+        Ok(NamedPoint { name: row.name.clone(), line: Some(row.line), seen })
+    }
+
+    fn correspondence(&self, row: &Row, camera: &Camera) -> Result<Correspondence, String> {
+        let [u, v] = if self.camera.is_none() { ["xn", "yn"] } else { ["u_px", "v_px"] };
+        let cells = [("x_m", row.x_in_target[0]), ("y_m", row.x_in_target[1]), ("z_m", row.x_in_target[2])];
+        let cells = cells.into_iter().chain([(u, row.image[0]), (v, row.image[1])]);
+        let (sigma, sigma_m) = (row.sigma.unwrap_or(self.sigma.0), row.sigma_m.unwrap_or(0.0));
+        for (column, x) in cells.chain([("sigma_px", sigma), ("sigma_m", sigma_m)]) {
+            if LARGEST < x.abs() {
+                return Err(format!(
+                    "line {}: column `{column}` is {x:e}; the largest number accepted is {LARGEST:e}, check the unit",
+                    row.line
+                ));
+            }
+            if !x.is_finite() {
+                return Err(format!(
+                    "line {}: column `{column}` is {x}; remove the row or correct it",
+                    row.line
+                ));
+            }
+        }
+        if sigma <= 0.0 {
+            return Err(format!("line {}: column `sigma_px` is {sigma}; it must be positive", row.line));
+        }
+        if sigma_m < 0.0 {
+            return Err(format!("line {}: column `sigma_m` is {sigma_m}; it must not be negative", row.line));
+        }
+        if 0.0 < sigma_m && self.options.method == Method::Wang2004 {
+            let reason =
+                "method wang2004 is the printed procedure, which takes the points as exact; use auto";
+            return Err(format!("line {}: column `sigma_m` is {sigma_m}, but {reason}", row.line));
+        }
+        Correspondence::new(camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
+            .map(|c| Correspondence { sigma_m, ..c })
+            .map_err(|reason| format!("line {}: {reason}", row.line))
+    }
+}
+
+/// One correspondence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Line in the file, counted from 1.
+    pub line: u64,
+    /// Column `id`, or the row's number within its view.
+    pub name: String,
+    /// Columns `x_m, y_m, z_m`.
+    pub x_in_target: [f64; 3],
+    /// Columns `u_px, v_px` or `xn, yn`.
+    pub image: [f64; 2],
+    /// Column `sigma_px`, where the cell is filled.
+    pub sigma: Option<f64>,
+    /// Column `sigma_m`, where the cell is filled.
+    pub sigma_m: Option<f64>,
+}
+
+/// The rows of one view, in file order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointsView {
+    /// Column `view`, or the file's name.
+    pub name: String,
+    /// At least one.
+    pub rows: Vec<Row>,
+}
+
+/// Where the columns are.
+struct Columns {
+    space: [usize; 3],
+    image: [usize; 2],
+    view: Option<usize>,
+    id: Option<usize>,
+    sigma: Option<usize>,
+    sigma_m: Option<usize>,
+}
+
+/// The views of a table, without a camera those of columns `xn, yn`, in the order in which each first appears; rows of one view need not be adjacent.
+///
+/// # Errors
+/// What is wrong with the file, and in which line.
+pub fn read_views(path: &Path, normalized: bool) -> Result<Vec<PointsView>, FileError> {
+    let table = Table::open(path, "x_m,y_m,z_m")?;
+    let columns = columns(&table, normalized)?;
+    let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut views: Vec<PointsView> = Vec::new();
+    let mut index = HashMap::new();
+    table.each(|cells| {
+        let name = match columns.view {
+            Some(i) => cells.text(i).unwrap_or_default(),
+            None => &file_name,
+        };
+        let at = *index.entry(name.to_string()).or_insert_with(|| {
+            views.push(PointsView { name: name.to_string(), rows: Vec::new() });
+            views.len() - 1
+        });
+        let row = row(&columns, &cells, views[at].rows.len())?;
+        views[at].rows.push(row);
+        Ok::<(), FileError>(())
+    })?;
+    Ok(views)
+}
+
+fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
+    let other_kind = if normalized { "u_px" } else { "xn" };
+    let hint = table.find(other_kind).map(|_| match normalized {
+        true => "for columns u_px,v_px leave out --normalized",
+        false => "for columns xn,yn add --normalized",
+    });
+    let [u, v] = if normalized { ["xn", "yn"] } else { ["u_px", "v_px"] };
+    Ok(Columns {
+        space: [table.need("x_m", None)?, table.need("y_m", None)?, table.need("z_m", None)?],
+        image: [table.need(u, hint)?, table.need(v, hint)?],
+        view: table.find("view"),
+        id: table.find("id"),
+        sigma: table.find("sigma_px"),
+        sigma_m: table.find("sigma_m"),
+    })
+}
+
+fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileError> {
+    let [x, y, z] = columns.space;
+    let [u, v] = columns.image;
+    let name = columns.id.and_then(|i| cells.text(i));
+    Ok(Row {
+        line: cells.line,
+        name: name.map_or_else(|| n.to_string(), str::to_string),
+        x_in_target: [cells.number(x)?, cells.number(y)?, cells.number(z)?],
+        image: [cells.number(u)?, cells.number(v)?],
+        sigma: cells.optional_number(columns.sigma)?,
+        sigma_m: cells.optional_number(columns.sigma_m)?,
+    })
+}
+
+/// Two rows of a view with one name: corners of one tag, or a slip.
+pub fn repeated_names(views: &[PointsView]) -> Option<String> {
+    for view in views {
+        let mut seen = std::collections::HashMap::new();
+        let duplicates =
+            view.rows.iter().find_map(|row| seen.insert(&row.name, row.line).map(|line| (row, line)));
+        if let Some((row, line)) = duplicates {
+            let (view, name, second) = (&view.name, &row.name, row.line);
+            return Some(format!(
+                "view {view}: lines {line} and {second} both have id `{name}`; right for the corners of one tag, else one is mislabelled"
+            )); // The first is reported; a file of tags has thousands.
+        }
+    }
+    None
+}
+
+/// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
+pub fn unit_remarks(views: &[PointsView]) -> Vec<String> {
+    let rows = views.iter().flat_map(|view| &view.rows);
+    let points: Vec<Point> = rows.map(|row| Point::from(row.x_in_target)).collect();
+    crate::formats::plausible::of_points(&points).into_iter().collect()
+}
