@@ -43,7 +43,7 @@
 //! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
 //!
 //! Recordings are read with the feature `recordings` only, because they are unpacked by C libraries; `resight` asks for it.
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
 pub use resight_core as core;

@@ -37,7 +37,7 @@
 //! | every frame kept, and read again | [`mod@history`] |
 //! | metrics, webhook, MQTT, ROS transforms, the view in a terminal | [`outputs`] |
 //! | what a camera saw, from the messages of a recording | [`ros`] |
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod ros;
