@@ -363,6 +363,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
     let answer = json_lines(&run)[0].clone();
     assert_eq!((run.code, &answer["status"], &answer["causes"]), (0, &"ok".into(), &serde_json::json!([])));
     let keys = [
+        "schema",
         "status",
         "mounting",
         "cam_from_gripper",

@@ -40,7 +40,7 @@ fn minima_observability_and_geometry_are_in_the_pose_object() {
         assert!((1..=4).contains(&minima.len()));
         assert_eq!(minima[0]["cam_from_target"], answer["cam_from_target"]);
         assert_eq!((&minima[0]["delta_chi2"], &minima[0]["within_gate"]), (&0.0.into(), &true.into()));
-        let total: f64 = minima.iter().map(|m| m["weight"].as_f64().unwrap()).sum();
+        let total: f64 = minima.iter().map(|m| m["probability"].as_f64().unwrap()).sum();
         assert!((total - 1.0).abs() < 1e-9);
         let weak = &answer["observability"];
         assert!(["rotation", "shift"].contains(&weak["weakest"].as_str().unwrap()));
@@ -81,9 +81,9 @@ fn three_points_give_every_pose_in_minima() {
     );
     assert!(2 <= minima.len() && minima.iter().all(|m| m["within_gate"] == true), "{answer}");
     assert!(answer["message"].as_str().unwrap().contains("probabilities"), "{answer}");
-    let weights: Vec<f64> = minima.iter().map(|m| m["weight"].as_f64().unwrap()).collect();
+    let weights: Vec<f64> = minima.iter().map(|m| m["probability"].as_f64().unwrap()).collect();
     assert!(weights.is_sorted_by(|a, b| b <= a), "the more probable first: {weights:?}");
-    assert_eq!(answer["probability"], minima[0]["weight"]);
+    assert_eq!(answer["probability"], minima[0]["probability"]);
     let run = solve(&[path.to_str().unwrap(), "--camera", &data("camera.toml")]);
     assert_eq!(run.code, 1, "an ambiguous answer is not ok");
     // Every pose stands with its probability and its own standard deviations.

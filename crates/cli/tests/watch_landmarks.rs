@@ -267,7 +267,7 @@ fn landmarks_stand_in_for_a_target_that_is_gone() {
     }
     let last = run.events("state").pop().expect("a state");
     assert!(
-        last["message"].as_str().expect("words").contains("turned")
+        last["message"].as_str().expect("words").contains("rotated")
             && last["message"].to_string().contains(" clockwise 0.5"),
         "{last}"
     );
@@ -295,7 +295,7 @@ fn another_scene_and_a_wrong_picture_are_named() {
     let run = night.watch(&["--landmarks", &landmarks, "--frames"]);
     assert_eq!(run.code, 1, "{}", run.stdout);
     assert!(run.stdout.contains("0 corners in this image, 15 are needed"), "{}", run.stdout);
-    assert!(run.stdout.contains("gate: unseen"), "{}", run.stdout);
+    assert!(run.stdout.contains("gate: stale"), "{}", run.stdout);
     let refused = |arguments: &[&str], words: &str| {
         let run = night.watch(arguments);
         assert!(run.code == 2 && run.stderr.contains(words), "{arguments:?}: {}", run.stderr);
