@@ -18,8 +18,8 @@ const CONTRAST_GRAY: f64 = 10.0;
 
 /// A residual that shows so many times the variance of the common one is this corner's own.
 pub(super) const OWN_EXCESS: f64 = 3.0;
-/// What the method itself leaves, standard deviation in pixels: 0.002 px on rendered boards without noise.
-const METHOD_PX: f64 = 0.0015;
+/// What the method itself leaves, standard deviation in pixels: 0.0015 px on rendered boards without noise, rounding included.
+const METHOD_PX: f64 = 0.0013;
 /// The image's noise is known to a fifth; a smaller residual is chance.
 const LEAST_EXCESS: f64 = 0.6;
 
