@@ -143,13 +143,13 @@ impl Comparison<'_> {
         let every = (expected.len() / BLUR_CORNERS).max(1);
         let mut shares = [0.0; BLURS_PX.len()];
         for corner in expected.iter().skip(every / 2).step_by(every) {
-            // Where one blur finds the print the others begin.
-            let mut found = None;
+            // Where one blur shows the print the others begin.
+            let mut seen = None;
             for (share, blur_px) in shares.iter_mut().zip(BLURS_PX) {
-                let start = found.unwrap_or_else(|| self.start(corner, blur_px));
+                let start = seen.unwrap_or_else(|| self.start(corner, blur_px));
                 let Some(lying) = self.lie(corner, start, blur_px) else { continue };
-                found = Some(lying.pixel);
                 if self.is_seen(lying.explained, lying.contrast_gray) {
+                    seen = Some(lying.pixel);
                     *share += lying.explained;
                 }
             }
