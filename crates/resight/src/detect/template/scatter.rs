@@ -125,3 +125,22 @@ fn rows(laid: &Laid) -> Vec<(Row, f64)> {
     };
     (0..side * side).map(row).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a wrong blur leaves moves no corner; what moves both arms of an edge counts twice.
+    #[test]
+    fn squares_count_with_those_across_the_corner() {
+        let side = 5;
+        let sum = |k: usize| Vector2::new(k as f64 - 12.0, (k as f64 - 12.0).powi(3));
+        let opposed: Vec<Vector2<f64>> = (0..side * side).map(sum).collect();
+        assert_eq!(paired(&opposed, side, [4, 4]), 0.0);
+        let alike = vec![Vector2::new(1.0, -2.0); side * side];
+        assert_eq!(paired(&alike, side, [4, 4]), 2.0 * 5.0 * 25.0);
+        // Of a corner that is not in the middle some squares have none opposite.
+        assert_eq!(paired(&alike, side, [2, 4]), 0.5 * 5.0 * (4.0 * 15.0 + 10.0));
+        assert_eq!(paired(&alike, side, [i64::MIN / 2, 4]), 0.5 * 5.0 * 25.0);
+    }
+}
