@@ -88,7 +88,11 @@ impl Tally {
             *gone = Some(0);
         } else if let Some(back) = gone {
             // The frame itself takes its time, which the quantiles hold.
-            let first = if *back == 0 { number } else { *back };
+            // Dropped frames count: the wait begins with the first that shows the target.
+            let mut first = if *back == 0 { number } else { *back };
+            while 0 < first && !(demands.is_away)(camera, first - 1) {
+                first -= 1;
+            }
             self.longest_s = self.longest_s.max((number - first) as f64 / RATE_HZ);
             self.returns += u64::from(is_found);
             *gone = (!is_found).then_some(first);
