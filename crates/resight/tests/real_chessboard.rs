@@ -131,8 +131,8 @@ fn trimmed(view: &View, camera: &Camera) -> (PoseEstimate, usize) {
 /// Our own corners are good in all 13 views, also in 2 and 13 (residual 0.19 and 0.18 px, published 1.22 and 0.46 px), so
 /// none is called inconsistent, and there it is the published pose that is off. What holds:
 /// * in every view they leave a smaller residual than the published corners;
-/// * 5 views are within 0.02° and 0.1 mm of the published pose; 1, 6 and 8 (0.043°, 0.034°, 0.030°; 0.18 mm and less) within a tenth of their own standard
-///   deviations: corners of both windows differ by 0.05 px;
+/// * 4 views are within 0.02° and 0.1 mm of the published pose; 1, 6, 8 and 14 (0.043°, 0.035°, 0.028°, 0.0202°; 0.18 mm and less) within a tenth of their own
+///   standard deviations: corners of both windows differ by 0.05 px;
 /// * 2, 7, 9, 12 and 13 differ from it (0.56°, 0.06°, 0.13°, 0.03°, 0.22°) because of single published corners: without those the
 ///   published set gives our pose to 0.034° and 0.09 mm.
 #[test]
@@ -167,7 +167,7 @@ fn own_corners_differ_where_the_published_ones_are_misplaced() {
         assert!(within_sigma || 0 < n_dropped, "view {}", view.number);
     }
     println!("chessboard, own corners: beyond 0.02° or 0.1 mm are views {far:?}");
-    assert!(far.iter().all(|view| [1, 2, 6, 7, 8, 9, 12, 13].contains(view)), "{far:?}");
+    assert!(far.iter().all(|view| [1, 2, 6, 7, 8, 9, 12, 13, 14].contains(view)), "{far:?}");
 }
 
 /// Root mean square by which corners that a pose was not made from miss it, both halves of the board (alternating corners) in turn.

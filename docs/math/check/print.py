@@ -8,6 +8,15 @@ def zero(expression, name):
     print(f"ok  {name}")
 
 
+# (1a): the polygon that a chord through the left and the upper side cuts off a pixel is its triangle.
+p, q = sp.symbols("p q", positive=True)
+polygon = [(-sp.Rational(1, 2), q - sp.Rational(1, 2)), (-sp.Rational(1, 2), -sp.Rational(1, 2)), (p - sp.Rational(1, 2), -sp.Rational(1, 2))]
+area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(polygon, polygon[1:] + polygon[:1])) / 2
+zero(area - p * q / 2, "(1a) area beyond a chord")
+# (1b): distances of 34 places from an edge with the normal (1, 4).
+assert {(k + 4 * 21 * k) % 34 for k in range(34)} == {0, 17}
+print("ok  (1b) two distances")
+
 # (2), (3): the linear model's unknowns give the derivative of (1) and the shift.
 a, g, u, v, du, dv, u0, v0 = sp.symbols("a g u v du dv u0 v0")
 print_ = sp.Function("T")

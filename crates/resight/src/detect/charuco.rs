@@ -32,6 +32,9 @@ pub(super) struct CharucoFinder {
     decoder: QuadDecoder,
     /// What is printed in each square, row by row; none in the plain ones.
     prints: Vec<Option<MarkerPattern>>,
+    /// Half of a marker's edge, and a marker's cells, in squares.
+    half_marker: f64,
+    cells_a_square: f64,
 }
 
 /// Which of the four families (as printed, white on black, and the mirrored prints of both) are mirrored.
@@ -61,7 +64,11 @@ impl CharucoFinder {
         for (&(column, row), &id) in squares.iter().zip(&ids) {
             prints[(row * board.columns + column) as usize] = Some(marker_pattern(&board.dictionary, id)?);
         }
-        Ok(CharucoFinder { board: board.clone(), window, squares, decoder, prints })
+        let cells = prints.iter().flatten().map(|print| print.width_cells - 2 * print.inset_cells).max();
+        let marker = board.marker_m / board.square_m;
+        let (half_marker, cells_a_square) = (0.5 * marker, cells.unwrap_or(1) as f64 / marker);
+        let board = board.clone();
+        Ok(CharucoFinder { board, window, squares, decoder, prints, half_marker, cells_a_square })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {

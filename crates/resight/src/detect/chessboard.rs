@@ -15,7 +15,7 @@ mod lattice;
 mod place;
 mod squares;
 
-use super::homography::{Homography, PlanePoint};
+use super::homography::{Homography, PlanePoint, floor};
 use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
 use super::print::{self, Place as Surroundings};
 use super::{DetectError, noise, sigma};
@@ -178,7 +178,7 @@ fn around(
     // Corner 0 has a black square between it and the next ones; outside of the outer squares the board is white.
     let ink = move |x: PlanePoint| {
         let is_inside = -1.0 <= x.x && -1.0 <= x.y && x.x < last.x && x.y < last.y;
-        let is_even = (x.x.floor() + x.y.floor()).rem_euclid(2.0) == 0.0;
+        let is_even = (floor(x.x) + floor(x.y)) % 2 == 0;
         if is_inside && is_even { -1.0 } else { 1.0 }
     };
     Some(Surroundings { found, place, map, square_px, clear_px: f64::INFINITY, reach_px: MAX_MOVE_PX, ink })

@@ -6,6 +6,13 @@ use resight_core::Pixel;
 /// A point of a flat target.
 pub(super) type PlanePoint = Vector2<f64>;
 
+/// The next whole number below; faster than `floor`, which is a call.
+#[inline]
+pub(super) fn floor(x: f64) -> i32 {
+    let towards_zero = x as i32;
+    towards_zero - i32::from(x < towards_zero as f64)
+}
+
 /// Maps a plane to the image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Homography(Matrix3<f64>);
@@ -98,6 +105,14 @@ mod tests {
             let difference = (map.at(&(x + step)) - map.at(&(x - step))) / (2.0 * h);
             (0..2).for_each(|i| assert!((gradients[i][k] - difference[i]).abs() < 1e-6 * 400.0));
         }
+    }
+
+    #[test]
+    fn the_fast_floor_is_the_floor() {
+        for x in [-2.5, -2.0, -1e-9, 0.0, 0.3, 1.0, 7.9] {
+            assert_eq!(floor(x) as f64, x.floor());
+        }
+        assert_eq!(floor(f64::NAN), 0);
     }
 
     #[test]

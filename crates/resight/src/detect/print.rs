@@ -1,7 +1,7 @@
 //! Corners measured by what is printed around them, for boards whose print is known up to the corner's exact place.
 
 use super::homography::{Homography, PlanePoint};
-use super::template::{self, Fit, Window};
+use super::template::{self, Fit, Printed, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
 
@@ -18,10 +18,10 @@ const CONTRAST_GRAY: f64 = 10.0;
 
 /// A residual that shows so many times the variance of the common one is this corner's own.
 pub(super) const OWN_EXCESS: f64 = 3.0;
-/// What the method itself leaves, standard deviation in pixels: 0.006 px on rendered boards without noise.
-pub(super) const METHOD_PX: f64 = 0.003;
+/// What the method itself leaves, standard deviation in pixels: 0.0015 px on rendered boards without noise, rounding included.
+const METHOD_PX: f64 = 0.0013;
 /// The image's noise is known to a fifth; a smaller residual is chance.
-pub(super) const LEAST_EXCESS: f64 = 0.6;
+const LEAST_EXCESS: f64 = 0.6;
 
 /// Blurs that are tried, standard deviations in pixels.
 const BLURS_PX: [f64; 6] = [0.35, 0.7, 1.1, 1.6, 2.2, 3.0];
@@ -77,7 +77,7 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
     let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
     let every = (places.len() / BLUR_CORNERS).max(1);
     let share = |blur_px: f64| -> f64 {
-        let explained = |place| look(place, blur_px).flatten().map_or(0.0, |fit| fit.explained);
+        let explained = |place: &Place<Ink>| place.explained(image, noise_gray, blur_px);
         places.iter().skip(every / 2).step_by(every).map(explained).sum()
     };
     let shares = BLURS_PX.map(share);
@@ -99,17 +99,31 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
 impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
     /// The print where it is there; none too near to the edge of the image.
     fn look(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> Option<Option<Fit>> {
+        let window = Window { half_px: self.half_px(image)?, blur_px, noise_gray };
+        let fit = template::fit(image, &self.ink, &self.map, &self.place, self.found, self.reach_px, window);
+        Some(fit.filter(|fit| is_seen(fit.explained, fit.contrast_gray)))
+    }
+
+    /// The share of the variance that the print explains, 0 where it is not there.
+    fn explained(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> f64 {
+        let Some(half_px) = self.half_px(image) else { return 0.0 };
+        let window = Window { half_px, blur_px, noise_gray };
+        let printed = Printed { ink: &self.ink, image_from_plane: &self.map, place: &self.place };
+        let lying = template::lie(image, &printed, self.found, self.reach_px, window);
+        lying.filter(|l| is_seen(l.explained, l.contrast_gray)).map_or(0.0, |l| l.explained)
+    }
+
+    /// How far the print is compared, pixels to each side; none too near to the edge of the image.
+    fn half_px(&self, image: &GrayImage) -> Option<usize> {
         let size = |n: u32| n as f64 - 1.0;
         let (u, v) = (self.found.x.round(), self.found.y.round());
         let room_px = u.min(v).min(size(image.width_px) - u).min(size(image.height_px) - v);
         let half_px =
             (PRINT_SQUARES * self.square_px).clamp(PRINT_PX.0, PRINT_PX.1).min(self.clear_px).min(room_px);
-        if !(LEAST_HALF_PX as f64 <= half_px) {
-            return None;
-        }
-        let window = Window { half_px: half_px as usize, blur_px, noise_gray };
-        let fit = template::fit(image, &self.ink, &self.map, &self.place, self.found, self.reach_px, window);
-        let is_seen = |fit: &Fit| EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray;
-        Some(fit.filter(is_seen))
+        (LEAST_HALF_PX as f64 <= half_px).then_some(half_px as usize)
     }
+}
+
+fn is_seen(explained: f64, contrast_gray: f64) -> bool {
+    EXPLAINED <= explained && CONTRAST_GRAY <= contrast_gray
 }

@@ -66,6 +66,8 @@ const SPREAD_PRIOR_PX: f64 = 0.3;
 const BOW_PRIOR: f64 = 0.02;
 /// What the unknowns take up of sums over squares, in shares of an edge.
 const TAKEN_UP: f64 = 1.5;
+/// What the method itself leaves, standard deviation in pixels.
+const METHOD_PX: f64 = 0.003;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
@@ -288,7 +290,7 @@ fn conclude(
     let sigma = |(by_residual, by_noise): (f64, f64)| {
         let is_own = super::print::OWN_EXCESS * common * by_noise < by_residual;
         let variance_px2 = 0.5 * if is_own { by_residual } else { common * by_noise };
-        (part.scale().powi(2) * variance_px2 + super::print::METHOD_PX.powi(2)).sqrt()
+        (part.scale().powi(2) * variance_px2 + METHOD_PX.powi(2)).sqrt()
     };
     let sigmas_px = corners.map(sigma);
     let laid = LaidTag { corners: state.at.map(|corner| part.full(&corner)), sigmas_px };

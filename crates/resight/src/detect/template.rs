@@ -6,6 +6,7 @@
 //! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
 //! explains says whether the corner is there at all; how well the shift is known, `scatter` says.
 
+mod coverage;
 pub(super) mod scatter;
 
 use super::homography::{Homography, PlanePoint};
@@ -25,6 +26,15 @@ pub(super) struct Fit {
     /// Share of the variance, besides that of the noise, that the print explains: 1 of a perfect fit.
     pub explained: f64,
     /// Grey levels from black to white; negative of a print with exchanged colours.
+    pub contrast_gray: f64,
+}
+
+/// Where a print lies, before anything is said of how well that is known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lying {
+    pub pixel: Pixel,
+    /// As of [`Fit`].
+    pub explained: f64,
     pub contrast_gray: f64,
 }
 
@@ -51,10 +61,6 @@ const STEPS: usize = 8;
 const SETTLED_PX: f64 = 2e-3;
 /// The last step corrects for a blur that is not the assumed one; a longer one has found something else.
 const LAST_STEP_PX: f64 = 0.3;
-/// Places in a pixel at which the print is looked up: Fibonacci's lattice (k/34, 21k/34) has 34 distances along either axis and is even in every
-/// direction, a square grid of as many has 6.
-const SAMPLES: usize = 34;
-const LATTICE: usize = 21;
 /// Pixels around the window in which the shifted print and its slopes are known.
 const RIM: usize = 3;
 
@@ -77,27 +83,33 @@ impl Picture {
         let reach = kernel.len() / 2;
         let wide = 2 * (window.half_px + RIM + reach) + 1;
         let offset = (wide / 2) as f64;
-        let at =
-            |u: f64, v: f64| ink(plane_from_image.at(&(middle - shift + Pixel::new(u - offset, v - offset))));
+        let from = middle - shift - Pixel::new(offset, offset);
+        let at = |u: f64, v: f64| {
+            let [x, y, z] = plane_from_image.homogeneous([from.x + u, from.y + v]);
+            (PlanePoint::new(x / z, y / z), z)
+        };
         // Most pixels show one colour: the same at all their corners.
         let corners: Vec<f32> = (0..(wide + 1) * (wide + 1))
-            .map(|k| at((k % (wide + 1)) as f64 - 0.5, (k / (wide + 1)) as f64 - 0.5))
+            .map(|k| ink(at((k % (wide + 1)) as f64 - 0.5, (k / (wide + 1)) as f64 - 0.5).0))
             .collect();
         let pixel = |k: usize| {
             let (u, v) = (k % wide, k / wide);
             let first = v * (wide + 1) + u;
             let around =
-                [corners[first], corners[first + 1], corners[first + wide + 1], corners[first + wide + 2]];
+                [corners[first], corners[first + 1], corners[first + wide + 2], corners[first + wide + 1]];
             if around.iter().all(|x| *x == around[0]) {
                 return around[0];
             }
-            // Moved within a step from pixel to pixel, so that the steps do not add up along an edge that lies along an axis.
+            // Within a pixel the plane is affine, to a ten-thousandth of one.
             let (u, v) = (u as f64, v as f64);
-            let (along, down) =
-                ((0.618034 * u + 0.754878 * v).fract(), (0.569840 * u + 0.618034 * v).fract());
-            let sub = |i: usize, step: f64| (i as f64 + step) / SAMPLES as f64 - 0.5;
-            let samples = (0..SAMPLES).map(|s| at(u + sub(s, along), v + sub(LATTICE * s % SAMPLES, down)));
-            samples.sum::<f32>() / SAMPLES as f32
+            let (centre, z) = at(u, v);
+            let [x_by, y_by] = plane_from_image.gradients([centre.x, centre.y], z);
+            let place = |d: coverage::InPixel| {
+                centre + PlanePoint::new(x_by[0] * d.x + x_by[1] * d.y, y_by[0] * d.x + y_by[1] * d.y)
+            };
+            let part = |x: f64| x - x as i64 as f64;
+            let moved = [part(0.754878 * u + 0.618034 * v), part(0.569840 * u + 0.754878 * v)];
+            coverage::mean(|d| ink(place(d)), around, moved)
         };
         let raw: Vec<f32> = (0..wide * wide).map(pixel).collect();
         let side = wide - 2 * reach;
@@ -111,43 +123,51 @@ impl Picture {
         Picture { side, values: (0..side * side).map(down).collect() }
     }
 
-    /// Second derivatives along u, along both and along v at a place relative to the middle, bilinear.
-    fn bends(&self, u: f64, v: f64) -> [f64; 3] {
-        let middle = (self.side / 2) as f64;
-        let most = (self.side - 3) as f64 - 1e-9;
-        let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));
-        let (a, b) = (x.fract(), y.fract());
-        let (side, k) = (self.side, y as usize * self.side + x as usize);
-        let value = |k: usize| self.values[k] as f64;
-        let bends = |k: usize| {
-            let twice = 2.0 * value(k);
-            let across =
-                value(k + side + 1) - value(k + side - 1) - value(k - side + 1) + value(k - side - 1);
-            [value(k + 1) + value(k - 1) - twice, 0.25 * across, value(k + side) + value(k - side) - twice]
-        };
-        let (c00, c10, c01, c11) = (bends(k), bends(k + 1), bends(k + side), bends(k + side + 1));
-        [0, 1, 2]
-            .map(|i| (1.0 - b) * ((1.0 - a) * c00[i] + a * c10[i]) + b * ((1.0 - a) * c01[i] + a * c11[i]))
+    /// The image moved by less than [`RIM`] − 1 pixels along each axis, bilinear, over a window and one pixel around it.
+    fn moved(&self, shift: Pixel, half: usize) -> Moved {
+        let side = 2 * half + 3;
+        let first =
+            [shift.x, shift.y].map(|x| (RIM as f64 - 1.0 - x).clamp(0.0, 2.0 * RIM as f64 - 2.0 - 1e-9));
+        let [(u0, a), (v0, b)] = first.map(|x| (x as usize, x - x as usize as f64));
+        let weights = [(1.0 - b) * (1.0 - a), (1.0 - b) * a, b * (1.0 - a), b * a];
+        let mut values = Vec::with_capacity(side * side);
+        for v in v0..v0 + side {
+            let above = &self.values[v * self.side + u0..][..side + 1];
+            let below = &self.values[(v + 1) * self.side + u0..][..side + 1];
+            values.extend(above.windows(2).zip(below.windows(2)).map(|(above, below)| {
+                let corners = [above[0], above[1], below[0], below[1]];
+                weights.iter().zip(corners).map(|(w, x)| w * x as f64).sum::<f64>()
+            }));
+        }
+        Moved { side, values }
+    }
+}
+
+/// An image where it is compared with the image.
+struct Moved {
+    side: usize,
+    values: Vec<f64>,
+}
+
+impl Moved {
+    /// The values around a pixel of the window, row by row.
+    fn around(&self, column: usize, row: usize) -> [[f64; 3]; 3] {
+        let line = |k: usize| &self.values[(row + k) * self.side + column..][..3];
+        [0, 1, 2].map(|k| [line(k)[0], line(k)[1], line(k)[2]])
     }
 
-    /// Value and slopes at a place relative to the middle, bilinear; held at least a pixel inside, for the slopes.
-    fn at(&self, u: f64, v: f64) -> (f64, f64, f64) {
-        let middle = (self.side / 2) as f64;
-        let most = (self.side - 3) as f64 - 1e-9;
-        let (x, y) = ((u + middle).clamp(1.0, most), (v + middle).clamp(1.0, most));
-        let (a, b) = (x.fract(), y.fract());
-        let k = y as usize * self.side + x as usize;
-        let value = |k: usize| self.values[k] as f64;
-        let mix = |f: &dyn Fn(usize) -> f64| {
-            (1.0 - b) * ((1.0 - a) * f(k) + a * f(k + 1))
-                + b * ((1.0 - a) * f(k + self.side) + a * f(k + self.side + 1))
-        };
-        let side = self.side;
-        (
-            mix(&value),
-            mix(&|k| 0.5 * (value(k + 1) - value(k - 1))),
-            mix(&|k| 0.5 * (value(k + side) - value(k - side))),
-        )
+    /// Value and slopes at a pixel of the window.
+    fn at(&self, column: usize, row: usize) -> (f64, f64, f64) {
+        let t = self.around(column, row);
+        (t[1][1], 0.5 * (t[1][2] - t[1][0]), 0.5 * (t[2][1] - t[0][1]))
+    }
+
+    /// Second derivatives along u, along both and along v.
+    fn bends(&self, column: usize, row: usize) -> [f64; 3] {
+        let t = self.around(column, row);
+        let twice = 2.0 * t[1][1];
+        let across = t[2][2] - t[2][0] - t[0][2] + t[0][0];
+        [t[1][2] + t[1][0] - twice, 0.25 * across, t[2][1] + t[0][1] - twice]
     }
 }
 
@@ -157,6 +177,14 @@ fn gaussian(sigma_px: f64) -> Vec<f32> {
         (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma_px.max(0.1)).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
     weights.iter().map(|w| (w / sum) as f32).collect()
+}
+
+/// A print to lay on an image: its colours on the plane, the plane in the image, and the place on it of the corner.
+pub(super) struct Printed<'a, Ink> {
+    /// −1 where black and 1 where white.
+    pub ink: Ink,
+    pub image_from_plane: &'a Homography,
+    pub place: &'a PlanePoint,
 }
 
 /// Lays a print on the image near `start`, the image of `place` by `image_from_plane`. None where the window leaves the image, the print has
@@ -170,8 +198,34 @@ pub(super) fn fit(
     max_move_px: f64,
     window: Window,
 ) -> Option<Fit> {
-    let plane_from_image = image_from_plane.inverse()?;
-    let origin = image_from_plane.at(place);
+    let printed = Printed { ink, image_from_plane, place };
+    search(image, &printed, start, max_move_px, window, |sums, at, laid| {
+        sums.fit(at, laid, 0.0 < max_move_px)
+    })
+}
+
+/// The same, without how well the place is known: in half of the time, for looking where a print is and whether.
+pub(super) fn lie(
+    image: &GrayImage,
+    printed: &Printed<impl Fn(PlanePoint) -> f32>,
+    start: Pixel,
+    max_move_px: f64,
+    window: Window,
+) -> Option<Lying> {
+    search(image, printed, start, max_move_px, window, |sums, at, _| sums.lying(at, &window))
+}
+
+/// Moves a print from `start` on, and concludes from the sums where it ends.
+fn search<Ink: Fn(PlanePoint) -> f32, Out>(
+    image: &GrayImage,
+    printed: &Printed<Ink>,
+    start: Pixel,
+    max_move_px: f64,
+    window: Window,
+    conclude: impl Fn(&Sums, Pixel, &Laid) -> Option<Out>,
+) -> Option<Out> {
+    let plane_from_image = printed.image_from_plane.inverse()?;
+    let origin = printed.image_from_plane.at(printed.place);
     let middle = Pixel::new(start.x.round(), start.y.round());
     let half = window.half_px as f64;
     let inside = |c: f64, n: u32| half <= c && c + half < n as f64;
@@ -181,41 +235,29 @@ pub(super) fn fit(
     let mut at = start;
     // Drawn again where the first search ends: there the shift is small, and interpolation no longer blurs.
     for round in 0..2 {
-        let picture = Picture::draw(&ink, &plane_from_image, middle, at - origin, &window);
+        let picture = Picture::draw(&printed.ink, &plane_from_image, middle, at - origin, &window);
         let drawn_at = at;
+        let laid = |at: Pixel| {
+            let (shift, corner) = (at - drawn_at, drawn_at - middle);
+            Laid { image, picture: &picture, middle, shift, corner, window }
+        };
         for _ in 0..STEPS {
             let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
-            let solved = sums.solve()?;
+            let step = sums.step()?;
             if max_move_px <= 0.0 {
-                let laid = Laid {
-                    image,
-                    picture: &picture,
-                    middle,
-                    shift: at - drawn_at,
-                    corner: drawn_at - middle,
-                    window,
-                };
-                return sums.fit(at, &laid, false);
+                return conclude(&sums, at, &laid(at));
             }
-            at += solved.step;
+            at += step;
             if !((at - start).norm() <= max_move_px) || !((at - drawn_at).norm() < RIM as f64 - 1.0) {
                 return None;
             }
-            if solved.step.norm() < SETTLED_PX {
+            if step.norm() < SETTLED_PX {
                 break;
             }
         }
         if round == 1 || (at - drawn_at).norm() < 0.05 {
             let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
-            let laid = Laid {
-                image,
-                picture: &picture,
-                middle,
-                shift: at - drawn_at,
-                corner: drawn_at - middle,
-                window,
-            };
-            return sums.fit(at, &laid, true);
+            return conclude(&sums, at, &laid(at));
         }
     }
     None
@@ -239,20 +281,16 @@ fn each_pixel(
     mut call: impl FnMut(Vector4<f64>, f64),
 ) {
     let side = 2 * half + 1;
+    let moved = picture.moved(shift, half);
     let (u0, v0) = (middle.x as usize - half, middle.y as usize - half);
     for row in 0..side {
         let line = &image.data[(v0 + row) * image.width_px as usize + u0..][..side];
         for (column, &gray) in line.iter().enumerate() {
-            let (u, v) = (column as f64 - half as f64, row as f64 - half as f64);
-            let (value, du, dv) = picture.at(u - shift.x, v - shift.y);
+            let (value, du, dv) = moved.at(column, row);
             // Grey levels from a middle one keep the sums small.
             call(Vector4::new(1.0, value, -du, -dv), gray as f64 - 128.0);
         }
     }
-}
-
-struct Solved {
-    step: Pixel,
 }
 
 impl Sums {
@@ -267,13 +305,13 @@ impl Sums {
         sums
     }
 
-    fn solve(&self) -> Option<Solved> {
+    fn step(&self) -> Option<Pixel> {
         let x = self.normal.cholesky()?.solve(&self.right);
         let step = Pixel::new(x[2] / x[1], x[3] / x[1]);
-        (x.iter().all(|x| x.is_finite()) && step.norm().is_finite()).then_some(Solved { step })
+        (x.iter().all(|x| x.is_finite()) && step.norm().is_finite()).then_some(step)
     }
 
-    fn fit(&self, pixel: Pixel, laid: &Laid, is_moved: bool) -> Option<Fit> {
+    fn lying(&self, pixel: Pixel, window: &Window) -> Option<Lying> {
         // Of the shift only what moved the print counts as explained, so the print is compared where it lies.
         let (value, mean) = (self.normal[(1, 1)], self.normal[(0, 1)] / self.n);
         let gray = self.right[0] / self.n;
@@ -281,15 +319,21 @@ impl Sums {
         let total = self.squares - self.n * gray * gray;
         let contrast = ti / tt;
         let residual = (total - ti * ti / tt).max(0.0);
-        let noise = self.n * laid.window.noise_gray * laid.window.noise_gray;
+        let noise = self.n * window.noise_gray * window.noise_gray;
         let explained = 1.0 - (residual - noise).max(0.0) / (total - noise).max(1e-9);
-        let scatter = scatter::of(laid, contrast)?;
+        let is_finite = explained.is_finite() && contrast.is_finite();
+        is_finite.then_some(Lying { pixel, explained, contrast_gray: 2.0 * contrast })
+    }
+
+    fn fit(&self, pixel: Pixel, laid: &Laid, is_moved: bool) -> Option<Fit> {
+        let Lying { explained, contrast_gray, .. } = self.lying(pixel, &laid.window)?;
+        let scatter = scatter::of(laid, 0.5 * contrast_gray)?;
         // The last step, with a blur that may be another than the assumed one.
         let pixel = if is_moved && scatter.step.norm() < LAST_STEP_PX { pixel + scatter.step } else { pixel };
         let (noise_px, excess) =
             (scatter.by_noise_px2.sqrt(), scatter.by_residual_px2 / scatter.by_noise_px2);
-        let fit = Fit { pixel, noise_px, excess, explained, contrast_gray: 2.0 * contrast };
-        [noise_px, excess, explained, contrast].iter().all(|x| x.is_finite()).then_some(fit)
+        let fit = Fit { pixel, noise_px, excess, explained, contrast_gray };
+        [noise_px, excess].iter().all(|x| x.is_finite()).then_some(fit)
     }
 }
 

@@ -4,10 +4,11 @@
 //! cargo bench -p resight-watch --bench live                                  # a minute of each part
 //! cargo bench -p resight-watch --bench live -- --part memory --seconds 3600  # memory over an hour
 //! ```
-//! `search`: one image. `memory`: rendered images held in memory. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
+//! `search`: one image. `memory`: rendered images held in memory. `boards`: the same of boards, one of which is taken away. `films`: four H.264 films through four ffmpeg. `readings`: detections to decision.
 //! Exit status 1 when a bar is missed.
 #![allow(missing_docs)]
 
+mod boards;
 mod cameras;
 mod figures;
 mod films;
@@ -21,7 +22,7 @@ mod live_support;
 
 use std::process::ExitCode;
 
-const PARTS: [&str; 5] = ["search", "readings", "memory", "films", "all"];
+const PARTS: [&str; 6] = ["search", "readings", "memory", "boards", "films", "all"];
 
 /// What is run.
 struct Arguments {
@@ -66,13 +67,17 @@ fn main() -> ExitCode {
     }
     if is_run("memory") {
         println!("\nfour cameras, rendered images from memory");
-        session::run(cameras::from_memory(arguments.seconds), arguments.seconds, &mut bars);
+        session::run(cameras::from_memory(arguments.seconds), arguments.seconds, &session::TAGS, &mut bars);
+    }
+    if is_run("boards") {
+        println!("\nfour cameras that see boards, rendered images from memory");
+        session::run(boards::from_memory(arguments.seconds), arguments.seconds, &session::BOARDS, &mut bars);
     }
     if is_run("films") {
         match films::cameras(arguments.seconds) {
             Ok(cameras) => {
                 println!("\nfour cameras, H.264 decoded by four ffmpeg");
-                session::run(cameras, arguments.seconds, &mut bars);
+                session::run(cameras, arguments.seconds, &session::TAGS, &mut bars);
             }
             Err(reason) => println!("\nfilms: skipped, {reason}"),
         }

@@ -9,9 +9,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// Bars: half of the frames and 99 of 100, from the frame in memory to its pose, milliseconds.
-const P50_MS: f64 = 5.0;
-const P99_MS: f64 = 15.0;
+/// What is demanded of a session.
+pub struct Demands {
+    /// Half of the frames and 99 of 100, from the frame in memory to its pose, milliseconds.
+    pub p50_ms: f64,
+    pub p99_ms: f64,
+    /// Whether a camera's frame of this number is without its target.
+    pub is_away: fn(usize, u64) -> bool,
+}
+
+/// Of tags, which never leave.
+pub const TAGS: Demands = Demands { p50_ms: 5.0, p99_ms: 15.0, is_away: |_, _| false };
+/// Of boards: at the worst the time of a frame.
+pub const BOARDS: Demands = Demands { p50_ms: 15.0, p99_ms: 33.0, is_away: crate::boards::is_away };
+
+/// A target that comes back has a pose within this time, seconds.
+const FOUND_AGAIN_S: f64 = 0.1;
 /// Growth of memory once caches are warm, megabytes an hour.
 const GROWTH_MB_PER_H: f64 = 1.0;
 /// Seconds until caches are warm.
@@ -23,6 +36,13 @@ const SLOPE_NEEDS_S: f64 = 300.0;
 struct Tally {
     frames: u64,
     poses: u64,
+    /// Frames that show their target, which was not just away, and have no pose.
+    without_pose: u64,
+    /// First frame of a target that came back, until it is found; 0 while it is away.
+    gone: [Option<u64>; CAMERAS],
+    /// How often one was found again, and the longest it took, seconds.
+    returns: u64,
+    longest_s: f64,
     dropped: u64,
     waited: Quantiles,
     detect: Quantiles,
@@ -34,9 +54,12 @@ struct Tally {
 }
 
 impl Tally {
-    fn take(&mut self, event: &Event, since_s: f64) {
+    fn take(&mut self, event: &Event, since_s: f64, demands: &Demands) {
         match event {
-            Event::Observed { observation, .. } => self.observe(observation),
+            Event::Observed { camera, observation, .. } => {
+                self.observe(observation);
+                self.follow(*camera, observation, demands);
+            }
             Event::Dropped { frames, .. } => self.dropped += frames,
             _ => {}
         }
@@ -57,6 +80,27 @@ impl Tally {
         self.whole.add(times.waited_us + times.detect_us + times.solve_us + times.decide_us);
     }
 
+    /// Whether the target is there, and how soon it is found again.
+    fn follow(&mut self, camera: usize, observation: &Observation, demands: &Demands) {
+        let (number, is_found) = (observation.number, observation.estimate.is_some());
+        let gone = &mut self.gone[camera];
+        if (demands.is_away)(camera, number) {
+            *gone = Some(0);
+        } else if let Some(back) = gone {
+            // The frame itself takes its time, which the quantiles hold.
+            // Dropped frames count: the wait begins with the first that shows the target.
+            let mut first = if *back == 0 { number } else { *back };
+            while 0 < first && !(demands.is_away)(camera, first - 1) {
+                first -= 1;
+            }
+            self.longest_s = self.longest_s.max((number - first) as f64 / RATE_HZ);
+            self.returns += u64::from(is_found);
+            *gone = (!is_found).then_some(first);
+        } else {
+            self.without_pose += u64::from(observation.tracked.is_none());
+        }
+    }
+
     /// Bytes an hour, least squares over all seconds since the caches were warm.
     fn growth_mb_per_h(&self) -> Option<f64> {
         let warm: Vec<(f64, f64)> = self.memory.iter().filter(|(t_s, _)| WARM_S <= *t_s).copied().collect();
@@ -68,7 +112,7 @@ impl Tally {
     }
 }
 
-pub fn run(cameras: Vec<LiveCamera>, seconds: f64, bars: &mut Bars) {
+pub fn run(cameras: Vec<LiveCamera>, seconds: f64, demands: &Demands, bars: &mut Bars) {
     let mut tally = Tally::default();
     let (started, cpu_s) = (Instant::now(), process::cpu_s());
     let stop = Arc::new(AtomicBool::new(false));
@@ -78,7 +122,7 @@ pub fn run(cameras: Vec<LiveCamera>, seconds: f64, bars: &mut Bars) {
         if inside.is_none() && 1.0 < since_s {
             inside = process::threads_and_files();
         }
-        tally.take(event, since_s);
+        tally.take(event, since_s, demands);
         true
     });
     ended.expect("cameras that can be watched");
@@ -90,7 +134,7 @@ pub fn run(cameras: Vec<LiveCamera>, seconds: f64, bars: &mut Bars) {
         println!("  {threads} threads, {files} open files");
     }
     report(&tally);
-    hold(&tally, seconds, elapsed_s, bars);
+    hold(&tally, seconds, elapsed_s, demands, bars);
 }
 
 fn report(tally: &Tally) {
@@ -105,14 +149,18 @@ fn report(tally: &Tally) {
     println!("  memory each minute, MB: {}", memory.join(" "));
 }
 
-fn hold(tally: &Tally, seconds: f64, elapsed_s: f64, bars: &mut Bars) {
+fn hold(tally: &Tally, seconds: f64, elapsed_s: f64, demands: &Demands, bars: &mut Bars) {
     let due = (CAMERAS as f64 * seconds * RATE_HZ).floor();
     bars.at_most("frames dropped", tally.dropped as f64, 0.0, "");
     bars.at_most("frames not seen", due - tally.frames as f64, 0.0, "");
-    bars.at_most("frames without a pose", (tally.frames - tally.poses) as f64, 0.0, "");
+    bars.at_most("frames without a pose", tally.without_pose as f64, 0.0, "");
+    if 0 < tally.returns {
+        println!("  {} times away and found again", tally.returns);
+        bars.at_most("found again after", tally.longest_s, FOUND_AGAIN_S, "s");
+    }
     bars.at_most("behind the pace", elapsed_s - seconds, 1.0, "s");
-    bars.at_most("frame to pose, p50", tally.whole.at(0.5) * 1e-3, P50_MS, "ms");
-    bars.at_most("frame to pose, p99", tally.whole.at(0.99) * 1e-3, P99_MS, "ms");
+    bars.at_most("frame to pose, p50", tally.whole.at(0.5) * 1e-3, demands.p50_ms, "ms");
+    bars.at_most("frame to pose, p99", tally.whole.at(0.99) * 1e-3, demands.p99_ms, "ms");
     match tally.growth_mb_per_h() {
         Some(growth) if SLOPE_NEEDS_S <= seconds => {
             bars.at_most("growth of memory", growth, GROWTH_MB_PER_H, "MB/h")

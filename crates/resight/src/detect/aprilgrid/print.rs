@@ -5,7 +5,7 @@
 
 use super::super::DetectError;
 use super::super::families::{MarkerPattern, marker_pattern};
-use super::super::homography::{Homography, PlanePoint};
+use super::super::homography::{Homography, PlanePoint, floor};
 use super::super::joints::Joint;
 use super::super::print::{self, Observed, Place};
 use super::super::template::{self, Fit, Window};
@@ -70,9 +70,8 @@ impl GridPrint {
         let (pitch, spacing) = (1.0 + self.grid.tag_spacing_ratio, self.grid.tag_spacing_ratio);
         let cell = |x: f64, n: u32| {
             // Spaces belong to the tag after them; the last one has no tag.
-            let index = ((x + spacing) / pitch).floor();
-            let inside = 0.0 <= index && index <= n as f64;
-            inside.then_some((index as u32, x - index * pitch))
+            let index = floor((x + spacing) / pitch);
+            (0..=n as i32).contains(&index).then_some((index as u32, x - index as f64 * pitch))
         };
         let (Some((column, a)), Some((row, b))) = (cell(x.x, self.grid.columns), cell(x.y, self.grid.rows))
         else {

@@ -12,7 +12,7 @@ use crate::detect::homography::{Homography, PlanePoint};
 use crate::detect::joints::CornerWindow;
 use crate::detect::print;
 use crate::detect::sigma;
-use crate::detect::template::{self, Fit, Window};
+use crate::detect::template::{self, Fit, Printed, Window};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
@@ -113,18 +113,18 @@ impl CharucoFinder {
         if !(0.0 <= x.x && x.x < columns && 0.0 <= x.y && x.y < rows) {
             return 1.0;
         }
-        let Some(print) = &self.prints[x.y as usize * self.board.columns as usize + x.x as usize] else {
+        // Whole numbers of 32 bits are faster made than those of 64.
+        let (column, row) = (x.x as i32, x.y as i32);
+        let Some(print) = &self.prints[row as usize * self.board.columns as usize + column as usize] else {
             return -1.0;
         };
-        let cells = (print.width_cells - 2 * print.inset_cells) as f64;
-        let scale = cells * self.board.square_m / self.board.marker_m;
-        let cell = |x: f64| (x.fract() - 0.5) * scale + 0.5 * cells;
-        let (u, v) = (cell(x.x), cell(x.y));
-        if !(0.0 <= u && u < cells && 0.0 <= v && v < cells) {
+        let (u, v) = (x.x - column as f64 - 0.5, x.y - row as f64 - 0.5);
+        if !(u.abs() < self.half_marker && v.abs() < self.half_marker) {
             return 1.0;
         }
-        let index = |c: f64| c as usize + print.inset_cells;
-        if print.white[index(v) * print.width_cells + index(u)] { 1.0 } else { -1.0 }
+        let at = |x: f64| ((x + self.half_marker) * self.cells_a_square) as i32 as usize + print.inset_cells;
+        let cell = |x: f64| at(x).min(print.width_cells - 1);
+        if print.white[cell(v) * print.width_cells + cell(u)] { 1.0 } else { -1.0 }
     }
 }
 
@@ -141,11 +141,19 @@ impl Comparison<'_> {
     /// The blur that explains the corners best.
     fn blur_px(&self, expected: &[Expected]) -> f64 {
         let every = (expected.len() / BLUR_CORNERS).max(1);
-        let share = |blur_px: f64| -> f64 {
-            let some = expected.iter().skip(every / 2).step_by(every);
-            some.filter_map(|corner| self.print(corner, blur_px)).map(|fit| fit.explained).sum()
-        };
-        let shares = BLURS_PX.map(share);
+        let mut shares = [0.0; BLURS_PX.len()];
+        for corner in expected.iter().skip(every / 2).step_by(every) {
+            // Where one blur shows the print the others begin.
+            let mut seen = None;
+            for (share, blur_px) in shares.iter_mut().zip(BLURS_PX) {
+                let start = seen.unwrap_or_else(|| self.start(corner, blur_px));
+                let Some(lying) = self.lie(corner, start, blur_px) else { continue };
+                if self.is_seen(lying.explained, lying.contrast_gray) {
+                    seen = Some(lying.pixel);
+                    *share += lying.explained;
+                }
+            }
+        }
         let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
         BLURS_PX[best.unwrap_or(0)]
     }
@@ -166,19 +174,44 @@ impl Comparison<'_> {
 
     /// The print around a corner where it explains the image.
     fn print(&self, corner: &Expected, blur_px: f64) -> Option<Fit> {
-        let reach_px = (SEARCH_SQUARES * corner.square_px).max(SEARCH_PX);
-        let half_px = (PRINT_SQUARES * corner.square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
-        let lay = |start: Pixel, blur_px: f64| {
-            let window = Window { half_px, blur_px, noise_gray: self.noise_gray };
-            let ink = |x: PlanePoint| self.finder.ink(x);
-            let fit = template::fit(self.image, ink, &corner.map, &corner.place, start, reach_px, window)?;
-            ((fit.pixel - corner.at).norm() <= reach_px).then_some(fit)
-        };
-        // A blurred print draws a corner in from further away.
+        let ink = |x: PlanePoint| self.finder.ink(x);
+        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px());
+        let start = self.start(corner, blur_px);
+        let fit = template::fit(self.image, ink, &corner.map, &corner.place, start, reach_px, window)?;
+        let is_near = (fit.pixel - corner.at).norm() <= reach_px;
+        (is_near && self.is_seen(fit.explained, fit.contrast_gray)).then_some(fit)
+    }
+
+    fn is_seen(&self, explained: f64, contrast_gray: f64) -> bool {
+        EXPLAINED <= explained && CONTRAST_GRAY <= self.sign * contrast_gray
+    }
+
+    /// Where the search of a corner begins: a blurred print draws it in from further away.
+    fn start(&self, corner: &Expected, blur_px: f64) -> Pixel {
+        let reach_px = corner.reach_px();
         let is_far = SEARCH_PX < reach_px;
-        let near = if is_far { lay(corner.at, blur_px.max(0.4 * reach_px).min(3.0)) } else { None };
-        let fit = lay(near.map_or(corner.at, |fit| fit.pixel), blur_px)?;
-        let is_seen = EXPLAINED <= fit.explained && CONTRAST_GRAY <= self.sign * fit.contrast_gray;
-        is_seen.then_some(fit)
+        let blurred = || self.lie(corner, corner.at, blur_px.max(0.4 * reach_px).min(3.0));
+        let near = if is_far { blurred() } else { None };
+        near.map_or(corner.at, |lying| lying.pixel)
+    }
+
+    fn lie(&self, corner: &Expected, start: Pixel, blur_px: f64) -> Option<template::Lying> {
+        let ink = |x: PlanePoint| self.finder.ink(x);
+        let printed = Printed { ink, image_from_plane: &corner.map, place: &corner.place };
+        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px());
+        let lying = template::lie(self.image, &printed, start, reach_px, window)?;
+        ((lying.pixel - corner.at).norm() <= reach_px).then_some(lying)
+    }
+
+    fn window(&self, corner: &Expected, blur_px: f64) -> Window {
+        let half_px = (PRINT_SQUARES * corner.square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
+        Window { half_px, blur_px, noise_gray: self.noise_gray }
+    }
+}
+
+impl Expected {
+    /// How far from where the markers put it the corner is looked for, pixels.
+    fn reach_px(&self) -> f64 {
+        (SEARCH_SQUARES * self.square_px).max(SEARCH_PX)
     }
 }

@@ -5,9 +5,9 @@
 //! perspective, smeared by motion, partly hidden. At the outer edge of the board the print is another one (squares on one side, the white
 //! margin on the other), which shows where the board ends. Derived in docs/math/print.md, section 3.
 
-use super::super::homography::PlanePoint;
+use super::super::homography::{PlanePoint, floor};
 use super::super::joints::Joint;
-use super::super::template::{self, Fit, Window};
+use super::super::template::{self, Fit, Printed, Window};
 use super::lattice::{Extent, Lattice, Node};
 use super::place::Ends;
 use crate::GrayImage;
@@ -174,8 +174,13 @@ impl<'a> Pattern<'a> {
             ((fit.pixel - at).norm() <= reach_px).then_some(fit)
         };
         // A blurred print draws a corner in from further away.
-        let far = lay(at, self.blur_px.max(0.4 * reach_px));
-        let fit = lay(far.map_or(at, |fit| fit.pixel), self.blur_px).or(far)?;
+        let far_px = self.blur_px.max(0.4 * reach_px);
+        let window = Window { half_px, blur_px: far_px, noise_gray: self.noise_gray };
+        let printed = Printed { ink, image_from_plane: &map, place: &zero };
+        let far = template::lie(self.image, &printed, at, reach_px, window);
+        let far = far.filter(|far| (far.pixel - at).norm() <= reach_px);
+        let near = lay(far.map_or(at, |far| far.pixel), self.blur_px);
+        let fit = near.or_else(|| far.and_then(|_| lay(at, far_px)))?;
         (EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray).then_some(fit)
     }
 
@@ -191,7 +196,7 @@ impl<'a> Pattern<'a> {
         {
             return 1.0;
         }
-        let square = x.x.floor() as i32 + x.y.floor() as i32 + node.0 + node.1;
+        let square = floor(x.x) + floor(x.y) + node.0 + node.1;
         if square.rem_euclid(2) == self.dark { -1.0 } else { 1.0 }
     }
 }

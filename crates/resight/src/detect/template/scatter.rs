@@ -3,6 +3,8 @@
 //! Two answers to one question. What white noise does, from the slopes of the print: the Cramér–Rao bound. And what the residual shows: pixels of
 //! one edge that lie off together (a foreign edge, a wrong print, ink that spreads) move the corner as noise does, so each pixel's pull on the corner
 //! is summed over small squares, and the squares of these sums are added (W. K. Newey and K. D. West, Econometrica 1987, in two dimensions).
+//! Squares opposite to each other across the corner count as one: what a wrong blur leaves pulls there in opposite directions and moves no
+//! corner, while what is wrong with an edge all along pulls there in one.
 //! A blur that is not the assumed one, nor round, and a print that is a little turned or sheared against the predicted one are fitted here too, with
 //! seven more unknowns: else they would be counted as errors, which they are not, for they hardly move a corner.
 
@@ -50,16 +52,35 @@ pub(super) fn of(laid: &Laid, gain_gray: f64) -> Option<Scatter> {
             squares[line * side + u..][..reach].iter_mut().for_each(|sum| *sum += pull);
         }
     }
-    let squares_px2 =
-        0.5 * squares.iter().map(|sum| sum.norm_squared()).sum::<f64>() / (reach * reach) as f64;
+    let squares_px2 = 0.5 * paired(&squares, side, opposite(laid, reach)) / (reach * reach) as f64;
     let by_residual_px2 = unbiased(reach as f64 / width as f64) * squares_px2;
     Some(Scatter { by_noise_px2, by_residual_px2, step: Pixel::new(x[2], x[3]) / x[1] })
 }
 
+/// Sums of column and row of a square and of the one opposite to it across the corner.
+fn opposite(laid: &Laid, reach: usize) -> [i64; 2] {
+    let at = laid.corner + laid.shift;
+    [at.x, at.y].map(|x| (2.0 * (laid.window.half_px as f64 + x)).round() as i64 + reach as i64 - 1)
+}
+
+/// Half of the sum, over all squares, of what each and its opposite hold together, squared; nothing lies beyond the window.
+fn paired(squares: &[Vector2<f64>], side: usize, opposite: [i64; 2]) -> f64 {
+    let index = |sum: i64, k: usize| usize::try_from(sum - k as i64).ok().filter(|k| *k < side);
+    let mut total = 0.0;
+    for (line, row) in squares.chunks(side).enumerate() {
+        let across = index(opposite[1], line).map(|line| &squares[line * side..][..side]);
+        for (column, sum) in row.iter().enumerate() {
+            let other = across.zip(index(opposite[0], column)).map_or_else(Vector2::zeros, |(row, k)| row[k]);
+            total += (sum + other).norm_squared();
+        }
+    }
+    0.5 * total
+}
+
 /// The unknowns take up part of the noise, and more of sums over squares than of single pixels: what white noise would show is divided out, with
 /// `share` the edge of a square over that of the window (eq. (6), right to 15 %).
-pub(in crate::detect) fn unbiased(share: f64) -> f64 {
-    1.0 + 2.0 * share + 2.0 * share * share
+fn unbiased(share: f64) -> f64 {
+    1.0 + 1.5 * share + 1.4 * share * share
 }
 
 /// The unknowns, and the inverse of their normal equations; `noise_share2` is the variance of the noise over the squared contrast.
@@ -92,14 +113,34 @@ fn rows(laid: &Laid) -> Vec<(Row, f64)> {
     let Laid { image, picture, middle, shift, corner, window } = laid;
     let (half, side) = (window.half_px as f64, 2 * window.half_px + 1);
     let (u0, v0) = (middle.x as usize - window.half_px, middle.y as usize - window.half_px);
+    let moved = picture.moved(*shift, window.half_px);
     let row = |k: usize| {
         let (column, line) = (k % side, k / side);
         let (u, v) = (column as f64 - half - shift.x, line as f64 - half - shift.y);
-        let ((value, du, dv), [uu, uv, vv]) = (picture.at(u, v), picture.bends(u, v));
+        let ((value, du, dv), [uu, uv, vv]) = (moved.at(column, line), moved.bends(column, line));
         // From the corner, about which the map's departure turns.
         let (x, y) = (u - corner.x, v - corner.y);
         let gray = image.data[(v0 + line) * image.width_px as usize + u0 + column] as f64 - 128.0;
         (Row::from([1.0, value, -du, -dv, uu, uv, vv, du * x, du * y, dv * x, dv * y]), gray)
     };
     (0..side * side).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a wrong blur leaves moves no corner; what moves both arms of an edge counts twice.
+    #[test]
+    fn squares_count_with_those_across_the_corner() {
+        let side = 5;
+        let sum = |k: usize| Vector2::new(k as f64 - 12.0, (k as f64 - 12.0).powi(3));
+        let opposed: Vec<Vector2<f64>> = (0..side * side).map(sum).collect();
+        assert_eq!(paired(&opposed, side, [4, 4]), 0.0);
+        let alike = vec![Vector2::new(1.0, -2.0); side * side];
+        assert_eq!(paired(&alike, side, [4, 4]), 2.0 * 5.0 * 25.0);
+        // Of a corner that is not in the middle some squares have none opposite.
+        assert_eq!(paired(&alike, side, [2, 4]), 0.5 * 5.0 * (4.0 * 15.0 + 10.0));
+        assert_eq!(paired(&alike, side, [i64::MIN / 2, 4]), 0.5 * 5.0 * 25.0);
+    }
 }

@@ -192,7 +192,7 @@ pub struct NoiseObject {
     pub n_readings: usize,
 }
 
-/// Errors that last longer than a reading.
+/// Correlated errors longer than a reading.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct CorrelatedObject {
     /// Over a reading's own noise.
