@@ -32,14 +32,15 @@ macro_rules! examples {
                 let said = super::runs(stringify!($name), main);
                 let is_child = said.is_empty();
                 assert!(is_child || said.contains($wanted), "{said}");
-                assert!(include_str!($file).lines().count() <= 22, "more than twenty lines of program");
+                let program = include_str!($file).lines().skip(3); // How to run it, and what it uses.
+                assert!(program.count() <= 20, "more than twenty lines of program");
             }
         }
     )*};
 }
 
 examples! {
-    locate_image in "../../resight/examples/locate_image.rs" says "ok: unique",
+    locate_image in "../../resight/examples/locate_image.rs" says "ok: ",
     points in "../../resight/examples/points.rs" says "camera at",
     own_detector in "../../resight/examples/own_detector.rs" says "\"status\": \"ok\"",
     rig in "../../resight/examples/rig.rs" says "\"status\": \"ok\"",
@@ -71,7 +72,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let answer = locate_image(&image, &camera, &target, &Default::default())?;
     let pose = answer.estimate.as_ref().ok_or("no pose")?;
     let (x, sigma) = (pose.cam_from_target.origin(), position_sigma_m(&pose.cam_from_target, &pose.covariance));
-    println!("{:.4} m ± {:.4} m\n{}", x.transpose(), sigma.transpose(), serde_json::to_string(&answer)?);
+    println!("{:.4} m ± {:.4} m\n{}", x[2], sigma[2], serde_json::to_string(&answer)?);
     Ok(())
 }
 "#;

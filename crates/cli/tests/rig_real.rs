@@ -281,7 +281,7 @@ fn a_wrong_lens_file_is_said_everywhere() {
     assert_eq!((&right["status"], &right["cause"]), (&"inconsistent".into(), &"intrinsics".into()));
     assert_eq!(answer["cameras"]["left"]["status"], "ok");
     let text = [&page, &rig].map(|path| std::fs::read_to_string(path).unwrap());
-    assert!(text[0].contains("<strong>INCONSISTENT</strong>"));
+    assert!(text[0].contains("<strong class=\"inconsistent\">INCONSISTENT</strong>"));
     let said = "status = \"inconsistent\"";
     assert!(text[1].starts_with(said), "{}", text[1]);
     every_reader_says_that_a_rig_is_inconsistent(&folder, &rig);

@@ -13,6 +13,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     jacobian.fixed_columns_mut::<3>(0).copy_from(&-x_in_cam.cross_matrix());
     jacobian.fixed_columns_mut::<3>(3).fill_with_identity();
     let sigma_m = (jacobian * pose.covariance * jacobian.transpose()).diagonal().map(f64::sqrt);
-    println!("{:.4} m ± {:.4} m", x_in_cam.transpose(), sigma_m.transpose());
+    for i in 0..3 {
+        println!("{} {:+.4} m ± {:.4} m", ["x", "y", "z"][i], x_in_cam[i], sigma_m[i]);
+    }
     Ok(())
 }

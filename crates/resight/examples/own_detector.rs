@@ -4,21 +4,19 @@ use resight::{locate::NamedPoint, locate_points, read_camera};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = read_camera("examples/marks/camera.toml")?;
-    // Name, metres in the target's frame, pixels: what the detector found.
+    // Metres in the target's frame, and pixels: what the detector found.
     let found = [
-        ("a", [-2.0, 8.0, 0.0], [436.67, 583.03]),
-        ("b", [2.5, 9.0, 0.0], [868.09, 541.42]),
-        ("c", [0.5, 12.0, 0.4], [675.77, 427.39]),
-        ("d", [-3.0, 15.0, 0.0], [465.58, 399.70]),
+        ([-2.0, 8.0, 0.0], [436.67, 583.03]),
+        ([2.5, 9.0, 0.0], [868.09, 541.42]),
+        ([0.5, 12.0, 0.4], [675.77, 427.39]),
+        ([-3.0, 15.0, 0.0], [465.58, 399.70]),
     ];
-    let point = |(name, x, uv): (&str, [f64; 3], [f64; 2])| {
-        let seen = Correspondence::new(&camera, Point::from(x), Pixel::from(uv), 0.3)?; // 0.3 px: one standard deviation.
-        Ok::<_, resight::Error>(NamedPoint { name: name.into(), line: None, seen })
-    };
-    let points = found.into_iter().map(point).collect::<Result<Vec<_>, _>>()?;
-    println!(
-        "{}",
-        serde_json::to_string_pretty(&locate_points("gate", &points, &camera, &Default::default()))?
-    );
+    let mut points = Vec::new();
+    for (i, (x, uv)) in found.into_iter().enumerate() {
+        let seen = Correspondence::new(&camera, Point::from(x), Pixel::from(uv), 0.3)?; // 0.3 px: one sigma.
+        points.push(NamedPoint { name: i.to_string(), line: None, seen });
+    }
+    let answer = locate_points("gate", &points, &camera, &Default::default());
+    println!("{}", serde_json::to_string_pretty(&answer)?);
     Ok(())
 }

@@ -6,12 +6,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for answer in resight::locate_table("examples/marks/marks.csv", &camera, &Default::default())? {
         println!("{} {}: {}", answer.view, answer.status().name(), answer.verdict.message);
         if let Some(pose) = &answer.estimate {
-            let sigma_m = position_sigma_m(&pose.cam_from_target, &pose.covariance);
-            println!(
-                "camera at {:.3} m ± {:.3} m",
-                pose.cam_from_target.origin().transpose(),
-                sigma_m.transpose()
-            );
+            let (x, sigma) =
+                (pose.cam_from_target.origin(), position_sigma_m(&pose.cam_from_target, &pose.covariance));
+            for (axis, i) in [("x", 0), ("y", 1), ("z", 2)] {
+                println!("camera at {axis} {:+.3} ± {:.3} m", x[i], sigma[i]);
+            }
         }
     }
     Ok(())

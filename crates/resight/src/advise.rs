@@ -11,7 +11,7 @@ pub mod board;
 
 pub use board::{NextBoardRequest, advise_boards};
 pub use points::{AimFor, NextPointRequest, advise_points};
-pub use read::{SurveyPoint, read_points, read_poses};
+pub use read::{MeasuredPoint, read_points, read_poses};
 pub use target::{TargetRequest, advise_target};
 
 use crate::Error;

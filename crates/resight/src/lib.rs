@@ -14,7 +14,7 @@
 //! if let Some(pose) = &answer.estimate {
 //!     let camera_m = pose.cam_from_target.origin(); // In the target's frame.
 //!     let sigma_m = resight::report::words::position_sigma_m(&pose.cam_from_target, &pose.covariance);
-//!     println!("camera at {:.3} m ± {:.4} m of the target", camera_m.transpose(), sigma_m.transpose());
+//!     println!("camera {:.3} ± {:.4} m in front of the target", camera_m.z, sigma_m.z);
 //! }
 //! println!("{}", answer.verdict.message);
 //! # Ok(())

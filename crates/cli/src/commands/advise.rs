@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use resight::advise::heat::draw;
 use resight::advise::{
-    AimFor, NextBoardRequest, NextPointRequest, SurveyPoint, TargetRequest, advise_boards, advise_points,
+    AimFor, MeasuredPoint, NextBoardRequest, NextPointRequest, TargetRequest, advise_boards, advise_points,
     advise_target, read_points, read_poses,
 };
 use resight::answer::advise::Picture;
@@ -157,8 +157,8 @@ pub fn run(args: &Advise) -> Result<Outcome> {
 }
 
 fn points(args: &Advise, camera: &Camera, file: &Path) -> Result<Outcome> {
-    let points = survey_points(file)?;
-    let candidates = args.candidates.as_deref().map(survey_points).transpose()?;
+    let points = measured_points(file)?;
+    let candidates = args.candidates.as_deref().map(measured_points).transpose()?;
     let pose = args.pose.as_deref().map(|path| poses(path, &["cam_from_target"])).transpose()?;
     let advice = advise_points(&NextPointRequest {
         camera,
@@ -234,7 +234,7 @@ fn json<T: Serialize>(objects: impl IntoIterator<Item = T>) -> Result<String> {
     objects.into_iter().map(line).collect()
 }
 
-fn survey_points(path: &Path) -> Result<Vec<SurveyPoint>> {
+fn measured_points(path: &Path) -> Result<Vec<MeasuredPoint>> {
     crate::files::must_exist(path)?;
     Ok(read_points(path)?)
 }

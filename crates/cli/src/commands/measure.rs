@@ -5,7 +5,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use resight::GrayImage;
 use resight::answer::MeasureAnswer;
-use resight::answer::measure::SurveyAnswer;
+use resight::answer::measure::NetworkAnswer;
 use resight::core::multiview::network::NetworkStatus;
 use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
@@ -70,11 +70,11 @@ fn json(answer: &MeasureAnswer) -> Result<String> {
 fn in_words(scene: &NamedScene, answer: &MeasureAnswer) -> String {
     match (&answer.solved, &answer.network) {
         (Some(solved), _) => solved_in_words(scene, solved),
-        (None, SurveyAnswer::Refused(refused)) => {
+        (None, NetworkAnswer::Refused(refused)) => {
             let rows = scene.queries.iter().map(|q| format!("{}  {}  no value\n", q.name, q.kind.name()));
             format!("{}: {}\n\n{}", refused.status.name(), refused.message, rows.collect::<String>())
         }
-        (None, SurveyAnswer::Solved(_)) => String::new(), // It comes with the solution.
+        (None, NetworkAnswer::Solved(_)) => String::new(), // It comes with the solution.
     }
 }
 

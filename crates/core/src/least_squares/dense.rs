@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
-//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/network.md eq. (12)
+//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/survey.md eq. (12)
 //! ```
 
 use super::{Ending, LeastSquares, Minimum, Tolerance, minimize};

@@ -1,7 +1,7 @@
 //! Points measured so far: where should the next one go?
 
 use super::maps::FurtherPoint;
-use super::read::SurveyPoint;
+use super::read::MeasuredPoint;
 use crate::Error;
 use crate::answer::advise::{Figures, Picture, PointSuggestion, PointsAdvice, PointsNow, TriedPlaces};
 use crate::answer::{SchemaNumber, Status};
@@ -39,13 +39,13 @@ pub struct NextPointRequest<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// Points measured so far.
-    pub points: &'a [SurveyPoint],
+    pub points: &'a [MeasuredPoint],
     /// Standard deviation of u and v.
     pub sigma_px: f64,
     /// cam_from_target, about; by the points' pixels where none is given.
     pub pose: Option<Pose>,
     /// The places to choose from; a grid over the region where none are given.
-    pub candidates: Option<&'a [SurveyPoint]>,
+    pub candidates: Option<&'a [MeasuredPoint]>,
     /// Height of the ground in the target frame.
     pub ground_z_m: f64,
     /// x0, y0, x1, y1 on the ground where the next point may go; around the points where none is given.
@@ -95,7 +95,7 @@ fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, E
     if let Some(pose) = request.pose {
         return Ok(pose);
     }
-    let one = |point: &SurveyPoint| {
+    let one = |point: &MeasuredPoint| {
         let Some([u, v]) = point.pixel else {
             return Err(Error::request(format!(
                 "mark {} has no u_px,v_px; fill them in, or give about where the camera is with --pose",

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// A point of a CSV file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SurveyPoint {
+pub struct MeasuredPoint {
     /// Column `id`, or its number.
     pub name: String,
     /// Where, and how well that is known.
@@ -33,7 +33,7 @@ struct Columns<'a> {
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
-pub fn read_points(path: &Path) -> Result<Vec<SurveyPoint>, Error> {
+pub fn read_points(path: &Path) -> Result<Vec<MeasuredPoint>, Error> {
     let file = crate::input::open_table(path)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let unreadable = |reason: csv::Error| FileError::new(path, reason.to_string());
@@ -65,7 +65,7 @@ impl<'a> Columns<'a> {
         Ok(Columns { path, names, space, id, sigma, image })
     }
 
-    fn point(&self, record: &csv::StringRecord, n: usize) -> Result<SurveyPoint, FileError> {
+    fn point(&self, record: &csv::StringRecord, n: usize) -> Result<MeasuredPoint, FileError> {
         let line = record.position().map_or(0, |p| p.line() as usize);
         let wrong = |reason: String| FileError::at_line(self.path, line, reason);
         let number = |i: usize| -> Result<f64, FileError> {
@@ -86,7 +86,7 @@ impl<'a> Columns<'a> {
         };
         let name = self.id.filter(|i| filled(*i)).and_then(|i| record.get(i));
         let name = name.map_or_else(|| n.to_string(), str::to_string);
-        Ok(SurveyPoint { name, known: KnownPoint { position, sigma_m }, pixel })
+        Ok(MeasuredPoint { name, known: KnownPoint { position, sigma_m }, pixel })
     }
 }
 

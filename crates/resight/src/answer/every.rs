@@ -54,7 +54,7 @@ const ANSWERS: [(&str, Generate); 18] = [
     ("advise_board", SchemaGenerator::subschema_for::<advise::BoardSuggestion>),
     ("landmarks", SchemaGenerator::subschema_for::<landmarks::LandmarksAnswer>),
     ("measure_query", SchemaGenerator::subschema_for::<measure::QueryObject>),
-    ("measure_survey", SchemaGenerator::subschema_for::<measure::SurveyAnswer>),
+    ("measure_network", SchemaGenerator::subschema_for::<measure::NetworkAnswer>),
 ];
 
 /// One document (JSON Schema 2020-12): an object is one of the answers below `answers`, each by the name of its job. `further` are answers of

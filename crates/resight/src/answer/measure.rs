@@ -15,13 +15,13 @@ pub struct MeasureAnswer {
     /// One a question, in order.
     pub answers: Vec<QueryObject>,
     /// The network behind them.
-    pub network: SurveyAnswer,
+    pub network: NetworkAnswer,
 }
 
 /// The network behind the answers, or why there is none.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
-pub enum SurveyAnswer {
+pub enum NetworkAnswer {
     /// Where everything is.
     Solved(Box<NetworkObject>),
     /// Why there is no answer at all.
@@ -32,7 +32,7 @@ impl MeasureAnswer {
     pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
         MeasureAnswer {
             answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
-            network: SurveyAnswer::Solved(Box::new(network_object(scene, &answers))),
+            network: NetworkAnswer::Solved(Box::new(network_object(scene, &answers))),
             solved: Some(answers),
         }
     }
@@ -43,7 +43,7 @@ impl MeasureAnswer {
         MeasureAnswer {
             solved: None,
             answers: scene.queries.iter().map(|query| base(scene, query, status, reason)).collect(),
-            network: SurveyAnswer::Refused(refused),
+            network: NetworkAnswer::Refused(refused),
         }
     }
 

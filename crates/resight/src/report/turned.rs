@@ -86,6 +86,6 @@ mod tests {
             words(&LandmarkObservation { relative_rotation, shift: None, found: Vec::new(), in_view: 120 })
         };
         assert!(said(49).starts_with("inconsistent: 49 of the 100 landmarks found agree"), "{}", said(49));
-        assert!(said(50).starts_with("turned "), "{}", said(50));
+        assert!(said(50).starts_with("rotated "), "{}", said(50));
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   r ray of a image_point, camera frame  ·  ν = n/h normal over height: the plane is ν·x = 1, a point of it X = r/(ν·r)
-//!   m = rᵢ × rⱼ,  |Xᵢ − Xⱼ| = |ν × m|/((ν·rᵢ)(ν·rⱼ))                                 docs/math/network.md eqs. (19)–(22)
+//!   m = rᵢ × rⱼ,  |Xᵢ − Xⱼ| = |ν × m|/((ν·rᵢ)(ν·rⱼ))                                 docs/math/survey.md eqs. (19)–(22)
 //! ```
 
 use super::trilaterate::{Places, lengths, plane_of};

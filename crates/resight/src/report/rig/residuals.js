@@ -7,8 +7,8 @@ const stored = (() => {
 })();
 const fields = [...document.querySelectorAll("canvas[data-camera]")];
 const observations = data.cameras.map(() => []);
-for (let i = 0, first = 0; i < data.sightings.length; i += 4) {
-  const [camera, view, , count] = data.sightings.slice(i, i + 4);
+for (let i = 0, first = 0; i < data.observations.length; i += 4) {
+  const [camera, view, , count] = data.observations.slice(i, i + 4);
   observations[camera].push({ view, first, count });
   first += count;
 }

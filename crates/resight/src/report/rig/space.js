@@ -26,11 +26,11 @@ const placed = [];
 for (let i = 0; i < data.placed.length; i += 9) {
   placed.push({ view: data.placed[i], target: data.placed[i + 1], rigFromTarget: poseAt(data.placed, i + 2) });
 }
-const sightOf = new Map(); // "view,target" → cameras
-for (let i = 0; i < data.sightings.length; i += 4) {
-  const key = data.sightings[i + 1] + "," + data.sightings[i + 2];
-  if (!sightOf.has(key)) sightOf.set(key, []);
-  sightOf.get(key).push(data.sightings[i]);
+const observationsOf = new Map(); // "view,target" → cameras
+for (let i = 0; i < data.observations.length; i += 4) {
+  const key = data.observations[i + 1] + "," + data.observations[i + 2];
+  if (!observationsOf.has(key)) observationsOf.set(key, []);
+  observationsOf.get(key).push(data.observations[i]);
 }
 
 // From a place in the rig to the image; null behind the eye.
@@ -105,7 +105,7 @@ function drawSights(pen, project) {
     const from = project(camera.place);
     stroke(pen, colorOf(i), 0.8, 0.5, () => {
       for (const p of shown) {
-        const seeing = sightOf.get(p.view + "," + p.target) || [];
+        const seeing = observationsOf.get(p.view + "," + p.target) || [];
         if (seeing.includes(i)) line(pen, [from, project(moved(p.rigFromTarget, ...targets[p.target].middle))], false);
       }
     });

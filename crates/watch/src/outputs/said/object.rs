@@ -192,7 +192,7 @@ pub struct NoiseObject {
     pub n_readings: usize,
 }
 
-/// Correlated errors longer than a reading.
+/// Errors that neighbouring readings share.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct CorrelatedObject {
     /// Over a reading's own noise.

@@ -105,7 +105,7 @@ fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_
     let says = match columns.iter().any(Option::is_some) {
         true => format!(
             "rotation against the reference{}, over {}; full height {:.3}°",
-            if pair.has_shifted() { "" } else { " if it only rotated" },
+            if pair.has_shifted() { "" } else { " if pure" },
             duration(pair.trail().span_s()),
             most_rad.to_degrees()
         ),

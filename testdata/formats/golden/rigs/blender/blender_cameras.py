@@ -44,7 +44,7 @@ def make(root, collection, c):
     data.sensor_width = SENSOR_MM
     data.lens = c["lens"]
     data.shift_x, data.shift_y = c["shift"]
-    # Blender renders without distortion: undistort the pictures, or put these numbers into a compositor.
+    # Blender renders without distortion: undistort the images, or put these numbers into a compositor.
     data["brown_conrady"] = c["distortion"]
     if any(c["distortion"]):
         print(c["name"] + ": Blender does not apply the lens distortion; it is kept as a property of the camera")
