@@ -41,6 +41,11 @@ pub(super) fn file_stem(name: &str) -> String {
     }
 }
 
+/// [fx 0 cx; 0 fy cy; 0 0 1], row by row.
+pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
+    [k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,9 +73,4 @@ mod tests {
         assert_eq!(number(1e-5), "1.0e-5");
         assert_eq!(number(1e16), "1.0e+16");
     }
-}
-
-/// [fx 0 cx; 0 fy cy; 0 0 1], row by row.
-pub(super) fn matrix_rows(k: &CameraMatrix) -> [f64; 9] {
-    [k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0]
 }

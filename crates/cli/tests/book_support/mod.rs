@@ -124,8 +124,9 @@ pub fn anchors(page: &str) -> Vec<String> {
 
 /// The sources of all crates as one text, strings that are broken over lines joined as the compiler joins them.
 pub fn sources() -> String {
-    let mut folders: Vec<PathBuf> =
-        ["core", "resight", "whisker", "cli"].map(|c| root().join("crates").join(c).join("src")).to_vec();
+    let mut folders: Vec<PathBuf> = ["core", "formats", "recording", "resight", "watch", "whisker", "cli"]
+        .map(|c| root().join("crates").join(c).join("src"))
+        .to_vec();
     let mut text = String::new();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).unwrap() {
