@@ -24,14 +24,18 @@
 //! | job | function |
 //! | --- | --- |
 //! | an image to a pose | [`locate_image`]; many images of one camera: [`locate::ImageLocator`] |
-//! | known points to a pose | [`locate_points`] |
+//! | known points to a pose | [`locate_points`]; a CSV file of them: [`locate_table`] |
 //! | images of several cameras to a rig | [`rig_from_images`]; points found already: [`rig_from_detections`] |
-//! | relative poses of pairs of cameras to a rig | [`pose_graph`] |
-//! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye`] |
-//! | a scene to lengths | [`measure`] |
+//! | relative poses of pairs of cameras to a rig | [`pose_graph()`] |
+//! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye()`] |
+//! | lengths, positions and areas in photographs | [`measure()`] |
+//! | what moved between two calibrations | [`compare()`] |
+//! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
+//! | cameras and targets in other formats, and in sentences | [`convert()`], [`explain`] |
 //! | cameras watched for motion | `run` of the crate `resight-watch` |
 //!
-//! Answers ([`answer`]) have a status and serialise to the JSON of the command line. The mathematics is in [`core`].
+//! Answers ([`answer`]) have a status and serialise to the JSON of the command line, whose schema is [`answer::json_schema`]. Errors of all jobs
+//! are one [`enum@Error`]. The mathematics is in [`core`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 

@@ -145,7 +145,7 @@ impl Fit {
 /// of their signs that fit. Which of them is true, what is in front of the camera must say.
 ///
 /// # Errors
-/// Those of `pure_rotation`; `WrongLayout` for more than [`MAX_DIRECTIONS`].
+/// Those of `pure_rotation`; `WrongLayout` for more than `MAX_DIRECTIONS`.
 pub fn rotations(pairs: &[DirectionPair]) -> Result<Rotations, Error> {
     if MAX_DIRECTIONS < pairs.len() {
         return Err(Error::WrongLayout {
