@@ -33,7 +33,7 @@ from prometheus_client.parser import text_string_to_metric_families
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEMO = ROOT / "testdata" / "demo"
 PATIENCE_S = 60.0
-STATES = {"learning", "steady", "settling", "drifted", "unseen", "inconsistent", "followed"}
+STATES = {"learning", "steady", "checking", "drifted", "stale", "inconsistent", "tracking"}
 
 
 def program():
@@ -94,7 +94,7 @@ class Session:
         command = [resight, "watch", "--camera", f"gate={camera}", "--target", f"dots={target}", "--source", "-"]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            [*command, "--json", "--unseen-after-s", "600", *more], stdin=pipe, stdout=pipe, stderr=pipe, text=True, env={"NO_PROXY": "*"}
+            [*command, "--json", "--stale-after-s", "600", *more], stdin=pipe, stdout=pipe, stderr=pipe, text=True, env={"NO_PROXY": "*"}
         )
         atexit.register(self.process.kill)
         self.events, self.log = [], []
@@ -245,7 +245,7 @@ def judge_session(resight, folder, authority):
         for other in (client, late):
             other.loop_stop()
         assert found["site/availability"] == "offline" and json.loads(found["site/gate/dots/state"]) == got[-1]
-        assert json.loads(found["site/gate/source"])["is_there"] is True, found
+        assert json.loads(found["site/gate/source"])["connected"] is True, found
     finally:
         broker.terminate()
         broker.wait()

@@ -35,61 +35,67 @@ use std::path::{Path, PathBuf};
 marks.csv has columns x_m,y_m,z_m and, where the control points were seen already, u_px,v_px (then no --pose is needed); optionally id, sigma_m.
 pose.json is a pose object as `solve --json` or `locate --json` prints it; views.jsonl has one object with rig_from_target a line.")]
 pub struct Advise {
-    /// Camera file; one that holds several cameras with poses is a rig. FILE#NAME picks one.
+    /// Reads the camera; a file of several cameras with poses is a rig. FILE#NAME picks one.
     #[arg(long, value_name = "FILE")]
     camera: String,
-    /// Control points measured so far.
+    /// Reads the control points measured so far.
     #[arg(long, value_name = "FILE.csv", required_unless_present = "target", conflicts_with = "target")]
     points: Option<PathBuf>,
-    /// The target or board.
+    /// Reads the target or board.
     #[arg(long, value_name = "FILE")]
     target: Option<PathBuf>,
-    /// Standard deviation of u and v.
+    /// States the standard deviation of u and v.
     #[arg(long, value_name = "S", default_value = "0.5", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: f64,
-    /// Points: about where the camera is, where the control points have no pixels yet.
-    #[arg(long, value_name = "FILE.json", requires = "points")]
+    /// States about where the camera is, where the control points have no pixels yet.
+    #[arg(help_heading = "Next point", long, value_name = "FILE.json", requires = "points")]
     pose: Option<PathBuf>,
-    /// Points: the places to choose from, columns x_m,y_m,z_m and optionally id, sigma_m [default: a grid over the region]
-    #[arg(long, value_name = "FILE.csv", requires = "points", conflicts_with = "region_m")]
+    /// Lists the places to choose from: columns x_m,y_m,z_m and optionally id, sigma_m [default: a grid over the region]
+    #[arg(
+        help_heading = "Next point",
+        long,
+        value_name = "FILE.csv",
+        requires = "points",
+        conflicts_with = "region_m"
+    )]
     candidates: Option<PathBuf>,
-    /// Points: height of the ground in the target frame.
-    #[arg(long, value_name = "Z", default_value = "0", allow_negative_numbers = true, value_parser = number)]
+    /// States the height of the ground in the target frame.
+    #[arg(help_heading = "Next point", long, value_name = "Z", default_value = "0", allow_negative_numbers = true, value_parser = number)]
     ground_z_m: f64,
-    /// Points: where on the ground the next one may go [default: around the control points]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", requires = "points", allow_hyphen_values = true, value_parser = region)]
+    /// States where on the ground the next point may go [default: around the control points]
+    #[arg(help_heading = "Next point", long, value_name = "X0,Y0,X1,Y1", requires = "points", allow_hyphen_values = true, value_parser = region)]
     region_m: Option<[f64; 4]>,
-    /// Points: ends of a length that will be measured on the ground.
-    #[arg(long, value_name = "X1,Y1,X2,Y2", requires = "points", allow_hyphen_values = true, value_parser = four)]
+    /// States the ends of a length that will be measured on the ground.
+    #[arg(help_heading = "Next point", long, value_name = "X1,Y1,X2,Y2", requires = "points", allow_hyphen_values = true, value_parser = four)]
     length_m: Option<[f64; 4]>,
-    /// Points: what to make sure of [default: length where one is given, else place]
-    #[arg(long, value_name = "AIM", requires = "points")]
+    /// Chooses the standard deviation to minimise [default: length where one is given, else position]
+    #[arg(help_heading = "Next point", long, value_name = "AIM", requires = "points")]
     minimise: Option<AimName>,
-    /// Target: how far the camera or the boards are from it.
-    #[arg(long, value_name = "A..B", requires = "target", allow_hyphen_values = true, value_parser = range)]
+    /// States how far the camera is from the target, or the boards from the cameras.
+    #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", allow_hyphen_values = true, value_parser = range)]
     distance_m: Option<[f64; 2]>,
-    /// Target: how far off its front the camera stands.
-    #[arg(long, value_name = "A..B", requires = "target", default_value = "0..60", allow_hyphen_values = true, value_parser = tilts)]
+    /// States the angle between the target's normal and the direction to the camera.
+    #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", default_value = "0..60", allow_hyphen_values = true, value_parser = tilts)]
     tilt_deg: [f64; 2],
-    /// Target: in which direction around it, from its x axis (0) towards its y axis (90).
-    #[arg(long, value_name = "A..B", requires = "target", default_value = "-180..180", allow_hyphen_values = true, value_parser = directions)]
+    /// States the direction around the normal, from the target's x axis (0) towards its y axis (90).
+    #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", default_value = "-180..180", allow_hyphen_values = true, value_parser = directions)]
     direction_deg: [f64; 2],
-    /// Rig: boards seen so far, one object with rig_from_target a line.
-    #[arg(long, value_name = "FILE.jsonl", requires = "target")]
+    /// Reads the boards seen so far, one object with rig_from_target a line.
+    #[arg(help_heading = "Next board of a rig", long, value_name = "FILE.jsonl", requires = "target")]
     views: Option<PathBuf>,
-    /// Rig: how many boards to plan, each with those before it taken as seen.
-    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=50))]
+    /// Plans so many boards, each with those before it taken as seen.
+    #[arg(help_heading = "Next board of a rig", long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=50))]
     next: u8,
-    /// Rig: what to make small.
-    #[arg(long, value_name = "WHAT", default_value = "worst")]
+    /// Chooses what to minimise.
+    #[arg(help_heading = "Next board of a rig", long, value_name = "WHAT", default_value = "worst")]
     criterion: CriterionName,
-    /// Rig: the camera whose frame is the rig's [default: the first]
-    #[arg(long, value_name = "NAME", requires = "target")]
+    /// Names the camera whose frame is the rig's [default: the first]
+    #[arg(help_heading = "Next board of a rig", long, value_name = "NAME", requires = "target")]
     reference: Option<String>,
-    /// JSON Lines on stdout, one object a suggestion, and nothing else.
+    /// Prints JSON Lines on stdout, one object per suggestion and nothing else.
     #[arg(long)]
     json: bool,
-    /// Folder for images (PNG).
+    /// Writes maps (PNG) into this folder.
     #[arg(long, short, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -98,6 +104,7 @@ pub struct Advise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum AimName {
     /// The camera's position, worst direction.
+    #[value(name = "position", alias = "place")]
     Place,
     /// Its rotation, worst axis.
     Rotation,

@@ -22,19 +22,19 @@ use std::path::{Path, PathBuf};
   resight compare monday.json tuesday.json --alpha 1e-6 --json
   resight compare factory.yaml now.yaml --sigma-mm 0.2 --sigma-deg 0.01")]
 pub struct Compare {
-    /// Before.
+    /// The rig or poses before.
     #[arg(value_name = "A")]
     before: PathBuf,
-    /// After.
+    /// The rig or poses after.
     #[arg(value_name = "B")]
     after: PathBuf,
-    /// Chance of saying that something moved when nothing did.
-    #[arg(long, value_name = "CHANCE", default_value = "1e-3", value_parser = chance)]
+    /// States the probability of reporting a motion when nothing moved.
+    #[arg(long, value_name = "PROBABILITY", default_value = "1e-3", value_parser = chance)]
     alpha: f64,
-    /// Standard deviation of each coordinate of a camera's position, for files that state no covariance.
+    /// States the standard deviation of each coordinate of a camera's position, for files without a covariance.
     #[arg(long, value_name = "MM", requires = "sigma_deg", allow_negative_numbers = true, value_parser = positive)]
     sigma_mm: Option<f64>,
-    /// Standard deviation of a camera's rotation about each axis, for files that state no covariance.
+    /// States the standard deviation of a camera's rotation about each axis, for files without a covariance.
     #[arg(long, value_name = "DEG", requires = "sigma_mm", allow_negative_numbers = true, value_parser = positive)]
     sigma_deg: Option<f64>,
     #[command(flatten)]

@@ -19,22 +19,22 @@ pub struct Convert {
     /// Camera files, or folders of them (a tag map for `--to wpilib`); FILE#NAME is one camera. Poses of one file join the cameras of another by name.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The format to write.
+    /// Names the format to write.
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
     to: ConvertTo,
-    /// The file to write, or a folder where the format takes several files.
+    /// Writes this file, or into this folder where the format takes several files.
     #[arg(long, short, value_name = "OUT")]
     output: PathBuf,
-    /// The frame that cameras are placed in, a camera or any other frame of the files [default: the one they share]
+    /// Places the cameras in this frame: a camera or any other frame of the files [default: the one they share]
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
-    /// Image size of the cameras whose files state none, in pixels
+    /// States the image size of cameras whose files state none, in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     image_size_px: Option<(u32, u32)>,
-    /// Length and width of the field, for `--to wpilib` and `--to wpilib-2027` [default: those of the layout read]
+    /// States the length and width of the field, for `--to wpilib` and `--to wpilib-2027` [default: those of the layout read]
     #[arg(long, value_name = "LENGTHxWIDTH", value_parser = parse_field_size)]
     field_size_m: Option<(f64, f64)>,
-    /// One JSON object on stdout: {"status", "reference", "cameras", "files", "lost", "warnings", "checked", "message"}.
+    /// Prints one JSON object on stdout: {"status", "reference", "cameras", "files", "lost", "warnings", "checked", "message"}.
     #[arg(long)]
     json: bool,
 }

@@ -21,10 +21,10 @@ pub struct Detect {
     /// PNG or JPEG images, or patterns such as 'photos/*.png'.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<String>,
-    /// Target file: own TOML, Kalibr YAML or WPILib JSON.
+    /// Reads the target: own TOML, Kalibr YAML or WPILib JSON.
     #[arg(long, value_name = "FILE")]
     target: Option<PathBuf>,
-    /// Instead of a target: every tag of this family (tag36h11, DICT_5X5_100, …), or of `any` family
+    /// Finds every tag of this family (tag36h11, DICT_5X5_100, …) or of `any` family, instead of a target
     #[arg(long, value_name = "FAMILY", conflicts_with_all = ["target", "corner_window_px", "tag_family", "tag_size_m", "tag_sigma_m"])]
     family: Option<String>,
     #[command(flatten)]

@@ -12,7 +12,7 @@ pub struct Explain {
     /// A file in any format that Resight reads.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// JSON Lines on stdout: {"file", "text", "remarks"}; remarks only where there are any.
+    /// Prints JSON Lines on stdout: {"file", "text", "remarks"}; remarks only where there are any.
     #[arg(long)]
     json: bool,
 }

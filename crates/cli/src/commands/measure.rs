@@ -22,12 +22,12 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   resight measure accident.toml -o accident
   resight measure accident.toml --json
-  resight measure --views rig.toml --clicks points.csv --sigma-px 0.5")]
+  resight measure --views rig.toml --image-points points.csv --sigma-px 0.5")]
 pub struct Measure {
-    /// The scene file.
+    /// The scene file: photographs, cameras, control points, image points, queries.
     #[arg(value_name = "SCENE.toml", required_unless_present = "views", conflicts_with = "views")]
     scene: Option<PathBuf>,
-    /// Rig file whose cameras have poses; points are triangulated in its frame.
+    /// Triangulates points seen by the cameras of this rig file, in its frame.
     #[arg(long, value_name = "RIG.toml", requires = "image_points")]
     views: Option<PathBuf>,
     /// With --views: where each camera saw each point; columns photo (a camera's name), point, u_px, v_px and optionally sigma_px.
@@ -36,10 +36,10 @@ pub struct Measure {
     /// With --views: standard deviation of u and v where the file has no sigma_px [default: 1]
     #[arg(long, value_name = "S", requires = "views", allow_negative_numbers = true, value_parser = crate::args::positive)]
     sigma_px: Option<f64>,
-    /// JSON Lines on stdout: one object per question, then one for the whole network.
+    /// Prints JSON Lines on stdout: one object per query, then one for the whole network.
     #[arg(long)]
     json: bool,
-    /// Folder for table.csv, plan.svg, plan.png and birdseye-PHOTO.png.
+    /// Writes table.csv, plan.svg, plan.png and birdseye-PHOTO.png into this folder.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
