@@ -165,11 +165,11 @@ impl RigFilter {
         }
         for (camera, noise) in self.noise.iter().enumerate() {
             let (u, w) = (STATES * camera + 6, STATES * camera + 12);
-            let (correlated, wobble) = (1.0 - factors[u].powi(2), 1.0 - factors[w].powi(2));
+            let (correlated, diurnal) = (1.0 - factors[u].powi(2), 1.0 - factors[w].powi(2));
             let mut block = self.covariance.fixed_view_mut::<6, 6>(u, u);
             block += Matrix6::identity() * correlated;
             let mut block = self.covariance.fixed_view_mut::<6, 6>(w, w);
-            block += noise.diurnal * wobble;
+            block += noise.diurnal * diurnal;
         }
         Propagated { factors, elapsed_s }
     }

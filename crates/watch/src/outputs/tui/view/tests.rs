@@ -59,17 +59,17 @@ fn estimate(pose: &Pose) -> PoseEstimate {
 }
 
 fn observed(camera: usize, number: u64, rotation_rad: f64, reported: &PoseEstimate) -> Event {
-    let wobble = (number as f64 * 0.7).sin();
-    let error = Vector6::new(2e-4, 3e-4, 5e-4, 2e-4, 1e-4, 3e-4) * wobble;
+    let ripple = (number as f64 * 0.7).sin();
+    let error = Vector6::new(2e-4, 3e-4, 5e-4, 2e-4, 1e-4, 3e-4) * ripple;
     let turn = Vector6::new(0.0, rotation_rad, 0.0, 0.0, 0.0, 0.0);
     let a_from_b = Pose::exp(&(turn + error)).inverse() * cam_from_target();
     let capture_s = number as f64 / 30.0;
     let reading = Reading { t_s: capture_s, a_from_b, covariance: reported.covariance, is_consistent: true };
     let times = StageTimes {
-        waited_us: 12.0 + 3.0 * wobble,
-        detect_us: 2300.0 + 150.0 * wobble,
-        solve_us: 48.0 + 4.0 * wobble,
-        decide_us: 6.5 + wobble,
+        waited_us: 12.0 + 3.0 * ripple,
+        detect_us: 2300.0 + 150.0 * ripple,
+        solve_us: 48.0 + 4.0 * ripple,
+        decide_us: 6.5 + ripple,
     };
     let observation = Observation {
         number,
